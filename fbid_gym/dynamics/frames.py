@@ -1,0 +1,354 @@
+"""Rotations, and the map between MuJoCo's and Pinocchio's coordinates of a floating base.
+
+Both libraries put the floating base first, and differ in how they write it:
+
+=============== ============================== ==================================
+quantity        MuJoCo (used everywhere here)  Pinocchio's free-flyer
+=============== ============================== ==================================
+quaternion      w, x, y, z                     x, y, z, w
+linear velocity of the base, in world axes     of the base, in the base's axes
+angular         in the base's axes             in the base's axes
+acceleration    time derivative of the above   time derivative of the above
+=============== ============================== ==================================
+
+With R the rotation of the base (world from base) and X = blkdiag(Rᵀ, I₃, Iₙ),
+
+    v_pin = X v        a_pin = X a + Ẋ v        (Ẋ v)_linear = −ω × (Rᵀ ṗ)
+    J = J_pin X        M = Xᵀ M_pin X           h = Xᵀ (h_pin + M_pin Ẋ v)
+
+The Ẋ v term vanishes at rest, so a check at zero velocity cannot tell whether it was forgotten.
+
+All functions are pure, accept any leading batch axes, and work in the array-API namespace of
+their first argument (NumPy, torch). Rotations are written as one constant linear map of a small
+product because at small batches the number of array calls, not of operations, sets the cost.
+"""
+
+from typing import Any
+
+import array_api_compat
+import numpy as np
+
+Array = Any
+"""An array of any array-API namespace; shapes are in the docstrings."""
+
+
+def _quaternion_map() -> np.ndarray:
+    """Map (16, 10) from vec(q qᵀ) to the nine entries of |q|² R(q), row by row, and |q|²."""
+    w, x, y, z = range(4)
+    # Each entry of R is a signed sum of products of two components: (i, j, coefficient).
+    entries = (
+        ((w, w, 1), (x, x, 1), (y, y, -1), (z, z, -1)),
+        ((x, y, 2), (w, z, -2)),
+        ((x, z, 2), (w, y, 2)),
+        ((x, y, 2), (w, z, 2)),
+        ((w, w, 1), (x, x, -1), (y, y, 1), (z, z, -1)),
+        ((y, z, 2), (w, x, -2)),
+        ((x, z, 2), (w, y, -2)),
+        ((y, z, 2), (w, x, 2)),
+        ((w, w, 1), (x, x, -1), (y, y, -1), (z, z, 1)),
+        ((w, w, 1), (x, x, 1), (y, y, 1), (z, z, 1)),
+    )
+    linear = np.zeros((16, 10))
+    for column, terms in enumerate(entries):
+        for i, j, coefficient in terms:
+            linear[4 * i + j, column] += coefficient
+    return linear
+
+
+_QUATERNION_MAP = _quaternion_map()
+
+
+def _outer_quaternion_map() -> np.ndarray:
+    """Map (9, 16) from the entries of R to those of 4 q qᵀ − I, the inverse of the above."""
+    # On symmetric matrices of trace one the map is a bijection, up to the constant I.
+    symmetric = (_QUATERNION_MAP + _QUATERNION_MAP.reshape(4, 4, 10).swapaxes(0, 1).reshape(16, 10))
+    return 4 * np.linalg.pinv(symmetric[:, :9] / 2)
+
+
+_OUTER_QUATERNION_MAP = _outer_quaternion_map()
+
+_SKEW_MAP = np.zeros((3, 9))
+_SKEW_MAP[[0, 0, 1, 1, 2, 2], [7, 5, 2, 6, 3, 1]] = [1, -1, 1, -1, 1, -1]
+
+
+def _namespace(array: Array) -> Any:
+    """The array-API namespace of an array; short cut for NumPy, where the look-up would show."""
+    return np if isinstance(array, np.ndarray) else array_api_compat.array_namespace(array)
+
+
+def _constant(value: np.ndarray, like: Array) -> Array:
+    """A constant in the namespace, type and device of another array."""
+    if isinstance(like, np.ndarray):
+        return value if like.dtype == value.dtype else value.astype(like.dtype)
+    xp = array_api_compat.array_namespace(like)
+    return xp.asarray(value, dtype=like.dtype, device=array_api_compat.device(like))
+
+
+# --- rotations -------------------------------------------------------------------------------
+
+
+def quaternion_to_matrix(quaternion: Array) -> Array:
+    """Rotation matrix of a quaternion.
+
+    Args:
+        quaternion: (..., 4) w, x, y, z. Need not be of unit length, as in MuJoCo; not zero.
+
+    Returns:
+        (..., 3, 3) rotation R with x_world = R x_body if the quaternion is the body's.
+    """
+    xp = _namespace(quaternion)
+    batch = quaternion.shape[:-1]
+    products = xp.reshape(quaternion[..., :, None] * quaternion[..., None, :], (*batch, 16))
+    entries = products @ _constant(_QUATERNION_MAP, quaternion)
+    return xp.reshape(entries[..., :9] / entries[..., 9:], (*batch, 3, 3))
+
+
+def matrix_to_quaternion(rotation: Array) -> Array:
+    """Unit quaternion of a rotation matrix, with w ≥ 0.
+
+    Forms 4 q qᵀ, which is linear in R, and normalises its column of largest diagonal entry
+    (Shepperd's choice), so that no angle is special and nothing cancels.
+
+    Args:
+        rotation: (..., 3, 3).
+
+    Returns:
+        (..., 4) w, x, y, z.
+    """
+    xp = _namespace(rotation)
+    batch = rotation.shape[:-2]
+    outer = xp.reshape(rotation, (-1, 9)) @ _constant(_OUTER_QUATERNION_MAP, rotation)
+    outer = outer + _constant(np.eye(4).reshape(16), rotation)
+    largest = xp.argmax(outer[:, ::5], axis=-1)
+    column = xp.reshape(outer, (-1, 4, 4))[xp.arange(outer.shape[0]), largest]
+    column = column / xp.sqrt(xp.sum(column * column, axis=-1))[:, None]
+    return xp.reshape(xp.where(column[:, :1] < 0, -column, column), (*batch, 4))
+
+
+def quaternion_rotation_vector(quaternion: Array) -> Array:
+    """Rotation vector (axis times angle) of a quaternion: the logarithm of the rotation.
+
+    Args:
+        quaternion: (..., 4) w, x, y, z. Need not be of unit length; q and −q give the same.
+
+    Returns:
+        (..., 3) rad, of length at most π.
+    """
+    xp = _namespace(quaternion)
+    w, vector = quaternion[..., :1], quaternion[..., 1:]
+    sine = xp.sqrt(xp.sum(vector * vector, axis=-1, keepdims=True))
+    # The floor only meets sine = 0, where the direction is void and the vector is zero.
+    half_angle = xp.atan2(sine, xp.abs(w))
+    scale = 2 * half_angle / xp.maximum(sine, xp.asarray(1e-30, dtype=sine.dtype))
+    return vector * xp.where(w < 0, -scale, scale)
+
+
+def rotation_vector(rotation: Array) -> Array:
+    """Rotation vector (axis times angle) of a rotation matrix: its logarithm.
+
+    The orientation error that turns R into R_desired is `rotation_vector(R_desired Rᵀ)` in world
+    axes and `rotation_vector(Rᵀ R_desired)` in body axes. Accurate at all angles; at π exactly
+    the sign of the axis is arbitrary.
+
+    Args:
+        rotation: (..., 3, 3).
+
+    Returns:
+        (..., 3) rad, of length at most π.
+    """
+    return quaternion_rotation_vector(matrix_to_quaternion(rotation))
+
+
+def skew(vector: Array) -> Array:
+    """Cross product matrix: skew(a) b = a × b.
+
+    Args:
+        vector: (..., 3).
+
+    Returns:
+        (..., 3, 3).
+    """
+    xp = _namespace(vector)
+    return xp.reshape(vector @ _constant(_SKEW_MAP, vector), (*vector.shape[:-1], 3, 3))
+
+
+def _rotate(rotation: Array, vector: Array) -> Array:
+    """R x for (..., 3, 3) and (..., 3)."""
+    return (rotation @ vector[..., None])[..., 0]
+
+
+def _transpose(matrix: Array) -> Array:
+    """Transpose of the last two axes."""
+    return _namespace(matrix).swapaxes(matrix, -1, -2)
+
+
+# --- from MuJoCo to Pinocchio ------------------------------------------------------------------
+
+
+def configuration_to_pinocchio(qpos: Array, qpos0: Array) -> Array:
+    """Pinocchio's configuration of a MuJoCo one.
+
+    Args:
+        qpos: (..., 7 + n) base position (m, world), base quaternion w, x, y, z, joint positions.
+            The quaternion need not be of unit length.
+        qpos0: (7 + n,) the model's `qpos0`: MuJoCo's joints are at rest at their `ref`,
+            Pinocchio's at zero. Its first seven entries are not used.
+
+    Returns:
+        (..., 7 + n) base position, unit quaternion x, y, z, w, joint displacements.
+    """
+    xp = _namespace(qpos)
+    quaternion = qpos[..., 3:7]
+    quaternion = quaternion / xp.sqrt(xp.sum(quaternion * quaternion, axis=-1, keepdims=True))
+    parts = (qpos[..., :3], quaternion[..., 1:], quaternion[..., :1], qpos[..., 7:] - qpos0[7:])
+    return xp.concat(parts, axis=-1)
+
+
+def velocity_to_pinocchio(velocity: Array, rotation: Array) -> Array:
+    """v_pin = X v.
+
+    Args:
+        velocity: (..., 6 + n) MuJoCo's generalized velocity.
+        rotation: (..., 3, 3) world from base.
+
+    Returns:
+        (..., 6 + n).
+    """
+    xp = _namespace(velocity)
+    linear = _rotate(_transpose(rotation), velocity[..., :3])
+    return xp.concat((linear, velocity[..., 3:]), axis=-1)
+
+
+def velocity_product(velocity: Array, rotation: Array) -> Array:
+    """Ẋ v: Pinocchio's acceleration when MuJoCo's is zero.
+
+    Args:
+        velocity: (..., 6 + n) MuJoCo's generalized velocity.
+        rotation: (..., 3, 3) world from base.
+
+    Returns:
+        (..., 6 + n) (−ω × Rᵀ ṗ, 0, 0), with ω in the base frame.
+    """
+    xp = _namespace(velocity)
+    linear = _rotate(_transpose(rotation), velocity[..., :3])
+    cross = _rotate(skew(linear), velocity[..., 3:6])  # a × b = −b × a
+    return xp.concat((cross, xp.zeros_like(velocity[..., 3:])), axis=-1)
+
+
+def acceleration_to_pinocchio(acceleration: Array, velocity: Array, rotation: Array) -> Array:
+    """a_pin = X a + Ẋ v.
+
+    Args:
+        acceleration: (..., 6 + n) time derivative of MuJoCo's generalized velocity.
+        velocity: (..., 6 + n) MuJoCo's generalized velocity.
+        rotation: (..., 3, 3) world from base.
+
+    Returns:
+        (..., 6 + n).
+    """
+    return velocity_to_pinocchio(acceleration, rotation) + velocity_product(velocity, rotation)
+
+
+def force_to_pinocchio(force: Array, rotation: Array) -> Array:
+    """Generalized force in Pinocchio's coordinates, X⁻ᵀ f: does the same work on the same motion.
+
+    Args:
+        force: (..., 6 + n) conjugate to MuJoCo's generalized velocity.
+        rotation: (..., 3, 3) world from base.
+
+    Returns:
+        (..., 6 + n).
+    """
+    # X is orthogonal, so X⁻ᵀ = X.
+    return velocity_to_pinocchio(force, rotation)
+
+
+# --- from Pinocchio to MuJoCo ------------------------------------------------------------------
+
+
+def configuration_from_pinocchio(q: Array, qpos0: Array) -> Array:
+    """MuJoCo's configuration of a Pinocchio one: the inverse of `configuration_to_pinocchio`.
+
+    Args:
+        q: (..., 7 + n) base position, quaternion x, y, z, w, joint displacements.
+        qpos0: (7 + n,) the MuJoCo model's `qpos0`.
+
+    Returns:
+        (..., 7 + n).
+    """
+    xp = _namespace(q)
+    return xp.concat((q[..., :3], q[..., 6:7], q[..., 3:6], q[..., 7:] + qpos0[7:]), axis=-1)
+
+
+def velocity_from_pinocchio(velocity: Array, rotation: Array) -> Array:
+    """v = X⁻¹ v_pin.
+
+    Args:
+        velocity: (..., 6 + n) Pinocchio's generalized velocity.
+        rotation: (..., 3, 3) world from base.
+
+    Returns:
+        (..., 6 + n).
+    """
+    return velocity_to_pinocchio(velocity, _transpose(rotation))
+
+
+def acceleration_from_pinocchio(acceleration: Array, velocity: Array, rotation: Array) -> Array:
+    """a = X⁻¹ (a_pin − Ẋ v).
+
+    Args:
+        acceleration: (..., 6 + n) Pinocchio's generalized acceleration.
+        velocity: (..., 6 + n) MuJoCo's generalized velocity.
+        rotation: (..., 3, 3) world from base.
+
+    Returns:
+        (..., 6 + n).
+    """
+    return velocity_from_pinocchio(acceleration - velocity_product(velocity, rotation), rotation)
+
+
+def jacobian_from_pinocchio(jacobian: Array, rotation: Array) -> Array:
+    """J = J_pin X.
+
+    Args:
+        jacobian: (..., m, 6 + n) with respect to Pinocchio's generalized velocity.
+        rotation: (..., 3, 3) world from base, with the batch axes of `jacobian`.
+
+    Returns:
+        (..., m, 6 + n).
+    """
+    xp = _namespace(jacobian)
+    return xp.concat((jacobian[..., :3] @ _transpose(rotation), jacobian[..., 3:]), axis=-1)
+
+
+def mass_matrix_from_pinocchio(mass_matrix: Array, rotation: Array) -> Array:
+    """M = Xᵀ M_pin X.
+
+    Args:
+        mass_matrix: (..., 6 + n, 6 + n) without armature on the free joint, which MuJoCo holds
+            in its own coordinates: it is added after this.
+        rotation: (..., 3, 3) world from base.
+
+    Returns:
+        (..., 6 + n, 6 + n).
+    """
+    right = jacobian_from_pinocchio(mass_matrix, rotation)
+    return _transpose(jacobian_from_pinocchio(_transpose(right), rotation))
+
+
+def bias_from_pinocchio(
+    bias: Array, mass_matrix: Array, velocity: Array, rotation: Array
+) -> Array:
+    """h = Xᵀ (h_pin + M_pin Ẋ v).
+
+    Args:
+        bias: (..., 6 + n) Pinocchio's nonlinear effects.
+        mass_matrix: (..., 6 + n, 6 + n) Pinocchio's, without armature on the free joint.
+        velocity: (..., 6 + n) MuJoCo's generalized velocity.
+        rotation: (..., 3, 3) world from base.
+
+    Returns:
+        (..., 6 + n).
+    """
+    moved = bias + _rotate(mass_matrix, velocity_product(velocity, rotation))
+    return velocity_from_pinocchio(moved, rotation)
