@@ -58,14 +58,12 @@ def _quaternion_map() -> np.ndarray:
 _QUATERNION_MAP = _quaternion_map()
 
 
-def _outer_quaternion_map() -> np.ndarray:
-    """Map (9, 16) from the entries of R to those of 4 q qᵀ − I, the inverse of the above."""
-    # On symmetric matrices of trace one the map is a bijection, up to the constant I.
-    symmetric = (_QUATERNION_MAP + _QUATERNION_MAP.reshape(4, 4, 10).swapaxes(0, 1).reshape(16, 10))
-    return 4 * np.linalg.pinv(symmetric[:, :9] / 2)
-
-
-_OUTER_QUATERNION_MAP = _outer_quaternion_map()
+# Map (9, 16) from the entries of R to those of 4 q qᵀ − I, for a unit quaternion q. As it happens
+# it is the transpose of the map above, made symmetric in q qᵀ.
+_OUTER_QUATERNION_MAP = (
+    (_QUATERNION_MAP + _QUATERNION_MAP.reshape(4, 4, 10).swapaxes(0, 1).reshape(16, 10)) / 2
+)[:, :9].T.copy()
+_IDENTITY = np.eye(4).reshape(16)
 
 _SKEW_MAP = np.zeros((3, 9))
 _SKEW_MAP[[0, 0, 1, 1, 2, 2], [7, 5, 2, 6, 3, 1]] = [1, -1, 1, -1, 1, -1]
@@ -103,11 +101,22 @@ def quaternion_to_matrix(quaternion: Array) -> Array:
     return xp.reshape(entries[..., :9] / entries[..., 9:], (*batch, 3, 3))
 
 
+def _scaled_quaternion(rotation: Array) -> Array:
+    """Quaternion of a rotation matrix (..., 3, 3), of any sign and a length between 2 and 4.
+
+    Forms 4 q qᵀ, which is linear in R, and takes its column of largest diagonal entry (Shepperd's
+    choice), so that no angle is special and nothing cancels.
+    """
+    xp = _namespace(rotation)
+    outer = xp.reshape(rotation, (-1, 9)) @ _constant(_OUTER_QUATERNION_MAP, rotation)
+    outer = outer + _constant(_IDENTITY, rotation)
+    largest = xp.argmax(outer[:, ::5], axis=-1)
+    column = xp.reshape(outer, (-1, 4, 4))[xp.arange(outer.shape[0]), largest]
+    return xp.reshape(column, (*rotation.shape[:-2], 4))
+
+
 def matrix_to_quaternion(rotation: Array) -> Array:
     """Unit quaternion of a rotation matrix, with w ≥ 0.
-
-    Forms 4 q qᵀ, which is linear in R, and normalises its column of largest diagonal entry
-    (Shepperd's choice), so that no angle is special and nothing cancels.
 
     Args:
         rotation: (..., 3, 3).
@@ -116,13 +125,9 @@ def matrix_to_quaternion(rotation: Array) -> Array:
         (..., 4) w, x, y, z.
     """
     xp = _namespace(rotation)
-    batch = rotation.shape[:-2]
-    outer = xp.reshape(rotation, (-1, 9)) @ _constant(_OUTER_QUATERNION_MAP, rotation)
-    outer = outer + _constant(np.eye(4).reshape(16), rotation)
-    largest = xp.argmax(outer[:, ::5], axis=-1)
-    column = xp.reshape(outer, (-1, 4, 4))[xp.arange(outer.shape[0]), largest]
-    column = column / xp.sqrt(xp.sum(column * column, axis=-1))[:, None]
-    return xp.reshape(xp.where(column[:, :1] < 0, -column, column), (*batch, 4))
+    quaternion = _scaled_quaternion(rotation)
+    quaternion = quaternion / xp.sqrt(xp.vecdot(quaternion, quaternion))[..., None]
+    return xp.where(quaternion[..., :1] < 0, -quaternion, quaternion)
 
 
 def quaternion_rotation_vector(quaternion: Array) -> Array:
@@ -135,12 +140,11 @@ def quaternion_rotation_vector(quaternion: Array) -> Array:
         (..., 3) rad, of length at most π.
     """
     xp = _namespace(quaternion)
-    w, vector = quaternion[..., :1], quaternion[..., 1:]
-    sine = xp.sqrt(xp.sum(vector * vector, axis=-1, keepdims=True))
-    # The floor only meets sine = 0, where the direction is void and the vector is zero.
-    half_angle = xp.atan2(sine, xp.abs(w))
-    scale = 2 * half_angle / xp.maximum(sine, xp.asarray(1e-30, dtype=sine.dtype))
-    return vector * xp.where(w < 0, -scale, scale)
+    w, vector = quaternion[..., 0], quaternion[..., 1:]
+    sine = xp.sqrt(xp.vecdot(vector, vector))
+    half_angle = xp.copysign(xp.atan2(sine, xp.abs(w)), w)
+    # The summand only meets sine = 0, where the vector is zero as well.
+    return vector * (2 * half_angle / (sine + 1e-30))[..., None]
 
 
 def rotation_vector(rotation: Array) -> Array:
@@ -156,11 +160,11 @@ def rotation_vector(rotation: Array) -> Array:
     Returns:
         (..., 3) rad, of length at most π.
     """
-    return quaternion_rotation_vector(matrix_to_quaternion(rotation))
+    return quaternion_rotation_vector(_scaled_quaternion(rotation))
 
 
 def skew(vector: Array) -> Array:
-    """Cross product matrix: skew(a) b = a × b.
+    """Matrix of the cross product, with `skew(a) @ b` = a × b.
 
     Args:
         vector: (..., 3).
@@ -175,11 +179,6 @@ def skew(vector: Array) -> Array:
 def _rotate(rotation: Array, vector: Array) -> Array:
     """R x for (..., 3, 3) and (..., 3)."""
     return (rotation @ vector[..., None])[..., 0]
-
-
-def _transpose(matrix: Array) -> Array:
-    """Transpose of the last two axes."""
-    return _namespace(matrix).swapaxes(matrix, -1, -2)
 
 
 # --- from MuJoCo to Pinocchio ------------------------------------------------------------------
@@ -199,13 +198,13 @@ def configuration_to_pinocchio(qpos: Array, qpos0: Array) -> Array:
     """
     xp = _namespace(qpos)
     quaternion = qpos[..., 3:7]
-    quaternion = quaternion / xp.sqrt(xp.sum(quaternion * quaternion, axis=-1, keepdims=True))
+    quaternion = quaternion / xp.sqrt(xp.vecdot(quaternion, quaternion))[..., None]
     parts = (qpos[..., :3], quaternion[..., 1:], quaternion[..., :1], qpos[..., 7:] - qpos0[7:])
     return xp.concat(parts, axis=-1)
 
 
 def velocity_to_pinocchio(velocity: Array, rotation: Array) -> Array:
-    """v_pin = X v.
+    """Generalized velocity in Pinocchio's coordinates: v_pin = X v.
 
     Args:
         velocity: (..., 6 + n) MuJoCo's generalized velocity.
@@ -215,12 +214,12 @@ def velocity_to_pinocchio(velocity: Array, rotation: Array) -> Array:
         (..., 6 + n).
     """
     xp = _namespace(velocity)
-    linear = _rotate(_transpose(rotation), velocity[..., :3])
+    linear = _rotate(rotation.mT, velocity[..., :3])
     return xp.concat((linear, velocity[..., 3:]), axis=-1)
 
 
 def velocity_product(velocity: Array, rotation: Array) -> Array:
-    """Ẋ v: Pinocchio's acceleration when MuJoCo's is zero.
+    """Acceleration Ẋ v, which Pinocchio's is when MuJoCo's is zero.
 
     Args:
         velocity: (..., 6 + n) MuJoCo's generalized velocity.
@@ -230,13 +229,13 @@ def velocity_product(velocity: Array, rotation: Array) -> Array:
         (..., 6 + n) (−ω × Rᵀ ṗ, 0, 0), with ω in the base frame.
     """
     xp = _namespace(velocity)
-    linear = _rotate(_transpose(rotation), velocity[..., :3])
+    linear = _rotate(rotation.mT, velocity[..., :3])
     cross = _rotate(skew(linear), velocity[..., 3:6])  # a × b = −b × a
     return xp.concat((cross, xp.zeros_like(velocity[..., 3:])), axis=-1)
 
 
 def acceleration_to_pinocchio(acceleration: Array, velocity: Array, rotation: Array) -> Array:
-    """a_pin = X a + Ẋ v.
+    """Generalized acceleration in Pinocchio's coordinates: a_pin = X a + Ẋ v.
 
     Args:
         acceleration: (..., 6 + n) time derivative of MuJoCo's generalized velocity.
@@ -250,7 +249,7 @@ def acceleration_to_pinocchio(acceleration: Array, velocity: Array, rotation: Ar
 
 
 def force_to_pinocchio(force: Array, rotation: Array) -> Array:
-    """Generalized force in Pinocchio's coordinates, X⁻ᵀ f: does the same work on the same motion.
+    """Generalized force X⁻ᵀ f in Pinocchio's coordinates, which does the same work on the same motion.
 
     Args:
         force: (..., 6 + n) conjugate to MuJoCo's generalized velocity.
@@ -281,7 +280,7 @@ def configuration_from_pinocchio(q: Array, qpos0: Array) -> Array:
 
 
 def velocity_from_pinocchio(velocity: Array, rotation: Array) -> Array:
-    """v = X⁻¹ v_pin.
+    """Generalized velocity in MuJoCo's coordinates: v = X⁻¹ v_pin.
 
     Args:
         velocity: (..., 6 + n) Pinocchio's generalized velocity.
@@ -290,11 +289,11 @@ def velocity_from_pinocchio(velocity: Array, rotation: Array) -> Array:
     Returns:
         (..., 6 + n).
     """
-    return velocity_to_pinocchio(velocity, _transpose(rotation))
+    return velocity_to_pinocchio(velocity, rotation.mT)
 
 
 def acceleration_from_pinocchio(acceleration: Array, velocity: Array, rotation: Array) -> Array:
-    """a = X⁻¹ (a_pin − Ẋ v).
+    """Generalized acceleration in MuJoCo's coordinates: a = X⁻¹ (a_pin − Ẋ v).
 
     Args:
         acceleration: (..., 6 + n) Pinocchio's generalized acceleration.
@@ -308,7 +307,7 @@ def acceleration_from_pinocchio(acceleration: Array, velocity: Array, rotation: 
 
 
 def jacobian_from_pinocchio(jacobian: Array, rotation: Array) -> Array:
-    """J = J_pin X.
+    """Jacobian with respect to MuJoCo's generalized velocity: J = J_pin X.
 
     Args:
         jacobian: (..., m, 6 + n) with respect to Pinocchio's generalized velocity.
@@ -318,11 +317,11 @@ def jacobian_from_pinocchio(jacobian: Array, rotation: Array) -> Array:
         (..., m, 6 + n).
     """
     xp = _namespace(jacobian)
-    return xp.concat((jacobian[..., :3] @ _transpose(rotation), jacobian[..., 3:]), axis=-1)
+    return xp.concat((jacobian[..., :3] @ rotation.mT, jacobian[..., 3:]), axis=-1)
 
 
 def mass_matrix_from_pinocchio(mass_matrix: Array, rotation: Array) -> Array:
-    """M = Xᵀ M_pin X.
+    """Mass matrix in MuJoCo's coordinates: M = Xᵀ M_pin X.
 
     Args:
         mass_matrix: (..., 6 + n, 6 + n) without armature on the free joint, which MuJoCo holds
@@ -333,13 +332,11 @@ def mass_matrix_from_pinocchio(mass_matrix: Array, rotation: Array) -> Array:
         (..., 6 + n, 6 + n).
     """
     right = jacobian_from_pinocchio(mass_matrix, rotation)
-    return _transpose(jacobian_from_pinocchio(_transpose(right), rotation))
+    return jacobian_from_pinocchio(right.mT, rotation).mT
 
 
-def bias_from_pinocchio(
-    bias: Array, mass_matrix: Array, velocity: Array, rotation: Array
-) -> Array:
-    """h = Xᵀ (h_pin + M_pin Ẋ v).
+def bias_from_pinocchio(bias: Array, mass_matrix: Array, velocity: Array, rotation: Array) -> Array:
+    """Bias force in MuJoCo's coordinates: h = Xᵀ (h_pin + M_pin Ẋ v).
 
     Args:
         bias: (..., 6 + n) Pinocchio's nonlinear effects.
