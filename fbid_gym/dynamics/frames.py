@@ -249,7 +249,7 @@ def acceleration_to_pinocchio(acceleration: Array, velocity: Array, rotation: Ar
 
 
 def force_to_pinocchio(force: Array, rotation: Array) -> Array:
-    """Generalized force X⁻ᵀ f in Pinocchio's coordinates, which does the same work on the same motion.
+    """Generalized force in Pinocchio's coordinates, X⁻ᵀ f: of equal power, v · f = v_pin · f_pin.
 
     Args:
         force: (..., 6 + n) conjugate to MuJoCo's generalized velocity.
