@@ -1,0 +1,88 @@
+# Everything happens inside .venv, which the first target that needs it creates.
+# Needed from the system: python 3.11 or newer with venv, make, git.
+
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+MAKEFLAGS += --no-print-directory
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
+VENV := .venv
+BIN := $(VENV)/bin
+JOBS ?= 2
+ARGS ?=
+
+# The batch is spread over threads by the environments; a threaded BLAS underneath would fight them.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+# Without a display MuJoCo must be told to render off screen; setup notes down what works here.
+ifeq ($(DISPLAY)$(WAYLAND_DISPLAY),)
+HEADLESS := if [ -z "$${MUJOCO_GL:-}" ] && [ -s $(VENV)/mujoco_gl ]; then \
+	export MUJOCO_GL="$$(cat $(VENV)/mujoco_gl)"; fi;
+endif
+
+.PHONY: help setup demo test test-fast check format bench clean
+
+help:  ## List the targets.
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(VENV)/.installed $(VENV)/mujoco_gl  ## Install everything into .venv (done once).
+
+demo: setup  ## Train two action layers on BipedBalance, compare them, write runs/demo/report.html.
+	@$(HEADLESS) $(BIN)/python -m train.demo $(ARGS)
+
+test: setup  ## Run every test.
+	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) $(ARGS)
+
+test-fast: setup  ## Run the tests that take less than ten seconds each.
+	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) -m "not slow" $(ARGS)
+
+check: setup  ## Lint, formatting, types.
+	@$(BIN)/ruff check --quiet
+	@$(BIN)/ruff format --quiet --diff
+	@$(BIN)/mypy --no-error-summary
+
+format: setup  ## Format the code and sort its imports.
+	@$(BIN)/ruff check --quiet --select I --fix
+	@$(BIN)/ruff format --quiet
+
+bench: setup  ## Measure the costs per robot and layer (ARGS="--help" for the choices).
+	@$(HEADLESS) $(BIN)/python -m eval.bench $(ARGS)
+
+clean:  ## Remove the environment and the caches; keep runs/.
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(BIN)/python:
+	@command -v "$(PYTHON)" > /dev/null && "$(PYTHON)" -c \
+		'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "Python 3.11 or newer is needed. Point to one: make $(MAKECMDGOALS) PYTHON=/path/to/python" >&2; \
+		exit 1; }
+	@"$(PYTHON)" -m venv $(VENV) || { rm -rf $(VENV); \
+		echo "Could not create $(VENV): is the venv module installed (Debian: python3-venv)?" >&2; exit 1; }
+
+$(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing into $(VENV) ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		--constraint constraints.txt --editable ".[dev]"
+	@touch $@
+
+# Which off-screen backend works: EGL, else OSMesa. Missing libraries are installed where that is
+# possible (Debian, root), otherwise named; everything but rendering works without them, so this
+# does not fail, and the next make tries again.
+RENDERS := -c 'import mujoco; c = mujoco.GLContext(64, 64); c.make_current(); c.free()'
+
+$(VENV)/mujoco_gl: $(VENV)/.installed
+	@probe() { for gl in egl osmesa; do \
+		if MUJOCO_GL=$$gl $(BIN)/python $(RENDERS) > /dev/null 2>&1; then echo $$gl > $@; return 0; fi; \
+	done; return 1; }; \
+	if probe; then exit 0; fi; \
+	if [ "$$(id -u)" = 0 ] && command -v apt-get > /dev/null; then \
+		echo "Installing libraries for off-screen rendering ..."; \
+		(apt-get -qq update && DEBIAN_FRONTEND=noninteractive apt-get -qq install --yes \
+			--no-install-recommends libegl1 libgl1 libgl1-mesa-dri libopengl0) > /dev/null || true; \
+		if probe; then exit 0; fi; \
+	fi; \
+	echo "Off-screen rendering is not available: neither EGL nor OSMesa loads. Videos and the" >&2; \
+	echo "report's pictures need it. On Debian, as root: apt-get install libegl1 libgl1-mesa-dri" >&2

@@ -1,0 +1,224 @@
+"""The structure of the house: who may import whom, how long a file may be, what errors are for.
+
+The rules are functions of a source tree, so that the tests at the end can hand them small trees
+that break each rule and see that they object.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("fbid_gym", "train", "eval")
+
+# A unit imports itself and units of a lower rank, never one beside it: `actions` and `tasks` do not
+# know each other, nor do `policy` and everything above `errors` that is not itself on top of it.
+# "fbid_gym" stands for fbid_gym/__init__.py, which gathers the public names.
+RANK = {
+    "errors": 0,
+    "policy": 1,
+    "robots": 1,
+    "dynamics": 2,
+    "control": 3,
+    "actions": 4,
+    "tasks": 4,
+    "envs": 5,
+    "fbid_gym": 6,
+    "eval": 7,
+    "train": 8,
+}
+
+# Where a library may be imported: units, or single modules.
+ONLY_IN = {
+    "pinocchio": {"dynamics"},
+    "torch": {"train", "eval", "fbid_gym.envs.sb3"},
+    "stable_baselines3": {"train", "eval", "fbid_gym.envs.sb3"},
+}
+NOT_IN = {
+    "mujoco": {"control", "policy", "errors"},
+    "gymnasium": {"control", "policy", "errors", "robots", "dynamics"},
+}
+
+MAX_LINES = 450
+
+
+def modules(root: Path) -> dict[str, Path]:
+    """Dotted name -> file, for every module of the packages under `root`."""
+    found = {}
+    for package in PACKAGES:
+        for path in sorted((root / package).rglob("*.py")):
+            parts = path.relative_to(root).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def imports(tree: ast.AST, package: str) -> Iterator[tuple[int, str]]:
+    """Line and dotted name of all that is imported, inside functions and by importlib as well.
+
+    Args:
+        tree: the parsed module.
+        package: dotted name of the package that holds it, against which dots are resolved.
+    """
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield node.lineno, alias.name
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parents = package.split(".")
+                base = ".".join([*parents[: len(parents) - node.level + 1], *filter(None, [base])])
+            for alias in node.names:
+                yield node.lineno, base if alias.name == "*" else f"{base}.{alias.name}"
+        elif isinstance(node, ast.Call) and node.args:
+            called = node.func.attr if isinstance(node.func, ast.Attribute) else None
+            called = node.func.id if isinstance(node.func, ast.Name) else called
+            argument = node.args[0]
+            if called in ("import_module", "__import__") and isinstance(argument, ast.Constant):
+                yield node.lineno, str(argument.value)
+
+
+def unit_of(module: str) -> str:
+    """The unit of RANK that a module of ours belongs to."""
+    first, *rest = module.split(".")
+    return rest[0] if first == "fbid_gym" and rest else first
+
+
+def import_violations(root: Path) -> list[str]:
+    """One sentence per import that goes up, sideways, or to a library out of place."""
+    known = modules(root)
+    found = []
+    for module, path in known.items():
+        unit = unit_of(module)
+        if unit not in RANK:
+            found.append(f"{path.relative_to(root)}: {unit!r} has no place in the layers")
+            continue
+        package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+        for line, name in imports(ast.parse(path.read_text()), package):
+            where = f"{path.relative_to(root)}:{line}"
+            library = name.split(".")[0]
+            if library in PACKAGES:
+                # `from fbid_gym import make_sb3` names no module: it comes from the package itself.
+                target = name
+                while target not in known and "." in target:
+                    target = target.rpartition(".")[0]
+                other = unit_of(target)
+                if other not in RANK or (other != unit and RANK[other] >= RANK[unit]):
+                    found.append(f"{where}: {unit} imports {other}")
+            elif unit in NOT_IN.get(library, ()) or (
+                library in ONLY_IN and not {unit, module} & ONLY_IN[library]
+            ):
+                found.append(f"{where}: {module} imports {library}")
+    return found
+
+
+def long_modules(root: Path) -> list[str]:
+    """Modules that should be split."""
+    lines = {path: len(path.read_text().splitlines()) for path in modules(root).values()}
+    return [f"{p.relative_to(root)}: {n} lines" for p, n in lines.items() if n > MAX_LINES]
+
+
+def idle_errors(root: Path) -> list[str]:
+    """Public errors that nothing raises, or that no test expects."""
+    tree = ast.parse((root / "fbid_gym" / "errors.py").read_text())
+    # The first class is the root, which is there to be caught.
+    names = [node.name for node in tree.body if isinstance(node, ast.ClassDef)][1:]
+    sources = "\n".join(path.read_text() for path in modules(root).values())
+    tests = "\n".join(
+        path.read_text()
+        for path in sorted((root / "tests").rglob("test_*.py"))
+        if path.name != Path(__file__).name
+    )
+    found = [f"{n} is never raised" for n in names if not re.search(rf"raise {n}\(", sources)]
+    return found + [f"{n} is in no test" for n in names if not re.search(rf"\b{n}\b", tests)]
+
+
+def test_imports_run_downwards() -> None:
+    assert import_violations(ROOT) == []
+
+
+def test_modules_are_short() -> None:
+    assert long_modules(ROOT) == []
+
+
+def test_every_error_is_raised_and_tested() -> None:
+    assert idle_errors(ROOT) == []
+
+
+def write_tree(root: Path, files: dict[str, str]) -> None:
+    for name, text in files.items():
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+
+LAWFUL = {
+    "fbid_gym/__init__.py": "from fbid_gym.envs import make\nfrom .errors import FbidError",
+    "fbid_gym/errors.py": "class FbidError(Exception): ...\nclass RobotError(FbidError): ...",
+    "fbid_gym/policy.py": "import numpy\nfrom fbid_gym.errors import FbidError",
+    "fbid_gym/robots/__init__.py": "from .robot import Robot",
+    "fbid_gym/robots/robot.py": "import mujoco\nfrom ..errors import RobotError\n"
+    "def f():\n    raise RobotError('no feet')",
+    "fbid_gym/dynamics/__init__.py": "import pinocchio\nfrom fbid_gym.robots import Robot",
+    "fbid_gym/control/__init__.py": "from fbid_gym.dynamics import Terms",
+    "fbid_gym/actions/__init__.py": "from fbid_gym import control",
+    "fbid_gym/tasks/__init__.py": "from fbid_gym import robots, errors",
+    "fbid_gym/envs/__init__.py": "import gymnasium\nfrom fbid_gym import tasks, actions",
+    "fbid_gym/envs/sb3.py": "import stable_baselines3, torch",
+    "train/ppo.py": "import torch, fbid_gym\nfrom eval.rollout import rollout",
+    "eval/rollout.py": "from fbid_gym import make, policy",
+    "tests/test_robot.py": "from fbid_gym.errors import RobotError",
+}
+
+
+def test_a_lawful_tree_passes(tmp_path: Path) -> None:
+    write_tree(tmp_path, LAWFUL)
+    assert import_violations(tmp_path) == long_modules(tmp_path) == idle_errors(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "complaint"),
+    [
+        ("robots/a.py", "import fbid_gym.dynamics", "robots imports dynamics"),
+        ("robots/a.py", "from ..dynamics import Terms", "robots imports dynamics"),
+        ("robots/a.py", "from .. import dynamics", "robots imports dynamics"),
+        ("robots/a.py", "from fbid_gym import make", "robots imports fbid_gym"),
+        ("robots/a.py", "import fbid_gym", "robots imports fbid_gym"),
+        ("robots/a.py", "def f():\n    from fbid_gym.control import law", "robots imports control"),
+        ("robots/a.py", "import_module('fbid_gym.envs')", "robots imports envs"),
+        ("control/a.py", "importlib.import_module('mujoco')", "fbid_gym.control.a imports mujoco"),
+        ("control/a.py", "import mujoco.batch", "fbid_gym.control.a imports mujoco"),
+        ("control/a.py", "from gymnasium import Env", "fbid_gym.control.a imports gymnasium"),
+        ("control/a.py", "import pinocchio as pin", "fbid_gym.control.a imports pinocchio"),
+        ("actions/a.py", "from fbid_gym.tasks import Balance", "actions imports tasks"),
+        ("tasks/a.py", "from fbid_gym.actions import torque", "tasks imports actions"),
+        ("envs/a.py", "import torch", "fbid_gym.envs.a imports torch"),
+        ("envs/a.py", "from eval import rollout", "envs imports eval"),
+        ("policy.py", "from fbid_gym.robots import load", "policy imports robots"),
+        ("policy.py", "import mujoco", "fbid_gym.policy imports mujoco"),
+        ("errors.py", "from .robots import Robot", "errors imports robots"),
+        ("utils.py", "", "'utils' has no place"),
+        ("../eval/a.py", "import train.ppo", "eval imports train"),
+        ("../eval/a.py", "import pinocchio", "eval.a imports pinocchio"),
+    ],
+)
+def test_a_forbidden_import_is_found(tmp_path: Path, name: str, text: str, complaint: str) -> None:
+    write_tree(tmp_path, LAWFUL)
+    write_tree(tmp_path, {f"fbid_gym/{name}": text})
+    (found,) = import_violations(tmp_path)
+    assert complaint in found
+
+
+def test_a_long_module_is_found(tmp_path: Path) -> None:
+    write_tree(tmp_path, LAWFUL | {"train/ppo.py": "x = 1\n" * (MAX_LINES + 1)})
+    assert long_modules(tmp_path) == [f"train/ppo.py: {MAX_LINES + 1} lines"]
+
+
+def test_idle_errors_are_found(tmp_path: Path) -> None:
+    extra = "\nclass RunError(FbidError): ...\n"
+    write_tree(tmp_path, LAWFUL)
+    write_tree(tmp_path, {"fbid_gym/errors.py": LAWFUL["fbid_gym/errors.py"] + extra})
+    assert idle_errors(tmp_path) == ["RunError is never raised", "RunError is in no test"]
