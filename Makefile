@@ -28,6 +28,7 @@ help:  ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: $(VENV)/.installed $(VENV)/mujoco_gl  ## Install everything into .venv (done once).
+	@:
 
 demo: setup  ## Train two action layers on BipedBalance, compare them, write runs/demo/report.html.
 	@$(HEADLESS) $(BIN)/python -m train.demo $(ARGS)
