@@ -1,0 +1,28 @@
+"""What a robot is: model, feet and their contact points, limits, home pose."""
+
+import functools
+
+from fbid_gym.errors import UnknownOptionError
+from fbid_gym.robots import biped, quadruped
+from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots.robot import Foot, Robot
+
+__all__ = ["ROBOTS", "Foot", "Robot", "load"]
+
+_CONSTANTS = {"biped": biped, "quadruped": quadruped}
+
+ROBOTS = tuple(_CONSTANTS)
+"""Names of the built-in robots."""
+
+
+@functools.cache
+def load(name: str) -> Robot:
+    """Load a built-in robot; the same object every time.
+
+    Raises:
+        UnknownOptionError: no robot of this name.
+    """
+    if name not in _CONSTANTS:
+        raise UnknownOptionError("robot", name, ROBOTS)
+    constants = _CONSTANTS[name]
+    return Robot.from_mjcf(asset_path(constants.ASSET), constants.FEET, name=name, home=constants.HOME)

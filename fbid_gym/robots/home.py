@@ -1,0 +1,104 @@
+"""The home pose: from what a user gives to a checked configuration with the feet on the ground."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from fbid_gym.errors import NonFiniteError, RobotError, ShapeError, UnknownOptionError
+from fbid_gym.robots.mjcf import object_name
+
+if TYPE_CHECKING:
+    from fbid_gym.robots.robot import Foot
+
+_KEYFRAME = "home"
+_TOLERANCE = 1e-6  # rad: angles copied with rounding may sit on a limit
+
+
+def home_configuration(
+    model: mujoco.MjModel,
+    home: Mapping[str, float] | Sequence[float] | np.ndarray | str | None,
+    feet: "Sequence[Foot]",
+) -> np.ndarray:
+    """Resolve the home pose and put the robot on the ground.
+
+    Args:
+        model: compiled model with the free joint first.
+        home: see `Robot.from_mjcf`.
+        feet: feet whose lowest contact point shall touch z = 0.
+
+    Returns:
+        qpos (nq,), base quaternion normalised.
+
+    Raises:
+        UnknownOptionError: unknown keyframe or joint name.
+        ShapeError: a qpos of another length.
+        NonFiniteError: NaN or infinity.
+        RobotError: a zero base quaternion, or joints outside their range.
+    """
+    keyframes = {model.key(i).name: model.key(i).qpos.copy() for i in range(model.nkey)}
+    if isinstance(home, str):
+        if home not in keyframes:
+            raise UnknownOptionError("keyframe", home, [name for name in keyframes if name])
+        qpos = keyframes[home]
+    elif home is None or isinstance(home, Mapping):
+        qpos = keyframes.get(_KEYFRAME, _reference_pose(model))
+        address = _joint_addresses(model)
+        for joint, value in (home or {}).items():
+            if joint not in address:
+                raise UnknownOptionError("joint in home", joint, address)
+            qpos[address[joint]] = value
+    else:
+        qpos = np.array(home, dtype=float)
+        if qpos.shape != (model.nq,):
+            raise ShapeError("home", qpos.shape, f"({model.nq},), a whole qpos")
+    if not np.all(np.isfinite(qpos)):
+        raise NonFiniteError("home", (int(np.flatnonzero(~np.isfinite(qpos))[0]),))
+    length = np.linalg.norm(qpos[3:7])
+    if length < 1e-9:
+        raise RobotError("The base quaternion qpos[3:7] of home is zero. Expected a unit quaternion.")
+    qpos[3:7] /= length
+    _check_ranges(model, qpos)
+    qpos[2] -= _lowest_contact(model, qpos, feet)
+    return qpos
+
+
+def _joint_addresses(model: mujoco.MjModel) -> dict[str, int]:
+    """Joint name -> its address in qpos, without the base."""
+    return {
+        object_name(model, mujoco.mjtObj.mjOBJ_JOINT, j): int(model.jnt_qposadr[j])
+        for j in range(model.njnt)
+        if model.jnt_type[j] != mujoco.mjtJoint.mjJNT_FREE
+    }
+
+
+def _reference_pose(model: mujoco.MjModel) -> np.ndarray:
+    """The model's qpos0 with every joint moved into its range."""
+    qpos = model.qpos0.copy()
+    for j in np.flatnonzero(model.jnt_limited):
+        address = model.jnt_qposadr[j]
+        qpos[address] = np.clip(qpos[address], *model.jnt_range[j])
+    return qpos
+
+
+def _check_ranges(model: mujoco.MjModel, qpos: np.ndarray) -> None:
+    outside = []
+    for j in np.flatnonzero(model.jnt_limited):
+        value, (low, high) = qpos[model.jnt_qposadr[j]], model.jnt_range[j]
+        if not low - _TOLERANCE <= value <= high + _TOLERANCE:
+            name = object_name(model, mujoco.mjtObj.mjOBJ_JOINT, int(j))
+            outside.append(f"{name} = {value:g} not in [{low:g}, {high:g}]")
+    if outside:
+        raise RobotError(f"Home joints outside their range: {'; '.join(outside)}.")
+
+
+def _lowest_contact(model: mujoco.MjModel, qpos: np.ndarray, feet: "Sequence[Foot]") -> float:
+    """World height of the lowest contact, m."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    return min(
+        float(np.min(data.xpos[f.body][2] + f.points @ data.xmat[f.body].reshape(3, 3)[2] - f.radius))
+        for f in feet
+    )
