@@ -59,11 +59,23 @@ def modules(root: Path) -> dict[str, Path]:
     return found
 
 
-def imports(path: Path, module: str) -> Iterator[tuple[int, str]]:
-    """Line and dotted name of all that `module` imports, in functions and by importlib as well."""
+def imports(path: Path, module: str, *, typing: bool = True) -> Iterator[tuple[int, str]]:
+    """Line and dotted name of all that `module` imports, in functions and by importlib as well.
+
+    Args:
+        path: its file.
+        module: its dotted name.
+        typing: whether to name what only a type checker imports, too.
+    """
+    tree = ast.parse(path.read_text())
+    blocks = (node for node in ast.walk(tree) if isinstance(node, ast.If))
+    guarded = [block for block in blocks if "TYPE_CHECKING" in ast.unparse(block.test)]
+    unseen = {id(node) for block in guarded for part in block.body for node in ast.walk(part)}
     # Dots are resolved against the package that holds the module.
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree):
+        if not typing and id(node) in unseen:
+            continue
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield node.lineno, alias.name
@@ -75,8 +87,7 @@ def imports(path: Path, module: str) -> Iterator[tuple[int, str]]:
             for alias in node.names:
                 yield node.lineno, base if alias.name == "*" else f"{base}.{alias.name}"
         elif isinstance(node, ast.Call) and node.args:
-            called = node.func.attr if isinstance(node.func, ast.Attribute) else None
-            called = node.func.id if isinstance(node.func, ast.Name) else called
+            called = ast.unparse(node.func).rpartition(".")[2]
             argument = node.args[0]
             if called in ("import_module", "__import__") and isinstance(argument, ast.Constant):
                 yield node.lineno, str(argument.value)
@@ -125,7 +136,8 @@ def import_circles(root: Path) -> list[str]:
     known = modules(root)
     sorter = graphlib.TopologicalSorter[str]()
     for module, path in known.items():
-        targets = {module_of(name, known) for _, name in imports(path, module)}
+        names = [name for _, name in imports(path, module, typing=False)]
+        targets = {module_of(name, known) for name in names}
         sorter.add(module, *(targets & known.keys() - {module}))
     try:
         sorter.prepare()
@@ -240,6 +252,9 @@ def test_a_circle_is_found(tmp_path: Path) -> None:
     assert import_violations(tmp_path) == []
     (circle,) = import_circles(tmp_path)
     assert sorted(set(circle.split(" -> "))) == ["eval.rollout", "train.ppo"]
+    # What only a type checker sees makes no circle.
+    write_tree(tmp_path, {"eval/rollout.py": "if TYPE_CHECKING:\n    from train import ppo"})
+    assert import_circles(tmp_path) == []
 
 
 def test_a_long_module_is_found(tmp_path: Path) -> None:
