@@ -14,6 +14,7 @@ from fbid_gym.errors import RobotError
 
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+_ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
 
 def pinocchio_model(model: mujoco.MjModel) -> pin.Model:
@@ -144,10 +145,7 @@ def _require_supported(model: mujoco.MjModel) -> None:
             "Expected armature on joints and their actuators only."
         )
     for actuator in np.flatnonzero(model.actuator_armature):
-        on_joint = model.actuator_trntype[actuator] in (
-            mujoco.mjtTrn.mjTRN_JOINT,
-            mujoco.mjtTrn.mjTRN_JOINTINPARENT,
-        )
+        on_joint = int(model.actuator_trntype[actuator]) in _ON_JOINT
         if not on_joint or model.actuator_trnid[actuator, 0] == free[0]:
             raise RobotError(
                 f"Actuator {model.actuator(actuator).name!r} has armature and does not drive a "

@@ -1,0 +1,180 @@
+"""The Pinocchio model has MuJoCo's mass matrix, bias force and kinematics."""
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from fbid_gym.dynamics import frames
+from fbid_gym.dynamics.pinocchio_model import armature_of_base, pinocchio_model
+from fbid_gym.errors import RobotError
+
+MODELS = [*range(30), "humanoid.xml", "humanoidstandup.xml", "ant.xml"]
+AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+@pytest.fixture(scope="module", params=MODELS)
+def model(request, random_mjcf, gymnasium_assets):
+    if isinstance(request.param, int):
+        return mujoco.MjModel.from_xml_string(random_mjcf(request.param))
+    return mujoco.MjModel.from_xml_path(str(gymnasium_assets / request.param))
+
+
+@pytest.fixture(scope="module")
+def states(model, random_states):
+    return list(zip(*random_states(model, 3), strict=True))
+
+
+def to_pinocchio(model, qpos, qvel):
+    rotation = frames.quaternion_to_matrix(qpos[3:7])
+    return (
+        frames.configuration_to_pinocchio(qpos, model.qpos0),
+        frames.velocity_to_pinocchio(qvel, rotation),
+        frames.velocity_product(qvel, rotation),
+        rotation,
+    )
+
+
+def test_mass_matrix_and_bias_are_mujocos(model, states, relative_error):
+    pin_model = pinocchio_model(model)
+    pin_data = pin_model.createData()
+    data = mujoco.MjData(model)
+    expected = np.empty((model.nv, model.nv))
+    for data.qpos[:], data.qvel[:] in states:
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, expected)
+        q, v, _, rotation = to_pinocchio(model, data.qpos, data.qvel)
+        raw = pin.crba(pin_model, pin_data, q)
+        bias = pin.nonLinearEffects(pin_model, pin_data, q, v)
+        matrix = frames.mass_matrix_from_pinocchio(raw, rotation)
+        matrix[np.arange(6), np.arange(6)] += armature_of_base(model)
+        assert relative_error(matrix, expected) < 1e-9
+        bias = frames.bias_from_pinocchio(bias, raw, data.qvel, rotation)
+        assert relative_error(bias, data.qfrc_bias) < 1e-9
+
+
+def test_bodies_are_mujocos(model, states, relative_error):
+    """Pose, Jacobian and acceleration at vdot = 0 of every body, welded and static ones too."""
+    pin_model = pinocchio_model(model)
+    pin_data = pin_model.createData()
+    data = mujoco.MjData(model)
+    jacobian, rate = np.zeros((6, model.nv)), np.zeros((6, model.nv))
+    for data.qpos[:], data.qvel[:] in states:
+        mujoco.mj_forward(model, data)
+        q, v, a, rotation = to_pinocchio(model, data.qpos, data.qvel)
+        pin.computeJointJacobians(pin_model, pin_data, q)
+        pin.forwardKinematics(pin_model, pin_data, q, v, a)
+        pin.updateFramePlacements(pin_model, pin_data)
+        for body in range(model.nbody):
+            placement = pin_data.oMf[body]
+            assert relative_error(placement.translation, data.xpos[body]) < 1e-9
+            assert relative_error(placement.rotation.ravel(), data.xmat[body]) < 1e-9
+            point = data.xpos[body]
+            mujoco.mj_jac(model, data, jacobian[:3], jacobian[3:], point, body)
+            mujoco.mj_jacDot(model, data, rate[:3], rate[3:], point, body)
+            actual = pin.getFrameJacobian(pin_model, pin_data, body, AXES)
+            actual = frames.jacobian_from_pinocchio(actual, rotation)
+            assert relative_error(actual, jacobian) < 1e-9
+            actual = pin.getFrameClassicalAcceleration(pin_model, pin_data, body, AXES)
+            assert relative_error(np.asarray(actual), rate @ data.qvel) < 1e-9
+
+
+def test_acceleration_is_the_second_derivative_of_position(model, states, integrate):
+    """By MuJoCo's positions alone, along a path of constant generalized velocity."""
+    pin_model = pinocchio_model(model)
+    pin_data = pin_model.createData()
+    data = mujoco.MjData(model)
+    step = 1e-4
+
+    def positions(qpos, qvel, time):
+        data.qpos[:] = integrate(model, qpos, qvel, time)
+        mujoco.mj_kinematics(model, data)
+        return data.xpos.copy()
+
+    for qpos, qvel in states:
+        path = [positions(qpos, qvel, k * step) for k in (-2, -1, 0, 1, 2)]
+        weights = np.array([-1, 16, -30, 16, -1]) / (12 * step**2)
+        expected = np.tensordot(weights, path, axes=1)
+        q, v, a, _ = to_pinocchio(model, qpos, qvel)
+        pin.forwardKinematics(pin_model, pin_data, q, v, a)
+        actual = [
+            pin.getFrameClassicalAcceleration(pin_model, pin_data, body, AXES).linear
+            for body in range(model.nbody)
+        ]
+        # Rounding in the second difference is a few 1e-15 / step² = 1e-7 of the positions.
+        np.testing.assert_allclose(actual, expected, rtol=1e-5, atol=1e-5)
+
+
+def test_dofs_and_gravity_keep_their_order(random_mjcf):
+    model = mujoco.MjModel.from_xml_string(random_mjcf(3))
+    pin_model = pinocchio_model(model)
+    names = [model.joint(joint).name for joint in range(model.njnt)]
+    assert list(pin_model.names)[1:] == names
+    np.testing.assert_array_equal(pin_model.gravity.linear, model.opt.gravity)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    np.testing.assert_array_equal(pinocchio_model(model).gravity.linear, np.zeros(3))
+
+
+TREE = """
+<mujoco>
+  <worldbody>
+    {before}
+    <body name="base">
+      {base}
+      <geom size="0.1"/>
+      <body name="arm" pos="0.2 0 0">{joint}<geom size="0.1" pos="0.1 0 0"/></body>
+    </body>
+    {after}
+  </worldbody>
+  {rest}
+</mujoco>"""
+PARTS = {
+    "before": "",
+    "base": "<freejoint/>",
+    "joint": '<joint name="hinge" axis="0 1 0"/>',
+    "after": "",
+    "rest": "",
+}
+CRATE = '<body name="crate" pos="1 0 0">{}<geom size="0.1"/></body>'
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        ({"base": ""}, r"free joints at positions \[\] .* Expected exactly one"),
+        ({"after": CRATE.format("<freejoint/>")}, r"positions \[0, 2\] .* Expected exactly one"),
+        ({"before": CRATE.format("<joint/>")}, r"positions \[1\] .* before all other joints"),
+        ({"joint": '<joint name="hip" type="ball"/>'}, "'hip' is a ball joint. Expected hinge"),
+        (
+            {"rest": '<equality><joint joint1="hinge"/></equality>'},
+            "1 equality constraints.* Expected a tree",
+        ),
+        (
+            {
+                "rest": '<tendon><fixed name="cable" armature="1">'
+                '<joint joint="hinge" coef="1"/></fixed></tendon>'
+            },
+            "Tendon 'cable' has armature.* Expected armature on joints",
+        ),
+        (
+            {
+                "rest": '<tendon><fixed name="cable"><joint joint="hinge" coef="1"/></fixed>'
+                '</tendon><actuator><motor name="winch" tendon="cable" armature="1"/></actuator>'
+            },
+            "Actuator 'winch' has armature.* Expected armature on joints",
+        ),
+    ],
+)
+def test_what_cannot_be_represented_is_refused(part, message):
+    model = mujoco.MjModel.from_xml_string(TREE.format(**(PARTS | part)))
+    with pytest.raises(RobotError, match=message):
+        pinocchio_model(model)
+
+
+def test_unnamed_bodies_and_joints():
+    tree = TREE.format(**PARTS).replace('name="arm"', "").replace('name="hinge"', "")
+    pin_model = pinocchio_model(mujoco.MjModel.from_xml_string(tree))
+    assert [frame.name for frame in pin_model.frames] == ["universe", "base", "body 2"]
+    clash = tree.replace('name="base"', 'name="body 2"')
+    with pytest.raises(RobotError, match="Body 2 is unnamed, and another body is called 'body 2'"):
+        pinocchio_model(mujoco.MjModel.from_xml_string(clash))
