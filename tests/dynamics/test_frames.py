@@ -1,0 +1,277 @@
+"""Rotations and coordinate changes, against MuJoCo, Pinocchio and finite differences."""
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from fbid_gym.dynamics import frames
+
+ANGLES = [0.0, 1e-12, 1e-6, 0.3, 2.0, 3.0, np.pi - 1e-6, np.pi - 1e-12]
+
+
+def unit(rng, *shape):
+    vector = rng.normal(size=shape)
+    return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
+
+
+def vectors(rng, angle, count=50):
+    return angle * unit(rng, count, 3)
+
+
+def to_quaternion(rotation_vectors):
+    angle = np.linalg.norm(rotation_vectors, axis=-1, keepdims=True)
+    return np.hstack((np.cos(angle / 2), rotation_vectors * np.sinc(angle / 2 / np.pi) / 2))
+
+
+# --- rotations -------------------------------------------------------------------------------
+
+
+def test_quaternion_to_matrix_is_mujocos(rng):
+    quaternions = unit(rng, 50, 4)
+    expected = np.empty((50, 9))
+    for row, quaternion in zip(expected, quaternions, strict=True):
+        mujoco.mju_quat2Mat(row, quaternion)
+    actual = frames.quaternion_to_matrix(quaternions)
+    np.testing.assert_allclose(actual, expected.reshape(50, 3, 3), atol=1e-15)
+    scaled = frames.quaternion_to_matrix(rng.uniform(0.1, 9, size=(50, 1)) * quaternions)
+    np.testing.assert_allclose(scaled, actual, atol=1e-15)
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_rotation_vector_is_the_logarithm_at_every_angle(rng, angle):
+    expected = vectors(rng, angle)
+    quaternions = to_quaternion(expected)
+    tolerance = 1e-15 + 4e-15 * angle
+    from_quaternion = frames.quaternion_rotation_vector(quaternions)
+    np.testing.assert_allclose(from_quaternion, expected, atol=tolerance)
+    both_signs_and_any_length = frames.quaternion_rotation_vector(-2.5 * quaternions)
+    np.testing.assert_allclose(both_signs_and_any_length, expected, atol=tolerance)
+    from_matrix = frames.rotation_vector(frames.quaternion_to_matrix(quaternions))
+    np.testing.assert_allclose(from_matrix, expected, atol=tolerance)
+
+
+def test_small_rotations_keep_their_relative_accuracy(rng):
+    expected = vectors(rng, 1e-9)
+    matrices = frames.quaternion_to_matrix(to_quaternion(expected))
+    np.testing.assert_allclose(frames.rotation_vector(matrices), expected, rtol=1e-12, atol=1e-24)
+
+
+def test_half_turn_has_length_pi(rng):
+    axis = unit(rng, 50, 3)
+    quaternions = np.hstack((np.zeros((50, 1)), axis))
+    vector = frames.rotation_vector(frames.quaternion_to_matrix(quaternions))
+    np.testing.assert_allclose(np.linalg.norm(vector, axis=-1), np.pi)
+    np.testing.assert_allclose(np.abs(np.vecdot(vector, axis)), np.pi)
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_matrix_to_quaternion_inverts(rng, angle):
+    quaternions = to_quaternion(vectors(rng, angle))
+    actual = frames.matrix_to_quaternion(frames.quaternion_to_matrix(quaternions))
+    assert (actual[:, 0] >= 0).all()
+    np.testing.assert_allclose(np.linalg.norm(actual, axis=-1), 1, atol=1e-15)
+    np.testing.assert_allclose(actual, quaternions, atol=2e-15)
+
+
+def test_orientation_error_turns_the_first_into_the_second(rng):
+    """A body that turns at the error, in world axes, arrives after one second."""
+    first, second = unit(rng, 20, 4), unit(rng, 20, 4)
+    matrices = frames.quaternion_to_matrix(first), frames.quaternion_to_matrix(second)
+    error = frames.rotation_vector(matrices[1] @ matrices[0].mT)
+    for quaternion, vector, rotation, target in zip(first, error, *matrices, strict=True):
+        body_rate = rotation.T @ vector
+        mujoco.mju_quatIntegrate(quaternion, body_rate, 1.0)
+        np.testing.assert_allclose(frames.quaternion_to_matrix(quaternion), target, atol=1e-14)
+
+
+def test_skew_is_the_cross_product(rng):
+    a, b = rng.normal(size=(2, 5, 4, 3))
+    actual = (frames.skew(a) @ b[..., None])[..., 0]
+    np.testing.assert_allclose(actual, np.cross(a, b), atol=1e-15)
+
+
+# --- coordinates of the floating base ----------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def model(random_mjcf):
+    return mujoco.MjModel.from_xml_string(random_mjcf(7))
+
+
+@pytest.fixture(scope="module")
+def states(model, random_states):
+    return random_states(model, 20)
+
+
+@pytest.fixture(scope="module")
+def base(states):
+    return frames.quaternion_to_matrix(states[0][:, 3:7])
+
+
+def test_configuration_round_trip(model, states):
+    qpos, _ = states
+    assert np.abs(model.qpos0[7:]).min() > 1e-3  # `ref` matters here
+    q = frames.configuration_to_pinocchio(qpos, model.qpos0)
+    np.testing.assert_allclose(frames.configuration_from_pinocchio(q, model.qpos0), qpos)
+    unscaled = qpos.copy()
+    unscaled[:, 3:7] *= 3.0
+    np.testing.assert_allclose(frames.configuration_to_pinocchio(unscaled, model.qpos0), q)
+
+
+def test_velocity_is_the_rate_of_pinocchios_configuration(model, states, base, integrate):
+    """Both libraries agree on what moves when MuJoCo's configuration moves at v."""
+    free_flyer = pin.JointModelFreeFlyer()
+    pin_model = pin.Model()
+    pin_model.addJoint(0, free_flyer, pin.SE3.Identity(), "base")
+    step = 1e-5
+    for qpos, qvel, rotation in zip(*states, base, strict=True):
+        before, after = (
+            frames.configuration_to_pinocchio(integrate(model, qpos, qvel, t), model.qpos0)
+            for t in (-step, step)
+        )
+        rate = pin.difference(pin_model, before[:7], after[:7]) / (2 * step)
+        expected = np.concatenate((rate, (after - before)[7:] / (2 * step)))
+        actual = frames.velocity_to_pinocchio(qvel, rotation)
+        np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-8)
+
+
+def test_velocity_product_is_the_rate_of_x_times_v(model, states, base, integrate):
+    step = 1e-5
+    for qpos, qvel, rotation in zip(*states, base, strict=True):
+        before, after = (
+            frames.velocity_to_pinocchio(
+                qvel, frames.quaternion_to_matrix(integrate(model, qpos, qvel, t)[3:7])
+            )
+            for t in (-step, step)
+        )
+        expected = (after - before) / (2 * step)
+        actual = frames.velocity_product(qvel, rotation)
+        assert np.linalg.norm(actual) > 0.1
+        np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-8)
+
+
+def test_acceleration_is_the_rate_of_pinocchios_velocity(rng, model, states, base, integrate):
+    step = 1e-5
+    for qpos, qvel, rotation in zip(*states, base, strict=True):
+        acceleration = rng.normal(size=model.nv) * 5
+        before, after = (
+            frames.velocity_to_pinocchio(
+                qvel + acceleration * t,
+                frames.quaternion_to_matrix(
+                    integrate(model, qpos, qvel + acceleration * t / 2, t)[3:7]
+                ),
+            )
+            for t in (-step, step)
+        )
+        expected = (after - before) / (2 * step)
+        actual = frames.acceleration_to_pinocchio(acceleration, qvel, rotation)
+        np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-7)
+
+
+def test_velocities_and_accelerations_round_trip(rng, states, base):
+    _, velocity = states
+    acceleration = rng.normal(size=velocity.shape)
+    there = frames.velocity_to_pinocchio(velocity, base)
+    np.testing.assert_allclose(
+        frames.velocity_from_pinocchio(there, base), velocity, rtol=1e-14, atol=1e-14
+    )
+    there = frames.acceleration_to_pinocchio(acceleration, velocity, base)
+    back = frames.acceleration_from_pinocchio(there, velocity, base)
+    np.testing.assert_allclose(back, acceleration, rtol=1e-13, atol=1e-13)
+
+
+def test_power_energy_and_task_velocity_do_not_depend_on_coordinates(rng, states, base):
+    """What has a meaning without coordinates: f·v, vᵀMv and Jv."""
+    _, velocity = states
+    num, nv = velocity.shape
+    there = frames.velocity_to_pinocchio(velocity, base)
+    force = rng.normal(size=(num, nv))
+    power = np.vecdot(frames.force_to_pinocchio(force, base), there)
+    np.testing.assert_allclose(power, np.vecdot(force, velocity), rtol=1e-12)
+
+    factor = rng.normal(size=(num, nv, nv))
+    matrix = factor @ factor.mT
+    energy = np.vecdot(there, np.matvec(matrix, there))
+    ours = frames.mass_matrix_from_pinocchio(matrix, base)
+    np.testing.assert_allclose(ours, ours.mT, atol=1e-13)
+    np.testing.assert_allclose(np.vecdot(velocity, np.matvec(ours, velocity)), energy, rtol=1e-12)
+
+    jacobian = rng.normal(size=(num, 4, nv))
+    task_velocity = np.matvec(jacobian, there)
+    ours = frames.jacobian_from_pinocchio(jacobian, base)
+    np.testing.assert_allclose(np.matvec(ours, velocity), task_velocity, rtol=1e-11, atol=1e-12)
+
+
+def test_equation_of_motion_holds_in_both_coordinates(rng, states, base):
+    """M_pin a_pin + h_pin = f_pin is M a + h = f with the converted terms."""
+    _, velocity = states
+    num, nv = velocity.shape
+    factor = rng.normal(size=(num, nv, nv))
+    matrix, bias, acceleration = factor @ factor.mT, *rng.normal(size=(2, num, nv))
+    there = frames.acceleration_to_pinocchio(acceleration, velocity, base)
+    force = np.matvec(frames.mass_matrix_from_pinocchio(matrix, base), acceleration)
+    force += frames.bias_from_pinocchio(bias, matrix, velocity, base)
+    expected = np.matvec(matrix, there) + bias
+    actual = frames.force_to_pinocchio(force, base)
+    np.testing.assert_allclose(actual, expected, rtol=1e-11, atol=1e-11)
+
+
+# --- batches and namespaces --------------------------------------------------------------------
+
+
+def calls(rng, shape):
+    """Every function with random arguments of the leading shape given, and NumPy's namespace."""
+    quaternion, vector = rng.normal(size=(*shape, 4)), rng.normal(size=(*shape, 3))
+    rotation = frames.quaternion_to_matrix(quaternion)
+    qpos, qpos0 = rng.normal(size=(*shape, 12)), rng.normal(size=12)
+    v, a, f = rng.normal(size=(3, *shape, 11))
+    matrix, jacobian = rng.normal(size=(*shape, 11, 11)), rng.normal(size=(*shape, 6, 11))
+    return {
+        "quaternion_to_matrix": (quaternion,),
+        "matrix_to_quaternion": (rotation,),
+        "quaternion_rotation_vector": (quaternion,),
+        "rotation_vector": (rotation,),
+        "skew": (vector,),
+        "configuration_to_pinocchio": (qpos, qpos0),
+        "configuration_from_pinocchio": (qpos, qpos0),
+        "velocity_to_pinocchio": (v, rotation),
+        "velocity_from_pinocchio": (v, rotation),
+        "velocity_product": (v, rotation),
+        "acceleration_to_pinocchio": (a, v, rotation),
+        "acceleration_from_pinocchio": (a, v, rotation),
+        "force_to_pinocchio": (f, rotation),
+        "jacobian_from_pinocchio": (jacobian, rotation),
+        "mass_matrix_from_pinocchio": (matrix, rotation),
+        "bias_from_pinocchio": (f, matrix, v, rotation),
+    }
+
+
+NAMES = sorted(calls(np.random.default_rng(0), ()))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_any_leading_axes(rng, name):
+    function = getattr(frames, name)
+    arguments = calls(rng, (2, 3))[name]
+    whole = function(*arguments)
+    for i in range(2):
+        for j in range(3):
+            # qpos0 belongs to the model and has no batch axes.
+            one = [x[i, j] if x.shape[:2] == (2, 3) else x for x in arguments]
+            np.testing.assert_allclose(function(*one), whole[i, j], rtol=1e-13, atol=1e-14)
+    empty = function(*(x[:0, 0] if x.shape[:2] == (2, 3) else x for x in arguments))
+    assert empty.shape == (0, *whole.shape[2:])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_torch_gives_the_same(rng, name):
+    torch = pytest.importorskip("torch")
+    function = getattr(frames, name)
+    arguments = calls(rng, (4,))[name]
+    result = function(*(torch.asarray(x) for x in arguments))
+    assert isinstance(result, torch.Tensor)
+    np.testing.assert_allclose(result.numpy(), function(*arguments), rtol=1e-13, atol=1e-14)
+    single = function(*(torch.asarray(x, dtype=torch.float32) for x in arguments))
+    assert single.dtype == torch.float32
+    np.testing.assert_allclose(single.numpy(), function(*arguments), rtol=1e-3, atol=1e-3)
