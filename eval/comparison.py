@@ -1,0 +1,264 @@
+"""Play every run and the zero action of every layer under the same conditions, and count."""
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from eval import statistics as st
+from eval.episodes import METRICS, Episodes
+from eval.results import Band, Comparison, Crossing, Estimate, Layer, Pair, RunResult, Settings
+from eval.rollout import Player, make_env, play_player
+from eval.runs import Run, check_comparable, group, shared_settings
+from eval.video import Clip, record
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Clips:
+    """One clip per layer, all under the same pushes."""
+
+    by_layer: dict[str, Clip]
+    run_names: dict[str, str]
+    """The run that is shown, by layer."""
+    push: float
+    """Size of the pushes, N."""
+    same_pushes: bool
+    """Whether all layers did meet the same, as far as their episodes lasted."""
+
+
+def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: None) -> Comparison:
+    """Play every run and the zero action of every layer, and gather the statistics.
+
+    Args:
+        runs: loaded runs and exported policies.
+        settings: how.
+        say: told what is happening.
+
+    Raises:
+        RunError: runs that cannot be compared.
+    """
+    warnings = check_comparable(runs)
+    rng = np.random.default_rng(settings.seed)
+    groups = group(runs)
+    played: dict[Path, Episodes] = {}
+    for run in runs:
+        say(f"{run.layer}: {run.path.name}")
+        played[run.path] = play_player(run.player(), settings.episodes, settings.seed)
+    strongest = max(float(episodes.strongest_push.max()) for episodes in played.values())
+    hardest = _round_up(strongest)
+    sweep = [share * hardest for share in settings.sweep] if hardest > 0 else []
+    threshold = settings.threshold
+    if threshold is None:
+        threshold = _default_threshold(groups, settings)
+    layers = []
+    for name, members in groups.items():
+        say(f"{name}: zero action")
+        zero = members[0].player(trained=False)
+        zero_action = _means(play_player(zero, settings.episodes, settings.seed))
+        if sweep:
+            say(f"{name}: pushes of up to {max(sweep):.0f} N")
+        results = [
+            _result(run, played[run.path], _survival(run.player(), sweep, settings))
+            for run in members
+        ]
+        layers.append(
+            Layer(
+                name=name,
+                env_args=dict(members[0].policy.env_args),
+                runs=results,
+                metrics={
+                    metric.name: estimate(
+                        np.array([run.metrics[metric.name] for run in results]), rng, settings
+                    )
+                    for metric in METRICS
+                },
+                zero_action=zero_action,
+                by_steps=_band(results, "steps", rng, settings),
+                by_wall=_band(results, "wall", rng, settings),
+                steps_to=_crossing(results, "steps", threshold, rng, settings),
+                wall_to=_crossing(results, "wall", threshold, rng, settings),
+                sweep=[
+                    estimate(np.array([run.sweep[k] for run in results]), rng, settings)
+                    for k in range(len(sweep))
+                ],
+                zero_sweep=_survival(zero, sweep, settings),
+            )
+        )
+    layers.sort(key=lambda layer: -layer.metrics["returned"].value)
+    versions = next((run.versions for run in runs if run.config is not None), runs[0].versions)
+    return Comparison(
+        env_id=runs[0].policy.env_id,
+        env_args=runs[0].env_args,
+        settings=settings,
+        layers=layers,
+        pairs=[_pair(*two, rng, settings) for two in itertools.combinations(layers, 2)],
+        threshold=threshold,
+        hardest_push=hardest,
+        sweep=sweep,
+        warnings=warnings,
+        shared=shared_settings(runs),
+        versions=versions,
+    )
+
+
+def _round_up(value: float) -> float:
+    """Round up to two significant digits: pushes drawn up to 100 N reach 99.7 N."""
+    if value <= 0:
+        return 0.0
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / unit - 1e-9) * unit
+
+
+def _default_threshold(groups: Mapping[str, Sequence[Run]], settings: Settings) -> float | None:
+    finals = [
+        float(
+            st.interquartile_mean(np.array([run.curve.returns[-1] for run in members if run.curve]))
+        )
+        for members in groups.values()
+        if all(run.curve is not None for run in members)
+    ]
+    return settings.threshold_share * max(finals) if finals else None
+
+
+def estimate(values: np.ndarray, rng: np.random.Generator, settings: Settings) -> Estimate:
+    """Interquartile mean over runs, with a bootstrap interval from two runs on.
+
+    Args:
+        values: (R,) one number per run.
+        rng: of the bootstrap.
+        settings: confidence and samples.
+    """
+    value = float(st.interquartile_mean(values))
+    if len(values) < 2:
+        return Estimate(value)
+    draws = st.bootstrap(values[:, None], rng, samples=settings.samples)
+    low, high = st.percentile_interval(draws, settings.confidence)
+    return Estimate(value, float(low), float(high))
+
+
+def _result(run: Run, episodes: Episodes, sweep: list[float]) -> RunResult:
+    curve = run.curve
+    return RunResult(
+        name=run.path.name,
+        path=str(run.path),
+        seed=run.seed,
+        trained_steps=run.policy.trained_steps,
+        wall_seconds=None if curve is None else float(curve.wall_seconds[-1]),
+        metrics=_means(episodes),
+        steps=[] if curve is None else curve.steps.tolist(),
+        wall=[] if curve is None else curve.wall_seconds.tolist(),
+        returns=[] if curve is None else curve.returns.tolist(),
+        sweep=sweep,
+    )
+
+
+def _means(episodes: Episodes) -> dict[str, float]:
+    return {metric.name: float(np.mean(getattr(episodes, metric.name))) for metric in METRICS}
+
+
+def _survival(player: Player, pushes: Sequence[float], settings: Settings) -> list[float]:
+    """Share of episodes survived under pushes of each size, all else as in training."""
+    shares = []
+    for push in pushes:
+        env_args = {**player.env_args, "push_force": [push, push]}
+        pushed = Player(player.name, player.env_id, env_args, player.policy)
+        episodes = play_player(pushed, settings.sweep_episodes, settings.seed)
+        shares.append(float(np.mean(episodes.survived)))
+    return shares
+
+
+def _band(
+    runs: Sequence[RunResult], axis: str, rng: np.random.Generator, settings: Settings
+) -> Band | None:
+    if not all(run.returns for run in runs):
+        return None
+    abscissae = [np.array(getattr(run, axis)) for run in runs]
+    grid = st.common_grid(abscissae)
+    curves = st.interpolate(abscissae, [np.array(run.returns) for run in runs], grid)
+    value = st.interquartile_mean(curves)
+    if len(runs) < 2:
+        return Band(grid.tolist(), value.tolist(), None, None)
+    draws = st.bootstrap(curves[:, None], rng, samples=settings.samples)
+    low, high = st.percentile_interval(draws, settings.confidence)
+    return Band(grid.tolist(), value.tolist(), low.tolist(), high.tolist())
+
+
+def _crossing(
+    runs: Sequence[RunResult],
+    axis: str,
+    threshold: float | None,
+    rng: np.random.Generator,
+    settings: Settings,
+) -> Crossing | None:
+    if threshold is None or not all(run.returns for run in runs):
+        return None
+    each = np.array(
+        [
+            st.first_crossing(np.array(getattr(run, axis)), np.array(run.returns), threshold)
+            for run in runs
+        ]
+    )
+    value = float(np.median(each))
+    if len(runs) < 2:
+        return Crossing(each.tolist(), Estimate(value))
+    draws = st.bootstrap(each[:, None], rng, statistic=np.median, samples=settings.samples)
+    low, high = st.percentile_interval(draws, settings.confidence)
+    return Crossing(each.tolist(), Estimate(value, float(low), float(high)))
+
+
+def _pair(one: Layer, other: Layer, rng: np.random.Generator, settings: Settings) -> Pair:
+    x, y = one.values("returned"), other.values("returned")
+    probability = st.probability_of_improvement(x[:, None], y[:, None])
+    difference = float(st.interquartile_mean(x) - st.interquartile_mean(y))
+    if min(len(x), len(y)) < 2:
+        intervals: tuple[Estimate, Estimate] = (Estimate(probability), Estimate(difference))
+    else:
+        draws = st.bootstrap(x[:, None], rng, samples=settings.samples) - st.bootstrap(
+            y[:, None], rng, samples=settings.samples
+        )
+        low, high = st.percentile_interval(draws, settings.confidence)
+        intervals = (
+            Estimate(
+                probability,
+                *st.improvement_interval(
+                    x[:, None], y[:, None], rng, settings.samples, settings.confidence
+                ),
+            ),
+            Estimate(difference, float(low), float(high)),
+        )
+    return Pair(one.name, other.name, *intervals, st.permutation_p_value(x, y, rng))
+
+
+def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: None) -> Clips:
+    """Record the median run of each layer, every layer under the same pushes.
+
+    Args:
+        runs: as given to `compare`.
+        comparison: its result.
+        say: told what is happening.
+    """
+    settings = comparison.settings
+    push = settings.video_push * comparison.hardest_push
+    clips, names, traces = {}, {}, []
+    for layer in comparison.layers:
+        ranked = sorted(layer.runs, key=lambda run: run.metrics["returned"])
+        chosen = ranked[(len(ranked) - 1) // 2]
+        say(f"{layer.name}: clip of {chosen.name}")
+        run = next(run for run in runs if str(run.path) == chosen.path)
+        player = run.player(push_force=[push, push])
+        env = make_env(player.env_id, player.env_args)
+        try:
+            actor = player.actor(env.observation_space, env.action_space)
+            clip = record(env, actor, settings.seed, settings.video_seconds, layer.name)
+        finally:
+            env.close()
+        clips[layer.name], names[layer.name] = clip, chosen.name
+        traces.append(clip.pushes)
+    common = min(len(trace) for trace in traces)
+    same = all(np.array_equal(trace[:common], traces[0][:common]) for trace in traces)
+    return Clips(clips, names, push, same)

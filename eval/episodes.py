@@ -1,0 +1,233 @@
+"""Many episodes in parallel, and what the robot did in each.
+
+A batch that stops as soon as enough episodes have ended favours short ones: while one environment
+falls ten times, its neighbours are still upright in their first. So each environment is given its
+share of the episodes beforehand, plays exactly these to their end however long they last, and what
+it does afterwards is not counted.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+
+from fbid_gym.errors import InvalidValueError
+
+Actor = Callable[[np.ndarray], np.ndarray]
+"""Observations (N, O) to actions (N, A)."""
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """Complete episodes, one entry per episode, in the order of environment and then time.
+
+    A column holds NaN where the environment does not report the quantity.
+    """
+
+    returned: np.ndarray
+    """(E,) sum of rewards."""
+    length: np.ndarray
+    """(E,) policy steps."""
+    seconds: np.ndarray
+    """(E,) the same, s."""
+    survived: np.ndarray
+    """(E,) 1.0 if the episode reached its time limit, 0.0 if it ended by itself."""
+    height_error: np.ndarray
+    """(E,) root mean square of the base height minus the commanded one, m."""
+    torque: np.ndarray
+    """(E,) root mean square over joints, control ticks and steps, N m."""
+    power: np.ndarray
+    """(E,) mean over time of sum |torque x joint velocity|, W."""
+    energy: np.ndarray
+    """(E,) the same integrated over the episode, J; a fall ends it, so compare the power."""
+    slip: np.ndarray
+    """(E,) mean speed of the contact points that touch the ground, m/s."""
+    pushes: np.ndarray
+    """(E,) pushes that began."""
+    pushes_survived: np.ndarray
+    """(E,) pushes that began, less the last one if the robot then fell."""
+    strongest_push: np.ndarray
+    """(E,) largest horizontal force, N."""
+    environment: np.ndarray
+    """(E,) int: the environment that played it."""
+    termination: tuple[str, ...]
+    """E reasons: "" at the time limit, otherwise such as "fall" or "diverged"."""
+
+    def __len__(self) -> int:
+        """Count the episodes."""
+        return len(self.returned)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One dict of plain numbers per episode, by column name."""
+        columns = {
+            item.name: np.asarray(getattr(self, item.name)).tolist() for item in fields(self)
+        }
+        return [{name: values[i] for name, values in columns.items()} for i in range(len(self))]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number per episode, and how to read it."""
+
+    name: str
+    """Column of `Episodes`."""
+    label: str
+    """As printed."""
+    unit: str
+    better: int
+    """1 if more is better, -1 if less is, 0 if neither."""
+
+
+METRICS = (
+    Metric("returned", "return", "", 1),
+    Metric("survived", "survival", "share", 1),
+    Metric("seconds", "time upright", "s", 1),
+    Metric("height_error", "height error (RMS)", "m", -1),
+    Metric("torque", "torque (RMS)", "N m", -1),
+    Metric("power", "mechanical power", "W", -1),
+    Metric("energy", "energy", "J", 0),
+    Metric("slip", "foot slip", "m/s", -1),
+    Metric("pushes", "pushes", "", 0),
+    Metric("pushes_survived", "pushes survived", "", 0),
+    Metric("strongest_push", "strongest push", "N", 0),
+)
+"""What is measured, in the order it is printed."""
+
+_MEAN_KEYS = ("power", "slip")
+_SQUARE_KEYS = ("height_error", "torque_rms")
+
+
+class _Tally:
+    """Running sums of the episode each environment is in."""
+
+    def __init__(self, count: int) -> None:
+        """Start every environment at zero."""
+        names = ("returned", "length", "pushes", "strongest_push", *_MEAN_KEYS, *_SQUARE_KEYS)
+        self.sums = {name: np.zeros(count) for name in names}
+        self.pushing = np.zeros(count, dtype=bool)
+
+    def add(self, reward: np.ndarray, info: dict[str, np.ndarray], playing: np.ndarray) -> None:
+        """Add one step of the environments that are `playing`."""
+        steps = {"returned": reward, "length": np.ones(len(reward))}
+        for key in _MEAN_KEYS:
+            steps[key] = info.get(key, np.full(len(reward), np.nan))
+        for key in _SQUARE_KEYS:
+            steps[key] = np.square(info.get(key, np.full(len(reward), np.nan)))
+        for name, value in steps.items():
+            self.sums[name][playing] += value[playing]
+        force = np.linalg.norm(info["push"], axis=1) if "push" in info else np.zeros(len(reward))
+        pushing = (force > 0) & playing
+        self.sums["pushes"] += pushing & ~self.pushing
+        self.sums["strongest_push"] = np.maximum(
+            self.sums["strongest_push"], np.where(playing, force, 0.0)
+        )
+        self.pushing = np.where(playing, pushing, self.pushing)
+
+    def take(self, i: int, survived: bool, termination: str, step_seconds: float) -> dict[str, Any]:
+        """Finish the episode of environment i and start its next one."""
+        total = {name: float(values[i]) for name, values in self.sums.items()}
+        for values in self.sums.values():
+            values[i] = 0.0
+        self.pushing[i] = False
+        steps, pushes = total["length"], total["pushes"]
+        return {
+            "returned": total["returned"],
+            "length": steps,
+            "seconds": steps * step_seconds,
+            "survived": float(survived),
+            "height_error": np.sqrt(total["height_error"] / steps),
+            "torque": np.sqrt(total["torque_rms"] / steps),
+            "power": total["power"] / steps,
+            "energy": total["power"] * step_seconds,
+            "slip": total["slip"] / steps,
+            "pushes": pushes,
+            "pushes_survived": pushes if survived else max(pushes - 1.0, 0.0),
+            "strongest_push": total["strongest_push"],
+            "environment": i,
+            "termination": termination,
+        }
+
+
+def shares(episodes: int, environments: int) -> np.ndarray:
+    """Number of episodes each environment plays: as equal as possible, (environments,) int."""
+    share = np.full(environments, episodes // environments)
+    share[: episodes % environments] += 1
+    return share
+
+
+def play(
+    envs: VectorEnv,
+    actor: Actor,
+    episodes: int,
+    seed: int,
+    step_seconds: float,
+    on_episode: Callable[[int], None] = lambda finished: None,
+) -> Episodes:
+    """Play whole episodes; which ones count is fixed before the first step.
+
+    Environment i starts from seed + i, so two layers with the same seed meet the same initial
+    states and, as far as the task draws them alike, the same pushes.
+
+    Args:
+        envs: vector environment that resets by itself, in either of Gymnasium's modes.
+        actor: the policy.
+        episodes: how many, at least one.
+        seed: of the first environment.
+        step_seconds: duration of one policy step, s.
+        on_episode: called with the number of finished episodes.
+
+    Raises:
+        InvalidValueError: no episodes asked for, or the environments do not reset by themselves.
+    """
+    if episodes < 1:
+        raise InvalidValueError("episodes", episodes, "a positive number")
+    mode = envs.metadata.get("autoreset_mode")
+    if mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+        raise InvalidValueError("autoreset mode", mode, "NEXT_STEP or SAME_STEP")
+    left = shares(episodes, envs.num_envs)
+    tally = _Tally(envs.num_envs)
+    finished: list[dict[str, Any]] = []
+    observation, _ = envs.reset(seed=seed)
+    resetting = np.zeros(envs.num_envs, dtype=bool)
+    while left.any():
+        observation, reward, terminated, truncated, info = envs.step(actor(observation))
+        playing = (left > 0) & ~resetting
+        ended = (terminated | truncated) & playing
+        step_info = _of_the_step(info, ended)
+        tally.add(np.asarray(reward, dtype=float), step_info, playing)
+        reasons = step_info.get("termination")
+        for i in np.flatnonzero(ended):
+            reason = str(reasons[i]) if reasons is not None and reasons[i] is not None else ""
+            finished.append(tally.take(int(i), not terminated[i], reason, step_seconds))
+            left[i] -= 1
+            on_episode(len(finished))
+        if mode is AutoresetMode.NEXT_STEP:
+            resetting = terminated | truncated
+    finished.sort(key=lambda episode: episode["environment"])  # stable: time order within each
+    return _stack(finished)
+
+
+def _of_the_step(info: dict[str, Any], ended: np.ndarray) -> dict[str, np.ndarray]:
+    """Info of the step itself: with SAME_STEP that of ended episodes lies in `final_info`."""
+    final = info.get("final_info", {})
+    merged: dict[str, np.ndarray] = {}
+    for key in info.keys() | final.keys():
+        value = info.get(key, final.get(key))
+        if key.startswith("_") or not isinstance(value, np.ndarray):
+            continue
+        if key in final and ended.any():
+            value = value.copy()
+            value[ended] = final[key][ended]
+        merged[key] = value
+    return merged
+
+
+def _stack(finished: list[dict[str, Any]]) -> Episodes:
+    columns: dict[str, Any] = {
+        item.name: np.array([episode[item.name] for episode in finished])
+        for item in fields(Episodes)
+    }
+    columns["termination"] = tuple(columns["termination"].tolist())
+    return Episodes(**columns)

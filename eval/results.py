@@ -1,0 +1,166 @@
+"""What a comparison of action layers finds, as data: `report` turns it into words and pictures.
+
+The unit of chance is the run: a seed, trained and then played for many episodes, is one number. The
+episodes of one run say how well that run is known, not how well the layer is, so they are averaged
+first and the intervals are over runs only.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How runs are compared."""
+
+    episodes: int = 64
+    """Deterministic episodes per run, and for the zero action of each layer."""
+    seed: int = 20_000
+    """Of the episodes: the same for every run, and none that training evaluates on."""
+    threshold: float | None = None
+    """Return whose first crossing is timed. None: `threshold_share` of the best final return."""
+    threshold_share: float = 0.9
+    """See `threshold`."""
+    sweep: tuple[float, ...] = (0.5, 1.0, 1.5, 2.0)
+    """Sizes of push at which survival is measured, relative to the hardest of training."""
+    sweep_episodes: int = 32
+    """Episodes per run and size of push."""
+    video_seconds: float = 8.0
+    """Length of the clips, s. 0: none."""
+    video_push: float = 1.0
+    """Size of the pushes in the clips, relative to the hardest of training."""
+    confidence: float = 0.95
+    """Of the intervals."""
+    samples: int = 5000
+    """Bootstrap samples."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number and its interval over seeds; without bounds where one seed leaves none."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class Band:
+    """A learning curve over seeds on a common grid."""
+
+    grid: list[float]
+    value: list[float]
+    low: list[float] | None
+    high: list[float] | None
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """When the runs of a layer first reached the threshold."""
+
+    each: list[float]
+    """Per run; infinity: not within its budget."""
+    median: Estimate
+    """Over all runs, with the ones that did not get there later than all that did."""
+
+    @property
+    def reached(self) -> int:
+        """How many runs got there."""
+        return sum(math.isfinite(value) for value in self.each)
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """One run."""
+
+    name: str
+    path: str
+    seed: int | None
+    trained_steps: int
+    wall_seconds: float | None
+    metrics: dict[str, float]
+    """Mean over episodes, by the names of `METRICS`."""
+    steps: list[float]
+    """Abscissae of the learning curve, empty for an exported policy."""
+    wall: list[float]
+    returns: list[float]
+    sweep: list[float]
+    """Share of episodes survived at each size of push."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One action layer: its runs and what they say together."""
+
+    name: str
+    env_args: dict[str, Any]
+    runs: list[RunResult]
+    metrics: dict[str, Estimate]
+    zero_action: dict[str, float]
+    by_steps: Band | None
+    by_wall: Band | None
+    steps_to: Crossing | None
+    wall_to: Crossing | None
+    sweep: list[Estimate]
+    """Share of episodes survived at each size of push in `Comparison.sweep`."""
+    zero_sweep: list[float]
+    """The same for the zero action."""
+
+    @property
+    def seeds(self) -> int:
+        """Number of runs."""
+        return len(self.runs)
+
+    def values(self, metric: str) -> np.ndarray:
+        """Return (R,) one number per run."""
+        return np.array([run.metrics[metric] for run in self.runs])
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two layers, final return."""
+
+    better: str
+    """The one with the higher estimate."""
+    other: str
+    probability: Estimate
+    """That a run of the better one beats a run of the other."""
+    difference: Estimate
+    """Of the interquartile means."""
+    p_value: float
+    """Of a permutation test, two-sided."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Everything in the report but the clips."""
+
+    env_id: str
+    env_args: dict[str, Any]
+    settings: Settings
+    layers: list[Layer]
+    """Best final return first."""
+    pairs: list[Pair]
+    threshold: float | None
+    """Return whose first crossing is timed; None without learning curves."""
+    hardest_push: float
+    """Largest push met in the episodes, N, rounded up to two digits."""
+    sweep: list[float]
+    """Sizes of push at which survival was measured, N."""
+    warnings: list[str]
+    shared: dict[str, Any]
+    """Training settings all runs have in common."""
+    versions: dict[str, Any]
+
+    @property
+    def fewest_seeds(self) -> int:
+        """Number of runs of the layer that has the fewest."""
+        return min(layer.seeds for layer in self.layers)
+
+    @property
+    def budget(self) -> int:
+        """Training steps of the longest run."""
+        return max(run.trained_steps for layer in self.layers for run in layer.runs)

@@ -1,0 +1,301 @@
+r"""Play a policy, or the zero action, for many episodes and print what the robot did.
+
+python -m eval.rollout runs/my_run --episodes 50 --video out.mp4
+python -m eval.rollout --env fbid_gym/BipedBalance-v0 --action-layer base_acceleration \
+    --zero-action --episodes 100 --env-args '{"push_force": [100, 100]}'
+"""
+
+import csv
+import io
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import gymnasium as gym
+import numpy as np
+import tyro
+from gymnasium.vector import VectorEnv
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+import fbid_gym  # noqa: F401  registers the environments
+from eval.episodes import METRICS, Actor, Episodes, play
+from eval.files import check_output, to_json, write
+from eval.video import record
+from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
+from fbid_gym.policy import Policy
+
+
+@dataclass(frozen=True)
+class Player:
+    """Who acts, and where."""
+
+    name: str
+    """For tables and captions."""
+    env_id: str
+    """Gymnasium id."""
+    env_args: dict[str, Any]
+    """Keyword arguments of the environment, the action layer among them."""
+    policy: Policy | None
+    """None: the zero action, which asks the layer to hold the home posture."""
+
+    def actor(self, observations: gym.Space[Any], actions: gym.Space[Any]) -> Actor:
+        """Map observations (N, O) to actions (N, A).
+
+        Raises:
+            PolicyFileError: the policy does not fit the spaces of the environment.
+        """
+        (observation_size,), (action_size,) = observations.shape or (), actions.shape or ()
+        if self.policy is None:
+            return lambda observation: np.zeros((len(observation), action_size), dtype=np.float32)
+        self.policy.check(observation_size=observation_size, action_size=action_size)
+        return self.policy
+
+
+def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> VectorEnv:
+    """Make a vector environment; what Gymnasium objects to becomes one `FbidError`.
+
+    Raises:
+        UnknownOptionError: no such id.
+        InvalidValueError: arguments the environment does not take.
+    """
+    return _make(lambda: gym.make_vec(env_id, num_envs=num_envs, **env_args), env_id, env_args)
+
+
+def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
+    """Make one environment that draws itself. Raises as `make_envs`."""
+    options = {**env_args, "render_mode": "rgb_array"}
+    return _make(lambda: gym.make(env_id, **options), env_id, env_args)
+
+
+def _make(build: Any, env_id: str, env_args: Mapping[str, Any]) -> Any:
+    try:
+        return build()
+    except gym.error.UnregisteredEnv as error:
+        known = sorted(name for name in gym.registry if name.startswith("fbid_gym/"))
+        raise UnknownOptionError("environment", env_id, known) from error
+    except (TypeError, gym.error.Error) as error:
+        if isinstance(error, TypeError) and "unexpected keyword" not in str(error):
+            raise
+        raise InvalidValueError(
+            "environment arguments", dict(env_args), f"what {env_id} takes ({error})"
+        ) from error
+
+
+def play_player(
+    player: Player,
+    episodes: int,
+    seed: int,
+    num_envs: int | None = None,
+    on_episode: Any = lambda finished: None,
+) -> Episodes:
+    """Play whole episodes of a player in its own environment.
+
+    Args:
+        player: who acts, and where.
+        episodes: how many.
+        seed: of the first environment; the i-th uses seed + i.
+        num_envs: how many at a time. Default: one environment per episode, up to 128, so that
+            episode i always starts from seed + i.
+        on_episode: called with the number of finished episodes.
+
+    Raises:
+        PolicyFileError: the policy does not fit its environment.
+    """
+    if episodes < 1:
+        raise InvalidValueError("episodes", episodes, "a positive number")
+    if num_envs is not None and num_envs < 1:
+        raise InvalidValueError("num_envs", num_envs, "a positive number")
+    envs = make_envs(player.env_id, player.env_args, min(episodes, num_envs or 128))
+    try:
+        actor = player.actor(envs.single_observation_space, envs.single_action_space)
+        return play(envs, actor, episodes, seed, step_seconds(envs), on_episode)
+    finally:
+        envs.close()
+
+
+def step_seconds(envs: VectorEnv | gym.Env[Any, Any]) -> float:
+    """Duration of one policy step, s: pictures are drawn once per step and play in real time."""
+    return 1.0 / float(envs.metadata["render_fps"])
+
+
+def load_player(source: Path, env_args: Mapping[str, Any]) -> Player:
+    """Load a run folder or an exported policy.
+
+    Args:
+        source: the folder.
+        env_args: replace those the policy was trained with.
+    """
+    policy = Policy.load(source)
+    return Player(source.name, policy.env_id, {**policy.env_args, **env_args}, policy)
+
+
+def parse_env_args(text: str) -> dict[str, Any]:
+    """Read environment arguments given as a JSON object."""
+    try:
+        value = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InvalidValueError("env_args", text, f"a JSON object ({error})") from error
+    if not isinstance(value, dict):
+        raise InvalidValueError("env_args", text, 'a JSON object such as {"push_force": [80, 80]}')
+    return value
+
+
+@dataclass(frozen=True)
+class RolloutConfig:
+    """Play a policy, or the zero action, for many episodes and print what the robot did."""
+
+    source: Annotated[Path | None, tyro.conf.Positional] = None
+    """Run folder or exported policy."""
+    env: str | None = None
+    """Environment id, with --zero-action."""
+    action_layer: str | None = None
+    """Action layer, with --zero-action."""
+    zero_action: bool = False
+    """Play the zero action instead of a policy."""
+    env_args: str = "{}"
+    """Further environment arguments as a JSON object; they replace those of the run."""
+    episodes: int = 50
+    """How many episodes, each played to its end."""
+    num_envs: int | None = None
+    """How many at a time. Default: all, up to 128."""
+    seed: int = 0
+    """Environment i starts from seed + i."""
+    out: Path | None = None
+    """Write the metrics: .json (summary and episodes) or .csv (one row per episode)."""
+    video: Path | None = None
+    """Write the first episode as an .mp4."""
+    video_seconds: float = 10.0
+    """Longest video, s."""
+
+
+def player_of(config: RolloutConfig) -> Player:
+    """Decide who plays; InvalidValueError if the command line says too much or too little."""
+    env_args = parse_env_args(config.env_args)
+    if not config.zero_action:
+        if config.source is None:
+            raise InvalidValueError("source", None, "a run folder or policy, or --zero-action")
+        if config.env is not None or config.action_layer is not None:
+            raise InvalidValueError(
+                "--env and --action-layer",
+                (config.env, config.action_layer),
+                "neither beside a policy, which brings its own",
+            )
+        return load_player(config.source, env_args)
+    if config.source is not None:
+        trained = load_player(config.source, env_args)
+        return Player(f"{trained.name}, zero action", trained.env_id, trained.env_args, None)
+    if config.env is None:
+        raise InvalidValueError("--env", None, "an environment id, with --zero-action")
+    if config.action_layer is not None:
+        env_args["action_layer"] = config.action_layer
+    return Player("zero action", config.env, env_args, None)
+
+
+def table(player: Player, episodes: Episodes) -> Table:
+    """Mean and spread of every metric over the episodes."""
+    result = Table(
+        title=f"{player.name} in {player.env_id}, {len(episodes)} episodes", title_justify="left"
+    )
+    result.add_column("metric")
+    for heading in ("mean", "standard deviation", "worst 1 in 20"):
+        result.add_column(heading, justify="right")
+    result.add_column("unit")
+    for metric in METRICS:
+        values = getattr(episodes, metric.name)
+        if np.isnan(values).any():
+            continue
+        worst = metric.better * np.quantile(metric.better * values, 0.05)
+        tail = f"{worst:.4g}" if metric.better else ""
+        result.add_row(
+            metric.label, f"{values.mean():.4g}", f"{values.std():.4g}", tail, metric.unit
+        )
+    for reason in sorted(set(episodes.termination) - {""}):
+        count = episodes.termination.count(reason)
+        result.add_row(f"ended by {reason}", str(count), "", "", "episodes")
+    return result
+
+
+def metrics_json(player: Player, episodes: Episodes, seed: int) -> str:
+    """Write everything the table shows, and each episode, as JSON."""
+    return to_json(
+        {
+            "name": player.name,
+            "env_id": player.env_id,
+            "env_args": player.env_args,
+            "zero_action": player.policy is None,
+            "seed": seed,
+            "summary": {
+                metric.name: {
+                    "mean": float(np.mean(getattr(episodes, metric.name))),
+                    "std": float(np.std(getattr(episodes, metric.name))),
+                    "unit": metric.unit,
+                }
+                for metric in METRICS
+            },
+            "episodes": episodes.rows(),
+        }
+    )
+
+
+def metrics_csv(episodes: Episodes) -> str:
+    """One row per episode."""
+    rows = episodes.rows()
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def run(config: RolloutConfig, console: Console) -> Episodes:
+    """Do what the command line asks."""
+    if config.out is not None:
+        check_output(config.out, "out", (".json", ".csv"))
+    if config.video is not None:
+        check_output(config.video, "video", (".mp4",))
+    player = player_of(config)
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task("episodes", total=config.episodes)
+        episodes = play_player(
+            player,
+            config.episodes,
+            config.seed,
+            config.num_envs,
+            lambda finished: progress.update(task, completed=finished),
+        )
+    console.print(table(player, episodes))
+    if config.out is not None:
+        as_csv = config.out.suffix.lower() == ".csv"
+        text = metrics_csv(episodes) if as_csv else metrics_json(player, episodes, config.seed)
+        write(config.out, text)
+        console.print(f"wrote {config.out}")
+    if config.video is not None:
+        env = make_env(player.env_id, player.env_args)
+        try:
+            actor = player.actor(env.observation_space, env.action_space)
+            clip = record(env, actor, config.seed, config.video_seconds, player.name, fps=50.0)
+        finally:
+            env.close()
+        write(config.video, clip.mp4())
+        console.print(f"wrote {config.video}")
+    return episodes
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line. An error is one line and exit status 2."""
+    config = tyro.cli(RolloutConfig, args=arguments, description=__doc__)
+    try:
+        run(config, Console())
+    except FbidError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
