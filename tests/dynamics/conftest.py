@@ -19,8 +19,8 @@ def random_mjcf(seed: int) -> str:
     """A floating-base tree with everything that a conversion between libraries can get wrong.
 
     Hinges and slides with `ref` and a `pos` of their own, zero to three of them on a body, bodies
-    and inertial frames turned at random, armature on joints, actuators and (on odd seeds) on the
-    free joint, tilted gravity, and a static tree before the robot so that its root is not the
+    and inertial frames turned at random, armature on joints and (on odd seeds) on the free joint,
+    tilted gravity, and a static tree before the robot so that its root is not the
     first body. Every joint has a motor. A foot of four sites and a spherical one, on bodies far
     from the root, are named `corner0` … `corner3` and `ball`.
     """
@@ -39,11 +39,8 @@ def random_mjcf(seed: int) -> str:
 
     def joint(name: str) -> str:
         kind = "hinge" if rng.random() < 0.65 else "slide"
-        gear, armature = rng.uniform(1, 20), rng.choice([0.0, rng.uniform(0, 1e-2)])
-        motors.append(
-            f'<motor joint="{name}" gear="{gear:.17g}" armature="{armature:.17g}" '
-            'ctrllimited="true" ctrlrange="-3 3"/>'
-        )
+        gear = rng.uniform(1, 20)
+        motors.append(f'<motor joint="{name}" gear="{gear:.17g}" ctrlrange="-3 3"/>')
         return (
             f'<joint name="{name}" type="{kind}" axis="{_numbers(rng.normal(size=3))}" '
             f'pos="{_numbers(rng.normal(size=3) * 0.2)}" ref="{rng.normal():.17g}" '

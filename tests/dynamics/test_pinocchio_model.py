@@ -105,6 +105,25 @@ def test_acceleration_is_the_second_derivative_of_position(model, states, integr
         np.testing.assert_allclose(actual, expected, rtol=1e-5, atol=1e-5)
 
 
+def test_armature_of_actuators_is_in_the_mass_matrix(random_mjcf, random_states):
+    """Reflected through the gear, as MuJoCo does."""
+    spec = mujoco.MjSpec.from_string(random_mjcf(4))
+    for number, actuator in enumerate(spec.actuators):
+        actuator.armature = 1e-3 * number
+    model = spec.compile()
+    data, expected = mujoco.MjData(model), np.empty((model.nv, model.nv))
+    data.qpos[:] = random_states(model, 1)[0]
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, expected)
+    q, _, _, rotation = to_pinocchio(model, data.qpos, data.qvel)
+    pin_model = pinocchio_model(model)
+    actual = frames.mass_matrix_from_pinocchio(
+        pin.crba(pin_model, pin_model.createData(), q), rotation
+    )
+    np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-9)
+    assert not np.allclose(pin_model.armature, model.dof_armature)
+
+
 def test_dofs_and_gravity_keep_their_order(random_mjcf):
     model = mujoco.MjModel.from_xml_string(random_mjcf(3))
     pin_model = pinocchio_model(model)

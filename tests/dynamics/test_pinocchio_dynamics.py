@@ -1,0 +1,280 @@
+"""Two providers, one set of terms; and a nominal model that differs exactly as asked."""
+
+import xml.etree.ElementTree as ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym import robots
+from fbid_gym.dynamics import MuJoCoDynamics, frames
+from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
+from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError, UnknownOptionError
+from fbid_gym.robots.assets import asset_path
+
+RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"]}
+GYMNASIUM = {
+    "humanoid": ["left_foot", "right_foot"],
+    "ant": [f"{leg}_ankle_geom" for leg in ("left", "right", "third", "fourth")],
+}
+EXACT = 1e-9
+
+
+@pytest.fixture(scope="module")
+def random_robot(tmp_path_factory, random_mjcf):
+    def load(seed, text=None):
+        path = tmp_path_factory.mktemp("robots") / f"random{seed}.xml"
+        path.write_text(text or random_mjcf(seed))
+        return robots.Robot.from_mjcf(path, RANDOM_FEET)
+
+    return load
+
+
+@pytest.fixture(scope="module", params=[*robots.ROBOTS, *GYMNASIUM, *range(30)])
+def robot(request, random_robot, gymnasium_assets):
+    if isinstance(request.param, int):
+        return random_robot(request.param)
+    if request.param in GYMNASIUM:
+        path = gymnasium_assets / f"{request.param}.xml"
+        return robots.Robot.from_mjcf(path, GYMNASIUM[request.param])
+    return robots.load(request.param)
+
+
+def assert_same_terms(actual, expected, relative_error):
+    assert actual._fields == expected._fields
+    for name in expected._fields:
+        ours, theirs = getattr(actual, name), getattr(expected, name)
+        assert ours.shape == theirs.shape, name
+        for row, reference in zip(ours, theirs, strict=True):
+            assert relative_error(row, reference) < EXACT, name
+
+
+def test_providers_agree(robot, random_states, relative_error):
+    states = random_states(robot.model, 5)
+    expected = MuJoCoDynamics(robot).terms(*states)
+    actual = PinocchioDynamics(robot).terms(*states)
+    assert_same_terms(actual, expected, relative_error)
+
+
+# The law that both must satisfy, from MuJoCo's elementary functions.
+
+
+@pytest.fixture(scope="module")
+def reference_velocity(robot):
+    """(qpos, qvel) -> (F, 6) velocity and (F, 6, nv) Jacobian of every foot's reference."""
+    model = robot.model
+    data = mujoco.MjData(model)
+
+    def evaluate(qpos, qvel):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        jacobian = np.zeros((robot.num_feet, 6, model.nv))
+        for rows, foot in zip(jacobian, robot.feet, strict=True):
+            centre = data.xpos[foot.body] + data.xmat[foot.body].reshape(3, 3) @ foot.points.mean(
+                axis=0
+            )
+            point = centre - [0.0, 0.0, foot.radius]
+            mujoco.mj_jac(model, data, rows[:3], rows[3:], point, foot.body)
+        return jacobian @ qvel, jacobian
+
+    return evaluate
+
+
+def test_feet_move_as_in_mujoco(robot, random_states, reference_velocity, relative_error):
+    states = random_states(robot.model, 3)
+    terms = PinocchioDynamics(robot).terms(*states)
+    for index, state in enumerate(zip(*states, strict=True)):
+        velocity, jacobian = reference_velocity(*state)
+        assert relative_error(terms.foot_velocity[index], velocity) < EXACT
+        assert relative_error(terms.foot_jacobian[index], jacobian) < EXACT
+
+
+def test_foot_bias_is_the_rate_of_foot_velocity_at_constant_velocity(
+    robot, random_states, reference_velocity, integrate
+):
+    states = random_states(robot.model, 3)
+    terms = PinocchioDynamics(robot).terms(*states)
+    step = 1e-3
+    weights = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * step)
+    for index, (qpos, qvel) in enumerate(zip(*states, strict=True)):
+        path = [
+            reference_velocity(integrate(robot.model, qpos, qvel, k * step), qvel)[0]
+            for k in range(-3, 4)
+        ]
+        expected = np.tensordot(weights, path, axes=1)
+        assert np.abs(expected).max() > 0.1
+        np.testing.assert_allclose(terms.foot_bias[index], expected, rtol=1e-7, atol=1e-6)
+
+
+def test_com_moves_as_its_velocity_says(robot, random_states, integrate):
+    qpos, qvel = random_states(robot.model, 3)
+    dynamics = PinocchioDynamics(robot)
+    terms = dynamics.terms(qpos, qvel)
+    step = 1e-4
+    after, before = (
+        np.array([integrate(robot.model, *state, t) for state in zip(qpos, qvel, strict=True)])
+        for t in (step, -step)
+    )
+    rate = dynamics.terms(after, qvel).com - dynamics.terms(before, qvel).com
+    np.testing.assert_allclose(terms.com_velocity, rate / (2 * step), rtol=1e-5, atol=1e-5)
+
+
+# --- a nominal model that is off on purpose ------------------------------------------------------
+
+
+def edited_mjcf(text, scale, shift):
+    """The MJCF with some bodies' inertials changed in the text, as a user would write it."""
+    root = ElementTree.fromstring(text)
+    seen = set()
+    for body in root.iter("body"):
+        name = body.get("name")
+        inertial = body.find("inertial")
+        factor, offset = scale.get(name, 1.0), np.array(shift.get(name, (0.0, 0.0, 0.0)))
+        if factor == 1.0 and not offset.any():
+            continue
+        seen.add(name)
+        for key, change in (
+            ("mass", lambda x, factor=factor: factor * x),
+            ("diaginertia", lambda x, factor=factor: factor * x),
+            ("fullinertia", lambda x, factor=factor: factor * x),
+            ("pos", lambda x, offset=offset: x + offset),
+        ):
+            if inertial.get(key) is not None:
+                values = change(np.array(inertial.get(key).split(), dtype=float))
+                inertial.set(key, " ".join(f"{value:.17g}" for value in values))
+    assert seen == set(scale) | set(shift)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def bodies_with_inertial(text):
+    bodies = ElementTree.fromstring(text).iter("body")
+    return [body.get("name") for body in bodies if body.find("inertial") is not None]
+
+
+@pytest.fixture(scope="module", params=[*robots.ROBOTS, 11, 12])
+def nominal_case(request, random_mjcf, random_robot, tmp_path_factory):
+    """A robot's MJCF text, the robot, and a loader for edited texts of it."""
+    if isinstance(request.param, int):
+        seed = request.param
+        return random_mjcf(seed), random_robot(seed), lambda text: random_robot(seed, text)
+    robot = robots.load(request.param)
+    feet = {foot.name: foot.point_names for foot in robot.feet}
+
+    def load(text):
+        path = tmp_path_factory.mktemp("edited") / "robot.xml"
+        path.write_text(text)
+        return robots.Robot.from_mjcf(path, feet)
+
+    return asset_path(f"{request.param}.xml").read_text(), robot, load
+
+
+def test_nominal_model_is_the_edited_robot(nominal_case, random_states, relative_error):
+    """Scaled and shifted bodies give what MuJoCo gives for an MJCF written that way."""
+    text, robot, load = nominal_case
+    names = bodies_with_inertial(text)
+    scale = {names[-1]: 1.7, names[-3]: 0.6}
+    shift = {names[-3]: (0.02, -0.03, 0.05), names[-2]: (0.0, 0.04, 0.0)}
+    before = robot.model.body_mass.copy(), robot.model.body_ipos.copy()
+    states = random_states(robot.model, 3)
+    actual = PinocchioDynamics(robot, mass_scale=scale, com_offset=shift).terms(*states)
+    expected = MuJoCoDynamics(load(edited_mjcf(text, scale, shift))).terms(*states)
+    assert_same_terms(actual, expected, relative_error)
+    unchanged = MuJoCoDynamics(robot).terms(*states)
+    assert relative_error(actual.mass_matrix, unchanged.mass_matrix) > 1e-4
+    # The robot itself is left alone.
+    np.testing.assert_array_equal(robot.model.body_mass, before[0])
+    np.testing.assert_array_equal(robot.model.body_ipos, before[1])
+
+
+def test_one_scale_for_all_bodies(random_states, relative_error):
+    robot = robots.load("biped")
+    states = random_states(robot.model, 3)
+    terms = PinocchioDynamics(robot).terms(*states)
+    scaled = PinocchioDynamics(robot, mass_scale=1.2).terms(*states)
+    armature = np.diag(robot.model.dof_armature)
+    expected = 1.2 * (terms.mass_matrix - armature) + armature
+    assert relative_error(scaled.mass_matrix, expected) < EXACT
+    assert relative_error(scaled.bias, 1.2 * terms.bias) < EXACT
+    assert relative_error(scaled.com, terms.com) < EXACT
+
+
+# --- bad input -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def biped():
+    return robots.load("biped")
+
+
+def test_unknown_body_is_named_with_the_choices(biped):
+    body = biped.model.body(biped.base_body).name
+    for options in ({"mass_scale": {"wing": 2.0}}, {"com_offset": {"wing": (0, 0, 0)}}):
+        argument = next(iter(options))
+        message = f"Unknown body in {argument} 'wing'. Valid choices: .*{body}"
+        with pytest.raises(UnknownOptionError, match=message):
+            PinocchioDynamics(biped, **options)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf, "heavy", None])
+def test_scale_must_be_positive(biped, value):
+    body = biped.model.body(biped.base_body).name
+    message = rf"Invalid mass_scale: {value!r}\. Expected a positive number"
+    with pytest.raises(InvalidValueError, match=message):
+        PinocchioDynamics(biped, mass_scale=value)
+    message = rf"Invalid mass_scale\['{body}'\]: {value!r}\. Expected a positive number"
+    with pytest.raises(InvalidValueError, match=message):
+        PinocchioDynamics(biped, mass_scale={body: value})
+
+
+def test_offset_must_be_three_finite_numbers(biped):
+    body = biped.model.body(biped.base_body).name
+    message = rf"com_offset\['{body}'\] has shape \(2,\). Expected \(3,\)"
+    with pytest.raises(ShapeError, match=message):
+        PinocchioDynamics(biped, com_offset={body: (0.0, 0.1)})
+    for value in ((0.0, np.nan, 0.0), ("a", "b", "c")):
+        message = rf"Invalid com_offset\['{body}'\]: .* Expected three"
+        with pytest.raises(InvalidValueError, match=message):
+            PinocchioDynamics(biped, com_offset={body: value})
+
+
+def test_states_are_checked(biped, random_states):
+    dynamics = PinocchioDynamics(biped)
+    qpos, qvel = random_states(biped.model, 2)
+    with pytest.raises(ShapeError, match=rf"qpos has shape .*Expected \(N, {biped.nq}\)"):
+        dynamics.terms(qpos[:, :-1], qvel)
+    with pytest.raises(ShapeError, match=r"qpos has shape"):
+        dynamics.terms(qpos[0], qvel[0])
+    with pytest.raises(ShapeError, match=rf"qvel has shape .*Expected \(2, {biped.nv}\)"):
+        dynamics.terms(qpos, qvel[:1])
+    qvel[1, 4] = np.nan
+    with pytest.raises(NonFiniteError, match=r"qvel is not finite: .* index \(1, 4\)"):
+        dynamics.terms(qpos, qvel)
+    qvel[1, 4] = 0.0
+    qpos[1, 3:7] = 0.0
+    with pytest.raises(InvalidValueError, match=r"Invalid qpos\[1, 3:7\].* a nonzero quaternion"):
+        dynamics.terms(qpos, qvel)
+
+
+def test_quaternion_need_not_be_of_unit_length(biped, random_states):
+    qpos, qvel = random_states(biped.model, 2)
+    expected = PinocchioDynamics(biped).terms(qpos, qvel)
+    qpos[:, 3:7] *= 5.0
+    actual = PinocchioDynamics(biped).terms(qpos, qvel)
+    for name in expected._fields:
+        np.testing.assert_allclose(getattr(actual, name), getattr(expected, name), atol=1e-9)
+    np.testing.assert_allclose(
+        actual.base_rotation, frames.quaternion_to_matrix(qpos[:, 3:7]), atol=0
+    )
+
+
+def test_empty_batch_and_own_arrays(biped, random_states):
+    dynamics = PinocchioDynamics(biped)
+    qpos, qvel = random_states(biped.model, 2)
+    terms = dynamics.terms(qpos, qvel)
+    kept = [array.copy() for array in terms]
+    dynamics.terms(-qpos, 3 * qvel)
+    for array, copy in zip(terms, kept, strict=True):
+        np.testing.assert_array_equal(array, copy)
+    empty = dynamics.terms(qpos[:0], qvel[:0])
+    assert [array.shape for array in empty] == [(0, *array.shape[1:]) for array in terms]
