@@ -247,8 +247,14 @@ def point_names(model: mujoco.MjModel) -> list[str]:
     return sorted({name for name in names if name})
 
 
-def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
-    """Add a ground plane, a light and a sky to a file whose static world has nothing to stand on."""
+def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel, base: int) -> None:
+    """Add a ground plane, a light and a sky to a file whose static world has nothing to stand on.
+
+    Args:
+        spec: the spec to extend.
+        model: the same, compiled before anything was added.
+        base: id of the floating body; the light follows it, so that its shadow stays sharp.
+    """
     static = model.body_weldid[model.geom_bodyid] == 0
     if np.any(static & ((model.geom_contype != 0) | (model.geom_conaffinity != 0))):
         return
@@ -256,8 +262,8 @@ def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
         name="fbid_sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[0.72, 0.80, 0.90],
-        rgb2=[0.96, 0.97, 0.99],
+        rgb1=[0.62, 0.74, 0.88],
+        rgb2=[0.95, 0.96, 0.98],
         width=64,
         height=384,
     )
@@ -265,26 +271,37 @@ def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
         name="fbid_ground",
         type=mujoco.mjtTexture.mjTEXTURE_2D,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=[0.80, 0.81, 0.82],
-        rgb2=[0.74, 0.75, 0.77],
-        mark=mujoco.mjtMark.mjMARK_EDGE,
-        markrgb=[0.66, 0.67, 0.69],
-        width=300,
-        height=300,
+        rgb1=[0.86, 0.87, 0.88],
+        rgb2=[0.78, 0.80, 0.82],
+        width=512,
+        height=512,
     )
-    material = spec.add_material(name="fbid_ground", texuniform=True, texrepeat=[2, 2], reflectance=0.05)
+    size = _extent(model, base)
+    tiles = 1.0 / size  # one pair of tiles per robot size
+    material = spec.add_material(name="fbid_ground", texuniform=True, texrepeat=[tiles, tiles])
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "fbid_ground"
-    world = spec.worldbody
-    world.add_light(
+    body = next(b for b in spec.bodies if b.id == base)
+    body.add_light(
         name="fbid_sun",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[0, 0, 4],
-        dir=[0.3, 0.4, -1],
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
+        type=mujoco.mjtLightType.mjLIGHT_SPOT,
+        pos=[1.2 * size, -1.6 * size, 4.0 * size],
+        dir=[-1.2, 1.6, -4.0],
+        cutoff=40,
+        exponent=4,
         diffuse=[0.6, 0.6, 0.6],
         specular=[0.2, 0.2, 0.2],
     )
+    # The renderer's near plane and shadow map are in units of the extent.
+    spec.stat.extent = size
+    spec.stat.center = [0, 0, 0.5 * size]
+    spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
+    spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
+    spec.visual.quality.shadowsize = 4096
+    spec.visual.global_.offwidth = max(spec.visual.global_.offwidth, 1920)
+    spec.visual.global_.offheight = max(spec.visual.global_.offheight, 1080)
     # contype and conaffinity 1, so that it meets a geom which has either.
-    world.add_geom(
+    spec.worldbody.add_geom(
         name="fbid_ground",
         type=_GEOM.mjGEOM_PLANE,
         size=[0, 0, 0.1],
@@ -338,6 +355,15 @@ def add_contact_sensors(spec: mujoco.MjSpec, feet: list[list[ContactPoint]]) -> 
             sensor.intprm[:3] = [1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1]
             names.append(name)
     return names
+
+
+def _extent(model: mujoco.MjModel, base: int) -> float:
+    """Size of the robot in its reference pose, m: twice the reach of its bodies from the base."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    tree = model.body_rootid == base
+    reach = np.linalg.norm(data.xpos[tree] - data.xpos[base], axis=1)
+    return float(max(2.0 * np.max(reach), 0.1))
 
 
 def _not_a_motor(model: mujoco.MjModel, a: int) -> str:

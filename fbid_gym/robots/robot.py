@@ -161,7 +161,7 @@ class Robot:
             raise RobotError(f"The free joint is on body {base_name!r}, not on base={base!r}.")
         points = [_points_of(plain, foot, names) for foot, names in groups.items()]
 
-        mjcf.add_ground(spec, plain)
+        mjcf.add_ground(spec, plain, base_body)
         sensors = mjcf.add_contact_sensors(spec, points)
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
