@@ -40,6 +40,7 @@ class _Layout:
     sparse: np.ndarray  # (nv * nv,) for each entry of M, its place in MuJoCo's sparse M
     present: np.ndarray  # (nv * nv,) 1 where M can be nonzero
     base_armature: np.ndarray  # (3,) armature on the base's translation
+    members: np.ndarray  # (B,) ids of the robot's bodies
     mass: float
 
     @classmethod
@@ -68,6 +69,7 @@ class _Layout:
             sparse=sparse.ravel(),
             present=present.ravel(),
             base_armature=model.dof_armature[:3].copy(),
+            members=np.flatnonzero(model.body_rootid == robot.base_body),
             mass=robot.mass,
         )
 
@@ -91,8 +93,7 @@ class LiveTerms:
         self._layout = _Layout.of(robot)
         self._buffers = {name: batch.bind(name) for name in BUFFERS}
         self._qvel = batch.bind("qvel")
-        mass = batch.expanded("body_mass")
-        self._mass = None if mass is None else mass
+        self._batch = batch
 
     def __call__(self) -> DynamicsTerms:
         """Return the terms, in arrays of their own."""
@@ -133,13 +134,20 @@ class LiveTerms:
             base_position=buffers["xpos"][:, at.base].copy(),
             base_rotation=buffers["xmat"][:, at.base].reshape(num_robots, 3, 3),
             com=com.copy(),
-            com_velocity=momentum / at.mass,
+            com_velocity=momentum / self._mass(),
             foot_position=reference,
             foot_rotation=rotation,
             foot_velocity=velocity,
             foot_jacobian=jacobian,
             foot_bias=bias,
         )
+
+    def _mass(self) -> float | np.ndarray:
+        """Mass of the robot, or of each robot, (N, 1), where they differ."""
+        masses = self._batch.expanded("body_mass")
+        if masses is None:
+            return self._layout.mass
+        return masses[:, self._layout.members].sum(axis=1, keepdims=True)
 
 
 class MuJoCoDynamics:

@@ -1,0 +1,91 @@
+"""Layer `joint_position`: the action moves the target of a joint PD controller."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbid_gym.actions.layer import Memory
+from fbid_gym.actions.options import positive
+from fbid_gym.actions.stance import holding_torque, own_inertia, stance_inertia
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.robots import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class JointPosition:
+    """tau = tau_home + K_P (q_home + scale * action - q) - K_D qdot.
+
+    Attributes:
+        robot: whose joints.
+        hold: (n,) N·m that keep the home stance in equilibrium, so that the zero action rests there.
+        stiffness: (n,) N·m/rad.
+        damping: (n,) N·m·s/rad.
+        scale: rad (m for slides) at action 1.
+    """
+
+    robot: Robot
+    hold: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    scale: float
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        control_hz: int,
+        *,
+        natural_frequency: float = 2.0,
+        damping_ratio: float = 1.0,
+        scale: float = 0.4,
+    ) -> "JointPosition":
+        """Derive the gains from a second-order response of the home stance.
+
+        K_P = I (2 pi f)^2 and K_D = 2 zeta I (2 pi f) with I the inertia that the joint moves while
+        its foot stands (`stance_inertia`). K_D stays below the inertia that the joint moves in the
+        air times the control rate, beyond which sampled damping itself oscillates.
+
+        Args:
+            robot: whose joints.
+            control_hz: control ticks per second.
+            natural_frequency: f in Hz.
+            damping_ratio: zeta.
+            scale: rad (m for slides) at action 1.
+        """
+        positive(natural_frequency=natural_frequency, damping_ratio=damping_ratio, scale=scale)
+        inertia, omega = stance_inertia(robot), 2.0 * np.pi * natural_frequency
+        damping = 2.0 * damping_ratio * omega * inertia
+        return cls(
+            robot,
+            hold=holding_torque(robot),
+            stiffness=inertia * omega**2,
+            damping=np.minimum(damping, own_inertia(robot) * control_hz),
+            scale=scale,
+        )
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """One target a joint."""
+        return tuple(
+            f"target of {joint} from home (x {self.scale:g} rad)"
+            for joint in self.robot.joint_names
+        )
+
+    diagnostics: tuple[str, ...] = ()
+
+    def memory(self, num_robots: int) -> Memory:
+        """Nothing to remember."""
+        return {}
+
+    def torque(
+        self,
+        action: np.ndarray,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        memory: Memory,
+    ) -> np.ndarray:
+        """See `ActionLayer.torque`."""
+        error = self.robot.home_qpos[7:] + self.scale * action - state.qpos[:, 7:]
+        return self.hold + self.stiffness * error - self.damping * state.qvel[:, 6:]

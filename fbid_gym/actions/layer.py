@@ -1,0 +1,55 @@
+"""What every action layer is: a map from a policy's action to joint torques, tick by tick."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.terms import DynamicsTerms
+
+Memory = dict[str, np.ndarray]
+"""What a layer remembers from tick to tick, one row per robot: warm starts and diagnostics."""
+
+
+class ActionLayer(Protocol):
+    """Turns actions in [-1, 1] into joint torques at the control rate.
+
+    A layer is immutable and serves any number of robots: what it remembers of each lies in a
+    `Memory` that the caller keeps, so that resetting one robot is resetting one row. In every layer
+    the zero action means "hold the home posture as well as this layer can".
+    """
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """What each entry of the action commands, with its scale and unit."""
+        ...
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """Names of the memory entries, each (N,), that are worth reporting."""
+        ...
+
+    def memory(self, num_robots: int) -> Memory:
+        """Return the memory of robots that have not moved yet."""
+        ...
+
+    def torque(
+        self,
+        action: np.ndarray,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        memory: Memory,
+    ) -> np.ndarray:
+        """Return joint torques.
+
+        Args:
+            action: (N, A) in [-1, 1].
+            state: of the robots, now.
+            terms: returns the dynamics at this state; not called by layers that need no model.
+            memory: of the robots; updated.
+
+        Returns:
+            (N, n) N·m, before the torque limits.
+        """
+        ...

@@ -1,0 +1,12 @@
+"""Checks that the options of several layers share."""
+
+import numpy as np
+
+from fbid_gym.errors import InvalidValueError
+
+
+def positive(**values: float) -> None:
+    """Raise an error that names the first value which is not a positive finite number."""
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < np.inf:
+            raise InvalidValueError(name, value, "a positive finite number")

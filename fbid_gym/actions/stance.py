@@ -1,0 +1,54 @@
+"""What the model-free layers know of a robot: constants of its home stance, computed once."""
+
+import numpy as np
+
+from fbid_gym.control.inverse_dynamics import orthogonal_inverse_dynamics
+from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.robots import Robot
+
+
+def _home_terms(robot: Robot) -> DynamicsTerms:
+    return MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
+
+
+def holding_torque(robot: Robot) -> np.ndarray:
+    """Return the least joint torques that keep the home stance in equilibrium: (n,) N·m."""
+    terms = _home_terms(robot)
+    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    rest = np.zeros((1, robot.nv))
+    solution = orthogonal_inverse_dynamics(
+        terms.mass_matrix, terms.bias, contacts.jacobian, rest, contacts.bias
+    )
+    return solution.torque[0]
+
+
+def stance_inertia(robot: Robot) -> np.ndarray:
+    """Return the inertia each joint moves at home while its own foot stays put: (n,) kg·m².
+
+    A leg's joint that turns by itself swings everything beyond it about its axis; with the foot on
+    the ground that is the rest of the robot. The feet share the load, hence the division by their
+    number. A joint that no foot hangs from moves what it carries, its diagonal entry of M.
+    """
+    terms = _home_terms(robot)
+    matrix = terms.mass_matrix[0]
+    inertia = np.diag(matrix)[6:].copy()
+    for jacobian in terms.foot_jacobian[0]:
+        for joint in np.flatnonzero(np.abs(jacobian[:, 6:]).max(axis=0) > 0.0):
+            velocity = np.zeros(robot.nv)
+            velocity[6 + joint] = 1.0
+            # The base moves so that the foot does not.
+            velocity[:6] = np.linalg.solve(jacobian[:, :6], -jacobian[:, 6 + joint])
+            inertia[joint] = velocity @ matrix @ velocity / robot.num_feet
+    return inertia
+
+
+def own_inertia(robot: Robot) -> np.ndarray:
+    """Return the inertia each joint moves in the air: (n,) kg·m².
+
+    With the base free and the other joints at rest, the inverse of the diagonal of M^-1 would let
+    every joint give way; the diagonal of M, with the base held, is what one joint's own controller
+    sees on the time scale of a tick.
+    """
+    return np.diag(_home_terms(robot).mass_matrix[0])[6:].copy()

@@ -1,0 +1,52 @@
+"""Layer `torque`: the action is the joint torque."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbid_gym.actions.layer import Memory
+from fbid_gym.actions.stance import holding_torque
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.robots import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Torque:
+    """tau = tau_home + action * torque limit.
+
+    Attributes:
+        robot: whose joints.
+        hold: (n,) N·m that keep the home stance in equilibrium, the zero action.
+    """
+
+    robot: Robot
+    hold: np.ndarray
+
+    @classmethod
+    def of(cls, robot: Robot, control_hz: int) -> "Torque":
+        """Build the layer. It has no options."""
+        return cls(robot, holding_torque(robot))
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """One torque a joint."""
+        limits = zip(self.robot.joint_names, self.robot.torque_limit, strict=True)
+        return tuple(f"torque of {joint} (x {limit:g} N·m)" for joint, limit in limits)
+
+    diagnostics: tuple[str, ...] = ()
+
+    def memory(self, num_robots: int) -> Memory:
+        """Nothing to remember."""
+        return {}
+
+    def torque(
+        self,
+        action: np.ndarray,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        memory: Memory,
+    ) -> np.ndarray:
+        """See `ActionLayer.torque`."""
+        return self.hold + action * self.robot.torque_limit

@@ -1,0 +1,105 @@
+"""The arguments of the Balance environments, checked before anything is built."""
+
+import difflib
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from fbid_gym.actions import ActionLayer, make_layer
+from fbid_gym.envs.randomisation import Randomisation
+from fbid_gym.envs.rates import Rates
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.robots import Robot, load
+from fbid_gym.tasks import Balance, Pushes
+
+
+@dataclass(frozen=True)
+class BalanceConfig:
+    """Everything that defines a Balance environment; the same for one robot and for many."""
+
+    robot: str | Robot = "biped"
+    """Name of a built-in robot, or a `Robot`."""
+    action_layer: str = "joint_position"
+    """How the policy acts: see `fbid_gym.actions.LAYERS`."""
+    layer_options: dict[str, Any] | None = None
+    """Arguments of the action layer, by name."""
+    physics_hz: int = 1000
+    """Simulation steps per second."""
+    control_hz: int = 500
+    """Action-layer ticks per second; divides `physics_hz`."""
+    policy_hz: int = 50
+    """Environment steps per second; divides `control_hz`."""
+    episode_seconds: float = 10.0
+    """An episode is truncated after this time."""
+    push_force: tuple[float, float] | None = None
+    """(least, most) N of a push. Default: 0.04 to 0.2 of the robot's weight."""
+    push_duration: float = 0.15
+    """s."""
+    push_interval: tuple[float, float] = (1.5, 3.0)
+    """(least, most) s from the start of one push to the next."""
+    height_range: tuple[float, float] = (0.9, 1.0)
+    """(least, most) commanded base height as a share of the home height."""
+    height_interval: tuple[float, float] = (2.0, 4.0)
+    """(least, most) s from one command to the next."""
+    joint_noise: float = 0.02
+    """rad, largest offset of a joint from home at the start."""
+    velocity_noise: float = 0.05
+    """m/s and rad/s, largest velocity of a coordinate at the start."""
+    randomisation: dict[str, Any] | None = None
+    """Arguments of `fbid_gym.envs.randomisation.Randomisation`; none by default."""
+
+    @classmethod
+    def of(cls, arguments: dict[str, Any]) -> "BalanceConfig":
+        """Build a configuration from keyword arguments, naming any that does not exist."""
+        names = [field.name for field in fields(cls)]
+        for name in arguments:
+            if name not in names:
+                close = difflib.get_close_matches(name, names, n=1)
+                kind = f"environment argument (did you mean {close[0]!r}?)" if close else (
+                    "environment argument"
+                )
+                raise UnknownOptionError(kind, name, names)
+        return cls(**arguments)
+
+    def load_robot(self) -> Robot:
+        """Return the robot."""
+        return self.robot if isinstance(self.robot, Robot) else load(self.robot)
+
+    def rates(self) -> Rates:
+        """Return the checked rates."""
+        return Rates(self.physics_hz, self.control_hz, self.policy_hz)
+
+    def layer(self, robot: Robot) -> ActionLayer:
+        """Return the action layer."""
+        return make_layer(self.action_layer, robot, self.rates().control, self.layer_options)
+
+    def task(self, robot: Robot) -> Balance:
+        """Return the task."""
+        seconds, rates = self.episode_seconds, self.rates()
+        if not 1.0 / rates.policy <= seconds < np.inf:
+            raise InvalidValueError("episode_seconds", seconds, "at least one policy step, finite")
+        force = self.push_force
+        if force is None:
+            force = (0.04 * robot.weight, 0.2 * robot.weight)
+        return Balance(
+            robot=robot,
+            seconds=seconds,
+            hz=rates.control,
+            pushes=Pushes(tuple(force), self.push_duration, tuple(self.push_interval)),
+            height_range=tuple(self.height_range),
+            height_interval=tuple(self.height_interval),
+            joint_noise=self.joint_noise,
+            velocity_noise=self.velocity_noise,
+        )
+
+    def randomisations(self) -> Randomisation:
+        """Return what varies from robot to robot."""
+        return Randomisation.of(self.randomisation or {})
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the configuration as plain data; a robot of the user's by its name."""
+        data = asdict(self) if isinstance(self.robot, str) else {
+            field.name: getattr(self, field.name) for field in fields(self)
+        }
+        return data | {"robot": self.robot if isinstance(self.robot, str) else self.robot.name}

@@ -1,0 +1,212 @@
+"""N environments stepped together on one thread: the one code path of scalar and vector envs."""
+
+import json
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fbid_gym.dynamics.state import Outcome, RobotState
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.envs.config import BalanceConfig
+from fbid_gym.envs.plant import plant_of
+from fbid_gym.envs.simulation import Simulation
+from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
+
+_ACTION_TOLERANCE = 1e-6
+
+
+class Step(NamedTuple):
+    """What one policy step returns for N environments.
+
+    Attributes:
+        observation: (N, O) float32.
+        reward: (N,).
+        terminated: (N,) bool.
+        truncated: (N,) bool.
+        info: name -> (N, ...) arrays.
+    """
+
+    observation: np.ndarray
+    reward: np.ndarray
+    terminated: np.ndarray
+    truncated: np.ndarray
+    info: dict[str, np.ndarray]
+
+
+class EnvBatch:
+    """N environments without any notion of vector API: reset some, step all.
+
+    Attributes:
+        config: what they are.
+        robot: the robot.
+        task: the task.
+        layer: the action layer.
+        simulation: the physics.
+    """
+
+    def __init__(self, config: BalanceConfig, num_envs: int) -> None:
+        """Build the environments; reset them all before the first step."""
+        self.config = config
+        self.rates = config.rates()
+        self.robot = config.load_robot()
+        self.task = config.task(self.robot)
+        self.layer = config.layer(self.robot)
+        self.simulation = Simulation(self.robot, num_envs, self.rates)
+        self.plant = plant_of(self.simulation, config.randomisations())
+        self.num_envs = num_envs
+        self.num_steps = round(self.task.seconds * self.rates.policy)
+
+        self._rngs = [np.random.default_rng() for _ in range(num_envs)]
+        drawn = self.task.draw(np.random.default_rng(0))
+        self._plan = {
+            name: np.zeros((num_envs, *value.shape), value.dtype) for name, value in drawn.items()
+        }
+        self._memory = self.layer.memory(num_envs)
+        self._fresh_memory = self.layer.memory(num_envs)
+        self._tick = np.zeros(num_envs, np.int64)
+        self._torque = np.zeros((num_envs, self.robot.num_joints))
+        self._observation = np.zeros(
+            (num_envs, len(self.task.observation_names)), np.float32
+        )
+
+    def seed(self, env: int, rng: np.random.Generator) -> None:
+        """Give one environment a random generator of its own."""
+        self._rngs[env] = rng
+
+    def reset(self, ids: np.ndarray) -> None:
+        """Start new episodes in the environments `ids` (K,)."""
+        for env in ids:
+            for name, value in self.task.draw(self._rngs[env]).items():
+                self._plan[name][env] = value
+            self.plant.draw(env, self._rngs[env])
+        self.plant.apply(ids)
+        self.simulation.place(ids, self._plan["qpos"][ids], self._plan["qvel"][ids])
+        self._tick[ids] = 0
+        self._torque[ids] = 0.0
+        self._forget(ids)
+        zeros = np.zeros(self.num_envs)
+        outcome = Outcome(self._state(), self.simulation.terms(), self._torque, zeros, zeros)
+        self._observation[ids] = self._observe(outcome)[ids]
+
+    def observation(self) -> np.ndarray:
+        """Return the current observations, (N, O) float32."""
+        return self._observation.copy()
+
+    def check_action(self, action: np.ndarray) -> np.ndarray:
+        """Return the actions (N, A) as floats, or raise one error before anything is lost."""
+        action = np.asarray(action, dtype=float)
+        expected = (self.num_envs, len(self.layer.action_names))
+        if action.shape != expected:
+            raise ShapeError("action", action.shape, f"{expected}")
+        size = np.abs(action).max()
+        if not size <= 1.0 + _ACTION_TOLERANCE:
+            bad = ~(np.abs(action) <= 1.0 + _ACTION_TOLERANCE)
+            where = tuple(int(i) for i in np.argwhere(bad)[0])
+            if not np.isfinite(action[where]):
+                raise NonFiniteError("action", where)
+            raise InvalidValueError(
+                f"action at index {where}", float(action[where]), "a number in [-1, 1]"
+            )
+        return action
+
+    def step(self, action: np.ndarray) -> Step:
+        """Hold the checked actions (N, A) for one policy step."""
+        simulation, ticks = self.simulation, self.rates.ticks
+        pushes = self.task.push(self._plan, self._tick + np.arange(ticks)[:, None])
+        torque_square, power = np.zeros(self.num_envs), np.zeros(self.num_envs)
+        lost = np.zeros(self.num_envs, bool)
+        limit = self.robot.torque_limit
+        for push in pushes:
+            torque = self.layer.torque(action, self._state(), self.plant.terms, self._memory)
+            torque = np.minimum(np.maximum(torque, -limit), limit)
+            if not np.isfinite(torque.sum()):
+                bad = ~np.isfinite(torque).all(axis=1)
+                torque[bad] = 0.0
+                lost |= bad
+            simulation.push(push)
+            simulation.step(torque)
+            self._tick += 1
+            torque_square += np.vecdot(torque, torque)
+            power += np.vecdot(np.abs(torque), np.abs(simulation.qvel[:, 6:]))
+        self._torque = torque
+        lost |= simulation.diverged()
+        if lost.any():
+            self._retire(np.flatnonzero(lost))
+
+        outcome = Outcome(
+            self._state(),
+            simulation.terms(),
+            torque,
+            torque_square / (ticks * self.robot.num_joints),
+            power / ticks,
+        )
+        terms, metrics = self.task.reward(outcome, self._plan)
+        fallen = self.task.fallen(outcome) & ~lost
+        reward = np.where(lost, 0.0, sum(terms.values()))
+        # A diverged robot has no state worth observing: its last observation stands.
+        self._observation = np.where(
+            lost[:, None], self._observation, self._observe(outcome)
+        ).astype(np.float32)
+        terminated = fallen | lost
+        truncated = (self._tick >= self.num_steps * ticks) & ~terminated
+        info = {f"reward_{name}": value for name, value in terms.items()} | metrics
+        info["push"] = pushes[-1]
+        info["torque"] = torque
+        info["contact_force"] = self._state().contact_force.copy()
+        info["layer_saturation"] = (np.abs(torque) >= limit).mean(axis=1)
+        info |= {f"layer_{name}": self._memory[name].copy() for name in self.layer.diagnostics}
+        info["termination"] = np.where(lost, "diverged", np.where(fallen, "fall", "")).astype(object)
+        return Step(self._observation.copy(), reward, terminated, truncated, info)
+
+    def _state(self) -> RobotState:
+        simulation = self.simulation
+        return RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, self._tick)
+
+    def _observe(self, outcome: Outcome) -> np.ndarray:
+        bound = self.task.observation_bound
+        return np.clip(self.task.observe(outcome, self._plan), -bound, bound)
+
+    def _forget(self, ids: np.ndarray) -> None:
+        for name, value in self._fresh_memory.items():
+            self._memory[name][ids] = value[ids]
+
+    def _retire(self, ids: np.ndarray) -> None:
+        """Stand diverged robots back in the home pose, where they harm nobody until reset."""
+        home = np.tile(self.robot.home_qpos, (len(ids), 1))
+        self.simulation.place(ids, home, np.zeros((len(ids), self.robot.nv)))
+        self._forget(ids)
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """Return all that the future depends on, as arrays: physics, task, layer, generators."""
+        state = {f"simulation.{k}": v for k, v in self.simulation.state_dict().items()}
+        state |= {f"plant.{k}": v for k, v in self.plant.state_dict().items()}
+        state |= {f"plan.{k}": v.copy() for k, v in self._plan.items()}
+        state |= {f"memory.{k}": v.copy() for k, v in self._memory.items()}
+        state |= {"tick": self._tick.copy(), "torque": self._torque.copy()}
+        generators = json.dumps([_generator_state(rng) for rng in self._rngs]).encode()
+        return state | {
+            "observation": self._observation.copy(),
+            "generators": np.frombuffer(generators, np.uint8).copy(),
+        }
+
+    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
+        """Continue from a `state_dict`, bit for bit."""
+        self.plant.load_state_dict(_under("plant", state))
+        self.simulation.load_state_dict(_under("simulation", state))
+        self._plan = {k: v.copy() for k, v in _under("plan", state).items()}
+        self._memory = {k: v.copy() for k, v in _under("memory", state).items()}
+        self._tick, self._torque = state["tick"].copy(), state["torque"].copy()
+        self._observation = state["observation"].copy()
+        for rng, saved in zip(
+            self._rngs, json.loads(state["generators"].tobytes()), strict=True
+        ):
+            rng.bit_generator.state = saved
+
+
+def _under(prefix: str, state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    start = prefix + "."
+    return {k.removeprefix(start): v for k, v in state.items() if k.startswith(start)}
+
+
+def _generator_state(rng: np.random.Generator) -> dict[str, Any]:
+    return dict(rng.bit_generator.state)

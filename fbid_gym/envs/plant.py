@@ -1,0 +1,127 @@
+"""Which robot is simulated, and which one the model-based layers believe in."""
+
+from typing import Protocol
+
+import mujoco
+import mujoco.batch
+import numpy as np
+
+from fbid_gym.dynamics.mujoco_dynamics import LiveTerms
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.envs.randomisation import Randomisation
+from fbid_gym.envs.simulation import Simulation
+
+
+class Plant(Protocol):
+    """The robots' physical parameters, and the dynamics terms that controllers see."""
+
+    def draw(self, env: int, rng: np.random.Generator) -> None:
+        """Draw the parameters of one robot for its next episode."""
+        ...
+
+    def apply(self, ids: np.ndarray) -> None:
+        """Give the robots `ids` (K,) their drawn parameters."""
+        ...
+
+    def terms(self) -> DynamicsTerms:
+        """Return the terms of the controller's model at the robots' state."""
+        ...
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """Return copies of the drawn parameters."""
+        ...
+
+    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
+        """Give all robots the parameters of a `state_dict`."""
+        ...
+
+
+def plant_of(simulation: Simulation, randomisation: Randomisation) -> Plant:
+    """Return the plant for a simulation."""
+    if randomisation.any:
+        return RandomPlant(simulation, randomisation)
+    return NominalPlant(simulation)
+
+
+class NominalPlant:
+    """All robots are as their MJCF says, and controllers know it."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        """Serve the simulation's own terms."""
+        self.terms = simulation.terms
+
+    def draw(self, env: int, rng: np.random.Generator) -> None:
+        """Nothing is random."""
+
+    def apply(self, ids: np.ndarray) -> None:
+        """Nothing changes."""
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """Nothing to keep."""
+        return {}
+
+    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
+        """Nothing to restore."""
+
+
+class RandomPlant:
+    """Each robot differs from its MJCF, and the controller's model differs from the MJCF too.
+
+    The model is a second batch that only computes dynamics terms, so this costs about as much again
+    as the position and velocity stages of the simulation.
+    """
+
+    def __init__(self, simulation: Simulation, randomisation: Randomisation) -> None:
+        """Draw from the ranges of `randomisation`."""
+        self._simulation, self._ranges = simulation, randomisation
+        model, count = simulation.robot.model, simulation.num_robots
+        self._believed = mujoco.batch.Batch(model, count, 1, persistent=True)
+        self._live = LiveTerms(simulation.robot, self._believed)
+        self._qpos, self._qvel = self._believed.bind("qpos"), self._believed.bind("qvel")
+        bodies = (count, model.nbody)
+        self._drawn = {
+            "mass": np.ones(bodies),
+            "com": np.zeros((*bodies, 3)),
+            "friction": np.ones(count),
+            "model_mass": np.ones(bodies),
+            "model_com": np.zeros((*bodies, 3)),
+        }
+
+    def draw(self, env: int, rng: np.random.Generator) -> None:
+        """See `Plant.draw`."""
+        ranges, bodies = self._ranges, self._drawn["mass"].shape[1]
+        for name, scale in (("mass", ranges.mass), ("model_mass", ranges.model_mass)):
+            self._drawn[name][env] = 1.0 + rng.uniform(-scale, scale, bodies)
+        for name, size in (("com", ranges.com), ("model_com", ranges.model_com)):
+            self._drawn[name][env] = rng.uniform(-size, size, (bodies, 3))
+        self._drawn["friction"][env] = rng.uniform(*ranges.friction)
+
+    def apply(self, ids: np.ndarray) -> None:
+        """See `Plant.apply`."""
+        drawn, model = self._drawn, self._simulation.robot.model
+        for batch, prefix in ((self._simulation.batch, ""), (self._believed, "model_")):
+            mass, com = drawn[f"{prefix}mass"][ids], drawn[f"{prefix}com"][ids]
+            batch.expand("body_mass")[ids] = model.body_mass * mass
+            batch.expand("body_inertia")[ids] = model.body_inertia * mass[:, :, None]
+            batch.expand("body_ipos")[ids] = model.body_ipos + com
+            batch.set_const(ids)
+        friction = model.geom_friction.copy()
+        scaled = np.tile(friction, (len(ids), 1, 1))
+        scaled[:, :, 0] *= drawn["friction"][ids, None]
+        self._simulation.batch.expand("geom_friction")[ids] = scaled
+
+    def terms(self) -> DynamicsTerms:
+        """See `Plant.terms`."""
+        self._qpos[:], self._qvel[:] = self._simulation.qpos, self._simulation.qvel
+        self._believed.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
+        return self._live()
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """See `Plant.state_dict`."""
+        return {name: value.copy() for name, value in self._drawn.items()}
+
+    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
+        """See `Plant.load_state_dict`."""
+        for name, value in self._drawn.items():
+            value[:] = state[name]
+        self.apply(np.arange(self._simulation.num_robots))

@@ -1,0 +1,117 @@
+"""The physics of N robots: MuJoCo's batch, seen through the robot's joints and feet."""
+
+import copy
+
+import mujoco
+import mujoco.batch
+import numpy as np
+
+from fbid_gym.dynamics.contacts import ContactGeometry, point_positions
+from fbid_gym.dynamics.mujoco_dynamics import LiveTerms
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.envs.rates import Rates
+from fbid_gym.robots import Robot
+
+MAX_SPEED = 200.0
+"""Generalized speed (m/s, rad/s) beyond which a simulation counts as diverged."""
+
+_VELOCITY = mujoco.mjtStage.mjSTAGE_VEL
+_STATE = ("time", "qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied")
+
+
+class Simulation:
+    """N robots, stepped on the calling thread. They do not meet: each has a world of its own.
+
+    Attributes:
+        robot: the robot.
+        batch: MuJoCo's batch; its position- and velocity-dependent fields are always current.
+        qpos: (N, nq) and
+        qvel: (N, nv), live.
+        contact_force: (N, P, 3) N, world, of the ground on each contact point, last physics step.
+    """
+
+    def __init__(self, robot: Robot, num_robots: int, rates: Rates) -> None:
+        """Build N copies of the robot's world."""
+        model = copy.copy(robot.model)
+        model.opt.timestep = 1.0 / rates.physics
+        self.robot = robot
+        self.batch = mujoco.batch.Batch(model, num_robots, 1, persistent=True)
+        self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
+        self._substeps, self._timestep = rates.substeps, model.opt.timestep
+        self._ctrl, self._time = self.batch.bind("ctrl"), self.batch.bind("time")
+        self._push = self.batch.bind("xfrc_applied")[:, robot.base_body, :3]
+        self._steps = np.zeros(num_robots, np.int64)
+        self._geometry = ContactGeometry.of(robot)
+        first = robot.contact_sensor.min()
+        columns = slice(first, first + robot.contact_sensor.size)
+        if not np.array_equal(np.r_[columns], robot.contact_sensor.ravel()):
+            raise AssertionError("the contact sensors of a Robot are consecutive")
+        sensors = self.batch.bind("sensordata")[:, columns]
+        self._sensors = sensors.reshape(num_robots, robot.num_points, 3)
+        self.contact_force = self._sensors
+        self._live = LiveTerms(robot, self.batch)
+        self._terms: DynamicsTerms | None = None
+        self.batch.forward()
+
+    @property
+    def num_robots(self) -> int:
+        """Number of robots N."""
+        return len(self.qpos)
+
+    def terms(self) -> DynamicsTerms:
+        """Return the dynamics at the current state, computed once per state."""
+        if self._terms is None:
+            self._terms = self._live()
+        return self._terms
+
+    def place(self, ids: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        """Start the robots `ids` anew, each with its lowest contact point on the ground.
+
+        Args:
+            ids: (K,) robots.
+            qpos: (K, nq); the height of the base is set here.
+            qvel: (K, nv).
+        """
+        self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self.qpos[ids], self.qvel[ids] = qpos, qvel
+        self.batch.forward(ids, stage=_VELOCITY)
+        lowest = point_positions(self._geometry, self._live())[ids, :, 2].min(axis=1)
+        self.qpos[ids, 2] -= lowest
+        self.batch.forward(ids)
+        self._steps[ids] = 0
+        self._terms = None
+
+    def push(self, force: np.ndarray) -> None:
+        """Push each base with (N, 3) N, world, at its centre of mass, until told otherwise."""
+        self._push[:] = force
+
+    def step(self, torque: np.ndarray) -> None:
+        """Advance one control tick under (N, n) N·m."""
+        self._ctrl[:, self.robot.actuator] = torque / self.robot.gear
+        self.batch.step(nstep=self._substeps, stage=_VELOCITY)
+        self._steps += self._substeps
+        self.contact_force = self._sensors
+        self._terms = None
+
+    def diverged(self) -> np.ndarray:
+        """Return which robots' states can no longer be trusted: (N,) bool.
+
+        MuJoCo restarts a simulation whose state is no longer finite, which shows in its clock;
+        one that merely moves absurdly fast is about to get there.
+        """
+        restarted = np.abs(self._time - self._steps * self._timestep) > 0.5 * self._timestep
+        return restarted | ~(np.abs(self.qvel).max(axis=1) < MAX_SPEED)
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """Return copies of all that the future depends on."""
+        state = {name: self.batch.bind(name).copy() for name in _STATE}
+        return state | {"steps": self._steps.copy(), "contact_force": self.contact_force.copy()}
+
+    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
+        """Continue from a `state_dict`, bit for bit."""
+        for name in _STATE:
+            self.batch.bind(name)[:] = state[name]
+        self.batch.forward(stage=_VELOCITY)
+        self._steps[:] = state["steps"]
+        self.contact_force = state["contact_force"].copy()
+        self._terms = None
