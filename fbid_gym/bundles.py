@@ -1,0 +1,186 @@
+"""A folder holding one JSON file and one safetensors file, replaced as a whole or not at all.
+
+Exported policies and training checkpoints are both such bundles. Reading needs neither pickle nor
+torch, so a file from a stranger can at worst be refused.
+
+Replacing `folder` goes: fill `folder.new`, rename `folder` to `folder.old`, rename `folder.new` to
+`folder`, delete `folder.old`. A process killed anywhere in between leaves at least one complete
+bundle under `folder` or `folder.old`, and `load_bundle` reads whichever is there.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors
+import safetensors.numpy
+
+from fbid_gym.errors import FbidError, InvalidValueError
+
+Tensors = dict[str, np.ndarray]
+
+_DIGEST = "tensors_sha256"
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """What `load_bundle` read."""
+
+    data_file: Path
+    """The JSON file."""
+    tensor_file: Path
+    """The safetensors file."""
+    data: dict[str, Any]
+    """What the JSON file holds."""
+    tensors: Tensors
+    """What the safetensors file holds."""
+    digest: str
+    """SHA-256 of the safetensors file."""
+
+    def check_digest(self, error: type[FbidError]) -> None:
+        """Raise `error` when the tensor file is not the one the JSON file was written with.
+
+        Not part of `load_bundle`, so that checks which can say more (a missing tensor, a wrong
+        shape) come first.
+        """
+        expected = self.data.get(_DIGEST)
+        if expected != self.digest:
+            raise error(
+                f"{self.tensor_file}: corrupt, or from another save than {self.data_file.name} "
+                f"beside it: its SHA-256 is {self.digest}. Expected {expected!r}."
+            )
+
+
+def save_bundle(
+    folder: Path, name: str, data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]
+) -> None:
+    """Write `folder/name.json` and `folder/name.safetensors`, replacing an earlier bundle.
+
+    Args:
+        folder: where the bundle goes; created if missing.
+        name: stem of both files.
+        data: what JSON can hold. A digest of the tensors is added.
+        tensors: arrays of booleans, integers or floats, by name.
+
+    Raises:
+        InvalidValueError: `folder` holds anything that is not an earlier bundle of this name, or
+            a tensor or a value has a type that the files cannot hold. Nothing is written then.
+    """
+    folder = Path(folder).resolve()
+    _refuse_foreign(folder, name)
+    for key, tensor in tensors.items():
+        if tensor.dtype.kind not in "biuf":
+            raise InvalidValueError(
+                f"tensor {key!r}", str(tensor.dtype), "booleans, integers or floats"
+            )
+    # safetensors writes the raw buffer, so the array must be contiguous; copy() keeps 0-d shapes.
+    packed = safetensors.numpy.save({k: t.copy(order="C") for k, t in tensors.items()})
+    digest = hashlib.sha256(packed).hexdigest()
+    try:
+        text = json.dumps({**data, _DIGEST: digest}, indent=2, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(f"{name}.json", data, f"values JSON can hold ({error})") from error
+
+    fresh, previous = _beside(folder, "new"), _beside(folder, "old")
+    shutil.rmtree(fresh, ignore_errors=True)
+    fresh.mkdir(parents=True)
+    _write_through(fresh / f"{name}.safetensors", packed)
+    _write_through(fresh / f"{name}.json", (text + "\n").encode())
+    _sync_folder(fresh)
+    if folder.exists():
+        shutil.rmtree(previous, ignore_errors=True)
+        os.rename(folder, previous)
+    os.rename(fresh, folder)
+    _sync_folder(folder.parent)
+    shutil.rmtree(previous, ignore_errors=True)
+
+
+def load_bundle(folder: Path, name: str, error: type[FbidError]) -> Bundle:
+    """Read what `save_bundle` wrote to `folder`, or to `folder.old` after an interrupted save.
+
+    Args:
+        folder: the folder given to `save_bundle`.
+        name: stem of both files.
+        error: the error to raise.
+
+    Raises:
+        FbidError: as the type `error`, naming the file: missing, truncated or corrupt.
+    """
+    folder = present_bundle(Path(folder))
+    data_file, tensor_file = folder / f"{name}.json", folder / f"{name}.safetensors"
+    try:
+        text, packed = data_file.read_bytes(), tensor_file.read_bytes()
+    except OSError as reason:
+        raise error(
+            f"{reason.filename}: cannot be read ({reason.strerror}). Expected {name}.json and "
+            f"{name}.safetensors in {folder}."
+        ) from reason
+    try:
+        data = json.loads(text)
+    except ValueError as reason:
+        raise error(f"{data_file}: not JSON, truncated or corrupt ({reason}).") from reason
+    if not isinstance(data, dict):
+        raise error(f"{data_file}: holds {type(data).__name__}. Expected a JSON object.")
+    try:
+        tensors = safetensors.numpy.load(packed)
+    except (safetensors.SafetensorError, ValueError, KeyError, TypeError) as reason:
+        raise error(
+            f"{tensor_file}: not safetensors, truncated or corrupt ({reason})."
+        ) from reason
+    return Bundle(data_file, tensor_file, data, tensors, hashlib.sha256(packed).hexdigest())
+
+
+def present_bundle(folder: Path) -> Path:
+    """Return `folder`, or `folder.old` where only that survived an interrupted save."""
+    previous = _beside(folder, "old")
+    return previous if previous.exists() and not folder.exists() else folder
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file beside its place, then rename it there, so that it is never half-written."""
+    fresh = _beside(path, "new")
+    _write_through(fresh, content)
+    os.replace(fresh, path)
+
+
+def _refuse_foreign(folder: Path, name: str) -> None:
+    """Refuse to replace a folder somebody keeps other things in: replacing deletes it."""
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise InvalidValueError("folder", str(folder), "a folder, found a file")
+    own = {f"{name}.json", f"{name}.safetensors"}
+    foreign = sorted(entry.name for entry in folder.iterdir() if entry.name not in own)
+    if foreign:
+        raise InvalidValueError(
+            "folder",
+            str(folder),
+            f"a new folder or one with nothing but {' and '.join(sorted(own))}, "
+            f"found {', '.join(foreign[:3])}",
+        )
+
+
+def _beside(path: Path, suffix: str) -> Path:
+    return path.with_name(f"{path.name}.{suffix}")
+
+
+def _write_through(path: Path, content: bytes) -> None:
+    """Write and wait until it is on the disk: a rename must not overtake its contents."""
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

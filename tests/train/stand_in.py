@@ -1,0 +1,174 @@
+"""A small deterministic VecEnv with the interface of `fbid_gym.make_sb3`, for fast tests.
+
+Point masses on a line are pushed at random and must stay near the origin. Run as a program it
+trains on them and is killed: `python stand_in.py CONFIG_JSON STEP SIGNAL` sends itself the signal
+in the given step of the training environment.
+"""
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from stable_baselines3.common.vec_env import VecEnv
+
+from train.config import EvaluationConfig, PPOConfig, TrainConfig
+
+STEPS = 40
+
+
+class PointMasses(VecEnv):
+    """Position, velocity and push of `num_envs` masses; an episode ends beyond |x| > 1."""
+
+    def __init__(self, num_envs: int, seed: int, strength: float = 3.0) -> None:
+        self.render_mode = None
+        super().__init__(
+            num_envs,
+            spaces.Box(-np.inf, np.inf, (3,), np.float32),
+            spaces.Box(-1.0, 1.0, (2,), np.float32),
+        )
+        self.strength = strength
+        self.x = np.zeros((num_envs, 3))
+        self.time = np.zeros(num_envs, dtype=np.int64)
+        self.total = np.zeros(num_envs)
+        self.seed(seed)
+
+    def reset(self) -> np.ndarray:
+        if self._seeds[0] is not None:
+            self.generators = [np.random.default_rng(s) for s in self._seeds]
+            self._reset_seeds()
+        for i in range(self.num_envs):
+            self._begin(i)
+        return self.x.astype(np.float32)
+
+    def _begin(self, i: int) -> None:
+        self.x[i] = (*self.generators[i].normal(0.0, 0.1, 2), 0.0)
+        self.time[i], self.total[i] = 0, 0.0
+
+    def step_async(self, actions: np.ndarray) -> None:
+        self.actions = actions
+
+    def step_wait(self) -> Any:
+        for i, generator in enumerate(self.generators):
+            if generator.random() < 0.2:
+                self.x[i, 2] = generator.normal(0.0, self.strength)
+        force = self.actions.astype(np.float64) @ (5.0, -1.0) + self.x[:, 2]
+        self.x[:, 1] += 0.05 * force
+        self.x[:, 0] += 0.05 * self.x[:, 1]
+        self.time += 1
+        reward = np.exp(-4.0 * self.x[:, 0] ** 2).astype(np.float32)
+        self.total += reward
+        fell = np.abs(self.x[:, 0]) > 1.0
+        late = (self.time >= STEPS) & ~fell
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for i in np.flatnonzero(fell | late):
+            infos[i] = {
+                "terminal_observation": self.x[i].astype(np.float32),
+                "TimeLimit.truncated": bool(late[i]),
+                "episode": {"r": self.total[i], "l": int(self.time[i]), "t": time.monotonic()},
+            }
+            self._begin(i)
+        return self.x.astype(np.float32), reward, fell | late, infos
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        words = []
+        for generator in self.generators:
+            state = generator.bit_generator.state
+            pair = (state["state"]["state"], state["state"]["inc"])
+            words.append([half for n in pair for half in (n >> 64, n & (2**64 - 1))])
+        return {
+            "x": self.x.copy(),
+            "time": self.time.copy(),
+            "total": self.total.copy(),
+            "generators": np.array(words, dtype=np.uint64),
+        }
+
+    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
+        if state["x"].shape != self.x.shape:
+            raise ValueError(f"x is {state['x'].shape}, not {self.x.shape}")
+        self.x[:], self.time[:], self.total[:] = state["x"], state["time"], state["total"]
+        self.generators = []
+        for words in state["generators"]:
+            a, b, c, d = (int(word) for word in words)
+            bits = np.random.PCG64()
+            bits.state = {
+                **bits.state,
+                "state": {"state": a << 64 | b, "inc": c << 64 | d},
+                "has_uint32": 0,
+            }
+            self.generators.append(np.random.Generator(bits))
+
+    def close(self) -> None:
+        pass
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        return [getattr(self, attr_name)] * self.num_envs
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        raise NotImplementedError
+
+    def env_method(self, method_name: str, *args: Any, **kwargs: Any) -> list[Any]:
+        raise NotImplementedError
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        return [False] * self.num_envs
+
+
+def make(env_id: str, *, num_envs: int, seed: int, num_threads: int, **env_args: Any) -> VecEnv:
+    """Take what `fbid_gym.make_sb3` takes."""
+    return PointMasses(num_envs, seed, env_args.get("strength", 3.0))
+
+
+def config(out: Path, **changes: Any) -> TrainConfig:
+    """Return a run of 6 iterations of 128 steps, evaluated and saved within it."""
+    fields: dict[str, Any] = {
+        "env": "stand-in/PointMasses-v0",
+        "action_layer": "force",
+        "seed": 3,
+        "total_steps": 768,
+        "num_envs": 8,
+        "num_threads": 1,
+        "checkpoint_every": 256,
+        "ppo": PPOConfig(n_steps=16, batch_size=64, n_epochs=2, hidden=(16, 16)),
+        "eval": EvaluationConfig(every=300, episodes=4, seed=77),
+    }
+    return TrainConfig(out=out, **{**fields, **changes})
+
+
+def make_dying(step: int, signal_number: int, make_env: Any = make) -> Any:
+    """Return a maker whose first environment sends this process a signal in its n-th step."""
+    made = 0
+
+    def make_env_dying(env_id: str, **arguments: Any) -> VecEnv:
+        nonlocal made
+        env, made = make_env(env_id, **arguments), made + 1
+        if made > 1:
+            return env
+        step_wait, steps = env.step_wait, 0
+
+        def step_wait_dying() -> Any:
+            nonlocal steps
+            steps += 1
+            if steps == step:
+                os.kill(os.getpid(), signal_number)
+            return step_wait()
+
+        env.step_wait = step_wait_dying  # type: ignore[method-assign]
+        return env
+
+    return make_env_dying
+
+
+if __name__ == "__main__":
+    import train.ppo
+
+    changes = json.loads(sys.argv[1])
+    dying = make_dying(int(sys.argv[2]), int(sys.argv[3]))
+    try:
+        train.ppo.main(config(Path(changes.pop("out")), **changes), dying)
+    except KeyboardInterrupt:
+        sys.exit(130)

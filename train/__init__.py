@@ -1,0 +1,1 @@
+"""Training: PPO through any action layer, resumable to the bit."""

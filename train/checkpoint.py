@@ -1,0 +1,177 @@
+"""The exact state of a training run between two iterations, as arrays and JSON.
+
+What the next iteration depends on: the network and its optimiser, the normalisation statistics,
+the last observation, the robots, and three global random generators (torch draws the actions,
+NumPy shuffles the samples). What its log depends on: the last episodes and the counters.
+"""
+
+import random
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+
+from fbid_gym.bundles import Tensors, load_bundle, save_bundle
+from fbid_gym.errors import RunError
+from train.learner import normaliser, robots
+
+FORMAT = 1
+_NAME = "checkpoint"
+
+
+class Resumable(Protocol):
+    """What a VecEnv must offer for its training to be resumed."""
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """Return the exact state of the batch: physics, task, layer, random generators."""
+
+    def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
+        """Put that state back, on a batch that need not have been reset."""
+
+
+def save(folder: Path, learner: PPO, counters: Mapping[str, Any]) -> None:
+    """Write a checkpoint, replacing the one before as a whole.
+
+    Args:
+        folder: the checkpoint folder.
+        learner: between two iterations.
+        counters: JSON values to store along.
+    """
+    tensors, state = _capture(learner)
+    save_bundle(folder, _NAME, {"format": FORMAT, **state, "counters": dict(counters)}, tensors)
+
+
+def restore(folder: Path, learner: PPO) -> dict[str, Any]:
+    """Put a checkpoint into a learner built from the same configuration.
+
+    Returns:
+        The counters given to `save`.
+
+    Raises:
+        RunError: missing, truncated, corrupt, or from another network or environment; names the
+            file.
+    """
+    bundle = load_bundle(folder, _NAME, RunError)
+    found = bundle.data.get("format")
+    if found != FORMAT:
+        raise RunError(f"{bundle.data_file}: format is {found!r}. Expected {FORMAT}.")
+    bundle.check_digest(RunError)
+    try:
+        _put_back(learner, bundle.tensors, bundle.data)
+        return dict(bundle.data["counters"])
+    except (KeyError, ValueError, RuntimeError, TypeError, IndexError) as reason:
+        raise RunError(
+            f"{bundle.tensor_file}: does not fit this run: {type(reason).__name__}: {reason}. "
+            "Expected a checkpoint of the same network and environment."
+        ) from reason
+
+
+def _capture(learner: PPO) -> tuple[Tensors, dict[str, Any]]:
+    normalise = normaliser(learner)
+    episodes = learner.ep_info_buffer
+    assert episodes is not None and learner._last_obs is not None
+    version, python_words, python_gauss = random.getstate()
+    numpy_state = cast(dict[str, Any], np.random.get_state(legacy=False))
+    tensors: Tensors = {
+        "obs_mean": normalise.obs_rms.mean,
+        "obs_variance": normalise.obs_rms.var,
+        "return_mean": np.asarray(normalise.ret_rms.mean),
+        "return_variance": np.asarray(normalise.ret_rms.var),
+        "discounted_returns": normalise.returns,
+        "last_obs": np.asarray(learner._last_obs),
+        "last_episode_starts": np.asarray(learner._last_episode_starts),
+        "episode_returns": np.array([float(e["r"]) for e in episodes], dtype=np.float64),
+        "episode_lengths": np.array([int(e["l"]) for e in episodes], dtype=np.int64),
+        "rng_torch": torch.get_rng_state().numpy(),
+        "rng_numpy": np.asarray(numpy_state["state"]["key"]),
+        "rng_python": np.array(python_words, dtype=np.int64),
+    }
+    for name, value in learner.policy.state_dict().items():
+        tensors[f"network.{name}"] = value.detach().numpy()
+    for index, moments in learner.policy.optimizer.state_dict()["state"].items():
+        for name, value in moments.items():
+            tensors[f"optimiser.{index}.{name}"] = value.detach().numpy()
+    for name, array in cast(Resumable, robots(learner)).state_dict().items():
+        tensors[f"robots.{name}"] = np.asarray(array)
+    state = {
+        "steps": learner.num_timesteps,
+        "updates": learner._n_updates,
+        "obs_count": float(normalise.obs_rms.count),
+        "return_count": float(normalise.ret_rms.count),
+        "rng_numpy": {
+            "pos": int(numpy_state["state"]["pos"]),
+            "has_gauss": int(numpy_state["has_gauss"]),
+            "gauss": float(numpy_state["gauss"]),
+        },
+        "rng_python": {"version": version, "gauss": python_gauss},
+    }
+    return tensors, state
+
+
+def _put_back(learner: PPO, tensors: Tensors, state: Mapping[str, Any]) -> None:
+    normalise = normaliser(learner)
+    learner.policy.load_state_dict(
+        {name: torch.from_numpy(array) for name, array in _under(tensors, "network").items()}
+    )
+    optimiser = learner.policy.optimizer
+    moments: dict[int, dict[str, torch.Tensor]] = {}
+    for key, array in _under(tensors, "optimiser").items():
+        index, _, name = key.partition(".")
+        moments.setdefault(int(index), {})[name] = torch.from_numpy(array)
+    groups = optimiser.state_dict()["param_groups"]
+    optimiser.load_state_dict({"state": moments, "param_groups": groups})
+
+    for name, statistics in (("obs", normalise.obs_rms), ("return", normalise.ret_rms)):
+        mean, variance = tensors[f"{name}_mean"], tensors[f"{name}_variance"]
+        if mean.shape != np.shape(statistics.mean) or variance.shape != mean.shape:
+            raise ValueError(
+                f"{name}_mean is {mean.shape} and {name}_variance {variance.shape}, "
+                f"not {np.shape(statistics.mean)}"
+            )
+        statistics.mean, statistics.var = mean, variance
+        statistics.count = float(state[f"{name}_count"])
+    for name, have, want in (
+        ("discounted_returns", tensors["discounted_returns"].shape, (learner.n_envs,)),
+        (
+            "last_obs",
+            tensors["last_obs"].shape,
+            (learner.n_envs, *learner.observation_space.shape),  # type: ignore[misc]
+        ),
+    ):
+        if have != want:
+            raise ValueError(f"{name} is {have}, not {want}")
+    normalise.returns = tensors["discounted_returns"]
+    learner._last_obs = tensors["last_obs"]
+    learner._last_episode_starts = tensors["last_episode_starts"]
+    learner.num_timesteps, learner._n_updates = int(state["steps"]), int(state["updates"])
+    assert learner.ep_info_buffer is not None
+    learner.ep_info_buffer.clear()
+    learner.ep_info_buffer.extend(
+        {"r": float(r), "l": int(n)}
+        for r, n in zip(tensors["episode_returns"], tensors["episode_lengths"], strict=True)
+    )
+    cast(Resumable, robots(learner)).load_state_dict(_under(tensors, "robots"))
+
+    # The generators last: nothing above may draw from them afterwards.
+    numpy_state = state["rng_numpy"]
+    np.random.set_state(
+        {
+            "bit_generator": "MT19937",
+            "state": {"key": tensors["rng_numpy"], "pos": numpy_state["pos"]},
+            "has_gauss": numpy_state["has_gauss"],
+            "gauss": numpy_state["gauss"],
+        }
+    )
+    python_state = state["rng_python"]
+    words = tuple(int(word) for word in tensors["rng_python"])
+    random.setstate((python_state["version"], words, python_state["gauss"]))
+    torch.set_rng_state(torch.from_numpy(tensors["rng_torch"]))
+
+
+def _under(tensors: Tensors, prefix: str) -> Tensors:
+    """Return the tensors whose name starts with the prefix and a dot, without these."""
+    start = prefix + "."
+    return {k.removeprefix(start): v for k, v in tensors.items() if k.startswith(start)}

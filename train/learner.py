@@ -1,0 +1,110 @@
+"""stable-baselines3's PPO as this package sets it up, and the policy it exports."""
+
+import random
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+
+from fbid_gym.policy import Policy
+from train.config import TrainConfig
+
+MakeEnv = Callable[..., VecEnv]
+"""`fbid_gym.make_sb3`, or what stands in for it: (env_id, num_envs=, seed=, **env_args)."""
+
+_ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
+
+
+def seeds(seed: int) -> dict[str, int]:
+    """Derive independent seeds from the one of the run.
+
+    stable-baselines3 would seed robot i with seed + i, so that runs 0 and 1 would share 63 of 64
+    robots' pushes. Seeds drawn through a SeedSequence do not overlap.
+
+    Returns:
+        "robots" and "learner", integers below 2**31.
+    """
+    drawn = np.random.SeedSequence(seed).generate_state(2) >> 1
+    return {"robots": int(drawn[0]), "learner": int(drawn[1])}
+
+
+def build(config: TrainConfig, robots: VecEnv) -> PPO:
+    """Return the learner, seeded, before its first step.
+
+    Seeds torch, NumPy and Python globally: stable-baselines3 draws from there.
+    """
+    torch.set_num_threads(config.torch_threads)
+    seed = seeds(config.seed)["learner"]
+    random.seed(seed)
+    np.random.seed(seed)
+    torch.manual_seed(seed)
+    ppo = config.ppo
+    env = VecNormalize(
+        robots,
+        norm_reward=ppo.normalise_reward,
+        clip_obs=ppo.clip_observation,
+        gamma=ppo.gamma,
+    )
+    learner = PPO(
+        "MlpPolicy",
+        env,
+        n_steps=ppo.n_steps,
+        batch_size=config.batch_size,
+        n_epochs=ppo.n_epochs,
+        learning_rate=ppo.learning_rate,
+        gamma=ppo.gamma,
+        gae_lambda=ppo.gae_lambda,
+        clip_range=ppo.clip_range,
+        ent_coef=ppo.ent_coef,
+        vf_coef=ppo.vf_coef,
+        max_grad_norm=ppo.max_grad_norm,
+        target_kl=ppo.target_kl,
+        device="cpu",
+        policy_kwargs={
+            "net_arch": list(ppo.hidden),
+            "activation_fn": _ACTIVATIONS[ppo.activation],
+            "log_std_init": ppo.log_std_init,
+            # eps as stable-baselines3 sets it; one fused step saves a fifth of the update
+            "optimizer_kwargs": {"eps": 1e-5, "fused": True},
+        },
+    )
+    learner.set_logger(Logger(folder=None, output_formats=[]))
+    return learner
+
+
+def normaliser(learner: PPO) -> VecNormalize:
+    """Return the observation and reward normalisation of a learner made by `build`."""
+    env = learner.get_vec_normalize_env()
+    assert env is not None
+    return env
+
+
+def robots(learner: PPO) -> VecEnv:
+    """Return the environment below the normalisation."""
+    return normaliser(learner).venv
+
+
+def export(learner: PPO, config: TrainConfig, versions: dict[str, Any]) -> Policy:
+    """Return the deterministic part of the learner as it is now."""
+    normalise = normaliser(learner)
+    network = learner.policy
+    layers = [m for m in network.mlp_extractor.policy_net if isinstance(m, torch.nn.Linear)]
+    layers.append(network.action_net)
+    return Policy(
+        env_id=config.env,
+        env_args=config.make_args(),
+        mean=normalise.obs_rms.mean,
+        variance=normalise.obs_rms.var,
+        weights=tuple(layer.weight.detach().numpy() for layer in layers),
+        biases=tuple(layer.bias.detach().numpy() for layer in layers),
+        activation=config.ppo.activation,
+        clip=normalise.clip_obs,
+        epsilon=normalise.epsilon,
+        trained_steps=learner.num_timesteps,
+        versions=versions,
+        source=str(config.folder),
+    )

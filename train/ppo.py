@@ -1,0 +1,245 @@
+"""Train a policy with PPO through an action layer.
+
+    python -m train.ppo --env fbid_gym/BipedBalance-v0 --action-layer base_acceleration --seed 3
+
+Started again with the same options it continues where it was, killed or not, and the numbers are
+those of a training that was never interrupted.
+"""
+
+import math
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
+
+from fbid_gym.errors import FbidError, RunError
+from fbid_gym.policy import Policy
+from train import checkpoint
+from train.config import TrainConfig, parse
+from train.display import Display
+from train.evaluation import evaluate
+from train.interrupt import StopRequest
+from train.learner import MakeEnv, build, export, seeds
+from train.logs import CsvLog, TensorBoardLog
+from train.run_folder import RunFolder, open_run
+from train.versions import package_versions
+
+_LEARNER_METRICS = {
+    "policy_loss": "train/policy_gradient_loss",
+    "value_loss": "train/value_loss",
+    "entropy_loss": "train/entropy_loss",
+    "approx_kl": "train/approx_kl",
+    "clip_fraction": "train/clip_fraction",
+    "explained_variance": "train/explained_variance",
+    "action_std": "train/std",
+}
+_PROGRESS = ("steps", "wall_seconds", "fps", "return_mean", "length_mean", *_LEARNER_METRICS)
+_EVALUATIONS = (
+    "steps", "wall_seconds", "episodes", "return_mean", "return_std", "return_q25", "return_q75",
+    "length_mean", "survival",
+)  # fmt: skip
+
+
+def main(config: TrainConfig, make_env: MakeEnv | None = None) -> Path:
+    """Train, or continue training, and return the run folder.
+
+    Args:
+        config: the run.
+        make_env: makes the environments; `fbid_gym.make_sb3` when None.
+
+    Raises:
+        FbidError: an invalid configuration, or a run folder that does not fit it. Nothing is
+            written then.
+        KeyboardInterrupt: after SIGINT or SIGTERM, once the state is saved.
+    """
+    if make_env is None:
+        from fbid_gym import make_sb3 as make_env
+    with ExitStack() as stack:
+
+        def environment(count: int, seed: int) -> VecEnv:
+            env = make_env(
+                config.env,
+                num_envs=count,
+                seed=seed,
+                num_threads=config.threads,
+                **config.make_args(),
+            )
+            stack.callback(env.close)
+            return env
+
+        robots = environment(config.num_envs, seeds(config.seed)["robots"])
+        evaluated = None
+        if config.eval.every:
+            evaluated = environment(config.eval.episodes, config.eval.seed)
+        learner = build(config, robots)
+        run = stack.enter_context(open_run(config))
+        training = _Training(config, run, learner, evaluated)
+        stack.callback(training.close)
+        with StopRequest(training.announce_stop) as stop:
+            training.until_done(stop)
+    return run.path
+
+
+class _Training:
+    """A run in progress: the learner and everything that is written about it."""
+
+    def __init__(
+        self, config: TrainConfig, run: RunFolder, learner: PPO, evaluated: VecEnv | None
+    ) -> None:
+        self.config, self.run, self.learner, self.evaluated = config, run, learner, evaluated
+        # Resets the robots and prepares the buffers; a checkpoint then replaces their state.
+        _, self.callback = learner._setup_learn(config.total_steps)
+        assert isinstance(self.callback, BaseCallback)
+        self.seconds, self.best_return = 0.0, -math.inf
+        sizes: dict[str, int] = {}
+        if run.resumes:
+            counters = checkpoint.restore(run.checkpoint, learner)
+            self.seconds = counters["wall_seconds"]
+            if counters["best_return"] is not None:
+                self.best_return = counters["best_return"]
+            sizes = counters["bytes"]
+        self.saved_steps = self.steps if run.resumes else -1
+        self.progress = CsvLog(run.progress, _PROGRESS, sizes.get("progress"))
+        self.evaluations = CsvLog(run.evaluations, _EVALUATIONS, sizes.get("evaluations"))
+        self.tensorboard = TensorBoardLog(run.tensorboard, self.steps)
+        self.display = Display(run.path.name, config.total_steps, self.steps)
+
+    @property
+    def steps(self) -> int:
+        return self.learner.num_timesteps
+
+    @property
+    def done(self) -> bool:
+        return self.steps >= self.config.total_steps
+
+    def until_done(self, stop: StopRequest) -> None:
+        config = self.config
+        if self.run.resumes:
+            self.display.note(
+                f"already trained for {self.steps} steps"
+                if self.done
+                else f"continues at step {self.steps}"
+            )
+        elif config.eval.every:
+            self.evaluate()
+        while not self.done and not stop.requested:
+            self.iterate()
+            if config.eval.every and (self.done or self._crossed(config.eval.every)):
+                self.evaluate()
+            if config.checkpoint_every and self._crossed(config.checkpoint_every):
+                self.checkpoint()
+        if self.saved_steps != self.steps:
+            self.checkpoint()
+        if not self.done:
+            self.display.note(
+                f"stopped at step {self.steps} of {config.total_steps}, saved in {self.run.path}. "
+                "The same command continues it."
+            )
+            raise KeyboardInterrupt
+
+    def iterate(self) -> None:
+        """One iteration of PPO: roll out, update, log."""
+        learner, began = self.learner, time.perf_counter()
+        assert learner.env is not None
+        learner.collect_rollouts(
+            learner.env, self.callback, learner.rollout_buffer, learner.n_steps
+        )
+        learner.train()
+        seconds = time.perf_counter() - began
+        self.seconds += seconds
+        metrics = dict(learner.logger.name_to_value)
+        learner.logger.dump(self.steps)
+        if not math.isfinite(metrics["train/loss"]):
+            raise RunError(
+                f"{self.run.path}: training diverged at step {self.steps}: the loss is "
+                f"{metrics['train/loss']}. The checkpoint of step {self.saved_steps} is kept; try "
+                "a smaller --ppo.learning-rate in another --out."
+            )
+        episodes = learner.ep_info_buffer or []
+        row = {
+            "steps": self.steps,
+            "wall_seconds": round(self.seconds, 3),
+            "fps": round(self.config.iteration_steps / seconds, 1),
+            "return_mean": _mean([float(e["r"]) for e in episodes]),
+            "length_mean": _mean([float(e["l"]) for e in episodes]),
+            **{name: float(metrics[key]) for name, key in _LEARNER_METRICS.items()},
+        }
+        self.progress.append(row)
+        self.tensorboard.append("train", row)
+        self.display.update(row)
+
+    def evaluate(self) -> None:
+        """Evaluate the exported policy, not the learner: what is measured is what is kept."""
+        assert self.evaluated is not None
+        policy = self.export_policy()
+        result = evaluate(policy, self.evaluated, self.config.eval.seed).summary()
+        row = {"steps": self.steps, "wall_seconds": round(self.seconds, 3), **result}
+        self.evaluations.append(row)
+        self.tensorboard.append("eval", row)
+        if row["return_mean"] > self.best_return:
+            self.best_return = row["return_mean"]
+            policy.save(self.run.best_policy)
+        self.display.note(
+            f"step {self.steps}: evaluation return {row['return_mean']:.1f} "
+            f"± {row['return_std']:.1f}, survival {row['survival']:.0%}"
+        )
+
+    def export_policy(self) -> Policy:
+        """Write the policy as it is now, and return it."""
+        policy = export(self.learner, self.config, package_versions())
+        policy.save(self.run.policy)
+        return policy
+
+    def checkpoint(self) -> None:
+        """Save the state and its policy, after the rows that the state says are on the disk."""
+        self.export_policy()
+        for log in (self.progress, self.evaluations, self.tensorboard):
+            log.sync()
+        checkpoint.save(
+            self.run.checkpoint,
+            self.learner,
+            {
+                "wall_seconds": self.seconds,
+                "best_return": self.best_return if math.isfinite(self.best_return) else None,
+                "bytes": {"progress": self.progress.size, "evaluations": self.evaluations.size},
+            },
+        )
+        self.saved_steps = self.steps
+
+    def announce_stop(self) -> None:
+        self.display.note("stops after this iteration; once more to stop at once")
+
+    def close(self) -> None:
+        self.display.close()
+        for log in (self.progress, self.evaluations, self.tensorboard):
+            log.close()
+
+    def _crossed(self, every: int) -> bool:
+        """Whether the last iteration passed a multiple of `every`."""
+        return self.steps // every > (self.steps - self.config.iteration_steps) // every
+
+
+def _mean(values: list[float]) -> float:
+    return float(np.mean(values)) if values else math.nan
+
+
+def command_line() -> int:
+    """Run `main` on the command line and return the exit status."""
+    try:
+        folder = main(parse())
+    except FbidError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    print(folder)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(command_line())

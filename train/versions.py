@@ -1,0 +1,51 @@
+"""What a run was made with."""
+
+import importlib.metadata
+import os
+import platform
+import subprocess
+from pathlib import Path
+from typing import Any
+
+_PACKAGES = (
+    "fbid-gym", "gymnasium", "mujoco", "numpy", "pin", "safetensors", "stable-baselines3", "torch",
+)  # fmt: skip
+
+
+def versions() -> dict[str, Any]:
+    """Return the versions of Python, the packages, this repository and the platform."""
+    return {
+        "python": platform.python_version(),
+        "packages": package_versions(),
+        "git": _git(Path(__file__).resolve().parent),
+        "platform": platform.platform(),
+        "cpu_count": os.cpu_count(),
+    }
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of the packages that a result may depend on; absent ones are left out."""
+    found = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def _git(folder: Path) -> dict[str, Any] | None:
+    """Return the commit and whether tracked files differ from it; None outside a repository."""
+
+    def ask(*arguments: str) -> str:
+        return subprocess.run(
+            ["git", "-C", str(folder), *arguments],
+            capture_output=True, text=True, check=True, timeout=10,
+        ).stdout.strip()  # fmt: skip
+
+    try:
+        commit = ask("rev-parse", "HEAD")
+        dirty = bool(ask("status", "--porcelain", "--untracked-files=no"))
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return {"commit": commit, "dirty": dirty}
