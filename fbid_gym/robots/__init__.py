@@ -5,7 +5,8 @@ import functools
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.robots import biped, quadruped
 from fbid_gym.robots.assets import asset_path
-from fbid_gym.robots.robot import Foot, Robot
+from fbid_gym.robots.feet import Foot
+from fbid_gym.robots.robot import Robot
 
 __all__ = ["ROBOTS", "Foot", "Robot", "load"]
 
@@ -25,4 +26,6 @@ def load(name: str) -> Robot:
     if name not in _CONSTANTS:
         raise UnknownOptionError("robot", name, ROBOTS)
     constants = _CONSTANTS[name]
-    return Robot.from_mjcf(asset_path(constants.ASSET), constants.FEET, name=name, home=constants.HOME)
+    return Robot.from_mjcf(
+        asset_path(constants.ASSET), constants.FEET, name=name, home=constants.HOME
+    )

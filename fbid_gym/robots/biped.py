@@ -21,7 +21,7 @@ HOME = {
 }
 """Joint angles in rad; joints not named are 0.
 
-The knee is bent well away from its singularity at 0 but not so far that standing is tiring. The ankle keeps
-the sole flat under an upright trunk, and the hip angle is the one that puts the centre of mass over the centre
-of the soles (solved for; the tests hold it to 1 mm).
+The knee is bent well away from its singularity at 0 but not so far that standing is tiring. The
+ankle keeps the sole flat under an upright trunk, and the hip angle is the one that puts the centre
+of mass over the centre of the soles (solved for; the tests hold it to 1 mm).
 """

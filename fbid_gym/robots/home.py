@@ -1,16 +1,19 @@
 """The home pose: from what a user gives to a checked configuration with the feet on the ground."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
-from fbid_gym.errors import NonFiniteError, RobotError, ShapeError, UnknownOptionError
-from fbid_gym.robots.mjcf import object_name
-
-if TYPE_CHECKING:
-    from fbid_gym.robots.robot import Foot
+from fbid_gym.errors import (
+    InvalidValueError,
+    NonFiniteError,
+    RobotError,
+    ShapeError,
+    UnknownOptionError,
+)
+from fbid_gym.robots.feet import Foot
+from fbid_gym.robots.mjcf import moving_joints, object_name
 
 _KEYFRAME = "home"
 _TOLERANCE = 1e-6  # rad: angles copied with rounding may sit on a limit
@@ -19,7 +22,7 @@ _TOLERANCE = 1e-6  # rad: angles copied with rounding may sit on a limit
 def home_configuration(
     model: mujoco.MjModel,
     home: Mapping[str, float] | Sequence[float] | np.ndarray | str | None,
-    feet: "Sequence[Foot]",
+    feet: Sequence[Foot],
 ) -> np.ndarray:
     """Resolve the home pose and put the robot on the ground.
 
@@ -33,6 +36,7 @@ def home_configuration(
 
     Raises:
         UnknownOptionError: unknown keyframe or joint name.
+        InvalidValueError: not a number.
         ShapeError: a qpos of another length.
         NonFiniteError: NaN or infinity.
         RobotError: a zero base quaternion, or joints outside their range.
@@ -48,28 +52,39 @@ def home_configuration(
         for joint, value in (home or {}).items():
             if joint not in address:
                 raise UnknownOptionError("joint in home", joint, address)
-            qpos[address[joint]] = value
+            qpos[address[joint]] = _number(joint, value)
     else:
-        qpos = np.array(home, dtype=float)
+        try:
+            qpos = np.array(home, dtype=float)
+        except (TypeError, ValueError):
+            raise InvalidValueError(
+                "home", home, "a mapping joint -> angle, a qpos of numbers, or a keyframe's name"
+            ) from None
         if qpos.shape != (model.nq,):
             raise ShapeError("home", qpos.shape, f"({model.nq},), a whole qpos")
     if not np.all(np.isfinite(qpos)):
         raise NonFiniteError("home", (int(np.flatnonzero(~np.isfinite(qpos))[0]),))
     length = np.linalg.norm(qpos[3:7])
     if length < 1e-9:
-        raise RobotError("The base quaternion qpos[3:7] of home is zero. Expected a unit quaternion.")
+        raise RobotError("The base quaternion home[3:7] is zero. Expected a unit quaternion.")
     qpos[3:7] /= length
     _check_ranges(model, qpos)
     qpos[2] -= _lowest_contact(model, qpos, feet)
     return qpos
 
 
+def _number(joint: str, value: float) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"home of {joint}", value, "a number") from None
+
+
 def _joint_addresses(model: mujoco.MjModel) -> dict[str, int]:
     """Joint name -> its address in qpos, without the base."""
     return {
         object_name(model, mujoco.mjtObj.mjOBJ_JOINT, j): int(model.jnt_qposadr[j])
-        for j in range(model.njnt)
-        if model.jnt_type[j] != mujoco.mjtJoint.mjJNT_FREE
+        for j in moving_joints(model)
     }
 
 
@@ -93,12 +108,13 @@ def _check_ranges(model: mujoco.MjModel, qpos: np.ndarray) -> None:
         raise RobotError(f"Home joints outside their range: {'; '.join(outside)}.")
 
 
-def _lowest_contact(model: mujoco.MjModel, qpos: np.ndarray, feet: "Sequence[Foot]") -> float:
+def _lowest_contact(model: mujoco.MjModel, qpos: np.ndarray, feet: Sequence[Foot]) -> float:
     """World height of the lowest contact, m."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)
-    return min(
-        float(np.min(data.xpos[f.body][2] + f.points @ data.xmat[f.body].reshape(3, 3)[2] - f.radius))
-        for f in feet
-    )
+    heights = []
+    for foot in feet:
+        up = data.xmat[foot.body].reshape(3, 3)[2]  # the world's z axis in the body's frame
+        heights.append(data.xpos[foot.body][2] + foot.points @ up - foot.radius)
+    return float(np.min(np.concatenate(heights)))

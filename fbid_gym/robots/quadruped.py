@@ -19,6 +19,6 @@ HOME = {
 }
 """Joint angles in rad; hip rolls are 0.
 
-The knee angle puts each foot straight below its hip, so the centre of mass is over the centre of the feet; the
-hip angle makes the robot 0.20 m tall.
+The knee angle puts each foot straight below its hip, so the centre of mass is over the centre of
+the feet; the hip angle makes the robot 0.20 m tall.
 """
