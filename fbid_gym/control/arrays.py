@@ -1,0 +1,58 @@
+"""What the control laws need around the array-API standard, kept cheap for a batch of one.
+
+The laws run on NumPy and on torch through `array_api_compat`. Looking a namespace up or building a
+small constant costs as much as a batched product of small matrices, so both are cached here.
+"""
+
+from functools import lru_cache
+from types import ModuleType
+from typing import Any
+
+import array_api_compat
+
+from fbid_gym.errors import ShapeError
+
+# NumPy array or torch tensor, floating point, batch axis first.
+Array = Any
+
+_namespaces: dict[type, ModuleType] = {}
+
+
+def namespace(array: Array) -> ModuleType:
+    """Array-API namespace of an array, looked up once per array type."""
+    try:
+        return _namespaces[type(array)]
+    except KeyError:
+        found = _namespaces[type(array)] = array_api_compat.array_namespace(array)
+        return found
+
+
+@lru_cache(maxsize=256)
+def _constant(xp: ModuleType, value: Any, dtype: Any, device: Any) -> Array:
+    return xp.asarray(value, dtype=dtype, device=device)
+
+
+def constant(value: float | tuple[Any, ...], like: Array) -> Array:
+    """A cached array of the given number or (nested) tuple, of `like`'s type; never write to it."""
+    return _constant(namespace(like), value, like.dtype, like.device)
+
+
+@lru_cache(maxsize=256)
+def _identity(xp: ModuleType, size: int, scale: float, dtype: Any, device: Any) -> Array:
+    return scale * xp.eye(size, dtype=dtype, device=device)
+
+
+def identity(size: int, like: Array, scale: float = 1.0) -> Array:
+    """A cached (size, size) multiple of the identity, of `like`'s type; never write to it."""
+    return _identity(namespace(like), size, scale, like.dtype, like.device)
+
+
+def matvec(matrix: Array, vector: Array) -> Array:
+    """Batched matrix-vector product: (N, a, b) times (N, b) gives (N, a)."""
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def check_shape(name: str, array: Array, expected: tuple[int, ...], axes: str) -> None:
+    """Raise ShapeError unless `array` has the expected shape; `axes` names them, as "(N, nv)"."""
+    if tuple(array.shape) != expected:
+        raise ShapeError(name, tuple(array.shape), f"{axes} = {expected}")

@@ -1,0 +1,376 @@
+"""Inverse dynamics of a floating base in contact, by orthogonal decomposition.
+
+[M10] eqs. (9)-(17) project the dynamics M a + h = S^T tau + J^T lambda onto the motions that the
+contacts leave free and take the smallest torque there. The same torque is the solution of
+
+    minimise  tau^T W tau   over tau, lambda   subject to   M a + h = S^T tau + J^T lambda,
+
+and that form needs no QR factorisation, does not care whether rows of J repeat or vanish, and
+serves the friction-limited law as well. With b = M a + h, W' = blkdiag(rho I, W), G = J_base^T and
+X = (J W' J^T)^+ its solution is
+
+    nu = (G X G^T)^+ (b_base - G X J W' b),   lambda = X (J W' b + G^T nu),   tau = (b - J^T lambda)_joints
+
+for any rho > 0; lambda is the smallest that belongs to tau. G X G^T has the rank of the base
+columns of J: six if the contacts can push the base in every direction, less if the robot is
+underactuated.
+
+Velocities are base first, v = [base (6), joints (n)], nv = 6 + n; M, h, J and accelerations are in
+the same coordinates. k counts the rows of J; all-zero rows and k = 0 are fine (flight).
+"""
+
+from typing import NamedTuple
+
+from fbid_gym.control.arrays import Array, check_shape, constant, identity, matvec, namespace
+from fbid_gym.control.contact_forces import (
+    MAX_ITERATIONS,
+    REGULARISATION,
+    TOLERANCE,
+    ContactLimits,
+    check_contact_options,
+    solve_contact_forces,
+    wrench_scale,
+)
+from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
+from fbid_gym.errors import ShapeError
+
+# Singular values of J at or below 1e-5 of the largest are treated as absent.
+_CONTACT_RTOL = 1e-10
+# Contacts whose shortest lever arm is below a thousandth of the longest count as a line or a point:
+# taking them for more would buy a moment with a thousandfold force.
+_BASE_RTOL = 1e-6
+# Added to Gram matrices of order one where the result does not depend on their null space.
+_RIDGE = 1e-11
+_GRAVITY = 9.81
+
+
+class InverseDynamics(NamedTuple):
+    """Torques, and what they achieve if the contacts hold.
+
+    Attributes:
+        torque: (N, n) N m, the least in the torque cost.
+        contact_force: (N, k) generalized forces lambda of the rows of J, [M10] eq. (17); the least
+            in norm where rows are redundant.
+        acceleration: (N, nv) the robot will really have: the command, made consistent with the
+            contacts and, if underactuated, achievable.
+        rank: (N,) rank of J, integers.
+        underactuation: (N,) base directions out of six that no contact force can push, integers.
+    """
+
+    torque: Array
+    contact_force: Array
+    acceleration: Array
+    rank: Array
+    underactuation: Array
+
+
+class LimitedInverseDynamics(NamedTuple):
+    """Torques whose contact forces respect friction and normal force limits, and what they achieve.
+
+    Attributes:
+        torque: (N, n) N m.
+        contact_force: (N, k) generalized forces of the rows of J.
+        acceleration: (N, nv) the robot will have with these torques and contact forces.
+        point_force: (N, P, 3) N, per contact point: two tangential components, then the normal one.
+        residual: (N,) how far the base wrench is from the one the command asks for, per weight.
+        iterations: (N,) Newton steps the contact forces took, integers.
+        warm_start: (N, 6) to pass to the next call. Zero the rows of robots that were reset.
+    """
+
+    torque: Array
+    contact_force: Array
+    acceleration: Array
+    point_force: Array
+    residual: Array
+    iterations: Array
+    warm_start: Array
+
+
+def orthogonal_inverse_dynamics(
+    mass_matrix: Array,
+    bias: Array,
+    jacobian: Array,
+    acceleration: Array,
+    jacobian_bias: Array,
+    *,
+    torque_cost: Array | None = None,
+    base_priority: float = 1.0,
+) -> InverseDynamics:
+    """Torques that realise a desired acceleration with the least torque, [M10] eq. (15).
+
+    The command is first replaced by the nearest acceleration that the contacts allow,
+    J a + Jdot v = 0, and, if the robot is underactuated, by the nearest of those it can achieve: with
+    fewer contacts than it takes to hold the base, some combination of momenta is beyond its reach (in
+    flight all six). "Nearest" weighs squared base accelerations by `base_priority` and squared joint
+    accelerations by one. Nothing else is unusual about redundant, missing or too few contacts.
+
+    Args:
+        mass_matrix: (N, nv, nv) M, symmetric positive definite.
+        bias: (N, nv) h, Coriolis, centrifugal and gravity forces.
+        jacobian: (N, k, nv) J of the contact constraints.
+        acceleration: (N, nv) desired.
+        jacobian_bias: (N, k) Jdot v.
+        torque_cost: (n,) or (N, n) positive diagonal of W in [M10] eq. (16): a larger entry makes the
+            joint do less. Default: ones.
+        base_priority: positive weight of base accelerations beside one for joints.
+
+    Returns:
+        InverseDynamics.
+
+    Raises:
+        ShapeError: an array does not fit.
+    """
+    count, _, velocities = _check_dynamics(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
+    inverse_metric = _inverse_metric(base_priority, velocities, jacobian)
+    weighted = jacobian if inverse_metric is None else jacobian * inverse_metric
+    inverse, rank = symmetric_pseudo_inverse(weighted @ jacobian.mT, _CONTACT_RTOL)
+    acceleration = consistent_acceleration(
+        acceleration, weighted, matvec(jacobian, acceleration) + jacobian_bias, inverse
+    )
+
+    gram = inverse  # X, shared with the projection unless the torque cost differs from its metric
+    xp = namespace(jacobian)
+    if torque_cost is not None:
+        check_shape(
+            "torque_cost", torque_cost, (count, velocities - 6)[2 - torque_cost.ndim :], "(N, n)"
+        )
+        torque_cost = xp.broadcast_to(torque_cost, (count, velocities - 6))
+        scale = xp.mean(torque_cost, axis=-1, keepdims=True)
+        cost = xp.concat([xp.broadcast_to(scale, (count, 6)), torque_cost], axis=-1)
+        weighted_by_cost = jacobian * cost[:, None, :]
+        gram, _ = symmetric_pseudo_inverse(weighted_by_cost @ jacobian.mT, _CONTACT_RTOL)
+    else:
+        weighted_by_cost = weighted
+    base = jacobian[:, :, :6]
+    spread = gram @ base
+    push = base.mT @ spread
+    push_inverse, push_rank = symmetric_pseudo_inverse(push, _BASE_RTOL / max(1.0, base_priority))
+    underactuation = 6 - push_rank
+    if xp.any(underactuation):
+        rows = xp.nonzero(underactuation)[0]
+        beyond = identity(6, push) - push[rows] @ push_inverse[rows]
+        acceleration[rows] = achievable_acceleration(
+            acceleration[rows],
+            mass_matrix[rows],
+            bias[rows],
+            free_response(mass_matrix[rows, :6, :], weighted[rows], inverse[rows], inverse_metric),
+            beyond,
+        )
+
+    force = matvec(mass_matrix, acceleration) + bias
+    projected = matvec(weighted_by_cost, force)
+    missing = force[:, :6] - matvec(spread.mT, projected)
+    contact_force = matvec(gram, projected) + matvec(spread, matvec(push_inverse, missing))
+    torque = (force - matvec(jacobian.mT, contact_force))[:, 6:]
+    return InverseDynamics(torque, contact_force, acceleration, rank, underactuation)
+
+
+def consistent_acceleration(
+    acceleration: Array, weighted_jacobian: Array, error: Array, gram_inverse: Array
+) -> Array:
+    """Nearest acceleration with J a + Jdot v = 0 ([M10] eq. (4)).
+
+    Args:
+        acceleration: (N, nv) desired.
+        weighted_jacobian: (N, k, nv) J A^-1, A the diagonal metric of "nearest".
+        error: (N, k) J a + Jdot v of the desired acceleration.
+        gram_inverse: (N, k, k) (J A^-1 J^T)^+.
+
+    Returns:
+        (N, nv).
+    """
+    return acceleration - matvec(weighted_jacobian.mT, matvec(gram_inverse, error))
+
+
+def free_response(
+    base_rows: Array, weighted_jacobian: Array, gram_inverse: Array, inverse_metric: Array | None
+) -> Array:
+    """Contact-consistent accelerations P M_b^T that change the base wrench.
+
+    P = A^-1 - A^-1 J^T (J A^-1 J^T)^+ J A^-1 projects onto the null space of J in the metric A.
+
+    Args:
+        base_rows: (N, 6, nv) M_b, the first six rows of M.
+        weighted_jacobian: (N, k, nv) J A^-1.
+        gram_inverse: (N, k, k) (J A^-1 J^T)^+.
+        inverse_metric: (nv,) diagonal of A^-1, None for ones.
+
+    Returns:
+        (N, nv, 6).
+    """
+    columns = base_rows.mT
+    held = weighted_jacobian.mT @ (gram_inverse @ (weighted_jacobian @ columns))
+    return (columns if inverse_metric is None else inverse_metric[:, None] * columns) - held
+
+
+def achievable_acceleration(
+    acceleration: Array, mass_matrix: Array, bias: Array, response: Array, beyond: Array
+) -> Array:
+    """Nearest contact-consistent acceleration that needs no wrench the contacts cannot deliver.
+
+    Args:
+        acceleration: (N, nv) consistent with the contacts.
+        mass_matrix: (N, nv, nv).
+        bias: (N, nv).
+        response: (N, nv, 6) of `free_response`.
+        beyond: (N, 6, 6) orthogonal projector onto the base directions no contact can push.
+
+    Returns:
+        (N, nv), with beyond (M a + h)_base = 0.
+    """
+    base_rows = mass_matrix[:, :6, :]
+    wanted = matvec(base_rows, acceleration) + bias[:, :6]
+    inertia = base_rows @ response
+    # Regular although `beyond` is not: the identity stands in for the directions left out.
+    regular = beyond @ inertia @ beyond + (identity(6, beyond) - beyond)
+    xp = namespace(acceleration)
+    change = xp.linalg.solve(regular, matvec(beyond, wanted)[..., None])
+    return acceleration - (response @ (beyond @ change))[..., 0]
+
+
+def limited_inverse_dynamics(
+    mass_matrix: Array,
+    bias: Array,
+    jacobian: Array,
+    acceleration: Array,
+    jacobian_bias: Array,
+    limits: ContactLimits,
+    *,
+    point_map: Array | None = None,
+    active: Array | None = None,
+    base_priority: float = 1.0,
+    length: float = 1.0,
+    wrench_cost: tuple[float, ...] | None = None,
+    warm_start: Array | None = None,
+    regularisation: float = REGULARISATION,
+    tolerance: float = TOLERANCE,
+    max_iterations: int = MAX_ITERATIONS,
+) -> LimitedInverseDynamics:
+    """Torques for a desired acceleration, with contact forces that friction and normal force allow.
+
+    [M10] eq. (15) assumes contacts that can pull and never slip. Here the command is first made
+    consistent with the contacts, as there; then the contact forces within the limits are found that
+    deliver its base wrench (M a + h)_base best; then the nearest consistent acceleration that needs
+    just the wrench they deliver; and the torques follow from the joint rows of the dynamics. With too
+    few contacts, down to none, the wrench and with it the momentum is simply what remains possible.
+
+    Args:
+        mass_matrix: (N, nv, nv) M, symmetric positive definite.
+        bias: (N, nv) h.
+        jacobian: (N, k, nv) J of the contact constraints; its entries of order one (SI units).
+        acceleration: (N, nv) desired.
+        jacobian_bias: (N, k) Jdot v.
+        limits: friction and normal force limits of the points.
+        point_map: (N, k, 3 P), gives the generalized forces of the rows of J from stacked point
+            forces. Default: rows of J are stacked point rows, k = 3 P.
+        active: (N, P) bool, points in contact; the others get zero force. Default: all.
+        base_priority: positive weight of base accelerations beside one for joints in "nearest".
+        length: m, lever arm that makes base moments comparable to forces.
+        wrench_cost: six positive weights of the squared base wrench errors. Default: ones.
+        warm_start: (N, 6) `warm_start` of the previous result. Default: zeros.
+        regularisation: see `limited_contact_forces`.
+        tolerance: see `limited_contact_forces`.
+        max_iterations: see `limited_contact_forces`.
+
+    Returns:
+        LimitedInverseDynamics.
+
+    Raises:
+        ShapeError: an array does not fit.
+    """
+    count, rows, velocities = _check_dynamics(
+        mass_matrix, bias, jacobian, acceleration, jacobian_bias
+    )
+    points_columns = rows if point_map is None else point_map.shape[-1]
+    if points_columns % 3:
+        raise ShapeError("point_map", (points_columns,), "a multiple of 3 columns")
+    if point_map is not None:
+        check_shape("point_map", point_map, (count, rows, points_columns), "(N, k, 3 P)")
+    points = points_columns // 3
+    check_contact_options(limits, active, warm_start, count, points)
+
+    xp = namespace(jacobian)
+    scale = wrench_scale(length, wrench_cost, jacobian)
+    base_rows = mass_matrix[:, :6, :] * scale[:, None]
+    inverse_metric = _inverse_metric(base_priority, velocities, jacobian)
+    response, acceleration = _free_motion(
+        base_rows, jacobian, acceleration, jacobian_bias, inverse_metric
+    )
+
+    base_jacobian = (jacobian[:, :, :6] * scale).mT
+    wrench = matvec(base_rows, acceleration) + bias[:, :6] * scale
+    mass = mass_matrix[:, 0, 0]
+    forces = solve_contact_forces(
+        base_jacobian if point_map is None else base_jacobian @ point_map,
+        wrench,
+        limits,
+        weight=_GRAVITY * mass,
+        active=active,
+        warm_start=warm_start,
+        regularisation=regularisation,
+        tolerance=tolerance,
+        max_iterations=max_iterations,
+    )
+    stacked = xp.reshape(forces.force, (count, points_columns))
+    contact_force = stacked if point_map is None else matvec(point_map, stacked)
+
+    ridge = (1e-9 * mass * mass)[:, None, None] * identity(6, jacobian)
+    inertia = base_rows @ response + ridge
+    change = xp.linalg.solve(inertia, (forces.wrench - wrench)[..., None])
+    acceleration = acceleration + (response @ change)[..., 0]
+    joint_force = matvec(mass_matrix[:, 6:, :], acceleration) + bias[:, 6:]
+    torque = joint_force - matvec(jacobian[:, :, 6:].mT, contact_force)
+    return LimitedInverseDynamics(
+        torque,
+        contact_force,
+        acceleration,
+        forces.force,
+        forces.residual,
+        forces.iterations,
+        forces.dual,
+    )
+
+
+def _free_motion(
+    base_rows: Array,
+    jacobian: Array,
+    acceleration: Array,
+    jacobian_bias: Array,
+    inverse_metric: Array | None,
+) -> tuple[Array, Array]:
+    """`free_response` and `consistent_acceleration` from one linear solve.
+
+    A ridge replaces the pseudo-inverse: neither result depends on the part of the solution that J^T
+    annihilates.
+    """
+    xp = namespace(jacobian)
+    columns = base_rows.mT if inverse_metric is None else inverse_metric[:, None] * base_rows.mT
+    motions = xp.concat([columns, acceleration[..., None]], axis=-1)
+    lift = jacobian if inverse_metric is None else jacobian * inverse_metric
+    violation = jacobian @ motions
+    violation[..., 6] += jacobian_bias
+    gram = lift @ jacobian.mT + identity(jacobian.shape[1], jacobian, _RIDGE)
+    motions = motions - lift.mT @ xp.linalg.solve(gram, violation)
+    return motions[..., :6], motions[..., 6]
+
+
+def _inverse_metric(base_priority: float, velocities: int, like: Array) -> Array | None:
+    """(nv,) diagonal of the inverse metric of accelerations; None stands for ones."""
+    if base_priority == 1.0:
+        return None
+    return constant((1.0 / base_priority,) * 6 + (1.0,) * (velocities - 6), like)
+
+
+def _check_dynamics(
+    mass_matrix: Array, bias: Array, jacobian: Array, acceleration: Array, jacobian_bias: Array
+) -> tuple[int, int, int]:
+    """Raise ShapeError unless the arrays fit each other; return N, k and nv."""
+    shape = tuple(jacobian.shape)
+    if len(shape) != 3 or shape[2] < 6:
+        raise ShapeError("jacobian", shape, "(N, k, nv) with nv of at least 6")
+    count, rows, velocities = shape
+    check_shape("mass_matrix", mass_matrix, (count, velocities, velocities), "(N, nv, nv)")
+    check_shape("bias", bias, (count, velocities), "(N, nv)")
+    check_shape("acceleration", acceleration, (count, velocities), "(N, nv)")
+    check_shape("jacobian_bias", jacobian_bias, (count, rows), "(N, k)")
+    return count, rows, velocities
