@@ -130,9 +130,7 @@ def load_bundle(folder: Path, name: str, error: type[FbidError]) -> Bundle:
     try:
         tensors = safetensors.numpy.load(packed)
     except (safetensors.SafetensorError, ValueError, KeyError, TypeError) as reason:
-        raise error(
-            f"{tensor_file}: not safetensors, truncated or corrupt ({reason})."
-        ) from reason
+        raise error(f"{tensor_file}: not safetensors, truncated or corrupt ({reason}).") from reason
     return Bundle(data_file, tensor_file, data, tensors, hashlib.sha256(packed).hexdigest())
 
 

@@ -252,8 +252,9 @@ class _Sizes:
             # bool is an int to Python, but no size or number here may be one
             if not isinstance(value, kind) or isinstance(value, bool):
                 expected = kind.__name__ if isinstance(kind, type) else "number"
-                raise PolicyFileError(f"{file}: {key} is {value!r}. Expected a value of type "
-                                      f"{expected}.")
+                raise PolicyFileError(
+                    f"{file}: {key} is {value!r}. Expected a value of type {expected}."
+                )
             return value
 
         def size(key: str, value: Any) -> int:
@@ -332,9 +333,7 @@ def _policy_folder(path: Path) -> Path:
     )
 
 
-def _frozen(
-    name: str, array: np.ndarray, shape: tuple[int | None, ...], dtype: type
-) -> np.ndarray:
+def _frozen(name: str, array: np.ndarray, shape: tuple[int | None, ...], dtype: type) -> np.ndarray:
     """Return a read-only copy, checked: None in `shape` stands for any length but zero."""
     array = np.array(array, dtype=dtype)
     fits = array.ndim == len(shape) and all(

@@ -16,7 +16,7 @@ from stable_baselines3 import PPO
 
 from fbid_gym.bundles import Tensors, load_bundle, save_bundle
 from fbid_gym.errors import RunError
-from train.learner import normaliser, robots
+from train.learner import moments, normaliser, robots
 
 FORMAT = 1
 _NAME = "checkpoint"
@@ -74,12 +74,13 @@ def _capture(learner: PPO) -> tuple[Tensors, dict[str, Any]]:
     episodes = learner.ep_info_buffer
     assert episodes is not None and learner._last_obs is not None
     version, python_words, python_gauss = random.getstate()
-    numpy_state = cast(dict[str, Any], np.random.get_state(legacy=False))
+    numpy_state = np.random.get_state(legacy=False)
+    observation, discounted = moments(learner)
     tensors: Tensors = {
-        "obs_mean": normalise.obs_rms.mean,
-        "obs_variance": normalise.obs_rms.var,
-        "return_mean": np.asarray(normalise.ret_rms.mean),
-        "return_variance": np.asarray(normalise.ret_rms.var),
+        "obs_mean": observation.mean,
+        "obs_variance": observation.var,
+        "return_mean": np.asarray(discounted.mean),
+        "return_variance": np.asarray(discounted.var),
         "discounted_returns": normalise.returns,
         "last_obs": np.asarray(learner._last_obs),
         "last_episode_starts": np.asarray(learner._last_episode_starts),
@@ -91,16 +92,16 @@ def _capture(learner: PPO) -> tuple[Tensors, dict[str, Any]]:
     }
     for name, value in learner.policy.state_dict().items():
         tensors[f"network.{name}"] = value.detach().numpy()
-    for index, moments in learner.policy.optimizer.state_dict()["state"].items():
-        for name, value in moments.items():
+    for index, averages in learner.policy.optimizer.state_dict()["state"].items():
+        for name, value in averages.items():
             tensors[f"optimiser.{index}.{name}"] = value.detach().numpy()
     for name, array in cast(Resumable, robots(learner)).state_dict().items():
         tensors[f"robots.{name}"] = np.asarray(array)
     state = {
         "steps": learner.num_timesteps,
         "updates": learner._n_updates,
-        "obs_count": float(normalise.obs_rms.count),
-        "return_count": float(normalise.ret_rms.count),
+        "obs_count": float(observation.count),
+        "return_count": float(discounted.count),
         "rng_numpy": {
             "pos": int(numpy_state["state"]["pos"]),
             "has_gauss": int(numpy_state["has_gauss"]),
@@ -117,14 +118,14 @@ def _put_back(learner: PPO, tensors: Tensors, state: Mapping[str, Any]) -> None:
         {name: torch.from_numpy(array) for name, array in _under(tensors, "network").items()}
     )
     optimiser = learner.policy.optimizer
-    moments: dict[int, dict[str, torch.Tensor]] = {}
+    averages: dict[int, dict[str, torch.Tensor]] = {}
     for key, array in _under(tensors, "optimiser").items():
         index, _, name = key.partition(".")
-        moments.setdefault(int(index), {})[name] = torch.from_numpy(array)
+        averages.setdefault(int(index), {})[name] = torch.from_numpy(array)
     groups = optimiser.state_dict()["param_groups"]
-    optimiser.load_state_dict({"state": moments, "param_groups": groups})
+    optimiser.load_state_dict({"state": averages, "param_groups": groups})
 
-    for name, statistics in (("obs", normalise.obs_rms), ("return", normalise.ret_rms)):
+    for name, statistics in zip(("obs", "return"), moments(learner), strict=True):
         mean, variance = tensors[f"{name}_mean"], tensors[f"{name}_variance"]
         if mean.shape != np.shape(statistics.mean) or variance.shape != mean.shape:
             raise ValueError(

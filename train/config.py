@@ -132,6 +132,10 @@ class TrainConfig:
             value = _at(self, name)
             if not low <= value <= high:
                 raise InvalidValueError(name, value, f"a number from {low} to {high}")
+        if self.ppo.target_kl is not None and not self.ppo.target_kl > 0:
+            raise InvalidValueError(
+                "ppo.target_kl", self.ppo.target_kl, "a positive number or None"
+            )
         if any(width < 1 for width in self.ppo.hidden):
             raise InvalidValueError("ppo.hidden", self.ppo.hidden, "positive widths")
         if self.iteration_steps < 2:
@@ -264,5 +268,3 @@ def parse(arguments: list[str] | None = None) -> TrainConfig:
     return tyro.cli(
         TrainConfig, prog="python -m train.ppo", description=TrainConfig.__doc__, args=arguments
     )
-
-

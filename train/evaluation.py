@@ -33,10 +33,10 @@ class Evaluation:
 
 
 def evaluate(policy: Callable[[np.ndarray], np.ndarray], env: VecEnv, seed: int) -> Evaluation:
-    """Run one episode per robot, each robot's first after seeding, so that short ones do not
-    count more often than long ones.
+    """Run one episode per robot.
 
-    Draws from no generator but the environment's own.
+    It is each robot's first after seeding, so short episodes do not count more often than long
+    ones. Draws from no generator but the environment's own.
 
     Args:
         policy: observations (N, O) to actions (N, A).

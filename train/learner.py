@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from fbid_gym.policy import Policy
@@ -83,6 +84,13 @@ def normaliser(learner: PPO) -> VecNormalize:
     return env
 
 
+def moments(learner: PPO) -> tuple[RunningMeanStd, RunningMeanStd]:
+    """Return the running statistics of the observations and of the discounted rewards."""
+    normalise = normaliser(learner)
+    assert isinstance(normalise.obs_rms, RunningMeanStd)
+    return normalise.obs_rms, normalise.ret_rms
+
+
 def robots(learner: PPO) -> VecEnv:
     """Return the environment below the normalisation."""
     return normaliser(learner).venv
@@ -92,13 +100,14 @@ def export(learner: PPO, config: TrainConfig, versions: dict[str, Any]) -> Polic
     """Return the deterministic part of the learner as it is now."""
     normalise = normaliser(learner)
     network = learner.policy
-    layers = [m for m in network.mlp_extractor.policy_net if isinstance(m, torch.nn.Linear)]
-    layers.append(network.action_net)
+    modules = [*network.mlp_extractor.policy_net, network.action_net]
+    layers = [module for module in modules if isinstance(module, torch.nn.Linear)]
+    observation, _ = moments(learner)
     return Policy(
         env_id=config.env,
         env_args=config.make_args(),
-        mean=normalise.obs_rms.mean,
-        variance=normalise.obs_rms.var,
+        mean=observation.mean,
+        variance=observation.var,
         weights=tuple(layer.weight.detach().numpy() for layer in layers),
         biases=tuple(layer.bias.detach().numpy() for layer in layers),
         activation=config.ppo.activation,

@@ -45,20 +45,24 @@ _EVALUATIONS = (
 )  # fmt: skip
 
 
-def main(config: TrainConfig, make_env: MakeEnv | None = None) -> Path:
+def make_sb3(*args, **kwargs):
+    from fbid_gym import make_sb3 as real
+
+    return real(*args, **kwargs)
+
+
+def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
     """Train, or continue training, and return the run folder.
 
     Args:
         config: the run.
-        make_env: makes the environments; `fbid_gym.make_sb3` when None.
+        make_env: makes the environments.
 
     Raises:
         FbidError: an invalid configuration, or a run folder that does not fit it. Nothing is
             written then.
         KeyboardInterrupt: after SIGINT or SIGTERM, once the state is saved.
     """
-    if make_env is None:
-        from fbid_gym import make_sb3 as make_env
     with ExitStack() as stack:
 
         def environment(count: int, seed: int) -> VecEnv:
@@ -146,21 +150,23 @@ class _Training:
         """One iteration of PPO: roll out, update, log."""
         learner, began = self.learner, time.perf_counter()
         assert learner.env is not None
-        learner.collect_rollouts(
-            learner.env, self.callback, learner.rollout_buffer, learner.n_steps
-        )
-        learner.train()
+        try:
+            learner.collect_rollouts(
+                learner.env, self.callback, learner.rollout_buffer, learner.n_steps
+            )
+            learner.train()
+        except ValueError as error:
+            # torch's distributions refuse the NaN of a diverged network, at length
+            if self._finite():
+                raise
+            raise self._diverged() from error
+        if not self._finite():
+            raise self._diverged()
         seconds = time.perf_counter() - began
         self.seconds += seconds
         metrics = dict(learner.logger.name_to_value)
         learner.logger.dump(self.steps)
-        if not math.isfinite(metrics["train/loss"]):
-            raise RunError(
-                f"{self.run.path}: training diverged at step {self.steps}: the loss is "
-                f"{metrics['train/loss']}. The checkpoint of step {self.saved_steps} is kept; try "
-                "a smaller --ppo.learning-rate in another --out."
-            )
-        episodes = learner.ep_info_buffer or []
+        episodes = list(learner.ep_info_buffer or ())
         row = {
             "steps": self.steps,
             "wall_seconds": round(self.seconds, 3),
@@ -218,6 +224,20 @@ class _Training:
         self.display.close()
         for log in (self.progress, self.evaluations, self.tensorboard):
             log.close()
+
+    def _finite(self) -> bool:
+        return all(bool(p.isfinite().all()) for p in self.learner.policy.parameters())
+
+    def _diverged(self) -> RunError:
+        kept = (
+            f"The checkpoint of step {self.saved_steps} is kept"
+            if self.saved_steps > 0
+            else ("There is no checkpoint yet")
+        )
+        return RunError(
+            f"{self.run.path}: training diverged by step {self.steps}: the network holds NaN or "
+            f"infinity. {kept}; try a smaller --ppo.learning-rate in another --out."
+        )
 
     def _crossed(self, every: int) -> bool:
         """Whether the last iteration passed a multiple of `every`."""

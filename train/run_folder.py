@@ -89,9 +89,7 @@ def open_run(config: TrainConfig) -> Iterator[RunFolder]:
     with _locked(path):
         checkpoint = path / "checkpoint"
         resumes = (
-            stored is not None
-            and not config.overwrite
-            and present_bundle(checkpoint).exists()
+            stored is not None and not config.overwrite and present_bundle(checkpoint).exists()
         )
         if not resumes:
             for name in _WRITTEN:

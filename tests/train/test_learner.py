@@ -1,0 +1,32 @@
+import numpy as np
+import pytest
+import stand_in
+
+from train.config import PPOConfig
+from train.learner import build, export, normaliser, seeds
+
+
+@pytest.mark.parametrize("activation", ["tanh", "relu", "elu"])
+def test_exported_policy_is_the_prediction_of_stable_baselines3(tmp_path, activation):
+    config = stand_in.config(
+        tmp_path, ppo=PPOConfig(n_steps=16, batch_size=64, activation=activation, hidden=(20, 9))
+    )
+    learner = build(config, stand_in.make("", num_envs=8, seed=1, num_threads=1))
+    learner.learn(512)
+    policy = export(learner, config, {})
+    assert policy.trained_steps == 512
+    # beyond the clip on both sides, and large enough for actions at their limits
+    observation = np.random.default_rng(0).normal(scale=(1.0, 3.0, 100.0), size=(400, 3))
+    observation = observation.astype(np.float32)
+    expected, _ = learner.predict(
+        normaliser(learner).normalize_obs(observation), deterministic=True
+    )
+    np.testing.assert_allclose(policy(observation), expected, atol=1e-6)
+    assert np.ptp(expected) > 0.01
+
+
+def test_seeds_of_neighbouring_runs_share_no_robot():
+    robots = [set(range(s, s + 64)) for s in (seeds(k)["robots"] for k in range(50))]
+    assert len(set.union(*robots)) == 50 * 64
+    assert seeds(3) == seeds(3)
+    assert seeds(3)["robots"] != seeds(3)["learner"]
