@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Mapping, Sequence
+from numbers import Real
 
 import mujoco
 import numpy as np
@@ -24,7 +25,8 @@ class PinocchioDynamics:
     model differs from the robot's as an identified one would; without them it gives the same terms
     as `MuJoCoDynamics`, by other algorithms.
 
-    It loops over the batch in Python and holds the GIL: meant for one robot or a few.
+    It loops over the batch in Python and holds the GIL: meant for one robot or a few. An instance
+    has one working memory, so threads need one each.
 
     Attributes:
         robot: the robot it was built from.
@@ -57,7 +59,6 @@ class PinocchioDynamics:
         nominal = _nominal(robot.model, mass_scale, com_offset or {})
         self.robot = robot
         self.model = pinocchio_model(nominal)
-        self._data: pin.Data
         self._base_armature = armature_of_base(nominal)
         self._feet = []
         # Takes a foot's twist from the centre of its points to the reference below it.
@@ -181,10 +182,7 @@ def _body(argument: str, name: str, names: Sequence[str]) -> int:
 
 def _positive(argument: str, value: float) -> float:
     """A positive finite number, or the error that names it."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = np.nan
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else np.nan
     if not (np.isfinite(number) and number > 0.0):
         raise InvalidValueError(argument, value, "a positive number, or a mapping from body names")
     return number

@@ -92,10 +92,10 @@ class EnvBatch:
         """Return the current observations, (N, O) float32."""
         return self._observation.copy()
 
-    def check_action(self, action: np.ndarray) -> np.ndarray:
-        """Return the actions (N, A) as floats, or raise one error before anything is lost."""
+    def check_action(self, action: np.ndarray, num_envs: int) -> np.ndarray:
+        """Return actions (num_envs, A) as floats, or raise one error before anything is lost."""
         action = np.asarray(action, dtype=float)
-        expected = (self.num_envs, len(self.layer.action_names))
+        expected = (num_envs, len(self.layer.action_names))
         if action.shape != expected:
             raise ShapeError("action", action.shape, f"{expected}")
         size = np.abs(action).max()

@@ -1,0 +1,198 @@
+"""Layer `base_acceleration`: a task-space stabiliser of the base, to which the action adds."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbid_gym.actions.acceleration_law import DIAGNOSTICS, AccelerationLaw
+from fbid_gym.actions.contact_belief import Schedule
+from fbid_gym.actions.layer import Memory
+from fbid_gym.actions.options import positive
+from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.robots import Robot
+
+_BASE_FIRST = 1e3  # base priority: the posture takes what the base leaves
+_VERTICAL_SCALE = 0.5  # of gravity: half the weight more, or half less
+# vee @ vec(A): the axial vector of a 3×3 matrix, (A - A^T) / 2 = skew(axial).
+_AXIAL = np.zeros((9, 3))
+_AXIAL[[7, 2, 3], [0, 1, 2]] = 0.5
+_AXIAL[[5, 6, 1], [0, 1, 2]] = -0.5
+
+
+@dataclass(frozen=True, eq=False)
+class BaseAcceleration:
+    """The base accelerates back to its home pose above the feet, plus scale * action.
+
+    In the level frame of the feet (x forward, z up), with w and zeta of each part:
+
+        linear, x and y:  w^2 (home - centre of mass) - 2 zeta w (its velocity)
+        linear, z:        w^2 (home - base height)    - 2 zeta w (its velocity)
+        angular:          w^2 (rotation error)        - 2 zeta w (angular velocity), base frame
+        joints:           w^2 (home - q)              - 2 zeta w qdot, in the null space of the above
+
+    The scale of the action is what the contacts can do: horizontally the acceleration that moves the
+    centre of pressure from below the centre of mass to the nearest edge of the support polygon,
+    g * margin / height, but no more than friction allows; vertically half of gravity; for tilting the
+    moment that the same shift gives, for turning the moment of friction, on the home inertia.
+
+    Attributes:
+        law: from acceleration to torque.
+        support: the home stance.
+        stiffness: (6,) w^2 of the base, 1/s^2.
+        damping: (6,) 2 zeta w of the base, 1/s.
+        posture_stiffness: w^2 of the joints, 1/s^2.
+        posture_damping: 2 zeta w of the joints, 1/s.
+        scale: (6,) m/s^2 and rad/s^2 at action 1.
+    """
+
+    law: AccelerationLaw
+    support: Support
+    stiffness: np.ndarray
+    damping: np.ndarray
+    posture_stiffness: float
+    posture_damping: float
+    scale: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        control_hz: int,
+        *,
+        balance_frequency: float = 0.8,
+        height_frequency: float = 1.2,
+        rotation_frequency: float = 1.2,
+        posture_frequency: float = 1.0,
+        damping_ratio: float = 1.0,
+        contacts: str | Schedule = "all",
+        contact_limits: str = "friction",
+        friction: float = 0.7,
+        min_normal_force: float = 0.0,
+        max_normal_force: float = np.inf,
+        compensate_damping: bool = True,
+    ) -> "BaseAcceleration":
+        """Build the layer.
+
+        Args:
+            robot: whose joints.
+            control_hz: control ticks per second.
+            balance_frequency: Hz, of the centre of mass's horizontal return home.
+            height_frequency: Hz, of the base's vertical return home.
+            rotation_frequency: Hz, of the base's orientation.
+            posture_frequency: Hz, of the joints in the null space.
+            damping_ratio: zeta, of all four.
+            contacts: "all", "measured", or a schedule [(seconds, feet on the ground), ...].
+            contact_limits: "friction" limits the contact forces; "none" is the paper's form.
+            friction: coefficient assumed of every contact.
+            min_normal_force: least normal force of a point in contact, share of the weight.
+            max_normal_force: greatest, share of the weight.
+            compensate_damping: add the torque that the joints' viscous damping takes away.
+        """
+        positive(
+            balance_frequency=balance_frequency,
+            height_frequency=height_frequency,
+            rotation_frequency=rotation_frequency,
+            posture_frequency=posture_frequency,
+            damping_ratio=damping_ratio,
+        )
+        law = AccelerationLaw.of(
+            robot,
+            control_hz,
+            base_priority=_BASE_FIRST,
+            contacts=contacts,
+            contact_limits=contact_limits,
+            friction=friction,
+            min_normal_force=min_normal_force,
+            max_normal_force=max_normal_force,
+            compensate_damping=compensate_damping,
+        )
+        support = Support.of(robot)
+        omega = 2.0 * np.pi * np.array(
+            [balance_frequency] * 2 + [height_frequency] + [rotation_frequency] * 3
+        )
+        posture = 2.0 * np.pi * posture_frequency
+        return cls(
+            law=law,
+            support=support,
+            stiffness=omega**2,
+            damping=2.0 * damping_ratio * omega,
+            posture_stiffness=posture**2,
+            posture_damping=2.0 * damping_ratio * posture,
+            scale=_scale(robot, support, friction),
+        )
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """Six accelerations of the base."""
+        names = [f"base acceleration {axis}, support frame" for axis in "xyz"]
+        names += [f"base angular acceleration {axis}, base frame" for axis in "xyz"]
+        units = ["m/s^2"] * 3 + ["rad/s^2"] * 3
+        return tuple(
+            f"{name} (x {scale:.3g} {unit})"
+            for name, scale, unit in zip(names, self.scale, units, strict=True)
+        )
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """Of the acceleration law."""
+        return DIAGNOSTICS
+
+    def memory(self, num_robots: int) -> Memory:
+        """See `ActionLayer.memory`."""
+        return self.law.memory(num_robots)
+
+    def torque(
+        self,
+        action: np.ndarray,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        memory: Memory,
+    ) -> np.ndarray:
+        """See `ActionLayer.torque`."""
+        known = terms()
+        return self.law.torque(self.acceleration(action, state, known), state, known, memory)
+
+    def acceleration(
+        self, action: np.ndarray, state: RobotState, terms: DynamicsTerms
+    ) -> np.ndarray:
+        """Return the desired acceleration (N, nv)."""
+        support, velocity = self.support, state.qvel
+        frame = support.frame(terms)
+        num_robots = len(velocity)
+
+        # Errors of the linear part in the support frame, then of the angular part in the base's.
+        error, rate = np.empty((num_robots, 6)), np.empty((num_robots, 6))
+        com = np.vecmat(terms.com - frame.centre, frame.rotation)
+        error[:, :3] = support.home_com - com
+        error[:, 2] = support.home_base[2] - (terms.base_position - frame.centre)[:, 2]
+        rate[:, :3] = np.vecmat(terms.com_velocity, frame.rotation)
+        rate[:, 2] = velocity[:, 2]
+        desired = frame.rotation @ support.home_base_rotation
+        turn = terms.base_rotation.swapaxes(1, 2) @ desired
+        error[:, 3:] = turn.reshape(num_robots, 9) @ _AXIAL
+        rate[:, 3:] = velocity[:, 3:6]
+
+        base = self.stiffness * error - self.damping * rate + self.scale * action
+        out = np.empty_like(velocity)
+        out[:, :3] = np.matvec(frame.rotation, base[:, :3])
+        out[:, 3:6] = base[:, 3:]
+        out[:, 6:] = self.posture_stiffness * (self.law.robot.home_qpos[7:] - state.qpos[:, 7:])
+        out[:, 6:] -= self.posture_damping * velocity[:, 6:]
+        return out
+
+
+def _scale(robot: Robot, support: Support, friction: float) -> np.ndarray:
+    """What action 1 means, see `BaseAcceleration`: (6,) m/s^2 and rad/s^2."""
+    gravity = robot.weight / robot.mass
+    terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
+    inertia = np.diag(terms.mass_matrix[0])[3:6]
+    margin = support.margin
+    linear = np.minimum(gravity * margin / support.home_com[2], friction * gravity)
+    tilting = robot.weight * margin[::-1]  # a sideways shift rolls, a forward shift pitches
+    turning = friction * robot.weight * support.radius
+    moment = np.append(tilting, turning)
+    return np.concatenate([linear, [_VERTICAL_SCALE * gravity], moment / inertia])

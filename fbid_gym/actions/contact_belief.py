@@ -1,0 +1,61 @@
+"""Which contact points a model-based layer takes to be on the ground."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.robots import Robot
+
+ContactBelief = Callable[[RobotState], np.ndarray | None]
+"""Returns which points are in contact, (N, P) bool, or None for all of them."""
+
+Schedule = Sequence[tuple[float, Sequence[str]]]
+
+TOUCH = 0.005
+"""Share of the robot's weight that a point must carry to count as measured contact."""
+
+
+def contact_belief(contacts: str | Schedule, robot: Robot, control_hz: int) -> ContactBelief:
+    """Build a contact belief.
+
+    Args:
+        contacts: "all"; "measured", the points that carried weight on the last physics step; or a
+            schedule [(seconds, names of the feet on the ground), ...], repeated for ever.
+        robot: whose feet.
+        control_hz: control ticks per second.
+
+    Raises:
+        FbidError: not one of these, a foot that does not exist, or a phase without duration.
+    """
+    if isinstance(contacts, str):
+        if contacts == "all":
+            return lambda state: None
+        if contacts == "measured":
+            least = TOUCH * robot.weight
+            return lambda state: np.linalg.norm(state.contact_force, axis=2) > least
+        raise UnknownOptionError(
+            "contacts", contacts, ("all", "measured", "a schedule [(seconds, feet), ...]")
+        )
+    table = _schedule_table(contacts, robot, control_hz)
+    return lambda state: table[state.tick % len(table)]
+
+
+def _schedule_table(schedule: Schedule, robot: Robot, control_hz: int) -> np.ndarray:
+    """Points in contact at each control tick of one period: (T, P) bool."""
+    phases = []
+    for phase in schedule:
+        if len(phase) != 2 or not 0.5 <= phase[0] * control_hz < np.inf:
+            raise InvalidValueError(
+                "contacts", schedule, f"phases (seconds >= {1 / control_hz:g}, feet on the ground)"
+            )
+        seconds, feet = phase
+        for foot in feet:
+            if foot not in robot.foot_names:
+                raise UnknownOptionError("foot in contacts", foot, robot.foot_names)
+        down = [np.full(len(foot.points), foot.name in feet) for foot in robot.feet]
+        phases.append(np.tile(np.concatenate(down), (round(seconds * control_hz), 1)))
+    if not phases:
+        raise InvalidValueError("contacts", schedule, "at least one phase (seconds, feet)")
+    return np.concatenate(phases)

@@ -1,0 +1,112 @@
+"""Layer `joint_acceleration`: the action is added to stabilising joint accelerations."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbid_gym.actions.acceleration_law import DIAGNOSTICS, AccelerationLaw
+from fbid_gym.actions.contact_belief import Schedule
+from fbid_gym.actions.layer import Memory
+from fbid_gym.actions.options import positive
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.robots import Robot
+
+_JOINTS_FIRST = 1e-3  # base priority: the base follows the joints
+
+
+@dataclass(frozen=True, eq=False)
+class JointAcceleration:
+    """qdd_joints = w^2 (q_home - q) - 2 zeta w qdot + scale * action, through [M10] eq. (15).
+
+    The base is not commanded: its acceleration is what the feet on the ground leave it.
+
+    Attributes:
+        law: from acceleration to torque.
+        stiffness: w^2, 1/s^2.
+        damping: 2 zeta w, 1/s.
+        scale: rad/s^2 (m/s^2 for slides) at action 1.
+    """
+
+    law: AccelerationLaw
+    stiffness: float
+    damping: float
+    scale: float
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        control_hz: int,
+        *,
+        natural_frequency: float = 2.0,
+        damping_ratio: float = 1.0,
+        scale: float = 30.0,
+        contacts: str | Schedule = "all",
+        contact_limits: str = "friction",
+        friction: float = 0.7,
+        min_normal_force: float = 0.0,
+        max_normal_force: float = np.inf,
+        compensate_damping: bool = True,
+    ) -> "JointAcceleration":
+        """Build the layer.
+
+        Args:
+            robot: whose joints.
+            control_hz: control ticks per second.
+            natural_frequency: w / (2 pi) in Hz of every joint's return home.
+            damping_ratio: zeta.
+            scale: rad/s^2 (m/s^2 for slides) at action 1.
+            contacts: "all", "measured", or a schedule [(seconds, feet on the ground), ...].
+            contact_limits: "friction" limits the contact forces; "none" is the paper's form.
+            friction: coefficient assumed of every contact.
+            min_normal_force: least normal force of a point in contact, share of the weight.
+            max_normal_force: greatest, share of the weight.
+            compensate_damping: add the torque that the joints' viscous damping takes away.
+        """
+        positive(natural_frequency=natural_frequency, damping_ratio=damping_ratio, scale=scale)
+        omega = 2.0 * np.pi * natural_frequency
+        law = AccelerationLaw.of(
+            robot,
+            control_hz,
+            base_priority=_JOINTS_FIRST,
+            contacts=contacts,
+            contact_limits=contact_limits,
+            friction=friction,
+            min_normal_force=min_normal_force,
+            max_normal_force=max_normal_force,
+            compensate_damping=compensate_damping,
+        )
+        return cls(law, omega**2, 2.0 * damping_ratio * omega, scale)
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """One acceleration a joint."""
+        joints = self.law.robot.joint_names
+        return tuple(f"acceleration of {joint} (x {self.scale:g} rad/s^2)" for joint in joints)
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """Of the acceleration law."""
+        return DIAGNOSTICS
+
+    def memory(self, num_robots: int) -> Memory:
+        """See `ActionLayer.memory`."""
+        return self.law.memory(num_robots)
+
+    def torque(
+        self,
+        action: np.ndarray,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        memory: Memory,
+    ) -> np.ndarray:
+        """See `ActionLayer.torque`."""
+        acceleration = np.zeros_like(state.qvel)
+        acceleration[:, 6:] = (
+            self.stiffness * (self.law.robot.home_qpos[7:] - state.qpos[:, 7:])
+            - self.damping * state.qvel[:, 6:]
+            + self.scale * action
+        )
+        return self.law.torque(acceleration, state, terms(), memory)

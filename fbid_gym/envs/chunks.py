@@ -1,0 +1,91 @@
+"""A batch of environments split into chunks that run side by side on threads."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from fbid_gym.envs.config import BalanceConfig
+from fbid_gym.envs.env_batch import EnvBatch, Step
+from fbid_gym.errors import InvalidValueError
+
+
+class Chunks:
+    """`num_envs` environments on `num_threads` threads, each with a contiguous share of them.
+
+    Physics and batched linear algebra leave Python's lock, so the chunks overlap. What an
+    environment computes does not depend on the chunk it is in.
+    """
+
+    def __init__(self, config: BalanceConfig, num_envs: int, num_threads: int) -> None:
+        """Build the chunks."""
+        for name, value in (("num_envs", num_envs), ("num_threads", num_threads)):
+            if isinstance(value, bool) or int(value) != value or value < 1:
+                raise InvalidValueError(name, value, "a positive whole number")
+        bounds = np.linspace(0, num_envs, min(num_threads, num_envs) + 1).astype(int)
+        self.slices = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+        self.batches = [EnvBatch(config, s.stop - s.start) for s in self.slices]
+        self.num_envs = num_envs
+        self._pool = ThreadPoolExecutor(len(self.batches)) if len(self.batches) > 1 else None
+
+    def seed(self, env: int, rng: np.random.Generator) -> None:
+        """Give one environment a random generator of its own."""
+        batch, local = self.locate(env)
+        batch.seed(local, rng)
+
+    def locate(self, env: int) -> tuple[EnvBatch, int]:
+        """Return the chunk that holds an environment, and its place there."""
+        for batch, part in zip(self.batches, self.slices, strict=True):
+            if part.start <= env < part.stop:
+                return batch, env - part.start
+        raise InvalidValueError("env", env, f"0 to {self.num_envs - 1}")
+
+    def reset(self, chosen: np.ndarray) -> None:
+        """Start new episodes where `chosen` (N,) is true."""
+        for batch, part in zip(self.batches, self.slices, strict=True):
+            ids = np.flatnonzero(chosen[part])
+            if len(ids):
+                batch.reset(ids)
+
+    def observation(self) -> np.ndarray:
+        """Return the current observations, (N, O) float32."""
+        return np.concatenate([batch.observation() for batch in self.batches])
+
+    def step(self, action: np.ndarray) -> Step:
+        """Check the actions (N, A), then hold them for one policy step."""
+        first = self.batches[0]
+        action = first.check_action(action, self.num_envs)
+        if self._pool is None:
+            return first.step(action)
+        jobs = [
+            self._pool.submit(batch.step, action[part])
+            for batch, part in zip(self.batches, self.slices, strict=True)
+        ]
+        return _joined([job.result() for job in jobs])
+
+    def close(self) -> None:
+        """Stop the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """Return the exact state of all environments as named arrays."""
+        return {
+            f"{index}.{name}": value
+            for index, batch in enumerate(self.batches)
+            for name, value in batch.state_dict().items()
+        }
+
+    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
+        """Continue from a `state_dict` of as many environments on as many threads."""
+        for index, batch in enumerate(self.batches):
+            start = f"{index}."
+            batch.load_state_dict(
+                {k.removeprefix(start): v for k, v in state.items() if k.startswith(start)}
+            )
+
+
+def _joined(steps: list[Step]) -> Step:
+    arrays = [np.concatenate(parts) for parts in zip(*(step[:4] for step in steps), strict=True)]
+    names = steps[0].info
+    info = {name: np.concatenate([step.info[name] for step in steps]) for name in names}
+    return Step(*arrays, info=info)

@@ -1,0 +1,164 @@
+"""The stable-baselines3 vector environment: `fbid_gym.make_sb3`."""
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils import seeding
+from stable_baselines3.common.vec_env import VecEnv
+
+from fbid_gym.envs.chunks import Chunks
+from fbid_gym.envs.config import BalanceConfig
+from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
+from fbid_gym.envs.vector_env import spaces
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
+
+
+class SB3VecEnv(VecEnv):
+    """N environments for stable-baselines3, which resets them itself.
+
+    At the end of an episode the info holds `terminal_observation`, `TimeLimit.truncated` and
+    `episode` (return r, length l, seconds since the start t), as SB3's own wrappers give them.
+    Per-step quantities of all environments are in `last_info`; they enter the infos' dictionaries
+    only when an episode ends, because building N dictionaries of twenty entries on every step would
+    cost as much as the control law.
+
+    Attributes:
+        last_info: name -> (N, ...) arrays of the last step, named as in `gym.make_vec`.
+    """
+
+    def __init__(
+        self, config: BalanceConfig, num_envs: int, num_threads: int, render_mode: str | None
+    ) -> None:
+        """Build the environments."""
+        check_render_mode(render_mode)
+        self.chunks = Chunks(config, num_envs, num_threads)
+        self.render_mode = render_mode
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": config.rates().policy}
+        first = self.chunks.batches[0]
+        super().__init__(num_envs, *spaces(first.task, first.layer))
+        self.last_info: dict[str, np.ndarray] = {}
+        self._seeded = False
+        self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
+        self._started = time.monotonic()
+        self._actions: np.ndarray | None = None
+        self._renderers: dict[int, RobotRenderer] = {}
+
+    def reset(self) -> np.ndarray:
+        """Start new episodes everywhere: (N, O) float32."""
+        for env, seed in enumerate(self._seeds):
+            if seed is not None or not self._seeded:
+                self.chunks.seed(env, seeding.np_random(seed)[0])
+        self._seeded = True
+        self._reset_seeds()
+        self.chunks.reset(np.ones(self.num_envs, bool))
+        self._returns[:], self._lengths[:] = 0.0, 0
+        return self.chunks.observation()
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take note of the actions (N, A)."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Step, and reset the environments whose episode ended."""
+        step = self.chunks.step(self._actions)
+        self.last_info = step.info
+        self._returns += step.reward
+        self._lengths += 1
+        done = step.terminated | step.truncated
+        observation = step.observation
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if done.any():
+            elapsed = time.monotonic() - self._started
+            for env in np.flatnonzero(done):
+                infos[env] = {name: value[env] for name, value in step.info.items()} | {
+                    "terminal_observation": observation[env],
+                    "TimeLimit.truncated": bool(step.truncated[env]),
+                    "episode": {
+                        "r": float(self._returns[env]),
+                        "l": int(self._lengths[env]),
+                        "t": round(elapsed, 6),
+                    },
+                }
+            self.chunks.reset(done)
+            self._returns[done], self._lengths[done] = 0.0, 0
+            observation = self.chunks.observation()
+        return observation, step.reward.astype(np.float32), done, infos
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """Return the exact state of all environments as named arrays."""
+        own = {"returns": self._returns.copy(), "lengths": self._lengths.copy()}
+        return self.chunks.state_dict() | own
+
+    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
+        """Continue from a `state_dict` of as many environments on as many threads."""
+        self.chunks.load_state_dict(state)
+        self._returns, self._lengths = state["returns"].copy(), state["lengths"].copy()
+        self._seeded = True
+
+    def close(self) -> None:
+        """Stop the threads, close the windows."""
+        self.chunks.close()
+        for renderer in self._renderers.values():
+            renderer.close()
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """Draw every environment: (H, W, 3) uint8 each."""
+        images = []
+        for env in range(self.num_envs):
+            batch, local = self.chunks.locate(env)
+            if id(batch) not in self._renderers:
+                self._renderers[id(batch)] = RobotRenderer(batch, "rgb_array")
+            images.append(self._renderers[id(batch)].render(local))
+        return images
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute; all environments share it."""
+        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of all environments; they share it."""
+        if len(list(self._get_indices(indices))) != self.num_envs:
+            raise InvalidValueError("indices", indices, "all environments: they share attributes")
+        setattr(self, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list:
+        """Not supported: the environments are rows of a batch and have no methods of their own."""
+        raise UnknownOptionError("method of a single environment", method_name, ["none"])
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """Return False for each: wrap the whole batch instead."""
+        return [False for _ in self._get_indices(indices)]
+
+
+def make_sb3(
+    env_id: str,
+    num_envs: int = 1,
+    *,
+    seed: int | None = None,
+    num_threads: int = 1,
+    render_mode: str | None = None,
+    **arguments: Any,
+) -> SB3VecEnv:
+    """Build N environments for stable-baselines3.
+
+    Args:
+        env_id: a registered id, such as "fbid_gym/BipedBalance-v0".
+        num_envs: how many.
+        seed: environment i starts from seed + i.
+        num_threads: threads that step them.
+        render_mode: None or "rgb_array".
+        **arguments: of the environment, as for `gym.make`.
+
+    Raises:
+        FbidError: an id that is not one of ours, or an argument that is not valid.
+    """
+    ours = [name for name in gym.registry if name.startswith("fbid_gym/")]
+    if env_id not in ours:
+        raise UnknownOptionError("environment id", env_id, ours)
+    config = BalanceConfig.of({**gym.registry[env_id].kwargs, **arguments})
+    envs = SB3VecEnv(config, num_envs, num_threads, render_mode)
+    envs.seed(seed)
+    return envs

@@ -1,0 +1,158 @@
+"""The Gymnasium vector environment: `gym.make_vec`."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from fbid_gym.envs.chunks import Chunks
+from fbid_gym.envs.config import BalanceConfig
+from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
+from fbid_gym.errors import InvalidValueError, ShapeError, UnknownOptionError
+
+
+class BalanceVectorEnv(VectorEnv):
+    """N Balance environments stepped together, see `BalanceEnv` for what each of them is.
+
+    Environment i of `reset(seed=s)` gives the same numbers as `BalanceEnv` with seed s + i.
+
+    Arguments beyond those of `BalanceEnv`:
+
+    | Argument         | Default     | Meaning                                              |
+    | ---------------- | ----------- | ---------------------------------------------------- |
+    | `num_envs`       |             | Number of environments.                              |
+    | `num_threads`    | 1           | Threads that step them, each with its share.         |
+    | `autoreset_mode` | `NEXT_STEP` | `gymnasium.vector.AutoresetMode`, or its name.       |
+    """
+
+    metadata: dict[str, Any]
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        robot: Any = "biped",
+        *,
+        render_mode: str | None = None,
+        num_threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        **arguments: Any,
+    ) -> None:
+        """Build the environments."""
+        check_render_mode(render_mode)
+        self.config = BalanceConfig.of({"robot": robot} | arguments)
+        self.chunks = Chunks(self.config, num_envs, num_threads)
+        first = self.chunks.batches[0]
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self.single_observation_space, self.single_action_space = spaces(first.task, first.layer)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.metadata = {
+            "render_modes": list(RENDER_MODES),
+            "render_fps": self.config.rates().policy,
+            "autoreset_mode": _autoreset_mode(autoreset_mode),
+        }
+        self._renderers: list[RobotRenderer] = []
+        self._seeded = False
+        self._done = np.ones(num_envs, bool)
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start new episodes.
+
+        Args:
+            seed: environment i gets seed + i; or one seed (or None) each.
+            options: {"reset_mask": (N,) bool} resets only those environments.
+        """
+        chosen = np.ones(self.num_envs, bool)
+        if options and "reset_mask" in options:
+            chosen = np.asarray(options["reset_mask"])
+            if chosen.shape != (self.num_envs,) or chosen.dtype != bool:
+                raise ShapeError("reset_mask", chosen.shape, f"({self.num_envs},) bool")
+        for env, one in enumerate(self._seeds(seed)):
+            if chosen[env] and (one is not None or not self._seeded):
+                self.chunks.seed(env, seeding.np_random(one)[0])
+        self._seeded = True
+        self.chunks.reset(chosen)
+        self._done[chosen] = False
+        return self.chunks.observation(), {}
+
+    def _seeds(self, seed: int | list[int | None] | None) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, int | np.integer):
+            return [int(seed) + env for env in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise InvalidValueError("seed", seed, f"one integer, or {self.num_envs} of them")
+        return list(seed)
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Hold the actions (N, A) for one policy step."""
+        step = self.chunks.step(actions)
+        observation, reward = step.observation, step.reward
+        terminated, truncated = step.terminated, step.truncated
+        everyone = np.ones(self.num_envs, bool)
+        info: dict[str, Any] = dict(step.info)
+        info |= {f"_{name}": everyone for name in step.info}
+        mode = self.metadata["autoreset_mode"]
+        if mode == AutoresetMode.NEXT_STEP and self._done.any():
+            # Gymnasium's convention: this step only resets those, and says nothing else of them.
+            again = self._done
+            self.chunks.reset(again)
+            observation = self.chunks.observation()
+            reward = np.where(again, 0.0, reward)
+            terminated, truncated = terminated & ~again, truncated & ~again
+            info |= {f"_{name}": ~again for name in step.info}
+        done = terminated | truncated
+        if mode == AutoresetMode.SAME_STEP and done.any():
+            final = np.full(self.num_envs, None, object)
+            for env in np.flatnonzero(done):
+                final[env] = observation[env].copy()
+            info["final_obs"], info["_final_obs"] = final, done.copy()
+            info["final_info"] = dict(step.info) | {f"_{name}": done.copy() for name in step.info}
+            info["_final_info"] = done.copy()
+            info |= {f"_{name}": ~done for name in step.info}
+            self.chunks.reset(done)
+            observation = self.chunks.observation()
+        self._done = done if mode != AutoresetMode.SAME_STEP else np.zeros_like(done)
+        return observation, reward, terminated, truncated, info
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """Draw every environment: a tuple of (H, W, 3) uint8 frames."""
+        if self.render_mode is None:
+            gym.logger.warn("render() without a render_mode draws nothing")
+            return None
+        if not self._renderers:
+            self._renderers = [RobotRenderer(b, self.render_mode) for b in self.chunks.batches]
+        frames = []
+        for renderer, part in zip(self._renderers, self.chunks.slices, strict=True):
+            frames += [renderer.render(env) for env in range(part.stop - part.start)]
+        return tuple(frames) if self.render_mode == "rgb_array" else None
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Stop the threads, close the windows."""
+        self.chunks.close()
+        for renderer in self._renderers:
+            renderer.close()
+
+
+def spaces(task: Any, layer: Any) -> tuple[gym.spaces.Box, gym.spaces.Box]:
+    """Return the observation and the action space of one environment."""
+    bound = task.observation_bound.astype(np.float32)
+    observation = gym.spaces.Box(-bound, bound, dtype=np.float32)
+    action = gym.spaces.Box(-1.0, 1.0, (len(layer.action_names),), dtype=np.float32)
+    return observation, action
+
+
+def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    if isinstance(mode, AutoresetMode):
+        return mode
+    for known in AutoresetMode:
+        if mode in (known.name, known.value):
+            return known
+    raise UnknownOptionError("autoreset_mode", mode, [known.name for known in AutoresetMode])
