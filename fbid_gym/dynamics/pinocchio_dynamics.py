@@ -180,7 +180,7 @@ def _body(argument: str, name: str, names: Sequence[str]) -> int:
     return 1 + names.index(name)
 
 
-def _positive(argument: str, value: float) -> float:
+def _positive(argument: str, value: object) -> float:
     """A positive finite number, or the error that names it."""
     number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else np.nan
     if not (np.isfinite(number) and number > 0.0):
