@@ -15,6 +15,8 @@ _OBJ = mujoco.mjtObj
 MAX_POINTS_PER_FOOT = 8
 """More add no force a rigid foot can use (four corners span its 6 dimensions) but cost time."""
 
+_DISTINCT = 1e-6  # m
+
 
 @dataclass(frozen=True, eq=False)
 class Foot:
@@ -106,8 +108,8 @@ def find_foot(model: mujoco.MjModel, foot: str, names: Sequence[str]) -> list[Co
     """Find the contact points of one foot, rigid to each other and alike.
 
     Raises:
-        RobotError: a point cannot be used, or they lie on different bodies, mix sites and geoms,
-            or have different radii.
+        RobotError: a point cannot be used, or they lie on different bodies or at the same place,
+            mix sites and geoms, or have different radii.
     """
     points = [_find_point(model, name) for name in names]
     if len({p.body for p in points}) > 1:
@@ -120,6 +122,13 @@ def find_foot(model: mujoco.MjModel, foot: str, names: Sequence[str]) -> list[Co
     if len({p.is_site for p in points}) > 1:
         kinds = ", ".join(f"{p.name} ({'site' if p.is_site else 'geom'})" for p in points)
         raise RobotError(f"Foot {foot!r} mixes sites and geoms: {kinds}. Expected one kind.")
+    for i, first in enumerate(points):
+        for second in points[:i]:
+            if np.linalg.norm(first.position - second.position) < _DISTINCT:
+                raise RobotError(
+                    f"Foot {foot!r} has points at the same place: {second.name}, {first.name}. "
+                    "Expected distinct points."
+                )
     if len({p.radius for p in points}) > 1:
         radii = ", ".join(f"{p.name} {p.radius:g} m" for p in points)
         raise RobotError(

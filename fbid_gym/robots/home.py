@@ -44,7 +44,8 @@ def home_configuration(
     keyframes = {model.key(i).name: model.key(i).qpos.copy() for i in range(model.nkey)}
     if isinstance(home, str):
         if home not in keyframes:
-            raise UnknownOptionError("keyframe", home, [name for name in keyframes if name])
+            names = [name for name in keyframes if name]
+            raise UnknownOptionError("keyframe", home, names or ["(none)"])
         qpos = keyframes[home]
     elif home is None or isinstance(home, Mapping):
         qpos = keyframes.get(_KEYFRAME, _reference_pose(model))

@@ -1,0 +1,470 @@
+"""Laws that every robot obeys, whoever wrote its MJCF."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import gymnasium
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots.assets import asset_path
+
+GYMNASIUM = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
+ANT_FEET = ("left_ankle_geom", "right_ankle_geom", "third_ankle_geom", "fourth_ankle_geom")
+
+BOX_FOOT = """
+<mujoco>
+  <option timestep="0.001"/>
+  <worldbody>
+    <geom type="plane" size="1 1 0.1" solref="0.005 1"/>
+    <body name="trunk" pos="0 0 0.5">
+      <freejoint/>
+      <geom type="box" size="0.1 0.1 0.1" mass="2"/>
+      <body name="foot" pos="0.02 0 -0.3">
+        <joint name="slide" type="slide" axis="0 0 1" range="-0.1 0.1" armature="0.01"/>
+        <geom type="box" size="0.1 0.06 0.02" mass="1"/>
+        <site name="a" pos="0.1 0.06 -0.02"/>
+        <site name="b" pos="0.1 -0.06 -0.02"/>
+        <site name="c" pos="-0.1 0.06 -0.02"/>
+        <site name="d" pos="-0.1 -0.06 -0.02"/>
+        <site name="middle" pos="0 0 -0.02"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="slide" ctrlrange="-60 60"/></actuator>
+</mujoco>
+"""
+
+
+def humanoid() -> Robot:
+    return Robot.from_mjcf(GYMNASIUM / "humanoid.xml", ["left_foot", "right_foot"])
+
+
+def ant() -> Robot:
+    return Robot.from_mjcf(GYMNASIUM / "ant.xml", ANT_FEET)
+
+
+def box_foot(folder: Path, names: list[str]) -> Robot:
+    path = folder / "box_foot.xml"
+    path.write_text(BOX_FOOT)
+    return Robot.from_mjcf(path, {"foot": names})
+
+
+ALL: dict[str, Callable[[], Robot]] = {
+    **{name: (lambda name=name: load(name)) for name in ROBOTS},
+    "humanoid": humanoid,
+    "ant": ant,
+}
+
+
+@pytest.fixture(params=ALL)
+def robot(request: pytest.FixtureRequest) -> Robot:
+    return ALL[request.param]()
+
+
+@pytest.fixture(params=ROBOTS)
+def own(request: pytest.FixtureRequest) -> Robot:
+    return load(request.param)
+
+
+def at(robot: Robot, qpos: np.ndarray) -> mujoco.MjData:
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(robot.model, data)
+    return data
+
+
+def contact_heights(robot: Robot, data: mujoco.MjData) -> np.ndarray:
+    """Height of the lowest point of every contact point, from the geoms' own world poses."""
+    return np.concatenate(
+        [
+            data.xpos[foot.body][2]
+            + (data.xmat[foot.body].reshape(3, 3) @ foot.points.T)[2]
+            - foot.radius
+            for foot in robot.feet
+        ]
+    )
+
+
+def ground_forces(robot: Robot, data: mujoco.MjData) -> np.ndarray:
+    """(ngeom, 3) world-frame force on each geom, summed from the contacts one by one."""
+    forces = np.zeros((robot.model.ngeom, 3))
+    for i in range(data.ncon):
+        wrench = np.empty(6)
+        mujoco.mj_contactForce(robot.model, data, i, wrench)
+        force = data.contact[i].frame.reshape(3, 3).T @ wrench[:3]  # on the second geom
+        forces[data.contact[i].geom[1]] += force
+        forces[data.contact[i].geom[0]] -= force
+    return forces
+
+
+def hold(
+    robot: Robot, seconds: float, stiffness: float, push: tuple[float, float, float] = (0, 0, 0)
+) -> mujoco.MjData:
+    """Joint PD about home at 500 Hz, with a constant force on the base."""
+    data = at(robot, robot.home_qpos)
+    data.xfrc_applied[robot.base_body, :3] = push
+    for _ in range(int(seconds / robot.model.opt.timestep / 2)):
+        error = robot.home_qpos[7:] - data.qpos[7:]
+        torque = stiffness * error - 0.03 * stiffness * data.qvel[6:]
+        torque = np.clip(torque, -robot.torque_limit, robot.torque_limit)
+        data.ctrl[robot.actuator] = torque / robot.gear
+        mujoco.mj_step(robot.model, data, nstep=2)
+    mujoco.mj_forward(robot.model, data)
+    return data
+
+
+STIFFNESS = {"biped": 500.0, "quadruped": 8.0}  # N m/rad, enough to stand
+
+
+# What every robot promises.
+
+
+def test_shapes_and_order(robot: Robot) -> None:
+    n, model = robot.num_joints, robot.model
+    assert (robot.nq, robot.nv) == (7 + n, 6 + n) == (model.nq, model.nv)
+    assert robot.home_qpos.shape == (7 + n,)
+    assert robot.joint_range.shape == (n, 2)
+    assert robot.contact_sensor.shape == (robot.num_points, 3)
+    for array in (robot.torque_limit, robot.actuator, robot.gear, robot.joint_damping):
+        assert array.shape == (n,)
+    for i, name in enumerate(robot.joint_names):
+        assert model.joint(name).dofadr[0] == 6 + i
+    assert robot.num_points == sum(len(foot.point_names) for foot in robot.feet)
+    assert robot.foot_names == tuple(foot.name for foot in robot.feet)
+
+
+def test_mass_and_weight(robot: Robot) -> None:
+    assert robot.mass == pytest.approx(robot.model.body_mass[1:].sum())
+    assert robot.weight == pytest.approx(9.81 * robot.mass)
+
+
+def test_home_stands_on_the_ground_within_the_joint_ranges(robot: Robot) -> None:
+    data = at(robot, robot.home_qpos)
+    assert contact_heights(robot, data).min() == pytest.approx(0.0, abs=1e-12)
+    assert np.all(robot.home_qpos[7:] >= robot.joint_range[:, 0])
+    assert np.all(robot.home_qpos[7:] <= robot.joint_range[:, 1])
+    assert np.linalg.norm(robot.home_qpos[3:7]) == pytest.approx(1.0)
+
+
+def test_ctrl_gives_the_torque_of_the_joint(robot: Robot, rng: np.random.Generator) -> None:
+    torque = rng.uniform(-1, 1, robot.num_joints) * robot.torque_limit
+    data = at(robot, robot.home_qpos)
+    data.ctrl[robot.actuator] = torque / robot.gear
+    mujoco.mj_forward(robot.model, data)
+    np.testing.assert_allclose(data.qfrc_actuator[6:], torque)
+    data.ctrl[robot.actuator] = 2 * robot.torque_limit / robot.gear
+    mujoco.mj_forward(robot.model, data)
+    np.testing.assert_allclose(data.qfrc_actuator[6:], robot.torque_limit)
+
+
+def test_sensors_hold_the_force_on_each_point(robot: Robot) -> None:
+    """Against the contacts themselves, moving, one side pressed deeper than the other."""
+    data = at(robot, robot.home_qpos)
+    data.qpos[2] -= 0.002
+    data.qpos[3:7] = np.array([1.0, 0.01, 0.02, 0.0]) / np.linalg.norm([1.0, 0.01, 0.02, 0.0])
+    data.qvel[:] = 0.1
+    mujoco.mj_forward(robot.model, data)
+    forces = ground_forces(robot, data)
+    names = [name for foot in robot.feet for name in foot.point_names]
+    expected = np.array([forces[robot.model.geom(name).id] for name in names])
+    assert np.count_nonzero(expected[:, 2] > 0) >= 1
+    np.testing.assert_allclose(data.sensordata[robot.contact_sensor], expected, atol=1e-9)
+
+
+def test_solver_settings(robot: Robot) -> None:
+    assert robot.model.opt.jacobian == mujoco.mjtJacobian.mjJAC_DENSE
+    assert robot.model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+
+
+def test_there_is_exactly_one_ground(robot: Robot) -> None:
+    static = robot.model.body_weldid[robot.model.geom_bodyid] == 0
+    assert static.sum() == 1
+
+
+def test_shared_robots_cannot_be_written_to(robot: Robot) -> None:
+    for array in (robot.home_qpos, robot.torque_limit, robot.feet[0].points):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+# Our own two.
+
+
+def test_load_returns_the_same_object() -> None:
+    assert ROBOTS == ("biped", "quadruped")
+    assert load("biped") is load("biped")
+
+
+@pytest.mark.parametrize("name, mass, joints", [("biped", 55.52, 16), ("quadruped", 2.7464, 12)])
+def test_size_of_the_robot(name: str, mass: float, joints: int) -> None:
+    robot = load(name)
+    assert robot.mass == pytest.approx(mass)
+    assert robot.num_joints == joints
+
+
+def test_biped_follows_the_paper() -> None:
+    """[M10] IV.A: 2 x 7-DoF legs, 1 x 2-DoF torso, four points a foot, knees that extend fully."""
+    robot = load("biped")
+    for side in ("left", "right"):
+        assert sum(name.startswith(side) for name in robot.joint_names) == 7
+        knee = robot.joint_names.index(f"{side}_knee")
+        assert robot.joint_range[knee, 0] == 0.0
+        assert robot.home_qpos[7 + knee] > 0.3
+    assert sum(name.startswith("torso") for name in robot.joint_names) == 2
+    assert [foot.num_points for foot in robot.feet] == [4, 4]
+
+
+def test_quadruped_is_as_large_as_littledog() -> None:
+    robot = load("quadruped")
+    data = at(robot, robot.home_qpos)
+    solid = np.flatnonzero(robot.model.geom_bodyid > 0)
+    radius = robot.model.geom_rbound[solid]
+    assert data.geom_xpos[solid, 2].max() == pytest.approx(0.20, abs=0.01)
+    length = np.max(data.geom_xpos[solid, 0]) - np.min(data.geom_xpos[solid, 0])
+    assert 0.25 < length < length + 2 * radius.min() < 0.32
+
+
+def test_feet_are_flat_at_home(own: Robot) -> None:
+    np.testing.assert_allclose(contact_heights(own, at(own, own.home_qpos)), 0.0, atol=1e-12)
+
+
+def test_centre_of_mass_is_over_the_centre_of_the_feet(own: Robot) -> None:
+    data = at(own, own.home_qpos)
+    points = np.concatenate(
+        [
+            data.xpos[foot.body] + foot.points @ data.xmat[foot.body].reshape(3, 3).T
+            for foot in own.feet
+        ]
+    )
+    offset = data.subtree_com[own.base_body] - points.mean(axis=0)
+    np.testing.assert_allclose(offset[:2], 0.0, atol=1e-3)
+
+
+def test_inertias_are_physical(own: Robot) -> None:
+    moments = np.sort(own.model.body_inertia[1:], axis=1)
+    assert np.all(own.model.body_mass[1:] > 0) and np.all(moments > 0)
+    assert np.all(moments[:, 0] + moments[:, 1] > moments[:, 2])
+
+
+def test_every_joint_has_armature_damping_and_limits(own: Robot) -> None:
+    assert np.all(own.model.dof_armature[6:] > 0)
+    assert np.all(own.model.dof_armature[:6] == 0)
+    assert np.all(own.joint_damping > 0)
+    assert np.all(np.isfinite(own.joint_range))
+    assert np.all(own.gear == 1.0)
+
+
+def mirror(robot: Robot, pairs: dict[str, str], vector: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Joint permutation and signs of a reflection that flips the axis set in `vector`."""
+    pseudo = -vector  # a rotation axis keeps the flipped direction and loses the others
+    names = list(robot.joint_names)
+    source, sign = [], []
+    for name in names:
+        other = name
+        for a, b in pairs.items():
+            if name.startswith(a):
+                other = name.replace(a, b)
+            elif name.startswith(b):
+                other = name.replace(b, a)
+        source.append(names.index(other))
+        sign.append(robot.model.joint(name).axis @ pseudo @ robot.model.joint(name).axis)
+    return np.array(source), np.array(sign)
+
+
+@pytest.mark.parametrize(
+    "name, flip, pairs",
+    [
+        ("biped", 1, {"left": "right"}),
+        ("quadruped", 1, {"front_left": "front_right", "hind_left": "hind_right"}),
+        ("quadruped", 0, {"front": "hind"}),
+    ],
+)
+def test_the_robot_is_its_own_mirror_image(
+    name: str, flip: int, pairs: dict[str, str], rng: np.random.Generator
+) -> None:
+    """Same kinetic energy, centre of mass and limits, at random configurations and velocities."""
+    robot = load(name)
+    reflection = np.eye(3)
+    reflection[flip, flip] = -1
+    source, sign = mirror(robot, pairs, reflection)
+    np.testing.assert_allclose(robot.torque_limit, robot.torque_limit[source])
+    np.testing.assert_allclose(robot.joint_damping, robot.joint_damping[source])
+    mirrored = robot.joint_range[source] * sign[:, None]
+    np.testing.assert_allclose(robot.joint_range, np.sort(mirrored, axis=1))
+    np.testing.assert_allclose(robot.home_qpos[7:], sign * robot.home_qpos[7:][source], atol=1e-12)
+    for _ in range(5):
+        results = []
+        joints = rng.uniform(robot.joint_range[:, 0], robot.joint_range[:, 1])
+        linear, angular, rates = rng.normal(size=3), rng.normal(size=3), rng.normal(size=len(sign))
+        for twin in (False, True):
+            data = at(robot, robot.home_qpos)
+            data.qpos[7:] = sign * joints[source] if twin else joints
+            data.qvel[:3] = reflection @ linear if twin else linear
+            data.qvel[3:6] = -reflection @ angular if twin else angular
+            data.qvel[6:] = sign * rates[source] if twin else rates
+            mujoco.mj_forward(robot.model, data)
+            momentum = np.empty(robot.nv)
+            mujoco.mj_mulM(robot.model, data, momentum, data.qvel)
+            com = data.subtree_com[robot.base_body]
+            results.append((0.5 * data.qvel @ momentum, reflection @ com if twin else com))
+        assert results[0][0] == pytest.approx(results[1][0], rel=1e-9)
+        np.testing.assert_allclose(results[0][1], results[1][1], atol=1e-12)
+
+
+def test_home_can_be_held(own: Robot) -> None:
+    """Plain PD stands still for 3 s; the sensors weigh the robot; the ground hardly gives."""
+    data = hold(own, 3.0, STIFFNESS[own.name])
+    forces = data.sensordata[own.contact_sensor]
+    np.testing.assert_allclose(forces.sum(axis=0), [0, 0, own.weight], atol=1e-3 * own.weight)
+    assert np.all(forces[:, 2] > 0.5 * own.weight / own.num_points)
+    assert np.abs(data.qvel).max() < 0.01
+    assert np.all(np.abs(data.qfrc_actuator[6:]) < 0.3 * own.torque_limit)
+    assert -1e-3 < data.contact.dist.min() < 0
+    assert data.ncon == own.num_points
+
+
+def test_feet_do_not_creep_under_a_steady_push(own: Robot) -> None:
+    push = (0.05 * own.weight, 0.0, 0.0)
+    early = hold(own, 1.0, 2 * STIFFNESS[own.name], push)
+    late = hold(own, 6.0, 2 * STIFFNESS[own.name], push)
+    forces = late.sensordata[own.contact_sensor]
+    np.testing.assert_allclose(forces.sum(axis=0)[0], -push[0], rtol=0.05)
+    for foot in own.feet:
+        moved = late.xpos[foot.body] - early.xpos[foot.body]
+        np.testing.assert_allclose(moved[:2], 0.0, atol=2e-3)
+
+
+def test_a_fallen_robot_lies_on_the_floor(own: Robot) -> None:
+    data = at(own, own.home_qpos)
+    data.qvel[:3] = [2.0, 0.5, 0.0]
+    mujoco.mj_step(own.model, data, nstep=3000)
+    assert np.all(np.isfinite(data.qpos))
+    assert data.xpos[1:, 2].min() > -0.01
+    assert np.abs(data.qvel).max() < 1.0
+    geoms = data.contact.geom
+    assert np.all(own.model.geom_bodyid[geoms].min(axis=1) == 0)  # links never touch each other
+
+
+# Ways of naming feet and home, and the files that gymnasium ships.
+
+
+def test_humanoid() -> None:
+    robot = humanoid()
+    assert robot.num_joints == 17 and robot.num_points == 2
+    limit = dict(zip(robot.joint_names, robot.torque_limit, strict=True))
+    assert limit["right_hip_y"] == pytest.approx(0.4 * 300)
+    assert robot.name == "humanoid"
+    assert robot.feet[0].radius == 0.075
+
+
+def test_ant_feet_are_the_ends_of_its_capsules() -> None:
+    robot = ant()
+    ends = [foot.points[0] for foot in robot.feet]
+    x = [[0.4, 0.4, 0], [-0.4, 0.4, 0], [-0.4, -0.4, 0], [0.4, -0.4, 0]]
+    np.testing.assert_allclose(ends, x, atol=1e-9)
+    assert robot.feet[0].radius == 0.08
+
+
+def test_ant_with_sites(tmp_path: Path) -> None:
+    text = (GYMNASIUM / "ant.xml").read_text()
+    for i, geom in enumerate(ANT_FEET):
+        line = next(part for part in text.splitlines() if f'name="{geom}"' in part)
+        end = " ".join(line.split('fromto="')[1].split('"')[0].split()[3:])
+        text = text.replace(line, f'{line}<site name="tip{i}" pos="{end}"/>')
+    path = tmp_path / "ant.xml"
+    path.write_text(text)
+    robot = Robot.from_mjcf(path, [f"tip{i}" for i in range(4)])
+    np.testing.assert_allclose(
+        [foot.points[0] for foot in robot.feet], [foot.points[0] for foot in ant().feet], atol=1e-9
+    )
+    assert all(foot.radius == 0 for foot in robot.feet)
+    data = at(robot, robot.home_qpos)
+    data.qpos[2] += 0.07  # the tips are the capsules' centres, 0.08 m above the ground in contact
+    mujoco.mj_forward(robot.model, data)
+    forces = ground_forces(robot, data)
+    expected = [forces[robot.model.geom(name).id] for name in ANT_FEET]
+    assert np.all(np.array(expected)[:, 2] > 0)
+    np.testing.assert_allclose(data.sensordata[robot.contact_sensor], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("names", [["a", "b", "c", "d"], ["middle"], ["d", "a"]])
+def test_sites_on_a_box_foot(tmp_path: Path, names: list[str]) -> None:
+    """Corner sites each carry their corner; a single site carries the whole foot."""
+    robot = box_foot(tmp_path, names)
+    data = at(robot, robot.home_qpos)
+    for _ in range(1000):
+        data.ctrl[0] = -2 * 9.81 - 400 * data.qpos[7] - 20 * data.qvel[6]
+        mujoco.mj_step(robot.model, data)
+    mujoco.mj_forward(robot.model, data)
+    forces = data.sensordata[robot.contact_sensor]
+    total = ground_forces(robot, data)[robot.model.geom_bodyid == robot.feet[0].body].sum(axis=0)
+    if len(names) == 2:
+        assert np.all(forces[:, 2] > 0) and forces[:, 2].sum() < total[2]
+    else:
+        np.testing.assert_allclose(forces.sum(axis=0), total, atol=1e-9)
+        np.testing.assert_allclose(forces.sum(axis=0)[2], robot.weight, rtol=1e-3)
+
+
+def test_base_floats_a_fixed_file(tmp_path: Path) -> None:
+    path = tmp_path / "fixed.xml"
+    path.write_text(BOX_FOOT.replace("<freejoint/>", ""))
+    robot = Robot.from_mjcf(path, {"foot": "middle"}, base="trunk")
+    assert (robot.nv, robot.base_body) == (7, 1)
+    assert robot.foot_names == ("foot",)
+
+
+def test_home_as_mapping_vector_and_keyframe(tmp_path: Path) -> None:
+    path = tmp_path / "robot.xml"
+    key = '<keyframe><key name="{}" qpos="0 0 9 2 0 0 0 0.05"/></keyframe></mujoco>'
+    path.write_text(BOX_FOOT.replace("</mujoco>", key.format("low")))
+    feet = {"foot": ["middle"]}
+    plain = Robot.from_mjcf(path, feet)
+    assert plain.home_qpos[7] == 0.0
+    assert plain.home_qpos[2] == pytest.approx(0.32)
+    mapping = Robot.from_mjcf(path, feet, home={"slide": 0.05})
+    vector = Robot.from_mjcf(path, feet, home=[0, 0, 3, 1, 0, 0, 0, 0.05])
+    keyframe = Robot.from_mjcf(path, feet, home="low")
+    for robot in (mapping, vector, keyframe):
+        np.testing.assert_allclose(robot.home_qpos, [0, 0, 0.27, 1, 0, 0, 0, 0.05], atol=1e-12)
+    path.write_text(BOX_FOOT.replace("</mujoco>", key.format("home")))
+    np.testing.assert_allclose(Robot.from_mjcf(path, feet).home_qpos, keyframe.home_qpos)
+
+
+@pytest.mark.parametrize(
+    "motor, joint, limit",
+    [
+        ('ctrlrange="-60 60"', "", 60.0),
+        ('ctrlrange="-6 6" gear="-10"', "", 60.0),
+        ('ctrlrange="-40 60"', "", 40.0),
+        ('ctrlrange="-6 6" gear="10" forcerange="-5 5"', "", 50.0),
+        ('gear="10" forcerange="-5 5"', "", 50.0),
+        ('ctrlrange="-60 60"', 'actuatorfrcrange="-30 35"', 30.0),
+    ],
+)
+def test_torque_limit_is_what_the_motor_can_give_both_ways(
+    tmp_path: Path, motor: str, joint: str, limit: float
+) -> None:
+    path = tmp_path / "robot.xml"
+    text = BOX_FOOT.replace('ctrlrange="-60 60"', motor)
+    path.write_text(text.replace('range="-0.1 0.1"', f'range="-0.1 0.1" {joint}'))
+    robot = Robot.from_mjcf(path, {"foot": ["middle"]})
+    assert robot.torque_limit[0] == pytest.approx(limit)
+    data = at(robot, robot.home_qpos)
+    for sign in (1.0, -1.0):
+        data.ctrl[0] = sign * limit / robot.gear[0]
+        mujoco.mj_forward(robot.model, data)
+        assert data.qfrc_actuator[6] == pytest.approx(sign * limit)
+
+
+def test_assets_are_found_in_a_checkout_and_in_a_wheel(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert asset_path("biped.xml").is_file()
+    inside = tmp_path / "fbid_gym" / "assets"
+    inside.mkdir(parents=True)
+    (inside / "biped.xml").write_text("<mujoco/>")
+    monkeypatch.setattr("fbid_gym.robots.assets._PACKAGE", tmp_path / "fbid_gym")
+    assert asset_path("biped.xml") == inside / "biped.xml"
