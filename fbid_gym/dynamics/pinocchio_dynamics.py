@@ -182,7 +182,9 @@ def _body(argument: str, name: str, names: Sequence[str]) -> int:
 
 def _positive(argument: str, value: object) -> float:
     """A positive finite number, or the error that names it."""
-    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else np.nan
+    number = np.nan
+    if not isinstance(value, bool) and isinstance(value, Real):
+        number = float(value)
     if not (np.isfinite(number) and number > 0.0):
         raise InvalidValueError(argument, value, "a positive number, or a mapping from body names")
     return number
