@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -150,6 +150,7 @@ def _result(run: Run, episodes: Episodes, sweep: list[float]) -> RunResult:
         trained_steps=run.policy.trained_steps,
         wall_seconds=None if curve is None else float(curve.wall_seconds[-1]),
         metrics=_means(episodes),
+        longest=float(episodes.length.max()),
         steps=[] if curve is None else curve.steps.tolist(),
         wall=[] if curve is None else curve.wall_seconds.tolist(),
         returns=[] if curve is None else curve.returns.tolist(),
@@ -166,6 +167,7 @@ def _survival(player: Player, pushes: Sequence[float], settings: Settings) -> li
     shares = []
     for push in pushes:
         env_args = {**player.env_args, "push_force": [push, push]}
+        env_args["episode_seconds"] = settings.sweep_seconds
         pushed = Player(player.name, player.env_id, env_args, player.policy)
         episodes = play_player(pushed, settings.sweep_episodes, settings.seed)
         shares.append(float(np.mean(episodes.survived)))
@@ -259,6 +261,9 @@ def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: No
             env.close()
         clips[layer.name], names[layer.name] = clip, chosen.name
         traces.append(clip.pushes)
+    # An episode may reach its time limit before the clip is over; a fallen robot's clip never does.
+    shortest = min(len(clip.frames) for clip in clips.values())
+    clips = {name: replace(clip, frames=clip.frames[:shortest]) for name, clip in clips.items()}
     common = min(len(trace) for trace in traces)
     same = all(np.array_equal(trace[:common], traces[0][:common]) for trace in traces)
     return Clips(clips, names, push, same)

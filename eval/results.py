@@ -24,11 +24,13 @@ class Settings:
     """Return whose first crossing is timed. None: `threshold_share` of the best final return."""
     threshold_share: float = 0.9
     """See `threshold`."""
-    sweep: tuple[float, ...] = (0.5, 1.0, 1.5, 2.0)
+    sweep: tuple[float, ...] = (1.0, 1.5, 2.0)
     """Sizes of push at which survival is measured, relative to the hardest of training."""
-    sweep_episodes: int = 32
+    sweep_episodes: int = 16
     """Episodes per run and size of push."""
-    video_seconds: float = 8.0
+    sweep_seconds: float = 5.0
+    """Length of these episodes, s."""
+    video_seconds: float = 6.0
     """Length of the clips, s. 0: none."""
     video_push: float = 1.0
     """Size of the pushes in the clips, relative to the hardest of training."""
@@ -83,6 +85,8 @@ class RunResult:
     wall_seconds: float | None
     metrics: dict[str, float]
     """Mean over episodes, by the names of `METRICS`."""
+    longest: float
+    """Steps of the longest episode."""
     steps: list[float]
     """Abscissae of the learning curve, empty for an exported policy."""
     wall: list[float]

@@ -8,6 +8,7 @@ python -m eval.rollout --env fbid_gym/BipedBalance-v0 --action-layer base_accele
 import csv
 import io
 import json
+import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,10 +23,10 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-import fbid_gym  # noqa: F401  registers the environments
 from eval.episodes import METRICS, Actor, Episodes, play
 from eval.files import check_output, to_json, write
 from eval.video import record
+from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
 from fbid_gym.policy import Policy
 
@@ -63,7 +64,10 @@ def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> Vector
         UnknownOptionError: no such id.
         InvalidValueError: arguments the environment does not take.
     """
-    return _make(lambda: gym.make_vec(env_id, num_envs=num_envs, **env_args), env_id, env_args)
+    options = dict(env_args)
+    if env_id in ENVIRONMENTS:
+        options.setdefault("num_threads", min(len(os.sched_getaffinity(0)), num_envs))
+    return _make(lambda: gym.make_vec(env_id, num_envs=num_envs, **options), env_id, env_args)
 
 
 def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
@@ -76,8 +80,7 @@ def _make(build: Any, env_id: str, env_args: Mapping[str, Any]) -> Any:
     try:
         return build()
     except gym.error.UnregisteredEnv as error:
-        known = sorted(name for name in gym.registry if name.startswith("fbid_gym/"))
-        raise UnknownOptionError("environment", env_id, known) from error
+        raise UnknownOptionError("environment", env_id, ENVIRONMENTS) from error
     except (TypeError, gym.error.Error) as error:
         if isinstance(error, TypeError) and "unexpected keyword" not in str(error):
             raise

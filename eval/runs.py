@@ -164,8 +164,9 @@ def _training_warnings(runs: Sequence[Run]) -> list[str]:
                 f"{layer}: several runs have seed {', '.join(map(str, twice))}. They are "
                 "counted as independent, which they are not."
             )
-    for name, what in (("platform", "machines"), ("commit", "versions of this project")):
-        values = {str(run.versions.get(name)) for run in trained}
+    platforms = {str(run.versions.get("platform")) for run in trained}
+    commits = {str((run.versions.get("git") or {}).get("commit")) for run in trained}
+    for values, what in ((platforms, "machines"), (commits, "versions of this project")):
         if len(values) > 1:
             warnings.append(f"The runs come from different {what}: {', '.join(sorted(values))}.")
     counts = {layer: len(members) for layer, members in group(runs).items()}

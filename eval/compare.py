@@ -1,0 +1,80 @@
+r"""Compare action layers: runs in, one HTML page out.
+
+python -m eval.compare runs/a-s0 runs/a-s1 runs/b-s0 runs/b-s1 --out report.html
+"""
+
+import sys
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from eval.comparison import compare, film
+from eval.files import check_output, to_json, write
+from eval.report import page
+from eval.results import Comparison, Settings
+from eval.runs import load
+from eval.wording import headline
+from fbid_gym.errors import FbidError, InvalidValueError
+
+
+@dataclass(frozen=True)
+class CompareConfig:
+    """Compare action layers: runs in, one HTML page out, and its numbers as JSON beside it."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Run folders or exported policies, all of one environment."""
+    out: Path = Path("report.html")
+    """The page. Its numbers go into a file of the same name ending in .json."""
+    settings: Annotated[Settings, tyro.conf.arg(name="")] = field(default_factory=Settings)
+    """How to compare."""
+
+
+def run(config: CompareConfig, console: Console, command: list[str]) -> Comparison:
+    """Compare, then write the page and its numbers."""
+    check_output(config.out, "out", (".html", ".htm"))
+    check(config.settings)
+    runs = [load(path) for path in config.runs]
+    with console.status("comparing") as status:
+        comparison = compare(runs, config.settings, status.update)
+        clips = None
+        if config.settings.video_seconds > 0:
+            clips = film(runs, comparison, status.update)
+        status.update("writing")
+        html = page(comparison, clips, command)
+    write(config.out.with_suffix(".json"), to_json(asdict(comparison)))
+    write(config.out, html)
+    for warning in comparison.warnings:
+        console.print(f"[yellow]warning:[/] {warning}")
+    console.print(headline(comparison))
+    console.print(f"wrote {config.out}")
+    return comparison
+
+
+def check(settings: Settings) -> None:
+    """Raise InvalidValueError for settings that make no sense."""
+    for name in ("episodes", "sweep_episodes", "samples"):
+        if getattr(settings, name) < 1:
+            raise InvalidValueError(name, getattr(settings, name), "a positive number")
+    if not 0 < settings.confidence < 1:
+        raise InvalidValueError("confidence", settings.confidence, "a number between 0 and 1")
+    if any(share <= 0 for share in settings.sweep):
+        raise InvalidValueError("sweep", settings.sweep, "positive multiples of the hardest push")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line. An error is one line and exit status 2."""
+    given = sys.argv[1:] if arguments is None else arguments
+    config = tyro.cli(CompareConfig, args=given, description=__doc__)
+    try:
+        run(config, Console(), ["python", "-m", "eval.compare", *given])
+    except FbidError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

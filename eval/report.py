@@ -1,0 +1,393 @@
+"""The comparison as one self-contained HTML page: no file, font or script from anywhere else."""
+
+import base64
+from collections.abc import Callable, Sequence
+from html import escape
+from pathlib import Path
+
+from eval.comparison import Clips
+from eval.episodes import METRICS, Metric
+from eval.methods import methods, reproduction
+from eval.plots import Series, Strip, panel, strips
+from eval.results import Comparison, Layer
+from eval.video import Clip
+from eval.wording import (
+    capital,
+    caution,
+    count,
+    crossing,
+    duration,
+    headline,
+    interval,
+    lede,
+    number,
+    percent,
+    steps,
+)
+
+COLOURS = (
+    "base acceleration",
+    "joint position",
+    "torque",
+    "joint acceleration",
+    "com wrench",
+    "joint position feedforward",
+)
+"""A layer has the same colour in every report; layers with options take the remaining ones."""
+
+_SHOWN = ("returned", "survived", "height_error", "torque", "power", "slip")
+
+
+def page(comparison: Comparison, clips: Clips | None, command: Sequence[str] = ()) -> str:
+    """Lay out the whole report.
+
+    Args:
+        comparison: what was found.
+        clips: videos, if there are any.
+        command: the command line that made it, to be shown.
+    """
+    colours = _colours(comparison.layers)
+    body = [
+        _opening(comparison),
+        _curves(comparison, colours),
+        _videos(clips, colours),
+        _metrics(comparison, colours),
+        _sweep(comparison, colours),
+        _thresholds(comparison, colours),
+        _pairs(comparison),
+        _runs(comparison, colours),
+        methods(comparison),
+        reproduction(comparison, command),
+    ]
+    style = (Path(__file__).parent / "style.css").read_text()
+    title = f"{_task(comparison)}: {' against '.join(layer.name for layer in comparison.layers)}"
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
+        + "\n".join(part for part in body if part)
+        + "\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _colours(layers: Sequence[Layer]) -> dict[str, int]:
+    names = [layer.name for layer in layers]
+    chosen = {name: COLOURS.index(name) for name in names if name in COLOURS}
+    free = [k for k in range(8) if k not in chosen.values()]
+    for k, name in enumerate(sorted(set(names) - set(chosen))):
+        chosen[name] = free[k % len(free)]
+    return chosen
+
+
+def _task(comparison: Comparison) -> str:
+    return comparison.env_id.rpartition("/")[2]
+
+
+def _opening(c: Comparison) -> str:
+    seeds = sorted({layer.seeds for layer in c.layers})
+    each = count(seeds[0], "seed") if len(seeds) == 1 else f"{seeds[0]} to {seeds[-1]} seeds"
+    eyebrow = (
+        f"{escape(c.env_id)} · {count(len(c.layers), 'action layer')} · {each} each · "
+        f"{steps(c.budget)} steps of training"
+    )
+    parts = [
+        f'<p class="eyebrow">{eyebrow}</p>',
+        f"<h1>{escape(headline(c))}</h1>",
+        '<div class="lede">',
+        *(f"<p>{escape(sentence)}</p>" for sentence in lede(c)),
+        "</div>",
+    ]
+    warning = caution(c)
+    if warning:
+        parts.append(f'<div class="callout"><b>How far to trust this.</b> {escape(warning)}</div>')
+    if c.warnings:
+        items = "".join(f"<li>{escape(text)}</li>" for text in c.warnings)
+        parts.append(
+            f'<div class="callout warning"><b>These runs differ in more than the layer.</b>'
+            f"<ul>{items}</ul></div>"
+        )
+    return "\n".join(parts)
+
+
+def _curves(c: Comparison, colours: dict[str, int]) -> str:
+    drawn = [layer for layer in c.layers if layer.by_steps and layer.by_wall]
+    if not drawn:
+        return (
+            "<p>No learning curves: exported policies do not carry them. What follows compares "
+            "the policies as they are.</p>"
+        )
+    slowest = max(layer.by_wall.grid[-1] for layer in drawn if layer.by_wall)
+    unit, wall_title = (60.0, "wall-clock, min") if slowest > 180 else (1.0, "wall-clock, s")
+    panels = []
+    for axis, scale, title, form in (
+        ("steps", 1.0, "training steps", steps),
+        ("wall", unit, wall_title, number),
+    ):
+        series = []
+        for layer in drawn:
+            band = layer.by_steps if axis == "steps" else layer.by_wall
+            assert band is not None
+            singles = [([x / scale for x in getattr(run, axis)], run.returns) for run in layer.runs]
+            series.append(
+                Series(
+                    layer.name,
+                    colours[layer.name],
+                    [x / scale for x in band.grid],
+                    band.value,
+                    band.low,
+                    band.high,
+                    singles if layer.seeds > 1 else (),
+                    layer.zero_action["returned"],
+                )
+            )
+        panels.append(panel(series, "Return", title, form, threshold=c.threshold))
+    spread = (
+        f"Thick: interquartile mean over seeds, with its {percent(c.settings.confidence)} "
+        "bootstrap interval. Thin: single seeds. "
+        if any(layer.seeds > 1 for layer in drawn)
+        else "One seed per layer, hence no interval. "
+    )
+    return (
+        f'<figure class="wide"><div class="grid2">{"".join(panels)}</div>'
+        f"<figcaption>Learning, counted in steps and in time. {spread}Dashed: what the zero "
+        "action earns through the same layer, before any learning."
+        "</figcaption></figure>"
+    )
+
+
+def _videos(clips: Clips | None, colours: dict[str, int]) -> str:
+    if clips is None:
+        return ""
+    blocks = []
+    for name, clip in clips.by_layer.items():
+        data = base64.b64encode(clip.mp4()).decode()
+        blocks.append(
+            f'<div class="clip"><p class="c{colours[name]}"><span class="layer">'
+            f"{escape(capital(name))}</span> <small>{escape(clips.run_names[name])}, "
+            f"{_fate(clip)}</small></p>"
+            f"<video muted loop playsinline controls "
+            f'src="data:video/mp4;base64,{data}"></video></div>'
+        )
+    script = (
+        "const clips=[...document.querySelectorAll('video')];"
+        "const together=()=>clips.forEach(v=>{v.currentTime=0;v.play()});"
+        "document.getElementById('together').onclick=together;"
+        "if(!matchMedia('(prefers-reduced-motion: reduce)').matches)addEventListener('load',together)"
+    )
+    same = (
+        "Same seed, same start, and the same pushes at the same times"
+        if clips.same_pushes
+        else "The pushes are of the same size but not at the same times, as the layers draw chance "
+        "differently"
+    )
+    return (
+        "<h2>The same push</h2>"
+        f"<p>The median seed of each layer, the lower of two. {same}: {number(clips.push)} N each."
+        "</p>"
+        f'<figure class="wide"><div class="grid2">{"".join(blocks)}</div>'
+        '<button type="button" id="together">Play together from the start</button>'
+        f"<script>{script}</script>"
+        "</figure>"
+    )
+
+
+def _fate(clip: Clip) -> str:
+    return "stays up" if clip.ended is None else f"falls after {clip.ended:.1f} s"
+
+
+def _form(metric: Metric) -> Callable[[float], str]:
+    return percent if metric.unit == "share" else number
+
+
+def _heading(metric: Metric) -> str:
+    return metric.label + (f", {metric.unit}" if metric.unit not in ("", "share") else "")
+
+
+def _metrics(c: Comparison, colours: dict[str, int]) -> str:
+    figures = []
+    for metric in METRICS:
+        if metric.name not in _SHOWN or not _known(c, metric):
+            continue
+        rows = [
+            Strip(
+                layer.name,
+                colours[layer.name],
+                layer.values(metric.name).tolist(),
+                layer.metrics[metric.name].value,
+                layer.metrics[metric.name].low,
+                layer.metrics[metric.name].high,
+                layer.zero_action[metric.name],
+            )
+            for layer in c.layers
+        ]
+        arrow = {1: " (more is better)", -1: " (less is better)", 0: ""}[metric.better]
+        limits = (0.0, 1.0) if metric.unit == "share" else None
+        figures.append(strips(rows, capital(_heading(metric)) + arrow, _form(metric), limits))
+    table = _table(
+        ["", *(layer.name for layer in c.layers), *(f"{x.name}, zero action" for x in c.layers)],
+        [
+            [
+                escape(_heading(metric)),
+                *(_cell(layer, metric) for layer in c.layers),
+                *(_form(metric)(layer.zero_action[metric.name]) for layer in c.layers),
+            ]
+            for metric in METRICS
+            if _known(c, metric)
+        ],
+    )
+    level = percent(c.settings.confidence)
+    return (
+        "<h2>What the trained policies do</h2>"
+        f"<p>{c.settings.episodes} fresh episodes per run with the deterministic policy; every run "
+        "starts from the same seeds.</p>"
+        f'<figure class="wide"><div class="grid3">{"".join(figures)}</div>'
+        f"<figcaption>Dots: seeds. Bar: their interquartile mean, with its {level} interval. "
+        "Diamond: zero action through the same layer. A robot that falls early spends fewer "
+        "seconds on everything else: read the other metrics beside survival.</figcaption></figure>"
+        f"<details><summary>The same as a table</summary>{table}</details>"
+    )
+
+
+def _known(c: Comparison, metric: Metric) -> bool:
+    return all(layer.metrics[metric.name].value == layer.metrics[metric.name].value
+               for layer in c.layers)  # fmt: skip  # NaN where the task does not report it
+
+
+def _cell(layer: Layer, metric: Metric) -> str:
+    value = layer.metrics[metric.name]
+    form = _form(metric)
+    if value.low is None or value.high is None:
+        return form(value.value)
+    return f'{form(value.value)} <span class="low">{form(value.low)} to {form(value.high)}</span>'
+
+
+def _sweep(c: Comparison, colours: dict[str, int]) -> str:
+    if not c.sweep:
+        return ""
+    series = [
+        Series(
+            layer.name,
+            colours[layer.name],
+            c.sweep,
+            [point.value for point in layer.sweep],
+            [point.low for point in layer.sweep if point.low is not None] or None,
+            [point.high for point in layer.sweep if point.high is not None] or None,
+            dashed=layer.zero_sweep,
+            dots=True,
+        )
+        for layer in c.layers
+    ]
+    figure = panel(
+        series,
+        "Episodes survived",
+        "size of every push, N",
+        number,
+        percent,
+        y_range=(0.0, 1.04),
+        shaded_to=c.hardest_push,
+    )
+    rows = [
+        [
+            _layer(layer.name, colours),
+            *(interval(point, percent) for point in layer.sweep),
+        ]
+        for layer in c.layers
+    ]
+    rows += [
+        [f"{escape(layer.name)}, zero action", *(percent(share) for share in layer.zero_sweep)]
+        for layer in c.layers
+    ]
+    table = _table(["", *(f"{number(push)} N" for push in c.sweep)], rows)
+    return (
+        "<h2>Harder pushes than in training</h2>"
+        f"<p>Each push of an episode has the size given; {c.settings.sweep_episodes} episodes per "
+        "run and size.</p>"
+        f'<figure class="one">{figure}<figcaption>Shaded: sizes met in training, up to '
+        f"{number(c.hardest_push)} N. Dashed: zero action.</figcaption></figure>"
+        f"<details><summary>The same as a table</summary>{table}</details>"
+    )
+
+
+def _thresholds(c: Comparison, colours: dict[str, int]) -> str:
+    if c.threshold is None:
+        return ""
+    rows = [
+        [
+            _layer(layer.name, colours),
+            f"{layer.steps_to.reached} of {layer.seeds}",
+            escape(crossing(layer.steps_to, steps)),
+            escape(crossing(layer.wall_to, duration)),
+        ]
+        for layer in c.layers
+        if layer.steps_to is not None
+    ]
+    chosen = (
+        ""
+        if c.settings.threshold is not None
+        else f", which is {percent(c.settings.threshold_share)} of the best layer's last evaluation"
+    )
+    return (
+        f"<h2>Time to a return of {number(c.threshold)}</h2>"
+        f"<p>When the evaluations during training first reach {number(c.threshold)}{chosen}: "
+        "median over seeds, with its interval. A run that never gets there counts as later than "
+        "any that does.</p>" + _table(["", "runs that reach it", "steps", "wall-clock"], rows)
+    )
+
+
+def _pairs(c: Comparison) -> str:
+    if not c.pairs:
+        return ""
+    rows = [
+        [
+            f"{escape(pair.better)} over {escape(pair.other)}",
+            interval(pair.difference),
+            interval(pair.probability),
+            number(pair.p_value, 2),
+        ]
+        for pair in c.pairs
+    ]
+    return (
+        "<h2>How sure is the order?</h2>"
+        "<p>The difference of the final returns; the probability that a run of the first layer "
+        "beats a run of the second (one half: no difference); and how often shuffling the runs "
+        "between the two layers would give a difference at least as large, either way. Where every "
+        "run of one layer beats every run of the other, the interval of the probability has no "
+        "width: a limit of resampling so few runs, not certainty. The last column does not have it.</p>"
+        + _table(["", "difference", "probability of improvement", "by chance"], rows)
+    )
+
+
+def _runs(c: Comparison, colours: dict[str, int]) -> str:
+    rows = [
+        [
+            escape(run.name),
+            _layer(layer.name, colours),
+            "–" if run.seed is None else str(run.seed),
+            steps(run.trained_steps),
+            "–" if run.wall_seconds is None else duration(run.wall_seconds),
+            number(run.returns[-1]) if run.returns else "–",
+            *(_form(m)(run.metrics[m.name]) for m in METRICS if m.name in _SHOWN and _known(c, m)),
+        ]
+        for layer in c.layers
+        for run in layer.runs
+    ]
+    shown = [_heading(m) for m in METRICS if m.name in _SHOWN and _known(c, m)]
+    heads = ["run", "layer", "seed", "steps", "wall-clock", "last evaluation", *shown]
+    return "<h2>Every run</h2>" + _table(heads, rows)
+
+
+def _layer(name: str, colours: dict[str, int]) -> str:
+    return f'<span class="layer c{colours[name]}">{escape(name)}</span>'
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Table of cells that are already HTML."""
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    body = "".join(
+        f"<tr><th>{row[0]}</th>{''.join(f'<td>{cell}</td>' for cell in row[1:])}</tr>"
+        for row in rows
+    )
+    return (
+        f'<div class="scroll wide"><table><thead><tr>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )

@@ -1,0 +1,153 @@
+"""A stand-in environment with known outcomes, and run folders that hold policies for it."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from fbid_gym.policy import Policy
+
+ENV_ID = "eval_tests/StandIn-v0"
+LAYERS = {"base_acceleration": 1.0, "joint_position": 0.4}
+
+
+class StandIn(gym.Env[np.ndarray, np.ndarray]):
+    """Pushes at drawn times; the robot falls at the end of one that its action is too weak for.
+
+    The first entry of the action, times the gain of the layer, is strength: it sets the reward and
+    the hardest push survived. Everything random is drawn at reset.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
+
+    def __init__(
+        self,
+        action_layer: str = "base_acceleration",
+        layer_options: dict[str, Any] | None = None,
+        push_force: tuple[float, float] = (20.0, 100.0),
+        episode_seconds: float = 4.0,
+        render_mode: str | None = None,
+    ) -> None:
+        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (3,))
+        self.action_space = gym.spaces.Box(-1.0, 1.0, (2,))
+        self.gain, self.push_force, self.render_mode = LAYERS[action_layer], push_force, render_mode
+        self.steps = round(10 * episode_seconds)
+        del layer_options
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.step_count = 0
+        self.starts = self.np_random.integers(1, self.steps - 4, size=2)
+        self.sizes = self.np_random.uniform(*self.push_force, size=2)
+        self.offset = float(self.np_random.uniform(-0.05, 0.05))
+        return np.zeros(3, dtype=np.float32), {}
+
+    def push(self) -> float:
+        active = (self.starts <= self.step_count) & (self.step_count < self.starts + 3)
+        return float(self.sizes[active].max(initial=0.0))
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        strength = self.gain * float(action[0])
+        push = self.push()
+        fell = bool((self.starts + 2 == self.step_count).any() and push > 60 + 60 * strength)
+        self.step_count += 1
+        error = self.offset * (1.5 - strength)
+        info = {
+            "push": np.array([0.6 * push, -0.8 * push, 0.0]),
+            "height_error": error,
+            "torque_rms": 10.0 + self.step_count,
+            "power": 20.0 + push,
+            "slip": 0.001 * self.step_count,
+            "termination": "fall" if fell else "",
+        }
+        observation = np.array([push, self.step_count, error], dtype=np.float32)
+        reward = 1.0 - 0.5 * (1.0 - strength) ** 2
+        return observation, reward, fell, self.step_count == self.steps and not fell, info
+
+    def render(self) -> np.ndarray:
+        picture = np.full((48, 64, 3), 230, dtype=np.uint8)
+        picture[:, : int(64 * self.step_count / self.steps)] = (90, 120, 200)
+        return picture
+
+
+gym.register(ENV_ID, entry_point=StandIn)
+
+
+def make_policy(
+    strength: float, action_layer: str = "base_acceleration", **env_args: Any
+) -> Policy:
+    """A policy that always acts with the same strength."""
+    return Policy(
+        env_id=ENV_ID,
+        env_args={"action_layer": action_layer, **env_args},
+        mean=np.zeros(3),
+        variance=np.ones(3),
+        weights=(np.zeros((2, 3)),),
+        biases=(np.array([strength, 0.0]),),
+        trained_steps=1_000_000,
+    )
+
+
+def write_run(folder: Path, layer: str, seed: int, **changes: Any) -> Path:
+    """Write a run folder as training does. `changes` go into the configuration."""
+    rng = np.random.default_rng([seed, len(layer)])
+    env_args = {"action_layer": layer, **changes.pop("env_args", {})}
+    if "layer_options" in changes:
+        env_args["layer_options"] = changes["layer_options"]
+    config = {
+        "env_id": ENV_ID,
+        "action_layer": layer,
+        "layer_options": {},
+        "env_args": env_args,
+        "seed": seed,
+        "total_steps": 1_000_000,
+        "num_envs": 64,
+        "ppo": {"learning_rate": 3e-4, "hidden": [64, 64]},
+    }
+    config.update(changes)
+    folder.mkdir(parents=True)
+    (folder / "config.json").write_text(json.dumps(config))
+    versions = {"python": "3.11", "platform": "a test", "commit": "0" * 40}
+    (folder / "versions.json").write_text(json.dumps(versions))
+    steps = np.linspace(0, config["total_steps"], 21)
+    speed = (6.0 if layer == "base_acceleration" else 3.0) * rng.uniform(0.8, 1.25)
+    level = 39.0 if layer == "base_acceleration" else 34.0
+    returns = level * (1 - 0.7 * np.exp(-speed * steps / 1e6)) + rng.normal(0, 0.6, 21)
+    wall = steps / (5000 if layer == "base_acceleration" else 9000)
+    with (folder / "evaluations.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["steps", "wall_seconds", "episodes", "return_mean"])
+        writer.writerows(zip(steps, wall, [32] * 21, returns, strict=True))
+    skill = (0.9 if layer == "base_acceleration" else 0.8) + rng.normal(0, 0.05)
+    make_policy(skill, **env_args).save(folder / "policy")
+    return folder
+
+
+@pytest.fixture
+def policy() -> Callable[..., Policy]:
+    """Make a policy of a given strength."""
+    return make_policy
+
+
+@pytest.fixture
+def run_folder(tmp_path: Path) -> Callable[..., Path]:
+    """Write a run folder: layer, seed and what differs in its configuration."""
+
+    def build(layer: str = "base_acceleration", seed: int = 0, **changes: Any) -> Path:
+        name = changes.pop("name", f"{layer}-s{seed}")
+        return write_run(tmp_path / name, layer, seed, **changes)
+
+    return build
+
+
+@pytest.fixture
+def stand_in() -> Callable[..., Any]:
+    """Make scalar stand-in environments."""
+    return StandIn
