@@ -173,7 +173,7 @@ class TrainConfig:
     @property
     def threads(self) -> int:
         """Threads stepping the robots, resolved."""
-        return self.num_threads or min(_cores(), self.num_envs)
+        return self.num_threads or min(cores(), self.num_envs)
 
     @property
     def iteration_steps(self) -> int:
@@ -246,7 +246,7 @@ def _flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def _cores() -> int:
+def cores() -> int:
     """Cores this process may use; where the platform does not say, those there are."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))

@@ -1,5 +1,6 @@
 """What a training shows while it runs: a progress bar, or lines where there is no terminal."""
 
+import math
 import sys
 import time
 from collections.abc import Mapping
@@ -27,9 +28,7 @@ class Display:
         """Show one row of `progress.csv`."""
         steps = int(row["steps"])
         if self._bar is not None:
-            self._bar.set_postfix_str(
-                f"return {row['return_mean']:.1f}, length {row['length_mean']:.0f}", refresh=False
-            )
+            self._bar.set_postfix_str(_episodes(row), refresh=False)
             self._bar.update(steps - self._bar.n)
             return
         now = time.monotonic()
@@ -38,8 +37,8 @@ class Display:
         self._printed = now
         left = (now - self._began) / max(steps - self._start, 1) * max(self._total - steps, 0)
         self._print(
-            f"{steps}/{self._total} steps, return {row['return_mean']:.1f}, "
-            f"length {row['length_mean']:.0f}, {row['fps']:.0f} steps/s, {left:.0f} s left"
+            f"{steps}/{self._total} steps, {_episodes(row)}, {row['fps']:.0f} steps/s, "
+            f"{left:.0f} s left"
         )
 
     def note(self, text: str) -> None:
@@ -56,3 +55,10 @@ class Display:
 
     def _print(self, text: str) -> None:
         print(f"{self._name}: {text}", flush=True)
+
+
+def _episodes(row: Mapping[str, float]) -> str:
+    """Describe the last episodes; where robots do not fall, the first end late."""
+    if math.isnan(row["return_mean"]):
+        return "no episode over yet"
+    return f"return {row['return_mean']:.1f}, length {row['length_mean']:.0f}"

@@ -17,6 +17,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
+from fbid_gym import make_sb3
 from fbid_gym.errors import FbidError, RunError
 from fbid_gym.policy import Policy
 from train import checkpoint
@@ -43,12 +44,6 @@ _EVALUATIONS = (
     "steps", "wall_seconds", "episodes", "return_mean", "return_std", "return_q25", "return_q75",
     "length_mean", "survival",
 )  # fmt: skip
-
-
-def make_sb3(*args, **kwargs):
-    from fbid_gym import make_sb3 as real
-
-    return real(*args, **kwargs)
 
 
 def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:

@@ -17,7 +17,7 @@ def versions() -> dict[str, Any]:
     return {
         "python": platform.python_version(),
         "packages": package_versions(),
-        "git": _git(Path(__file__).resolve().parent),
+        **_git(Path(__file__).resolve().parent),
         "platform": platform.platform(),
         "cpu_count": os.cpu_count(),
     }
@@ -34,7 +34,7 @@ def package_versions() -> dict[str, str]:
     return found
 
 
-def _git(folder: Path) -> dict[str, Any] | None:
+def _git(folder: Path) -> dict[str, Any]:
     """Return the commit and whether tracked files differ from it; None outside a repository."""
 
     def ask(*arguments: str) -> str:
@@ -47,5 +47,5 @@ def _git(folder: Path) -> dict[str, Any] | None:
         commit = ask("rev-parse", "HEAD")
         dirty = bool(ask("status", "--porcelain", "--untracked-files=no"))
     except (OSError, subprocess.SubprocessError):
-        return None
-    return {"commit": commit, "dirty": dirty}
+        return {"commit": None, "uncommitted_changes": None}
+    return {"commit": commit, "uncommitted_changes": dirty}

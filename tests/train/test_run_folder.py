@@ -17,7 +17,7 @@ def test_new_folder_records_what_was_asked_and_with_what(tmp_path):
         assert not run.resumes
         assert json.loads((run.path / "config.json").read_text()) == config.to_json()
         versions = json.loads((run.path / "versions.json").read_text())
-    assert {"python", "packages", "git", "platform"} <= set(versions)
+    assert {"python", "packages", "commit", "platform"} <= set(versions)
     assert {"torch", "numpy", "mujoco", "stable-baselines3"} <= set(versions["packages"])
 
 
