@@ -199,8 +199,9 @@ class TrainConfig:
         return json.loads(json.dumps(data))
 
 
-# Change how fast a run goes, how far, or what is kept of it, but not one number of its curve.
-_FREE = ("total_steps", "num_threads", "checkpoint_every")
+# Change how far a run goes and what is kept of it, but not one number of its curve. Threads stay
+# with the run because the saved state of the robots is split among them.
+_FREE = ("total_steps", "checkpoint_every")
 
 _LEAST = {
     "seed": 0, "total_steps": 1, "num_envs": 1, "num_threads": 0, "torch_threads": 1,

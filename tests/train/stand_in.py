@@ -2,7 +2,7 @@
 
 Point masses on a line are pushed at random and must stay near the origin. Run as a program it
 trains on them and is killed: `python stand_in.py CONFIG_JSON STEP SIGNAL` sends itself the signal
-in the given step of the training environment.
+in the given step of the training environment. With "real" in its configuration it trains robots.
 """
 
 import json
@@ -167,7 +167,8 @@ if __name__ == "__main__":
     import train.ppo
 
     changes = json.loads(sys.argv[1])
-    dying = make_dying(int(sys.argv[2]), int(sys.argv[3]))
+    maker = train.ppo.make_sb3 if changes.pop("real", False) else make
+    dying = make_dying(int(sys.argv[2]), int(sys.argv[3]), maker)
     try:
         train.ppo.main(config(Path(changes.pop("out")), **changes), dying)
     except KeyboardInterrupt:

@@ -221,3 +221,23 @@ def test_command_line_reports_errors_in_one_line(monkeypatch, capsys, tmp_path):
     assert capsys.readouterr().err.splitlines() == [
         "error: Invalid seed: -1. Expected an integer of at least 0."
     ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("layer", ["joint_position", "base_acceleration"])
+def test_robots_killed_and_resumed_are_the_same_run(tmp_path, layer):
+    """The environments themselves: their state, saved amid episodes, continues to the bit.
+
+    Short episodes, so that robots fall and start anew before and after the kill.
+    """
+    changes = {
+        "env": "fbid_gym/BipedBalance-v0",
+        "action_layer": layer,
+        "env_args": {"episode_seconds": 0.7, "push_interval": [0.3, 0.5]},
+        "num_threads": 2,
+    }
+    _train_and_die(tmp_path / "a", 16 * 3 + 5, real=True, **changes)
+    for name in "ab":
+        train.ppo.main(stand_in.config(tmp_path / name, **changes))
+    _assert_same_run(tmp_path / "b", tmp_path / "a")
+    assert min(float(row["length_mean"]) for row in _rows(tmp_path / "a/progress.csv")[3:]) < 36
