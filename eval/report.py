@@ -172,7 +172,8 @@ def _videos(clips: Clips | None, colours: dict[str, int]) -> str:
         "const clips=[...document.querySelectorAll('video')];"
         "const together=()=>clips.forEach(v=>{v.currentTime=0;v.play()});"
         "document.getElementById('together').onclick=together;"
-        "if(!matchMedia('(prefers-reduced-motion: reduce)').matches)addEventListener('load',together)"
+        "if(!matchMedia('(prefers-reduced-motion: reduce)').matches)"
+        "addEventListener('load',together)"
     )
     same = (
         "Same seed, same start, and the same pushes at the same times"
@@ -350,9 +351,10 @@ def _pairs(c: Comparison) -> str:
         "<h2>How sure is the order?</h2>"
         "<p>The difference of the final returns; the probability that a run of the first layer "
         "beats a run of the second (one half: no difference); and how often shuffling the runs "
-        "between the two layers would give a difference at least as large, either way. Where every "
-        "run of one layer beats every run of the other, the interval of the probability has no "
-        "width: a limit of resampling so few runs, not certainty. The last column does not have it.</p>"
+        "between the two layers would move that probability as far from one half, either way. "
+        "Where every run of one layer beats every run of the other, the interval of the "
+        "probability has no width: a limit of resampling so few runs, not certainty. The last "
+        "column does not have it.</p>"
         + _table(["", "difference", "probability of improvement", "by chance"], rows)
     )
 

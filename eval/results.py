@@ -135,7 +135,7 @@ class Pair:
     difference: Estimate
     """Of the interquartile means."""
     p_value: float
-    """Of a permutation test, two-sided."""
+    """Of the two-sided Mann-Whitney permutation test."""
 
 
 @dataclass(frozen=True)

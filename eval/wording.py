@@ -123,7 +123,7 @@ def lede(comparison: Comparison) -> list[str]:
         sentences.append(
             f"{capital(pair.better)} wins {number(pair.probability.value * pairings)} of "
             f"{pairings} pairings of its runs with those of {pair.other}. If the layer did not "
-            f"matter, a difference this large would still turn up in {percent(pair.p_value)} of "
+            f"matter, a score this lopsided would still turn up in {percent(pair.p_value)} of "
             "comparisons."
         )
     if comparison.threshold is not None:

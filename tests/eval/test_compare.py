@@ -1,0 +1,236 @@
+"""The comparison from run folders to the page: its numbers, its words, its independence."""
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import asdict
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from eval.compare import main
+from eval.comparison import compare, film
+from eval.episodes import METRICS
+from eval.report import page
+from eval.results import Settings
+from eval.rollout import play_player
+from eval.runs import load
+from fbid_gym.errors import RunError
+from fbid_gym.policy import Policy
+
+Build = Callable[..., Path]
+QUICK = Settings(episodes=6, samples=300, sweep=(1.0,), sweep_episodes=4, sweep_seconds=2.0)
+QUICK_ARGS = ["--episodes", "6", "--samples", "300", "--sweep", "1.0", "--sweep-episodes", "4"]
+
+
+class Page(HTMLParser):
+    """Collects what a page refers to, and the text of it."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.references: list[str] = []
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.words = ""
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.references += [v or "" for k, v in attrs if k in ("src", "href", "poster", "srcset")]
+        if tag not in ("meta", "br", "img", "link"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag, f"</{tag}> closes nothing"
+
+    def handle_data(self, data: str) -> None:
+        if not {"style", "script"} & set(self.open):
+            self.words += data + " "
+
+
+@pytest.fixture
+def four_runs(run_folder: Build) -> list[Path]:
+    return [run_folder(layer, seed) for layer in ("joint_position", "base_acceleration")
+            for seed in (0, 1)]  # fmt: skip
+
+
+def test_the_page_stands_alone_and_holds_every_run(four_runs: list[Path], tmp_path: Path) -> None:
+    out = tmp_path / "new" / "report.html"
+    assert main([*map(str, four_runs), "--out", str(out), *QUICK_ARGS]) == 0
+    html = out.read_text()
+    parsed = Page(html)
+    assert parsed.open == []
+    assert parsed.tags.count("video") == 2 and parsed.tags.count("h1") == 1
+    assert all(reference.startswith("data:video/mp4;base64,") for reference in parsed.references)
+    assert not re.search(r"https?://|//[a-z]+\.|@import|url\(|<link", html)
+    for folder in four_runs:
+        assert folder.name in parsed.words
+    assert sorted(path.name for path in out.parent.iterdir()) == ["report.html", "report.json"]
+
+
+def test_the_numbers_are_those_of_the_rollouts(four_runs: list[Path]) -> None:
+    runs = [load(path) for path in four_runs]
+    result = compare(runs, QUICK)
+    assert [layer.name for layer in result.layers] == ["base acceleration", "joint position"]
+    for layer in result.layers:
+        members = [run for run in runs if run.layer == layer.name]
+        played = [play_player(run.player(), QUICK.episodes, QUICK.seed) for run in members]
+        for metric in METRICS:
+            means = np.array([getattr(episodes, metric.name).mean() for episodes in played])
+            np.testing.assert_allclose(layer.values(metric.name), means)
+            estimate = layer.metrics[metric.name]
+            assert estimate.value == pytest.approx(scipy.stats.trim_mean(means, 0.25))
+            # Two runs: the interval is their range.
+            assert (estimate.low, estimate.high) == (means.min(), means.max())
+
+
+def test_page_and_json_agree(four_runs: list[Path], tmp_path: Path) -> None:
+    out = tmp_path / "report.html"
+    main([*map(str, four_runs), "--out", str(out), "--video-seconds", "0", *QUICK_ARGS])
+    written = json.loads((tmp_path / "report.json").read_text())
+    words = re.sub(r"\s+", " ", Page(out.read_text()).words)
+    for layer in written["layers"]:
+        for run in layer["runs"]:
+            value = run["metrics"]["returned"]
+            row = words[words.rindex(run["name"] + " " + layer["name"]) :][:200]
+            assert f" {value:.1f} " in row and run["path"].endswith(run["name"])
+        low, high = (layer["metrics"]["returned"][key] for key in ("low", "high"))
+        assert f"({low:.1f} to {high:.1f})" in words
+    assert f"return of {written['threshold']:.3g}" in words
+
+
+def test_the_order_of_the_runs_does_not_matter(four_runs: list[Path]) -> None:
+    runs = [load(path) for path in four_runs]
+    one, other = compare(runs, QUICK), compare([runs[2], runs[0], runs[3], runs[1]], QUICK)
+    assert one.pairs[0].difference.value == other.pairs[0].difference.value
+    assert [x.metrics["returned"].value for x in one.layers] == [
+        x.metrics["returned"].value for x in other.layers
+    ]
+    assert asdict(one) == asdict(compare(runs, QUICK))
+
+
+def test_a_threshold_that_one_layer_never_reaches_is_said_to_be_that(
+    four_runs: list[Path],
+) -> None:
+    result = compare(
+        [load(path) for path in four_runs], Settings(**{**asdict(QUICK), "threshold": 36.5})
+    )
+    by_name = {layer.name: layer for layer in result.layers}
+    quick, slow = by_name["base acceleration"].steps_to, by_name["joint position"].steps_to
+    assert quick is not None and slow is not None
+    assert quick.reached == 2 and 0 < quick.median.value < 1e6
+    assert slow.reached == 0 and slow.median.value == float("inf")
+    words = Page(page(result, None)).words
+    assert "joint position not reached in 2 runs" in words and "0 of 2" in words
+    assert "inf" not in words.replace("information", "")
+
+
+def test_two_seeds_come_with_a_warning_and_five_without(run_folder: Build) -> None:
+    few = [load(run_folder(layer, s)) for layer in ("joint_position", "base_acceleration")
+           for s in range(5)]  # fmt: skip
+    five = compare(few, QUICK)
+    assert "How far to trust this" not in page(five, None)
+    assert five.pairs[0].p_value == pytest.approx(2 / 252)
+    two = compare([run for run in few if run.seed in (0, 1)], QUICK)
+    words = Page(page(two, None)).words.replace("\N{NO-BREAK SPACE}", " ")
+    assert "holds the true median at most 50 % of the time" in words
+    assert "in 33 % of such comparisons" in words
+    assert "cannot rule out chance" in words
+
+
+def test_one_seed_has_no_interval(run_folder: Build) -> None:
+    result = compare([load(run_folder("joint_position")), load(run_folder())], QUICK)
+    for layer in result.layers:
+        assert all(value.low is None and value.high is None for value in layer.metrics.values())
+        assert layer.by_steps is not None and layer.by_steps.low is None
+    assert result.pairs[0].difference.low is None
+    words = Page(page(result, None)).words
+    assert "One seed is one draw" in words and "one run cannot say" in words
+
+
+def test_exported_policies_have_no_curves(
+    run_folder: Build, tmp_path: Path, policy: Callable[..., Policy]
+) -> None:
+    policy(0.4).save(tmp_path / "one")
+    policy(0.9, "joint_position").save(tmp_path / "other")
+    result = compare([load(tmp_path / "one"), load(tmp_path / "other")], QUICK)
+    assert result.threshold is None
+    assert all(layer.by_steps is layer.steps_to is None for layer in result.layers)
+    html = page(result, None)
+    assert "exported policies do not carry them" in html
+    mixed = compare([load(tmp_path / "one"), load(run_folder("joint_position"))], QUICK)
+    assert "No learning curves" not in page(mixed, None)
+
+
+def test_one_layer_alone_is_described(run_folder: Build) -> None:
+    result = compare([load(run_folder(seed=s)) for s in (0, 1, 2)], QUICK)
+    words = Page(page(result, None)).words
+    assert "over three seeds" in words and "How sure is the order" not in words
+
+
+def test_clips_show_the_same_pushes(four_runs: list[Path]) -> None:
+    runs = [load(path) for path in four_runs]
+    result = compare(runs, QUICK)
+    clips = film(runs, result)
+    assert clips.same_pushes and list(clips.by_layer) == ["base acceleration", "joint position"]
+    lengths = {len(clip.frames) for clip in clips.by_layer.values()}
+    assert len(lengths) == 1
+    assert clips.push == pytest.approx(result.hardest_push)
+    strengths = np.linalg.norm(clips.by_layer["base acceleration"].pushes, axis=1)
+    assert strengths.max() == pytest.approx(clips.push)
+
+
+def test_the_sweep_and_the_zero_action_are_played(four_runs: list[Path]) -> None:
+    result = compare([load(path) for path in four_runs], QUICK)
+    # The fixture falls beyond 60 + 60 x strength: base acceleration at about 114 N, zero at 60 N.
+    strong = result.layers[0]
+    assert strong.sweep[0].value == 1.0 and strong.zero_sweep == [0.0]
+    assert strong.zero_action["survived"] < strong.metrics["survived"].value == 1.0
+
+
+def test_names_from_files_are_escaped(run_folder: Build) -> None:
+    folder = run_folder(name="a<b>&c")
+    html = page(compare([load(folder), load(run_folder("joint_position"))], QUICK), None)
+    assert "a<b>" not in html and "a&lt;b&gt;&amp;c" in html
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nowhere"], "nowhere: no such folder"),
+        (["RUN", "RUN"], "given twice"),
+        (["RUN", "--out", "x.pdf"], "Invalid out: 'x.pdf'. Expected a file name ending in .html"),
+        (["RUN", "--episodes", "0"], "Invalid episodes: 0"),
+        (["RUN", "--confidence", "95"], "Invalid confidence: 95.0. Expected a number between 0"),
+        (["RUN", "--sweep", "0"], "Expected positive multiples of the hardest push"),
+    ],
+)
+def test_mistakes_are_one_line_and_leave_no_file(
+    arguments: list[str],
+    message: str,
+    run_folder: Build,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder = str(run_folder())
+    before = sorted(tmp_path.iterdir())
+    assert main([folder if a == "RUN" else a for a in arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("error: ") and captured.err.count("\n") == 1
+    assert message in captured.err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_warnings_are_on_the_page(run_folder: Build) -> None:
+    folders = [run_folder(), run_folder("joint_position", num_envs=8)]
+    result = compare([load(folder) for folder in folders], QUICK)
+    assert "num_envs 8 instead of 64" in Page(page(result, None)).words
+    with pytest.raises(RunError, match="different environment arguments"):
+        compare(
+            [load(folders[0]), load(run_folder(seed=4, env_args={"push_force": [1, 2]}))], QUICK
+        )

@@ -1,0 +1,128 @@
+"""Which episodes count, and what is counted in them, against a plain loop over one environment."""
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from eval.episodes import METRICS, play, shares
+from fbid_gym.errors import InvalidValueError
+
+MODES = [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
+
+
+def vector(stand_in: Callable[..., Any], count: int, mode: AutoresetMode) -> SyncVectorEnv:
+    return SyncVectorEnv([stand_in] * count, autoreset_mode=mode)
+
+
+def act(observation: np.ndarray) -> np.ndarray:
+    return np.full((len(observation), 2), 0.3, dtype=np.float32)
+
+
+def by_hand(env: gym.Env[Any, Any], seed: int, episodes: int) -> list[dict[str, float]]:
+    """Play the environment on its own and reckon everything from the definitions."""
+    results = []
+    observation, _ = env.reset(seed=seed)
+    for episode in range(episodes):
+        rewards, infos, terminated, truncated = [], [], False, False
+        while not (terminated or truncated):
+            observation, reward, terminated, truncated, info = env.step(act(observation[None])[0])
+            rewards.append(reward)
+            infos.append(info)
+        force = np.array([np.hypot(*info["push"][:2]) for info in infos])
+        began = int(np.sum((force > 0) & (np.concatenate([[0.0], force[:-1]]) == 0)))
+        power = np.array([info["power"] for info in infos])
+        results.append(
+            {
+                "returned": sum(rewards),
+                "length": len(rewards),
+                "seconds": len(rewards) * 0.1,
+                "survived": float(truncated),
+                "height_error": np.sqrt(np.mean([info["height_error"] ** 2 for info in infos])),
+                "torque": np.sqrt(np.mean([info["torque_rms"] ** 2 for info in infos])),
+                "power": power.mean(),
+                "energy": power.sum() * 0.1,
+                "slip": np.mean([info["slip"] for info in infos]),
+                "pushes": began,
+                "pushes_survived": began - int(terminated),
+                "strongest_push": force.max(),
+            }
+        )
+        if episode + 1 < episodes:
+            observation, _ = env.reset()
+    return results
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(("count", "episodes"), [(1, 3), (4, 4), (3, 8), (5, 2)])
+def test_every_column_is_that_of_the_environment_alone(
+    stand_in: Callable[..., Any], mode: AutoresetMode, count: int, episodes: int
+) -> None:
+    played = play(vector(stand_in, count, mode), act, episodes, seed=40, step_seconds=0.1)
+    expected = [
+        result
+        for i, share in enumerate(shares(episodes, count))
+        for result in by_hand(stand_in(), 40 + i, share)
+    ]
+    assert len(played) == len(expected) == episodes
+    for name in expected[0]:
+        actual = getattr(played, name)
+        np.testing.assert_allclose(actual, [e[name] for e in expected], rtol=1e-12, err_msg=name)
+    fell = [reason == "fall" for reason in played.termination]
+    np.testing.assert_array_equal(fell, played.survived == 0)
+    assert 0 < sum(fell) or episodes < 8  # the fixture does make robots fall
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_short_episodes_are_not_favoured(stand_in: Callable[..., Any], mode: AutoresetMode) -> None:
+    """Half of the environments fall early: taking the first to finish would see mostly those."""
+    weak, strong = (lambda: stand_in(push_force=(100, 100))), (lambda: stand_in(push_force=(1, 1)))
+    envs = SyncVectorEnv([weak, strong] * 4, autoreset_mode=mode)
+    played = play(envs, act, 40, seed=0, step_seconds=0.1)
+    assert np.bincount(played.environment).tolist() == [5] * 8
+    assert played.survived.mean() == 0.5
+
+
+def test_shares_are_even_and_complete() -> None:
+    for episodes in range(1, 20):
+        for count in range(1, 12):
+            share = shares(episodes, count)
+            assert share.sum() == episodes and share.max() - share.min() <= 1
+
+
+def test_the_same_seed_gives_the_same_episodes(stand_in: Callable[..., Any]) -> None:
+    one, other, third = (
+        play(vector(stand_in, 3, MODES[0]), act, 7, seed=seed, step_seconds=0.1).rows()
+        for seed in (1, 1, 2)
+    )
+    assert one == other != third
+
+
+def test_what_the_environment_does_not_report_is_nan(stand_in: Callable[..., Any]) -> None:
+    class Silent(gym.Wrapper):  # type: ignore[type-arg]
+        def step(self, action: Any) -> Any:
+            observation, reward, terminated, truncated, _ = self.env.step(action)
+            return observation, reward, terminated, truncated, {}
+
+    envs = SyncVectorEnv([lambda: Silent(stand_in())])
+    played = play(envs, act, 2, seed=0, step_seconds=0.1)
+    assert np.isnan(played.slip).all() and np.isnan(played.torque).all()
+    assert played.pushes.tolist() == [0, 0] and played.termination == ("", "")
+    assert np.isfinite(played.returned).all()
+
+
+def test_metrics_are_columns(stand_in: Callable[..., Any]) -> None:
+    (row,) = play(vector(stand_in, 1, MODES[0]), act, 1, seed=0, step_seconds=0.1).rows()
+    assert {metric.name for metric in METRICS} < row.keys()
+
+
+def test_refuses_what_it_cannot_count(stand_in: Callable[..., Any]) -> None:
+    envs = vector(stand_in, 2, AutoresetMode.NEXT_STEP)
+    with pytest.raises(InvalidValueError, match="Invalid episodes: 0. Expected a positive number"):
+        play(envs, act, 0, seed=0, step_seconds=0.1)
+    envs = vector(stand_in, 2, AutoresetMode.DISABLED)
+    with pytest.raises(InvalidValueError, match="Expected NEXT_STEP or SAME_STEP"):
+        play(envs, act, 2, seed=0, step_seconds=0.1)
