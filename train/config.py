@@ -199,9 +199,11 @@ class TrainConfig:
         return json.loads(json.dumps(data))
 
 
+# Said twice in the JSON, for readers of the environment's arguments alone.
+_REPEATED = ("env_args.action_layer", "env_args.layer_options")
 # Change how far a run goes and what is kept of it, but not one number of its curve. Threads stay
 # with the run because the saved state of the robots is split among them.
-_FREE = ("total_steps", "checkpoint_every")
+_FREE = ("total_steps", "checkpoint_every", *_REPEATED)
 
 _LEAST = {
     "seed": 0, "total_steps": 1, "num_envs": 1, "num_threads": 0, "torch_threads": 1,
@@ -227,7 +229,7 @@ def differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str
         One "name: stored in the folder, asked now" per difference; empty for the same run.
     """
     one, other = _flat(stored), _flat(asked)
-    names = [n for n in dict.fromkeys([*one, *other]) if n not in _FREE]
+    names = [n for n in dict.fromkeys([*one, *other]) if not n.startswith(_FREE)]
     absent = object()
     return [
         f"{name}: {one.get(name, 'absent')!r} in the folder, {other.get(name, 'absent')!r} asked"
@@ -240,7 +242,7 @@ def _flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Join the keys of nested dictionaries with dots."""
     flat: dict[str, Any] = {}
     for key, value in data.items():
-        if isinstance(value, dict) and value:
+        if isinstance(value, dict):
             flat |= _flat(value, f"{prefix}{key}.")
         else:
             flat[prefix + key] = value

@@ -9,7 +9,7 @@ those of a training that was never interrupted.
 import math
 import sys
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
@@ -77,8 +77,7 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
             evaluated = environment(config.eval.episodes, config.eval.seed)
         learner = build(config, robots)
         run = stack.enter_context(open_run(config))
-        training = _Training(config, run, learner, evaluated)
-        stack.callback(training.close)
+        training = _Training(config, run, learner, evaluated, stack)
         with StopRequest(training.announce_stop) as stop:
             training.until_done(stop)
     return run.path
@@ -88,7 +87,12 @@ class _Training:
     """A run in progress: the learner and everything that is written about it."""
 
     def __init__(
-        self, config: TrainConfig, run: RunFolder, learner: PPO, evaluated: VecEnv | None
+        self,
+        config: TrainConfig,
+        run: RunFolder,
+        learner: PPO,
+        evaluated: VecEnv | None,
+        stack: ExitStack,
     ) -> None:
         self.config, self.run, self.learner, self.evaluated = config, run, learner, evaluated
         # Resets the robots and prepares the buffers; a checkpoint then replaces their state.
@@ -103,10 +107,13 @@ class _Training:
                 self.best_return = counters["best_return"]
             sizes = counters["bytes"]
         self.saved_steps = self.steps if run.resumes else -1
-        self.progress = CsvLog(run.progress, _PROGRESS, sizes.get("progress"))
-        self.evaluations = CsvLog(run.evaluations, _EVALUATIONS, sizes.get("evaluations"))
-        self.tensorboard = TensorBoardLog(run.tensorboard, self.steps)
-        self.display = Display(run.path.name, config.total_steps, self.steps)
+        opened = stack.enter_context
+        self.progress = opened(closing(CsvLog(run.progress, _PROGRESS, sizes.get("progress"))))
+        self.evaluations = opened(
+            closing(CsvLog(run.evaluations, _EVALUATIONS, sizes.get("evaluations")))
+        )
+        self.tensorboard = opened(closing(TensorBoardLog(run.tensorboard, self.steps)))
+        self.display = opened(closing(Display(run.path.name, config.total_steps, self.steps)))
 
     @property
     def steps(self) -> int:
@@ -124,6 +131,8 @@ class _Training:
                 if self.done
                 else f"continues at step {self.steps}"
             )
+            if self.run.changes and not self.done:
+                self.display.note(f"not to the bit: {', '.join(self.run.changes)}")
         elif config.eval.every:
             self.evaluate()
         while not self.done and not stop.requested:
@@ -157,6 +166,7 @@ class _Training:
             raise self._diverged() from error
         if not self._finite():
             raise self._diverged()
+        # Evaluations and saving do not count: how often they happen is not the learner's doing.
         seconds = time.perf_counter() - began
         self.seconds += seconds
         metrics = dict(learner.logger.name_to_value)
@@ -215,11 +225,6 @@ class _Training:
     def announce_stop(self) -> None:
         self.display.note("stops after this iteration; once more to stop at once")
 
-    def close(self) -> None:
-        self.display.close()
-        for log in (self.progress, self.evaluations, self.tensorboard):
-            log.close()
-
     def _finite(self) -> bool:
         return all(bool(p.isfinite().all()) for p in self.learner.policy.parameters())
 
@@ -227,7 +232,7 @@ class _Training:
         kept = (
             f"The checkpoint of step {self.saved_steps} is kept"
             if self.saved_steps > 0
-            else ("There is no checkpoint yet")
+            else "There is no checkpoint yet"
         )
         return RunError(
             f"{self.run.path}: training diverged by step {self.steps}: the network holds NaN or "

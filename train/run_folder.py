@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import platform
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +14,7 @@ from typing import Any
 from fbid_gym.bundles import present_bundle, write_file
 from fbid_gym.errors import RunError
 from train.config import TrainConfig, differences
-from train.versions import versions
+from train.versions import package_versions, versions
 
 _CONFIG, _VERSIONS, _LOCK = "config.json", "versions.json", ".lock"
 _WRITTEN = {
@@ -32,6 +33,8 @@ class RunFolder:
     """The folder."""
     resumes: bool
     """There is a checkpoint to continue from."""
+    changes: tuple[str, ...] = ()
+    """Versions that are not those the run began with, so that it may round differently."""
 
     @property
     def progress(self) -> Path:
@@ -97,7 +100,7 @@ def open_run(config: TrainConfig) -> Iterator[RunFolder]:
             _write_json(path / _VERSIONS, versions())
         if stored != asked:
             _write_json(path / _CONFIG, asked)
-        yield RunFolder(path, resumes)
+        yield RunFolder(path, resumes, _changes(path / _VERSIONS) if resumes else ())
 
 
 def _stored_config(path: Path) -> dict[str, Any] | None:
@@ -123,6 +126,21 @@ def _stored_config(path: Path) -> dict[str, Any] | None:
     if not isinstance(stored, dict):
         raise RunError(f"{file}: holds {type(stored).__name__}. Expected a JSON object.")
     return stored
+
+
+def _changes(file: Path) -> tuple[str, ...]:
+    """Name the versions that differ from those in the file."""
+    try:
+        began = json.loads(file.read_text())
+        then = {"python": began["python"], **began["packages"]}
+    except (OSError, ValueError, KeyError, TypeError):
+        return (f"{file.name} cannot be read",)
+    now = {"python": platform.python_version(), **package_versions()}
+    return tuple(
+        f"{name} {then.get(name, 'absent')} when it began, {now.get(name, 'absent')} now"
+        for name in sorted(then.keys() | now.keys())
+        if then.get(name) != now.get(name)
+    )
 
 
 @contextmanager

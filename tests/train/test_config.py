@@ -103,3 +103,7 @@ def test_differences_name_what_makes_another_run():
         "ppo.gamma: 0.99 in the folder, 0.9 asked",
         "env_args.push_force: 'absent' in the folder, [1, 2] asked",
     ]
+    other = TrainConfig(layer_options={"contact_limits": "none"})
+    assert differences(stored, other.to_json()) == [
+        "layer_options.contact_limits: 'absent' in the folder, 'none' asked"
+    ]

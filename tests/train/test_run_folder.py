@@ -90,3 +90,20 @@ def test_one_process_per_run(tmp_path):
             pass
     with open_run(config):
         pass
+
+
+def test_other_versions_than_at_the_beginning_are_named(tmp_path):
+    config = stand_in.config(tmp_path)
+    with open_run(config) as run:
+        _checkpoint(run)
+    with open_run(config) as run:
+        assert run.changes == ()
+    file = tmp_path / "versions.json"
+    versions = json.loads(file.read_text())
+    versions["packages"]["torch"] = "1.0"
+    file.write_text(json.dumps(versions))
+    with open_run(config) as run:
+        assert len(run.changes) == 1 and run.changes[0].startswith("torch 1.0 when it began")
+    file.write_text("{")
+    with open_run(config) as run:
+        assert run.changes == ("versions.json cannot be read",)
