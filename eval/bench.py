@@ -1,0 +1,109 @@
+"""What the layers cost: `python -m eval.bench`.
+
+Every figure is a ratio of two things measured in turns within one run, or comes with the yardstick
+it is compared to, because machines differ and the same machine differs from minute to minute.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from eval.benchmark import environments, laws, learning, memory
+from eval.benchmark.figures import Section
+from eval.files import to_json, write
+from fbid_gym.actions import LAYERS
+from fbid_gym.errors import FbidError, RunError
+from fbid_gym.robots import ROBOTS
+from train.versions import versions
+
+SectionName = Literal["laws", "layers", "threads", "single", "ppo", "memory"]
+README = Path(__file__).resolve().parents[1] / "README.md"
+MARKS = ("<!-- bench: make bench ARGS=--write-readme -->", "<!-- end of bench -->")
+
+
+@dataclass(frozen=True)
+class BenchConfig:
+    """Measure what the action layers cost."""
+
+    sections: tuple[SectionName, ...] = ("laws", "layers", "threads", "single", "ppo", "memory")
+    """What to measure: the laws per control tick, environment steps by layer and by thread, a
+    single robot, PPO beside Humanoid-v5, resident memory."""
+    robots: tuple[str, ...] = tuple(ROBOTS)
+    """Built-in robots."""
+    layers: tuple[str, ...] = tuple(LAYERS)
+    """Action layers. `torque` is always among them: the others are compared to it."""
+    num_envs: int = 64
+    """Robots side by side."""
+    rounds: int = 9
+    """Rounds; every figure is the median over them."""
+    out: Path = Path("runs/bench")
+    """Folder for bench.json and bench.md."""
+    write_readme: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Put the tables into the README, between its marks."""
+
+
+def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Section]:
+    """Measure the chosen sections in order, showing each when it is done."""
+    robots = list(config.robots)
+    layers = list(dict.fromkeys(["torque", *config.layers]))
+    rounds = config.rounds
+    measures: dict[SectionName, Callable[[], Section]] = {
+        "laws": lambda: laws.per_tick(robots, config.num_envs, rounds),
+        "layers": lambda: environments.by_layer(robots, layers, config.num_envs, rounds),
+        "threads": lambda: environments.by_threads(robots, layers, config.num_envs, rounds),
+        "single": lambda: environments.single(robots, layers, rounds),
+        "ppo": lambda: learning.frames(layers, rounds),
+        "memory": lambda: memory.resident(robots),
+    }
+    sections = []
+    for name in config.sections:
+        section = measures[name]()
+        show(section)
+        sections.append(section)
+    return sections
+
+
+def with_tables(readme: str, tables: str) -> str:
+    """Return the README's text with the tables between its marks.
+
+    Raises:
+        RunError: the marks are not there, once each and in order.
+    """
+    start, end = (readme.find(mark) for mark in MARKS)
+    if not 0 <= start < end or any(readme.count(mark) != 1 for mark in MARKS):
+        raise RunError(f"The README needs the lines {MARKS[0]!r} and {MARKS[1]!r}, once each.")
+    return f"{readme[: start + len(MARKS[0])]}\n\n{tables}\n\n{readme[end:]}"
+
+
+def main(config: BenchConfig) -> None:
+    """Measure, print, write."""
+    if config.write_readme:
+        with_tables(README.read_text(), "")  # before minutes of measuring
+    load = os.getloadavg()[0]
+    if load > 0.5:
+        print(f"Load average {load:.1f}: what else runs here distorts the ratios.", file=sys.stderr)
+    sections = measure(config, lambda section: print(section.markdown(), end="\n\n", flush=True))
+    tables = "\n\n".join(section.markdown() for section in sections)
+    data = {
+        "versions": versions(),
+        "load_average_before": load,
+        "num_envs": config.num_envs,
+        "rounds": config.rounds,
+        "sections": [asdict(section) for section in sections],
+    }
+    write(config.out / "bench.json", to_json(data))
+    write(config.out / "bench.md", tables + "\n")
+    if config.write_readme:
+        write(README, with_tables(README.read_text(), tables))
+
+
+if __name__ == "__main__":
+    try:
+        main(tyro.cli(BenchConfig, prog="python -m eval.bench"))
+    except FbidError as error:
+        sys.exit(f"{error}")

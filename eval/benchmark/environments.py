@@ -1,0 +1,161 @@
+"""Speed of whole environments: by layer, by thread, and of a single robot."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import VectorEnv
+
+import fbid_gym  # noqa: F401  registers the environments
+from eval.benchmark.figures import Figure, Limit, Section, interleave
+from eval.benchmark.physics import TimedBatch
+
+STEPS = 25
+"""Policy steps timed at a stretch. Each stretch starts from a reset, so that all layers are
+compared on robots that stand."""
+
+RELATIVE_LIMIT = {("biped", "base_acceleration"): Limit(0.55, at_least=True)}
+THREAD_LIMIT = Limit(1.7, at_least=True)
+SINGLE_LIMIT = Limit(60.0)
+
+
+def env_id(robot: str) -> str:
+    """Return the environment of a built-in robot."""
+    return f"fbid_gym/{robot.capitalize()}Balance-v0"
+
+
+class Stretch:
+    """A stretch of zero actions from a reset, timed without the reset."""
+
+    def __init__(self, envs: VectorEnv) -> None:
+        """Prepare for `envs`."""
+        self.envs = envs
+        self.action = np.zeros(envs.action_space.shape, envs.action_space.dtype)
+
+    def reset(self) -> None:
+        """Put all robots on their feet."""
+        self.envs.reset(seed=0)
+
+    def __call__(self) -> None:
+        """Step."""
+        for _ in range(STEPS):
+            self.envs.step(self.action)
+
+
+def _seconds(
+    stretches: dict[str, Stretch], rounds: int, clock: Callable[[], float]
+) -> dict[str, np.ndarray]:
+    """Seconds per policy step: name -> (rounds,)."""
+    resets = {name: stretch.reset for name, stretch in stretches.items()}
+    seconds = interleave(dict(stretches), rounds, before=resets, clock=clock)
+    return {name: values / STEPS for name, values in seconds.items()}
+
+
+def by_layer(robots: list[str], layers: list[str], num_envs: int, rounds: int) -> Section:
+    """Environment steps per second of every layer, relative to the layer `torque`."""
+    figures = []
+    for robot in robots:
+        stretches = {
+            layer: Stretch(gym.make_vec(env_id(robot), num_envs=num_envs, action_layer=layer,
+                                        num_threads=1))
+            for layer in layers
+        }  # fmt: skip
+        seconds = _seconds(stretches, rounds, time.process_time)
+        for layer, values in seconds.items():
+            figures.append(
+                Figure.of(
+                    f"{robot}, `{layer}`",
+                    f"{num_envs / np.median(values):,.0f} steps/s",
+                    seconds["torque"] / values,
+                    RELATIVE_LIMIT.get((robot, layer)),
+                )
+            )
+    return Section(
+        f"Environment steps by layer (N = {num_envs}, one thread)",
+        "CPU time. A step is one policy step of one robot: 10 control ticks, 20 physics steps, "
+        "observation and reward. Figure: speed relative to `torque`.",
+        "x torque",
+        tuple(figures),
+    )
+
+
+def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int) -> Section:
+    """Environment steps per second with two threads, relative to one."""
+    figures = []
+    for robot in robots:
+        for layer in layers:
+            stretches = {
+                str(threads): Stretch(gym.make_vec(env_id(robot), num_envs=num_envs,
+                                                   action_layer=layer, num_threads=threads))
+                for threads in (1, 2)
+            }  # fmt: skip
+            seconds = _seconds(stretches, rounds, time.perf_counter)
+            figures.append(
+                Figure.of(
+                    f"{robot}, `{layer}`",
+                    f"{num_envs / np.median(seconds['2']):,.0f} steps/s",
+                    seconds["1"] / seconds["2"],
+                    THREAD_LIMIT if robot == "biped" else None,
+                )
+            )
+    return Section(
+        f"Two threads (N = {num_envs})",
+        "Wall-clock time of the whole step, law included. Figure: speed relative to one thread.",
+        "x one thread",
+        tuple(figures),
+    )
+
+
+def single(robots: list[str], layers: list[str], rounds: int) -> Section:
+    """Microseconds beyond physics per control tick of a single robot, by layer."""
+    figures = []
+    for robot in robots:
+        singles = {layer: _Single(robot, layer) for layer in layers}
+        beyond = {layer: np.empty(rounds) for layer in layers}
+        for index in range(-1, rounds):
+            for layer in layers[:: -1 if index % 2 else 1]:
+                micros = singles[layer].beyond()
+                if index >= 0:
+                    beyond[layer][index] = micros
+        figures += [
+            Figure.of(
+                f"{robot}, `{layer}`",
+                f"beside {singles[layer].physics:.0f} µs of physics",
+                values,
+                SINGLE_LIMIT,
+            )
+            for layer, values in beyond.items()
+        ]
+    return Section(
+        "One robot",
+        "`gym.make(...).unwrapped`, 20 policy steps from a reset. Figure: CPU time of everything "
+        "beyond the physics (layer, observation, reward, `info`), per control tick.",
+        "µs",
+        tuple(figures),
+    )
+
+
+class _Single:
+    """One robot, with its physics timed apart."""
+
+    steps = 20
+
+    def __init__(self, robot: str, layer: str) -> None:
+        self.env: Any = gym.make(env_id(robot), action_layer=layer).unwrapped
+        self.timed = TimedBatch.inside(self.env.batch.simulation)
+        self.ticks = self.steps * self.env.config.rates().ticks
+        self.action = np.zeros(self.env.action_space.shape, self.env.action_space.dtype)
+        self.physics = 0.0
+
+    def beyond(self) -> float:
+        """Microseconds beyond physics per control tick."""
+        self.env.reset(seed=0)
+        self.timed.seconds = 0.0
+        start = time.process_time()
+        for _ in range(self.steps):
+            self.env.step(self.action)
+        total = time.process_time() - start
+        self.physics = self.timed.seconds / self.ticks * 1e6
+        return (total - self.timed.seconds) / self.ticks * 1e6

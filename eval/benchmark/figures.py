@@ -1,0 +1,131 @@
+"""Measured figures: interleaved timings, ratios with their spread, limits, tables."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a figure should keep to: at most (or at least) `value`."""
+
+    value: float
+    at_least: bool = False
+
+    def __str__(self) -> str:
+        """Return the limit as a table shows it."""
+        return f"{'≥' if self.at_least else '≤'} {self.value:g}"
+
+    def met_by(self, value: float) -> bool:
+        """Return whether `value` keeps to the limit."""
+        return value >= self.value if self.at_least else value <= self.value
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured figure.
+
+    Attributes:
+        what: what was measured.
+        cost: its absolute size on this machine, with the unit.
+        value: the figure the limit speaks of: the median over rounds.
+        low: lower quartile of it over rounds.
+        high: upper quartile.
+        limit: what it should keep to, if anything.
+    """
+
+    what: str
+    cost: str
+    value: float
+    low: float
+    high: float
+    limit: Limit | None = None
+
+    @classmethod
+    def of(cls, what: str, cost: str, rounds: np.ndarray, limit: Limit | None = None) -> "Figure":
+        """Summarise the figure's values over rounds."""
+        low, value, high = (float(x) for x in np.percentile(rounds, [25, 50, 75]))
+        return cls(what, cost, value, low, high, limit)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A table of figures.
+
+    Attributes:
+        title: its heading.
+        note: what was done, and the unit of the figures.
+        unit: column heading of the figures.
+        figures: the rows.
+    """
+
+    title: str
+    note: str
+    unit: str
+    figures: tuple[Figure, ...]
+
+    def markdown(self) -> str:
+        """Return heading, note and table."""
+        head = ["", "cost", self.unit, "quartiles", "limit"]
+        rows = [
+            [
+                figure.what,
+                figure.cost,
+                f"**{short(figure.value)}**",
+                _quartiles(figure),
+                _verdict(figure),
+            ]
+            for figure in self.figures
+        ]
+        lines = [f"| {' | '.join(row)} |" for row in [head, ["---"] * len(head), *rows]]
+        return "\n".join([f"**{self.title}.** {self.note}", "", *lines])
+
+
+def _quartiles(figure: Figure) -> str:
+    if figure.low == figure.high:
+        return ""
+    return f"{short(figure.low)} – {short(figure.high)}"
+
+
+def _verdict(figure: Figure) -> str:
+    if figure.limit is None:
+        return ""
+    return f"{figure.limit}{'' if figure.limit.met_by(figure.value) else ' (missed)'}"
+
+
+def short(value: float) -> str:
+    """Return a number with three significant digits, without an exponent."""
+    decimals = max(0, 2 - int(np.floor(np.log10(abs(value))))) if value else 0
+    return f"{value:.{min(decimals, 3)}f}"
+
+
+def interleave(
+    cases: Mapping[str, Callable[[], None]],
+    rounds: int,
+    before: Mapping[str, Callable[[], None]] | None = None,
+    clock: Callable[[], float] = time.perf_counter,
+) -> dict[str, np.ndarray]:
+    """Time every case once a round, so that a slow moment of the machine meets all of them.
+
+    Args:
+        cases: name -> what to time. Each is called once before the first round.
+        rounds: how often; every other round runs the cases in reverse.
+        before: name -> what to call ahead of the case, untimed.
+        clock: returns seconds: of the wall, or of this process (`time.process_time`) where all is
+            on one thread, so that what else the machine does counts less.
+
+    Returns:
+        name -> (rounds,) seconds.
+    """
+    seconds = {name: np.empty(rounds) for name in cases}
+    for index in range(-1, rounds):
+        for name in list(cases)[:: -1 if index % 2 else 1]:
+            if before and name in before:
+                before[name]()
+            start = clock()
+            cases[name]()
+            if index >= 0:
+                seconds[name][index] = clock() - start
+    return seconds

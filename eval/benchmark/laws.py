@@ -1,0 +1,123 @@
+"""Cost of the laws per control tick, relative to the physics steps that a tick drives."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from eval.benchmark.figures import Figure, Limit, Section
+from eval.benchmark.physics import TimedBatch
+from fbid_gym.actions.base_acceleration import BaseAcceleration
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.envs.rates import Rates
+from fbid_gym.envs.simulation import Simulation
+from fbid_gym.robots import load
+
+SETTLE, TICKS = 25, 50
+"""Control ticks of a round, after it put the robots on their feet: untimed, then timed."""
+
+LIMITS = {
+    ("biped", "terms + eq. 15"): Limit(0.35),
+    ("biped", "terms + friction-limited forces"): Limit(0.8),
+}
+
+
+class _Stopwatch:
+    """Adds up CPU seconds by name."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    def __call__(self, name: str, run: Callable[..., Any], *args: Any) -> Any:
+        start = time.process_time()
+        result = run(*args)
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.process_time() - start
+        return result
+
+
+def per_tick(robots: list[str], num_robots: int, rounds: int) -> Section:
+    """Time terms and laws in a closed loop that stands, tick by tick beside the physics."""
+    figures = []
+    for robot in robots:
+        stand = _Stand(robot, num_robots)
+        stand.round(_Stopwatch())
+        samples: dict[str, list[float]] = {}
+        for _ in range(rounds):
+            watch = _Stopwatch()
+            stand.round(watch)
+            for name, seconds in watch.seconds.items():
+                samples.setdefault(name, []).append(seconds / (TICKS * num_robots) * 1e6)
+        cost = {name: np.array(values) for name, values in samples.items()}
+        physics = cost["physics"]
+        shown = {
+            "physics, 2 steps": physics,
+            "terms": cost["terms"],
+            "terms + eq. 15": cost["terms"] + cost["eq. 15"],
+            "terms + friction-limited forces": cost["terms"] + cost["limited"],
+            "stabiliser of `base_acceleration`": cost["stabiliser"],
+        }
+        figures += [
+            Figure.of(
+                f"{robot}, {name}",
+                f"{np.median(values):.2f} µs",
+                values / physics,
+                LIMITS.get((robot, name)),
+            )
+            for name, values in shown.items()
+        ]
+    return Section(
+        f"Laws (N = {num_robots}, one thread)",
+        "CPU time per robot and control tick, standing on all feet; forces warm-started from the "
+        "tick before and solved to their default tolerance. Figure: cost relative to the two "
+        "physics steps that a tick drives.",
+        "x physics",
+        tuple(figures),
+    )
+
+
+class _Stand:
+    """Robots that stand under the friction-limited law."""
+
+    def __init__(self, name: str, num_robots: int) -> None:
+        robot, rates = load(name), Rates()
+        self.simulation = Simulation(robot, num_robots, rates)
+        self.layers = {
+            "eq. 15": BaseAcceleration.of(robot, rates.control, contact_limits="none"),
+            "limited": BaseAcceleration.of(robot, rates.control),
+        }
+        self.memories = {key: law.memory(num_robots) for key, law in self.layers.items()}
+        self.rng = np.random.default_rng(0)
+        self.action = np.zeros((num_robots, 6))
+        self.physics = TimedBatch.inside(self.simulation)
+
+    def round(self, watch: _Stopwatch) -> None:
+        """Put the robots on their feet, moving a little, and stand."""
+        simulation, robot = self.simulation, self.simulation.robot
+        count = simulation.num_robots
+        velocity = self.rng.uniform(-0.1, 0.1, (count, robot.nv))
+        simulation.place(np.arange(count), np.tile(robot.home_qpos, (count, 1)), velocity)
+        for tick in range(SETTLE + TICKS):
+            if tick == SETTLE:
+                watch.seconds.clear()
+                self.physics.seconds = 0.0
+            simulation.step(self.tick(watch, reverse=bool(tick % 2)))
+        watch.seconds["physics"] = self.physics.seconds
+
+    def tick(self, watch: _Stopwatch, *, reverse: bool) -> np.ndarray:
+        """Time terms, stabiliser and both laws, the laws in either order."""
+        simulation = self.simulation
+        state = RobotState(
+            simulation.qpos,
+            simulation.qvel,
+            simulation.contact_force,
+            np.zeros(simulation.num_robots, np.int64),
+        )
+        terms = watch("terms", simulation.terms)
+        limited = self.layers["limited"]
+        wanted = watch("stabiliser", limited.acceleration, self.action, state, terms)
+        torques = {}
+        for key in list(self.layers)[:: -1 if reverse else 1]:
+            law = self.layers[key].law
+            torques[key] = watch(key, law.torque, wanted, state, terms, self.memories[key])
+        return torques["limited"]

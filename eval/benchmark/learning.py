@@ -1,0 +1,88 @@
+"""Speed of learning: PPO through each layer, beside PPO on Gymnasium's Humanoid."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import SubprocVecEnv
+
+import fbid_gym
+from eval.benchmark.figures import Figure, Limit, Section, interleave
+from train.config import TrainConfig
+from train.learner import build
+
+WORKERS = 8
+ITERATIONS = 2
+LIMITS = {
+    "joint_position": Limit(4.5, at_least=True),
+    "base_acceleration": Limit(2.5, at_least=True),
+}
+
+
+def _humanoid() -> gym.Env:
+    return gym.make("Humanoid-v5")
+
+
+def frames(layers: list[str], rounds: int) -> Section:
+    """Frames per second of PPO by layer on the biped, relative to Humanoid-v5.
+
+    Every learner collects as many frames per iteration and learns from them with the same network,
+    batches and epochs.
+    """
+    config = TrainConfig()
+    per_iteration = config.num_envs * config.ppo.n_steps
+    theirs = replace(
+        config,
+        num_envs=WORKERS,
+        ppo=replace(config.ppo, n_steps=per_iteration // WORKERS, batch_size=config.batch_size),
+    )
+    learners = {"Humanoid-v5": build(theirs, SubprocVecEnv([_humanoid] * WORKERS))}
+    for layer in layers:
+        ours = replace(config, action_layer=layer)
+        robots = fbid_gym.make_sb3(
+            ours.env,
+            num_envs=ours.num_envs,
+            seed=0,
+            num_threads=ours.threads,
+            **ours.make_args(),
+        )
+        learners[layer] = build(ours, robots)
+    try:
+        seconds = interleave(
+            {name: _Learning(learner, ITERATIONS * per_iteration)
+             for name, learner in learners.items()},
+            rounds,
+        )  # fmt: skip
+    finally:
+        for learner in learners.values():
+            learner.get_env().close()
+    theirs_seconds = seconds["Humanoid-v5"]
+    figures = [
+        Figure.of(
+            name if name == "Humanoid-v5" else f"biped, `{name}`",
+            f"{ITERATIONS * per_iteration / np.median(values):,.0f} frames/s",
+            theirs_seconds / values,
+            LIMITS.get(name),
+        )
+        for name, values in seconds.items()
+    ]
+    return Section(
+        "PPO",
+        f"stable-baselines3 PPO, rollouts and updates, as `train.ppo` sets it up with "
+        f"{config.num_envs} robots, on {config.threads} threads; Humanoid-v5 in {WORKERS} "
+        f"SubprocVecEnv workers with the same network, epochs, batches and "
+        f"{per_iteration} frames an iteration. Figure: speed relative to Humanoid-v5.",
+        "x Humanoid-v5",
+        tuple(figures),
+    )
+
+
+class _Learning:
+    """Learns for some more frames."""
+
+    def __init__(self, learner: PPO, frames: int) -> None:
+        self.learner, self.frames = learner, frames
+
+    def __call__(self) -> None:
+        self.learner.learn(self.frames, reset_num_timesteps=False)

@@ -1,0 +1,78 @@
+"""Resident memory: per robot, and over many steps."""
+
+import multiprocessing
+from multiprocessing.connection import Connection
+
+import gymnasium as gym
+import numpy as np
+import psutil
+
+from eval.benchmark.environments import env_id
+from eval.benchmark.figures import Figure, Limit, Section
+
+FEW, MANY = 64, 320
+LONG = 10_000
+ROBOT_LIMIT = Limit(1.0)
+GROWTH_LIMIT = Limit(1.0)
+MEGABYTE = 2**20
+
+
+def _measure(
+    answer: Connection, robot: str, layer: str, num_envs: int, warmup: int, steps: int
+) -> None:
+    import fbid_gym  # noqa: F401  registers the environments in this fresh process
+
+    envs = gym.make_vec(env_id(robot), num_envs=num_envs, action_layer=layer, num_threads=2)
+    action = np.zeros(envs.action_space.shape, envs.action_space.dtype)
+    envs.reset(seed=0)
+    process = psutil.Process()
+    for _ in range(warmup):
+        envs.step(action)
+    before = process.memory_info().rss
+    for _ in range(steps):
+        envs.step(action)
+    answer.send((before / MEGABYTE, process.memory_info().rss / MEGABYTE))
+    envs.close()
+
+
+def _resident(robot: str, layer: str, num_envs: int, warmup: int, steps: int) -> np.ndarray:
+    """Resident megabytes of a fresh process before and after `steps` policy steps."""
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe(duplex=False)
+    process = context.Process(target=_measure, args=(there, robot, layer, num_envs, warmup, steps))
+    process.start()
+    there.close()
+    answer = here.recv()
+    process.join()
+    return np.array(answer)
+
+
+def resident(robots: list[str], layer: str = "base_acceleration") -> Section:
+    """Resident memory per added robot, and its growth over 10,000 policy steps."""
+    figures = []
+    for robot in robots:
+        few, many = (_resident(robot, layer, num, 20, 0)[1] for num in (FEW, MANY))
+        per_robot = (many - few) / (MANY - FEW)
+        figures.append(
+            Figure.of(
+                f"{robot}, each added robot",
+                f"{few:.0f} MB with {FEW}, {many:.0f} MB with {MANY}",
+                np.array([per_robot]),
+                ROBOT_LIMIT,
+            )
+        )
+        before, after = _resident(robot, layer, 4, 500, LONG)
+        figures.append(
+            Figure.of(
+                f"{robot}, {LONG:,} steps of 4 robots",
+                f"{before:.0f} MB before, {after:.0f} MB after",
+                np.array([after - before]),
+                GROWTH_LIMIT,
+            )
+        )
+    return Section(
+        "Resident memory",
+        f"`{layer}`, each in a fresh process. Figure: growth in MB.",
+        "MB",
+        tuple(figures),
+    )

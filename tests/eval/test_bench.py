@@ -1,0 +1,73 @@
+"""The benchmark's bookkeeping. What it measures is not tested: timings are no test."""
+
+import numpy as np
+import pytest
+
+from eval.bench import MARKS, README, with_tables
+from eval.benchmark.figures import Figure, Limit, Section, interleave, short
+from fbid_gym.errors import RunError
+
+
+def test_cases_take_turns_in_alternating_order_after_one_warm_up() -> None:
+    calls: list[str] = []
+    cases = {name: lambda name=name: calls.append(name) for name in "ab"}
+    seconds = interleave(cases, rounds=2, before={"b": lambda: calls.append("-")})
+    assert "".join(calls) in ("a-ba-b-ba", "-baa-b-ba")
+    assert {name: values.shape for name, values in seconds.items()} == {"a": (2,), "b": (2,)}
+    assert all((values >= 0).all() for values in seconds.values())
+
+
+def test_a_figure_is_a_median_between_quartiles() -> None:
+    figure = Figure.of("law", "3 µs", np.array([1.0, 5.0, 2.0, 4.0, 3.0]), Limit(2.5))
+    assert (figure.low, figure.value, figure.high) == (2.0, 3.0, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("limit", "text", "met", "missed"),
+    [(Limit(0.35), "≤ 0.35", 0.35, 0.36), (Limit(4.5, at_least=True), "≥ 4.5", 4.5, 4.4)],
+)
+def test_limits(limit: Limit, text: str, met: float, missed: float) -> None:
+    assert str(limit) == text
+    assert limit.met_by(met) and not limit.met_by(missed)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0"), (0.01234, "0.012"), (0.3456, "0.346"), (4.567, "4.57"), (123.4, "123"),
+     (12345.0, "12345"), (-0.5, "-0.500")],
+)  # fmt: skip
+def test_three_significant_digits(value: float, text: str) -> None:
+    assert short(value) == text
+
+
+def test_a_table_names_what_missed_its_limit() -> None:
+    figures = (
+        Figure.of("fast", "1 µs", np.array([0.2]), Limit(0.35)),
+        Figure.of("slow", "9 µs", np.array([1.0, 2.0, 3.0]), Limit(0.35)),
+        Figure.of("free", "2 µs", np.array([1.0])),
+    )
+    lines = Section("Laws", "Per tick.", "x physics", figures).markdown().splitlines()
+    assert lines[0] == "**Laws.** Per tick."
+    assert lines[2] == "|  | cost | x physics | quartiles | limit |"
+    assert lines[4:] == [
+        "| fast | 1 µs | **0.200** |  | ≤ 0.35 |",
+        "| slow | 9 µs | **2.00** | 1.50 – 2.50 | ≤ 0.35 (missed) |",
+        "| free | 2 µs | **1.00** |  |  |",
+    ]
+
+
+def test_tables_replace_what_is_between_the_marks() -> None:
+    readme = f"before\n{MARKS[0]}\nold\n{MARKS[1]}\nafter\n"
+    once = with_tables(readme, "new")
+    assert once == f"before\n{MARKS[0]}\n\nnew\n\n{MARKS[1]}\nafter\n"
+    assert with_tables(once, "new") == once
+
+
+@pytest.mark.parametrize("text", ["", MARKS[0], f"{MARKS[1]} {MARKS[0]}", "".join(MARKS) * 2])
+def test_missing_or_doubled_marks_are_refused(text: str) -> None:
+    with pytest.raises(RunError, match="once each"):
+        with_tables(text, "new")
+
+
+def test_the_readme_has_the_marks() -> None:
+    assert "tables" in with_tables(README.read_text(), "tables")
