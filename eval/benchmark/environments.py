@@ -2,15 +2,14 @@
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import VectorEnv
 
-import fbid_gym  # noqa: F401  registers the environments
 from eval.benchmark.figures import Figure, Limit, Section, interleave
 from eval.benchmark.physics import TimedBatch
+from fbid_gym.envs.balance_env import BalanceEnv
 
 STEPS = 25
 """Policy steps timed at a stretch. Each stretch starts from a reset, so that all layers are
@@ -26,13 +25,19 @@ def env_id(robot: str) -> str:
     return f"fbid_gym/{robot.capitalize()}Balance-v0"
 
 
+def zero_action(space: gym.Space) -> np.ndarray:
+    """Return the action 0, "hold the home posture"."""
+    assert isinstance(space, gym.spaces.Box)
+    return np.zeros(space.shape, space.dtype)
+
+
 class Stretch:
     """A stretch of zero actions from a reset, timed without the reset."""
 
     def __init__(self, envs: VectorEnv) -> None:
         """Prepare for `envs`."""
         self.envs = envs
-        self.action = np.zeros(envs.action_space.shape, envs.action_space.dtype)
+        self.action = zero_action(envs.action_space)
 
     def reset(self) -> None:
         """Put all robots on their feet."""
@@ -143,10 +148,12 @@ class _Single:
     steps = 20
 
     def __init__(self, robot: str, layer: str) -> None:
-        self.env: Any = gym.make(env_id(robot), action_layer=layer).unwrapped
-        self.timed = TimedBatch.inside(self.env.batch.simulation)
-        self.ticks = self.steps * self.env.config.rates().ticks
-        self.action = np.zeros(self.env.action_space.shape, self.env.action_space.dtype)
+        env = gym.make(env_id(robot), action_layer=layer).unwrapped
+        assert isinstance(env, BalanceEnv)
+        self.env = env
+        self.timed = TimedBatch.inside(env.batch.simulation)
+        self.ticks = self.steps * env.config.rates().ticks
+        self.action = zero_action(env.action_space)
         self.physics = 0.0
 
     def beyond(self) -> float:

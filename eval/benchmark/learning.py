@@ -11,6 +11,7 @@ import fbid_gym
 from eval.benchmark.figures import Figure, Limit, Section, interleave
 from train.config import TrainConfig
 from train.learner import build
+from train.learner import robots as robots_of
 
 WORKERS = 8
 ITERATIONS = 2
@@ -56,7 +57,7 @@ def frames(layers: list[str], rounds: int) -> Section:
         )  # fmt: skip
     finally:
         for learner in learners.values():
-            learner.get_env().close()
+            robots_of(learner).close()
     theirs_seconds = seconds["Humanoid-v5"]
     figures = [
         Figure.of(

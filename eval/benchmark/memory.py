@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import psutil
 
-from eval.benchmark.environments import env_id
+from eval.benchmark.environments import env_id, zero_action
 from eval.benchmark.figures import Figure, Limit, Section
 
 FEW, MANY = 64, 320
@@ -20,10 +20,8 @@ MEGABYTE = 2**20
 def _measure(
     answer: Connection, robot: str, layer: str, num_envs: int, warmup: int, steps: int
 ) -> None:
-    import fbid_gym  # noqa: F401  registers the environments in this fresh process
-
     envs = gym.make_vec(env_id(robot), num_envs=num_envs, action_layer=layer, num_threads=2)
-    action = np.zeros(envs.action_space.shape, envs.action_space.dtype)
+    action = zero_action(envs.action_space)
     envs.reset(seed=0)
     process = psutil.Process()
     for _ in range(warmup):
