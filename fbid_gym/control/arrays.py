@@ -47,6 +47,18 @@ def identity(size: int, like: Array, scale: float = 1.0) -> Array:
     return _identity(namespace(like), size, scale, like.dtype, like.device)
 
 
+@lru_cache(maxsize=256)
+def _diagonal(xp: ModuleType, entries: tuple[float, ...], dtype: Any, device: Any) -> Array:
+    return xp.asarray(entries, dtype=dtype, device=device) * xp.eye(
+        len(entries), dtype=dtype, device=device
+    )
+
+
+def diagonal(entries: tuple[float, ...], like: Array) -> Array:
+    """A cached diagonal matrix of `like`'s type; never write to it."""
+    return _diagonal(namespace(like), entries, like.dtype, like.device)
+
+
 def matvec(matrix: Array, vector: Array) -> Array:
     """Batched matrix-vector product: (N, a, b) times (N, b) gives (N, a)."""
     return (matrix @ vector[..., None])[..., 0]

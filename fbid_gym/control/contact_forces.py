@@ -15,18 +15,20 @@ iterate is feasible because it is a projection.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import lru_cache
+from types import ModuleType
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.control.arrays import Array, check_shape, constant, identity, matvec, namespace
+from fbid_gym.control.arrays import Array, check_shape, constant, namespace
+from fbid_gym.control.dual_newton import DualProblem, evaluate, solve_dual
 from fbid_gym.errors import InvalidValueError, ShapeError
 
-REGULARISATION = 5e-5
-TOLERANCE = 1e-5
+REGULARISATION = 1e-4
+TOLERANCE = 1e-4
 MAX_ITERATIONS = 12
-_LINE_SEARCH_EVALUATIONS = 6
-_TINY = 1e-300
+_LARGEST = float(np.finfo(np.float64).max)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,18 +52,23 @@ class ContactLimits:
     def __post_init__(self) -> None:
         """Convert to arrays and validate."""
         for name in ("friction", "min_normal_force", "max_normal_force"):
-            value = np.asarray(getattr(self, name), dtype=np.float64)
-            if not np.all(value >= 0.0):
-                raise InvalidValueError(name, getattr(self, name), "numbers of at least 0")
-            if name != "max_normal_force" and not np.all(np.isfinite(value)):
-                raise InvalidValueError(name, getattr(self, name), "finite numbers of at least 0")
+            given, largest = getattr(self, name), np.inf if name == "max_normal_force" else _LARGEST
+            try:
+                value = np.asarray(given, dtype=np.float64)
+                valid = bool(np.all((value >= 0.0) & (value <= largest)))
+            except (TypeError, ValueError):
+                valid = False
+            if not valid:
+                finite = "" if largest == np.inf else "finite "
+                raise InvalidValueError(name, given, f"{finite}numbers of at least 0")
             object.__setattr__(self, name, value)
-        if not np.all(self.min_normal_force <= self.max_normal_force):
-            raise InvalidValueError(
-                "min_normal_force",
-                self.min_normal_force,
-                f"at most max_normal_force = {self.max_normal_force}",
-            )
+        try:
+            ordered = bool(np.all(self.min_normal_force <= self.max_normal_force))
+        except ValueError:
+            ordered = False
+        if not ordered:
+            expected = f"at most max_normal_force, {self.max_normal_force}"
+            raise InvalidValueError("min_normal_force", self.min_normal_force, expected)
 
 
 class ContactForces(NamedTuple):
@@ -72,7 +79,7 @@ class ContactForces(NamedTuple):
         wrench: (N, 6) what they deliver, G f: force in N, moment in N m.
         residual: (N,) weighted distance of the wrench from the desired one, per weight.
         iterations: (N,) Newton steps taken, integers.
-        dual: (N, 6) state that warm-starts the next call with the same scales. Zero is a cold start.
+        dual: (N, 6) warm start for the next call with the same scales; zero is a cold start.
     """
 
     force: Array
@@ -113,7 +120,8 @@ def limited_contact_forces(
         warm_start: (N, 6) `dual` of an earlier result. Default: zeros.
         regularisation: eps, dimensionless.
         tolerance: stop when the optimality condition holds to this share of the weight.
-        max_iterations: Newton steps at most. A robot that needs more gets feasible, improvable forces.
+        max_iterations: Newton steps at most; a robot that needs more gets feasible forces that a
+            later call, started from this one's dual, improves.
 
     Returns:
         ContactForces; finite, and within the limits, for every finite input.
@@ -141,7 +149,7 @@ def limited_contact_forces(
         tolerance=tolerance,
         max_iterations=max_iterations,
     )
-    return solution._replace(wrench=solution.wrench / scale)
+    return solution._replace(wrench=wrench + solution.wrench / scale)
 
 
 def wrench_scale(length: float, wrench_cost: tuple[float, ...] | None, like: Array) -> Array:
@@ -165,209 +173,15 @@ def check_contact_options(
         check_shape("warm_start", warm_start, (count, 6), "(N, 6)")
 
 
-class _Problem(NamedTuple):
-    """The scaled problem: eps u + G Pi_C(G^T u) = w, u in N."""
-
-    wrench_map: Array  # (N, 6, 3 P)
-    wrench: Array  # (N, 6)
-    friction: Array  # broadcasts to (N, P), as the next three
-    share: Array  # 1 / (1 + mu^2)
-    lowest: Array
-    highest: Array
-    tolerance: Array  # (N,) or (), N^2: of the squared error
-    regularisation: float
-
-    def rows(self, index: Array) -> "_Problem":
-        """The problem of some robots."""
-        arrays = (
-            x[index] if x.ndim and x.shape[0] > 1 and (x.ndim > 1 or i == 6) else x
-            for i, x in enumerate(self[:-1])
-        )
-        return _Problem(*arrays, self.regularisation)
-
-
-class _Point(NamedTuple):
-    """A dual point, the forces it stands for, and the optimality condition there."""
-
-    dual: Array  # (N, 6)
-    free: Array  # (N, P, 3): forces before projection
-    slide: Array  # (N, P): tangential size of `free`
-    cone: Array  # (N, P): normal force where the cone's side is nearest
-    ratio: Array  # (N, P): factor on the tangential force, 1 if sticking
-    force: Array  # (N, P, 3)
-    delivered: Array  # (N, 6): scaled wrench of `force`
-    gradient: Array  # (N, 6)
-    error: Array  # (N,): squared norm of `gradient`
-
-    def rows(self, index: Array) -> "_Point":
-        """The points of some robots."""
-        return _Point(*(x[index] for x in self))
-
-
-def project(
-    free: Array, friction: Array, lowest: Array, highest: Array, share: Array
+@lru_cache(maxsize=256)
+def _limit_arrays(
+    limits: ContactLimits, xp: ModuleType, dtype: Any, device: Any
 ) -> tuple[Array, Array, Array, Array]:
-    """Nearest forces within the limits, exactly.
-
-    In the half-plane of tangential size s and normal force z the limits are a wedge s <= mu z cut
-    at two heights. Its nearest point has the normal force clip(max(z, (z + mu s) / (1 + mu^2))),
-    whichever part of the boundary it lies on; the tangential force keeps its direction and shrinks
-    to mu times the normal force if it is longer.
-
-    Args:
-        free: (N, P, 3) N, tangential, tangential, normal.
-        friction: mu; this and the following broadcast to (N, P).
-        lowest: N, least normal force.
-        highest: N, greatest normal force.
-        share: 1 / (1 + mu^2).
-
-    Returns:
-        Force (N, P, 3), then (N, P) each: s, (z + mu s) / (1 + mu^2), and the tangential factor.
-    """
-    xp = namespace(free)
-    x, y, z = free[..., 0], free[..., 1], free[..., 2]
-    slide = xp.sqrt(x * x + y * y + _TINY)
-    cone = (z + friction * slide) * share
-    normal = xp.minimum(xp.maximum(xp.maximum(z, cone), lowest), highest)
-    ratio = xp.minimum(friction * normal / slide, constant(1.0, free))
-    force = xp.concat([free[..., :2] * ratio[..., None], normal[..., None]], axis=-1)
-    return force, slide, cone, ratio
-
-
-def _evaluate(problem: _Problem, dual: Array) -> _Point:
-    xp = namespace(dual)
-    count, _, columns = problem.wrench_map.shape
-    free = xp.reshape(dual[:, None, :] @ problem.wrench_map, (count, columns // 3, 3))
-    force, slide, cone, ratio = project(
-        free, problem.friction, problem.lowest, problem.highest, problem.share
-    )
-    delivered = matvec(problem.wrench_map, xp.reshape(force, (count, columns)))
-    gradient = problem.regularisation * dual + delivered - problem.wrench
-    error = xp.vecdot(gradient, gradient)
-    return _Point(dual, free, slide, cone, ratio, force, delivered, gradient, error)
-
-
-def _hessian(problem: _Problem, point: _Point) -> Array:
-    """A generalised Jacobian of the gradient, (N, 6, 6).
-
-    A sticking point passes its force on unchanged, a clipped normal force not at all. A sliding
-    point passes it on along the cone's side (mu r + n, r the direction of sliding), and across r
-    scaled by `ratio`.
-    """
-    xp = namespace(point.dual)
-    maps = problem.wrench_map
-    count, _, columns = maps.shape
-    normal = point.free[..., 2]
-    sticks = point.ratio >= 1.0
-    between = (normal >= problem.lowest) & (normal <= problem.highest)
-    passes = xp.astype(sticks & between, maps.dtype)
-    factors = xp.reshape(xp.stack([point.ratio, point.ratio, passes], axis=-1), (count, 1, columns))
-    hessian = (maps * factors) @ maps.mT + identity(6, maps, problem.regularisation)
-    if xp.all(sticks):
-        return hessian
-    # Beyond that, only for sliding points: the side of the cone, less the radial part counted above.
-    sliding = xp.astype(~sticks, maps.dtype)
-    on_side = (point.cone >= problem.lowest) & (point.cone <= problem.highest)
-    along = sliding * xp.astype(on_side, maps.dtype) * problem.share
-    across = -sliding * point.ratio
-    direction = point.free[..., :2] / point.slide[..., None]
-    split = xp.reshape(maps, (count, 6, columns // 3, 3))
-    radial = split[..., 0] * direction[:, None, :, 0] + split[..., 1] * direction[:, None, :, 1]
-    side = radial * _column(problem.friction) + split[..., 2]
-    left = xp.concat([side * along[:, None, :], radial * across[:, None, :]], axis=-1)
-    right = xp.concat([side, radial], axis=-1)
-    return hessian + left @ right.mT
-
-
-def _column(limit: Array) -> Array:
-    """A limit that broadcasts to (N, P), made to broadcast to (N, 6, P)."""
-    return limit[:, None, :] if limit.ndim == 2 else limit
-
-
-def _line_search(problem: _Problem, point: _Point, trial: _Point, change: Array) -> Array:
-    """Step lengths near the minimum along a Newton step whose full length is not good enough.
-
-    The dual function is convex with kinks along the line; its slope brackets the minimum. Each
-    evaluation projects forces but needs no matrix product.
-    """
-    xp = namespace(change)
-    count, _, columns = problem.wrench_map.shape
-    step_free = trial.free - point.free
-    flat = xp.reshape(step_free, (count, columns))
-    constant_slope = problem.regularisation * xp.vecdot(change, point.dual) - xp.vecdot(
-        change, problem.wrench
-    )
-    growth = problem.regularisation * xp.vecdot(change, change)
-    first = xp.vecdot(change, point.gradient)
-    step = xp.ones_like(first)
-    slope = xp.vecdot(change, trial.gradient)
-    low, low_slope = xp.zeros_like(first), first
-    high, high_slope = xp.full_like(first, xp.inf), xp.ones_like(first)
-    for _ in range(_LINE_SEARCH_EVALUATIONS):
-        settled = xp.abs(slope) <= 0.5 * xp.abs(first)
-        if xp.all(settled):
-            break
-        short = slope < 0.0
-        low, low_slope = xp.where(short, step, low), xp.where(short, slope, low_slope)
-        high, high_slope = xp.where(short, high, step), xp.where(short, high_slope, slope)
-        bounded = xp.isfinite(high)
-        width = xp.where(bounded, high, low) - low
-        share = -low_slope / xp.where(bounded, high_slope - low_slope, xp.ones_like(slope))
-        inner = low + width * xp.clip(share, 0.1, 0.9)
-        step = xp.where(settled, step, xp.where(bounded, inner, 3.0 * step))
-        force = project(
-            point.free + step[:, None, None] * step_free,
-            problem.friction,
-            problem.lowest,
-            problem.highest,
-            problem.share,
-        )[0]
-        slope = (
-            constant_slope + step * growth + xp.vecdot(flat, xp.reshape(force, (count, columns)))
-        )
-    return step
-
-
-def _improve(problem: _Problem, point: _Point) -> _Point:
-    """One Newton step, shortened or lengthened where the full step is poor."""
-    xp = namespace(point.dual)
-    hessian = _hessian(problem, point)
-    change = -xp.linalg.solve(hessian, point.gradient[..., None])[..., 0]
-    trial = _evaluate(problem, point.dual + change)
-    unsolved = trial.error > problem.tolerance
-    if not xp.any(unsolved):
-        return trial
-    slope = xp.vecdot(change, trial.gradient)
-    poor = unsolved & (xp.abs(slope) > 0.5 * xp.abs(xp.vecdot(change, point.gradient)))
-    if not xp.any(poor):
-        return trial
-    step = xp.where(poor, _line_search(problem, point, trial, change), constant(1.0, change))
-    return _evaluate(problem, point.dual + step[:, None] * change)
-
-
-def _newton(problem: _Problem, point: _Point, budget: int) -> tuple[_Point, Array]:
-    """Improve the points until each is solved or `budget` steps are spent.
-
-    Robots that are solved leave the batch: the others' extra steps neither change nor delay them.
-    """
-    xp = namespace(point.dual)
-    taken = 0
-    while taken < budget:
-        unsolved = point.error > problem.tolerance
-        if not xp.any(unsolved):
-            break
-        if not xp.all(unsolved):
-            rows = xp.nonzero(unsolved)[0]
-            rest, more = _newton(problem.rows(rows), point.rows(rows), budget - taken)
-            iterations = xp.full(unsolved.shape, taken, dtype=xp.int64, device=point.dual.device)
-            iterations[rows] += more
-            for whole, part in zip(point, rest, strict=True):
-                whole[rows] = part
-            return point, iterations
-        point = _improve(problem, point)
-        taken += 1
-    shape = point.error.shape
-    return point, xp.full(shape, taken, dtype=xp.int64, device=point.dual.device)
+    """Friction, 1 / (1 + friction^2), lowest and highest normal force."""
+    friction = limits.friction
+    arrays = (friction, 1.0 / (1.0 + friction**2), limits.min_normal_force, limits.max_normal_force)
+    friction, share, lowest, highest = (xp.asarray(x, dtype=dtype, device=device) for x in arrays)
+    return friction, share, lowest, highest
 
 
 def solve_contact_forces(
@@ -396,28 +210,32 @@ def solve_contact_forces(
         max_iterations: Newton steps at most.
 
     Returns:
-        ContactForces, its wrench scaled.
+        ContactForces; its `wrench` is the scaled error, delivered less desired.
     """
     xp = namespace(wrench_map)
-    kind = {"dtype": wrench_map.dtype, "device": wrench_map.device}
-    friction = xp.asarray(limits.friction, **kind)
-    lowest = xp.asarray(limits.min_normal_force, **kind)
-    highest = xp.asarray(limits.max_normal_force, **kind)
+    friction, share, lowest, highest = _limit_arrays(limits, xp, wrench.dtype, wrench.device)
     if active is not None:
-        zero = constant(0.0, wrench)
-        lowest, highest = xp.where(active, lowest, zero), xp.where(active, highest, zero)
-    problem = _Problem(
+        lowest, highest = xp.where(active, lowest, 0.0), xp.where(active, highest, 0.0)
+    problem = DualProblem(
         wrench_map,
         wrench,
         friction,
-        1.0 / (1.0 + friction * friction),
+        share,
         lowest,
         highest,
         (tolerance * weight) ** 2,
         regularisation,
     )
-    dual = xp.zeros_like(wrench) if warm_start is None else xp.asarray(warm_start, copy=True)
-    point, iterations = _newton(problem, _evaluate(problem, dual), max_iterations)
-    missing = point.delivered - wrench
+    start = xp.zeros_like(wrench) if warm_start is None else warm_start
+    solution = solve_dual(problem, start, max_iterations)
+    force, missing = solution.force, solution.missing
+    unsolved = solution.error > problem.tolerance
+    if unsolved.any():
+        # On its way the method may pass forces worse than those it started from.
+        rows = xp.nonzero(unsolved)[0]
+        first = evaluate(problem.rows(rows), start[rows])
+        worse = xp.vecdot(missing[rows], missing[rows]) > xp.vecdot(first.missing, first.missing)
+        force[rows] = xp.where(worse[:, None, None], first.force, force[rows])
+        missing[rows] = xp.where(worse[:, None], first.missing, missing[rows])
     residual = xp.sqrt(xp.vecdot(missing, missing)) / weight
-    return ContactForces(point.force, point.delivered, residual, iterations, point.dual)
+    return ContactForces(force, missing, residual, solution.iterations, solution.dual)

@@ -9,7 +9,9 @@ and that form needs no QR factorisation, does not care whether rows of J repeat 
 serves the friction-limited law as well. With b = M a + h, W' = blkdiag(rho I, W), G = J_base^T and
 X = (J W' J^T)^+ its solution is
 
-    nu = (G X G^T)^+ (b_base - G X J W' b),   lambda = X (J W' b + G^T nu),   tau = (b - J^T lambda)_joints
+    nu = (G X G^T)^+ (b_base - G X J W' b)
+    lambda = X (J W' b + G^T nu)
+    tau = (b - J^T lambda)_joints
 
 for any rho > 0; lambda is the smallest that belongs to tau. G X G^T has the rank of the base
 columns of J: six if the contacts can push the base in every direction, less if the robot is
@@ -21,7 +23,15 @@ the same coordinates. k counts the rows of J; all-zero rows and k = 0 are fine (
 
 from typing import NamedTuple
 
-from fbid_gym.control.arrays import Array, check_shape, constant, identity, matvec, namespace
+from fbid_gym.control.arrays import (
+    Array,
+    check_shape,
+    constant,
+    diagonal,
+    identity,
+    matvec,
+    namespace,
+)
 from fbid_gym.control.contact_forces import (
     MAX_ITERATIONS,
     REGULARISATION,
@@ -41,6 +51,8 @@ _CONTACT_RTOL = 1e-10
 _BASE_RTOL = 1e-6
 # Added to Gram matrices of order one where the result does not depend on their null space.
 _RIDGE = 1e-11
+# The same for the response of the base wrench, in units of the robot's squared mass.
+_RESPONSE_RIDGE = 1e-9
 _GRAVITY = 9.81
 
 
@@ -99,10 +111,10 @@ def orthogonal_inverse_dynamics(
     """Torques that realise a desired acceleration with the least torque, [M10] eq. (15).
 
     The command is first replaced by the nearest acceleration that the contacts allow,
-    J a + Jdot v = 0, and, if the robot is underactuated, by the nearest of those it can achieve: with
-    fewer contacts than it takes to hold the base, some combination of momenta is beyond its reach (in
-    flight all six). "Nearest" weighs squared base accelerations by `base_priority` and squared joint
-    accelerations by one. Nothing else is unusual about redundant, missing or too few contacts.
+    J a + Jdot v = 0, and, if the robot is underactuated, by the nearest of those it can achieve:
+    with fewer contacts than it takes to hold the base, some momenta are beyond its reach, in flight
+    all six. "Nearest" weighs squared base accelerations by `base_priority` and squared joint
+    accelerations by one.
 
     Args:
         mass_matrix: (N, nv, nv) M, symmetric positive definite.
@@ -110,8 +122,8 @@ def orthogonal_inverse_dynamics(
         jacobian: (N, k, nv) J of the contact constraints.
         acceleration: (N, nv) desired.
         jacobian_bias: (N, k) Jdot v.
-        torque_cost: (n,) or (N, n) positive diagonal of W in [M10] eq. (16): a larger entry makes the
-            joint do less. Default: ones.
+        torque_cost: (n,) or (N, n) positive diagonal of W in [M10] eq. (16): a larger entry makes
+            the joint do less. Default: ones.
         base_priority: positive weight of base accelerations beside one for joints.
 
     Returns:
@@ -248,11 +260,11 @@ def limited_inverse_dynamics(
 ) -> LimitedInverseDynamics:
     """Torques for a desired acceleration, with contact forces that friction and normal force allow.
 
-    [M10] eq. (15) assumes contacts that can pull and never slip. Here the command is first made
-    consistent with the contacts, as there; then the contact forces within the limits are found that
-    deliver its base wrench (M a + h)_base best; then the nearest consistent acceleration that needs
-    just the wrench they deliver; and the torques follow from the joint rows of the dynamics. With too
-    few contacts, down to none, the wrench and with it the momentum is simply what remains possible.
+    [M10] eq. (15) assumes contacts that can pull and never slip. Here the command is made
+    consistent with the contacts, as there. Then come the contact forces within the limits that best
+    deliver its base wrench (M a + h)_base, the nearest consistent acceleration that needs just the
+    wrench they deliver, and the torques from the joint rows of the dynamics. With too few contacts,
+    down to none, the wrench and with it the momentum is what remains possible.
 
     Args:
         mass_matrix: (N, nv, nv) M, symmetric positive definite.
@@ -281,28 +293,28 @@ def limited_inverse_dynamics(
     count, rows, velocities = _check_dynamics(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
     )
-    points_columns = rows if point_map is None else point_map.shape[-1]
-    if points_columns % 3:
-        raise ShapeError("point_map", (points_columns,), "a multiple of 3 columns")
+    columns = rows if point_map is None else point_map.shape[-1]
+    if columns % 3:
+        given = ("jacobian", jacobian, "k = 3 P rows without a point_map")
+        name, array, expected = (
+            given if point_map is None else ("point_map", point_map, "3 P columns")
+        )
+        raise ShapeError(name, tuple(array.shape), expected)
     if point_map is not None:
-        check_shape("point_map", point_map, (count, rows, points_columns), "(N, k, 3 P)")
-    points = points_columns // 3
-    check_contact_options(limits, active, warm_start, count, points)
+        check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
+    check_contact_options(limits, active, warm_start, count, columns // 3)
 
     xp = namespace(jacobian)
-    scale = wrench_scale(length, wrench_cost, jacobian)
-    base_rows = mass_matrix[:, :6, :] * scale[:, None]
-    inverse_metric = _inverse_metric(base_priority, velocities, jacobian)
+    base_rows = mass_matrix[:, :6, :]
     response, acceleration = _free_motion(
-        base_rows, jacobian, acceleration, jacobian_bias, inverse_metric
+        base_rows, jacobian, acceleration, jacobian_bias, base_priority
     )
-
+    scale = wrench_scale(length, wrench_cost, jacobian)
     base_jacobian = (jacobian[:, :, :6] * scale).mT
-    wrench = matvec(base_rows, acceleration) + bias[:, :6] * scale
     mass = mass_matrix[:, 0, 0]
     forces = solve_contact_forces(
         base_jacobian if point_map is None else base_jacobian @ point_map,
-        wrench,
+        (matvec(base_rows, acceleration) + bias[:, :6]) * scale,
         limits,
         weight=_GRAVITY * mass,
         active=active,
@@ -311,12 +323,13 @@ def limited_inverse_dynamics(
         tolerance=tolerance,
         max_iterations=max_iterations,
     )
-    stacked = xp.reshape(forces.force, (count, points_columns))
+    stacked = forces.force.reshape(count, columns)
     contact_force = stacked if point_map is None else matvec(point_map, stacked)
 
-    ridge = (1e-9 * mass * mass)[:, None, None] * identity(6, jacobian)
+    arms = (1.0, 1.0, 1.0, length**2, length**2, length**2)
+    ridge = (_RESPONSE_RIDGE * mass * mass)[:, None, None] * diagonal(arms, jacobian)
     inertia = base_rows @ response + ridge
-    change = xp.linalg.solve(inertia, (forces.wrench - wrench)[..., None])
+    change = xp.linalg.solve(inertia, (forces.wrench / scale)[..., None])
     acceleration = acceleration + (response @ change)[..., 0]
     joint_force = matvec(mass_matrix[:, 6:, :], acceleration) + bias[:, 6:]
     torque = joint_force - matvec(jacobian[:, :, 6:].mT, contact_force)
@@ -336,7 +349,7 @@ def _free_motion(
     jacobian: Array,
     acceleration: Array,
     jacobian_bias: Array,
-    inverse_metric: Array | None,
+    base_priority: float,
 ) -> tuple[Array, Array]:
     """`free_response` and `consistent_acceleration` from one linear solve.
 
@@ -344,13 +357,15 @@ def _free_motion(
     annihilates.
     """
     xp = namespace(jacobian)
-    columns = base_rows.mT if inverse_metric is None else inverse_metric[:, None] * base_rows.mT
-    motions = xp.concat([columns, acceleration[..., None]], axis=-1)
-    lift = jacobian if inverse_metric is None else jacobian * inverse_metric
-    violation = jacobian @ motions
-    violation[..., 6] += jacobian_bias
-    gram = lift @ jacobian.mT + identity(jacobian.shape[1], jacobian, _RIDGE)
-    motions = motions - lift.mT @ xp.linalg.solve(gram, violation)
+    rows = jacobian.shape[1]
+    columns = xp.concat([jacobian.mT, base_rows.mT, acceleration[..., None]], axis=-1)
+    if base_priority != 1.0:
+        columns[:, :6, : rows + 6] *= 1.0 / base_priority
+    products = jacobian @ columns
+    products[..., rows + 6] += jacobian_bias
+    gram = products[..., :rows] + identity(rows, jacobian, _RIDGE)
+    held = columns[..., :rows] @ xp.linalg.solve(gram, products[..., rows:])
+    motions = columns[..., rows:] - held
     return motions[..., :6], motions[..., 6]
 
 

@@ -58,7 +58,7 @@ def _inverse(matrix: Array) -> Array:
     try:
         return xp.linalg.inv(matrix)
     except (np.linalg.LinAlgError, RuntimeError):
-        # One zero pivot fails the whole batch. The determinant finds it with the same factorisation.
+        # One zero pivot fails the whole batch; the determinant finds it by the same elimination.
         singular = (xp.linalg.slogdet(matrix)[0] == 0.0)[:, None, None]
         inverse = xp.linalg.inv(xp.where(singular, identity(matrix.shape[-1], matrix), matrix))
         return xp.where(singular, xp.nan, inverse)
