@@ -38,7 +38,7 @@ class PPOConfig:
 
     n_steps: int = 32
     """Policy steps of each robot per iteration."""
-    batch_size: int = 2048
+    batch_size: int = 512
     """Samples per gradient step, at most num_envs * n_steps and a divisor of that."""
     n_epochs: int = 5
     """Passes over the samples of an iteration."""
@@ -66,10 +66,10 @@ class PPOConfig:
     """After each hidden layer."""
     clip_observation: float = 10.0
     """Observations are scaled to unit variance, then clipped to this."""
-    normalise_reward: bool = True
+    normalise_reward: bool = False
     """Divide rewards by the running standard deviation of their discounted sum. Rewards lie in
-    [0, 1], their discounted sum up to 100: without this the value loss, which is its square,
-    takes all of the length that `max_grad_norm` leaves to the common gradient."""
+    [0, 1] whatever the layer, so there is no scale to take out, and the running one would differ
+    from run to run."""
 
 
 @dataclass(frozen=True)

@@ -166,12 +166,13 @@ def test_training_learns(tmp_path):
     """The stand-in can be learned: from falling in most episodes to surviving nearly all."""
     _train(
         tmp_path,
-        total_steps=30_000,
-        ppo=PPOConfig(n_steps=32, batch_size=64, n_epochs=5, learning_rate=1e-3, hidden=(16, 16)),
-        eval=EvaluationConfig(every=30_000, episodes=64),
+        total_steps=8192,
+        num_envs=16,
+        ppo=PPOConfig(n_steps=16, batch_size=128, learning_rate=3e-3, hidden=(16, 16)),
+        eval=EvaluationConfig(every=8192, episodes=64),
     )
     first, last = _curve(tmp_path / "evaluations.csv")
-    assert float(first["survival"]) < 0.6 and float(last["survival"]) > 0.85
+    assert float(first["survival"]) < 0.5 and float(last["survival"]) > 0.85
 
 
 DAMAGE = {
