@@ -42,7 +42,7 @@ from fbid_gym.control.contact_forces import (
     wrench_scale,
 )
 from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
-from fbid_gym.errors import ShapeError
+from fbid_gym.errors import InvalidValueError, ShapeError
 
 # Singular values of J at or below 1e-5 of the largest are treated as absent.
 _CONTACT_RTOL = 1e-10
@@ -131,6 +131,7 @@ def orthogonal_inverse_dynamics(
 
     Raises:
         ShapeError: an array does not fit.
+        InvalidValueError: `base_priority` is not positive and finite.
     """
     count, _, velocities = _check_dynamics(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
     inverse_metric = _inverse_metric(base_priority, velocities, jacobian)
@@ -289,6 +290,7 @@ def limited_inverse_dynamics(
 
     Raises:
         ShapeError: an array does not fit.
+        InvalidValueError: `base_priority` is not positive and finite.
     """
     count, rows, velocities = _check_dynamics(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
@@ -357,6 +359,7 @@ def _free_motion(
     annihilates.
     """
     xp = namespace(jacobian)
+    _check_priority(base_priority)
     rows = jacobian.shape[1]
     columns = xp.concat([jacobian.mT, base_rows.mT, acceleration[..., None]], axis=-1)
     if base_priority != 1.0:
@@ -371,9 +374,16 @@ def _free_motion(
 
 def _inverse_metric(base_priority: float, velocities: int, like: Array) -> Array | None:
     """(nv,) diagonal of the inverse metric of accelerations; None stands for ones."""
+    _check_priority(base_priority)
     if base_priority == 1.0:
         return None
     return constant((1.0 / base_priority,) * 6 + (1.0,) * (velocities - 6), like)
+
+
+def _check_priority(base_priority: float) -> None:
+    """Raise InvalidValueError unless the priority is a positive number."""
+    if not 0.0 < base_priority < float("inf"):
+        raise InvalidValueError("base_priority", base_priority, "a positive, finite number")
 
 
 def _check_dynamics(

@@ -5,6 +5,8 @@ import numpy as np
 from fbid_gym.control.arrays import Array, identity, namespace
 from fbid_gym.errors import ShapeError
 
+_NEARLY_SINGULAR = 1e-13
+
 
 def symmetric_pseudo_inverse(matrix: Array, rtol: float = 1e-10) -> tuple[Array, Array]:
     """Moore-Penrose inverse and rank of symmetric positive semidefinite matrices.
@@ -53,15 +55,17 @@ def symmetric_pseudo_inverse(matrix: Array, rtol: float = 1e-10) -> tuple[Array,
 
 
 def _inverse(matrix: Array) -> Array:
-    """Inverses; an exactly singular matrix gives the identity, which certifies nothing."""
+    """Inverses; NaN for matrices that are exactly singular or not finite."""
     xp = namespace(matrix)
     try:
         return xp.linalg.inv(matrix)
     except (np.linalg.LinAlgError, RuntimeError):
-        # One zero pivot fails the whole batch; the determinant finds it by the same elimination.
-        singular = (xp.linalg.slogdet(matrix)[0] == 0.0)[:, None, None]
-        inverse = xp.linalg.inv(xp.where(singular, identity(matrix.shape[-1], matrix), matrix))
-        return xp.where(singular, xp.nan, inverse)
+        # One zero pivot fails the whole batch. Those near one are left to the eigendecomposition.
+        stand_in = identity(matrix.shape[-1], matrix)
+        usable = xp.all(xp.isfinite(matrix), axis=(-2, -1))[:, None, None]
+        values = xp.linalg.eigvalsh(xp.where(usable, matrix, stand_in))
+        usable = usable & (values[:, :1] > _NEARLY_SINGULAR * values[:, -1:])[:, None]
+        return xp.where(usable, xp.linalg.inv(xp.where(usable, matrix, stand_in)), xp.nan)
 
 
 def _truncated(matrix: Array, rtol: float) -> tuple[Array, Array]:
