@@ -63,7 +63,7 @@ class BaseAcceleration:
         robot: Robot,
         control_hz: int,
         *,
-        balance_frequency: float = 0.8,
+        balance_frequency: float = 1.0,
         height_frequency: float = 1.2,
         rotation_frequency: float = 1.2,
         posture_frequency: float = 1.0,

@@ -40,7 +40,7 @@ class JointAcceleration:
         robot: Robot,
         control_hz: int,
         *,
-        natural_frequency: float = 2.0,
+        natural_frequency: float = 0.5,
         damping_ratio: float = 1.0,
         scale: float = 30.0,
         contacts: str | Schedule = "all",

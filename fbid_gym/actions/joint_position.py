@@ -37,8 +37,8 @@ class JointPosition:
         robot: Robot,
         control_hz: int,
         *,
-        natural_frequency: float = 2.0,
-        damping_ratio: float = 1.0,
+        natural_frequency: float = 3.0,
+        damping_ratio: float = 0.5,
         scale: float = 0.4,
     ) -> "JointPosition":
         """Derive the gains from a second-order response of the home stance.
