@@ -14,6 +14,7 @@ from eval.results import Band, Comparison, Crossing, Estimate, Layer, Pair, RunR
 from eval.rollout import Player, make_env, play_player
 from eval.runs import Run, check_comparable, group, shared_settings
 from eval.video import Clip, record
+from eval.wording import number
 
 Say = Callable[[str], None]
 
@@ -49,6 +50,7 @@ def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: Non
     for run in runs:
         say(f"{run.layer}: {run.path.name}")
         played[run.path] = play_player(run.player(), settings.episodes, settings.seed)
+        warnings += _changed(run, played[run.path])
     strongest = max(float(episodes.strongest_push.max()) for episodes in played.values())
     hardest = _round_up(strongest)
     sweep = [share * hardest for share in settings.sweep] if hardest > 0 else []
@@ -106,6 +108,21 @@ def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: Non
     )
 
 
+def _changed(run: Run, episodes: Episodes) -> list[str]:
+    """Warn if fresh episodes do not return what the last evaluation of the same policy did."""
+    if run.curve is None:
+        return []
+    last, now = float(run.curve.returns[-1]), float(episodes.returned.mean())
+    counts = (float(run.curve.episodes[-1]), float(len(episodes)))
+    error = float(episodes.returned.std()) * math.sqrt(sum(1.0 / n for n in counts))
+    if abs(now - last) <= 5.0 * error + 0.01 * abs(last):
+        return []
+    return [
+        f"{run.path.name} returns {number(now)} now and {number(last)} at its last evaluation in "
+        "training: the environment, or the policy, is not what it was."
+    ]
+
+
 def _round_up(value: float) -> float:
     """Round up to two significant digits: pushes drawn up to 100 N reach 99.7 N."""
     if value <= 0:
@@ -115,14 +132,16 @@ def _round_up(value: float) -> float:
 
 
 def _default_threshold(groups: Mapping[str, Sequence[Run]], settings: Settings) -> float | None:
-    finals = [
-        float(
-            st.interquartile_mean(np.array([run.curve.returns[-1] for run in members if run.curve]))
-        )
+    curves = [
+        np.array([(run.curve.returns[0], run.curve.returns[-1]) for run in members if run.curve])
         for members in groups.values()
         if all(run.curve is not None for run in members)
     ]
-    return settings.threshold_share * max(finals) if finals else None
+    if not curves:
+        return None
+    ends = [st.interquartile_mean(values) for values in curves]
+    start, finish = min(first for first, _ in ends), max(last for _, last in ends)
+    return float(start + settings.threshold_share * (finish - start))
 
 
 def estimate(values: np.ndarray, rng: np.random.Generator, settings: Settings) -> Estimate:

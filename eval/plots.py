@@ -255,7 +255,10 @@ def strips(
     x = _axis(min(finite), max(finite), 6.0, STRIP_WIDTH - 60.0, limits=limits)
     bottom = top + row_height * len(rows)
     parts = [f'<text class="title" x="0" y="12">{escape(title)}</text>']
-    for value in ticks(x.low, x.high, 4):
+    low, high = (
+        (x.low, x.high) if limits is None else (max(x.low, limits[0]), min(x.high, limits[1]))
+    )
+    for value in ticks(low, high, 4):
         parts.append(f'<path class="grid" d="M{x(value):.1f} {top - 8}V{bottom:.1f}"/>')
         parts.append(
             f'<text class="tick" x="{x(value):.1f}" y="{bottom + 14:.1f}" text-anchor="middle">'

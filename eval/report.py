@@ -102,10 +102,7 @@ def _opening(c: Comparison) -> str:
         parts.append(f'<div class="callout"><b>How far to trust this.</b> {escape(warning)}</div>')
     if c.warnings:
         items = "".join(f"<li>{escape(text)}</li>" for text in c.warnings)
-        parts.append(
-            f'<div class="callout warning"><b>These runs differ in more than the layer.</b>'
-            f"<ul>{items}</ul></div>"
-        )
+        parts.append(f'<div class="callout warning"><b>Before comparing.</b><ul>{items}</ul></div>')
     return "\n".join(parts)
 
 
@@ -325,13 +322,15 @@ def _thresholds(c: Comparison, colours: dict[str, int]) -> str:
     chosen = (
         ""
         if c.settings.threshold is not None
-        else f", which is {percent(c.settings.threshold_share)} of the best layer's last evaluation"
+        else f", {percent(c.settings.threshold_share)} of the way from the lowest first to the "
+        "highest last evaluation of any layer"
     )
     return (
         f"<h2>Time to a return of {number(c.threshold)}</h2>"
         f"<p>When the evaluations during training first reach {number(c.threshold)}{chosen}: "
         "median over seeds, with its interval. A run that never gets there counts as later than "
-        "any that does.</p>" + _table(["", "runs that reach it", "steps", "wall-clock"], rows)
+        "any that does, one that is there at its first evaluation as getting there then.</p>"
+        + _table(["", "runs that reach it", "steps", "wall-clock"], rows)
     )
 
 
@@ -367,14 +366,13 @@ def _runs(c: Comparison, colours: dict[str, int]) -> str:
             "–" if run.seed is None else str(run.seed),
             steps(run.trained_steps),
             "–" if run.wall_seconds is None else duration(run.wall_seconds),
-            number(run.returns[-1]) if run.returns else "–",
             *(_form(m)(run.metrics[m.name]) for m in METRICS if m.name in _SHOWN and _known(c, m)),
         ]
         for layer in c.layers
         for run in layer.runs
     ]
     shown = [_heading(m) for m in METRICS if m.name in _SHOWN and _known(c, m)]
-    heads = ["run", "layer", "seed", "steps", "wall-clock", "last evaluation", *shown]
+    heads = ["run", "layer", "seed", "steps", "wall-clock", *shown]
     return "<h2>Every run</h2>" + _table(heads, rows)
 
 

@@ -21,7 +21,8 @@ class Settings:
     seed: int = 20_000
     """Of the episodes: the same for every run, and none that training evaluates on."""
     threshold: float | None = None
-    """Return whose first crossing is timed. None: `threshold_share` of the best final return."""
+    """Return whose first crossing is timed. None: `threshold_share` of the way from the lowest
+    first to the highest last evaluation of any layer."""
     threshold_share: float = 0.9
     """See `threshold`."""
     sweep: tuple[float, ...] = (1.0, 1.5, 2.0)

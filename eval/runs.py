@@ -26,6 +26,8 @@ class Curve:
     """Time since training began, s."""
     returns: np.ndarray
     """Mean return."""
+    episodes: np.ndarray
+    """Number of episodes it is the mean of."""
 
 
 @dataclass(frozen=True)
@@ -247,7 +249,7 @@ def _read_curve(path: Path) -> Curve:
     if not rows:
         raise RunError(f"{path}: holds no evaluation, so there is no learning curve.")
     columns = []
-    for name in ("steps", "wall_seconds", "return_mean"):
+    for name in ("steps", "wall_seconds", "return_mean", "episodes"):
         if name not in rows[0]:
             raise RunError(f"{path}: column {name!r} is missing.")
         try:

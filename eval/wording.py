@@ -131,7 +131,7 @@ def lede(comparison: Comparison) -> list[str]:
             f"{x.name} {crossing(x.steps_to, steps)}" for x in layers if x.steps_to is not None
         )
         sentences.append(f"Training steps to a return of {number(comparison.threshold)}: {times}.")
-    zero = "; ".join(f"{x.name} {number(x.zero_action['returned'])}" for x in layers)
+    zero = "; ".join(f"{x.name} {number(x.zero_action['returned'])}, {_gain(x)}" for x in layers)
     sentences.append(f"Without a policy, zero action alone returns: {zero}.")
     return sentences
 
@@ -167,12 +167,22 @@ def crossing(value: Crossing | None, form: Callable[[float], str]) -> str:
     total = len(value.each)
     if value.reached == 0:
         return f"not reached in {total} runs" if total > 1 else "not reached"
+    if max(value.each) <= 0:
+        return "reached before training"
     if not math.isfinite(value.median.value):
         return f"reached in {value.reached} of {total} runs, first after {form(min(value.each))}"
     missing = (
         "" if value.reached == total else f", not reached in {total - value.reached} of {total}"
     )
     return f"{interval(value.median, form)}{missing}"
+
+
+def _gain(layer: Layer) -> str:
+    """What training made of the layer; it can also make it worse."""
+    gain = layer.metrics["returned"].value - layer.zero_action["returned"]
+    if gain < 0:
+        return f"from which training takes {number(-gain)}"
+    return f"to which training adds {number(gain)}"
 
 
 def _longest(layers: Sequence[Layer]) -> float:

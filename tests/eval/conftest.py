@@ -95,6 +95,19 @@ def make_policy(
     )
 
 
+def typical_return(strength: float, layer: str) -> float:
+    """Mean return over many episodes."""
+    env, returns = StandIn(layer), []
+    for seed in range(64):
+        env.reset(seed=seed)
+        total, over = 0.0, False
+        while not over:
+            _, reward, terminated, truncated, _ = env.step(np.array([strength, 0.0]))
+            total, over = total + reward, terminated or truncated
+        returns.append(total)
+    return float(np.mean(returns))
+
+
 def write_run(folder: Path, layer: str, seed: int, **changes: Any) -> Path:
     """Write a run folder as training does. `changes` go into the configuration."""
     rng = np.random.default_rng([seed, len(layer)])
@@ -117,15 +130,16 @@ def write_run(folder: Path, layer: str, seed: int, **changes: Any) -> Path:
     versions = {"python": "3.11", "platform": "a test", "commit": "0" * 40}
     (folder / "versions.json").write_text(json.dumps(versions))
     steps = np.linspace(0, config["total_steps"], 21)
+    skill = (0.9 if layer == "base_acceleration" else 0.8) + rng.normal(0, 0.05)
+    level = typical_return(skill, layer)
     speed = (6.0 if layer == "base_acceleration" else 3.0) * rng.uniform(0.8, 1.25)
-    level = 39.0 if layer == "base_acceleration" else 34.0
     returns = level * (1 - 0.7 * np.exp(-speed * steps / 1e6)) + rng.normal(0, 0.6, 21)
+    returns[-1] = level
     wall = steps / (5000 if layer == "base_acceleration" else 9000)
     with (folder / "evaluations.csv").open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["steps", "wall_seconds", "episodes", "return_mean"])
         writer.writerows(zip(steps, wall, [32] * 21, returns, strict=True))
-    skill = (0.9 if layer == "base_acceleration" else 0.8) + rng.normal(0, 0.05)
     make_policy(skill, **env_args).save(folder / "policy")
     return folder
 

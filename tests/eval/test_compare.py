@@ -18,6 +18,7 @@ from eval.report import page
 from eval.results import Settings
 from eval.rollout import play_player
 from eval.runs import load
+from eval.wording import number
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 
@@ -96,10 +97,10 @@ def test_page_and_json_agree(four_runs: list[Path], tmp_path: Path) -> None:
         for run in layer["runs"]:
             value = run["metrics"]["returned"]
             row = words[words.rindex(run["name"] + " " + layer["name"]) :][:200]
-            assert f" {value:.1f} " in row and run["path"].endswith(run["name"])
+            assert f" {number(value)} " in row and run["path"].endswith(run["name"])
         low, high = (layer["metrics"]["returned"][key] for key in ("low", "high"))
-        assert f"({low:.1f} to {high:.1f})" in words
-    assert f"return of {written['threshold']:.3g}" in words
+        assert f"({number(low)} to {number(high)})" in words
+    assert f"return of {number(written['threshold'])}" in words
 
 
 def test_the_order_of_the_runs_does_not_matter(four_runs: list[Path]) -> None:
@@ -189,6 +190,17 @@ def test_the_sweep_and_the_zero_action_are_played(four_runs: list[Path]) -> None
     strong = result.layers[0]
     assert strong.sweep[0].value == 1.0 and strong.zero_sweep == [0.0]
     assert strong.zero_action["survived"] < strong.metrics["survived"].value == 1.0
+
+
+def test_an_environment_that_has_changed_since_training_is_noticed(run_folder: Build) -> None:
+    folder = run_folder()
+    assert compare([load(folder)], QUICK).warnings == []
+    lines = (folder / "evaluations.csv").read_text().splitlines()
+    steps, wall, episodes, last = lines[-1].split(",")
+    lines[-1] = ",".join([steps, wall, episodes, str(0.7 * float(last))])
+    (folder / "evaluations.csv").write_text("\n".join(lines) + "\n")
+    (warning,) = compare([load(folder)], QUICK).warnings
+    assert "base_acceleration-s0 returns" in warning and "is not what it was" in warning
 
 
 def test_names_from_files_are_escaped(run_folder: Build) -> None:

@@ -72,11 +72,13 @@ def renamed(folder: Path) -> None:
             "evaluations.csv: column 'wall_seconds' is missing",
         ),
         (
-            damage("evaluations.csv", "steps,wall_seconds,return_mean\n1,2,x\n"),
+            damage("evaluations.csv", "steps,wall_seconds,return_mean,episodes\n1,2,x,8\n"),
             "evaluations.csv: column 'return_mean' holds more than numbers",
         ),
         (
-            damage("evaluations.csv", "steps,wall_seconds,return_mean\n2,2,2\n1,3,3\n"),
+            damage(
+                "evaluations.csv", "steps,wall_seconds,return_mean,episodes\n2,2,2,8\n1,3,3,8\n"
+            ),
             "the steps do not increase",
         ),
         (without("seed"), "config.json: 'seed' is missing"),

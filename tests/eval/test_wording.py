@@ -47,6 +47,7 @@ def test_steps_shares_and_counts() -> None:
         ([10.0, 20.0], Estimate(15, 10, 20), "15 (10 to 20)"),
         ([10.0], Estimate(10), "10"),
         ([math.inf], Estimate(math.inf), "not reached"),
+        ([0.0, 0.0], Estimate(0, 0, 0), "reached before training"),
         ([math.inf] * 3, Estimate(math.inf, math.inf, math.inf), "not reached in 3 runs"),
         (
             [10.0, math.inf],
