@@ -22,12 +22,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fbid_gym.control.arrays import Array, check_shape, constant, namespace
-from fbid_gym.control.dual_newton import DualProblem, evaluate, solve_dual
+from fbid_gym.control.dual_newton import DualProblem, DualSolution, evaluate, solve_dual
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 REGULARISATION = 1e-4
 TOLERANCE = 1e-4
-MAX_ITERATIONS = 12
+MAX_ITERATIONS = 8
+_STAGES = (1e-1, 1e-2, 1e-3)
+_ROUGH = 1e-2
 _LARGEST = float(np.finfo(np.float64).max)
 
 
@@ -120,8 +122,9 @@ def limited_contact_forces(
         warm_start: (N, 6) `dual` of an earlier result. Default: zeros.
         regularisation: eps, dimensionless.
         tolerance: stop when the optimality condition holds to this share of the weight.
-        max_iterations: Newton steps at most; a robot that needs more gets feasible forces that a
-            later call, started from this one's dual, improves.
+        max_iterations: Newton steps before a robot is solved anew, cold and by way of stronger
+            regularisations, in four rounds of at most twice as many steps. Forces are feasible, and
+            no worse than those of the warm start, even if that should not suffice.
 
     Returns:
         ContactForces; finite, and within the limits, for every finite input.
@@ -184,6 +187,31 @@ def _limit_arrays(
     return friction, share, lowest, highest
 
 
+def _persist(problem: DualProblem, start: Array, spent: int) -> DualSolution:
+    """Solve what `spent` Newton steps from `start` did not.
+
+    A cold start by way of stronger regularisations, each easier and close to the next, rarely
+    fails. What it leaves unsolved gets the better of its last forces and those at `start`.
+    """
+    xp = namespace(start)
+    dual, taken = xp.zeros_like(start), spent
+    rough = xp.maximum(problem.tolerance, _ROUGH**2 * xp.vecdot(problem.wrench, problem.wrench))
+    for regularisation in _STAGES:
+        if regularisation > problem.regularisation:
+            stage = problem._replace(regularisation=regularisation, tolerance=rough)
+            solution = solve_dual(stage, dual, 2 * spent)
+            dual, taken = solution.dual, taken + solution.iterations
+    solution, first = solve_dual(problem, dual, 2 * spent), evaluate(problem, start)
+    better = (solution.error > problem.tolerance) & (
+        xp.vecdot(first.missing, first.missing) < xp.vecdot(solution.missing, solution.missing)
+    )
+    return solution._replace(
+        force=xp.where(better[:, None, None], first.force, solution.force),
+        missing=xp.where(better[:, None], first.missing, solution.missing),
+        iterations=solution.iterations + taken,
+    )
+
+
 def solve_contact_forces(
     wrench_map: Array,
     wrench: Array,
@@ -228,14 +256,10 @@ def solve_contact_forces(
     )
     start = xp.zeros_like(wrench) if warm_start is None else warm_start
     solution = solve_dual(problem, start, max_iterations)
-    force, missing = solution.force, solution.missing
     unsolved = solution.error > problem.tolerance
     if unsolved.any():
-        # On its way the method may pass forces worse than those it started from.
         rows = xp.nonzero(unsolved)[0]
-        first = evaluate(problem.rows(rows), start[rows])
-        worse = xp.vecdot(missing[rows], missing[rows]) > xp.vecdot(first.missing, first.missing)
-        force[rows] = xp.where(worse[:, None, None], first.force, force[rows])
-        missing[rows] = xp.where(worse[:, None], first.missing, missing[rows])
+        solution.write(rows, _persist(problem.rows(rows), start[rows], max_iterations))
+    force, missing = solution.force, solution.missing
     residual = xp.sqrt(xp.vecdot(missing, missing)) / weight
     return ContactForces(force, missing, residual, solution.iterations, solution.dual)

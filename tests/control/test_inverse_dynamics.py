@@ -229,7 +229,7 @@ def test_torque_is_continuous_where_a_qr_factor_jumps(make_system: Callable[...,
             -np.cos(angle),
             np.sin(angle),
         )
-        # All quantities in coordinates turned so that J's first row is nearly along the second axis.
+        # In turned coordinates J's first row is nearly along the second axis.
         coordinates = turn.T @ rotation.T @ turn
         jacobian = system.jacobian @ (coordinates @ turn.T)
         frames.append(np.linalg.qr(jacobian[0].T, mode="complete")[0])

@@ -1,0 +1,363 @@
+"""Limited contact forces against Clarabel, their optimality conditions, and the projection's laws."""
+
+from typing import Any, NamedTuple
+
+import clarabel
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+import torch
+
+from fbid_gym.control import ContactForces, ContactLimits, limited_contact_forces
+from fbid_gym.control.contact_forces import MAX_ITERATIONS, REGULARISATION, TOLERANCE
+from fbid_gym.control.dual_newton import DualProblem, evaluate, hessian_at, project
+from fbid_gym.errors import InvalidValueError, ShapeError
+
+WEIGHT, LENGTH = 540.0, 0.3
+EXACT = {"tolerance": 1e-11, "max_iterations": 100}
+
+
+class Scene(NamedTuple):
+    """Wrench maps of two flat feet 0.9 m below the base, and desired wrenches."""
+
+    wrench_map: np.ndarray
+    wrench: np.ndarray
+
+
+def feet(rng: np.random.Generator, count: int) -> np.ndarray:
+    """(count, 6, 24): eight corner points, somewhat tilted and displaced."""
+    corners = [
+        (x, side + y, -0.9) for side in (-0.1, 0.1) for x in (-0.08, 0.14) for y in (-0.04, 0.04)
+    ]
+    points = np.array(corners) + rng.normal(0.0, 0.02, (count, 1, 3))
+    points = points + rng.normal(0.0, 0.003, (count, 8, 3))
+    wrench_map = np.zeros((count, 6, 8, 3))
+    wrench_map[:, :3] = np.eye(3)[:, None]
+    for axis in range(3):
+        wrench_map[:, 3:, :, axis] = np.cross(points, np.eye(3)[axis]).mT
+    return wrench_map.reshape(count, 6, 24)
+
+
+def scene(rng: np.random.Generator, push: float, count: int = 12) -> Scene:
+    """Stance with horizontal pushes and moments of about `push` weights (times LENGTH)."""
+    wrench = np.zeros((count, 6))
+    wrench[:, 2] = WEIGHT
+    wrench += push * WEIGHT * rng.normal(size=(count, 6)) * [1, 1, 0.3, LENGTH, LENGTH, LENGTH]
+    # Moment that the weight at the feet's middle has about the base.
+    wrench[:, 3] += rng.normal(0.0, 0.02, count) * WEIGHT
+    wrench[:, 4] += -0.03 * WEIGHT + rng.normal(0.0, 0.02, count) * WEIGHT
+    return Scene(feet(rng, count), wrench)
+
+
+def solve(case: Scene, limits: ContactLimits, **options: Any) -> ContactForces:
+    """The function under test at this file's scales."""
+    return limited_contact_forces(*case, limits, weight=WEIGHT, length=LENGTH, **options)
+
+
+def reference(
+    wrench_map: np.ndarray,
+    wrench: np.ndarray,
+    friction: np.ndarray,
+    lowest: np.ndarray,
+    highest: np.ndarray,
+) -> np.ndarray:
+    """Forces (P, 3) of one robot by Clarabel's interior point method; limits (P,)."""
+    points = len(friction)
+    scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
+    maps, target = wrench_map * scale[:, None], wrench * scale / WEIGHT
+    quadratic = sparse.triu(maps.T @ maps + REGULARISATION * np.eye(3 * points), format="csc")
+    rows, offsets, cones = [], [], []
+    for i in range(points):
+        normal = np.zeros(3 * points)
+        normal[3 * i + 2] = 1.0
+        rows.append(-normal)
+        offsets.append(-lowest[i] / WEIGHT)
+        if np.isfinite(highest[i]):
+            rows.append(normal)
+            offsets.append(highest[i] / WEIGHT)
+        cones.append(clarabel.NonnegativeConeT(1 + int(np.isfinite(highest[i]))))
+        tangents = np.zeros((2, 3 * points))
+        tangents[[0, 1], [3 * i, 3 * i + 1]] = 1.0
+        rows += [-friction[i] * normal, *-tangents]
+        offsets += [0.0, 0.0, 0.0]
+        cones.append(clarabel.SecondOrderConeT(3))
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-12
+    solution = clarabel.DefaultSolver(
+        quadratic,
+        -maps.T @ target,
+        sparse.csc_matrix(np.array(rows)),
+        np.array(offsets, dtype=float),
+        cones,
+        settings,
+    ).solve()
+    assert "Solved" in str(solution.status)
+    return np.array(solution.x).reshape(points, 3) * WEIGHT
+
+
+def assert_feasible(
+    force: np.ndarray, friction: Any, lowest: Any, highest: Any, slack: float = 1e-9
+) -> None:
+    """Within friction cones and normal force limits."""
+    slack = slack * WEIGHT
+    tangential, normal = np.linalg.norm(force[..., :2], axis=-1), force[..., 2]
+    assert (tangential <= friction * normal + slack).all()
+    assert (normal >= lowest - slack).all()
+    assert (normal <= highest + slack).all()
+
+
+LIMITS = {
+    "friction": (0.7, 0.0, np.inf),
+    "slippery": (0.2, 0.0, np.inf),
+    "frictionless": (0.0, 0.0, np.inf),
+    "pressed": (0.7, 20.0, np.inf),
+    "bounded": (0.6, 5.0, 90.0),
+    "pinned": (0.5, 60.0, 60.0),
+    "each its own": (
+        np.linspace(0.1, 1.2, 8),
+        np.linspace(0.0, 20.0, 8),
+        np.linspace(60.0, 400.0, 8),
+    ),
+}
+
+
+@pytest.mark.parametrize("push", [0.0, 0.1, 0.5, 2.0])
+@pytest.mark.parametrize("limits", LIMITS)
+def test_equals_clarabel(rng: np.random.Generator, limits: str, push: float) -> None:
+    case = scene(rng, push)
+    active = rng.random((12, 8)) < 0.8
+    active[0], active[1] = True, False
+    bounds = [np.broadcast_to(x, (12, 8)) for x in LIMITS[limits]]
+    solution = solve(case, ContactLimits(*LIMITS[limits]), active=active, **EXACT)
+    assert_feasible(solution.force, bounds[0], bounds[1] * active, np.where(active, bounds[2], 0.0))
+    for i in range(12):
+        on = active[i]
+        columns = case.wrench_map[i].reshape(6, 8, 3)[:, on].reshape(6, -1)
+        expected = np.zeros((8, 3))
+        if on.any():
+            expected[on] = reference(columns, case.wrench[i], *(b[i, on] for b in bounds))
+        np.testing.assert_allclose(solution.force[i], expected, atol=1e-4 * WEIGHT)
+
+
+@pytest.mark.parametrize("push", [0.0, 0.1, 0.5, 2.0])
+def test_error_at_the_default_iteration_count(rng: np.random.Generator, push: float) -> None:
+    """From a cold start: converged to the tolerance, or feasible and no worse than no forces."""
+    case = scene(rng, push, count=200)
+    limits = ContactLimits(0.7)
+    exact = solve(case, limits, **EXACT)
+    default = solve(case, limits)
+    assert_feasible(default.force, 0.7, 0.0, np.inf)
+    scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH]) / WEIGHT
+    error = np.linalg.norm((default.wrench - exact.wrench) * scale, axis=1)
+    solved = default.iterations < MAX_ITERATIONS
+    assert (error[solved] <= 2.0 * TOLERANCE).all()
+    assert solved.mean() >= {0.0: 1.0, 0.1: 0.99, 0.5: 0.5, 2.0: 0.1}[push]
+    nothing = np.linalg.norm(case.wrench * scale, axis=1)
+    assert (default.residual <= nothing + 1e-9).all()
+
+
+def test_a_warm_start_follows_a_moving_wrench(rng: np.random.Generator) -> None:
+    """Tick by tick through a push of half a weight, in few steps and with the same result."""
+    case, limits = scene(rng, 0.0, count=50), ContactLimits(0.7)
+    direction = rng.normal(size=(50, 6)) * [1, 1, 0.2, LENGTH, LENGTH, LENGTH]
+    dual, iterations = None, []
+    for phase in np.linspace(0.0, np.pi, 60):
+        wrench = case.wrench + 0.5 * WEIGHT * np.sin(phase) * direction
+        solution = solve(case._replace(wrench=wrench), limits, warm_start=dual)
+        dual = solution.dual
+        iterations.append(solution.iterations)
+    assert np.mean(iterations) < 3.0
+    exact = solve(case._replace(wrench=wrench), limits, **EXACT)
+    error = (solution.wrench - exact.wrench) / [1, 1, 1, LENGTH, LENGTH, LENGTH] / WEIGHT
+    assert np.linalg.norm(error, axis=1).max() < 2.0 * TOLERANCE
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_optimality_conditions(rng: np.random.Generator, limits: str) -> None:
+    """f = Pi_C(f - step * gradient): no feasible direction lowers the cost."""
+    case = scene(rng, 0.5)
+    friction, lowest, highest = (np.broadcast_to(x, (8,)) for x in LIMITS[limits])
+    force = solve(case, ContactLimits(*LIMITS[limits]), **EXACT).force
+    scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
+    maps, target = case.wrench_map * scale[:, None], case.wrench * scale
+    stacked = force.reshape(12, 24)
+    gradient = np.matvec(maps.mT, np.matvec(maps, stacked) - target) + REGULARISATION * stacked
+    moved = project(
+        force - gradient.reshape(12, 8, 3), friction, 1.0 / (1.0 + friction**2), lowest, highest
+    )[0]
+    np.testing.assert_allclose(moved, force, atol=1e-6 * WEIGHT)
+
+
+def test_a_feasible_wrench_is_delivered(rng: np.random.Generator) -> None:
+    """The regularisation costs less than 1e-4 of the weight in stance."""
+    case = scene(rng, 0.01, count=50)
+    solution = solve(case, ContactLimits(0.7))
+    delivered = np.matvec(case.wrench_map, solution.force.reshape(50, 24))
+    np.testing.assert_allclose(solution.wrench, delivered, atol=1e-9 * WEIGHT)
+    assert (solution.residual < 1e-4).mean() > 0.9
+    assert np.median(solution.residual) < 5e-5
+
+
+@pytest.mark.parametrize(
+    "wrench",
+    [
+        [50.0, 0.0, 1.0, 0.0, 0.0, 0.0],  # a huge side push
+        [0.0, 0.0, -2.0, 0.0, 0.0, 0.0],  # pull
+        [0.0, 0.0, 1.0, 30.0, -30.0, 30.0],  # huge moments
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    ],
+)
+def test_infeasible_wrenches_are_reported(rng: np.random.Generator, wrench: list[float]) -> None:
+    target = np.array(wrench) * WEIGHT
+    case = Scene(feet(rng, 3), np.tile(target, (3, 1)))
+    solution = solve(case, ContactLimits(0.7))
+    assert_feasible(solution.force, 0.7, 0.0, np.inf)
+    assert all(np.isfinite(x).all() for x in solution)
+    if target.any():
+        assert (solution.residual > 0.5).all()
+    else:
+        np.testing.assert_allclose(solution.force, 0.0, atol=1e-100)
+        np.testing.assert_allclose(solution.residual, 0.0, atol=1e-100)
+
+
+def test_without_contacts_there_are_no_forces(rng: np.random.Generator) -> None:
+    case = scene(rng, 0.1)
+    solution = solve(case, ContactLimits(0.7, 10.0), active=np.zeros((12, 8), bool))
+    np.testing.assert_array_equal(solution.force, 0.0)
+    scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
+    expected = np.linalg.norm(case.wrench * scale, axis=1) / WEIGHT
+    np.testing.assert_allclose(solution.residual, expected)
+    # Touchdown from there is no harder than from nothing.
+    landed = solve(case, ContactLimits(0.7, 10.0), warm_start=solution.dual)
+    assert (landed.iterations < MAX_ITERATIONS).all()
+
+
+def test_wrench_cost_decides_what_gives_way(rng: np.random.Generator) -> None:
+    case = scene(rng, 0.0)
+    case.wrench[:, 0] += 1.5 * WEIGHT
+    limits = ContactLimits(0.5)
+    even = solve(case, limits, **EXACT)
+    force_first = solve(case, limits, wrench_cost=(1, 1, 1, 1e-3, 1e-3, 1e-3), **EXACT)
+    missing = [np.linalg.norm((s.wrench - case.wrench)[:, :3], axis=1) for s in (even, force_first)]
+    assert (missing[1] < missing[0]).all()
+
+
+@pytest.mark.parametrize("push", [0.0, 0.3, 1.0])
+def test_neighbours_change_no_bit_of_the_forces(rng: np.random.Generator, push: float) -> None:
+    case = scene(rng, push, count=9)
+    case.wrench[4] = np.nan
+    limits = ContactLimits(rng.uniform(0.3, 1.0, (9, 8)), 1.0, rng.uniform(100.0, 300.0, (9, 8)))
+    active, warm = rng.random((9, 8)) < 0.8, rng.normal(size=(9, 6)) * WEIGHT
+    together = solve(case, limits, active=active, warm_start=warm)
+    for i in range(9):
+        row = slice(i, i + 1)
+        own = ContactLimits(limits.friction[row], 1.0, limits.max_normal_force[row])
+        alone = solve(
+            Scene(case.wrench_map[row], case.wrench[row]),
+            own,
+            active=active[row],
+            warm_start=warm[row],
+        )
+        for one, all_ in zip(alone, together, strict=True):
+            np.testing.assert_array_equal(one[0], all_[i])
+
+
+def test_inputs_are_left_alone(rng: np.random.Generator) -> None:
+    case, warm = scene(rng, 0.5), rng.normal(size=(12, 6))
+    copies = [x.copy() for x in (*case, warm)]
+    solve(case, ContactLimits(0.7), warm_start=warm, max_iterations=2)
+    solve(case, ContactLimits(0.7), warm_start=warm)
+    for before, after in zip(copies, (*case, warm), strict=True):
+        np.testing.assert_array_equal(before, after)
+
+
+@pytest.mark.parametrize("limits", ["friction", "bounded", "each its own"])
+def test_torch_equals_numpy_for_the_forces(rng: np.random.Generator, limits: str) -> None:
+    case, active = scene(rng, 0.3), rng.random((12, 8)) < 0.8
+    expected = solve(case, ContactLimits(*LIMITS[limits]), active=active, **EXACT)
+    found = solve(
+        Scene(*(torch.from_numpy(x) for x in case)),
+        ContactLimits(*LIMITS[limits]),
+        active=torch.from_numpy(active),
+        **EXACT,
+    )
+    np.testing.assert_allclose(found.force.numpy(), expected.force, atol=1e-6 * WEIGHT)
+    np.testing.assert_allclose(found.residual.numpy(), expected.residual, atol=1e-9)
+
+
+def brute_force(free: np.ndarray, friction: float, lowest: float, highest: float) -> np.ndarray:
+    """Nearest feasible force by trying normal forces: given one, the tangential part is clipped."""
+    size = np.linalg.norm(free[:2])
+    top = min(highest, abs(free[2]) + size + lowest + 1.0)
+    normals = np.linspace(lowest, top, 200001)
+    tangents = np.minimum(size, friction * normals)
+    best = np.argmin((tangents - size) ** 2 + (normals - free[2]) ** 2)
+    return np.array([*(free[:2] * tangents[best] / size), normals[best]])
+
+
+@pytest.mark.parametrize("bounds", [(0.7, 0.0, np.inf), (0.0, 0.0, 5.0), (1.5, 0.5, 2.0)])
+def test_projection(rng: np.random.Generator, bounds: tuple[float, float, float]) -> None:
+    friction, lowest, highest = (np.array(x) for x in bounds)
+    limits = (friction, 1.0 / (1.0 + friction**2), lowest, highest)
+    free = rng.normal(0.0, 3.0, (2, 60, 3))
+    force = project(free, *limits)[0]
+    for one, other in zip(free.reshape(-1, 3), force.reshape(-1, 3), strict=True):
+        np.testing.assert_allclose(other, brute_force(one, *bounds), atol=1e-3)
+    np.testing.assert_allclose(project(force, *limits)[0], force, atol=1e-12)
+    gap = np.linalg.norm(force[0] - force[1], axis=-1)
+    assert (gap <= np.linalg.norm(free[0] - free[1], axis=-1) + 1e-12).all()
+    # A force straight up or down has no tangential direction.
+    vertical = project(np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0]]]), *limits)[0]
+    assert np.isfinite(vertical).all()
+    np.testing.assert_array_equal(vertical[..., :2], 0.0)
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_jacobian_equals_finite_differences(rng: np.random.Generator, limits: str) -> None:
+    friction, lowest, highest = (np.asarray(x) for x in LIMITS[limits])
+    case = scene(rng, 0.0)
+    share = 1.0 / (1.0 + friction**2)
+    problem = DualProblem(*case, friction, share, lowest, highest, np.array(0.0), REGULARISATION)
+    dual = rng.normal(0.0, 100.0, (12, 6))
+    point = evaluate(problem, dual)
+    jacobian, step = hessian_at(problem, point), 1e-5
+    for axis in range(6):
+        shift = step * np.eye(6)[axis]
+        ahead, behind = evaluate(problem, dual + shift), evaluate(problem, dual - shift)
+        slope = (ahead.gradient - behind.gradient) / (2.0 * step)
+        np.testing.assert_allclose(jacobian[:, :, axis], slope, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [
+        ((-0.1,), "friction"),
+        ((np.inf,), "friction"),
+        ((np.nan,), "friction"),
+        (("rough",), "friction"),
+        ((0.7, -1.0), "min_normal_force"),
+        ((0.7, 0.0, -1.0), "max_normal_force"),
+        ((0.7, 0.0, np.nan), "max_normal_force"),
+        ((0.7, 10.0, 5.0), "min_normal_force"),
+        ((0.7, np.zeros(3), np.ones(4)), "min_normal_force"),
+        ((np.array([0.5, -0.5]),), "friction"),
+    ],
+)
+def test_limits_name_what_is_wrong(arguments: tuple[Any, ...], name: str) -> None:
+    with pytest.raises(InvalidValueError, match=f"Invalid {name}.*Expected"):
+        ContactLimits(*arguments)
+
+
+def test_wrong_shapes_are_named(rng: np.random.Generator) -> None:
+    case, limits = scene(rng, 0.0), ContactLimits(0.7)
+    with pytest.raises(ShapeError, match="wrench_map has shape"):
+        solve(case._replace(wrench_map=case.wrench_map[:, :, :-1]), limits)
+    with pytest.raises(ShapeError, match="wrench has shape"):
+        solve(case._replace(wrench=case.wrench[:, :5]), limits)
+    with pytest.raises(ShapeError, match="active has shape"):
+        solve(case, limits, active=np.ones((12, 7), bool))
+    with pytest.raises(ShapeError, match="warm_start has shape"):
+        solve(case, limits, warm_start=np.zeros((11, 6)))
+    with pytest.raises(ShapeError, match="friction has shape"):
+        solve(case, ContactLimits(np.full(5, 0.7)))
