@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.dynamics.frames import skew
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.errors import ShapeError
 from fbid_gym.robots import Robot
@@ -97,15 +98,10 @@ def _factor(offset: np.ndarray, subset: int, most: int) -> tuple[np.ndarray, np.
     for slot, arm in enumerate(offset):
         if subset >> slot & 1:
             points[slot, :, :3] = np.eye(3)
-            points[slot, :, 3:] = -_skew(arm)
+            points[slot, :, 3:] = -skew(arm)
     left, sizes, right = np.linalg.svd(points.reshape(3 * most, 6), full_matrices=False)
     rank = int((sizes > _RANK_TOLERANCE * max(1.0, sizes[0])).sum())
     return sizes[:rank, None] * right[:rank], left[:, :rank].T
-
-
-def _skew(vector: np.ndarray) -> np.ndarray:
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def point_positions(geometry: ContactGeometry, terms: DynamicsTerms) -> np.ndarray:
@@ -118,9 +114,9 @@ def point_positions(geometry: ContactGeometry, terms: DynamicsTerms) -> np.ndarr
 def point_velocities(geometry: ContactGeometry, terms: DynamicsTerms) -> np.ndarray:
     """Return how fast the contact points move: (N, P, 3) m/s, world."""
     foot = geometry.foot_of_point
-    arm = np.matvec(terms.foot_rotation[:, foot], geometry.offset)
-    velocity = terms.foot_velocity[:, foot]
-    return velocity[..., :3] + np.cross(velocity[..., 3:], arm)
+    velocity = terms.foot_velocity.take(foot, axis=1)
+    arm = np.matvec(terms.foot_rotation.take(foot, axis=1), geometry.offset)
+    return velocity[..., :3] + np.matvec(skew(velocity[..., 3:]), arm)
 
 
 def point_jacobian(
@@ -136,11 +132,10 @@ def point_jacobian(
     arm = np.matvec(terms.foot_rotation[:, foot], geometry.offset)
     foot_jacobian = terms.foot_jacobian[:, foot]
     # v_point = v + omega × arm, column by column of the Jacobian.
-    jacobian = foot_jacobian[:, :, :3] + np.cross(
-        foot_jacobian[:, :, 3:], arm[:, :, :, None], axisa=2, axisb=2, axisc=2
-    )
-    omega, rate = terms.foot_velocity[:, foot, 3:], terms.foot_bias[:, foot]
-    bias = rate[..., :3] + np.cross(rate[..., 3:], arm) + np.cross(omega, np.cross(omega, arm))
+    jacobian = foot_jacobian[:, :, :3] - skew(arm) @ foot_jacobian[:, :, 3:]
+    spin, rate = skew(terms.foot_velocity[:, foot, 3:]), terms.foot_bias[:, foot]
+    bias = rate[..., :3] + np.matvec(skew(rate[..., 3:]), arm)
+    bias += np.matvec(spin, np.matvec(spin, arm))
     num_robots = len(arm)
     return jacobian.reshape(num_robots, -1, jacobian.shape[-1]), bias.reshape(num_robots, -1)
 

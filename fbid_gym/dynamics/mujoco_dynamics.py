@@ -6,24 +6,19 @@ import mujoco
 import mujoco.batch
 import numpy as np
 
+from fbid_gym.dynamics.frames import skew
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.errors import NonFiniteError, ShapeError
 from fbid_gym.robots import Robot
 
 BUFFERS = ("M", "qfrc_bias", "cdof", "cdof_dot", "cvel", "subtree_com", "xpos", "xmat")
 
-# r @ _SKEW is skew(r), row by row: skew(r) x = r × x.
-_SKEW = np.zeros((3, 9))
-_SKEW[0, [5, 7]] = -1.0, 1.0
-_SKEW[1, [2, 6]] = 1.0, -1.0
-_SKEW[2, [1, 3]] = -1.0, 1.0
-
 # _TRANSPORT + r @ _TRANSPORT_ARM is the 6×6 matrix that takes a spatial velocity [angular; linear
 # at c] to [linear at c + r; angular]: both MuJoCo's order and its reference point are left behind.
 _TRANSPORT = np.zeros((6, 6))
 _TRANSPORT[:3, 3:] = _TRANSPORT[3:, :3] = np.eye(3)
 _TRANSPORT_ARM = np.zeros((3, 6, 6))
-_TRANSPORT_ARM[:, :3, :3] = -_SKEW.reshape(3, 3, 3)
+_TRANSPORT_ARM[:, :3, :3] = -skew(np.eye(3))
 _TRANSPORT = _TRANSPORT.reshape(36)
 _TRANSPORT_ARM = _TRANSPORT_ARM.reshape(3, 36)
 
@@ -106,8 +101,8 @@ class LiveTerms:
         matrix = matrix.reshape(num_robots, nv, nv)
 
         com = buffers["subtree_com"][:, at.base]
-        rotation = buffers["xmat"][:, at.feet].reshape(num_robots, num_feet, 3, 3)
-        centre = buffers["xpos"][:, at.feet]
+        rotation = buffers["xmat"].take(at.feet, axis=1).reshape(num_robots, num_feet, 3, 3)
+        centre = buffers["xpos"].take(at.feet, axis=1)
         centre += np.matvec(rotation, at.centre)
         reference = centre - at.drop
         transport = (reference - com[:, None]) @ _TRANSPORT_ARM
@@ -118,12 +113,12 @@ class LiveTerms:
         jacobian = transport @ cdof.swapaxes(1, 2)[:, None]
         jacobian *= at.mask[:, None]
 
-        spatial = buffers["cvel"][:, at.feet]
+        spatial = buffers["cvel"].take(at.feet, axis=1)
         velocity = np.matvec(transport, spatial)
         bias = np.matvec(transport, at.mask @ (buffers["cdof_dot"] * qvel[:, :, None]))
         # omega × (velocity of the centre): the part of a point's acceleration that its spatial
         # acceleration leaves out.
-        spin = (velocity[..., 3:] @ _SKEW).reshape(num_robots, num_feet, 3, 3)
+        spin = skew(velocity[..., 3:])
         bias[..., :3] += np.matvec(spin, velocity[..., :3] + np.matvec(spin, at.drop))
 
         momentum = np.matvec(matrix[:, :3], qvel)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.dynamics.support import SupportFrame
 from fbid_gym.dynamics.terms import DynamicsTerms
 
 
@@ -30,6 +31,7 @@ class Outcome(NamedTuple):
     Attributes:
         state: at the end of the step.
         terms: dynamics at the end of the step.
+        frame: of the feet at the end of the step.
         torque: (N, n) N·m, on the last control tick.
         torque_square: (N,) mean of torque^2 over the joints and ticks of the step.
         power: (N,) W, mean over the ticks of the joints' summed |torque * velocity|.
@@ -37,6 +39,7 @@ class Outcome(NamedTuple):
 
     state: RobotState
     terms: DynamicsTerms
+    frame: SupportFrame
     torque: np.ndarray
     torque_square: np.ndarray
     power: np.ndarray

@@ -85,7 +85,7 @@ class EnvBatch:
         self._torque[ids] = 0.0
         self._forget(ids)
         zeros = np.zeros(self.num_envs)
-        outcome = Outcome(self._state(), self.simulation.terms(), self._torque, zeros, zeros)
+        outcome = self._outcome(self._torque, zeros, zeros)
         self._observation[ids] = self._observe(outcome)[ids]
 
     def observation(self) -> np.ndarray:
@@ -133,9 +133,7 @@ class EnvBatch:
         if lost.any():
             self._retire(np.flatnonzero(lost))
 
-        outcome = Outcome(
-            self._state(),
-            simulation.terms(),
+        outcome = self._outcome(
             torque,
             torque_square / (ticks * self.robot.num_joints),
             power / ticks,
@@ -161,6 +159,13 @@ class EnvBatch:
     def _state(self) -> RobotState:
         simulation = self.simulation
         return RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, self._tick)
+
+    def _outcome(
+        self, torque: np.ndarray, torque_square: np.ndarray, power: np.ndarray
+    ) -> Outcome:
+        terms = self.simulation.terms()
+        frame = self.task.support.frame(terms)
+        return Outcome(self._state(), terms, frame, torque, torque_square, power)
 
     def _observe(self, outcome: Outcome) -> np.ndarray:
         bound = self.task.observation_bound

@@ -151,8 +151,7 @@ class Balance:
 
     def observe(self, outcome: Outcome, plan: dict[str, np.ndarray]) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
-        robot, terms, state = self.robot, outcome.terms, outcome.state
-        frame = self.support.frame(terms)
+        robot, terms, state, frame = self.robot, outcome.terms, outcome.state, outcome.frame
         base = np.vecmat(terms.base_position - frame.centre, frame.rotation)
         return np.concatenate(
             [
@@ -178,8 +177,7 @@ class Balance:
             terms: name -> (N,), each in [0, its weight].
             metrics: name -> (N,) physical quantities for evaluation.
         """
-        robot, terms, state = self.robot, outcome.terms, outcome.state
-        frame = self.support.frame(terms)
+        robot, terms, state, frame = self.robot, outcome.terms, outcome.state, outcome.frame
         base = np.vecmat(terms.base_position - frame.centre, frame.rotation)
         command = self.command(plan, state.tick)
         error = base[:, 2] - command
@@ -187,15 +185,16 @@ class Balance:
         # 1 - cos(tilt) from the angle between the base's and the world's up direction at home.
         tilt = 1.0 - self._upright(terms.base_rotation)
         touching = state.contact_force[:, :, 2] > TOUCH * robot.weight
-        speed = np.linalg.norm(point_velocities(self.geometry, terms), axis=2)
+        velocity = point_velocities(self.geometry, terms)
+        speed = np.sqrt(np.vecdot(velocity, velocity))
         slip = (speed * touching).sum(axis=1) / np.maximum(touching.sum(axis=1), 1)
 
-        size = self.home_height  # lengths scale with the robot
+        motion, size = state.qvel[:, :6], self.home_height  # lengths scale with the robot
         share = {
             "height": _bell(error, 0.03 * size),
             "upright": np.exp(-tilt / (1.0 - np.cos(0.2))),
-            "position": _bell(np.linalg.norm(drift, axis=1), 0.06 * size),
-            "stillness": _bell(np.linalg.norm(state.qvel[:, :6], axis=1), 0.5),
+            "position": _bell(np.sqrt(np.vecdot(drift, drift)), 0.06 * size),
+            "stillness": _bell(np.sqrt(np.vecdot(motion, motion)), 0.5),
             "contact": touching.mean(axis=1) * _bell(slip, 0.1),
             "torque": _bell(np.sqrt(outcome.torque_square) / robot.torque_limit.mean(), 0.3),
         }
@@ -213,7 +212,7 @@ class Balance:
     def fallen(self, outcome: Outcome) -> np.ndarray:
         """Return which robots lie: (N,) bool."""
         terms = outcome.terms
-        height = terms.base_position[:, 2] - self.support.frame(terms).centre[:, 2]
+        height = terms.base_position[:, 2] - outcome.frame.centre[:, 2]
         low = height < FALLEN_HEIGHT * self.home_height
         return low | (self._upright(terms.base_rotation) < np.cos(np.radians(FALLEN_TILT)))
 
