@@ -33,7 +33,7 @@ class BalanceConfig:
     episode_seconds: float = 10.0
     """An episode is truncated after this time."""
     push_force: tuple[float, float] | None = None
-    """(least, most) N of a push. Default: 0.04 to 0.2 of the robot's weight."""
+    """(least, most) N of a push. Default: 0.04 to 0.36 of the robot's weight."""
     push_duration: float = 0.15
     """s."""
     push_interval: tuple[float, float] = (1.5, 3.0)
@@ -81,7 +81,7 @@ class BalanceConfig:
             raise InvalidValueError("episode_seconds", seconds, "at least one policy step, finite")
         force = self.push_force
         if force is None:
-            force = (0.04 * robot.weight, 0.2 * robot.weight)
+            force = (0.04 * robot.weight, 0.36 * robot.weight)
         return Balance(
             robot=robot,
             seconds=seconds,
