@@ -111,8 +111,10 @@ class BaseAcceleration:
             compensate_damping=compensate_damping,
         )
         support = Support.of(robot)
-        omega = 2.0 * np.pi * np.array(
-            [balance_frequency] * 2 + [height_frequency] + [rotation_frequency] * 3
+        omega = (
+            2.0
+            * np.pi
+            * np.array([balance_frequency] * 2 + [height_frequency] + [rotation_frequency] * 3)
         )
         posture = 2.0 * np.pi * posture_frequency
         return cls(
@@ -173,7 +175,7 @@ class BaseAcceleration:
         rate[:, 2] = velocity[:, 2]
         desired = frame.rotation @ support.home_base_rotation
         turn = terms.base_rotation.swapaxes(1, 2) @ desired
-        error[:, 3:] = turn.reshape(num_robots, 9) @ _AXIAL
+        error[:, 3:] = np.vecmat(turn.reshape(num_robots, 9), _AXIAL)  # rows round as if alone
         rate[:, 3:] = velocity[:, 3:6]
 
         base = self.stiffness * error - self.damping * rate + self.scale * action

@@ -15,12 +15,8 @@ BUFFERS = ("M", "qfrc_bias", "cdof", "cdof_dot", "cvel", "subtree_com", "xpos", 
 
 # _TRANSPORT + r @ _TRANSPORT_ARM is the 6×6 matrix that takes a spatial velocity [angular; linear
 # at c] to [linear at c + r; angular]: both MuJoCo's order and its reference point are left behind.
-_TRANSPORT = np.zeros((6, 6))
-_TRANSPORT[:3, 3:] = _TRANSPORT[3:, :3] = np.eye(3)
-_TRANSPORT_ARM = np.zeros((3, 6, 6))
-_TRANSPORT_ARM[:, :3, :3] = -skew(np.eye(3))
-_TRANSPORT = _TRANSPORT.reshape(36)
-_TRANSPORT_ARM = _TRANSPORT_ARM.reshape(3, 36)
+_TRANSPORT = np.roll(np.eye(6), 3, axis=0).reshape(36)
+_TRANSPORT_ARM = np.pad(-skew(np.eye(3)), [(0, 0), (0, 3), (0, 3)]).reshape(3, 36)
 
 
 @dataclass(frozen=True)
@@ -180,9 +176,7 @@ class MuJoCoDynamics:
         return self._live()
 
 
-def check_states(
-    robot: Robot, qpos: np.ndarray, qvel: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def check_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the states as float arrays, or raise one error that names what is wrong."""
     qpos, qvel = np.asarray(qpos, dtype=float), np.asarray(qvel, dtype=float)
     if qpos.ndim != 2 or qpos.shape[1] != robot.nq:

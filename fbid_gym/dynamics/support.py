@@ -92,8 +92,9 @@ class Support:
         """Return the level frame of the feet of N robots."""
         num_robots = len(terms.foot_position)
         centre = self.centre @ terms.foot_position
-        heading = terms.foot_position.reshape(num_robots, -1) @ self.by_position
-        heading += terms.foot_rotation.reshape(num_robots, -1) @ self.by_rotation
+        # vecmat and not @: it rounds each robot's row the same, however many robots there are.
+        heading = np.vecmat(terms.foot_position.reshape(num_robots, -1), self.by_position)
+        heading += np.vecmat(terms.foot_rotation.reshape(num_robots, -1), self.by_rotation)
         # A layout with no extent (one point) has no heading of its own: keep the world's.
         heading[:, 0] += 1e-12
         heading /= np.sqrt(np.vecdot(heading, heading))[:, None]

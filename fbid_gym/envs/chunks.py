@@ -85,7 +85,10 @@ class Chunks:
 
 
 def _joined(steps: list[Step]) -> Step:
-    arrays = [np.concatenate(parts) for parts in zip(*(step[:4] for step in steps), strict=True)]
-    names = steps[0].info
-    info = {name: np.concatenate([step.info[name] for step in steps]) for name in names}
-    return Step(*arrays, info=info)
+    return Step(
+        observation=np.concatenate([step.observation for step in steps]),
+        reward=np.concatenate([step.reward for step in steps]),
+        terminated=np.concatenate([step.terminated for step in steps]),
+        truncated=np.concatenate([step.truncated for step in steps]),
+        info={name: np.concatenate([step.info[name] for step in steps]) for name in steps[0].info},
+    )

@@ -56,8 +56,10 @@ class BalanceConfig:
         for name in arguments:
             if name not in names:
                 close = difflib.get_close_matches(name, names, n=1)
-                kind = f"environment argument (did you mean {close[0]!r}?)" if close else (
-                    "environment argument"
+                kind = (
+                    f"environment argument (did you mean {close[0]!r}?)"
+                    if close
+                    else ("environment argument")
                 )
                 raise UnknownOptionError(kind, name, names)
         return cls(**arguments)
@@ -86,9 +88,13 @@ class BalanceConfig:
             robot=robot,
             seconds=seconds,
             hz=rates.control,
-            pushes=Pushes(tuple(force), self.push_duration, tuple(self.push_interval)),
-            height_range=tuple(self.height_range),
-            height_interval=tuple(self.height_interval),
+            pushes=Pushes(
+                _pair("push_force", force),
+                self.push_duration,
+                _pair("push_interval", self.push_interval),
+            ),
+            height_range=_pair("height_range", self.height_range),
+            height_interval=_pair("height_interval", self.height_interval),
             joint_noise=self.joint_noise,
             velocity_noise=self.velocity_noise,
         )
@@ -99,7 +105,18 @@ class BalanceConfig:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the configuration as plain data; a robot of the user's by its name."""
-        data = asdict(self) if isinstance(self.robot, str) else {
-            field.name: getattr(self, field.name) for field in fields(self)
-        }
+        data = (
+            asdict(self)
+            if isinstance(self.robot, str)
+            else {field.name: getattr(self, field.name) for field in fields(self)}
+        )
         return data | {"robot": self.robot if isinstance(self.robot, str) else self.robot.name}
+
+
+def _pair(name: str, value: Any) -> tuple[float, float]:
+    """A pair as a tuple: JSON and command lines bring lists."""
+    try:
+        least, most = (float(number) for number in value)
+    except (TypeError, ValueError):
+        raise InvalidValueError(name, value, "a pair of numbers (least, most)") from None
+    return least, most

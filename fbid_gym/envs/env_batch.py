@@ -65,9 +65,7 @@ class EnvBatch:
         self._fresh_memory = self.layer.memory(num_envs)
         self._tick = np.zeros(num_envs, np.int64)
         self._torque = np.zeros((num_envs, self.robot.num_joints))
-        self._observation = np.zeros(
-            (num_envs, len(self.task.observation_names)), np.float32
-        )
+        self._observation = np.zeros((num_envs, len(self.task.observation_names)), np.float32)
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
         """Give one environment a random generator of its own."""
@@ -153,16 +151,15 @@ class EnvBatch:
         info["contact_force"] = self._state().contact_force.copy()
         info["layer_saturation"] = (np.abs(torque) >= limit).mean(axis=1)
         info |= {f"layer_{name}": self._memory[name].copy() for name in self.layer.diagnostics}
-        info["termination"] = np.where(lost, "diverged", np.where(fallen, "fall", "")).astype(object)
+        reason = np.where(lost, "diverged", np.where(fallen, "fall", ""))
+        info["termination"] = reason.astype(object)
         return Step(self._observation.copy(), reward, terminated, truncated, info)
 
     def _state(self) -> RobotState:
         simulation = self.simulation
         return RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, self._tick)
 
-    def _outcome(
-        self, torque: np.ndarray, torque_square: np.ndarray, power: np.ndarray
-    ) -> Outcome:
+    def _outcome(self, torque: np.ndarray, torque_square: np.ndarray, power: np.ndarray) -> Outcome:
         terms = self.simulation.terms()
         frame = self.task.support.frame(terms)
         return Outcome(self._state(), terms, frame, torque, torque_square, power)
@@ -202,9 +199,7 @@ class EnvBatch:
         self._memory = {k: v.copy() for k, v in _under("memory", state).items()}
         self._tick, self._torque = state["tick"].copy(), state["torque"].copy()
         self._observation = state["observation"].copy()
-        for rng, saved in zip(
-            self._rngs, json.loads(state["generators"].tobytes()), strict=True
-        ):
+        for rng, saved in zip(self._rngs, json.loads(state["generators"].tobytes()), strict=True):
             rng.bit_generator.state = saved
 
 

@@ -35,7 +35,10 @@ class RobotRenderer:
         self._data.qpos[:], self._data.qvel[:] = simulation.qpos[env], simulation.qvel[env]
         mujoco.mj_forward(self._model, self._data)
         force = simulation.batch.xfrc_applied[env, self._batch.robot.base_body, :3]
-        return self._frame(force) if self._mode == "rgb_array" else self._show(force)
+        if self._mode == "human":
+            self._show(force)
+            return None
+        return self._frame(force)
 
     def _frame(self, force: np.ndarray) -> np.ndarray:
         if self._renderer is None:
@@ -85,9 +88,7 @@ class RobotRenderer:
         mujoco.mjv_initGeom(
             arrow, mujoco.mjtGeom.mjGEOM_ARROW, np.zeros(3), np.zeros(3), np.zeros(9), _ARROW_COLOUR
         )
-        mujoco.mjv_connector(
-            arrow, mujoco.mjtGeom.mjGEOM_ARROW, _ARROW_WIDTH * height, start, end
-        )
+        mujoco.mjv_connector(arrow, mujoco.mjtGeom.mjGEOM_ARROW, _ARROW_WIDTH * height, start, end)
         scene.ngeom += 1
 
     def close(self) -> None:

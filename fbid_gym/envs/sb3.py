@@ -13,7 +13,7 @@ from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import BalanceConfig
 from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
 from fbid_gym.envs.vector_env import spaces
-from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
 
 
 class SB3VecEnv(VecEnv):
@@ -36,7 +36,10 @@ class SB3VecEnv(VecEnv):
         check_render_mode(render_mode)
         self.chunks = Chunks(config, num_envs, num_threads)
         self.render_mode = render_mode
-        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": config.rates().policy}
+        self.metadata: dict[str, Any] = {
+            "render_modes": list(RENDER_MODES),
+            "render_fps": config.rates().policy,
+        }
         first = self.chunks.batches[0]
         super().__init__(num_envs, *spaces(first.task, first.layer))
         self.last_info: dict[str, np.ndarray] = {}
@@ -63,6 +66,8 @@ class SB3VecEnv(VecEnv):
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Step, and reset the environments whose episode ended."""
+        if self._actions is None:
+            raise FbidError("step_wait() without step_async(actions).")
         step = self.chunks.step(self._actions)
         self.last_info = step.info
         self._returns += step.reward

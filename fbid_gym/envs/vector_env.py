@@ -129,10 +129,12 @@ class BalanceVectorEnv(VectorEnv):
             return None
         if not self._renderers:
             self._renderers = [RobotRenderer(b, self.render_mode) for b in self.chunks.batches]
-        frames = []
-        for renderer, part in zip(self._renderers, self.chunks.slices, strict=True):
-            frames += [renderer.render(env) for env in range(part.stop - part.start)]
-        return tuple(frames) if self.render_mode == "rgb_array" else None
+        frames = [
+            renderer.render(env)
+            for renderer, part in zip(self._renderers, self.chunks.slices, strict=True)
+            for env in range(part.stop - part.start)
+        ]
+        return tuple(frame for frame in frames if frame is not None) or None
 
     def close_extras(self, **kwargs: Any) -> None:
         """Stop the threads, close the windows."""

@@ -218,7 +218,7 @@ class Balance:
 
     def _upright(self, rotation: np.ndarray) -> np.ndarray:
         """Cosine of the angle between the base's up direction and the vertical: (N,)."""
-        return rotation[:, 2] @ self.support.home_base_rotation[2]
+        return np.vecdot(rotation[:, 2], self.support.home_base_rotation[2])
 
 
 def _bell(value: np.ndarray, scale: float) -> np.ndarray:
