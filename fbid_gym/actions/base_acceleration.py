@@ -32,12 +32,12 @@ class BaseAcceleration:
         linear, x and y:  w^2 (home - centre of mass) - 2 zeta w (its velocity)
         linear, z:        w^2 (home - base height)    - 2 zeta w (its velocity)
         angular:          w^2 (rotation error)        - 2 zeta w (angular velocity), base frame
-        joints:           w^2 (home - q)              - 2 zeta w qdot, in the null space of the above
+        joints:           w^2 (home - q)              - 2 zeta w qdot, in the null space
 
-    The scale of the action is what the contacts can do: horizontally the acceleration that moves the
-    centre of pressure from below the centre of mass to the nearest edge of the support polygon,
-    g * margin / height, but no more than friction allows; vertically half of gravity; for tilting the
-    moment that the same shift gives, for turning the moment of friction, on the home inertia.
+    The scale of the action is what the contacts can do: horizontally the acceleration that moves
+    the centre of pressure from below the centre of mass to the nearest edge of the support polygon,
+    g * margin / height, but no more than friction allows; vertically half of gravity; for tilting
+    the moment that the same shift gives, for turning that of friction, on the home inertia.
 
     Attributes:
         law: from acceleration to torque.

@@ -19,7 +19,7 @@ class JointPosition:
 
     Attributes:
         robot: whose joints.
-        hold: (n,) N·m that keep the home stance in equilibrium, so that the zero action rests there.
+        hold: (n,) N·m that keep the home stance in equilibrium: the zero action rests there.
         stiffness: (n,) N·m/rad.
         damping: (n,) N·m·s/rad.
         scale: rad (m for slides) at action 1.

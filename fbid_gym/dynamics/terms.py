@@ -6,13 +6,13 @@ import numpy as np
 
 
 class DynamicsTerms(NamedTuple):
-    """The terms of `M vdot + h = S^T tau + J^T lambda` ([M10] eq. 2) and the frames that go with it.
+    """The terms of `M vdot + h = S^T tau + J^T lambda` ([M10] eq. (2)) and the frames beside it.
 
     Coordinates are MuJoCo's, base first: v = [base linear velocity (world), base angular velocity
     (base frame), joint velocities]. N robots, nv = 6 + n coordinates, F feet.
 
-    A foot's *reference* is the centre of its contact points, fixed in the foot's body, lowered along
-    the world's vertical by the radius of its contact spheres (0 for contact sites). For a spherical
+    A foot's *reference* is the centre of its contact points, fixed in the foot's body, lowered
+    along the world's vertical by the radius of its contact spheres (0 for contact sites). For a spherical
     foot this is the point that touches level ground, and it rolls: its offset from the sphere's
     centre stays vertical, so `foot_bias` holds that offset fixed in the world.
 

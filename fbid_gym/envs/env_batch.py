@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fbid_gym.dynamics.state import Outcome, RobotState
-from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.envs.config import BalanceConfig
 from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
