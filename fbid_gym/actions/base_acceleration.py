@@ -47,6 +47,8 @@ class BaseAcceleration:
         posture_stiffness: w^2 of the joints, 1/s^2.
         posture_damping: 2 zeta w of the joints, 1/s.
         scale: (6,) m/s^2 and rad/s^2 at action 1.
+        home: (6,) m, where the controlled point (centre of mass in x and y, base in z) rests in the
+            support frame; zeros for the rotation.
     """
 
     law: AccelerationLaw
@@ -56,6 +58,7 @@ class BaseAcceleration:
     posture_stiffness: float
     posture_damping: float
     scale: np.ndarray
+    home: np.ndarray
 
     @classmethod
     def of(
@@ -125,6 +128,7 @@ class BaseAcceleration:
             posture_stiffness=posture**2,
             posture_damping=2.0 * damping_ratio * posture,
             scale=_scale(robot, support, friction),
+            home=np.array([*support.home_com[:2], support.home_base[2], 0.0, 0.0, 0.0]),
         )
 
     @property
@@ -165,25 +169,20 @@ class BaseAcceleration:
         support, velocity = self.support, state.qvel
         frame = support.frame(terms)
         num_robots = len(velocity)
+        rate = np.concatenate([terms.com_velocity[:, :2], velocity[:, 2:6]], axis=1)
+        point = terms.com - frame.centre
+        point[:, 2] += terms.base_position[:, 2] - terms.com[:, 2]
+        turn = terms.base_rotation.swapaxes(1, 2) @ (frame.rotation @ support.home_base_rotation)
 
-        # Errors of the linear part in the support frame, then of the angular part in the base's.
-        error, rate = np.empty((num_robots, 6)), np.empty((num_robots, 6))
-        com = np.vecmat(terms.com - frame.centre, frame.rotation)
-        error[:, :3] = support.home_com - com
-        error[:, 2] = support.home_base[2] - (terms.base_position - frame.centre)[:, 2]
-        rate[:, :3] = np.vecmat(terms.com_velocity, frame.rotation)
-        rate[:, 2] = velocity[:, 2]
-        desired = frame.rotation @ support.home_base_rotation
-        turn = terms.base_rotation.swapaxes(1, 2) @ desired
-        error[:, 3:] = np.vecmat(turn.reshape(num_robots, 9), _AXIAL)  # rows round as if alone
-        rate[:, 3:] = velocity[:, 3:6]
-
-        base = self.stiffness * error - self.damping * rate + self.scale * action
+        # The gains are the same along x and y, so they commute with the turn about the vertical
+        # from the support frame to the world.
+        push = self.stiffness * self.home + self.scale * action
         out = np.empty_like(velocity)
-        out[:, :3] = np.matvec(frame.rotation, base[:, :3])
-        out[:, 3:6] = base[:, 3:]
-        out[:, 6:] = self.posture_stiffness * (self.law.robot.home_qpos[7:] - state.qpos[:, 7:])
-        out[:, 6:] -= self.posture_damping * velocity[:, 6:]
+        out[:, :3] = np.matvec(frame.rotation, push[:, :3]) - self.stiffness[:3] * point
+        out[:, 3:6] = push[:, 3:] + self.stiffness[3:] * (turn.reshape(num_robots, 9) @ _AXIAL)
+        out[:, :6] -= self.damping * rate
+        error = self.law.robot.home_qpos[7:] - state.qpos[:, 7:]
+        out[:, 6:] = self.posture_stiffness * error - self.posture_damping * velocity[:, 6:]
         return out
 
 

@@ -30,8 +30,8 @@ class _Layout:
     mask: np.ndarray  # (F, nv) 1 where the coordinate moves the foot
     sparse: np.ndarray  # (nv * nv,) for each entry of M, its place in MuJoCo's sparse M
     present: np.ndarray  # (nv * nv,) 1 where M can be nonzero
-    base_armature: np.ndarray  # (3,) armature on the base's translation
-    members: np.ndarray  # (B,) ids of the robot's bodies
+    base_armature: np.ndarray | None  # (3,) armature on the base's translation, if any
+    members: np.ndarray  # (B,) 1 for the robot's bodies, 0 for others
     mass: float
 
     @classmethod
@@ -59,8 +59,8 @@ class _Layout:
             mask=mask,
             sparse=sparse.ravel(),
             present=present.ravel(),
-            base_armature=model.dof_armature[:3].copy(),
-            members=np.flatnonzero(model.body_rootid == robot.base_body),
+            base_armature=model.dof_armature[:3].copy() if model.dof_armature[:3].any() else None,
+            members=(model.body_rootid == robot.base_body).astype(float),
             mass=robot.mass,
         )
 
@@ -118,7 +118,8 @@ class LiveTerms:
         bias[..., :3] += np.matvec(spin, velocity[..., :3] + np.matvec(spin, at.drop))
 
         momentum = np.matvec(matrix[:, :3], qvel)
-        momentum -= at.base_armature * qvel[:, :3]
+        if at.base_armature is not None:
+            momentum -= at.base_armature * qvel[:, :3]
         return DynamicsTerms(
             mass_matrix=matrix,
             bias=buffers["qfrc_bias"].copy(),
@@ -138,7 +139,7 @@ class LiveTerms:
         masses = self._batch.expanded("body_mass")
         if masses is None:
             return self._layout.mass
-        return masses[:, self._layout.members].sum(axis=1, keepdims=True)
+        return np.vecdot(masses, self._layout.members)[:, None]
 
 
 class MuJoCoDynamics:

@@ -10,6 +10,10 @@ from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.robots import Robot
 
+# (cosine, sine) @ _HEADING + _UP is the rotation about the vertical, row by row.
+_HEADING = np.array([[1.0, 0, 0, 0, 1, 0, 0, 0, 0], [0.0, -1, 0, 1, 0, 0, 0, 0, 0]])
+_UP = np.array([0.0, 0, 0, 0, 0, 0, 0, 0, 1])
+
 
 class SupportFrame(NamedTuple):
     """The level frame of N robots' feet.
@@ -98,9 +102,5 @@ class Support:
         # A layout with no extent (one point) has no heading of its own: keep the world's.
         heading[:, 0] += 1e-12
         heading /= np.sqrt(np.vecdot(heading, heading))[:, None]
-        rotation = np.zeros((num_robots, 3, 3))
-        rotation[:, 0, 0] = rotation[:, 1, 1] = heading[:, 0]
-        rotation[:, 1, 0] = heading[:, 1]
-        rotation[:, 0, 1] = -heading[:, 1]
-        rotation[:, 2, 2] = 1.0
+        rotation = (heading @ _HEADING + _UP).reshape(num_robots, 3, 3)
         return SupportFrame(centre, rotation)

@@ -12,9 +12,9 @@ class DynamicsTerms(NamedTuple):
     (base frame), joint velocities]. N robots, nv = 6 + n coordinates, F feet.
 
     A foot's *reference* is the centre of its contact points, fixed in the foot's body, lowered
-    along the world's vertical by the radius of its contact spheres (0 for contact sites). For a spherical
-    foot this is the point that touches level ground, and it rolls: its offset from the sphere's
-    centre stays vertical, so `foot_bias` holds that offset fixed in the world.
+    along the world's vertical by the radius of its contact spheres (0 for contact sites). For a
+    spherical foot this is the point that touches level ground, and it rolls: its offset from the
+    sphere's centre stays vertical, so `foot_bias` holds that offset fixed in the world.
 
     Attributes:
         mass_matrix: (N, nv, nv), with the joints' armature.
