@@ -21,8 +21,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.control.arrays import Array, check_shape, constant, namespace
-from fbid_gym.control.dual_newton import DualProblem, DualSolution, evaluate, solve_dual
+from fbid_gym.control.arrays import Array, check_shape, namespace
+from fbid_gym.control.dual_newton import (
+    DualProblem,
+    DualSolution,
+    evaluate,
+    solve_dual,
+    sticking_forces,
+)
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 REGULARISATION = 1e-4
@@ -157,23 +163,39 @@ def limited_contact_forces(
 
 def wrench_scale(length: float, wrench_cost: tuple[float, ...] | None, like: Array) -> Array:
     """(6,) factors that turn N and N m into N whose squares are comparable."""
+    return _wrench_scale(length, wrench_cost, namespace(like), like.dtype, like.device)
+
+
+@lru_cache(maxsize=256)
+def _wrench_scale(
+    length: float, wrench_cost: tuple[float, ...] | None, xp: ModuleType, dtype: Any, device: Any
+) -> Array:
     cost = (1.0,) * 6 if wrench_cost is None else tuple(wrench_cost)
+    for name, value, size in (("length", (length,), 1), ("wrench_cost", cost, 6)):
+        if len(value) != size or not all(0.0 < x < np.inf for x in value):
+            raise InvalidValueError(name, value, f"{size} positive, finite numbers")
     arms = (1.0, 1.0, 1.0, length, length, length)
-    return constant(tuple(c**0.5 / arm for c, arm in zip(cost, arms, strict=True)), like)
+    scale = [c**0.5 / arm for c, arm in zip(cost, arms, strict=True)]
+    return xp.asarray(scale, dtype=dtype, device=device)
 
 
 def check_contact_options(
     limits: ContactLimits, active: Array | None, warm_start: Array | None, count: int, points: int
 ) -> None:
     """Raise ShapeError unless limits, mask and warm start fit (N, P)."""
-    for name in ("friction", "min_normal_force", "max_normal_force"):
-        shape = getattr(limits, name).shape
-        if shape not in ((), (1,), (points,), (1, points), (count, 1), (count, points)):
-            raise ShapeError(name, shape, f"a number, (P,) or (N, P) = {(count, points)}")
+    _check_limits(limits, count, points)
     if active is not None:
         check_shape("active", active, (count, points), "(N, P)")
     if warm_start is not None:
         check_shape("warm_start", warm_start, (count, 6), "(N, 6)")
+
+
+@lru_cache(maxsize=256)
+def _check_limits(limits: ContactLimits, count: int, points: int) -> None:
+    for name in ("friction", "min_normal_force", "max_normal_force"):
+        shape = getattr(limits, name).shape
+        if shape not in ((), (1,), (points,), (1, points), (count, 1), (count, points)):
+            raise ShapeError(name, shape, f"a number, (P,) or (N, P) = {(count, points)}")
 
 
 @lru_cache(maxsize=256)
@@ -244,6 +266,13 @@ def solve_contact_forces(
     friction, share, lowest, highest = _limit_arrays(limits, xp, wrench.dtype, wrench.device)
     if active is not None:
         lowest, highest = xp.where(active, lowest, 0.0), xp.where(active, highest, 0.0)
+    force, dual, sticks = sticking_forces(wrench_map, wrench, friction, lowest, highest)
+    kind = {"dtype": wrench.dtype, "device": wrench.device}
+    missing = xp.zeros(wrench.shape, **kind)
+    if sticks.all():
+        iterations = xp.zeros(sticks.shape, dtype=xp.int64, device=wrench.device)
+        return ContactForces(force, missing, missing[:, 0], iterations, dual)
+    rows = xp.nonzero(~sticks)[0]
     problem = DualProblem(
         wrench_map,
         wrench,
@@ -254,12 +283,15 @@ def solve_contact_forces(
         (tolerance * weight) ** 2,
         regularisation,
     )
-    start = xp.zeros_like(wrench) if warm_start is None else warm_start
+    start = xp.zeros(wrench.shape, **kind) if warm_start is None else warm_start
+    problem, start = problem.rows(rows), start[rows]
     solution = solve_dual(problem, start, max_iterations)
     unsolved = solution.error > problem.tolerance
     if unsolved.any():
-        rows = xp.nonzero(unsolved)[0]
-        solution.write(rows, _persist(problem.rows(rows), start[rows], max_iterations))
-    force, missing = solution.force, solution.missing
+        hard = xp.nonzero(unsolved)[0]
+        solution.write(hard, _persist(problem.rows(hard), start[hard], max_iterations))
+    force[rows], missing[rows], dual[rows] = solution.force, solution.missing, solution.dual
+    iterations = xp.zeros(sticks.shape, dtype=xp.int64, device=wrench.device)
+    iterations[rows] = solution.iterations
     residual = xp.sqrt(xp.vecdot(missing, missing)) / weight
-    return ContactForces(force, missing, residual, solution.iterations, solution.dual)
+    return ContactForces(force, missing, residual, iterations, dual)

@@ -12,6 +12,7 @@ from fbid_gym.control.arrays import Array, constant, identity, namespace
 _SLOPE_REDUCTION = 0.5
 _STEPS = (0.0, 0.004, 0.016, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 6.0)
 _LINE_SEARCH_EVALUATIONS = 3
+_FAINT = 1e-9  # regularisation that costs no accuracy but keeps a matrix regular
 _TINY = 1e-150  # keeps the direction of a zero tangential force defined
 
 
@@ -93,6 +94,37 @@ def project(
     return force, slide, cone, ratio
 
 
+def sticking_forces(
+    maps: Array, wrench: Array, friction: Array, lowest: Array, highest: Array
+) -> tuple[Array, Array, Array]:
+    """The smallest forces that deliver a wrench exactly, and whether they are within the limits.
+
+    Args:
+        maps: (N, 6, 3 P).
+        wrench: (N, 6).
+        friction: broadcasts to (N, P), as the next two.
+        lowest: N, least normal force.
+        highest: N, greatest normal force.
+
+    Returns:
+        Force (N, P, 3), dual (N, 6), and (N,) bool: they deliver it, and every point sticks.
+    """
+    xp = namespace(wrench)
+    count, _, columns = maps.shape
+    gram = maps @ maps.mT + identity(6, maps, _FAINT)
+    dual = xp.linalg.solve(gram, wrench[..., None])[..., 0]
+    force = (dual[:, None, :] @ maps).reshape(count, columns // 3, 3)
+    normal = force[..., 2]
+    within = (
+        (xp.hypot(force[..., 0], force[..., 1]) <= friction * normal)
+        & (normal >= lowest)
+        & (normal <= highest)
+    )
+    # What is missing is _FAINT * dual: all that no force can deliver, else nothing.
+    delivered = xp.vecdot(dual, dual) <= (1e-6 / _FAINT) ** 2 * xp.vecdot(wrench, wrench)
+    return force, dual, xp.all(within, axis=-1) & delivered
+
+
 def evaluate(problem: DualProblem, dual: Array) -> DualPoint:
     """Forces and optimality condition at a dual point (N, 6)."""
     maps = problem.wrench_map
@@ -121,12 +153,7 @@ def hessian_at(problem: DualProblem, point: DualPoint) -> Array:
     factors = xp.concat([factor, factor, passes], axis=-1).reshape(count, 1, columns)
     hessian = (maps * factors) @ maps.mT + identity(6, maps, problem.regularisation)
     slides = (ratio < 1.0) & (normal > 0.0)
-    if slides.any():
-        rows = xp.nonzero(xp.any(slides, axis=-1))[0]
-        if rows.shape[0] == count:
-            return hessian + _sliding(problem, point, slides)
-        hessian[rows] += _sliding(problem.rows(rows), point.rows(rows), slides[rows])
-    return hessian
+    return hessian + _sliding(problem, point, slides) if slides.any() else hessian
 
 
 def _sliding(problem: DualProblem, point: DualPoint, slides: Array) -> Array:

@@ -21,12 +21,13 @@ Velocities are base first, v = [base (6), joints (n)], nv = 6 + n; M, h, J and a
 the same coordinates. k counts the rows of J; all-zero rows and k = 0 are fine (flight).
 """
 
-from typing import NamedTuple
+from functools import lru_cache
+from types import ModuleType
+from typing import Any, NamedTuple
 
 from fbid_gym.control.arrays import (
     Array,
     check_shape,
-    constant,
     diagonal,
     identity,
     matvec,
@@ -306,17 +307,21 @@ def limited_inverse_dynamics(
         check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
     check_contact_options(limits, active, warm_start, count, columns // 3)
 
-    xp = namespace(jacobian)
-    base_rows = mass_matrix[:, :6, :]
-    response, acceleration = _free_motion(
-        base_rows, jacobian, acceleration, jacobian_bias, base_priority
+    inverse_metric = _inverse_metric(base_priority, velocities, jacobian)
+    acceleration = (
+        acceleration
+        - _held(
+            jacobian, inverse_metric, (matvec(jacobian, acceleration) + jacobian_bias)[..., None]
+        )[..., 0]
     )
+
+    xp = namespace(jacobian)
     scale = wrench_scale(length, wrench_cost, jacobian)
     base_jacobian = (jacobian[:, :, :6] * scale).mT
     mass = mass_matrix[:, 0, 0]
     forces = solve_contact_forces(
         base_jacobian if point_map is None else base_jacobian @ point_map,
-        (matvec(base_rows, acceleration) + bias[:, :6]) * scale,
+        (matvec(mass_matrix[:, :6, :], acceleration) + bias[:, :6]) * scale,
         limits,
         weight=_GRAVITY * mass,
         active=active,
@@ -325,14 +330,19 @@ def limited_inverse_dynamics(
         tolerance=tolerance,
         max_iterations=max_iterations,
     )
+    missing = forces.residual != 0.0
+    if missing.any():
+        yielding = xp.nonzero(missing)[0]
+        acceleration[yielding] += _response(
+            mass_matrix[yielding, :6, :],
+            jacobian[yielding],
+            inverse_metric,
+            forces.wrench[yielding] / scale,
+            length,
+        )
+
     stacked = forces.force.reshape(count, columns)
     contact_force = stacked if point_map is None else matvec(point_map, stacked)
-
-    arms = (1.0, 1.0, 1.0, length**2, length**2, length**2)
-    ridge = (_RESPONSE_RIDGE * mass * mass)[:, None, None] * diagonal(arms, jacobian)
-    inertia = base_rows @ response + ridge
-    change = xp.linalg.solve(inertia, (forces.wrench / scale)[..., None])
-    acceleration = acceleration + (response @ change)[..., 0]
     joint_force = matvec(mass_matrix[:, 6:, :], acceleration) + bias[:, 6:]
     torque = joint_force - matvec(jacobian[:, :, 6:].mT, contact_force)
     return LimitedInverseDynamics(
@@ -346,44 +356,49 @@ def limited_inverse_dynamics(
     )
 
 
-def _free_motion(
-    base_rows: Array,
-    jacobian: Array,
-    acceleration: Array,
-    jacobian_bias: Array,
-    base_priority: float,
-) -> tuple[Array, Array]:
-    """`free_response` and `consistent_acceleration` from one linear solve.
+def _held(jacobian: Array, inverse_metric: Array | None, motion: Array) -> Array:
+    """Least accelerations (N, nv, m) that move the contacts by `motion` (N, k, m).
 
-    A ridge replaces the pseudo-inverse: neither result depends on the part of the solution that J^T
+    A ridge replaces the pseudo-inverse: nothing here depends on the part of the solution that J^T
     annihilates.
     """
     xp = namespace(jacobian)
-    _check_priority(base_priority)
-    rows = jacobian.shape[1]
-    columns = xp.concat([jacobian.mT, base_rows.mT, acceleration[..., None]], axis=-1)
-    if base_priority != 1.0:
-        columns[:, :6, : rows + 6] *= 1.0 / base_priority
-    products = jacobian @ columns
-    products[..., rows + 6] += jacobian_bias
-    gram = products[..., :rows] + identity(rows, jacobian, _RIDGE)
-    held = columns[..., :rows] @ xp.linalg.solve(gram, products[..., rows:])
-    motions = columns[..., rows:] - held
-    return motions[..., :6], motions[..., 6]
+    weighted = jacobian if inverse_metric is None else jacobian * inverse_metric
+    gram = weighted @ jacobian.mT + identity(jacobian.shape[1], jacobian, _RIDGE)
+    return weighted.mT @ xp.linalg.solve(gram, motion)
+
+
+def _response(
+    base_rows: Array, jacobian: Array, inverse_metric: Array | None, wrench: Array, length: float
+) -> Array:
+    """Least change of acceleration (N, nv) that keeps the contacts and changes the base wrench.
+
+    With P the projector of `free_response`, that is P M_b^T (M_b P M_b^T)^-1 wrench.
+    """
+    xp = namespace(jacobian)
+    columns = base_rows.mT if inverse_metric is None else inverse_metric[:, None] * base_rows.mT
+    response = columns - _held(jacobian, inverse_metric, jacobian @ columns)
+    mass = base_rows[:, 0, 0]
+    arms = (1.0, 1.0, 1.0, length**2, length**2, length**2)
+    ridge = (_RESPONSE_RIDGE * mass * mass)[:, None, None] * diagonal(arms, jacobian)
+    return (response @ xp.linalg.solve(base_rows @ response + ridge, wrench[..., None]))[..., 0]
 
 
 def _inverse_metric(base_priority: float, velocities: int, like: Array) -> Array | None:
     """(nv,) diagonal of the inverse metric of accelerations; None stands for ones."""
-    _check_priority(base_priority)
     if base_priority == 1.0:
         return None
-    return constant((1.0 / base_priority,) * 6 + (1.0,) * (velocities - 6), like)
+    return _metric_array(base_priority, velocities, namespace(like), like.dtype, like.device)
 
 
-def _check_priority(base_priority: float) -> None:
-    """Raise InvalidValueError unless the priority is a positive number."""
+@lru_cache(maxsize=64)
+def _metric_array(
+    base_priority: float, velocities: int, xp: ModuleType, dtype: Any, device: Any
+) -> Array:
     if not 0.0 < base_priority < float("inf"):
         raise InvalidValueError("base_priority", base_priority, "a positive, finite number")
+    entries = [1.0 / base_priority] * 6 + [1.0] * (velocities - 6)
+    return xp.asarray(entries, dtype=dtype, device=device)
 
 
 def _check_dynamics(

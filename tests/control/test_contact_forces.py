@@ -1,5 +1,6 @@
-"""Limited contact forces against Clarabel, their optimality conditions, and the projection's laws."""
+"""Limited contact forces against Clarabel, optimality conditions, and the projection's laws."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import clarabel
@@ -60,12 +61,13 @@ def reference(
     friction: np.ndarray,
     lowest: np.ndarray,
     highest: np.ndarray,
-) -> np.ndarray:
-    """Forces (P, 3) of one robot by Clarabel's interior point method; limits (P,)."""
+    regularisation: float = REGULARISATION,
+) -> tuple[np.ndarray, Callable[[np.ndarray], float]]:
+    """Forces (P, 3) of one robot by Clarabel, and the cost it minimises; limits (P,)."""
     points = len(friction)
     scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
     maps, target = wrench_map * scale[:, None], wrench * scale / WEIGHT
-    quadratic = sparse.triu(maps.T @ maps + REGULARISATION * np.eye(3 * points), format="csc")
+    quadratic = sparse.triu(maps.T @ maps + regularisation * np.eye(3 * points), format="csc")
     rows, offsets, cones = [], [], []
     for i in range(points):
         normal = np.zeros(3 * points)
@@ -92,8 +94,13 @@ def reference(
         cones,
         settings,
     ).solve()
-    assert "Solved" in str(solution.status)
-    return np.array(solution.x).reshape(points, 3) * WEIGHT
+    assert str(solution.status) in ("Solved", "AlmostSolved")
+
+    def cost(force: np.ndarray) -> float:
+        error = maps @ force.ravel() / WEIGHT - target
+        return 0.5 * float(error @ error + regularisation * np.sum((force / WEIGHT) ** 2))
+
+    return np.array(solution.x).reshape(points, 3) * WEIGHT, cost
 
 
 def assert_feasible(
@@ -131,30 +138,60 @@ def test_equals_clarabel(rng: np.random.Generator, limits: str, push: float) -> 
     bounds = [np.broadcast_to(x, (12, 8)) for x in LIMITS[limits]]
     solution = solve(case, ContactLimits(*LIMITS[limits]), active=active, **EXACT)
     assert_feasible(solution.force, bounds[0], bounds[1] * active, np.where(active, bounds[2], 0.0))
+    compared = 0
     for i in range(12):
         on = active[i]
+        if not on.any():
+            np.testing.assert_array_equal(solution.force[i], 0.0)
+            continue
         columns = case.wrench_map[i].reshape(6, 8, 3)[:, on].reshape(6, -1)
-        expected = np.zeros((8, 3))
-        if on.any():
-            expected[on] = reference(columns, case.wrench[i], *(b[i, on] for b in bounds))
-        np.testing.assert_allclose(solution.force[i], expected, atol=1e-4 * WEIGHT)
+        expected, cost = reference(columns, case.wrench[i], *(b[i, on] for b in bounds))
+        found = solution.force[i, on]
+        # A wrench delivered by sticking points is delivered without regularisation.
+        assert cost(found) <= cost(expected) + (1e-11 if solution.residual[i] > 0.0 else 1e-8)
+        # Now and then Clarabel stops early; then its forces are no reference.
+        if cost(expected) - cost(found) < 1e-12:
+            np.testing.assert_allclose(found, expected, atol=1e-4 * WEIGHT)
+            compared += 1
+    assert compared >= 6
 
 
 @pytest.mark.parametrize("push", [0.0, 0.1, 0.5, 2.0])
-def test_error_at_the_default_iteration_count(rng: np.random.Generator, push: float) -> None:
-    """From a cold start: converged to the tolerance, or feasible and no worse than no forces."""
+def test_error_with_the_default_options(rng: np.random.Generator, push: float) -> None:
+    """From a cold start the wrench is that of the exact solution to 1e-4 of the weight."""
     case = scene(rng, push, count=200)
     limits = ContactLimits(0.7)
     exact = solve(case, limits, **EXACT)
     default = solve(case, limits)
     assert_feasible(default.force, 0.7, 0.0, np.inf)
-    scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH]) / WEIGHT
-    error = np.linalg.norm((default.wrench - exact.wrench) * scale, axis=1)
-    solved = default.iterations < MAX_ITERATIONS
-    assert (error[solved] <= 2.0 * TOLERANCE).all()
-    assert solved.mean() >= {0.0: 1.0, 0.1: 0.99, 0.5: 0.5, 2.0: 0.1}[push]
-    nothing = np.linalg.norm(case.wrench * scale, axis=1)
-    assert (default.residual <= nothing + 1e-9).all()
+    error = (default.wrench - exact.wrench) / [1, 1, 1, LENGTH, LENGTH, LENGTH] / WEIGHT
+    assert np.linalg.norm(error, axis=1).max() < TOLERANCE
+
+
+@pytest.mark.parametrize("limits", ["pressed", "bounded", "each its own"])
+def test_wrenches_newton_alone_would_not_solve(rng: np.random.Generator, limits: str) -> None:
+    """Cold, infeasible, with bounds on both sides: more than `MAX_ITERATIONS`, still solved."""
+    case = scene(rng, 0.5, count=50)
+    default = solve(case, ContactLimits(*LIMITS[limits]))
+    exact = solve(case, ContactLimits(*LIMITS[limits]), tolerance=1e-10, max_iterations=60)
+    assert (default.iterations > MAX_ITERATIONS).any()
+    error = (default.wrench - exact.wrench) / [1, 1, 1, LENGTH, LENGTH, LENGTH] / WEIGHT
+    assert np.linalg.norm(error, axis=1).max() < TOLERANCE
+
+
+def test_a_spent_budget_leaves_usable_forces(rng: np.random.Generator) -> None:
+    """One Newton step a round: feasible, and no worse than the warm start's forces."""
+    case, limits = scene(rng, 0.8, count=50), ContactLimits(0.6, 5.0, 90.0)
+    warm = rng.normal(size=(50, 6)) * WEIGHT
+    scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
+    maps, target = case.wrench_map * scale[:, None], case.wrench * scale
+    free = np.matvec(maps.mT, warm).reshape(50, 8, 3)
+    start = project(free, *(np.array(x) for x in (0.6, 1.0 / 1.36, 5.0, 90.0)))[0]
+    before = np.linalg.norm(np.matvec(maps, start.reshape(50, 24)) - target, axis=1) / WEIGHT
+    for budget in (0, 1, 2):
+        solution = solve(case, limits, warm_start=warm, max_iterations=budget)
+        assert_feasible(solution.force, 0.6, 5.0, 90.0)
+        assert (solution.residual <= before * (1.0 + 1e-9)).all()
 
 
 def test_a_warm_start_follows_a_moving_wrench(rng: np.random.Generator) -> None:
@@ -175,7 +212,7 @@ def test_a_warm_start_follows_a_moving_wrench(rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("limits", LIMITS)
 def test_optimality_conditions(rng: np.random.Generator, limits: str) -> None:
-    """f = Pi_C(f - step * gradient): no feasible direction lowers the cost."""
+    """No feasible direction lowers the cost: f = Pi_C(f - gradient)."""
     case = scene(rng, 0.5)
     friction, lowest, highest = (np.broadcast_to(x, (8,)) for x in LIMITS[limits])
     force = solve(case, ContactLimits(*LIMITS[limits]), **EXACT).force
@@ -190,13 +227,18 @@ def test_optimality_conditions(rng: np.random.Generator, limits: str) -> None:
 
 
 def test_a_feasible_wrench_is_delivered(rng: np.random.Generator) -> None:
-    """The regularisation costs less than 1e-4 of the weight in stance."""
+    """Exactly where points stick; elsewhere the regularisation costs some 1e-4 of the weight."""
     case = scene(rng, 0.01, count=50)
     solution = solve(case, ContactLimits(0.7))
     delivered = np.matvec(case.wrench_map, solution.force.reshape(50, 24))
-    np.testing.assert_allclose(solution.wrench, delivered, atol=1e-9 * WEIGHT)
-    assert (solution.residual < 1e-4).mean() > 0.9
-    assert np.median(solution.residual) < 5e-5
+    np.testing.assert_allclose(solution.wrench, delivered, atol=1e-6 * WEIGHT)
+    sticks = solution.residual == 0.0
+    assert sticks.mean() > 0.5
+    smallest = np.matvec(np.linalg.pinv(case.wrench_map[sticks]), case.wrench[sticks])
+    found = solution.force[sticks].reshape(-1, 24)
+    np.testing.assert_allclose(found, smallest, atol=1e-6 * WEIGHT)
+    pressed = solve(case, ContactLimits(0.7, 40.0))
+    assert (pressed.residual < 1e-3).mean() > 0.8
 
 
 @pytest.mark.parametrize(
@@ -228,9 +270,10 @@ def test_without_contacts_there_are_no_forces(rng: np.random.Generator) -> None:
     scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
     expected = np.linalg.norm(case.wrench * scale, axis=1) / WEIGHT
     np.testing.assert_allclose(solution.residual, expected)
-    # Touchdown from there is no harder than from nothing.
+    # Touchdown from there is as well solved as from nothing.
     landed = solve(case, ContactLimits(0.7, 10.0), warm_start=solution.dual)
-    assert (landed.iterations < MAX_ITERATIONS).all()
+    cold = solve(case, ContactLimits(0.7, 10.0))
+    np.testing.assert_allclose(landed.wrench, cold.wrench, atol=2.0 * TOLERANCE * WEIGHT)
 
 
 def test_wrench_cost_decides_what_gives_way(rng: np.random.Generator) -> None:

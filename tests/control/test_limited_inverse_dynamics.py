@@ -1,0 +1,275 @@
+"""The friction-limited law: dynamics, limits, and its agreement with eq. (15) where both apply."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from fbid_gym.control import (
+    ContactLimits,
+    LimitedInverseDynamics,
+    limited_contact_forces,
+    limited_inverse_dynamics,
+    orthogonal_inverse_dynamics,
+)
+from fbid_gym.errors import InvalidValueError, ShapeError
+
+LENGTH, GRAVITY = 0.3, 9.81
+LIMITS = ContactLimits(0.7)
+
+
+def active_points(system: Any) -> np.ndarray:
+    """(N, P) bool: points whose rows of J are not zero."""
+    points = system.jacobian.reshape(len(system.bias), -1, 3, system.bias.shape[1])
+    return np.any(points != 0.0, axis=(-2, -1))
+
+
+def solve(system: Any, limits: ContactLimits = LIMITS, **options: Any) -> LimitedInverseDynamics:
+    """The law on stacked point rows."""
+    return limited_inverse_dynamics(
+        *system.law, limits, active=active_points(system), length=LENGTH, **options
+    )
+
+
+def gentle(system: Any) -> Any:
+    """The same system asked to stand almost still."""
+    return system._replace(acceleration=0.01 * system.acceleration)
+
+
+def reduced(system: Any) -> tuple[Any, np.ndarray]:
+    """Each foot's rows of J compressed to an orthonormal basis of their range, and the point map.
+
+    Rows of J are stacked point rows = U (reduced rows), with U of orthonormal columns.
+    """
+    count, columns, _ = system.jacobian.shape
+    left, sizes, right = np.linalg.svd(system.jacobian, full_matrices=False)
+    rank = system.rank
+    basis = left[:, :, :rank]
+    jacobian = sizes[:, :rank, None] * right[:, :rank]
+    compressed = system._replace(
+        jacobian=jacobian, jacobian_bias=np.matvec(basis.mT, system.jacobian_bias)
+    )
+    assert columns % 3 == 0
+    return compressed, basis.mT
+
+
+@pytest.mark.parametrize("base_priority", [1.0, 100.0])
+@pytest.mark.parametrize("push", [0.1, 1.0, 10.0])
+def test_dynamics_contacts_and_limits_hold(
+    make_system: Callable[..., Any], contacts: str, push: float, base_priority: float
+) -> None:
+    system = make_system(contacts)
+    system = system._replace(acceleration=push * system.acceleration)
+    limits = ContactLimits(0.5, 2.0, 300.0)
+    solution = solve(system, limits, base_priority=base_priority)
+    required = np.matvec(system.mass_matrix, solution.acceleration) + system.bias
+    given = np.matvec(system.jacobian.mT, solution.contact_force)
+    given[:, 6:] += solution.torque
+    np.testing.assert_allclose(required, given, atol=2e-5 * (1.0 + np.abs(required).max()))
+    motion = np.matvec(system.jacobian, solution.acceleration) + system.jacobian_bias
+    np.testing.assert_allclose(motion, 0.0, atol=1e-6 * (1.0 + push))
+    force, active = solution.point_force, active_points(system)
+    normal = force[..., 2]
+    assert (np.linalg.norm(force[..., :2], axis=-1) <= 0.5 * normal + 1e-6).all()
+    assert (normal[active] >= 2.0 - 1e-6).all()
+    assert (normal[active] <= 300.0 + 1e-6).all()
+    np.testing.assert_array_equal(force[~active], 0.0)
+
+
+@pytest.mark.parametrize("push", [0.1, 3.0])
+def test_forward_dynamics_give_the_limited_acceleration_back(
+    make_system: Callable[..., Any], contacts: str, push: float
+) -> None:
+    system = make_system(contacts)
+    system = system._replace(acceleration=push * system.acceleration)
+    solution = solve(system)
+    nv = system.bias.shape[1]
+    for i, jacobian in enumerate(system.jacobian):
+        rows = len(jacobian)
+        kkt = np.block([[system.mass_matrix[i], -jacobian.T], [jacobian, np.zeros((rows, rows))]])
+        right = np.concatenate([-system.bias[i], -system.jacobian_bias[i]])
+        right[6:nv] += solution.torque[i]
+        achieved = np.linalg.lstsq(kkt, right, rcond=1e-11)[0][:nv]
+        np.testing.assert_allclose(
+            achieved, solution.acceleration[i], atol=1e-4 * (1.0 + np.abs(achieved).max())
+        )
+
+
+def test_where_limits_do_not_bind_it_is_eq_15(make_system: Callable[..., Any]) -> None:
+    """Same acceleration; the torque may differ by internal forces only."""
+    system = gentle(make_system("two flat feet", count=60))
+    limited = solve(system, base_priority=10.0)
+    free = orthogonal_inverse_dynamics(*system.law, base_priority=10.0)
+    sticks = limited.residual == 0.0
+    assert sticks.sum() > 5
+    np.testing.assert_allclose(limited.acceleration[sticks], free.acceleration[sticks], atol=1e-5)
+    gap = np.matvec(system.jacobian.mT, limited.contact_force - free.contact_force)
+    gap[:, 6:] += limited.torque - free.torque
+    np.testing.assert_allclose(gap[sticks], 0.0, atol=1e-4)
+    cost = [np.linalg.norm(s.torque[sticks], axis=1) for s in (free, limited)]
+    assert (cost[0] <= cost[1] + 1e-6).all()
+
+
+def test_the_base_wrench_is_the_nearest_the_limits_allow(make_system: Callable[..., Any]) -> None:
+    system = make_system("two flat feet", count=20)
+    consistent = orthogonal_inverse_dynamics(*system.law).acceleration
+    wanted = (np.matvec(system.mass_matrix, consistent) + system.bias)[:, :6]
+    weight = GRAVITY * system.mass_matrix[0, 0, 0]
+    forces = limited_contact_forces(
+        system.jacobian[:, :, :6].mT, wanted, LIMITS, weight=weight, length=LENGTH
+    )
+    solution = solve(system)
+    np.testing.assert_allclose(solution.point_force, forces.force, atol=2e-3 * weight)
+    np.testing.assert_allclose(solution.residual, forces.residual, atol=1e-4)
+    achieved = (np.matvec(system.mass_matrix, solution.acceleration) + system.bias)[:, :6]
+    np.testing.assert_allclose(achieved, forces.wrench, atol=1e-3 * weight)
+    scale = np.array([1, 1, 1, LENGTH, LENGTH, LENGTH]) * weight
+    missed = np.linalg.norm((achieved - wanted) / scale, axis=1)
+    np.testing.assert_allclose(solution.residual, missed, atol=1e-4)
+
+
+def test_rows_may_be_compressed(make_system: Callable[..., Any], contacts: str) -> None:
+    """J in independent rows with a point map: the same forces and torques."""
+    system = make_system(contacts)
+    active = active_points(system)
+    full = solve(system, tolerance=1e-9, max_iterations=50)
+    compressed, point_map = reduced(system)
+    short = limited_inverse_dynamics(
+        *compressed.law,
+        LIMITS,
+        point_map=point_map,
+        active=active,
+        length=LENGTH,
+        tolerance=1e-9,
+        max_iterations=50,
+    )
+    scale = 1.0 + np.abs(full.torque).max()
+    np.testing.assert_allclose(short.point_force, full.point_force, atol=1e-4 * scale)
+    np.testing.assert_allclose(short.torque, full.torque, atol=1e-4 * scale)
+    assert short.contact_force.shape == (4, system.rank)
+    np.testing.assert_allclose(
+        np.matvec(compressed.jacobian.mT, short.contact_force),
+        np.matvec(system.jacobian.mT, full.contact_force),
+        atol=1e-3 * scale,
+    )
+
+
+def test_without_contacts_the_base_falls_freely(make_system: Callable[..., Any]) -> None:
+    system = make_system("flight")
+    solution = solve(system)
+    wrench = np.matvec(system.mass_matrix, solution.acceleration)[:, :6] + system.bias[:, :6]
+    np.testing.assert_allclose(wrench, 0.0, atol=1e-4)
+    np.testing.assert_array_equal(solution.point_force, 0.0)
+    assert np.isfinite(solution.torque).all()
+    # Also with no rows at all.
+    empty = make_system("flight", drop_rows=True)
+    solution = limited_inverse_dynamics(*empty.law, LIMITS, length=LENGTH)
+    assert solution.point_force.shape == (4, 0, 3)
+    assert np.isfinite(solution.torque).all()
+
+
+@pytest.mark.parametrize("command", [1e3, 1e6])
+def test_absurd_commands_stay_within_limits(
+    make_system: Callable[..., Any], contacts: str, command: float
+) -> None:
+    system = make_system(contacts)
+    solution = solve(system._replace(acceleration=command * system.acceleration))
+    for field in solution:
+        assert np.isfinite(field).all()
+    force = solution.point_force
+    slack = 1e-9 * command * 1e3
+    assert (np.linalg.norm(force[..., :2], axis=-1) <= 0.7 * force[..., 2] + slack).all()
+
+
+def test_neighbours_change_no_bit_of_the_limited_law(make_system: Callable[..., Any]) -> None:
+    """Standing, pushed, on one foot, on two points and flying side by side."""
+    system = make_system("two flat feet", count=6)
+    jacobian, bias = system.jacobian.copy(), system.jacobian_bias.copy()
+    acceleration = system.acceleration * np.array([0.0, 5.0, 1.0, 1.0, 1.0, 0.0])[:, None]
+    for robot, rows in ((2, slice(12, 24)), (3, slice(6, 24)), (4, slice(0, 24))):
+        jacobian[robot, rows], bias[robot, rows] = 0.0, 0.0
+    changed = system._replace(jacobian=jacobian, jacobian_bias=bias, acceleration=acceleration)
+    active, warm = active_points(changed), np.full((6, 6), 3.0)
+    options = {"length": LENGTH, "base_priority": 10.0}
+    together = limited_inverse_dynamics(
+        *changed.law, LIMITS, active=active, warm_start=warm, **options
+    )
+    assert (together.residual > 0.0).any()
+    for i in range(6):
+        alone = limited_inverse_dynamics(
+            *(x[i : i + 1] for x in changed.law),
+            LIMITS,
+            active=active[i : i + 1],
+            warm_start=warm[i : i + 1],
+            **options,
+        )
+        for one, all_ in zip(alone, together, strict=True):
+            np.testing.assert_array_equal(one[0], all_[i])
+
+
+def test_a_robot_gone_wrong_harms_no_other_under_limits(make_system: Callable[..., Any]) -> None:
+    system = make_system("two flat feet")
+    healthy = solve(system)
+    sick = system._replace(mass_matrix=system.mass_matrix.copy(), bias=system.bias.copy())
+    sick.mass_matrix[2], sick.bias[2] = np.nan, np.nan
+    for before, after in zip(healthy, solve(sick), strict=True):
+        np.testing.assert_array_equal(np.delete(before, 2, 0), np.delete(after, 2, 0))
+
+
+def test_inputs_of_the_law_are_left_alone(make_system: Callable[..., Any]) -> None:
+    system, warm = make_system("two flat feet"), np.ones((4, 6))
+    before = [x.copy() for x in system.law]
+    solve(system, warm_start=warm, base_priority=10.0)
+    orthogonal_inverse_dynamics(*system.law, base_priority=10.0)
+    for then, now in zip(before, system.law, strict=True):
+        np.testing.assert_array_equal(then, now)
+    np.testing.assert_array_equal(warm, 1.0)
+
+
+@pytest.mark.parametrize("push", [0.01, 2.0])
+def test_torch_equals_numpy_under_limits(
+    make_system: Callable[..., Any], contacts: str, push: float
+) -> None:
+    system = make_system(contacts)
+    system = system._replace(acceleration=push * system.acceleration)
+    exact = {"tolerance": 1e-9, "max_iterations": 50, "base_priority": 10.0}
+    expected = solve(system, **exact)
+    found = limited_inverse_dynamics(
+        *(torch.from_numpy(x) for x in system.law),
+        LIMITS,
+        active=torch.from_numpy(active_points(system)),
+        length=LENGTH,
+        **exact,
+    )
+    scale = 1.0 + np.abs(expected.torque).max()
+    for name in ("torque", "contact_force", "acceleration", "point_force", "residual"):
+        there = getattr(found, name)
+        assert isinstance(there, torch.Tensor)
+        np.testing.assert_allclose(there.numpy(), getattr(expected, name), atol=1e-5 * scale)
+
+
+def test_the_limited_law_names_what_is_wrong(make_system: Callable[..., Any]) -> None:
+    system = make_system("two flat feet")
+    with pytest.raises(ShapeError, match="bias has shape"):
+        limited_inverse_dynamics(*system._replace(bias=system.bias[:, 1:]).law, LIMITS)
+    with pytest.raises(ShapeError, match="active has shape"):
+        limited_inverse_dynamics(*system.law, LIMITS, active=np.ones((4, 3), bool))
+    with pytest.raises(ShapeError, match="warm_start has shape"):
+        limited_inverse_dynamics(*system.law, LIMITS, warm_start=np.ones((4, 5)))
+    with pytest.raises(ShapeError, match="point_map has shape"):
+        limited_inverse_dynamics(*system.law, LIMITS, point_map=np.ones((4, 23, 24)))
+    with pytest.raises(ShapeError, match="point_map has shape"):
+        limited_inverse_dynamics(*system.law, LIMITS, point_map=np.ones((4, 24, 23)))
+    uneven = system._replace(
+        jacobian=system.jacobian[:, 1:], jacobian_bias=system.jacobian_bias[:, 1:]
+    )
+    with pytest.raises(ShapeError, match="jacobian has shape .*3 P rows"):
+        limited_inverse_dynamics(*uneven.law, LIMITS)
+    with pytest.raises(InvalidValueError, match="Invalid base_priority"):
+        solve(system, base_priority=-1.0)
+    with pytest.raises(InvalidValueError, match="Invalid length"):
+        limited_inverse_dynamics(*system.law, LIMITS, length=0.0)
+    with pytest.raises(InvalidValueError, match="Invalid wrench_cost"):
+        solve(system, wrench_cost=(1.0, 1.0, 1.0))
