@@ -5,13 +5,19 @@ The forces f_i of the contact points shall deliver a base wrench w as well as th
     minimise 1/2 (G f - w)^T S (G f - w) + eps/2 |f|^2   subject to   f_i in C_i,
     C_i = {|tangential force| <= mu * normal force, lowest <= normal force <= highest}.
 
-Many forces, but only six numbers in w. With y = S (w - G f), the optimal forces are the projection
-f = Pi_C(G^T y / eps), which acts on each point alone, and what remains is one equation in six
-unknowns, S^-1 y + G Pi_C(G^T y / eps) = w. Its left side is the gradient of a strongly convex
-function and piecewise smooth, so a semismooth Newton method with a line search solves it in as many
-6x6 solves as points change between sticking, sliding and lifting. That is one in steady stance,
-where a first-order method (ADMM) needs tens of iterations each about as expensive, and every
-iterate is feasible because it is a projection.
+Mostly the smallest forces that deliver w lie within the limits. They are tried first, and taken as
+they are. Otherwise there are many forces, but only six numbers in w: with y = S (w - G f), the
+optimal forces are the projection f = Pi_C(G^T y / eps), which acts on each point alone, and what
+remains is one equation in six unknowns, S^-1 y + G Pi_C(G^T y / eps) = w. Its left side is the
+gradient of a strongly convex function and piecewise smooth, so a semismooth Newton method with a
+line search solves it in about as many 6x6 solves as points change between sticking, sliding and
+lifting. Every iterate is feasible, because it is a projection. A first-order method (ADMM) takes
+tens of iterations, each about as expensive as one of these.
+
+How exact that is: with the default tolerance the wrench is that of the optimum to 1e-4 of the
+weight (at most 8e-5 in thousands of trials, cold and infeasible ones among them). The default eps
+moves the optimum itself by up to 1e-3 of the weight while points slide or lift, typically by 1e-4,
+and not at all while they stick.
 """
 
 from dataclasses import dataclass
@@ -85,7 +91,8 @@ class ContactForces(NamedTuple):
     Attributes:
         force: (N, P, 3) N, two tangential components, then the normal one.
         wrench: (N, 6) what they deliver, G f: force in N, moment in N m.
-        residual: (N,) weighted distance of the wrench from the desired one, per weight.
+        residual: (N,) weighted distance of the wrench from the desired one, per weight; zero where
+            all points stick.
         iterations: (N,) Newton steps taken, integers.
         dual: (N, 6) warm start for the next call with the same scales; zero is a cold start.
     """
@@ -114,8 +121,8 @@ def limited_contact_forces(
     """Contact forces within friction and normal force limits that best deliver a wrench.
 
     The wrench error is measured per weight for forces and per weight * length for moments, squared
-    and weighted by `wrench_cost`. `regularisation` chooses among the forces that deliver the same
-    wrench the smallest, at the price of a small wrench error even where w is feasible.
+    and weighted by `wrench_cost`. `regularisation` prefers small forces among those that deliver
+    about the same wrench.
 
     Args:
         wrench_map: (N, 6, 3 P), the G of stacked point forces: rows force, then moment.
@@ -137,6 +144,7 @@ def limited_contact_forces(
 
     Raises:
         ShapeError: an array does not fit.
+        InvalidValueError: `length` or `wrench_cost` is not positive and finite.
     """
     shape = tuple(wrench_map.shape)
     if len(shape) != 3 or shape[1] != 6 or shape[2] % 3:

@@ -276,7 +276,8 @@ def limited_inverse_dynamics(
         jacobian_bias: (N, k) Jdot v.
         limits: friction and normal force limits of the points.
         point_map: (N, k, 3 P), gives the generalized forces of the rows of J from stacked point
-            forces. Default: rows of J are stacked point rows, k = 3 P.
+            forces. Default: rows of J are stacked point rows, k = 3 P. Zero columns for inactive
+            points save time.
         active: (N, P) bool, points in contact; the others get zero force. Default: all.
         base_priority: positive weight of base accelerations beside one for joints in "nearest".
         length: m, lever arm that makes base moments comparable to forces.
@@ -291,29 +292,25 @@ def limited_inverse_dynamics(
 
     Raises:
         ShapeError: an array does not fit.
-        InvalidValueError: `base_priority` is not positive and finite.
+        InvalidValueError: `base_priority`, `length` or `wrench_cost` is not positive and finite.
     """
     count, rows, velocities = _check_dynamics(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
     )
-    columns = rows if point_map is None else point_map.shape[-1]
-    if columns % 3:
-        given = ("jacobian", jacobian, "k = 3 P rows without a point_map")
-        name, array, expected = (
-            given if point_map is None else ("point_map", point_map, "3 P columns")
-        )
-        raise ShapeError(name, tuple(array.shape), expected)
-    if point_map is not None:
+    if point_map is None:
+        columns = rows
+        if columns % 3:
+            raise ShapeError("jacobian", tuple(jacobian.shape), "k = 3 P rows without a point_map")
+    else:
+        columns = point_map.shape[-1]
+        if columns % 3:
+            raise ShapeError("point_map", tuple(point_map.shape), "3 P columns")
         check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
     check_contact_options(limits, active, warm_start, count, columns // 3)
 
     inverse_metric = _inverse_metric(base_priority, velocities, jacobian)
-    acceleration = (
-        acceleration
-        - _held(
-            jacobian, inverse_metric, (matvec(jacobian, acceleration) + jacobian_bias)[..., None]
-        )[..., 0]
-    )
+    violation = matvec(jacobian, acceleration) + jacobian_bias
+    acceleration = acceleration - _held(jacobian, inverse_metric, violation[..., None])[..., 0]
 
     xp = namespace(jacobian)
     scale = wrench_scale(length, wrench_cost, jacobian)
@@ -330,9 +327,9 @@ def limited_inverse_dynamics(
         tolerance=tolerance,
         max_iterations=max_iterations,
     )
-    missing = forces.residual != 0.0
-    if missing.any():
-        yielding = xp.nonzero(missing)[0]
+    misses = forces.residual != 0.0
+    if misses.any():
+        yielding = xp.nonzero(misses)[0]
         acceleration[yielding] += _response(
             mass_matrix[yielding, :6, :],
             jacobian[yielding],
