@@ -160,7 +160,7 @@ def orthogonal_inverse_dynamics(
     push = base.mT @ spread
     push_inverse, push_rank = symmetric_pseudo_inverse(push, _BASE_RTOL / max(1.0, base_priority))
     underactuation = 6 - push_rank
-    if xp.any(underactuation):
+    if underactuation.any():
         rows = xp.nonzero(underactuation)[0]
         beyond = identity(6, push) - push[rows] @ push_inverse[rows]
         acceleration[rows] = achievable_acceleration(

@@ -34,9 +34,9 @@ def symmetric_pseudo_inverse(matrix: Array, rtol: float = 1e-10) -> tuple[Array,
         raise ShapeError("matrix", shape, "a batch of square matrices (N, k, k)")
     xp = namespace(matrix)
     count, size, _ = shape
-    flat = xp.reshape(matrix, (count, size * size))
+    flat = matrix.reshape(count, size * size)
     diagonal = flat[:, :: size + 1]
-    if xp.all(diagonal):
+    if diagonal.all():
         inverse = _inverse(matrix)
         rank = xp.full((count,), size, dtype=xp.int64, device=matrix.device)
     else:
@@ -45,10 +45,10 @@ def symmetric_pseudo_inverse(matrix: Array, rtol: float = 1e-10) -> tuple[Array,
         inverse = _inverse(matrix + fill) - fill
         rank = size - xp.sum(xp.astype(absent, xp.int64), axis=-1)
 
-    flat_inverse = xp.reshape(inverse, (count, size * size))
+    flat_inverse = inverse.reshape(count, size * size)
     bound = xp.vecdot(flat, flat) * xp.vecdot(flat_inverse, flat_inverse)
     certified = bound < rtol**-2
-    if not xp.all(certified):
+    if not certified.all():
         doubtful = xp.nonzero(~certified)[0]
         inverse[doubtful], rank[doubtful] = _truncated(matrix[doubtful], rtol)
     return inverse, rank
