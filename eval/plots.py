@@ -198,7 +198,7 @@ def _threshold(threshold: float, x: Scale, y: Scale) -> str:
     at = y(threshold)
     return (
         f'<path class="threshold" d="M{x.start:.1f} {at:.1f}H{x.stop:.1f}"/>'
-        f'<text class="note" x="{x.stop - 2:.1f}" y="{at - 4:.1f}" text-anchor="end">'
+        f'<text class="note" x="{x.start + 4:.1f}" y="{at - 4:.1f}">'
         f"threshold {number(threshold)}</text>"
     )
 

@@ -297,9 +297,9 @@ def _sweep(c: Comparison, colours: dict[str, int]) -> str:
     ]
     table = _table(["", *(f"{number(push)} N" for push in c.sweep)], rows)
     return (
-        "<h2>Harder pushes than in training</h2>"
-        f"<p>Each push of an episode has the size given; {c.settings.sweep_episodes} episodes per "
-        "run and size.</p>"
+        "<h2>How hard a push they take</h2>"
+        f"<p>Every push of an episode has the size given; {c.settings.sweep_episodes} episodes of "
+        f"{number(c.settings.sweep_seconds)} s per run and size.</p>"
         f'<figure class="one">{figure}<figcaption>Shaded: sizes met in training, up to '
         f"{number(c.hardest_push)} N. Dashed: zero action.</figcaption></figure>"
         f"<details><summary>The same as a table</summary>{table}</details>"

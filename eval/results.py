@@ -16,7 +16,7 @@ import numpy as np
 class Settings:
     """How runs are compared."""
 
-    episodes: int = 64
+    episodes: int = 50
     """Deterministic episodes per run, and for the zero action of each layer."""
     seed: int = 20_000
     """Of the episodes: the same for every run, and none that training evaluates on."""
@@ -25,7 +25,7 @@ class Settings:
     first to the highest last evaluation of any layer."""
     threshold_share: float = 0.9
     """See `threshold`."""
-    sweep: tuple[float, ...] = (1.0, 1.5, 2.0)
+    sweep: tuple[float, ...] = (0.5, 1.0, 1.5)
     """Sizes of push at which survival is measured, relative to the hardest of training."""
     sweep_episodes: int = 16
     """Episodes per run and size of push."""
