@@ -92,7 +92,8 @@ def test_the_headline_claims_no_more_than_was_found() -> None:
     assert headline(mixed).startswith("No clear difference: first and second end 40 points")
     clear = comparison([400.0] * 5, [300.0] * 5, Estimate(100, 90, 110), 1.0, 2 / 252)
     assert headline(clear) == (
-        "First ends 100 points of return above second, more than chance explains."
+        "First ends 100 points of return above second, more than chance explains "
+        f"(95{SPACE}% interval 90 to 110)."
     )
     single = comparison([400], [300], Estimate(100), 1.0, 1.0)
     assert "one run cannot say" in headline(single)
