@@ -12,11 +12,16 @@ from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.envs.rates import Rates
 from fbid_gym.robots import Robot
 
-MAX_SPEED = 200.0
+MAX_SPEED = 500.0
 """Generalized speed (m/s, rad/s) beyond which a simulation counts as diverged."""
 
 _VELOCITY = mujoco.mjtStage.mjSTAGE_VEL
 _STATE = ("time", "qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied")
+_DIVERGENCE = [
+    int(mujoco.mjtWarning.mjWARN_BADQPOS),
+    int(mujoco.mjtWarning.mjWARN_BADQVEL),
+    int(mujoco.mjtWarning.mjWARN_BADQACC),
+]
 
 
 class Simulation:
@@ -37,10 +42,8 @@ class Simulation:
         self.robot = robot
         self.batch = mujoco.batch.Batch(model, num_robots, 1, persistent=True)
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
-        self._substeps, self._timestep = rates.substeps, model.opt.timestep
-        self._ctrl, self._time = self.batch.bind("ctrl"), self.batch.bind("time")
+        self._substeps, self._ctrl = rates.substeps, self.batch.bind("ctrl")
         self._push = self.batch.bind("xfrc_applied")[:, robot.base_body, :3]
-        self._steps = np.zeros(num_robots, np.int64)
         self._geometry = ContactGeometry.of(robot)
         first = robot.contact_sensor.min()
         columns = slice(first, first + robot.contact_sensor.size)
@@ -51,6 +54,7 @@ class Simulation:
         self.contact_force = self._sensors
         self._live = LiveTerms(robot, self.batch)
         self._terms: DynamicsTerms | None = None
+        self._hush(np.arange(num_robots))
         self.batch.forward()
 
     @property
@@ -78,8 +82,19 @@ class Simulation:
         lowest = point_positions(self._geometry, self._live())[ids, :, 2].min(axis=1)
         self.qpos[ids, 2] -= lowest
         self.batch.forward(ids)
-        self._steps[ids] = 0
+        self._hush(ids)
+        if self.contact_force is not self._sensors:
+            self.contact_force[ids] = self._sensors[ids]
         self._terms = None
+
+    def _hush(self, ids: np.ndarray) -> None:
+        """Tell MuJoCo that it has warned once of every kind of divergence.
+
+        It writes the first warning to the terminal and to a file in the working directory. When it
+        restarts a diverged simulation it clears these counters: that is how `diverged` knows.
+        """
+        warning = self.batch.warning
+        warning[ids[:, None], _DIVERGENCE, 1] = 1
 
     def push(self, force: np.ndarray) -> None:
         """Push each base with (N, 3) N, world, at its centre of mass, until told otherwise."""
@@ -89,29 +104,28 @@ class Simulation:
         """Advance one control tick under (N, n) N·m."""
         self._ctrl[:, self.robot.actuator] = torque / self.robot.gear
         self.batch.step(nstep=self._substeps, stage=_VELOCITY)
-        self._steps += self._substeps
         self.contact_force = self._sensors
         self._terms = None
 
     def diverged(self) -> np.ndarray:
         """Return which robots' states can no longer be trusted: (N,) bool.
 
-        MuJoCo restarts a simulation whose state is no longer finite, which shows in its clock;
-        one that merely moves absurdly fast is about to get there.
+        MuJoCo restarts a simulation whose state is no longer finite; one that merely moves
+        absurdly fast is about to get there.
         """
-        restarted = np.abs(self._time - self._steps * self._timestep) > 0.5 * self._timestep
+        restarted = (self.batch.warning[:, _DIVERGENCE, 1] != 1).any(axis=1)
         return restarted | ~(np.abs(self.qvel).max(axis=1) < MAX_SPEED)
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return copies of all that the future depends on."""
         state = {name: self.batch.bind(name).copy() for name in _STATE}
-        return state | {"steps": self._steps.copy(), "contact_force": self.contact_force.copy()}
+        return state | {"contact_force": self.contact_force.copy()}
 
     def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
         """Continue from a `state_dict`, bit for bit."""
         for name in _STATE:
             self.batch.bind(name)[:] = state[name]
         self.batch.forward(stage=_VELOCITY)
-        self._steps[:] = state["steps"]
+        self._hush(np.arange(self.num_robots))
         self.contact_force = state["contact_force"].copy()
         self._terms = None
