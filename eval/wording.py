@@ -91,8 +91,10 @@ def headline(comparison: Comparison) -> str:
             "within the scatter of their seeds."
         )
     if pair.p_value <= 1 - comparison.settings.confidence:
+        low, high = number(pair.difference.low or 0.0), number(pair.difference.high or 0.0)
         return (
-            f"{capital(first.name)} ends {margin} above {second.name}, more than chance explains."
+            f"{capital(first.name)} ends {margin} above {second.name}, more than chance explains "
+            f"({percent(comparison.settings.confidence)} interval {low} to {high})."
         )
     who = (
         f"Every seed of {first.name} ended above every seed of {second.name}"
