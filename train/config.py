@@ -36,9 +36,9 @@ JsonObject = Annotated[
 class PPOConfig:
     """Hyperparameters of PPO, the same for every action layer."""
 
-    n_steps: int = 32
+    n_steps: int = 64
     """Policy steps of each robot per iteration."""
-    batch_size: int = 512
+    batch_size: int = 1024
     """Samples per gradient step, at most num_envs * n_steps and a divisor of that."""
     n_epochs: int = 5
     """Passes over the samples of an iteration."""
@@ -56,10 +56,12 @@ class PPOConfig:
     """Weight of the value loss."""
     max_grad_norm: float = 0.5
     """Gradients longer than this are shortened to it."""
-    target_kl: float | None = None
-    """Stop the passes of an iteration once the policy moved 1.5 times this far. None: never."""
-    log_std_init: float = -1.0
-    """Logarithm of the initial standard deviation of the actions, whose range is [-1, 1]."""
+    target_kl: float | None = 0.02
+    """Stop the passes of an iteration once the policy moved 1.5 times this far. None: never. With
+    it the length of a step does not depend on how a layer scales its actions."""
+    log_std_init: float = -2.0
+    """Logarithm of the initial standard deviation of the actions, whose range is [-1, 1]. Robots
+    that stand without a policy are shaken down by more noise than this before they learn."""
     hidden: tuple[int, ...] = (64, 64)
     """Widths of the hidden layers, of the policy and of the value network."""
     activation: Literal["tanh", "relu", "elu"] = "tanh"

@@ -67,7 +67,7 @@ def test_every_option_is_explained():
         ({"ppo": PPOConfig(learning_rate=float("nan"))}, r"Invalid ppo\.learning_rate: nan"),
         ({"ppo": PPOConfig(target_kl=0.0)}, r"Invalid ppo\.target_kl: 0\.0"),
         ({"ppo": PPOConfig(hidden=(64, 0))}, r"Invalid ppo\.hidden"),
-        ({"ppo": PPOConfig(batch_size=1000)}, r"Invalid ppo\.batch_size: 1000.*= 2048"),
+        ({"ppo": PPOConfig(batch_size=1000)}, r"Invalid ppo\.batch_size: 1000.*= 4096"),
         ({"num_envs": 1, "ppo": PPOConfig(n_steps=1)}, r"Invalid ppo\.n_steps: 1"),
         ({"env_args": {"seed": 3}}, "no 'seed', which has an option of its own"),
         ({"env_args": {"x": object()}}, "Invalid env_args.*values JSON can hold"),

@@ -168,7 +168,14 @@ def test_training_learns(tmp_path):
         tmp_path,
         total_steps=8192,
         num_envs=16,
-        ppo=PPOConfig(n_steps=16, batch_size=128, learning_rate=3e-3, hidden=(16, 16)),
+        ppo=PPOConfig(
+            n_steps=16,
+            batch_size=128,
+            learning_rate=3e-3,
+            target_kl=None,
+            log_std_init=-1.0,
+            hidden=(16, 16),
+        ),
         eval=EvaluationConfig(every=8192, episodes=64),
     )
     first, last = _curve(tmp_path / "evaluations.csv")
