@@ -6,6 +6,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_belief import ContactBelief, Schedule, contact_belief
 from fbid_gym.actions.layer import Memory
+from fbid_gym.actions.options import share
 from fbid_gym.control import (
     ContactLimits,
     limited_inverse_dynamics,
@@ -68,6 +69,7 @@ class AccelerationLaw:
             raise UnknownOptionError("contact_limits", contact_limits, CONTACT_LIMITS)
         if not isinstance(compensate_damping, bool):
             raise InvalidValueError("compensate_damping", compensate_damping, "True or False")
+        share(min_normal_force=min_normal_force, max_normal_force=max_normal_force)
         limits = ContactLimits(
             friction, min_normal_force * robot.weight, max_normal_force * robot.weight
         )

@@ -45,12 +45,15 @@ def contact_belief(contacts: str | Schedule, robot: Robot, control_hz: int) -> C
 def _schedule_table(schedule: Schedule, robot: Robot, control_hz: int) -> np.ndarray:
     """Points in contact at each control tick of one period: (T, P) bool."""
     phases = []
-    for phase in schedule:
-        if len(phase) != 2 or not 0.5 <= phase[0] * control_hz < np.inf:
-            raise InvalidValueError(
-                "contacts", schedule, f"phases (seconds >= {1 / control_hz:g}, feet on the ground)"
-            )
-        seconds, feet = phase
+    expected = f"phases (seconds >= {1 / control_hz:g}, feet on the ground)"
+    for phase in schedule if np.iterable(schedule) else [None]:
+        try:
+            seconds, feet = phase
+            valid = 0.5 <= seconds * control_hz < np.inf and np.iterable(feet)
+        except (TypeError, ValueError):
+            valid = False
+        if not valid or isinstance(feet, str):
+            raise InvalidValueError("contacts", schedule, expected)
         for foot in feet:
             if foot not in robot.foot_names:
                 raise UnknownOptionError("foot in contacts", foot, robot.foot_names)

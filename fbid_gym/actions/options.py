@@ -5,6 +5,13 @@ import numpy as np
 from fbid_gym.errors import InvalidValueError
 
 
+def share(**values: float) -> None:
+    """Raise an error that names the first value which is not a number of at least 0."""
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not value >= 0:
+            raise InvalidValueError(name, value, "a number of at least 0")
+
+
 def positive(**values: float) -> None:
     """Raise an error that names the first value which is not a positive finite number."""
     for name, value in values.items():

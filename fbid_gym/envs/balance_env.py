@@ -42,7 +42,7 @@ class BalanceEnv(gym.Env):
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Hold the action (A,) for one policy step."""
-        step = self.batch.step(self.batch.check_action(np.asarray(action)[None], 1))
+        step = self.batch.step(self.batch.check_action(action)[None])
         if self.render_mode == "human":
             self.render()
         info = {name: value[0] for name, value in step.info.items()}

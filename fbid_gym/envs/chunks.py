@@ -1,12 +1,16 @@
 """A batch of environments split into chunks that run side by side on threads."""
 
+import json
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 
 from fbid_gym.envs.config import BalanceConfig
 from fbid_gym.envs.env_batch import EnvBatch, Step
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.envs.options import whole_number
+from fbid_gym.errors import InvalidValueError, ShapeError
 
 
 class Chunks:
@@ -18,9 +22,8 @@ class Chunks:
 
     def __init__(self, config: BalanceConfig, num_envs: int, num_threads: int) -> None:
         """Build the chunks."""
-        for name, value in (("num_envs", num_envs), ("num_threads", num_threads)):
-            if isinstance(value, bool) or int(value) != value or value < 1:
-                raise InvalidValueError(name, value, "a positive whole number")
+        num_envs = whole_number("num_envs", num_envs)
+        num_threads = whole_number("num_threads", num_threads)
         bounds = np.linspace(0, num_envs, min(num_threads, num_envs) + 1).astype(int)
         self.slices = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
         self.batches = [EnvBatch(config, s.stop - s.start) for s in self.slices]
@@ -68,20 +71,41 @@ class Chunks:
             self._pool.shutdown()
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """Return the exact state of all environments as named arrays."""
-        return {
-            f"{index}.{name}": value
-            for index, batch in enumerate(self.batches)
-            for name, value in batch.state_dict().items()
-        }
+        """Return the exact state of all environments as named arrays.
 
-    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
-        """Continue from a `state_dict` of as many environments on as many threads."""
-        for index, batch in enumerate(self.batches):
-            start = f"{index}."
-            batch.load_state_dict(
-                {k.removeprefix(start): v for k, v in state.items() if k.startswith(start)}
-            )
+        It does not depend on the number of threads. "config" holds what the environments are, as
+        JSON in bytes.
+        """
+        parts = [batch.state_dict() for batch in self.batches]
+        state = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return state | {"config": np.frombuffer(self._config().encode(), np.uint8).copy()}
+
+    def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
+        """Continue from a `state_dict` of as many environments of the same kind.
+
+        Raises:
+            FbidError: the state is of other environments. Nothing was loaded.
+        """
+        own = self.state_dict()
+        if "config" in state:
+            _check_same(json.loads(bytes(state["config"])), json.loads(self._config()))
+        for name, value in own.items():
+            if name not in state:
+                raise InvalidValueError("state", sorted(state), f"{name!r} among its arrays")
+            if name != "config" and np.shape(state[name]) != value.shape:
+                expected = f"{value.shape}: num_envs is {self.num_envs}"
+                raise ShapeError(f"state {name!r}", np.shape(state[name]), expected)
+        for batch, part in zip(self.batches, self.slices, strict=True):
+            batch.load_state_dict({name: state[name][part] for name in own if name != "config"})
+
+    def _config(self) -> str:
+        return json.dumps(self.batches[0].config.as_dict(), sort_keys=True, default=str)
+
+
+def _check_same(given: dict[str, Any], own: dict[str, Any]) -> None:
+    for name, value in own.items():
+        if given.get(name) != value:
+            raise InvalidValueError(f"state of environments with {name}", given.get(name), value)
 
 
 def _joined(steps: list[Step]) -> Step:

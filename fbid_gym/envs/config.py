@@ -4,13 +4,12 @@ import difflib
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-import numpy as np
-
-from fbid_gym.actions import ActionLayer, make_layer
+from fbid_gym.actions import LAYERS, ActionLayer, make_layer
+from fbid_gym.envs.options import by_name, number, pair
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from fbid_gym.robots import Robot, load
+from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.tasks import Balance, Pushes
 
 
@@ -66,7 +65,11 @@ class BalanceConfig:
 
     def load_robot(self) -> Robot:
         """Return the robot."""
-        return self.robot if isinstance(self.robot, Robot) else load(self.robot)
+        if isinstance(self.robot, Robot):
+            return self.robot
+        if not isinstance(self.robot, str):
+            raise InvalidValueError("robot", self.robot, f"a Robot or one of {', '.join(ROBOTS)}")
+        return load(self.robot)
 
     def rates(self) -> Rates:
         """Return the checked rates."""
@@ -74,13 +77,15 @@ class BalanceConfig:
 
     def layer(self, robot: Robot) -> ActionLayer:
         """Return the action layer."""
-        return make_layer(self.action_layer, robot, self.rates().control, self.layer_options)
+        if not isinstance(self.action_layer, str):
+            raise UnknownOptionError("action layer", self.action_layer, LAYERS)
+        options = by_name("layer_options", self.layer_options)
+        return make_layer(self.action_layer, robot, self.rates().control, options)
 
     def task(self, robot: Robot) -> Balance:
         """Return the task."""
-        seconds, rates = self.episode_seconds, self.rates()
-        if not 1.0 / rates.policy <= seconds < np.inf:
-            raise InvalidValueError("episode_seconds", seconds, "at least one policy step, finite")
+        rates = self.rates()
+        seconds = _at_least(1.0 / rates.policy, "episode_seconds", self.episode_seconds)
         force = self.push_force
         if force is None:
             force = (0.04 * robot.weight, 0.36 * robot.weight)
@@ -89,19 +94,19 @@ class BalanceConfig:
             seconds=seconds,
             hz=rates.control,
             pushes=Pushes(
-                _pair("push_force", force),
-                self.push_duration,
-                _pair("push_interval", self.push_interval),
+                pair("push_force", force),
+                _at_least(1.0 / rates.control, "push_duration", self.push_duration),
+                pair("push_interval", self.push_interval),
             ),
-            height_range=_pair("height_range", self.height_range),
-            height_interval=_pair("height_interval", self.height_interval),
-            joint_noise=self.joint_noise,
-            velocity_noise=self.velocity_noise,
+            height_range=pair("height_range", self.height_range),
+            height_interval=pair("height_interval", self.height_interval),
+            joint_noise=number("joint_noise", self.joint_noise),
+            velocity_noise=number("velocity_noise", self.velocity_noise),
         )
 
     def randomisations(self) -> Randomisation:
         """Return what varies from robot to robot."""
-        return Randomisation.of(self.randomisation or {})
+        return Randomisation.of(by_name("randomisation", self.randomisation))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the configuration as plain data; a robot of the user's by its name."""
@@ -113,10 +118,8 @@ class BalanceConfig:
         return data | {"robot": self.robot if isinstance(self.robot, str) else self.robot.name}
 
 
-def _pair(name: str, value: Any) -> tuple[float, float]:
-    """A pair as a tuple: JSON and command lines bring lists."""
-    try:
-        least, most = (float(number) for number in value)
-    except (TypeError, ValueError):
-        raise InvalidValueError(name, value, "a pair of numbers (least, most)") from None
-    return least, most
+def _at_least(least: float, name: str, value: Any) -> float:
+    expected = f"a time of at least {least:g} s, one step"
+    if (seconds := number(name, value, expected)) < least:
+        raise InvalidValueError(name, value, expected)
+    return seconds

@@ -1,7 +1,7 @@
 """N environments stepped together on one thread: the one code path of scalar and vector envs."""
 
-import json
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from fbid_gym.envs.simulation import Simulation
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
 
 _ACTION_TOLERANCE = 1e-6
+_LOW = 2**64 - 1
 
 
 class Step(NamedTuple):
@@ -78,8 +79,7 @@ class EnvBatch:
             self.plant.draw(env, self._rngs[env])
         self.plant.apply(ids)
         self.simulation.place(ids, self._plan["qpos"][ids], self._plan["qvel"][ids])
-        self._tick[ids] = 0
-        self._torque[ids] = 0.0
+        self._tick[ids], self._torque[ids] = 0, 0.0
         self._forget(ids)
         zeros = np.zeros(self.num_envs)
         outcome = self._outcome(self._torque, zeros, zeros)
@@ -89,10 +89,13 @@ class EnvBatch:
         """Return the current observations, (N, O) float32."""
         return self._observation.copy()
 
-    def check_action(self, action: np.ndarray, num_envs: int) -> np.ndarray:
-        """Return actions (num_envs, A) as floats, or raise one error before anything is lost."""
-        action = np.asarray(action, dtype=float)
-        expected = (num_envs, len(self.layer.action_names))
+    def check_action(self, action: np.ndarray, *num_envs: int) -> np.ndarray:
+        """Return actions (*num_envs, A) as floats, or raise one error before anything is lost."""
+        expected = (*num_envs, len(self.layer.action_names))
+        try:
+            action = np.asarray(action, dtype=float)
+        except (TypeError, ValueError):
+            raise InvalidValueError("action", action, f"numbers of shape {expected}") from None
         if action.shape != expected:
             raise ShapeError("action", action.shape, f"{expected}")
         size = np.abs(action).max()
@@ -125,7 +128,6 @@ class EnvBatch:
             self._tick += 1
             torque_square += np.vecdot(torque, torque)
             power += np.vecdot(np.abs(torque), np.abs(simulation.qvel[:, 6:]))
-        self._torque = torque
         lost |= simulation.diverged()
         if lost.any():
             self._retire(np.flatnonzero(lost))
@@ -135,9 +137,10 @@ class EnvBatch:
             torque_square / (ticks * self.robot.num_joints),
             power / ticks,
         )
+        self._torque = torque
         terms, metrics = self.task.reward(outcome, self._plan)
+        terms = {name: np.where(lost, 0.0, value) for name, value in terms.items()}
         fallen = self.task.fallen(outcome) & ~lost
-        reward = np.where(lost, 0.0, sum(terms.values()))
         # A diverged robot has no state worth observing: its last observation stands.
         self._observation = np.where(
             lost[:, None], self._observation, self._observe(outcome)
@@ -146,13 +149,19 @@ class EnvBatch:
         truncated = (self._tick >= self.num_steps * ticks) & ~terminated
         info = {f"reward_{name}": value for name, value in terms.items()} | metrics
         info["push"] = pushes[-1]
-        info["torque"] = torque
+        info["torque"] = torque.copy()
         info["contact_force"] = self._state().contact_force.copy()
         info["layer_saturation"] = (np.abs(torque) >= limit).mean(axis=1)
         info |= {f"layer_{name}": self._memory[name].copy() for name in self.layer.diagnostics}
         reason = np.where(lost, "diverged", np.where(fallen, "fall", ""))
         info["termination"] = reason.astype(object)
-        return Step(self._observation.copy(), reward, terminated, truncated, info)
+        return Step(
+            self.observation(),
+            sum(terms.values(), np.zeros(self.num_envs)),
+            terminated,
+            truncated,
+            info,
+        )
 
     def _state(self) -> RobotState:
         simulation = self.simulation
@@ -178,19 +187,20 @@ class EnvBatch:
         self._forget(ids)
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """Return all that the future depends on, as arrays: physics, task, layer, generators."""
+        """Return all that the future depends on: physics, task, layer, generators.
+
+        One row per environment in each array.
+        """
         state = {f"simulation.{k}": v for k, v in self.simulation.state_dict().items()}
         state |= {f"plant.{k}": v for k, v in self.plant.state_dict().items()}
         state |= {f"plan.{k}": v.copy() for k, v in self._plan.items()}
         state |= {f"memory.{k}": v.copy() for k, v in self._memory.items()}
         state |= {"tick": self._tick.copy(), "torque": self._torque.copy()}
-        generators = json.dumps([_generator_state(rng) for rng in self._rngs]).encode()
-        return state | {
-            "observation": self._observation.copy(),
-            "generators": np.frombuffer(generators, np.uint8).copy(),
-        }
+        state["observation"] = self.observation()
+        state["generator"] = np.array([_packed(rng) for rng in self._rngs], np.uint64)
+        return state
 
-    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict`, bit for bit."""
         self.plant.load_state_dict(_under("plant", state))
         self.simulation.load_state_dict(_under("simulation", state))
@@ -198,14 +208,30 @@ class EnvBatch:
         self._memory = {k: v.copy() for k, v in _under("memory", state).items()}
         self._tick, self._torque = state["tick"].copy(), state["torque"].copy()
         self._observation = state["observation"].copy()
-        for rng, saved in zip(self._rngs, json.loads(state["generators"].tobytes()), strict=True):
-            rng.bit_generator.state = saved
+        self._rngs = [_unpacked(row) for row in state["generator"]]
 
 
-def _under(prefix: str, state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _under(prefix: str, state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     start = prefix + "."
     return {k.removeprefix(start): v for k, v in state.items() if k.startswith(start)}
 
 
-def _generator_state(rng: np.random.Generator) -> dict[str, Any]:
-    return dict(rng.bit_generator.state)
+def _packed(rng: np.random.Generator) -> list[int]:
+    """A PCG64 generator, the kind that Gymnasium makes, as six 64-bit integers."""
+    state = dict(rng.bit_generator.state)
+    numbers = state["state"]["state"], state["state"]["inc"]
+    halves = [half for number in numbers for half in (number >> 64, number & _LOW)]
+    return [*halves, state["has_uint32"], state["uinteger"]]
+
+
+def _unpacked(row: np.ndarray) -> np.random.Generator:
+    """The generator of a `_packed` row."""
+    high, low, inc_high, inc_low, has_uint32, uinteger = (int(number) for number in row)
+    rng = np.random.Generator(np.random.PCG64())
+    rng.bit_generator.state = {
+        "bit_generator": "PCG64",
+        "state": {"state": high << 64 | low, "inc": inc_high << 64 | inc_low},
+        "has_uint32": has_uint32,
+        "uinteger": uinteger,
+    }
+    return rng

@@ -3,8 +3,7 @@
 from dataclasses import dataclass, fields
 from typing import Any
 
-import numpy as np
-
+from fbid_gym.envs.options import number, pair
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 
 
@@ -38,17 +37,15 @@ class Randomisation:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        for name in ("mass", "model_mass"):
-            if not 0.0 <= getattr(self, name) < 1.0:
-                raise InvalidValueError(f"randomisation {name}", getattr(self, name), "[0, 1)")
-        for name in ("com", "model_com"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise InvalidValueError(f"randomisation {name}", getattr(self, name), ">= 0 m")
-        object.__setattr__(self, "friction", tuple(self.friction))
-        if len(self.friction) != 2 or not 0.0 < self.friction[0] <= self.friction[1] < np.inf:
-            raise InvalidValueError(
-                "randomisation friction", self.friction, "a pair 0 < least <= most"
-            )
+        for name, most in (("mass", 1.0), ("model_mass", 1.0), ("com", None), ("model_com", None)):
+            full, expected = f"randomisation {name}", "[0, 1)" if most else "a length >= 0 m"
+            value = number(full, getattr(self, name), expected)
+            if value < 0.0 or (most and value >= most):
+                raise InvalidValueError(full, value, expected)
+        friction = pair("randomisation friction", self.friction)
+        if not 0.0 < friction[0] <= friction[1]:
+            raise InvalidValueError("randomisation friction", friction, "a pair 0 < least <= most")
+        object.__setattr__(self, "friction", friction)
 
     @property
     def any(self) -> bool:

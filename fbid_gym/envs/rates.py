@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from fbid_gym.envs.options import whole_number
 from fbid_gym.errors import InvalidValueError
 
 
@@ -22,10 +23,7 @@ class Rates:
     def __post_init__(self) -> None:
         """Check that every rate is a positive integer that divides the next faster one."""
         for name in ("physics", "control", "policy"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or int(value) != value or value <= 0:
-                raise InvalidValueError(f"{name}_hz", value, "a positive whole number of Hz")
-            object.__setattr__(self, name, int(value))
+            object.__setattr__(self, name, whole_number(f"{name}_hz", getattr(self, name)))
         for fast, slow in (("physics", "control"), ("control", "policy")):
             ratio = getattr(self, fast) / getattr(self, slow)
             if ratio != int(ratio):

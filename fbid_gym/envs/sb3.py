@@ -1,7 +1,7 @@
 """The stable-baselines3 vector environment: `fbid_gym.make_sb3`."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -13,7 +13,7 @@ from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import BalanceConfig
 from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
 from fbid_gym.envs.vector_env import spaces
-from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
+from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
 
 
 class SB3VecEnv(VecEnv):
@@ -97,11 +97,21 @@ class SB3VecEnv(VecEnv):
         own = {"returns": self._returns.copy(), "lengths": self._lengths.copy()}
         return self.chunks.state_dict() | own
 
-    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
-        """Continue from a `state_dict` of as many environments on as many threads."""
+    def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
+        """Continue from a `state_dict` of as many environments of the same kind.
+
+        Raises:
+            FbidError: the state is of other environments. Nothing was loaded.
+        """
+        for name in ("returns", "lengths"):
+            shape = state[name].shape if name in state else ()
+            if shape != (self.num_envs,):
+                expected = f"({self.num_envs},): num_envs is {self.num_envs}"
+                raise ShapeError(f"state {name!r}", shape, expected)
         self.chunks.load_state_dict(state)
         self._returns, self._lengths = state["returns"].copy(), state["lengths"].copy()
         self._seeded = True
+        self._reset_seeds()
 
     def close(self) -> None:
         """Stop the threads, close the windows."""

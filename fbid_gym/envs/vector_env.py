@@ -11,7 +11,7 @@ from gymnasium.vector.utils import batch_space
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import BalanceConfig
 from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
-from fbid_gym.errors import InvalidValueError, ShapeError, UnknownOptionError
+from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
 
 
 class BalanceVectorEnv(VectorEnv):
@@ -85,7 +85,7 @@ class BalanceVectorEnv(VectorEnv):
             return [None] * self.num_envs
         if isinstance(seed, int | np.integer):
             return [int(seed) + env for env in range(self.num_envs)]
-        if len(seed) != self.num_envs:
+        if not np.iterable(seed) or len(seed) != self.num_envs:
             raise InvalidValueError("seed", seed, f"one integer, or {self.num_envs} of them")
         return list(seed)
 
@@ -93,13 +93,19 @@ class BalanceVectorEnv(VectorEnv):
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Hold the actions (N, A) for one policy step."""
+        mode = self.metadata["autoreset_mode"]
+        if not self._seeded or (mode == AutoresetMode.DISABLED and self._done.any()):
+            ended = np.flatnonzero(self._done).tolist()
+            raise FbidError(
+                f"Environments {ended} have no episode to step: call reset(), or reset(options="
+                '{"reset_mask": ...}) for some of them.'
+            )
         step = self.chunks.step(actions)
         observation, reward = step.observation, step.reward
         terminated, truncated = step.terminated, step.truncated
         everyone = np.ones(self.num_envs, bool)
         info: dict[str, Any] = dict(step.info)
         info |= {f"_{name}": everyone for name in step.info}
-        mode = self.metadata["autoreset_mode"]
         if mode == AutoresetMode.NEXT_STEP and self._done.any():
             # Gymnasium's convention: this step only resets those, and says nothing else of them.
             again = self._done
