@@ -190,7 +190,8 @@ def _watching(every: Sequence[_Job], total: int, console: Console) -> Iterator[C
 
 def table(every: Sequence[_Job]) -> Table:
     """Return what the runs came to."""
-    found = Table("layer", "seed", "return before", "after", "survival", "best return", "minutes")
+    names = ("layer", "seed", "before", "after", "best", "survival", "minutes")
+    found = Table(*names, title="Return at evaluation")
     for job in every:
         rows = job.rows("evaluations.csv")
         first, last = rows[0], rows[-1]
@@ -200,8 +201,8 @@ def table(every: Sequence[_Job]) -> Table:
             str(job.seed),
             f"{float(first['return_mean']):.0f}",
             f"{float(last['return_mean']):.0f}",
-            f"{float(last['survival']):.0%}",
             f"{best:.0f}",
+            f"{float(last['survival']):.0%}",
             f"{float(last['wall_seconds']) / 60:.1f}",
         )
     return found
