@@ -9,8 +9,11 @@ from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import positive
 from fbid_gym.actions.stance import holding_torque, own_inertia, stance_inertia
 from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.robots import Robot
+
+_STIFFER_THAN_FALLING = 3.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +40,9 @@ class JointPosition:
         robot: Robot,
         control_hz: int,
         *,
-        natural_frequency: float = 3.0,
-        damping_ratio: float = 0.5,
-        scale: float = 0.4,
+        natural_frequency: float | None = None,
+        damping_ratio: float = 1.0,
+        scale: float = 0.3,
     ) -> "JointPosition":
         """Derive the gains from a second-order response of the home stance.
 
@@ -50,10 +53,15 @@ class JointPosition:
         Args:
             robot: whose joints.
             control_hz: control ticks per second.
-            natural_frequency: f in Hz.
+            natural_frequency: f in Hz. Default: 3.4 times that of the robot falling over, the
+                pendulum frequency sqrt(g / height of the centre of mass) / (2 pi). Stiffer joints
+                take harder pushes untrained, but turn exploration noise into falls.
             damping_ratio: zeta.
             scale: rad (m for slides) at action 1.
         """
+        if natural_frequency is None:
+            pendulum = np.sqrt(robot.weight / robot.mass / Support.of(robot).home_com[2])
+            natural_frequency = float(_STIFFER_THAN_FALLING * pendulum / (2.0 * np.pi))
         positive(natural_frequency=natural_frequency, damping_ratio=damping_ratio, scale=scale)
         inertia, omega = stance_inertia(robot), 2.0 * np.pi * natural_frequency
         damping = 2.0 * damping_ratio * omega * inertia

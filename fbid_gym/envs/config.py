@@ -37,7 +37,7 @@ class BalanceConfig:
     """s."""
     push_interval: tuple[float, float] = (1.5, 3.0)
     """(least, most) s from the start of one push to the next."""
-    height_range: tuple[float, float] = (0.9, 1.0)
+    height_range: tuple[float, float] = (0.94, 1.0)
     """(least, most) commanded base height as a share of the home height."""
     height_interval: tuple[float, float] = (2.0, 4.0)
     """(least, most) s from one command to the next."""

@@ -50,7 +50,7 @@ class Balance:
     seconds: float
     hz: int
     pushes: Pushes
-    height_range: tuple[float, float] = (0.9, 1.0)
+    height_range: tuple[float, float] = (0.94, 1.0)
     height_interval: tuple[float, float] = (2.0, 4.0)
     joint_noise: float = 0.02
     velocity_noise: float = 0.05
