@@ -124,7 +124,7 @@ class LiveTerms:
             mass_matrix=matrix,
             bias=buffers["qfrc_bias"].copy(),
             base_position=buffers["xpos"][:, at.base].copy(),
-            base_rotation=buffers["xmat"][:, at.base].reshape(num_robots, 3, 3),
+            base_rotation=buffers["xmat"][:, at.base].copy().reshape(num_robots, 3, 3),
             com=com.copy(),
             com_velocity=momentum / self._mass(),
             foot_position=reference,

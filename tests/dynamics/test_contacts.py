@@ -1,0 +1,157 @@
+"""Contact points against MuJoCo's own Jacobians, and fewer rows against all of them."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym import robots
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.contacts import (
+    ContactGeometry,
+    point_jacobian,
+    point_positions,
+    point_velocities,
+    reduced_contacts,
+)
+from fbid_gym.errors import ShapeError
+
+# One foot of four points far from its body's origin, one of a single sphere, one of two points.
+UNEQUAL_FEET = {"ball": ["ball"], "flat": [f"corner{index}" for index in range(4)]}
+LINE_FEET = {"edge": ["corner0", "corner1"], "ball": ["ball"]}
+
+
+@pytest.fixture(scope="module", params=[*robots.ROBOTS, "unequal", "line"])
+def robot(request, tmp_path_factory, random_mjcf):
+    if request.param in robots.ROBOTS:
+        return robots.load(request.param)
+    path = tmp_path_factory.mktemp("robots") / "random.xml"
+    path.write_text(random_mjcf(3))
+    feet = {"unequal": UNEQUAL_FEET, "line": LINE_FEET}[request.param]
+    return robots.Robot.from_mjcf(path, feet)
+
+
+@pytest.fixture(scope="module")
+def geometry(robot):
+    return ContactGeometry.of(robot)
+
+
+def mujoco_points(robot, qpos, qvel):
+    """Positions (P, 3), velocities (P, 3) and Jacobian (3 P, nv) of the contact points."""
+    model = robot.model
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    positions, jacobians = [], []
+    for foot in robot.feet:
+        rotation = data.xmat[foot.body].reshape(3, 3)
+        for point in foot.points:
+            position = data.xpos[foot.body] + rotation @ point - [0.0, 0.0, foot.radius]
+            jacobian = np.zeros((3, model.nv))
+            mujoco.mj_jac(model, data, jacobian, None, position, foot.body)
+            positions.append(position)
+            jacobians.append(jacobian)
+    jacobian = np.concatenate(jacobians)
+    return np.array(positions), (jacobian @ qvel).reshape(-1, 3), jacobian
+
+
+def test_points_are_where_mujoco_has_them_and_move_alike(robot, geometry, random_states):
+    qpos, qvel = random_states(robot.model, 4)
+    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    positions, velocities = point_positions(geometry, terms), point_velocities(geometry, terms)
+    jacobian, _ = point_jacobian(geometry, terms)
+    for index in range(len(qpos)):
+        expected = mujoco_points(robot, qpos[index], qvel[index])
+        np.testing.assert_allclose(positions[index], expected[0], atol=1e-12)
+        np.testing.assert_allclose(velocities[index], expected[1], atol=1e-11)
+        np.testing.assert_allclose(jacobian[index], expected[2], atol=1e-12)
+
+
+def test_point_bias_is_the_rate_of_point_velocity_at_constant_velocity(
+    robot, geometry, random_states, integrate
+):
+    qpos, qvel = random_states(robot.model, 3, seed=1)
+    _, bias = point_jacobian(geometry, MuJoCoDynamics(robot).terms(qpos, qvel))
+    step = 1e-3
+    weights = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * step)
+    for index in range(len(qpos)):
+        # The lowered point is found anew at every instant: a sphere rolls.
+        path = [
+            mujoco_points(
+                robot, integrate(robot.model, qpos[index], qvel[index], k * step), qvel[index]
+            )[1]
+            for k in range(-3, 4)
+        ]
+        expected = np.tensordot(weights, path, axes=1).ravel()
+        assert np.abs(expected).max() > 0.1
+        np.testing.assert_allclose(bias[index], expected, rtol=1e-6, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def subsets(robot, geometry, random_states):
+    """Every subset of the contact points, each at a random state of its own."""
+    num_points = geometry.num_points
+    active = (np.arange(2**num_points)[:, None] >> np.arange(num_points) & 1).astype(bool)
+    terms = MuJoCoDynamics(robot).terms(*random_states(robot.model, len(active), seed=2))
+    jacobian, bias = point_jacobian(geometry, terms)
+    rows = np.repeat(active, 3, axis=1)
+    return active, terms, jacobian * rows[:, :, None], bias * rows
+
+
+def test_reduced_rows_stand_for_the_active_points(robot, geometry, subsets):
+    active, terms, jacobian, _ = subsets
+    reduced = reduced_contacts(geometry, terms, active)
+    assert reduced.jacobian.shape[1] == geometry.num_rows
+    np.testing.assert_allclose(
+        reduced.jacobian.mT @ reduced.jacobian, jacobian.mT @ jacobian, atol=1e-10
+    )
+    np.testing.assert_array_equal(
+        np.linalg.matrix_rank(reduced.jacobian, rtol=1e-9),
+        np.linalg.matrix_rank(jacobian, rtol=1e-9),
+    )
+    # One point of a foot fixes 3 directions, two fix 5, more fix 6; the other rows are zero.
+    rank = np.array([0, 3, 5, 6, 6])
+    feet = [active[:, geometry.foot_of_point == foot].sum(axis=1) for foot in range(robot.num_feet)]
+    used = (np.abs(reduced.jacobian).max(axis=2) > 1e-9).sum(axis=1)
+    np.testing.assert_array_equal(used, rank[feet].sum(axis=0))
+
+
+def test_point_forces_act_through_the_point_map(geometry, subsets):
+    active, terms, jacobian, _ = subsets
+    reduced = reduced_contacts(geometry, terms, active)
+    np.testing.assert_allclose(reduced.point_map.mT @ reduced.jacobian, jacobian, atol=1e-11)
+    idle = np.repeat(~active, 3, axis=1)
+    assert np.abs(reduced.point_map.swapaxes(1, 2)[idle]).max() < 1e-15
+    # Orthonormal where it is not zero: the smallest row forces are the smallest point forces.
+    gram = reduced.point_map @ reduced.point_map.mT
+    used = np.abs(reduced.jacobian).max(axis=2) > 1e-9
+    np.testing.assert_allclose(gram, used[:, :, None] * np.eye(gram.shape[1]), atol=1e-12)
+
+
+def test_reduced_bias_is_the_part_of_the_point_bias_that_rows_can_see(geometry, subsets):
+    active, terms, _, bias = subsets
+    reduced = reduced_contacts(geometry, terms, active)
+    np.testing.assert_allclose(reduced.bias, np.matvec(reduced.point_map, bias), atol=1e-9)
+
+
+def test_all_points_at_once_is_the_full_subset(robot, geometry, random_states):
+    """Without a mask the rows are those of all points, and so is the bias while the feet stand."""
+    qpos, qvel = random_states(robot.model, 5, seed=3)
+    dynamics = MuJoCoDynamics(robot)
+    jacobian, _ = point_jacobian(geometry, dynamics.terms(qpos, qvel))
+    # A velocity that moves no contact point.
+    qvel = qvel - np.matvec(np.linalg.pinv(jacobian, rcond=1e-9), np.matvec(jacobian, qvel))
+    assert np.abs(qvel).max() > 0.5
+    terms = dynamics.terms(qpos, qvel)
+    every = np.ones((5, geometry.num_points), bool)
+    masked, free = reduced_contacts(geometry, terms, every), reduced_contacts(geometry, terms)
+    np.testing.assert_allclose(free.jacobian, masked.jacobian, atol=1e-14)
+    np.testing.assert_allclose(free.point_map, masked.point_map, atol=1e-14)
+    np.testing.assert_allclose(free.bias, masked.bias, atol=1e-9)
+
+
+def test_a_mask_of_another_shape_is_an_error(robot, geometry, random_states):
+    terms = MuJoCoDynamics(robot).terms(*random_states(robot.model, 2))
+    points = geometry.num_points
+    with pytest.raises(ShapeError, match=rf"active has shape \(2, 1\). Expected \(2, {points}\)"):
+        reduced_contacts(geometry, terms, np.ones((2, 1), bool))

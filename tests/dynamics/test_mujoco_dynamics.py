@@ -1,0 +1,123 @@
+"""The batch's terms against MuJoCo's own functions, one robot at a time."""
+
+import mujoco
+import mujoco.batch
+import numpy as np
+import pytest
+
+from fbid_gym import robots
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.mujoco_dynamics import LiveTerms
+from fbid_gym.errors import NonFiniteError, ShapeError
+
+EXACT = 1e-9
+
+
+@pytest.fixture(scope="module", params=[*robots.ROBOTS, 0, 1, 2, 3])
+def robot(request, tmp_path_factory, random_mjcf):
+    """Robots and random trees; odd seeds have armature on the free joint."""
+    if isinstance(request.param, str):
+        return robots.load(request.param)
+    path = tmp_path_factory.mktemp("robots") / "random.xml"
+    path.write_text(random_mjcf(request.param))
+    return robots.Robot.from_mjcf(path, ["ball"])
+
+
+def forwarded(model, qpos, qvel):
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    mujoco.mj_forward(model, data)
+    mujoco.mj_subtreeVel(model, data)
+    return data
+
+
+def test_terms_are_mujocos(robot, random_states, relative_error):
+    qpos, qvel = random_states(robot.model, 4)
+    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    base = robot.base_body
+    for index in range(4):
+        data = forwarded(robot.model, qpos[index], qvel[index])
+        matrix = np.zeros((robot.nv, robot.nv))
+        mujoco.mj_fullM(robot.model, data, matrix)
+        expected = {
+            "mass_matrix": matrix,
+            "bias": data.qfrc_bias,
+            "base_position": data.xpos[base],
+            "base_rotation": data.xmat[base].reshape(3, 3),
+            "com": data.subtree_com[base],
+            "com_velocity": data.subtree_linvel[base],
+        }
+        for name, value in expected.items():
+            assert relative_error(getattr(terms, name)[index], value) < EXACT, name
+
+
+def test_the_batch_changes_nothing(robot, random_states):
+    """A robot's terms are the same bits alone and among others, and do not change afterwards."""
+    qpos, qvel = random_states(robot.model, 16)
+    dynamics = MuJoCoDynamics(robot)
+    together = dynamics.terms(qpos, qvel)
+    kept = type(together)(*(value.copy() for value in together))
+    alone = MuJoCoDynamics(robot).terms(qpos[5:6], qvel[5:6])
+    dynamics.terms(qpos[::-1], qvel[::-1])  # another call must not touch what was returned
+    for name, ours in kept._asdict().items():
+        np.testing.assert_array_equal(getattr(together, name), ours, err_msg=name)
+        np.testing.assert_array_equal(getattr(alone, name)[0], ours[5], err_msg=name)
+
+
+def test_robots_of_different_masses(robot, random_states, relative_error, rng):
+    """Per-simulation masses, as domain randomisation makes them, enter every term."""
+    qpos, qvel = random_states(robot.model, 3)
+    batch = mujoco.batch.Batch(robot.model, 3, 1, persistent=True)
+    live = LiveTerms(robot, batch)
+    scale = rng.uniform(0.5, 2.0, (3, robot.model.nbody))
+    shift = rng.normal(size=(3, robot.model.nbody, 3)) * 0.05
+    batch.expand("body_mass")[:] = robot.model.body_mass * scale
+    batch.expand("body_inertia")[:] = robot.model.body_inertia * scale[:, :, None]
+    batch.expand("body_ipos")[:] = robot.model.body_ipos + shift
+    batch.set_const()
+    batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
+    batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
+    terms = live()
+    for index in range(3):
+        data = forwarded(batch.get_model(index), qpos[index], qvel[index])
+        base = robot.base_body
+        matrix = np.zeros((robot.nv, robot.nv))
+        mujoco.mj_fullM(batch.get_model(index), data, matrix)
+        assert relative_error(terms.mass_matrix[index], matrix) < EXACT
+        assert relative_error(terms.bias[index], data.qfrc_bias) < EXACT
+        assert relative_error(terms.com[index], data.subtree_com[base]) < EXACT
+        assert relative_error(terms.com_velocity[index], data.subtree_linvel[base]) < EXACT
+
+
+def test_bias_has_no_joint_damping(random_states):
+    """Damping is the layers' business: h of [M10] has none."""
+    robot = robots.load("biped")
+    assert (robot.joint_damping > 0.0).all()
+    qpos, qvel = random_states(robot.model, 2)
+    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    data = forwarded(robot.model, qpos[1], qvel[1])
+    # M vdot + h = applied + passive forces, without contact.
+    acceleration = np.zeros(robot.nv)
+    mujoco.mj_solveM(
+        robot.model, data, acceleration[None], (data.qfrc_passive - terms.bias[1])[None]
+    )
+    np.testing.assert_allclose(acceleration, data.qacc_smooth, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(data.qfrc_passive[6:], -robot.joint_damping * qvel[1, 6:])
+
+
+def test_wrong_states_are_errors():
+    robot = robots.load("quadruped")
+    dynamics = MuJoCoDynamics(robot)
+    qpos, qvel = np.tile(robot.home_qpos, (2, 1)), np.zeros((2, robot.nv))
+    with pytest.raises(ShapeError, match=r"qpos has shape \(19,\). Expected \(N, 19\): quadruped"):
+        dynamics.terms(qpos[0], qvel)
+    with pytest.raises(ShapeError, match=r"qpos has shape \(2, 18\)"):
+        dynamics.terms(qpos[:, 1:], qvel)
+    with pytest.raises(ShapeError, match=r"qvel has shape \(1, 18\). Expected \(2, 18\), one row"):
+        dynamics.terms(qpos, qvel[:1])
+    for name, broken in (("qpos", qpos), ("qvel", qvel)):
+        bad = broken.copy()
+        bad[1, 8] = np.nan
+        states = (bad, qvel) if name == "qpos" else (qpos, bad)
+        with pytest.raises(NonFiniteError, match=rf"{name} is not finite: .* index \(1, 8\)"):
+            dynamics.terms(*states)
