@@ -1,0 +1,328 @@
+"""What the task says of a state, against the same said of it by MuJoCo and plain formulas."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym import robots
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.state import Outcome, RobotState
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.tasks import Balance, Pushes
+from fbid_gym.tasks.balance import REWARD_WEIGHTS
+
+HZ = 500
+
+
+@pytest.fixture(scope="module", params=robots.ROBOTS)
+def robot(request):
+    return robots.load(request.param)
+
+
+def make_task(robot, **changes):
+    pushes = Pushes((0.0, 0.1 * robot.weight), 0.15, (1.5, 3.0))
+    return Balance(robot, seconds=10.0, hz=HZ, pushes=pushes, **changes)
+
+
+@pytest.fixture(scope="module")
+def task(robot):
+    return make_task(robot)
+
+
+def plans(task, count, seed=0):
+    rng = np.random.default_rng(seed)
+    drawn = [task.draw(rng) for _ in range(count)]
+    return {name: np.array([one[name] for one in drawn]) for name in drawn[0]}
+
+
+def outcome_at(task, qpos, qvel, *, contact=None, tick=None, torque=None):
+    """The outcome of a step that ended in these states (N, nq), (N, nv)."""
+    robot, count = task.robot, len(qpos)
+    if contact is None:
+        contact = np.zeros((count, robot.num_points, 3))
+        contact[..., 2] = robot.weight / robot.num_points
+    tick = np.zeros(count, int) if tick is None else tick
+    torque = np.zeros((count, robot.num_joints)) if torque is None else torque
+    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    return Outcome(
+        RobotState(qpos, qvel, contact, tick),
+        terms,
+        task.support.frame(terms),
+        torque,
+        np.square(torque).mean(axis=1),
+        np.abs(torque * qvel[:, 6:]).sum(axis=1),
+    )
+
+
+def at_home(task, count=1):
+    qpos = np.tile(task.robot.home_qpos, (count, 1))
+    return qpos, np.zeros((count, task.robot.nv))
+
+
+def at_random(task, rng, count):
+    """Any heading, bent joints, a tilted base, everything moving, random forces and torques."""
+    robot = task.robot
+    qpos = np.tile(robot.home_qpos, (count, 1))
+    qpos[:, :2] += rng.normal(size=(count, 2))
+    for row in qpos:
+        tilt = np.append(1.0, 0.2 * rng.normal(size=3))
+        turn = rng.normal(size=4) * [1, 0, 0, 1]
+        mujoco.mju_mulQuat(row[3:7], turn / np.linalg.norm(turn), tilt / np.linalg.norm(tilt))
+    qpos[:, 7:] += 0.1 * rng.normal(size=(count, robot.num_joints))
+    return (
+        qpos,
+        rng.normal(size=(count, robot.nv)),
+        {
+            "contact": np.abs(rng.normal(size=(count, robot.num_points, 3))) * robot.weight,
+            "tick": rng.integers(0, 5000, count),
+            "torque": rng.uniform(-1, 1, (count, robot.num_joints)) * robot.torque_limit,
+        },
+    )
+
+
+def feet_of(robot, qpos, qvel):
+    """Contact points (P, 3), their velocities, and the feet's centre and heading, from MjData."""
+    data = mujoco.MjData(robot.model)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    mujoco.mj_forward(robot.model, data)
+    points, velocities = [], []
+    for foot in robot.feet:
+        for point in foot.points:
+            world = data.xpos[foot.body] + data.xmat[foot.body].reshape(3, 3) @ point
+            world = world - [0, 0, foot.radius]
+            jacobian = np.zeros((3, robot.nv))
+            mujoco.mj_jac(robot.model, data, jacobian, None, world, foot.body)
+            points.append(world)
+            velocities.append(jacobian @ qvel)
+    return data, np.array(points), np.array(velocities)
+
+
+def heading_of(points, layout):
+    """Angle that turns the home layout (P, 2) nearest to the points, by complex numbers."""
+    now = points[:, :2] - points[:, :2].mean(axis=0)
+    return np.angle(np.vdot(layout @ [1, 1j], now @ [1, 1j]))
+
+
+def commanded(plan, row, tick):
+    """The last command given, found by walking through the plan."""
+    height = None
+    for start, value in zip(plan["command_start"][row], plan["command"][row], strict=True):
+        if start <= tick:
+            height = value
+    return height
+
+
+def test_the_observation_is_what_its_names_say(task, rng):
+    robot, plan = task.robot, plans(task, 6)
+    qpos, qvel, rest = at_random(task, rng, 6)
+    observed = task.observe(outcome_at(task, qpos, qvel, **rest), plan)
+    home, home_points, _ = feet_of(robot, robot.home_qpos, np.zeros(robot.nv))
+    layout = home_points[:, :2] - home_points[:, :2].mean(axis=0)
+    home_base = home.xpos[robot.base_body] - home_points.mean(axis=0)
+    for row in range(6):
+        data, points, _ = feet_of(robot, qpos[row], qvel[row])
+        angle = heading_of(points, layout)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        level = np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])  # support from world
+        rotation = data.xmat[robot.base_body].reshape(3, 3)
+        base = level @ (data.xpos[robot.base_body] - points.mean(axis=0))
+        expected = [
+            [commanded(plan, row, rest["tick"][row]) - home_base[2]],
+            base - home_base,
+            rotation.T @ [0, 0, 1],
+            level @ qvel[row, :3],
+            qvel[row, 3:6],
+            qpos[row, 7:] - robot.home_qpos[7:],
+            qvel[row, 6:],
+            rest["torque"][row] / robot.torque_limit,
+            rest["contact"][row, :, 2] / robot.weight,
+        ]
+        np.testing.assert_allclose(observed[row], np.concatenate(expected), atol=1e-12)
+
+
+def test_every_entry_of_the_observation_has_a_name_and_a_bound(task, robot):
+    names, bound = task.observation_names, task.observation_bound
+    assert (
+        len(set(names)) == len(names) == len(bound) == 13 + 3 * robot.num_joints + robot.num_points
+    )
+    assert (bound > 0).all() and np.isfinite(bound).all()
+    limits = dict(zip(names, bound, strict=True))
+    assert limits["up direction z (base frame)"] == 1.0
+    assert limits[f"{robot.joint_names[0]} last torque (share of its limit)"] == 1.0
+
+
+def test_heading_does_not_matter(task, rng):
+    robot, plan = task.robot, plans(task, 8)
+    qpos, qvel, rest = at_random(task, rng, 8)
+    outcome = outcome_at(task, qpos, qvel, **rest)
+    angle = 2.1
+    turn = np.array([np.cos(angle / 2), 0, 0, np.sin(angle / 2)])
+    cosine, sine = np.cos(angle), np.sin(angle)
+    rotation = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+    turned_qpos, turned_qvel = qpos.copy(), qvel.copy()
+    turned_qpos[:, :3], turned_qvel[:, :3] = qpos[:, :3] @ rotation.T, qvel[:, :3] @ rotation.T
+    for row, old in zip(turned_qpos, qpos, strict=True):
+        mujoco.mju_mulQuat(row[3:7], turn, old[3:7])
+    rest["contact"] = rest["contact"] @ rotation.T
+    turned = outcome_at(task, turned_qpos, turned_qvel, **rest)
+    np.testing.assert_allclose(task.observe(turned, plan), task.observe(outcome, plan), atol=1e-11)
+    for ours, theirs in zip(task.reward(turned, plan), task.reward(outcome, plan), strict=True):
+        for name, value in ours.items():
+            np.testing.assert_allclose(value, theirs[name], atol=1e-11, err_msg=name)
+    assert (task.fallen(turned) == task.fallen(outcome)).all()
+    assert robot.num_feet > 1
+
+
+def test_standing_perfectly_earns_everything(task):
+    plan = plans(task, 1)
+    plan["command"][:] = task.home_height
+    rewards, metrics = task.reward(outcome_at(task, *at_home(task)), plan)
+    assert sum(REWARD_WEIGHTS.values()) == pytest.approx(1.0)
+    assert rewards.keys() == REWARD_WEIGHTS.keys()
+    for name, value in rewards.items():
+        assert value == pytest.approx(REWARD_WEIGHTS[name]), name
+    assert metrics["height"] == pytest.approx(task.home_height)
+    assert metrics["height_error"] == pytest.approx(0.0, abs=1e-12)
+    assert metrics["slip"] == metrics["power"] == metrics["torque_rms"] == 0.0
+
+
+def test_rewards_are_their_formulas(task, rng):
+    """The table of the environment's docstring, computed from MjData."""
+    robot, plan, size = task.robot, plans(task, 20), task.home_height
+    qpos, qvel, rest = at_random(task, rng, 20)
+    qvel *= 0.2
+    rest["torque"] *= 0.5
+    rest["contact"][::3, 0] *= 1e-3  # some points carry less than 1 % of the weight
+    rewards, metrics = task.reward(outcome_at(task, qpos, qvel, **rest), plan)
+    home, home_points, _ = feet_of(robot, robot.home_qpos, np.zeros(robot.nv))
+    layout = home_points[:, :2] - home_points[:, :2].mean(axis=0)
+    home_base = home.xpos[robot.base_body] - home_points.mean(axis=0)
+    for row in range(20):
+        data, points, velocities = feet_of(robot, qpos[row], qvel[row])
+        angle = heading_of(points, layout)
+        base = data.xpos[robot.base_body] - points.mean(axis=0)
+        ahead = (base[0] + 1j * base[1]) * np.exp(-1j * angle) - (home_base[:2] @ [1, 1j])
+        command = commanded(plan, row, rest["tick"][row])
+        tilt = np.arccos(data.xmat[robot.base_body].reshape(3, 3)[2, 2])
+        down = rest["contact"][row, :, 2] > 0.01 * robot.weight
+        slip = np.linalg.norm(velocities[down], axis=1).mean() if down.any() else 0.0
+        effort = np.sqrt(np.mean(rest["torque"][row] ** 2)) / robot.torque_limit.mean()
+        expected = {
+            "height": np.exp(-(((base[2] - command) / (0.03 * size)) ** 2)),
+            "upright": np.exp(-(1 - np.cos(tilt)) / (1 - np.cos(0.2))),
+            "position": np.exp(-((abs(ahead) / (0.06 * size)) ** 2)),
+            "stillness": np.exp(-((np.linalg.norm(qvel[row, :6]) / 0.5) ** 2)),
+            "contact": down.mean() * np.exp(-((slip / 0.1) ** 2)),
+            "torque": np.exp(-((effort / 0.3) ** 2)),
+        }
+        for name, share in expected.items():
+            value = rewards[name][row]
+            assert value == pytest.approx(REWARD_WEIGHTS[name] * share, rel=1e-9), name
+            assert 0.0 <= value <= REWARD_WEIGHTS[name]
+        assert metrics["height"][row] == pytest.approx(base[2])
+        assert metrics["height_command"][row] == command
+        assert metrics["height_error"][row] == pytest.approx(base[2] - command)
+        assert metrics["slip"][row] == pytest.approx(slip)
+        assert metrics["torque_rms"][row] == pytest.approx(
+            np.sqrt(np.mean(rest["torque"][row] ** 2))
+        )
+        assert metrics["power"][row] == pytest.approx(
+            np.abs(rest["torque"][row] * qvel[row, 6:]).sum()
+        )
+
+
+@pytest.mark.parametrize(
+    ("degrees", "fallen"), [(0, False), (59.5, False), (60.5, True), (180, True)]
+)
+def test_a_tilted_base_has_fallen(task, degrees, fallen):
+    """Tilt alone: feet and height stay as they are at home."""
+    outcome = outcome_at(task, *at_home(task, 8))
+    rotations = np.empty((8, 9))
+    for heading, matrix in zip(np.linspace(0, 2 * np.pi, 8), rotations, strict=True):
+        quaternion, axis = np.empty(4), np.array([np.cos(heading), np.sin(heading), 0.0])
+        mujoco.mju_axisAngle2Quat(quaternion, axis, np.radians(degrees))
+        mujoco.mju_quat2Mat(matrix, quaternion)
+    terms = outcome.terms._replace(base_rotation=rotations.reshape(8, 3, 3))
+    assert (task.fallen(outcome._replace(terms=terms)) == fallen).all()
+
+
+def test_a_low_base_has_fallen(task, robot):
+    """Squatting down: the height of the base above the feet decides."""
+    qpos, qvel = at_home(task, 200)
+    knees = [index for index, name in enumerate(robot.joint_names) if "knee" in name]
+    hips = [index for index, name in enumerate(robot.joint_names) if "hip_pitch" in name]
+    bend = np.linspace(0.0, 1.6, 200)
+    for joint in knees:
+        qpos[:, 7 + joint] += bend * np.sign(robot.home_qpos[7 + joint])
+    for joint in hips:
+        qpos[:, 7 + joint] += bend / 2 * np.sign(robot.home_qpos[7 + joint])
+    outcome = outcome_at(task, qpos, qvel)
+    height = [
+        data.xpos[robot.base_body][2] - points[:, 2].mean()
+        for data, points, _ in (feet_of(robot, row, np.zeros(robot.nv)) for row in qpos)
+    ]
+    low = np.array(height) < 0.6 * task.home_height
+    assert low.any() and not low.all()
+    np.testing.assert_array_equal(task.fallen(outcome), low)
+
+
+def test_commands_are_constant_for_a_while_and_within_range(robot):
+    task = make_task(robot, height_range=(0.85, 1.05), height_interval=(0.5, 1.0))
+    plan = plans(task, 50)
+    ticks = np.arange(int(task.seconds * HZ))
+    heights = np.array([task.command(plan, np.full(50, tick)) for tick in ticks])
+    assert heights.min() >= 0.85 * task.home_height
+    assert heights.max() <= 1.05 * task.home_height
+    assert heights.mean() == pytest.approx(0.95 * task.home_height, rel=0.01)
+    for row in range(50):
+        changes = np.flatnonzero(np.diff(heights[:, row])) + 1
+        gaps = np.diff(np.append(0, changes))
+        assert gaps.min() >= 0.5 * HZ - 1 and gaps.max() <= 1.0 * HZ + 1
+        assert len(changes) >= 9
+        np.testing.assert_array_equal(
+            heights[::97, row], [commanded(plan, row, tick) for tick in ticks[::97]]
+        )
+
+
+def test_starts_are_upright_near_home_with_any_heading(robot):
+    task = make_task(robot, joint_noise=0.03, velocity_noise=0.2)
+    plan = plans(task, 400)
+    qpos, qvel = plan["qpos"], plan["qvel"]
+    offset = qpos[:, 7:] - robot.home_qpos[7:]
+    low, high = robot.joint_range.T
+    assert np.abs(offset).max() <= 0.03 and np.abs(offset).max() > 0.029
+    assert (qpos[:, 7:] >= low).all() and (qpos[:, 7:] <= high).all()
+    assert 0.19 < np.abs(qvel).max() <= 0.2
+    np.testing.assert_array_equal(qpos[:, :3], np.tile(robot.home_qpos[:3], (400, 1)))
+    matrices = np.zeros((400, 9))
+    for matrix, row in zip(matrices, qpos, strict=True):
+        mujoco.mju_quat2Mat(matrix, row[3:7])
+    matrices = matrices.reshape(-1, 3, 3)
+    np.testing.assert_allclose(matrices[:, 2, 2], 1.0)
+    heading = matrices[:, 0, 0] + 1j * matrices[:, 1, 0]
+    for harmonic in (1, 2, 3):
+        assert np.abs((heading**harmonic).mean()) < 5 / np.sqrt(400)
+
+
+def test_joints_start_within_their_range_whatever_the_noise(robot):
+    task = make_task(robot, joint_noise=1.0)
+    joints = plans(task, 200)["qpos"][:, 7:]
+    low, high = robot.joint_range.T
+    assert (joints >= low).all() and (joints <= high).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"height_range": (0.5, 1.0)}, r"height_range: \(0.5, 1.0\). Expected a pair 0.6 < least"),
+        ({"height_range": (1.0, 0.9)}, "Invalid height_range"),
+        ({"height_range": (0.9, 1.5)}, "Invalid height_range"),
+        ({"height_interval": (0.0, 1.0)}, "Invalid height_interval"),
+        ({"height_interval": (2.0, 1.0)}, "Invalid height_interval"),
+        ({"joint_noise": -0.1}, "Invalid joint_noise: -0.1. Expected a number from 0 to 1"),
+        ({"velocity_noise": np.nan}, "Invalid velocity_noise: nan"),
+    ],
+)
+def test_bad_ranges_are_errors(robot, arguments, message):
+    with pytest.raises(InvalidValueError, match=message):
+        make_task(robot, **arguments)
