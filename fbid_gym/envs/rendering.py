@@ -14,8 +14,9 @@ RENDER_MODES = ("human", "rgb_array")
 WIDTH, HEIGHT = 640, 480
 
 _ARROW_COLOUR = np.array([0.9, 0.25, 0.1, 1.0], np.float32)
-_ARROW_LENGTH = 2.0  # home heights, for a push of the robot's weight
-_ARROW_WIDTH = 0.025  # home heights
+# Shares of the camera's distance: the arrow of a push of the robot's weight, its width, and how far
+# from the base's centre it ends, so that the trunk does not hide it.
+_ARROW_LENGTH, _ARROW_WIDTH, _ARROW_GAP = 0.7, 0.009, 0.08
 
 
 class RobotRenderer:
@@ -26,6 +27,8 @@ class RobotRenderer:
         self._batch, self._mode = batch, mode
         self._model = batch.robot.model
         self._data = mujoco.MjData(self._model)
+        support = batch.task.support
+        self._distance = 2.3 * support.home_base[2] + 3.5 * support.radius
         self._renderer: mujoco.Renderer | None = None
         self._viewer: mujoco.viewer.Handle | None = None
 
@@ -73,7 +76,7 @@ class RobotRenderer:
     def _aim(self, camera: mujoco.MjvCamera) -> None:
         camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
         camera.trackbodyid = self._batch.robot.base_body
-        camera.distance = 3.0 * self._batch.task.home_height
+        camera.distance = self._distance
         camera.azimuth, camera.elevation = 140.0, -12.0
 
     def _draw_push(self, scene: mujoco.MjvScene, force: np.ndarray) -> None:
@@ -81,14 +84,17 @@ class RobotRenderer:
         size = float(np.linalg.norm(force))
         if size == 0.0 or scene.ngeom >= scene.maxgeom:
             return
-        height, weight = self._batch.task.home_height, self._batch.robot.weight
-        end = self._data.xipos[self._batch.robot.base_body]
-        start = end - force / weight * _ARROW_LENGTH * height
+        distance, weight = self._distance, self._batch.robot.weight
+        centre = self._data.xipos[self._batch.robot.base_body]
+        end = centre - force / size * _ARROW_GAP * distance
+        start = end - force / weight * _ARROW_LENGTH * distance
         arrow = scene.geoms[scene.ngeom]
         mujoco.mjv_initGeom(
             arrow, mujoco.mjtGeom.mjGEOM_ARROW, np.zeros(3), np.zeros(3), np.zeros(9), _ARROW_COLOUR
         )
-        mujoco.mjv_connector(arrow, mujoco.mjtGeom.mjGEOM_ARROW, _ARROW_WIDTH * height, start, end)
+        mujoco.mjv_connector(
+            arrow, mujoco.mjtGeom.mjGEOM_ARROW, _ARROW_WIDTH * distance, start, end
+        )
         scene.ngeom += 1
 
     def close(self) -> None:
