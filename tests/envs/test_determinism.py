@@ -1,0 +1,156 @@
+"""Same seed, same numbers: alone, in a batch of any size, on any number of threads."""
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs import ENVIRONMENTS
+
+BIPED, QUADRUPED = ENVIRONMENTS
+MEASURED = {"contacts": "measured"}
+EXACT = {"contact_limits": "none"}
+SCHEDULE = {"contacts": [(0.1, ["left", "right"]), (0.05, ["left"]), (0.02, [])]}
+RANDOM = {"mass": 0.2, "com": 0.01, "friction": (0.5, 1.0), "model_mass": 0.1, "model_com": 0.005}
+
+# Every layer on both robots; every way to assume contacts; with and without limits on their forces.
+CASES = [
+    *((name, layer, None) for name in ENVIRONMENTS for layer in LAYERS),
+    *((BIPED, "base_acceleration", options) for options in (MEASURED, EXACT, SCHEDULE)),
+    (BIPED, "base_acceleration", MEASURED | EXACT),
+    (QUADRUPED, "base_acceleration", MEASURED),
+    (BIPED, "joint_acceleration", MEASURED),
+    (QUADRUPED, "joint_acceleration", EXACT),
+]
+every_case = pytest.mark.parametrize(("name", "layer", "options"), CASES)
+# Episodes end by falling and by the clock, and pushes come soon.
+SHORT = {"episode_seconds": 0.3, "push_duration": 0.05, "push_interval": (0.1, 0.2)}
+
+
+def actions(env, steps, size=0.6, seed=0):
+    rng = np.random.default_rng(seed)
+    shape = env.action_space.shape
+    return [rng.uniform(-size, size, shape).astype(np.float32) for _ in range(steps)]
+
+
+def trajectory(env, seed, steps):
+    """All that a vector environment returns, in one list of arrays."""
+    found = [env.reset(seed=seed)[0]]
+    for action in actions(env, steps):
+        *step, info = env.step(action)
+        found += [*step, *(info[key] for key in sorted(info))]
+    env.close()
+    return found
+
+
+@every_case
+def test_same_seed_same_trajectory_on_any_threads(name, layer, options):
+    arguments = SHORT | {"action_layer": layer, "layer_options": options, "num_envs": 3}
+    first = trajectory(gym.make_vec(name, **arguments), 7, 20)
+    again = trajectory(gym.make_vec(name, **arguments, num_threads=2), 7, 20)
+    for one, other in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one, other)
+    different = trajectory(gym.make_vec(name, **arguments), 8, 1)
+    assert (different[0] != first[0]).any()
+
+
+@every_case
+@pytest.mark.parametrize("randomisation", [None, RANDOM], ids=["nominal", "random"])
+def test_a_batch_is_its_scalar_environments(name, layer, options, randomisation):
+    """Bit for bit, across ends of episodes: the same code runs and no row sees the others."""
+    arguments = SHORT | {"action_layer": layer, "layer_options": options}
+    arguments["randomisation"] = randomisation
+    num_envs = 3
+    batch = gym.make_vec(name, num_envs=num_envs, **arguments)
+    alone = [gym.make(name, **arguments) for _ in range(num_envs)]
+    observation, _ = batch.reset(seed=11)
+    for index, env in enumerate(alone):
+        np.testing.assert_array_equal(env.reset(seed=11 + index)[0], observation[index])
+    done, ends = np.zeros(num_envs, bool), 0
+    for action in actions(batch, 20):
+        observation, reward, terminated, truncated, info = batch.step(action)
+        for index, env in enumerate(alone):
+            if done[index]:
+                np.testing.assert_array_equal(env.reset()[0], observation[index])
+                continue
+            seen, value, ended, cut, extra = env.step(action[index])
+            np.testing.assert_array_equal(seen, observation[index])
+            assert (value, ended, cut) == (reward[index], terminated[index], truncated[index])
+            for key, entry in extra.items():
+                np.testing.assert_array_equal(entry, info[key][index], err_msg=key)
+        done = terminated | truncated
+        ends += done.sum()
+    assert ends >= num_envs
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_one_of_many_is_the_same_as_one_of_few(name, layer):
+    """The size of the batch changes nothing either: 64 rows against 2."""
+    many = gym.make_vec(name, num_envs=64, action_layer=layer)
+    few = gym.make_vec(name, num_envs=2, action_layer=layer)
+    many.reset(seed=0)
+    few.reset(seed=0)
+    for action in actions(many, 6, size=1.0):
+        whole, part = many.step(action), few.step(action[:2])
+        np.testing.assert_array_equal(whole[0][:2], part[0])
+        np.testing.assert_array_equal(whole[1][:2], part[1])
+
+
+def turned_state(state, heading):
+    """The state of environments turned about the world's vertical, with the pushes to come."""
+    cosine, sine = np.cos(heading), np.sin(heading)
+    rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    result = {name: value.copy() for name, value in state.items()}
+    for name, part in (
+        ("simulation.qpos", slice(0, 3)),
+        ("simulation.qvel", slice(0, 3)),
+        ("simulation.qacc_warmstart", slice(0, 3)),
+        ("simulation.contact_force", slice(None)),
+        ("plan.push_force", slice(None)),
+    ):
+        result[name][..., part] = state[name][..., part] @ rotation.T
+    quaternion = np.array([np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)])
+    for row, old in zip(result["simulation.qpos"], state["simulation.qpos"], strict=True):
+        mujoco.mju_mulQuat(row[3:7], quaternion, old[3:7])
+    return result
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_heading_does_not_matter(name, layer):
+    """Turned robots pushed from turned sides see and earn the same.
+
+    Not to the bit, because a turned state rounds differently. And not from the first step: there a
+    foot touches the ground exactly, and rounding decides whether it does.
+    """
+    arguments = {"action_layer": layer, "push_interval": (0.15, 0.25)}
+    straight, turned = (gym.make_vec(name, num_envs=4, **arguments) for _ in range(2))
+    straight.reset(seed=2)
+    turned.reset(seed=2)
+    for _ in range(4):
+        straight.step(np.zeros(straight.action_space.shape))
+    turned.chunks.load_state_dict(turned_state(straight.chunks.state_dict(), 2.4))
+    pushed = np.zeros(4, bool)
+    for action in actions(straight, 10, size=0.2):
+        ours, theirs = straight.step(action), turned.step(action)
+        np.testing.assert_allclose(ours[0], theirs[0], atol=1e-5)
+        np.testing.assert_allclose(ours[1], theirs[1], atol=1e-5)
+        pushed |= ours[4]["push"].any(axis=1)
+        # By the same sizes, from other sides.
+        sizes = (np.linalg.norm(info["push"], axis=1) for info in (ours[4], theirs[4]))
+        np.testing.assert_allclose(*sizes)
+        other = (ours[4]["push"] != theirs[4]["push"]).any(axis=1)
+        np.testing.assert_array_equal(other, ours[4]["push"].any(axis=1))
+    assert pushed.all()
+
+
+def test_resets_without_a_seed_go_on(rng):
+    """A second episode is another one, and the same another one for the same seed."""
+    env, again = (gym.make(BIPED, action_layer="torque") for _ in range(2))
+    first, second = env.reset(seed=1)[0], env.reset()[0]
+    assert (first != second).any()
+    again.reset(seed=1)
+    np.testing.assert_array_equal(again.reset()[0], second)
+    assert (env.reset()[0] != gym.make(BIPED, action_layer="torque").reset()[0]).any()

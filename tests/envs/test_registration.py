@@ -1,0 +1,153 @@
+"""Every registered environment through every action layer: the interfaces and what they promise."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.passive_env_checker import env_render_passive_checker
+from stable_baselines3.common.env_checker import check_env as check_sb3_env
+from stable_baselines3.common.vec_env import VecCheckNan
+
+import fbid_gym
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs import ENVIRONMENTS
+
+EVERY = [(name, layer) for name in ENVIRONMENTS for layer in LAYERS]
+every_env = pytest.mark.parametrize(("name", "layer"), EVERY)
+
+
+def test_all_of_ours_are_registered():
+    assert set(ENVIRONMENTS) == {name for name in gym.registry if name.startswith("fbid_gym/")}
+    assert len(EVERY) >= 8
+
+
+@every_env
+def test_gymnasium_finds_nothing_to_complain_about(name, layer):
+    # Warnings are errors here. The render check would open windows as well as draw pictures.
+    env = gym.make(name, action_layer=layer, render_mode="rgb_array")
+    check_env(env.unwrapped, skip_render_check=True)
+    env.reset(seed=0)
+    env_render_passive_checker(env.unwrapped)
+    env.close()
+
+
+@every_env
+def test_sb3_finds_nothing_to_complain_about(name, layer):
+    env = gym.make(name, action_layer=layer)
+    check_sb3_env(env, warn=True)
+    env.close()
+
+
+@every_env
+@pytest.mark.parametrize("size", [0.0, 1.0])
+def test_what_every_step_promises(name, layer, size):
+    env = gym.make_vec(name, num_envs=4, action_layer=layer, episode_seconds=1.0)
+    robot, task = env.chunks.batches[0].robot, env.chunks.batches[0].task
+    observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
+    rng = np.random.default_rng(0)
+    done, ended = np.zeros(4, bool), 0
+    for _ in range(100):
+        action = rng.uniform(-size, size, env.action_space.shape).astype(np.float32)
+        observation, reward, terminated, truncated, info = env.step(action)
+        live = ~done
+        assert env.observation_space.contains(observation)
+        assert ((reward >= 0.0) & (reward <= 1.0)).all()
+        terms = sum(value for key, value in info.items() if key.startswith("reward_"))
+        np.testing.assert_allclose(reward[live], terms[live], atol=1e-12)
+        assert (reward[done] == 0.0).all()
+        assert (np.abs(info["torque"]) <= robot.torque_limit * (1 + 1e-12)).all()
+        for key in ("height", "height_command", "height_error", "torque_rms", "power", "slip"):
+            assert info[key].shape == (4,) and np.isfinite(info[key]).all(), key
+        assert (info["torque_rms"] <= robot.torque_limit.max()).all()
+        assert (info["layer_saturation"] >= 0).all() and (info["layer_saturation"] <= 1).all()
+        for diagnostic in env.chunks.batches[0].layer.diagnostics:
+            assert np.isfinite(info[f"layer_{diagnostic}"]).all()
+        assert info["contact_force"].shape == (4, robot.num_points, 3)
+        assert info["push"].shape == (4, 3)
+        fall = np.array([reason == "fall" for reason in info["termination"]])
+        np.testing.assert_array_equal(terminated, fall & live)
+        assert not (terminated & truncated).any()
+        # The observation holds the last torque, not the last action.
+        part = slice(13 + 2 * robot.num_joints, 13 + 3 * robot.num_joints)
+        seen = (info["torque"] / robot.torque_limit).astype(np.float32)
+        np.testing.assert_array_equal(observation[live, part], seen[live])
+        done = terminated | truncated
+        ended += done.sum()
+    assert ended >= 4
+    assert len(task.observation_names) == observation.shape[1]
+    env.close()
+
+
+# The torque layer's zero action is a constant torque: an inverted pendulum without feedback. It
+# falls after about its natural time, sqrt(height / g), times the logarithm of how far it may go.
+STANDS = {"torque": 0.4}
+
+
+@every_env
+def test_the_zero_action_stands(name, layer):
+    arguments = {"push_force": (0.0, 0.0), "height_range": (1.0, 1.0)}
+    env = gym.make_vec(name, num_envs=8, action_layer=layer, **arguments)
+    env.reset(seed=1)
+    seconds = STANDS.get(layer, 2.0)
+    for _ in range(round(seconds * 50)):
+        _, reward, terminated, _, info = env.step(np.zeros(env.action_space.shape, np.float32))
+        assert not terminated.any()
+    home = env.chunks.batches[0].task.home_height
+    if layer in STANDS:
+        assert (info["height"] > 0.8 * home).all()
+    else:
+        np.testing.assert_allclose(info["height"], home, rtol=0.05)
+        assert (reward > 0.8).all()
+    env.close()
+
+
+@every_env
+def test_sb3_vector_environment(name, layer):
+    envs = VecCheckNan(fbid_gym.make_sb3(name, num_envs=3, seed=0, action_layer=layer))
+    observation = envs.reset()
+    assert observation.shape == (3, *envs.observation_space.shape)
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        action = rng.uniform(-1, 1, (3, *envs.action_space.shape)).astype(np.float32)
+        observation, reward, done, infos = envs.step(action)
+        assert all(envs.observation_space.contains(row) for row in observation)
+        assert reward.dtype == np.float32 and done.dtype == bool and len(infos) == 3
+    envs.close()
+
+
+def test_the_observation_does_not_depend_on_the_layer():
+    for name in ENVIRONMENTS:
+        envs = [gym.make(name, action_layer=layer) for layer in LAYERS]
+        first, *others = (env.reset(seed=4)[0] for env in envs)
+        for other in others:
+            np.testing.assert_array_equal(first, other)
+        assert all(env.observation_space == envs[0].observation_space for env in envs)
+
+
+def test_rates_of_ones_own():
+    env = gym.make(
+        "fbid_gym/QuadrupedBalance-v0",
+        action_layer="base_acceleration",
+        physics_hz=800,
+        control_hz=400,
+        policy_hz=100,
+        episode_seconds=0.5,
+        push_force=(0, 0),
+    )
+    env.reset(seed=0)
+    assert env.metadata["render_fps"] == 100
+    for step in range(50):
+        _, _, terminated, truncated, _ = env.step(np.zeros(6, np.float32))
+        assert not terminated and truncated == (step == 49)
+    assert env.unwrapped.batch.simulation.batch.time[0] == pytest.approx(0.5)
+
+
+def test_a_robot_of_ones_own():
+    robot = fbid_gym.robots.load("quadruped")
+    env = gym.make("fbid_gym/BipedBalance-v0", robot=robot, action_layer="base_acceleration")
+    same = gym.make("fbid_gym/QuadrupedBalance-v0", action_layer="base_acceleration")
+    np.testing.assert_array_equal(env.reset(seed=3)[0], same.reset(seed=3)[0])
+    zero = np.zeros(6, np.float32)
+    for _ in range(5):
+        np.testing.assert_array_equal(env.step(zero)[0], same.step(zero)[0])
