@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from fbid_gym.bundles import write_file
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.errors import InvalidValueError, RunError
 
 
 def check_output(path: Path, name: str, suffixes: tuple[str, ...]) -> None:
@@ -25,6 +25,21 @@ def write(path: Path, content: str | bytes) -> None:
     """Write the whole file or nothing. Creates missing parent folders."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_file(path, content.encode() if isinstance(content, str) else content)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON object.
+
+    Raises:
+        RunError: the file holds anything else.
+    """
+    try:
+        value = json.loads(path.read_text())
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise RunError(f"{path}: not readable as JSON ({error}).") from error
+    if not isinstance(value, dict):
+        raise RunError(f"{path}: expected a JSON object.")
+    return value
 
 
 def to_json(value: Any) -> str:

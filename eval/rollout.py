@@ -23,6 +23,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from eval.environment import changed_meaning
 from eval.episodes import METRICS, Actor, Episodes, play
 from eval.files import check_output, to_json, write
 from eval.video import record
@@ -262,6 +263,8 @@ def run(config: RolloutConfig, console: Console) -> Episodes:
     if config.video is not None:
         check_output(config.video, "video", (".mp4",))
     player = player_of(config)
+    if config.source is not None and (warning := changed_meaning(config.source)) is not None:
+        console.print(warning, style="yellow", markup=False, highlight=False, soft_wrap=True)
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("episodes", total=config.episodes)
         episodes = play_player(

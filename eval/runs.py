@@ -1,7 +1,6 @@
 """Run folders as the comparison sees them, and whether they may be compared at all."""
 
 import csv
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from eval.environment import changed_meaning, differing_fields, in_words
+from eval.files import read_json
 from eval.rollout import Player
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
+from train.config import flat
 
 _LAYER_ARGS = ("action_layer", "layer_options")
 
@@ -76,7 +78,7 @@ def load(path: Path) -> Run:
             raise RunError(
                 f"{path}: {name} is missing: the run has not got that far, or was not evaluated."
             )
-    config = _read_json(path / "config.json")
+    config = read_json(path / "config.json")
     for key in ("env_id", "seed", "total_steps"):
         if key not in config:
             raise RunError(f"{path / 'config.json'}: {key!r} is missing.")
@@ -98,7 +100,7 @@ def load(path: Path) -> Run:
         int(config["seed"]),
         policy,
         config,
-        _read_json(path / "versions.json"),
+        read_json(path / "versions.json"),
         curve,
     )
 
@@ -116,7 +118,7 @@ def check_comparable(runs: Sequence[Run]) -> list[str]:
 
     Another environment, or other arguments of it, changes what a return means: an error. Other
     training settings leave it comparable but make the layer one difference among several: a
-    warning.
+    warning, and so is an environment whose arguments mean something else since it was trained in.
 
     Returns:
         Warnings, one sentence each.
@@ -141,9 +143,10 @@ def check_comparable(runs: Sequence[Run]) -> list[str]:
         if different:
             raise RunError(
                 f"{run.path} and {first.path} have different environment arguments, so a return "
-                f"means different things: {_in_words(first.env_args, run.env_args, different)}."
+                f"means different things: {in_words(first.env_args, run.env_args, different)}."
             )
-    return _training_warnings(runs)
+    changed = (changed_meaning(run.path) for run in runs)
+    return [warning for warning in changed if warning] + _training_warnings(runs)
 
 
 def _training_warnings(runs: Sequence[Run]) -> list[str]:
@@ -156,7 +159,7 @@ def _training_warnings(runs: Sequence[Run]) -> list[str]:
         if different:
             warnings.append(
                 f"{run.path.name} was not trained like {reference.path.name}: "
-                f"{_in_words(one, other, different)}. The layer is not the only difference."
+                f"{in_words(one, other, different)}. The layer is not the only difference."
             )
     for layer, members in group(trained).items():
         seeds = [run.seed for run in members]
@@ -181,7 +184,7 @@ def _training_warnings(runs: Sequence[Run]) -> list[str]:
 def _settings(config: Mapping[str, Any]) -> dict[str, Any]:
     """Flatten what should be the same in every run of a comparison."""
     ignored = {"env_id", "env_args", "action_layer", "layer_options", "seed", "name", "out", "eval"}
-    return _flatten({key: value for key, value in config.items() if key not in ignored})
+    return flat({key: value for key, value in config.items() if key not in ignored})
 
 
 def shared_settings(runs: Sequence[Run]) -> dict[str, Any]:
@@ -196,32 +199,6 @@ def shared_settings(runs: Sequence[Run]) -> dict[str, Any]:
     }
 
 
-def _flatten(value: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, item in value.items():
-        if isinstance(item, Mapping):
-            flat.update(_flatten(item, f"{prefix}{key}."))
-        else:
-            flat[f"{prefix}{key}"] = item
-    return flat
-
-
-def differing_fields(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """Names whose values differ, or that only one side has, sorted."""
-    missing = object()
-    return sorted(
-        key for key in one.keys() | other.keys() if one.get(key, missing) != other.get(key, missing)
-    )
-
-
-def _in_words(one: Mapping[str, Any], other: Mapping[str, Any], names: Sequence[str]) -> str:
-    return ", ".join(
-        f"{name} {json.dumps(other[name]) if name in other else 'unset'} "
-        f"instead of {json.dumps(one[name]) if name in one else 'unset'}"
-        for name in names
-    )
-
-
 def _layer_name(env_args: Mapping[str, Any]) -> str:
     name = str(env_args.get("action_layer", "default layer")).replace("_", " ")
     options = env_args.get("layer_options") or {}
@@ -231,16 +208,6 @@ def _layer_name(env_args: Mapping[str, Any]) -> str:
         f"{key.replace('_', ' ')}: {value}" for key, value in sorted(options.items())
     )
     return f"{name} ({described})"
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        value = json.loads(path.read_text())
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise RunError(f"{path}: not readable as JSON ({error}).") from error
-    if not isinstance(value, dict):
-        raise RunError(f"{path}: expected a JSON object.")
-    return value
 
 
 def _read_curve(path: Path) -> Curve:

@@ -230,7 +230,7 @@ def differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str
     Returns:
         One "name: stored in the folder, asked now" per difference; empty for the same run.
     """
-    one, other = _flat(stored), _flat(asked)
+    one, other = flat(stored), flat(asked)
     names = [n for n in dict.fromkeys([*one, *other]) if not n.startswith(_FREE)]
     absent = object()
     return [
@@ -240,15 +240,15 @@ def differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str
     ]
 
 
-def _flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Join the keys of nested dictionaries with dots."""
-    flat: dict[str, Any] = {}
+    joined: dict[str, Any] = {}
     for key, value in data.items():
         if isinstance(value, dict):
-            flat |= _flat(value, f"{prefix}{key}.")
+            joined |= flat(value, f"{prefix}{key}.")
         else:
-            flat[prefix + key] = value
-    return flat
+            joined[prefix + key] = value
+    return joined
 
 
 def cores() -> int:

@@ -5,23 +5,25 @@ import json
 import os
 import platform
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fbid_gym.bundles import present_bundle, write_file
+from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import RunError
-from train.config import TrainConfig, differences
+from train.config import TrainConfig, differences, flat
 from train.versions import package_versions, versions
 
 _CONFIG, _VERSIONS, _LOCK = "config.json", "versions.json", ".lock"
+_ENVIRONMENT = "environment.json"
 _WRITTEN = {
-    _VERSIONS, "progress.csv", "evaluations.csv", "tensorboard",
+    _VERSIONS, _ENVIRONMENT, "progress.csv", "evaluations.csv", "tensorboard",
     *(f"{name}{end}" for name in ("checkpoint", "policy", "policy_best")
       for end in ("", ".new", ".old")),
-    f"{_CONFIG}.new", f"{_VERSIONS}.new",
+    f"{_CONFIG}.new", f"{_VERSIONS}.new", f"{_ENVIRONMENT}.new",
 }  # fmt: skip
 
 
@@ -34,7 +36,8 @@ class RunFolder:
     resumes: bool
     """There is a checkpoint to continue from."""
     changes: tuple[str, ...] = ()
-    """Versions that are not those the run began with, so that it may round differently."""
+    """Versions and meanings of the environment's arguments that are not those the run began with,
+    so that it may round differently or learn something else."""
 
     @property
     def progress(self) -> Path:
@@ -80,6 +83,7 @@ def open_run(config: TrainConfig) -> Iterator[RunFolder]:
     """
     path = config.folder
     asked = config.to_json()
+    meaning = resolved_arguments(config.env, config.make_args())
     stored = _stored_config(path)
     if stored is not None and not config.overwrite:
         different = differences(stored, asked)
@@ -98,9 +102,18 @@ def open_run(config: TrainConfig) -> Iterator[RunFolder]:
             for name in _WRITTEN:
                 _remove(path / name)
             _write_json(path / _VERSIONS, versions())
+            if meaning is not None:
+                _write_json(path / _ENVIRONMENT, meaning)
         if stored != asked:
             _write_json(path / _CONFIG, asked)
-        yield RunFolder(path, resumes, _changes(path / _VERSIONS) if resumes else ())
+        changes: tuple[str, ...] = ()
+        if resumes:
+            now = {"python": platform.python_version(), **package_versions()}
+            changes = _changes(path / _VERSIONS, _flat_versions, now)
+            # Absent in runs that began before it was written.
+            if meaning is not None and (path / _ENVIRONMENT).exists():
+                changes += _changes(path / _ENVIRONMENT, flat, flat(meaning))
+        yield RunFolder(path, resumes, changes)
 
 
 def _stored_config(path: Path) -> dict[str, Any] | None:
@@ -128,19 +141,23 @@ def _stored_config(path: Path) -> dict[str, Any] | None:
     return stored
 
 
-def _changes(file: Path) -> tuple[str, ...]:
-    """Name the versions that differ from those in the file."""
+def _changes(
+    file: Path, read: Callable[[dict[str, Any]], dict[str, Any]], now: dict[str, Any]
+) -> tuple[str, ...]:
+    """Name what is not as the file says it was."""
     try:
-        began = json.loads(file.read_text())
-        then = {"python": began["python"], **began["packages"]}
-    except (OSError, ValueError, KeyError, TypeError):
+        then = read(json.loads(file.read_text()))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return (f"{file.name} cannot be read",)
-    now = {"python": platform.python_version(), **package_versions()}
     return tuple(
         f"{name} {then.get(name, 'absent')} when it began, {now.get(name, 'absent')} now"
         for name in sorted(then.keys() | now.keys())
         if then.get(name) != now.get(name)
     )
+
+
+def _flat_versions(stored: dict[str, Any]) -> dict[str, Any]:
+    return {"python": stored["python"], **stored["packages"]}
 
 
 @contextmanager

@@ -26,6 +26,7 @@ class JointPosition:
         stiffness: (n,) N·m/rad.
         damping: (n,) N·m·s/rad.
         scale: rad (m for slides) at action 1.
+        natural_frequency: Hz, of the response that the gains give.
     """
 
     robot: Robot
@@ -33,6 +34,7 @@ class JointPosition:
     stiffness: np.ndarray
     damping: np.ndarray
     scale: float
+    natural_frequency: float
 
     @classmethod
     def of(
@@ -71,6 +73,7 @@ class JointPosition:
             stiffness=inertia * omega**2,
             damping=np.minimum(damping, own_inertia(robot) * control_hz),
             scale=scale,
+            natural_frequency=natural_frequency,
         )
 
     @property

@@ -1,10 +1,14 @@
 """The arguments of the Balance environments, checked before anything is built."""
 
 import difflib
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from fbid_gym.actions import LAYERS, ActionLayer, make_layer
+import gymnasium as gym
+import numpy as np
+
+from fbid_gym.actions import LAYERS, ActionLayer, layer_options, make_layer
 from fbid_gym.envs.options import by_name, number, pair
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
@@ -86,15 +90,12 @@ class BalanceConfig:
         """Return the task."""
         rates = self.rates()
         seconds = _at_least(1.0 / rates.policy, "episode_seconds", self.episode_seconds)
-        force = self.push_force
-        if force is None:
-            force = (0.04 * robot.weight, 0.36 * robot.weight)
         return Balance(
             robot=robot,
             seconds=seconds,
             hz=rates.control,
             pushes=Pushes(
-                pair("push_force", force),
+                self._push_force(robot),
                 _at_least(1.0 / rates.control, "push_duration", self.push_duration),
                 pair("push_interval", self.push_interval),
             ),
@@ -116,6 +117,67 @@ class BalanceConfig:
             else {field.name: getattr(self, field.name) for field in fields(self)}
         )
         return data | {"robot": self.robot if isinstance(self.robot, str) else self.robot.name}
+
+    def resolved(self) -> dict[str, Any]:
+        """Return every argument with the value it means today, as JSON can hold it.
+
+        Defaults may change; what is saved beside a policy must not change with them. The push is in
+        newtons, the options of the layer and of the randomisation are complete; infinity is "inf".
+        """
+        robot = self.load_robot()
+        layer = self.layer(robot)
+        options = layer_options(self.action_layer) | by_name("layer_options", self.layer_options)
+        for name, value in options.items():
+            if value is None and hasattr(layer, name):
+                options[name] = _derived(getattr(layer, name))
+        filled = {
+            "layer_options": options,
+            "push_force": [_derived(newtons) for newtons in self._push_force(robot)],
+            "randomisation": asdict(self.randomisations()),
+        }
+        return _plain(self.as_dict() | filled)
+
+    def _push_force(self, robot: Robot) -> tuple[float, float]:
+        if self.push_force is None:
+            return 0.04 * robot.weight, 0.36 * robot.weight
+        return pair("push_force", self.push_force)
+
+
+def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return what the arguments of a registered environment mean today, as JSON can hold it.
+
+    Args:
+        env_id: a Gymnasium id.
+        arguments: as for `gym.make`. How an environment is drawn or stepped is left out.
+
+    Returns:
+        `BalanceConfig.resolved()`, or None where the environment is not one of ours.
+    """
+    if not env_id.startswith("fbid_gym/") or env_id not in gym.registry:
+        return None
+    given = {name: value for name, value in arguments.items() if name not in _NOT_ITSELF}
+    return BalanceConfig.of({**gym.registry[env_id].kwargs, **given}).resolved()
+
+
+_NOT_ITSELF = ("render_mode", "num_threads")
+
+
+def _derived(value: float) -> float:
+    """To nine digits: platforms may sum up a robot's mass in another order."""
+    return float(f"{value:.9g}")
+
+
+def _plain(value: Any) -> Any:
+    """Nested dictionaries and lists of what JSON can hold."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    return value
 
 
 def _at_least(least: float, name: str, value: Any) -> float:

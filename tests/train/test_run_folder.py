@@ -3,6 +3,7 @@ import json
 import pytest
 import stand_in
 
+from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import RunError
 from train.run_folder import open_run
 
@@ -107,3 +108,30 @@ def test_other_versions_than_at_the_beginning_are_named(tmp_path):
     file.write_text("{")
     with open_run(config) as run:
         assert run.changes == ("versions.json cannot be read",)
+
+
+def test_what_the_arguments_of_the_environment_mean_is_kept(tmp_path):
+    real = {"env": "fbid_gym/BipedBalance-v0", "action_layer": "joint_position"}
+    config = stand_in.config(tmp_path, **real)
+    with open_run(config) as run:
+        _checkpoint(run)
+    file = tmp_path / "environment.json"
+    began = json.loads(file.read_text())
+    assert began == resolved_arguments(config.env, config.make_args())
+    with open_run(config) as run:
+        assert run.changes == ()
+    # As a default that was changed since: the file stays as the run began, and it is said.
+    began["layer_options"]["scale"] = 0.5
+    file.write_text(json.dumps(began))
+    with open_run(config) as run:
+        assert run.changes == ("layer_options.scale 0.5 when it began, 0.3 now",)
+    assert json.loads(file.read_text()) == began
+    file.unlink()
+    with open_run(config) as run:
+        assert run.changes == ()
+
+
+def test_of_foreign_environments_the_meaning_is_not_known(tmp_path):
+    (tmp_path / "environment.json").write_text("left by a run that was killed at its beginning")
+    with open_run(stand_in.config(tmp_path)):
+        assert not (tmp_path / "environment.json").exists()

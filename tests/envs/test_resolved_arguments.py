@@ -1,0 +1,77 @@
+"""What an environment's arguments mean, spelled out: complete, and JSON can hold it."""
+
+import json
+from dataclasses import fields
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from fbid_gym.actions import LAYERS, layer_options
+from fbid_gym.actions.joint_position import JointPosition
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import BalanceConfig, resolved_arguments
+from fbid_gym.errors import UnknownOptionError
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_every_argument_has_a_value_that_json_keeps(name, layer):
+    resolved = resolved_arguments(name, {"action_layer": layer})
+    assert resolved.keys() == {field.name for field in fields(BalanceConfig)}
+    assert resolved["layer_options"].keys() == layer_options(layer).keys()
+    assert None not in [*resolved.values(), *resolved["layer_options"].values()]
+    assert json.loads(json.dumps(resolved, allow_nan=False)) == resolved
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"action_layer": "joint_position"},
+        {"action_layer": "base_acceleration", "randomisation": {"mass": 0.2, "model_com": 0.01}},
+    ],
+)
+def test_what_is_resolved_is_the_same_environment(arguments):
+    """Said explicitly, the resolved arguments make the environment that the defaults make."""
+    name = "fbid_gym/QuadrupedBalance-v0"
+    resolved = resolved_arguments(name, arguments)
+    assert resolved_arguments(name, resolved | {"layer_options": {}}) == resolved
+    explicit = json.loads(json.dumps(resolved))
+    options = explicit["layer_options"]
+    options |= {key: np.inf for key, value in options.items() if value == "inf"}
+    seen = []
+    for given in (arguments, explicit):
+        env = gym.make(name, **given)
+        found = [env.reset(seed=3)[0]]
+        action = np.full(env.action_space.shape, 0.3)
+        found += [env.step(action)[0] for _ in range(20)]
+        seen.append(found)
+    np.testing.assert_allclose(*seen, atol=1e-5)
+
+
+def test_what_was_said_stays_and_a_changed_default_shows(monkeypatch):
+    given = {"push_force": (3, 4), "layer_options": {"scale": 0.1}, "action_layer": "other"}
+
+    def other(robot, control_hz, *, scale=0.3, damping_ratio=0.5):
+        return JointPosition.of(robot, control_hz, scale=scale, damping_ratio=damping_ratio)
+
+    monkeypatch.setitem(LAYERS, "other", other)
+    resolved = resolved_arguments("fbid_gym/BipedBalance-v0", given)
+    assert resolved["push_force"] == [3, 4]
+    assert resolved["layer_options"] == {"scale": 0.1, "damping_ratio": 0.5}
+    monkeypatch.setitem(other.__kwdefaults__, "damping_ratio", 0.7)
+    again = resolved_arguments("fbid_gym/BipedBalance-v0", given)
+    assert again == resolved | {"layer_options": {"scale": 0.1, "damping_ratio": 0.7}}
+
+
+def test_how_it_is_drawn_or_stepped_is_not_what_it_is():
+    name = "fbid_gym/BipedBalance-v0"
+    drawn = resolved_arguments(name, {"render_mode": "rgb_array", "num_threads": 2})
+    assert drawn == resolved_arguments(name, {})
+
+
+def test_other_environments_are_unknown_and_wrong_arguments_are_named():
+    assert resolved_arguments("CartPole-v1", {}) is None
+    assert resolved_arguments("fbid_gym/Nothing-v0", {}) is None
+    with pytest.raises(UnknownOptionError, match="did you mean 'push_force'"):
+        resolved_arguments("fbid_gym/BipedBalance-v0", {"push_forces": [1, 2]})
