@@ -106,7 +106,7 @@ class TrainConfig:
     num_envs: int = 64
     """Robots side by side."""
     num_threads: int = 0
-    """Threads stepping the robots. 0: one per core this process may use."""
+    """Threads stepping the robots. 0: one per core this process may use. May be another later."""
     torch_threads: int = 1
     """Threads of torch. Another number rounds sums differently, so it is part of the run."""
     checkpoint_every: int = 20_000
@@ -203,9 +203,9 @@ class TrainConfig:
 
 # Said twice in the JSON, for readers of the environment's arguments alone.
 _REPEATED = ("env_args.action_layer", "env_args.layer_options")
-# Change how far a run goes and what is kept of it, but not one number of its curve. Threads stay
-# with the run because the saved state of the robots is split among them.
-_FREE = ("total_steps", "checkpoint_every", *_REPEATED)
+# Change how far a run goes, how fast and what is kept of it, but not one number of its curve: a
+# robot computes the same on whichever thread it is.
+_FREE = ("total_steps", "checkpoint_every", "num_threads", *_REPEATED)
 
 _LEAST = {
     "seed": 0, "total_steps": 1, "num_envs": 1, "num_threads": 0, "torch_threads": 1,

@@ -95,7 +95,9 @@ def test_json_has_everything_a_reader_needs():
 
 def test_differences_name_what_makes_another_run():
     stored = TrainConfig().to_json()
-    same = TrainConfig(total_steps=5, checkpoint_every=0, out=Path("x"), overwrite=True)
+    same = TrainConfig(
+        total_steps=5, checkpoint_every=0, num_threads=7, out=Path("x"), overwrite=True
+    )
     assert differences(stored, same.to_json()) == []
     other = TrainConfig(seed=4, env_args={"push_force": [1, 2]}, ppo=PPOConfig(gamma=0.9))
     assert differences(stored, other.to_json()) == [

@@ -249,3 +249,24 @@ def test_robots_killed_and_resumed_are_the_same_run(tmp_path, layer):
         train.ppo.main(stand_in.config(tmp_path / name, **changes))
     _assert_same_run(tmp_path / "b", tmp_path / "a")
     assert min(float(row["length_mean"]) for row in _rows(tmp_path / "a/progress.csv")[3:]) < 36
+
+
+def test_robots_resumed_on_another_number_of_threads_are_the_same_run(tmp_path):
+    """Which thread steps a robot is no part of its state."""
+    changes = {
+        "env": "fbid_gym/BipedBalance-v0",
+        "action_layer": "joint_position",
+        "env_args": {
+            "episode_seconds": 0.5,
+            "push_interval": [0.15, 0.3],
+            "randomisation": {"mass": 0.2, "friction": [0.5, 1.0]},
+        },
+        "num_envs": 5,
+        "ppo": PPOConfig(n_steps=16, batch_size=40, n_epochs=1, hidden=(8,)),
+        "eval": EvaluationConfig(every=160, episodes=3),
+    }
+    train.ppo.main(stand_in.config(tmp_path / "a", **changes, total_steps=160, num_threads=2))
+    for name in "ab":
+        train.ppo.main(stand_in.config(tmp_path / name, **changes, total_steps=320))
+    assert json.loads((tmp_path / "a/config.json").read_text())["num_threads"] == 1
+    _assert_same_run(tmp_path / "b", tmp_path / "a")
