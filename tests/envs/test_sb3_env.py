@@ -1,0 +1,102 @@
+"""The stable-baselines3 environment against gymnasium's same-step autoreset, and with PPO."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+import fbid_gym
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
+
+BIPED, QUADRUPED = ENVIRONMENTS
+ARGUMENTS = {"action_layer": "torque", "episode_seconds": 0.44}
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+@pytest.mark.parametrize("num_threads", [1, 2])
+def test_like_same_step_autoreset(name, num_threads, rng):
+    envs = fbid_gym.make_sb3(name, 4, seed=3, num_threads=num_threads, **ARGUMENTS)
+    twin = gym.make_vec(name, num_envs=4, autoreset_mode="SAME_STEP", **ARGUMENTS)
+    np.testing.assert_array_equal(envs.reset(), twin.reset(seed=3)[0])
+    returns, lengths, falls, cuts = np.zeros(4), np.zeros(4, int), 0, 0
+    action = np.zeros((4, *envs.action_space.shape), np.float32)
+    for step in range(70):
+        if step % 20 == 0:  # the first two are thrown over, the others run out of time
+            action[:2] = rng.choice([-1.0, 1.0], envs.action_space.shape)
+        observation, reward, done, infos = envs.step(action)
+        seen, value, terminated, truncated, info = twin.step(action)
+        np.testing.assert_array_equal(observation, seen)
+        np.testing.assert_array_equal(reward, value.astype(np.float32))
+        np.testing.assert_array_equal(done, terminated | truncated)
+        returns, lengths = returns + value, lengths + 1
+        for env in range(4):
+            if not done[env]:
+                assert infos[env] == {}
+                continue
+            last = infos[env]
+            np.testing.assert_array_equal(last["terminal_observation"], info["final_obs"][env])
+            assert last["TimeLimit.truncated"] is bool(truncated[env])
+            assert last["episode"]["r"] == pytest.approx(returns[env])
+            assert last["episode"]["l"] == lengths[env] <= 22
+            assert (lengths[env] == 22) or not truncated[env]
+            assert last["termination"] == ("" if truncated[env] else "fall")
+            np.testing.assert_array_equal(last["torque"], info["final_info"]["torque"][env])
+            returns[env] = lengths[env] = 0
+        for key, entry in envs.last_info.items():
+            part = info[f"_{key}"]
+            np.testing.assert_array_equal(entry[part], info[key][part], err_msg=key)
+        falls, cuts = falls + terminated.sum(), cuts + truncated.sum()
+    assert falls > 3 and cuts > 3
+    envs.close()
+
+
+def test_seeding():
+    envs = fbid_gym.make_sb3(BIPED, 2, seed=5, action_layer="torque")
+    first = envs.reset()
+    assert (envs.reset() != first).any()
+    envs.seed(5)
+    np.testing.assert_array_equal(envs.reset(), first)
+    alone = gym.make(BIPED, action_layer="torque")
+    np.testing.assert_array_equal(alone.reset(seed=6)[0], first[1])
+    unseeded = [fbid_gym.make_sb3(BIPED, 1, action_layer="torque").reset() for _ in range(2)]
+    assert (unseeded[0] != unseeded[1]).any()
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_ppo_learns_from_it(name):
+    """A few steps of the real thing, with the wrappers that one puts around it."""
+    envs = fbid_gym.make_sb3(name, 4, seed=0, action_layer="joint_position", episode_seconds=0.4)
+    envs = VecNormalize(VecMonitor(envs), norm_reward=False)
+    model = PPO("MlpPolicy", envs, n_steps=32, batch_size=64, n_epochs=1, seed=0, device="cpu")
+    before = [p.detach().clone() for p in model.policy.parameters()]
+    model.learn(256)
+    assert model.num_timesteps == 256
+    after = list(model.policy.parameters())
+    assert any((p != q).any() for p, q in zip(before, after, strict=True))
+    assert len(model.ep_info_buffer) >= 8
+    assert all(1 <= episode["l"] <= 20 for episode in model.ep_info_buffer)
+    envs.close()
+
+
+def test_attributes_are_shared():
+    envs = fbid_gym.make_sb3(BIPED, 3, action_layer="torque")
+    assert envs.get_attr("render_mode") == [None] * 3
+    assert envs.get_attr("num_envs", indices=[0, 2]) == [3, 3]
+    envs.set_attr("note", "same for all")
+    assert envs.get_attr("note", 1) == ["same for all"]
+    assert envs.env_is_wrapped(gym.Wrapper) == [False] * 3
+    with pytest.raises(InvalidValueError, match=r"indices: \[1\]. Expected all environments"):
+        envs.set_attr("note", "other", indices=[1])
+    with pytest.raises(UnknownOptionError, match="method of a single environment 'reset'"):
+        envs.env_method("reset")
+
+
+def test_unknown_ids_and_arguments():
+    with pytest.raises(UnknownOptionError, match=r"environment id 'Ant-v5'.*BipedBalance-v0, fbid"):
+        fbid_gym.make_sb3("Ant-v5", 2)
+    with pytest.raises(UnknownOptionError, match=r"did you mean 'action_layer'"):
+        fbid_gym.make_sb3(BIPED, 2, action_layr="torque")
+    with pytest.raises(InvalidValueError, match="Invalid num_envs: 0. Expected a positive whole"):
+        fbid_gym.make_sb3(BIPED, 0)

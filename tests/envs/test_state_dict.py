@@ -1,0 +1,118 @@
+"""A saved batch continues on another object to the same bits."""
+
+import numpy as np
+import pytest
+
+import fbid_gym
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
+
+BIPED, QUADRUPED = ENVIRONMENTS
+RANDOM = {"mass": 0.2, "com": 0.01, "friction": (0.5, 1.0), "model_mass": 0.1}
+CASES = [
+    *((name, layer, None) for name in ENVIRONMENTS for layer in LAYERS),
+    (BIPED, "base_acceleration", {"contacts": "measured"}),
+    (BIPED, "base_acceleration", {"contacts": [(0.1, ["left"]), (0.1, ["right"])]}),
+    (QUADRUPED, "joint_acceleration", {"contact_limits": "none"}),
+]
+ARGUMENTS = {"episode_seconds": 0.3, "push_duration": 0.05, "push_interval": (0.1, 0.2)}
+
+
+def assert_same_steps(ours, theirs, rng, steps):
+    ends = 0
+    for _ in range(steps):
+        action = rng.uniform(-0.5, 0.5, (ours.num_envs, *ours.action_space.shape))
+        one, other = ours.step(action), theirs.step(action)
+        for value, expected in zip(one[:3], other[:3], strict=True):
+            np.testing.assert_array_equal(value, expected)
+        for info, expected in zip(one[3], other[3], strict=True):
+            assert info.keys() == expected.keys()
+            if info:
+                observations = (i["terminal_observation"] for i in (info, expected))
+                np.testing.assert_array_equal(*observations)
+                assert info["episode"]["r"] == expected["episode"]["r"]
+                assert info["episode"]["l"] == expected["episode"]["l"]
+        for key, value in ours.last_info.items():
+            np.testing.assert_array_equal(value, theirs.last_info[key], err_msg=key)
+        ends += one[2].sum()
+    return ends
+
+
+@pytest.mark.parametrize(("name", "layer", "options"), CASES)
+@pytest.mark.parametrize("randomisation", [None, RANDOM], ids=["nominal", "random"])
+def test_a_state_continues_on_another_object(name, layer, options, randomisation, rng):
+    """In the middle of episodes and pushes, on another number of threads, through episode ends."""
+    arguments = ARGUMENTS | {"action_layer": layer, "layer_options": options}
+    arguments["randomisation"] = randomisation
+    first = fbid_gym.make_sb3(name, 3, seed=1, **arguments)
+    first.reset()
+    for _ in range(8):
+        first.step(rng.uniform(-0.5, 0.5, (3, *first.action_space.shape)))
+    state = first.state_dict()
+    assert all(isinstance(value, np.ndarray) for value in state.values())
+    kept = {key: value.copy() for key, value in state.items()}
+    second = fbid_gym.make_sb3(name, 3, seed=9, num_threads=2, **arguments)
+    second.load_state_dict(state)
+    assert assert_same_steps(first, second, rng, 10) >= 3
+    for key, value in state.items():
+        np.testing.assert_array_equal(value, kept[key], err_msg=key)  # a state is a copy
+    # Once more from the same state, on an object that has moved on.
+    third = fbid_gym.make_sb3(name, 3, **arguments)
+    third.load_state_dict(state)
+    first.load_state_dict(state)
+    assert_same_steps(first, third, rng, 3)
+
+
+def test_a_reset_right_after_loading(rng):
+    first = fbid_gym.make_sb3(BIPED, 2, seed=1, action_layer="torque")
+    first.reset()
+    for _ in range(10):
+        first.step(rng.uniform(-0.5, 0.5, (2, *first.action_space.shape)))
+    second = fbid_gym.make_sb3(BIPED, 2, seed=4, action_layer="torque")
+    second.load_state_dict(first.state_dict())
+    np.testing.assert_array_equal(first.reset(), second.reset())
+
+
+def test_the_state_has_the_observation():
+    envs = fbid_gym.make_sb3(BIPED, 2, seed=1, action_layer="torque")
+    np.testing.assert_array_equal(envs.reset(), envs.state_dict()["observation"])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"num_envs": 3}, r"state 'returns' has shape \(2,\). Expected \(3,\): num_envs is 3"),
+        (
+            {"action_layer": "torque"},
+            r"state of environments with action_layer: 'base_acceleration'. Expected torque",
+        ),
+        ({"layer_options": {"friction": 0.5}}, r"with layer_options: None. Expected {'friction'"),
+        ({"env_id": QUADRUPED}, r"state of environments with robot: 'biped'. Expected quadruped"),
+        ({"randomisation": {"mass": 0.1}}, "state of environments with randomisation: None"),
+    ],
+)
+def test_the_state_of_other_environments_is_an_error(change, message):
+    arguments = {"env_id": BIPED, "num_envs": 2, "action_layer": "base_acceleration", "seed": 0}
+    envs = fbid_gym.make_sb3(**arguments)
+    envs.reset()
+    others = fbid_gym.make_sb3(**(arguments | change))
+    others.reset()
+    before = others.state_dict()
+    with pytest.raises(FbidError, match=message):
+        others.load_state_dict(envs.state_dict())
+    for key, value in others.state_dict().items():
+        np.testing.assert_array_equal(value, before[key], err_msg=key)
+
+
+def test_a_state_with_a_gap_is_an_error():
+    envs = fbid_gym.make_sb3(BIPED, 2, seed=0, action_layer="torque")
+    envs.reset()
+    state = envs.state_dict()
+    for name in ("simulation.qpos", "config"):
+        with pytest.raises(InvalidValueError, match=f"Expected '{name}' among its arrays"):
+            envs.load_state_dict({k: v for k, v in state.items() if k != name})
+    with pytest.raises(ShapeError, match="state 'returns' has shape"):
+        envs.load_state_dict({k: v for k, v in state.items() if k != "returns"})
+    with pytest.raises(ShapeError, match=r"state 'tick' has shape \(1,\). Expected \(2,\)"):
+        envs.load_state_dict(state | {"tick": np.zeros(1, int)})
