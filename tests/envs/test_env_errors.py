@@ -1,0 +1,172 @@
+"""Bad input: one FbidError each, which names the value and what would have been valid."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import fbid_gym
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.errors import FbidError, InvalidValueError, NonFiniteError, ShapeError
+
+BIPED = next(iter(ENVIRONMENTS))
+ALL_LAYERS = "torque, joint_position, joint_acceleration, base_acceleration"
+BASE = {"action_layer": "base_acceleration"}
+
+
+def options(layer="base_acceleration", **values):
+    return {"action_layer": layer, "layer_options": values}
+
+
+ARGUMENTS = [
+    ({"action_layer": "force"}, f"Unknown action layer 'force'. Valid choices: {ALL_LAYERS}."),
+    ({"action_layer": None}, f"Unknown action layer None. Valid choices: {ALL_LAYERS}."),
+    ({"action_layer": ["torque"]}, r"Unknown action layer \['torque'\]. Valid choices: torque,"),
+    ({"action_layr": "torque"}, r"\(did you mean 'action_layer'\?\) 'action_layr'. Valid.*push_f"),
+    ({"zzz": 1}, "Unknown environment argument 'zzz'. Valid choices: robot, action_layer,"),
+    ({"robot": "horse"}, "Unknown robot 'horse'. Valid choices: biped, quadruped."),
+    ({"robot": 3}, "Invalid robot: 3. Expected a Robot or one of biped, quadruped."),
+    # Options of the layers.
+    (options("torque", gain=1.0), "option of action layer 'torque' 'gain'. Valid choices: none."),
+    (options(gain=1.0), "option of action layer 'base_acceleration' 'gain'. .* contact_limits"),
+    ({"layer_options": "none"}, "Invalid layer_options: 'none'. Expected a dictionary"),
+    ({"layer_options": {1: 2}}, "Invalid layer_options: {1: 2}. Expected a dictionary"),
+    (options("joint_position", scale=-1.0), "Invalid scale: -1.0. Expected a positive finite"),
+    (options("joint_position", damping_ratio=np.nan), "Invalid damping_ratio: nan"),
+    (options("joint_acceleration", natural_frequency="fast"), "natural_frequency: 'fast'"),
+    (options(rotation_frequency=0), "Invalid rotation_frequency: 0. Expected a positive"),
+    (options(contact_limits="cone"), "contact_limits 'cone'. Valid choices: friction, none."),
+    (options(contacts="some"), "Unknown contacts 'some'. Valid choices: all, measured, a sched"),
+    (options(contacts=[(1.0, ["arm"])]), "foot in contacts 'arm'. Valid choices: left, right."),
+    (options(contacts=[(1.0, "left")]), "Invalid contacts: .*'left'.*Expected phases .seconds >="),
+    (options(contacts=[(0.0, ["left"])]), "Invalid contacts: .*Expected phases"),
+    (options(contacts=[("long", ["left"])]), "Invalid contacts: .*'long'.*Expected phases"),
+    (options(contacts=[("left",)]), "Invalid contacts: .*Expected phases"),
+    (options(contacts=[]), r"Invalid contacts: \[\]. Expected at least one phase"),
+    (options(contacts=7), "Invalid contacts: 7. Expected phases"),
+    (options(friction=-0.1), "Invalid friction: -0.1. Expected finite numbers of at least 0"),
+    (options(friction="ice"), "Invalid friction: 'ice'"),
+    (options(min_normal_force="low"), "Invalid min_normal_force: 'low'. Expected a number"),
+    (options(min_normal_force=2.0, max_normal_force=1.0), "Invalid min_normal_force"),
+    (options(max_normal_force=np.nan), "Invalid max_normal_force: nan. Expected a number"),
+    (options(compensate_damping="yes"), "compensate_damping: 'yes'. Expected True or False"),
+    # Rates and times.
+    ({"physics_hz": 0}, "Invalid physics_hz: 0. Expected a positive whole number"),
+    ({"physics_hz": 999.5}, "Invalid physics_hz: 999.5. Expected a positive whole number"),
+    ({"control_hz": "fast"}, "Invalid control_hz: 'fast'. Expected a positive whole number"),
+    ({"policy_hz": True}, "Invalid policy_hz: True. Expected a positive whole number"),
+    ({"policy_hz": np.inf}, "Invalid policy_hz: inf"),
+    ({"control_hz": 300}, r"control_hz: 300. Expected a divisor of physics_hz = 1000 .*3.33333"),
+    ({"policy_hz": 60}, r"policy_hz: 60. Expected a divisor of control_hz = 500"),
+    ({"control_hz": 2000}, r"control_hz: 2000. Expected a divisor of physics_hz = 1000"),
+    ({"episode_seconds": 0}, "Invalid episode_seconds: 0. Expected a time of at least 0.02 s"),
+    ({"episode_seconds": np.inf}, "Invalid episode_seconds: inf. Expected a time of at least"),
+    ({"episode_seconds": "long"}, "Invalid episode_seconds: 'long'. Expected a time"),
+    # The task.
+    ({"push_force": (100.0, 20.0)}, r"Invalid push_force: \(100.0, 20.0\). Expected a pair 0 <="),
+    ({"push_force": 50.0}, r"Invalid push_force: 50.0. Expected a pair \(least, most\)"),
+    ({"push_force": "12"}, "Invalid push_force: '12'. Expected a pair"),
+    ({"push_force": (1, 2, 3)}, r"Invalid push_force: \(1, 2, 3\). Expected a pair"),
+    ({"push_force": (0, np.nan)}, r"Invalid push_force: \(0, nan\). Expected a pair"),
+    ({"push_duration": 0.0001}, "push_duration: 0.0001. Expected a time of at least 0.002 s"),
+    ({"push_duration": None}, "Invalid push_duration: None. Expected a time"),
+    ({"push_interval": (0.1, 1.0)}, "push_interval: .*Expected at least push_duration = 0.15 s"),
+    ({"height_range": (0.5, 1.0)}, r"Invalid height_range: \(0.5, 1.0\). Expected a pair 0.6 <"),
+    ({"height_range": None}, "Invalid height_range: None. Expected a pair"),
+    ({"height_interval": (0, 1)}, "Invalid height_interval: .*Expected a pair 0 < least"),
+    ({"joint_noise": -1}, "Invalid joint_noise: -1.0. Expected a number from 0 to 1"),
+    ({"joint_noise": [0.1]}, r"Invalid joint_noise: \[0.1\]. Expected a number"),
+    ({"velocity_noise": "some"}, "Invalid velocity_noise: 'some'. Expected a number"),
+    # Domain randomisation.
+    ({"randomisation": {"masses": 0.1}}, "randomisation 'masses'. Valid choices: mass, com, fric"),
+    ({"randomisation": True}, "Invalid randomisation: True. Expected a dictionary"),
+    ({"randomisation": {"mass": 1.0}}, r"randomisation mass: 1.0. Expected \[0, 1\)"),
+    ({"randomisation": {"model_mass": "big"}}, "Invalid randomisation model_mass: 'big'"),
+    ({"randomisation": {"com": -0.1}}, "randomisation com: -0.1. Expected a length >= 0 m"),
+    ({"randomisation": {"friction": 0.5}}, "randomisation friction: 0.5. Expected a pair"),
+    ({"randomisation": {"friction": (0, 1)}}, "randomisation friction: .*a pair 0 < least"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), ARGUMENTS)
+def test_bad_arguments_through_every_door(arguments, message):
+    for make in (
+        lambda: gym.make(BIPED, **arguments),
+        lambda: gym.make_vec(BIPED, num_envs=2, **arguments),
+        lambda: fbid_gym.make_sb3(BIPED, 2, **arguments),
+    ):
+        with pytest.raises(FbidError, match=message):
+            make()
+
+
+def test_the_list_of_layers_above_is_complete():
+    assert ", ".join(LAYERS) == ALL_LAYERS
+
+
+def test_bad_render_modes():
+    message = "Unknown render_mode 'ascii'. Valid choices: human, rgb_array, None."
+    # gymnasium warns first, and goes on.
+    with pytest.raises(FbidError, match=message), pytest.warns(UserWarning, match="ascii"):
+        gym.make(BIPED, render_mode="ascii")
+    with pytest.raises(FbidError, match=message):
+        gym.make_vec(BIPED, num_envs=2, render_mode="ascii")
+    with pytest.raises(FbidError, match=message):
+        fbid_gym.make_sb3(BIPED, 2, render_mode="ascii")
+
+
+def test_bad_vector_arguments():
+    with pytest.raises(FbidError, match="autoreset_mode 'LATER'. Valid choices: NEXT_STEP, SAME"):
+        gym.make_vec(BIPED, num_envs=2, autoreset_mode="LATER")
+    for value in (0, -1, 1.5, "two", None, True):
+        with pytest.raises(FbidError, match="Invalid num_envs: .* a positive whole number"):
+            gym.make_vec(BIPED, num_envs=value)
+        with pytest.raises(FbidError, match="Invalid num_threads: .* a positive whole number"):
+            gym.make_vec(BIPED, num_envs=2, num_threads=value)
+
+
+BAD_ACTIONS = [
+    (lambda a: np.where(np.arange(a.size).reshape(a.shape) == 3, np.nan, a), NonFiniteError, "NaN"),
+    (lambda a: a + np.inf, NonFiniteError, "action is not finite"),
+    (lambda a: a + 1.01, InvalidValueError, r"action at index .*: 1.01. Expected .* in \[-1, 1\]"),
+    (lambda a: a[..., 1:], ShapeError, r"action has shape .*5,?\). Expected .*6,?\)"),
+    (lambda a: a[None], ShapeError, "action has shape"),
+    (lambda a: 0.0, ShapeError, r"action has shape \(\)"),
+    (lambda a: None, FbidError, "action"),
+    (lambda a: "forward", InvalidValueError, "Invalid action: 'forward'. Expected numbers of"),
+    (lambda a: [[1.0], [1.0, 2.0]], InvalidValueError, "Invalid action"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "error", "message"), BAD_ACTIONS)
+def test_bad_actions_step_nothing(spoil, error, message):
+    """In every interface; afterwards everything goes on as if nothing had been tried."""
+    scalar = gym.make(BIPED, **BASE, disable_env_checker=True)
+    vector = gym.make_vec(BIPED, num_envs=3, **BASE, num_threads=2)
+    sb3 = fbid_gym.make_sb3(BIPED, 3, seed=0, **BASE)
+    scalar.reset(seed=0)
+    vector.reset(seed=0)
+    sb3.reset()
+    for env, state_of, count in (
+        (scalar, scalar.unwrapped.batch.state_dict, ()),
+        (vector, vector.chunks.state_dict, (3,)),
+        (sb3, sb3.state_dict, (3,)),
+    ):
+        before = state_of()
+        with pytest.raises(error, match=message):
+            env.step(spoil(np.zeros((*count, 6))))
+        for key, value in state_of().items():
+            np.testing.assert_array_equal(value, before[key], err_msg=key)
+    vector.step(np.ones((3, 6)) + 5e-7)  # rounding is forgiven
+
+
+def test_bad_actions_through_gymnasiums_checker():
+    """With gym.make's own checks in front it is still our error that arrives."""
+    env = gym.make(BIPED, **BASE)
+    env.reset(seed=0)
+    env.step(np.zeros(6, np.float32))
+    with pytest.raises(NonFiniteError, match=r"index \(2,\)"):
+        env.step(np.array([0, 0, np.nan, 0, 0, 0], np.float32))
+    with pytest.raises(ShapeError, match=r"action has shape \(7,\). Expected \(6,\)"):
+        env.step(np.zeros(7, np.float32))
+    with pytest.raises(InvalidValueError, match=r"action at index \(5,\): -1.5"):
+        env.step(np.array([0, 0, 0, 0, 0, -1.5], np.float32))
