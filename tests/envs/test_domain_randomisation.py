@@ -1,0 +1,150 @@
+"""Robots that differ: in the simulation, in the controller's belief, and both from the MJCF."""
+
+import copy
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym import robots
+from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.randomisation import Randomisation
+
+PLANT = {"mass": 0.3, "com": 0.02, "friction": (0.4, 0.8)}
+MODEL = {"model_mass": 0.2, "model_com": 0.01}
+
+
+def build(name, randomisation, num_envs=6, **arguments):
+    env = gym.make_vec(name, num_envs=num_envs, randomisation=randomisation, **arguments)
+    env.reset(seed=3)
+    return env, env.chunks.batches[0]
+
+
+def test_off_by_default():
+    assert not Randomisation().any
+    for name in ENVIRONMENTS:
+        plain, batch = build(name, None)
+        empty, _ = build(name, {})
+        for field in ("body_mass", "body_inertia", "body_ipos", "geom_friction"):
+            assert batch.simulation.batch.expanded(field) is None
+        action = np.zeros(plain.action_space.shape)
+        np.testing.assert_array_equal(plain.step(action)[0], empty.step(action)[0])
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_the_plant_differs_from_robot_to_robot_within_the_ranges(name):
+    env, batch = build(name, PLANT, num_envs=40)
+    nominal, physics = batch.robot.model, batch.simulation.batch
+    moving = np.flatnonzero(nominal.body_rootid == batch.robot.base_body)
+    mass = physics.expanded("body_mass")[:, moving] / nominal.body_mass[moving]
+    assert 0.7 <= mass.min() < 0.72 and 1.28 < mass.max() <= 1.3
+    inertia = physics.expanded("body_inertia")[:, moving] / nominal.body_inertia[moving]
+    np.testing.assert_allclose(inertia, mass[:, :, None].repeat(3, axis=2))
+    com = physics.expanded("body_ipos")[:, moving] - nominal.body_ipos[moving]
+    assert 0.019 < np.abs(com).max() <= 0.02
+    friction = physics.expanded("geom_friction") / nominal.geom_friction
+    np.testing.assert_array_equal(friction[:, :, 1:], 1.0)
+    assert (np.ptp(friction[:, :, 0], axis=1) < 1e-12).all()
+    assert 0.4 <= friction[..., 0].min() < 0.43 and 0.77 < friction[..., 0].max() <= 0.8
+    # Every robot is its own, and the next episode's is another.
+    assert len(np.unique(mass[:, 0])) == 40
+    env.reset()
+    again = physics.expanded("body_mass")[:, moving] / nominal.body_mass[moving]
+    assert (again != mass).all()
+    assert (nominal.body_mass == robots.load(batch.robot.name).model.body_mass).all()
+
+
+def test_the_simulation_moves_like_a_robot_of_those_masses():
+    """A robot of the batch against MuJoCo's step of a model that was changed by hand."""
+    env, batch = build("fbid_gym/BipedBalance-v0", PLANT, action_layer="torque")
+    physics, simulation = batch.simulation.batch, batch.simulation
+    for index in range(3):
+        model = copy.copy(batch.robot.model)
+        model.opt.timestep = 1e-3
+        for field in ("body_mass", "body_inertia", "body_ipos", "geom_friction"):
+            getattr(model, field)[:] = physics.expanded(field)[index]
+        data = mujoco.MjData(model)
+        mujoco.mj_setConst(model, data)
+        data.qpos[:], data.qvel[:] = simulation.qpos[index], simulation.qvel[index]
+        mujoco.mj_forward(model, data)
+        qpos = []
+        for _ in range(20):
+            torque = np.minimum(batch.layer.hold, batch.robot.torque_limit)
+            data.ctrl[batch.robot.actuator] = torque / batch.robot.gear
+            mujoco.mj_step(model, data)
+            qpos.append(data.qpos.copy())
+        env.reset(seed=3)
+        env.step(np.zeros(env.action_space.shape))
+        np.testing.assert_allclose(simulation.qpos[index], qpos[-1], atol=1e-9)
+        env.reset(seed=3)
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_the_controller_believes_in_a_model_of_its_own(name):
+    """Its terms are those of the MJCF with the drawn factors, whatever the plant's are."""
+    env, batch = build(name, PLANT | MODEL, num_envs=3, action_layer="base_acceleration")
+    for _ in range(5):
+        env.step(np.full(env.action_space.shape, 0.1))
+    robot, simulation = batch.robot, batch.simulation
+    drawn = {key.removeprefix("plant."): v for key, v in batch.state_dict().items()}
+    believed, true = batch.plant.terms(), simulation.terms()
+    moving = np.flatnonzero(robot.model.body_rootid == robot.base_body)
+    names = [robot.model.body(int(body)).name for body in moving]
+    for index in range(3):
+        masses, shifts = drawn["model_mass"][index, moving], drawn["model_com"][index, moving]
+        assert 0.8 <= masses.min() and masses.max() <= 1.2 and np.abs(shifts).max() <= 0.01
+        nominal = PinocchioDynamics(
+            robot,
+            mass_scale=dict(zip(names, masses, strict=True)),
+            com_offset=dict(zip(names, shifts, strict=True)),
+        ).terms(simulation.qpos[index : index + 1], simulation.qvel[index : index + 1])
+        for field in nominal._fields:
+            expected, ours = getattr(nominal, field)[0], getattr(believed, field)[index]
+            scale = max(np.abs(expected).max(), 1e-3)
+            assert np.abs(ours - expected).max() < 1e-9 * scale, field
+        assert np.abs(believed.bias[index] - true.bias[index]).max() > 1e-3 * robot.weight
+    # Where the robot is does not depend on what one believes of its masses.
+    np.testing.assert_allclose(believed.foot_position, true.foot_position, atol=1e-12)
+    np.testing.assert_allclose(believed.base_position, true.base_position, atol=1e-12)
+
+
+def test_the_model_does_not_see_how_the_plant_differs():
+    _, batch = build("fbid_gym/BipedBalance-v0", PLANT, action_layer="base_acceleration")
+    simulation = batch.simulation
+    nominal = MuJoCoDynamics(batch.robot).terms(simulation.qpos, simulation.qvel)
+    believed = batch.plant.terms()
+    np.testing.assert_allclose(believed.mass_matrix, nominal.mass_matrix, atol=1e-12)
+    np.testing.assert_allclose(believed.bias, nominal.bias, atol=1e-9)
+    assert np.abs(simulation.terms().mass_matrix - nominal.mass_matrix).max() > 0.1
+
+
+def test_a_wrong_model_changes_the_torques_of_model_based_layers_only():
+    for layer, depends in (("base_acceleration", True), ("joint_position", False)):
+        torques = []
+        for randomisation in (None, MODEL):
+            env, _ = build(
+                "fbid_gym/BipedBalance-v0",
+                randomisation,
+                action_layer=layer,
+                joint_noise=0.0,
+                velocity_noise=0.0,
+                push_force=(0, 0),
+            )
+            torques.append(np.abs(env.step(np.zeros(env.action_space.shape))[4]["torque"]))
+        assert (np.abs(torques[0] - torques[1]).max() > 0.1) == depends
+
+
+def test_reproducible_by_seed():
+    for threads in (1, 2):
+        env, batch = build("fbid_gym/QuadrupedBalance-v0", PLANT | MODEL, num_threads=threads)
+        state = env.chunks.state_dict()
+        again, _ = build("fbid_gym/QuadrupedBalance-v0", PLANT | MODEL)
+        for key, value in again.chunks.state_dict().items():
+            np.testing.assert_array_equal(value, state[key], err_msg=key)
+    scalar = gym.make("fbid_gym/QuadrupedBalance-v0", randomisation=PLANT | MODEL)
+    scalar.reset(seed=5)
+    drawn = scalar.unwrapped.batch.state_dict()
+    for key in ("plant.mass", "plant.com", "plant.friction", "plant.model_mass"):
+        np.testing.assert_array_equal(drawn[key][0], state[key][2])

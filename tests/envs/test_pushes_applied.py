@@ -1,0 +1,59 @@
+"""Pushes as physics sees them: momentum in flight, and an end with the episode."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from fbid_gym.envs import ENVIRONMENTS
+
+ARGUMENTS = {"action_layer": "torque", "push_interval": (0.15, 0.25), "episode_seconds": 1.0}
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+@pytest.mark.parametrize("rates", [{}, {"physics_hz": 500, "control_hz": 250, "policy_hz": 50}])
+def test_a_push_in_flight_changes_momentum_by_force_times_duration(name, rates):
+    """Without gravity and far above the ground nothing else acts on the robot."""
+    env = gym.make_vec(name, num_envs=3, **ARGUMENTS, **rates)
+    env.reset(seed=1)
+    batch = env.chunks.batches[0]
+    simulation, robot = batch.simulation, batch.robot
+    simulation.batch.expand("opt.gravity")[:] = 0.0
+    simulation.batch.expand("dof_damping")[:] = 0.0
+    simulation.qpos[:, 2] += 10.0
+    simulation.qvel[:] = 0.0
+    simulation.batch.forward()
+    plan = {k.removeprefix("plan."): v for k, v in batch.state_dict().items()}
+    hz = batch.rates.control
+
+    # The holding torque is meant for gravity: take it away.
+    action = np.tile(-batch.layer.hold / robot.torque_limit, (3, 1))
+    momentum = np.zeros((3, 3))
+    for step in range(40):
+        env.step(action)
+        before, momentum = momentum, robot.mass * simulation.terms().com_velocity
+        # Up to the time discretisation, the force times the ticks of this step during which some push was on.
+        expected = np.zeros((3, 3))
+        for tick in range(step * batch.rates.ticks, (step + 1) * batch.rates.ticks):
+            since = tick - plan["push_start"]
+            on = (since >= 0) & (since < round(0.15 * hz))
+            expected += (on[..., None] * plan["push_force"]).sum(axis=1) / hz
+        np.testing.assert_allclose(momentum - before, expected, atol=5e-5 * robot.weight)
+    assert np.abs(momentum).max() > 0.01 * robot.weight * 0.15
+
+
+def test_every_push_in_info_and_on_the_base_ends_with_the_episode():
+    env = gym.make("fbid_gym/BipedBalance-v0", **(ARGUMENTS | {"action_layer": "joint_position"}))
+    simulation = env.unwrapped.batch.simulation
+    zero = np.zeros(16, np.float32)
+    for seed in range(3):
+        env.reset(seed=seed)
+        # What an earlier episode left behind does not act.
+        assert (simulation.batch.xfrc_applied == 0.0).all()
+        pushed, done = 0, False
+        while not done:
+            *_, terminated, truncated, info = env.step(zero)
+            base = env.unwrapped.batch.robot.base_body
+            np.testing.assert_array_equal(simulation.batch.xfrc_applied[0, base, :3], info["push"])
+            assert np.count_nonzero(simulation.batch.xfrc_applied) <= 2
+            pushed, done = pushed + info["push"].any(), terminated or truncated
+        assert pushed >= 10
