@@ -4,9 +4,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
-if sys.platform == "linux" and not (
-    os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-):
+if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
     # MuJoCo chooses its renderer when it is imported, and its default needs a display.
     os.environ.setdefault("MUJOCO_GL", "egl")
 

@@ -41,9 +41,9 @@ class DemoConfig:
     """Action layers. The slowest first keeps all cores busy to the end."""
     seeds: tuple[int, ...] = (0, 1)
     """Seeds of each layer."""
-    total_steps: int = 200_000
+    total_steps: int = 120_000
     """Environment steps of each run."""
-    evaluations: int = 8
+    evaluations: int = 6
     """Evaluations of each run, evenly spread."""
     episodes: int = 16
     """Episodes of each evaluation."""
