@@ -13,7 +13,10 @@ ARGUMENTS = {"action_layer": "torque", "push_interval": (0.15, 0.25), "episode_s
 @pytest.mark.parametrize("rates", [{}, {"physics_hz": 500, "control_hz": 250, "policy_hz": 50}])
 def test_a_push_in_flight_changes_momentum_by_force_times_duration(name, rates):
     """Without gravity and far above the ground nothing else acts on the robot."""
-    env = gym.make_vec(name, num_envs=3, **ARGUMENTS, **rates)
+    # Gentle pushes: a robot turned over would be reset.
+    weight = {"fbid_gym/BipedBalance-v0": 544.0, "fbid_gym/QuadrupedBalance-v0": 27.0}[name]
+    arguments = ARGUMENTS | rates | {"push_force": (0.01 * weight, 0.1 * weight)}
+    env = gym.make_vec(name, num_envs=3, **arguments)
     env.reset(seed=1)
     batch = env.chunks.batches[0]
     simulation, robot = batch.simulation, batch.robot
@@ -29,16 +32,17 @@ def test_a_push_in_flight_changes_momentum_by_force_times_duration(name, rates):
     action = np.tile(-batch.layer.hold / robot.torque_limit, (3, 1))
     momentum = np.zeros((3, 3))
     for step in range(40):
-        env.step(action)
+        assert not env.step(action)[2].any()
         before, momentum = momentum, robot.mass * simulation.terms().com_velocity
-        # Up to the time discretisation, the force times the ticks of this step during which some push was on.
+        # The force times the ticks of this step during which some push was on. Not to the bit:
+        # time is discrete.
         expected = np.zeros((3, 3))
         for tick in range(step * batch.rates.ticks, (step + 1) * batch.rates.ticks):
             since = tick - plan["push_start"]
             on = (since >= 0) & (since < round(0.15 * hz))
             expected += (on[..., None] * plan["push_force"]).sum(axis=1) / hz
         np.testing.assert_allclose(momentum - before, expected, atol=5e-5 * robot.weight)
-    assert np.abs(momentum).max() > 0.01 * robot.weight * 0.15
+    assert np.abs(momentum).max() > 0.05 * robot.weight * 0.15
 
 
 def test_every_push_in_info_and_on_the_base_ends_with_the_episode():
