@@ -25,7 +25,7 @@ class Settings:
     first to the highest last evaluation of any layer."""
     threshold_share: float = 0.9
     """See `threshold`."""
-    sweep: tuple[float, ...] = (0.5, 1.0, 1.5)
+    sweep: tuple[float, ...] = (0.5, 0.75, 1.0, 1.25)
     """Sizes of push at which survival is measured, relative to the hardest of training."""
     sweep_episodes: int = 16
     """Episodes per run and size of push."""
@@ -33,7 +33,7 @@ class Settings:
     """Length of these episodes, s."""
     video_seconds: float = 6.0
     """Length of the clips, s. 0: none."""
-    video_push: float = 1.0
+    video_push: float = 0.75
     """Size of the pushes in the clips, relative to the hardest of training."""
     confidence: float = 0.95
     """Of the intervals."""
