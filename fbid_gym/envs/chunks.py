@@ -28,7 +28,7 @@ class Chunks:
         self.slices = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
         self.batches = [EnvBatch(config, s.stop - s.start) for s in self.slices]
         self.num_envs = num_envs
-        self._pool = ThreadPoolExecutor(len(self.batches)) if len(self.batches) > 1 else None
+        self._pool = ThreadPoolExecutor(len(self.batches) - 1) if len(self.batches) > 1 else None
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
         """Give one environment a random generator of its own."""
@@ -59,11 +59,13 @@ class Chunks:
         action = first.check_action(action, self.num_envs)
         if self._pool is None:
             return first.step(action)
+        # The caller steps the first chunk itself: a caller that sleeps invites the system to run
+        # all the threads it woke on its own core.
         jobs = [
             self._pool.submit(batch.step, action[part])
-            for batch, part in zip(self.batches, self.slices, strict=True)
+            for batch, part in zip(self.batches[1:], self.slices[1:], strict=True)
         ]
-        return _joined([job.result() for job in jobs])
+        return _joined([first.step(action[self.slices[0]]), *(job.result() for job in jobs)])
 
     def close(self) -> None:
         """Stop the threads."""
