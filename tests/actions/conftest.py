@@ -1,0 +1,35 @@
+"""States for action layers: settled in stance, random, in flight."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fbid_gym import robots
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.state import RobotState
+
+
+@pytest.fixture(scope="module", params=robots.ROBOTS)
+def robot(request: pytest.FixtureRequest) -> robots.Robot:
+    """Each built-in robot."""
+    return robots.load(request.param)
+
+
+@pytest.fixture
+def states(robot: robots.Robot, rng: np.random.Generator) -> Callable[..., tuple]:
+    """(count, noise) -> (state, terms) near home and moving, all points loaded alike."""
+
+    def make(count: int, noise: float = 0.1) -> tuple:
+        qpos = np.tile(robot.home_qpos, (count, 1))
+        qvel = noise * rng.normal(size=(count, robot.nv))
+        qpos[:, 7:] += noise * rng.normal(size=(count, robot.num_joints))
+        qpos[:, 3:7] += noise * rng.normal(size=(count, 4))
+        qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7], axis=1, keepdims=True)
+        qpos[:, :3] += rng.normal(size=(count, 3))
+        contact = np.zeros((count, robot.num_points, 3))
+        contact[:, :, 2] = robot.weight / robot.num_points
+        state = RobotState(qpos, qvel, contact, np.zeros(count, np.int64))
+        return state, MuJoCoDynamics(robot).terms(qpos, qvel)
+
+    return make

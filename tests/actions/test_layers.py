@@ -1,0 +1,181 @@
+"""What every action layer promises, and the formulas of those that need no model."""
+
+import numpy as np
+import pytest
+
+from fbid_gym.actions import LAYERS, layer_options, make_layer
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian
+from fbid_gym.dynamics.state import RobotState
+
+OPTIONS = [
+    *((layer, {}) for layer in LAYERS),
+    ("joint_acceleration", {"contact_limits": "none"}),
+    ("base_acceleration", {"contact_limits": "none"}),
+    ("base_acceleration", {"contacts": "measured"}),
+    ("base_acceleration", {"contacts": "measured", "contact_limits": "none"}),
+]
+every_layer = pytest.mark.parametrize(("name", "options"), OPTIONS)
+
+
+def at_rest(robot, count=1):
+    qpos, qvel = np.tile(robot.home_qpos, (count, 1)), np.zeros((count, robot.nv))
+    contact = np.zeros((count, robot.num_points, 3))
+    contact[:, :, 2] = robot.weight / robot.num_points
+    state = RobotState(qpos, qvel, contact, np.zeros(count, np.int64))
+    return state, MuJoCoDynamics(robot).terms(qpos, qvel)
+
+
+def holding_torque(robot):
+    """Least torques of the home stance, from the weight projected off the contacts, [M10] (15)."""
+    _, terms = at_rest(robot)
+    jacobian = point_jacobian(ContactGeometry.of(robot), terms)[0][0]
+    free = np.eye(robot.nv) - np.linalg.pinv(jacobian, rcond=1e-9) @ jacobian
+    return np.linalg.pinv(free[:, 6:], rcond=1e-9) @ free @ terms.bias[0]
+
+
+@every_layer
+def test_a_row_does_not_depend_on_the_others(robot, states, name, options, rng):
+    layer = make_layer(name, robot, 500, options)
+    state, terms = states(64)
+    contact = state.contact_force * rng.integers(0, 2, (64, robot.num_points, 1))
+    state = state._replace(contact_force=contact)
+    action = rng.uniform(-1, 1, (64, len(layer.action_names)))
+    together, memory = [], layer.memory(64)
+    for _ in range(3):  # the second and third time with a warm start
+        together.append(layer.torque(action, state, lambda: terms, memory))
+    for row in (0, 17, 63):
+        part = slice(row, row + 1)
+        one_state = RobotState(*(value[part] for value in state))
+        one_terms = type(terms)(*(value[part].copy() for value in terms))
+        alone = layer.memory(1)
+        for torque in together:
+            ours = layer.torque(action[part], one_state, lambda given=one_terms: given, alone)
+            np.testing.assert_array_equal(ours[0], torque[row])
+        for key in layer.diagnostics:
+            assert alone[key][0] == memory[key][row]
+
+
+@every_layer
+def test_flight_is_no_special_case(robot, states, name, options):
+    """Half a metre up and tumbling, whatever the layer takes to be on the ground."""
+    layer = make_layer(name, robot, 500, options)
+    state, _ = states(16, noise=0.3)
+    state.qpos[:, 2] += 0.5
+    state.qvel[:, 2] += 2.0
+    terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
+    state = state._replace(contact_force=np.zeros_like(state.contact_force))
+    memory = layer.memory(16)
+    torque = layer.torque(np.zeros((16, len(layer.action_names))), state, lambda: terms, memory)
+    assert np.isfinite(torque).all()
+    assert np.abs(torque / robot.torque_limit).max() < 50.0
+    if options.get("contacts") == "measured":
+        np.testing.assert_array_equal(memory["underactuation"], 6.0)
+
+
+@every_layer
+def test_names_and_memory(robot, name, options):
+    layer = make_layer(name, robot, 500, options)
+    assert len(set(layer.action_names)) == len(layer.action_names)
+    memory = layer.memory(5)
+    assert all(len(value) == 5 for value in memory.values())
+    assert set(layer.diagnostics) <= set(memory)
+    assert options.keys() <= layer_options(name).keys()
+    assert all(default is not ... for default in layer_options(name).values())
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("torque", {}),
+        ("joint_position", {}),
+        ("joint_acceleration", {"contact_limits": "none"}),
+        ("base_acceleration", {"contact_limits": "none"}),
+    ],
+)
+def test_the_zero_action_at_home_is_the_least_torque_that_holds_it(robot, name, options):
+    layer = make_layer(name, robot, 500, options)
+    state, terms = at_rest(robot)
+    action = np.zeros((1, len(layer.action_names)))
+    torque = layer.torque(action, state, lambda: terms, layer.memory(1))[0]
+    expected = holding_torque(robot)
+    np.testing.assert_allclose(torque, expected, atol=1e-6 * robot.weight)
+    assert np.abs(expected).max() > 1e-3 * robot.weight
+
+
+@pytest.mark.parametrize("name", ["joint_acceleration", "base_acceleration"])
+def test_with_limited_forces_the_zero_action_at_home_holds_it_too(robot, name):
+    """Other torques than the least, because the contact forces are the least: same equilibrium."""
+    layer = make_layer(name, robot, 500)
+    state, terms = at_rest(robot)
+    torque = layer.torque(
+        np.zeros((1, len(layer.action_names))), state, lambda: terms, layer.memory(1)
+    )[0]
+    jacobian = point_jacobian(ContactGeometry.of(robot), terms)[0][0]
+    rest = terms.bias[0] - np.concatenate([np.zeros(6), torque])
+    forces = np.linalg.lstsq(jacobian.T, rest, rcond=1e-9)[0]
+    np.testing.assert_allclose(jacobian.T @ forces, rest, atol=2e-4 * robot.weight)
+    normal = forces.reshape(-1, 3)[:, 2]
+    assert (normal > 0.0).all() and normal.sum() == pytest.approx(robot.weight, rel=1e-3)
+
+
+def test_torque_adds_to_the_holding_torque(robot, states, rng):
+    layer = make_layer("torque", robot, 500)
+    state, terms = states(3)
+    action = rng.uniform(-1, 1, (3, robot.num_joints))
+    expected = holding_torque(robot) + action * robot.torque_limit
+    torque = layer.torque(action, state, lambda: terms, layer.memory(3))
+    np.testing.assert_allclose(torque, expected, atol=1e-6 * robot.weight)
+
+
+def test_joint_position_is_a_pd_controller(robot, states, rng):
+    layer = make_layer("joint_position", robot, 500, {"natural_frequency": 2.0, "scale": 0.2})
+    assert (layer.stiffness > 0.0).all() and (layer.damping > 0.0).all()
+    state, terms = states(4)
+    action = rng.uniform(-1, 1, (4, robot.num_joints))
+    target = robot.home_qpos[7:] + 0.2 * action
+    expected = holding_torque(robot) + layer.stiffness * (target - state.qpos[:, 7:])
+    expected -= layer.damping * state.qvel[:, 6:]
+    torque = layer.torque(action, state, lambda: terms, layer.memory(4))
+    np.testing.assert_allclose(torque, expected, atol=1e-5 * robot.weight)
+
+
+def test_joint_position_gains_follow_from_the_inertia_a_joint_moves_in_stance(robot):
+    """K_P = I w^2, with I found here by moving one joint while its foot stays where it is."""
+    frequency, ratio = 2.0, 0.7
+    options = {"natural_frequency": frequency, "damping_ratio": ratio}
+    layer = make_layer("joint_position", robot, 500, options)
+    _, terms = at_rest(robot)
+    omega = 2 * np.pi * frequency
+    matrix = terms.mass_matrix[0]
+    for joint in range(robot.num_joints):
+        moved = np.abs(terms.foot_jacobian[0, :, :, 6 + joint]).max(axis=1) > 0
+        if moved.any():
+            foot = terms.foot_jacobian[0, np.flatnonzero(moved)[0]]
+            velocity = np.zeros(robot.nv)
+            velocity[6 + joint] = 1.0
+            velocity[:6] = np.linalg.lstsq(foot[:, :6], -foot[:, 6 + joint], rcond=None)[0]
+            assert np.abs(foot @ velocity).max() < 1e-12
+            inertia = velocity @ matrix @ velocity / robot.num_feet
+        else:
+            inertia = matrix[6 + joint, 6 + joint]
+        assert layer.stiffness[joint] == pytest.approx(inertia * omega**2)
+        limit = matrix[6 + joint, 6 + joint] * 500
+        assert layer.damping[joint] == pytest.approx(min(2 * ratio * omega * inertia, limit))
+
+
+@pytest.mark.parametrize("control_hz", [500, 1000])
+def test_joint_position_does_not_oscillate_in_the_air(robot, control_hz):
+    """Sampled and held over a tick, on all joints at once: every mode decays."""
+    layer = make_layer("joint_position", robot, control_hz)
+    _, terms = at_rest(robot)
+    mobility = np.linalg.inv(terms.mass_matrix[0])[6:, 6:]
+    tick, one = 1.0 / control_hz, np.eye(robot.num_joints)
+    stiff, damp = mobility * layer.stiffness, mobility * layer.damping
+    step = np.block(
+        [
+            [one - tick**2 / 2 * stiff, tick * one - tick**2 / 2 * damp],
+            [-tick * stiff, one - tick * damp],
+        ]
+    )
+    assert np.abs(np.linalg.eigvals(step)).max() < 1.0

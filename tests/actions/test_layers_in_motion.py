@@ -1,0 +1,76 @@
+"""Layers in the simulation: thrown into the air, landing, and what they report."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from fbid_gym.actions import LAYERS
+
+IDS = {"biped": "fbid_gym/BipedBalance-v0", "quadruped": "fbid_gym/QuadrupedBalance-v0"}
+CASES = [
+    *((layer, {}) for layer in LAYERS),
+    ("joint_acceleration", {"contact_limits": "none", "contacts": "measured"}),
+    ("base_acceleration", {"contact_limits": "none"}),
+    ("base_acceleration", {"contacts": "measured"}),
+    ("base_acceleration", {"contact_limits": "none", "contacts": "measured"}),
+]
+
+
+@pytest.mark.parametrize(("layer", "options"), CASES)
+def test_thrown_half_a_metre_up(robot, layer, options):
+    """Everything stays finite, in the air, at touchdown, and lying about."""
+    env = gym.make_vec(
+        IDS[robot.name],
+        num_envs=4,
+        action_layer=layer,
+        layer_options=options,
+        autoreset_mode="DISABLED",
+        velocity_noise=0.5,
+    )
+    env.reset(seed=0)
+    batch = env.chunks.batches[0]
+    batch.simulation.qpos[:, 2] += 0.5
+    batch.simulation.batch.forward()
+    airborne = touched = False
+    for _ in range(40):
+        # One level below the environment, which would end the episode of a robot that fell.
+        step = batch.step(np.zeros((4, len(batch.layer.action_names))))
+        assert (np.abs(step.info["torque"]) <= robot.torque_limit * (1 + 1e-12)).all()
+        for key, value in step.info.items():
+            if value.dtype != object:
+                assert np.isfinite(value).all(), key
+        assert not (step.info["termination"] == "diverged").any()
+        loaded = step.info["contact_force"][..., 2].any(axis=1)
+        if "measured" in options.values() and not loaded.any():
+            assert (step.info["layer_underactuation"] == 6).all()
+        airborne, touched = airborne | ~loaded, touched | (airborne & loaded)
+    # Without feedback a quadruped may turn over and never set foot on the ground.
+    assert airborne.all() and (touched.all() or layer == "torque")
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_info_tells_what_the_layer_did(robot, layer):
+    env = gym.make(IDS[robot.name], action_layer=layer)
+    env.reset(seed=0)
+    *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
+    rewards = {"height", "upright", "position", "stillness", "contact", "torque"}
+    assert {key for key in info if key.startswith("reward_")} == {f"reward_{r}" for r in rewards}
+    diagnostics = {"layer_saturation"}
+    if layer.endswith("acceleration"):
+        diagnostics |= {"layer_residual", "layer_underactuation"}
+    assert {key for key in info if key.startswith("layer_")} == diagnostics
+    rest = {"height", "height_command", "height_error", "torque_rms", "power", "slip"}
+    rest |= {"push", "torque", "contact_force", "termination"}
+    assert info.keys() == {f"reward_{r}" for r in rewards} | diagnostics | rest
+
+
+def test_saturation_is_the_share_of_joints_at_their_limit(robot):
+    env = gym.make(IDS[robot.name], action_layer="torque")
+    env.reset(seed=0)
+    action = np.zeros(robot.num_joints, np.float32)
+    hold = env.unwrapped.batch.layer.hold
+    action[:3] = np.where(hold[:3] >= 0.0, 1.0, -1.0)
+    *_, info = env.step(action)
+    at_limit = np.abs(info["torque"]) >= robot.torque_limit
+    assert at_limit[:3].all() and not at_limit[3:].any()
+    assert info["layer_saturation"] == pytest.approx(3 / robot.num_joints)
