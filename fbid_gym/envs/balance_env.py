@@ -12,7 +12,192 @@ from fbid_gym.envs.vector_env import spaces
 
 
 class BalanceEnv(gym.Env):
-    """PLACEHOLDER."""
+    """A robot stands on its feet, follows a commanded height and takes pushes.
+
+    ## Description
+    A floating-base robot stands on all its feet. It shall keep its base above them, upright and at
+    a commanded height, while random horizontal forces push the base. How a policy's action becomes
+    joint torques is the choice of an *action layer*; everything else (robot, task, observation,
+    reward, limits, seeds) is the same for all layers, so that what differs between two policies
+    trained through two layers is the layer.
+
+    | Id                             | Robot                           | Joints | Contact points |
+    | ------------------------------ | ------------------------------- | ------ | -------------- |
+    | `fbid_gym/BipedBalance-v0`     | two legs, flat feet, 55 kg      | 16     | 8              |
+    | `fbid_gym/QuadrupedBalance-v0` | four legs, point feet, 2.7 kg   | 12     | 4              |
+
+    Physics runs at `physics_hz`, the action layer at `control_hz`, the policy at `policy_hz`.
+
+    The *support frame* is the level frame of the feet: its origin is the mean of the contact
+    points, z points up, and x is the heading for which the contact points, seen from above, lie
+    nearest to where they are in the home stance. Nothing depends on where on the ground the robot
+    stands or which way it faces.
+
+    ## Action Space
+    A `Box(-1, 1, (A,), float32)`, held for one policy step. In every layer the zero action means
+    "hold the home posture as well as this layer can", and torques are cut off at the same limits.
+
+    | `action_layer`       | A      | An action of 1 adds                                          |
+    | -------------------- | ------ | ------------------------------------------------------------ |
+    | `torque`             | joints | the joint's torque limit to the torque that holds the home   |
+    |                      |        | stance                                                       |
+    | `joint_position`     | joints | option `scale` (rad) to the target of a PD controller        |
+    | `joint_acceleration` | joints | option `scale` (rad/s^2) to the joint's acceleration back    |
+    |                      |        | home                                                         |
+    | `base_acceleration`  | 6      | to the base's acceleration back home: x, y, z in the support |
+    |                      |        | frame, then angular x, y, z in the base's frame              |
+
+    The last two realise the acceleration by inverse dynamics of the floating base in contact
+    ([M10] eq. 15), by default with contact forces limited to their friction cones. Action 1 of
+    `base_acceleration` is what the stance allows: horizontally the acceleration that moves the
+    centre of pressure to the nearer edge of the support, vertically half of gravity; for tilting
+    the moment of the same shift and for turning that of friction, on the home inertia.
+    `env.unwrapped.batch.layer.action_names` names each entry of the action with its scale and unit.
+
+    Options of the layers (`layer_options`; `fbid_gym.actions.layer_options(name)` has the
+    defaults):
+
+    | Layer                | Options                                                               |
+    | -------------------- | --------------------------------------------------------------------- |
+    | `torque`             | none                                                                  |
+    | `joint_position`     | `natural_frequency`, `damping_ratio`, `scale`                         |
+    | `joint_acceleration` | the same; `contacts`, `contact_limits`, `friction`,                   |
+    |                      | `min_normal_force`, `max_normal_force`, `compensate_damping`          |
+    | `base_acceleration`  | `balance_frequency`, `height_frequency`, `rotation_frequency`,        |
+    |                      | `posture_frequency`, `damping_ratio`; `contacts`, `contact_limits`,   |
+    |                      | `friction`, `min_normal_force`, `max_normal_force`,                   |
+    |                      | `compensate_damping`                                                  |
+
+    ## Observation Space
+    A `Box` of float32, the same for every layer. Values are clipped to the ranges below;
+    `env.unwrapped.batch.task.observation_names` names each entry. "From home" is the difference to
+    the home stance. Slide joints have m where hinges have rad.
+
+    | Biped | Quadruped | Observation                                                 | Range |
+    | ----- | --------- | ----------------------------------------------------------- | ----- |
+    | 0     | 0         | commanded height - home height (m)                          | 10    |
+    | 1-3   | 1-3       | base from home (m, support frame)                           | 10    |
+    | 4-6   | 4-6       | up direction (base frame)                                   | 1     |
+    | 7-9   | 7-9       | base velocity (m/s, support frame)                          | 100   |
+    | 10-12 | 10-12     | base angular velocity (rad/s, base frame)                   | 100   |
+    | 13-28 | 13-24     | joints: position from home (rad)                            | 10    |
+    | 29-44 | 25-36     | joints: velocity (rad/s)                                    | 100   |
+    | 45-60 | 37-48     | joints: last torque (share of its limit)                    | 1     |
+    | 61-68 | 49-52     | contact points: normal force on point (share of the weight) | 100   |
+
+    The last torque is that of the last control tick, the normal force that of the last physics
+    step.
+
+    ## Rewards
+    The reward of a step is the sum of six terms, each between 0 and its weight; the weights sum to
+    1, so a return is at most the number of steps. With `bell(x) = exp(-x^2)` and H the home height
+    of the base above the contact points:
+
+    | Term        | Weight | Formula                                                               |
+    | ----------- | ------ | --------------------------------------------------------------------- |
+    | `height`    | 0.25   | `bell((height - commanded height) / (0.03 H))`                        |
+    | `upright`   | 0.15   | `exp(-(1 - cos(tilt of the base)) / (1 - cos(0.2 rad)))`              |
+    | `position`  | 0.15   | `bell(horizontal distance of the base from home / (0.06 H))`          |
+    | `stillness` | 0.15   | `bell(norm of the base's linear and angular velocity / 0.5)`          |
+    | `contact`   | 0.15   | `share of the points on the ground * bell(their speed / (0.1 m/s))`   |
+    | `torque`    | 0.15   | `bell(rms of the torques / (0.3 * mean torque limit))`                |
+
+    Height and distance count in the support frame. A point is on the ground while it carries more
+    than 1 % of the weight; their speed is the mean. The rms is over the joints and the control ticks of the step, everything
+    else is taken at its end. The last step of an episode that ends by a fall is rewarded as any
+    other; that of a diverged robot gets 0.
+
+    ## Starting State
+    The home pose with a random heading; each joint is moved by up to `joint_noise` (and stays in
+    its range), each entry of the velocity is up to `velocity_noise`, all uniformly distributed. The
+    base is raised so that the lowest contact point touches the ground. With the state come the
+    pushes and the commanded heights of the whole episode.
+
+    A push is a horizontal force on the base's centre of mass, in a uniformly random direction, of a
+    size uniform in `push_force`, constant for `push_duration`. The time from one push to the next
+    (and from the start to the first) is uniform in `push_interval`. The commanded height is
+    constant for a time uniform in `height_interval`; each value is uniform in `height_range` times
+    H.
+
+    ## Episode End
+    ### Termination
+    1. *fall*: the base is lower than 0.6 H above the contact points, or tilted by more than 60
+       degrees.
+    2. *diverged*: the simulation became unstable (a velocity above 500 m/s or rad/s, or not
+       finite). The last observation is that of the step before.
+
+    ### Truncation
+    After `episode_seconds`, inside the environment: no `TimeLimit` wrapper is needed.
+
+    ## Arguments
+    ```python
+    import gymnasium as gym, fbid_gym
+    env = gym.make("fbid_gym/BipedBalance-v0", action_layer="torque", push_force=(50, 150))
+    ```
+
+    | Parameter         | Type           | Default            | Description                        |
+    | ----------------- | -------------- | ------------------ | ---------------------------------- |
+    | `robot`           | str or `Robot` | `"biped"`          | Who stands; the ids above set it   |
+    | `action_layer`    | str            | `"joint_position"` | See `Action Space`                 |
+    | `layer_options`   | dict or None   | `None`             | Arguments of the action layer      |
+    | `physics_hz`      | int            | `1000`             | Simulation steps per second        |
+    | `control_hz`      | int            | `500`              | Control ticks per second; divides  |
+    |                   |                |                    | `physics_hz`                       |
+    | `policy_hz`       | int            | `50`               | Environment steps per second;      |
+    |                   |                |                    | divides `control_hz`               |
+    | `episode_seconds` | float          | `10.0`             | Longest episode                    |
+    | `push_force`      | pair or None   | `None`             | (least, most) N of a push; by      |
+    |                   |                |                    | default 0.04 to 0.36 of the        |
+    |                   |                |                    | weight, (0, 0) for none            |
+    | `push_duration`   | float          | `0.15`             | s                                  |
+    | `push_interval`   | pair           | `(1.5, 3.0)`       | (least, most) s                    |
+    | `height_range`    | pair           | `(0.94, 1.0)`      | (least, most) commanded height     |
+    |                   |                |                    | over H                             |
+    | `height_interval` | pair           | `(2.0, 4.0)`       | (least, most) s                    |
+    | `joint_noise`     | float          | `0.02`             | rad, see `Starting State`          |
+    | `velocity_noise`  | float          | `0.05`             | m/s and rad/s, see there           |
+    | `randomisation`   | dict or None   | `None`             | Ranges of differences between      |
+    |                   |                |                    | robots and in the layer's model:   |
+    |                   |                |                    | `mass`, `com`, `friction`,         |
+    |                   |                |                    | `model_mass`, `model_com`; see     |
+    |                   |                |                    | `fbid_gym.envs.randomisation`      |
+    | `render_mode`     | str or None    | `None`             | `"rgb_array"` or `"human"`; an     |
+    |                   |                |                    | arrow is a push                    |
+
+    `gym.make_vec` adds `num_envs`, `num_threads` and `autoreset_mode`, see `BalanceVectorEnv`;
+    environment i of a batch with seed s is this environment with seed s + i, to the bit.
+
+    Raises `FbidError` for an argument or an action that is not valid, naming the value and the
+    choices; a bad action steps nothing.
+
+    ## Info
+    `reset` returns an empty dictionary, `step` one with
+
+    | Key                                      | Shape  | Meaning                                  |
+    | ---------------------------------------- | ------ | ---------------------------------------- |
+    | `reward_height`, `reward_upright`,       |        | The terms of the reward                  |
+    | `reward_position`, `reward_stillness`,   |        |                                          |
+    | `reward_contact`, `reward_torque`        |        |                                          |
+    | `height`, `height_command`,              |        | m, of the base above the contact points  |
+    | `height_error`                           |        |                                          |
+    | `torque_rms`                             |        | N m, over joints and ticks of the step   |
+    | `power`                                  |        | W, mean over the ticks of the joints'    |
+    |                                          |        | summed absolute power                    |
+    | `slip`                                   |        | m/s, mean speed of points on the ground  |
+    | `push`                                   | (3,)   | N, world, on the last control tick       |
+    | `torque`                                 | (n,)   | N m, on the last control tick            |
+    | `contact_force`                          | (P, 3) | N, world, of the ground on each point    |
+    | `layer_saturation`                       |        | Share of the joints at their limit       |
+    | `layer_residual`                         |        | Share of the weight by which the base    |
+    |                                          |        | wrench misses the commanded one (layers  |
+    |                                          |        | with accelerations)                      |
+    | `layer_underactuation`                   |        | Base directions that the assumed         |
+    |                                          |        | contacts cannot push (as before)         |
+    | `termination`                            |        | "", "fall" or "diverged"                 |
+
+    ## Version History
+    * v0: Initial version.
+    """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
 

@@ -9,7 +9,7 @@ import pytest
 def test_the_zero_action_survives_pushes_of_100_newtons_from_any_side():
     """5 s under pushes of 100 N for 150 ms, at least 95 of 100 episodes."""
     env = gym.make_vec(
-        "fbid_gym/BipedBalance-v0",
+        "fbid_gym:fbid_gym/BipedBalance-v0",
         num_envs=100,
         num_threads=2,
         action_layer="base_acceleration",
