@@ -103,9 +103,9 @@ class BalanceEnv(gym.Env):
     | `torque`    | 0.15   | `bell(rms of the torques / (0.3 * mean torque limit))`                |
 
     Height and distance count in the support frame. A point is on the ground while it carries more
-    than 1 % of the weight; their speed is the mean. The rms is over the joints and the control ticks of the step, everything
-    else is taken at its end. The last step of an episode that ends by a fall is rewarded as any
-    other; that of a diverged robot gets 0.
+    than 1 % of the weight; their speed is the mean. The rms is over the joints and the control
+    ticks of the step, everything else is taken at its end. The last step of an episode that ends by
+    a fall is rewarded as any other; that of a diverged robot gets 0.
 
     ## Starting State
     The home pose with a random heading; each joint is moved by up to `joint_noise` (and stays in
