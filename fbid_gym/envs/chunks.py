@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.envs.config import BalanceConfig
-from fbid_gym.envs.cores import Workers
 from fbid_gym.envs.env_batch import EnvBatch, Step
 from fbid_gym.envs.options import whole_number
 from fbid_gym.errors import InvalidValueError, ShapeError
@@ -29,10 +28,7 @@ class Chunks:
         self.slices = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
         self.batches = [EnvBatch(config, s.stop - s.start) for s in self.slices]
         self.num_envs = num_envs
-        self._workers = Workers()
-        self._pool = None
-        if len(self.batches) > 1:
-            self._pool = ThreadPoolExecutor(len(self.batches) - 1, initializer=self._workers.enlist)
+        self._pool = ThreadPoolExecutor(len(self.batches) - 1) if len(self.batches) > 1 else None
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
         """Give one environment a random generator of its own."""
@@ -63,7 +59,8 @@ class Chunks:
         action = first.check_action(action, self.num_envs)
         if self._pool is None:
             return first.step(action)
-        self._workers.leave_core_of_caller()
+        # The caller steps the first chunk itself: a caller that sleeps invites the system to run
+        # all the threads it woke on its own core.
         jobs = [
             self._pool.submit(batch.step, action[part])
             for batch, part in zip(self.batches[1:], self.slices[1:], strict=True)
