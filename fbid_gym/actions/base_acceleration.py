@@ -15,7 +15,6 @@ from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.robots import Robot
 
-_BASE_FIRST = 1e3  # base priority: the posture takes what the base leaves
 _VERTICAL_SCALE = 0.5  # of gravity: half the weight more, or half less
 # vee @ vec(A): the axial vector of a 3×3 matrix, (A - A^T) / 2 = skew(axial).
 _AXIAL = np.zeros((9, 3))
@@ -32,7 +31,10 @@ class BaseAcceleration:
         linear, x and y:  w^2 (home - centre of mass) - 2 zeta w (its velocity)
         linear, z:        w^2 (home - base height)    - 2 zeta w (its velocity)
         angular:          w^2 (rotation error)        - 2 zeta w (angular velocity), base frame
-        joints:           w^2 (home - q)              - 2 zeta w qdot, in the null space
+        joints:           w^2 (home - q)              - 2 zeta w qdot
+
+    The feet on the ground do not allow all of that. The nearest acceleration that they do allow is
+    realised, where the base weighs `base_priority` times as much as the joints.
 
     The scale of the action is what the contacts can do: horizontally the acceleration that moves
     the centre of pressure from below the centre of mass to the nearest edge of the support polygon,
@@ -71,6 +73,7 @@ class BaseAcceleration:
         rotation_frequency: float = 1.2,
         posture_frequency: float = 1.0,
         damping_ratio: float = 1.0,
+        base_priority: float = 1e3,
         contacts: str | Schedule = "all",
         contact_limits: str = "friction",
         friction: float = 0.7,
@@ -86,8 +89,12 @@ class BaseAcceleration:
             balance_frequency: Hz, of the centre of mass's horizontal return home.
             height_frequency: Hz, of the base's vertical return home.
             rotation_frequency: Hz, of the base's orientation.
-            posture_frequency: Hz, of the joints in the null space.
+            posture_frequency: Hz, of the joints.
             damping_ratio: zeta, of all four.
+            base_priority: weight of squared base accelerations beside one for the joints. Towards
+                infinity the posture is left to the null space of the base (1e6 is that, in
+                effect); the default lets the posture give hard pushes way, which keeps the biped
+                up more often.
             contacts: "all", "measured", or a schedule [(seconds, feet on the ground), ...].
             contact_limits: "friction" limits the contact forces; "none" is the paper's form.
             friction: coefficient assumed of every contact.
@@ -101,11 +108,12 @@ class BaseAcceleration:
             rotation_frequency=rotation_frequency,
             posture_frequency=posture_frequency,
             damping_ratio=damping_ratio,
+            base_priority=base_priority,
         )
         law = AccelerationLaw.of(
             robot,
             control_hz,
-            base_priority=_BASE_FIRST,
+            base_priority=base_priority,
             contacts=contacts,
             contact_limits=contact_limits,
             friction=friction,

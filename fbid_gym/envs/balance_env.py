@@ -64,8 +64,8 @@ class BalanceEnv(gym.Env):
     | `joint_acceleration` | the same; `contacts`, `contact_limits`, `friction`,                   |
     |                      | `min_normal_force`, `max_normal_force`, `compensate_damping`          |
     | `base_acceleration`  | `balance_frequency`, `height_frequency`, `rotation_frequency`,        |
-    |                      | `posture_frequency`, `damping_ratio`; `contacts`, `contact_limits`,   |
-    |                      | `friction`, `min_normal_force`, `max_normal_force`,                   |
+    |                      | `posture_frequency`, `damping_ratio`, `base_priority`; `contacts`,    |
+    |                      | `contact_limits`, `friction`, `min_normal_force`, `max_normal_force`, |
     |                      | `compensate_damping`                                                  |
 
     ## Observation Space
