@@ -25,12 +25,13 @@ RANK = {
     "robots": 2,
     "dynamics": 3,
     "control": 4,
-    "actions": 5,
-    "tasks": 5,
-    "envs": 6,
-    "fbid_gym": 7,
-    "eval": 8,
-    "train": 8,
+    "motions": 5,
+    "actions": 6,
+    "tasks": 6,
+    "envs": 7,
+    "fbid_gym": 8,
+    "eval": 9,
+    "train": 9,
 }
 # Training evaluates as it goes, and the benchmark times training: here only circles are forbidden.
 FRIENDS = {"eval", "train"}
