@@ -11,6 +11,8 @@ from fbid_gym.robots import Robot
 class Reference(NamedTuple):
     """The motion that N robots shall follow, at one control tick; nv = 6 + n, F feet.
 
+    All arrays may have a single row, N = 1, that stands for all robots.
+
     The base is seen from the reference's own feet: the origin is the centre of the contact points
     at this instant, z points up, and x is the feet's forward direction, the support frame
     (`Support.frame`) of the reference posture. Velocities and accelerations are those of a
@@ -21,18 +23,24 @@ class Reference(NamedTuple):
         qpos: (N, nq) m, unit quaternion wxyz, rad.
         qvel: (N, nv) m/s, rad/s; the angular part in the base's frame.
         qacc: (N, nv) m/s^2, rad/s^2, rate of qvel.
+        com: (N, 3) m, centre of mass.
+        com_velocity: (N, 3) m/s.
+        com_acceleration: (N, 3) m/s^2.
         planted: (N, F) bool, which feet are planned to stand; None for all of them.
     """
 
     qpos: np.ndarray
     qvel: np.ndarray
     qacc: np.ndarray
+    com: np.ndarray
+    com_velocity: np.ndarray
+    com_acceleration: np.ndarray
     planted: np.ndarray | None
 
 
-def home_reference(robot: Robot, num_robots: int) -> Reference:
-    """Return the reference of robots that hold their home stance."""
-    qpos = robot.home_qpos.copy()
-    qpos[:3] = Support.of(robot).home_base
-    rest = np.zeros((num_robots, robot.nv))
-    return Reference(np.tile(qpos, (num_robots, 1)), rest, rest.copy(), None)
+def home_reference(robot: Robot) -> Reference:
+    """Return the reference of robots that hold their home stance, in a single row."""
+    support = Support.of(robot)
+    qpos = np.concatenate([support.home_base, robot.home_qpos[3:]])
+    rest, still = np.zeros((1, robot.nv)), np.zeros((1, 3))
+    return Reference(qpos[None], rest, rest, support.home_com[None], still, still, None)
