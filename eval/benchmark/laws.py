@@ -12,6 +12,7 @@ from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
+from fbid_gym.motions import home_reference
 from fbid_gym.robots import load
 
 SETTLE, TICKS = 25, 50
@@ -89,6 +90,7 @@ class _Stand:
         self.memories = {key: law.memory(num_robots) for key, law in self.layers.items()}
         self.rng = np.random.default_rng(0)
         self.action = np.zeros((num_robots, 6))
+        self.home = home_reference(robot)
         self.physics = TimedBatch.inside(self.simulation)
 
     def round(self, watch: _Stopwatch) -> None:
@@ -115,9 +117,11 @@ class _Stand:
         )
         terms = watch("terms", simulation.terms)
         limited = self.layers["limited"]
-        wanted = watch("stabiliser", limited.acceleration, self.action, state, terms)
+        wanted = watch("stabiliser", limited.acceleration, self.action, state, self.home, terms)
         torques = {}
         for key in list(self.layers)[:: -1 if reverse else 1]:
             law = self.layers[key].law
-            torques[key] = watch(key, law.torque, wanted, state, terms, self.memories[key])
+            torques[key] = watch(
+                key, law.torque, wanted, state, self.home, terms, self.memories[key]
+            )
         return torques["limited"]

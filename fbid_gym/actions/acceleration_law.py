@@ -18,6 +18,7 @@ from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
 
 CONTACT_LIMITS = ("friction", "none")
@@ -92,10 +93,15 @@ class AccelerationLaw:
         }
 
     def torque(
-        self, acceleration: np.ndarray, state: RobotState, terms: DynamicsTerms, memory: Memory
+        self,
+        acceleration: np.ndarray,
+        state: RobotState,
+        reference: Reference,
+        terms: DynamicsTerms,
+        memory: Memory,
     ) -> np.ndarray:
         """Return joint torques (N, n) N·m that come nearest to `acceleration` (N, nv)."""
-        active = self.belief(state)
+        active = self.belief(state, reference)
         contacts = reduced_contacts(self.geometry, terms, active)
         arguments = (
             terms.mass_matrix,

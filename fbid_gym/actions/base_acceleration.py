@@ -9,10 +9,12 @@ from fbid_gym.actions.acceleration_law import DIAGNOSTICS, AccelerationLaw
 from fbid_gym.actions.contact_belief import Schedule
 from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import positive
+from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
 
 _VERTICAL_SCALE = 0.5  # of gravity: half the weight more, or half less
@@ -24,17 +26,19 @@ _AXIAL[[5, 6, 1], [0, 1, 2]] = -0.5
 
 @dataclass(frozen=True, eq=False)
 class BaseAcceleration:
-    """The base accelerates back to its home pose above the feet, plus scale * action.
+    """The base accelerates back to its reference above the feet, plus scale * action.
 
     In the level frame of the feet (x forward, z up), with w and zeta of each part:
 
-        linear, x and y:  w^2 (home - centre of mass) - 2 zeta w (its velocity)
-        linear, z:        w^2 (home - base height)    - 2 zeta w (its velocity)
-        angular:          w^2 (rotation error)        - 2 zeta w (angular velocity), base frame
-        joints:           w^2 (home - q)              - 2 zeta w qdot
+        linear, x and y:  a + w^2 (r - centre of mass) + 2 zeta w (rdot - its velocity)
+        linear, z:        a + w^2 (r - base height)    + 2 zeta w (rdot - its velocity)
+        angular:          a + w^2 (rotation error)     + 2 zeta w (rdot - angular velocity)
+        joints:           a + w^2 (r - q)              + 2 zeta w (rdot - qdot)
 
-    The feet on the ground do not allow all of that. The nearest acceleration that they do allow is
-    realised, where the base weighs `base_priority` times as much as the joints.
+    where r, rdot and a are the reference's; angular quantities are in the base's frame. The feet
+    on the ground do not allow all of that. The nearest acceleration that they do allow is realised,
+    where the base weighs `base_priority` times as much as the joints. A foot that the reference
+    lifts swings as its joints follow theirs.
 
     The scale of the action is what the contacts can do: horizontally the acceleration that moves
     the centre of pressure from below the centre of mass to the nearest edge of the support polygon,
@@ -49,8 +53,6 @@ class BaseAcceleration:
         posture_stiffness: w^2 of the joints, 1/s^2.
         posture_damping: 2 zeta w of the joints, 1/s.
         scale: (6,) m/s^2 and rad/s^2 at action 1.
-        home: (6,) m, where the controlled point (centre of mass in x and y, base in z) rests in the
-            support frame; zeros for the rotation.
     """
 
     law: AccelerationLaw
@@ -60,7 +62,6 @@ class BaseAcceleration:
     posture_stiffness: float
     posture_damping: float
     scale: np.ndarray
-    home: np.ndarray
 
     @classmethod
     def of(
@@ -74,7 +75,7 @@ class BaseAcceleration:
         posture_frequency: float = 1.0,
         damping_ratio: float = 1.0,
         base_priority: float = 1e3,
-        contacts: str | Schedule = "all",
+        contacts: str | Schedule = "planned",
         contact_limits: str = "friction",
         friction: float = 0.7,
         min_normal_force: float = 0.0,
@@ -95,7 +96,8 @@ class BaseAcceleration:
                 infinity the posture is left to the null space of the base (1e6 is that, in
                 effect); the default lets the posture give hard pushes way, which keeps the biped
                 up more often.
-            contacts: "all", "measured", or a schedule [(seconds, feet on the ground), ...].
+            contacts: "planned", the feet that stand in the reference; "all"; "measured"; or a
+                schedule [(seconds, feet on the ground), ...].
             contact_limits: "friction" limits the contact forces; "none" is the paper's form.
             friction: coefficient assumed of every contact.
             min_normal_force: least normal force of a point in contact, share of the weight.
@@ -136,7 +138,6 @@ class BaseAcceleration:
             posture_stiffness=posture**2,
             posture_damping=2.0 * damping_ratio * posture,
             scale=_scale(robot, support, friction),
-            home=np.array([*support.home_com[:2], support.home_base[2], 0.0, 0.0, 0.0]),
         )
 
     @property
@@ -163,35 +164,52 @@ class BaseAcceleration:
         self,
         action: np.ndarray,
         state: RobotState,
+        reference: Reference,
         terms: Callable[[], DynamicsTerms],
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known = terms()
-        return self.law.torque(self.acceleration(action, state, known), state, known, memory)
+        acceleration = self.acceleration(action, state, reference, known)
+        return self.law.torque(acceleration, state, reference, known, memory)
 
     def acceleration(
-        self, action: np.ndarray, state: RobotState, terms: DynamicsTerms
+        self,
+        action: np.ndarray,
+        state: RobotState,
+        reference: Reference,
+        terms: DynamicsTerms,
     ) -> np.ndarray:
         """Return the desired acceleration (N, nv)."""
-        support, velocity = self.support, state.qvel
-        frame = support.frame(terms)
+        velocity = state.qvel
+        frame = self.support.frame(terms)
         num_robots = len(velocity)
         rate = np.concatenate([terms.com_velocity[:, :2], velocity[:, 2:6]], axis=1)
         point = terms.com - frame.centre
         point[:, 2] += terms.base_position[:, 2] - terms.com[:, 2]
-        turn = terms.base_rotation.swapaxes(1, 2) @ (frame.rotation @ support.home_base_rotation)
+        wanted = frame.rotation @ quaternion_to_matrix(reference.qpos[:, 3:7])
+        turn = terms.base_rotation.swapaxes(1, 2) @ wanted
 
         # The gains are the same along x and y, so they commute with the turn about the vertical
         # from the support frame to the world.
-        push = self.stiffness * self.home + self.scale * action
+        push = self.scale * action + _steered(reference.qacc, reference.com_acceleration)
+        push += self.damping * _steered(reference.qvel, reference.com_velocity)
+        push[:, :3] += self.stiffness[:3] * _steered(reference.qpos, reference.com)[:, :3]
         out = np.empty_like(velocity)
         out[:, :3] = np.matvec(frame.rotation, push[:, :3]) - self.stiffness[:3] * point
         out[:, 3:6] = push[:, 3:] + self.stiffness[3:] * (turn.reshape(num_robots, 9) @ _AXIAL)
         out[:, :6] -= self.damping * rate
-        error = self.law.robot.home_qpos[7:] - state.qpos[:, 7:]
-        out[:, 6:] = self.posture_stiffness * error - self.posture_damping * velocity[:, 6:]
+        out[:, 6:] = (
+            reference.qacc[:, 6:]
+            + self.posture_stiffness * (reference.qpos[:, 7:] - state.qpos[:, 7:])
+            + self.posture_damping * (reference.qvel[:, 6:] - velocity[:, 6:])
+        )
         return out
+
+
+def _steered(base: np.ndarray, com: np.ndarray) -> np.ndarray:
+    """The six controlled coordinates: centre of mass in x and y, then those of the base."""
+    return np.concatenate([com[:, :2], base[:, 2:6]], axis=1)
 
 
 def _scale(robot: Robot, support: Support, friction: float) -> np.ndarray:

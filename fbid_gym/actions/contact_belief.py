@@ -6,12 +6,15 @@ import numpy as np
 
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
 
-ContactBelief = Callable[[RobotState], np.ndarray | None]
+ContactBelief = Callable[[RobotState, Reference], np.ndarray | None]
 """Returns which points are in contact, (N, P) bool, or None for all of them."""
 
 Schedule = Sequence[tuple[float, Sequence[str]]]
+
+CONTACTS = ("planned", "all", "measured", "a schedule [(seconds, feet), ...]")
 
 TOUCH = 0.005
 """Share of the robot's weight that a point must carry to count as measured contact."""
@@ -21,8 +24,9 @@ def contact_belief(contacts: str | Schedule, robot: Robot, control_hz: int) -> C
     """Build a contact belief.
 
     Args:
-        contacts: "all"; "measured", the points that carried weight on the last physics step; or a
-            schedule [(seconds, names of the feet on the ground), ...], repeated for ever.
+        contacts: "planned", the feet that stand in the reference motion; "all"; "measured", the
+            points that carried weight on the last physics step; or a schedule [(seconds, names of
+            the feet on the ground), ...], repeated for ever.
         robot: whose feet.
         control_hz: control ticks per second.
 
@@ -31,15 +35,24 @@ def contact_belief(contacts: str | Schedule, robot: Robot, control_hz: int) -> C
     """
     if isinstance(contacts, str):
         if contacts == "all":
-            return lambda state: None
+            return lambda state, reference: None
+        if contacts == "planned":
+            foot = np.repeat(np.arange(robot.num_feet), [len(foot.points) for foot in robot.feet])
+            return lambda state, reference: _planned(state, reference, foot)
         if contacts == "measured":
             least = TOUCH * robot.weight
-            return lambda state: np.linalg.norm(state.contact_force, axis=2) > least
-        raise UnknownOptionError(
-            "contacts", contacts, ("all", "measured", "a schedule [(seconds, feet), ...]")
-        )
+            return lambda state, reference: np.linalg.norm(state.contact_force, axis=2) > least
+        raise UnknownOptionError("contacts", contacts, CONTACTS)
     table = _schedule_table(contacts, robot, control_hz)
-    return lambda state: table[state.tick % len(table)]
+    return lambda state, reference: table[state.tick % len(table)]
+
+
+def _planned(state: RobotState, reference: Reference, foot: np.ndarray) -> np.ndarray | None:
+    """Points of the feet that stand in the reference, (N, P); None if they always do."""
+    if reference.planted is None:
+        return None
+    points = reference.planted[:, foot]
+    return np.broadcast_to(points, (len(state.tick), len(foot)))
 
 
 def _schedule_table(schedule: Schedule, robot: Robot, control_hz: int) -> np.ndarray:

@@ -11,6 +11,7 @@ from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import positive
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
 
 _JOINTS_FIRST = 1e-3  # base priority: the base follows the joints
@@ -18,9 +19,10 @@ _JOINTS_FIRST = 1e-3  # base priority: the base follows the joints
 
 @dataclass(frozen=True, eq=False)
 class JointAcceleration:
-    """qdd_joints = w^2 (q_home - q) - 2 zeta w qdot + scale * action, through [M10] eq. (15).
+    """qdd = qdd_ref + w^2 (q_ref - q) + 2 zeta w (qdot_ref - qdot) + scale * action.
 
-    The base is not commanded: its acceleration is what the feet on the ground leave it.
+    Of the joints, through [M10] eq. (15). The base is not commanded: its acceleration is what the
+    feet on the ground leave it.
 
     Attributes:
         law: from acceleration to torque.
@@ -43,7 +45,7 @@ class JointAcceleration:
         natural_frequency: float = 0.5,
         damping_ratio: float = 1.0,
         scale: float = 30.0,
-        contacts: str | Schedule = "all",
+        contacts: str | Schedule = "planned",
         contact_limits: str = "friction",
         friction: float = 0.7,
         min_normal_force: float = 0.0,
@@ -55,10 +57,11 @@ class JointAcceleration:
         Args:
             robot: whose joints.
             control_hz: control ticks per second.
-            natural_frequency: w / (2 pi) in Hz of every joint's return home.
+            natural_frequency: w / (2 pi) in Hz of every joint's return to its reference.
             damping_ratio: zeta.
             scale: rad/s^2 (m/s^2 for slides) at action 1.
-            contacts: "all", "measured", or a schedule [(seconds, feet on the ground), ...].
+            contacts: "planned", the feet that stand in the reference; "all"; "measured"; or a
+                schedule [(seconds, feet on the ground), ...].
             contact_limits: "friction" limits the contact forces; "none" is the paper's form.
             friction: coefficient assumed of every contact.
             min_normal_force: least normal force of a point in contact, share of the weight.
@@ -99,14 +102,16 @@ class JointAcceleration:
         self,
         action: np.ndarray,
         state: RobotState,
+        reference: Reference,
         terms: Callable[[], DynamicsTerms],
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         acceleration = np.zeros_like(state.qvel)
         acceleration[:, 6:] = (
-            self.stiffness * (self.law.robot.home_qpos[7:] - state.qpos[:, 7:])
-            - self.damping * state.qvel[:, 6:]
+            reference.qacc[:, 6:]
+            + self.stiffness * (reference.qpos[:, 7:] - state.qpos[:, 7:])
+            + self.damping * (reference.qvel[:, 6:] - state.qvel[:, 6:])
             + self.scale * action
         )
-        return self.law.torque(acceleration, state, terms(), memory)
+        return self.law.torque(acceleration, state, reference, terms(), memory)

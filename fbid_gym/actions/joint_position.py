@@ -11,6 +11,7 @@ from fbid_gym.actions.stance import holding_torque, own_inertia, stance_inertia
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
 
 _STIFFER_THAN_FALLING = 3.4
@@ -18,7 +19,7 @@ _STIFFER_THAN_FALLING = 3.4
 
 @dataclass(frozen=True, eq=False)
 class JointPosition:
-    """tau = tau_home + K_P (q_home + scale * action - q) - K_D qdot.
+    """tau = tau_home + K_P (q_ref + scale * action - q) + K_D (qdot_ref - qdot).
 
     Attributes:
         robot: whose joints.
@@ -80,7 +81,7 @@ class JointPosition:
     def action_names(self) -> tuple[str, ...]:
         """One target a joint."""
         return tuple(
-            f"target of {joint} from home (x {self.scale:g} rad)"
+            f"target of {joint} from its reference (x {self.scale:g} rad)"
             for joint in self.robot.joint_names
         )
 
@@ -94,9 +95,11 @@ class JointPosition:
         self,
         action: np.ndarray,
         state: RobotState,
+        reference: Reference,
         terms: Callable[[], DynamicsTerms],
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        error = self.robot.home_qpos[7:] + self.scale * action - state.qpos[:, 7:]
-        return self.hold + self.stiffness * error - self.damping * state.qvel[:, 6:]
+        error = reference.qpos[:, 7:] + self.scale * action - state.qpos[:, 7:]
+        rate = reference.qvel[:, 6:] - state.qvel[:, 6:]
+        return self.hold + self.stiffness * error + self.damping * rate

@@ -7,6 +7,7 @@ import numpy as np
 
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.motions import Reference
 
 Memory = dict[str, np.ndarray]
 """What a layer remembers from tick to tick, one row per robot: warm starts and diagnostics."""
@@ -17,7 +18,8 @@ class ActionLayer(Protocol):
 
     A layer is immutable and serves any number of robots: what it remembers of each lies in a
     `Memory` that the caller keeps, so that resetting one robot is resetting one row. In every layer
-    the zero action means "hold the home posture as well as this layer can".
+    the zero action means "follow the reference motion as well as this layer can"; where the task is
+    to stand, that is to hold the home posture.
     """
 
     @property
@@ -38,6 +40,7 @@ class ActionLayer(Protocol):
         self,
         action: np.ndarray,
         state: RobotState,
+        reference: Reference,
         terms: Callable[[], DynamicsTerms],
         memory: Memory,
     ) -> np.ndarray:
@@ -46,6 +49,7 @@ class ActionLayer(Protocol):
         Args:
             action: (N, A) in [-1, 1].
             state: of the robots, now.
+            reference: the motion that the task asks for, now.
             terms: returns the dynamics at this state; not called by layers that need no model.
             memory: of the robots; updated.
 

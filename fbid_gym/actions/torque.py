@@ -9,12 +9,13 @@ from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.stance import holding_torque
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
 
 
 @dataclass(frozen=True, eq=False)
 class Torque:
-    """tau = tau_home + action * torque limit.
+    """tau = tau_home + action * torque limit. There is no feedback: references are for the policy.
 
     Attributes:
         robot: whose joints.
@@ -45,6 +46,7 @@ class Torque:
         self,
         action: np.ndarray,
         state: RobotState,
+        reference: Reference,
         terms: Callable[[], DynamicsTerms],
         memory: Memory,
     ) -> np.ndarray:

@@ -117,7 +117,10 @@ class EnvBatch:
         lost = np.zeros(self.num_envs, bool)
         limit = self.robot.torque_limit
         for push in pushes:
-            torque = self.layer.torque(action, self._state(), self.plant.terms, self._memory)
+            reference = self.task.reference(self._plan, self._tick)
+            torque = self.layer.torque(
+                action, self._state(), reference, self.plant.terms, self._memory
+            )
             torque = np.minimum(np.maximum(torque, -limit), limit)
             if not np.isfinite(torque.sum()):
                 bad = ~np.isfinite(torque).all(axis=1)

@@ -8,6 +8,7 @@ from fbid_gym.dynamics.contacts import ContactGeometry, point_velocities
 from fbid_gym.dynamics.state import Outcome
 from fbid_gym.dynamics.support import Support
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.motions import Reference, home_reference
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.pushes import Pushes
 
@@ -56,6 +57,7 @@ class Balance:
     velocity_noise: float = 0.05
     support: Support = field(init=False)
     geometry: ContactGeometry = field(init=False)
+    home: Reference = field(init=False)
 
     def __post_init__(self) -> None:
         """Check the ranges and measure the home stance."""
@@ -77,6 +79,7 @@ class Balance:
                 raise InvalidValueError(name, value, "a number from 0 to 1")
         object.__setattr__(self, "support", Support.of(self.robot))
         object.__setattr__(self, "geometry", ContactGeometry.of(self.robot))
+        object.__setattr__(self, "home", home_reference(self.robot))
 
     @property
     def home_height(self) -> float:
@@ -143,6 +146,13 @@ class Balance:
     def push(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> np.ndarray:
         """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
         return self.pushes.at(plan["push_start"], plan["push_force"], tick, self.hz)
+
+    def reference(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> Reference:
+        """Return the motion that the action layers follow: the home stance.
+
+        The commanded height is not among it: to follow that is the policy's part.
+        """
+        return self.home
 
     def command(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> np.ndarray:
         """Return the commanded height of each base above its feet: (N,) m."""

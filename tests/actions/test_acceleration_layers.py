@@ -12,6 +12,7 @@ from fbid_gym.control import limited_inverse_dynamics, orthogonal_inverse_dynami
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.state import RobotState
+from fbid_gym.motions import home_reference
 
 IDS = {"biped": "fbid_gym/BipedBalance-v0", "quadruped": "fbid_gym/QuadrupedBalance-v0"}
 LIMITS = ("friction", "none")
@@ -68,7 +69,7 @@ def test_predicted_contact_forces_are_measured_in_stance(robot, limits):
     """Point by point, to 1e-8 of the weight with limits and 1e-4 without (its feet creep)."""
     batch, state = settled(robot, 2, contact_limits=limits)
     terms, layer = batch.simulation.terms(), batch.layer
-    acceleration = layer.acceleration(np.zeros((2, 6)), state, terms)
+    acceleration = layer.acceleration(np.zeros((2, 6)), state, home_reference(robot), terms)
     _, _, forces = promised(layer, acceleration, terms)
     tolerance = {"friction": 1e-8, "none": 1e-4}[limits] * robot.weight
     np.testing.assert_allclose(forces, state.contact_force, atol=tolerance)
@@ -90,8 +91,12 @@ def test_promised_accelerations_come_true(robot, limits):
     start, gained = simulation.qvel.copy(), np.zeros_like(simulation.qvel)
     for _ in range(30):
         terms = simulation.terms()
-        torque, acceleration, _ = promised(layer, layer.acceleration(action, state, terms), terms)
-        ours = layer.torque(action, state, lambda: simulation.terms(), memory)
+        torque, acceleration, _ = promised(
+            layer, layer.acceleration(action, state, home_reference(robot), terms), terms
+        )
+        ours = layer.torque(
+            action, state, home_reference(robot), lambda: simulation.terms(), memory
+        )
         compensated = torque + robot.joint_damping * state.qvel[:, 6:]
         np.testing.assert_allclose(ours, compensated, atol=2e-4 * robot.weight)
         gained += acceleration / 500.0
@@ -112,7 +117,7 @@ def test_the_desired_acceleration_is_the_documented_law(robot, states, rng):
     layer = make_layer("base_acceleration", robot, 500, options | {"damping_ratio": ratio})
     state, terms = states(10, noise=0.2)
     action = rng.uniform(-1, 1, (10, 6))
-    found = layer.acceleration(action, state, terms)
+    found = layer.acceleration(action, state, home_reference(robot), terms)
     w = {key: 2 * np.pi * value for key, value in frequencies.items()}
     home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
     support = layer.support
@@ -172,7 +177,7 @@ def test_joint_accelerations_are_springs_to_home(robot, states, rng):
     desired[:, 6:] = w**2 * (robot.home_qpos[7:] - state.qpos[:, 7:])
     desired[:, 6:] += 5.0 * action - 2 * 0.6 * w * state.qvel[:, 6:]
     torque, acceleration, _ = promised(layer, desired, terms)
-    ours = layer.torque(action, state, lambda: terms, layer.memory(6))
+    ours = layer.torque(action, state, home_reference(robot), lambda: terms, layer.memory(6))
     compensated = torque + robot.joint_damping * state.qvel[:, 6:]
     np.testing.assert_allclose(ours, compensated, atol=1e-9 * robot.weight)
     contacts = reduced_contacts(layer.law.geometry, terms)
@@ -190,7 +195,8 @@ def test_damping_is_compensated_exactly(robot, states, name, limits):
     without = make_layer(name, robot, 500, options | {"compensate_damping": False})
     action = np.zeros((3, len(with_it.action_names)))
     torques = [
-        layer.torque(action, state, lambda: terms, layer.memory(3)) for layer in (with_it, without)
+        layer.torque(action, state, home_reference(robot), lambda: terms, layer.memory(3))
+        for layer in (with_it, without)
     ]
     np.testing.assert_allclose(
         torques[0] - torques[1], robot.joint_damping * state.qvel[:, 6:], atol=1e-9
@@ -216,16 +222,18 @@ def test_measured_contacts_are_the_points_that_carry_weight(robot, states):
     force[2, :, 2] = 0.0
     force[3, 0] = [0.0, 0.0, 1e-3 * robot.weight]
     state = state._replace(contact_force=force)
-    active = layer.law.belief(state)
+    active = layer.law.belief(state, home_reference(robot))
     expected = np.ones((4, robot.num_points), bool)
     expected[1, 0] = expected[3, 0] = False
     expected[2] = False
     np.testing.assert_array_equal(active, expected)
-    desired = layer.acceleration(np.zeros((4, 6)), state, terms)
+    desired = layer.acceleration(np.zeros((4, 6)), state, home_reference(robot), terms)
     torque, _, forces = promised(layer, desired, terms, active)
     assert (forces[~expected] == 0.0).all()
     assert (forces[0, :, 2] > 0.0).any()
-    ours = layer.torque(np.zeros((4, 6)), state, lambda: terms, layer.memory(4))
+    ours = layer.torque(
+        np.zeros((4, 6)), state, home_reference(robot), lambda: terms, layer.memory(4)
+    )
     compensated = torque + robot.joint_damping * state.qvel[:, 6:]
     np.testing.assert_allclose(ours, compensated, atol=1e-3 * robot.weight)
 
@@ -240,19 +248,21 @@ def test_scheduled_contacts_take_turns(robot, states, limits):
     ticks = np.arange(2 * 90)
     state, _ = states(1)
     counted = RobotState(*(np.repeat(value, len(ticks), axis=0) for value in state[:3]), ticks)
-    active = layer.law.belief(counted)
+    active = layer.law.belief(counted, home_reference(robot))
     phase = ticks % 90
     on_first = np.isin(np.arange(robot.num_points), layer.law.geometry.foot_of_point.nonzero()[0])
     expected = (phase < 50)[:, None] | ((phase < 75)[:, None] & on_first)
     np.testing.assert_array_equal(active, expected)
 
     terms = MuJoCoDynamics(robot).terms(counted.qpos, counted.qvel)
-    desired = layer.acceleration(np.zeros((len(ticks), 6)), counted, terms)
+    desired = layer.acceleration(np.zeros((len(ticks), 6)), counted, home_reference(robot), terms)
     torque, _, forces = promised(layer, desired, terms, active)
     assert np.abs(forces[~active]).max() < 1e-12
     assert np.abs(forces[phase < 75]).max() > 0.1 * robot.weight / robot.num_points
     memory = layer.memory(len(ticks))
-    ours = layer.torque(np.zeros((len(ticks), 6)), counted, lambda: terms, memory)
+    ours = layer.torque(
+        np.zeros((len(ticks), 6)), counted, home_reference(robot), lambda: terms, memory
+    )
     compensated = torque + robot.joint_damping * counted.qvel[:, 6:]
     np.testing.assert_allclose(ours, compensated, atol=1e-3 * robot.weight)
     assert (memory["underactuation"][phase >= 75] == 6).all()
@@ -263,7 +273,7 @@ def test_limited_forces_stay_within_their_cones_whatever_is_asked(robot, states,
     options = {"friction": 0.4, "min_normal_force": 0.01, "max_normal_force": 0.5}
     layer = make_layer("base_acceleration", robot, 500, options)
     state, terms = states(40, noise=0.3)
-    desired = layer.acceleration(rng.uniform(-1, 1, (40, 6)), state, terms)
+    desired = layer.acceleration(rng.uniform(-1, 1, (40, 6)), state, home_reference(robot), terms)
     desired += 30.0 * rng.normal(size=desired.shape)
     _, _, forces = promised(layer, desired, terms)
     slide, normal = np.linalg.norm(forces[..., :2], axis=-1), forces[..., 2]

@@ -7,6 +7,7 @@ from fbid_gym.actions import LAYERS, layer_options, make_layer
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian
 from fbid_gym.dynamics.state import RobotState
+from fbid_gym.motions import home_reference
 
 OPTIONS = [
     *((layer, {}) for layer in LAYERS),
@@ -43,14 +44,16 @@ def test_a_row_does_not_depend_on_the_others(robot, states, name, options, rng):
     action = rng.uniform(-1, 1, (64, len(layer.action_names)))
     together, memory = [], layer.memory(64)
     for _ in range(3):  # the second and third time with a warm start
-        together.append(layer.torque(action, state, lambda: terms, memory))
+        together.append(layer.torque(action, state, home_reference(robot), lambda: terms, memory))
     for row in (0, 17, 63):
         part = slice(row, row + 1)
         one_state = RobotState(*(value[part] for value in state))
         one_terms = type(terms)(*(value[part].copy() for value in terms))
         alone = layer.memory(1)
         for torque in together:
-            ours = layer.torque(action[part], one_state, lambda given=one_terms: given, alone)
+            ours = layer.torque(
+                action[part], one_state, home_reference(robot), lambda given=one_terms: given, alone
+            )
             np.testing.assert_array_equal(ours[0], torque[row])
         for key in layer.diagnostics:
             assert alone[key][0] == memory[key][row]
@@ -66,7 +69,9 @@ def test_flight_is_no_special_case(robot, states, name, options):
     terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
     state = state._replace(contact_force=np.zeros_like(state.contact_force))
     memory = layer.memory(16)
-    torque = layer.torque(np.zeros((16, len(layer.action_names))), state, lambda: terms, memory)
+    torque = layer.torque(
+        np.zeros((16, len(layer.action_names))), state, home_reference(robot), lambda: terms, memory
+    )
     assert np.isfinite(torque).all()
     assert np.abs(torque / robot.torque_limit).max() < 50.0
     if options.get("contacts") == "measured":
@@ -97,7 +102,7 @@ def test_the_zero_action_at_home_is_the_least_torque_that_holds_it(robot, name, 
     layer = make_layer(name, robot, 500, options)
     state, terms = at_rest(robot)
     action = np.zeros((1, len(layer.action_names)))
-    torque = layer.torque(action, state, lambda: terms, layer.memory(1))[0]
+    torque = layer.torque(action, state, home_reference(robot), lambda: terms, layer.memory(1))[0]
     expected = holding_torque(robot)
     np.testing.assert_allclose(torque, expected, atol=1e-6 * robot.weight)
     assert np.abs(expected).max() > 1e-3 * robot.weight
@@ -109,7 +114,11 @@ def test_with_limited_forces_the_zero_action_at_home_holds_it_too(robot, name):
     layer = make_layer(name, robot, 500)
     state, terms = at_rest(robot)
     torque = layer.torque(
-        np.zeros((1, len(layer.action_names))), state, lambda: terms, layer.memory(1)
+        np.zeros((1, len(layer.action_names))),
+        state,
+        home_reference(robot),
+        lambda: terms,
+        layer.memory(1),
     )[0]
     jacobian = point_jacobian(ContactGeometry.of(robot), terms)[0][0]
     rest = terms.bias[0] - np.concatenate([np.zeros(6), torque])
@@ -124,7 +133,7 @@ def test_torque_adds_to_the_holding_torque(robot, states, rng):
     state, terms = states(3)
     action = rng.uniform(-1, 1, (3, robot.num_joints))
     expected = holding_torque(robot) + action * robot.torque_limit
-    torque = layer.torque(action, state, lambda: terms, layer.memory(3))
+    torque = layer.torque(action, state, home_reference(robot), lambda: terms, layer.memory(3))
     np.testing.assert_allclose(torque, expected, atol=1e-6 * robot.weight)
 
 
@@ -136,7 +145,7 @@ def test_joint_position_is_a_pd_controller(robot, states, rng):
     target = robot.home_qpos[7:] + 0.2 * action
     expected = holding_torque(robot) + layer.stiffness * (target - state.qpos[:, 7:])
     expected -= layer.damping * state.qvel[:, 6:]
-    torque = layer.torque(action, state, lambda: terms, layer.memory(4))
+    torque = layer.torque(action, state, home_reference(robot), lambda: terms, layer.memory(4))
     np.testing.assert_allclose(torque, expected, atol=1e-5 * robot.weight)
 
 
