@@ -1,5 +1,7 @@
 """Motions: what a robot's joints, base and feet shall do over time."""
 
 from fbid_gym.motions.reference import Reference, home_reference
+from fbid_gym.motions.squat import squat, squat_bow
+from fbid_gym.motions.table import MotionTable
 
-__all__ = ["Reference", "home_reference"]
+__all__ = ["MotionTable", "Reference", "home_reference", "squat", "squat_bow"]

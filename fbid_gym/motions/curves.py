@@ -1,0 +1,67 @@
+"""Curves in time with their exact derivatives, from which motions are composed."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Curve(NamedTuple):
+    """A quantity at T instants with its first two time derivatives.
+
+    Attributes:
+        value: (T,) or (T, ...).
+        rate: the same, per s.
+        acceleration: the same, per s^2.
+    """
+
+    value: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+
+    def plus(self, *others: "Curve") -> "Curve":
+        """Return the sum."""
+        return Curve(*(np.sum(parts, axis=0) for parts in zip(self, *others, strict=True)))
+
+    def times(self, other: "Curve") -> "Curve":
+        """Return the product."""
+        return Curve(
+            self.value * other.value,
+            self.rate * other.value + self.value * other.rate,
+            self.acceleration * other.value
+            + 2 * self.rate * other.rate
+            + self.value * other.acceleration,
+        )
+
+    def scaled(self, factor: float, offset: float = 0.0) -> "Curve":
+        """Return factor * curve + offset."""
+        return Curve(factor * self.value + offset, factor * self.rate, factor * self.acceleration)
+
+
+def cosine(time: np.ndarray, frequency: float, phase: float = 0.0) -> Curve:
+    """Return cos(2 pi frequency time + phase); time (T,) s, frequency Hz, phase rad."""
+    rate = 2 * np.pi * frequency
+    angle = rate * time + phase
+    return Curve(np.cos(angle), -rate * np.sin(angle), -(rate**2) * np.cos(angle))
+
+
+def rise(time: np.ndarray, start: float, end: float) -> Curve:
+    """Return a step from 0 to 1 of least jerk: a quintic, at rest at both ends.
+
+    Args:
+        time: (T,) s.
+        start: s, 0 until then.
+        end: s, 1 from then on; later than `start`.
+    """
+    duration = end - start
+    s = np.clip((time - start) / duration, 0.0, 1.0)
+    return Curve(
+        s**3 * (10 - 15 * s + 6 * s**2),
+        30 * s**2 * (1 - s) ** 2 / duration,
+        60 * s * (1 - s) * (1 - 2 * s) / duration**2,
+    )
+
+
+def stacked(curves: Sequence[Curve]) -> Curve:
+    """Return the curves (T,) as the columns of one, (T, len(curves))."""
+    return Curve(*(np.stack(parts, axis=1) for parts in zip(*curves, strict=True)))

@@ -1,0 +1,66 @@
+"""Laws that hold for every motion, whatever made it."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian, point_velocities
+from fbid_gym.dynamics.frames import skew
+from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
+from fbid_gym.dynamics.support import Support
+from fbid_gym.motions import MotionTable
+
+
+def hold_laws(motion: MotionTable, rows: np.ndarray) -> None:
+    """Assert what `Reference` promises, with Pinocchio's dynamics as the witness.
+
+    Planted feet neither move nor accelerate; the origin is the feet's centre and x their forward
+    direction; the centre of mass moves as the posture says.
+    """
+    robot, geometry = motion.robot, ContactGeometry.of(motion.robot)
+    qpos, qvel, qacc = motion.qpos[rows], motion.qvel[rows], motion.qacc[rows]
+    terms = PinocchioDynamics(robot).terms(qpos, qvel)
+    planted = np.ones((len(rows), robot.num_feet), bool)
+    if motion.planted is not None:
+        planted = motion.planted[rows]
+    active = planted[:, geometry.foot_of_point]
+
+    velocity = point_velocities(geometry, terms)[active]
+    assert np.abs(velocity).max() < 1e-9
+    jacobian, bias = point_jacobian(geometry, terms)
+    acceleration = (np.matvec(jacobian, qacc) + bias).reshape(len(rows), -1, 3)[active]
+    assert np.abs(acceleration).max() < 1e-7
+
+    frame = Support.of(robot).frame(terms)
+    np.testing.assert_allclose(frame.centre, 0.0, atol=1e-9)
+    np.testing.assert_allclose(frame.rotation, np.tile(np.eye(3), (len(rows), 1, 1)), atol=1e-9)
+
+    np.testing.assert_allclose(motion.com[rows], terms.com, atol=1e-9)
+    np.testing.assert_allclose(motion.com_velocity[rows], terms.com_velocity, atol=1e-9)
+    # Newton: the wrench that the motion needs is mass times the acceleration of its centre.
+    force = np.matvec(terms.mass_matrix[:, :3], qacc) + terms.bias[:, :3]
+    weight = -robot.mass * robot.model.opt.gravity
+    np.testing.assert_allclose(
+        force - weight, robot.mass * motion.com_acceleration[rows], atol=1e-7
+    )
+
+
+def centre_of_pressure(motion: MotionTable, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where (K, 2), in m, the ground must push for the motion, and how (K, 3)."""
+    terms = PinocchioDynamics(motion.robot).terms(motion.qpos[rows], motion.qvel[rows])
+    wrench = np.matvec(terms.mass_matrix[:, :6], motion.qacc[rows]) + terms.bias[:, :6]
+    force = wrench[:, :3]
+    moment = np.matvec(terms.base_rotation, wrench[:, 3:])
+    moment = moment + np.matvec(skew(terms.base_position), force)
+    return np.stack([-moment[:, 1], moment[:, 0]], axis=1) / force[:, 2:], force
+
+
+@pytest.fixture(scope="session")
+def laws() -> Callable[[MotionTable, np.ndarray], None]:
+    return hold_laws
+
+
+@pytest.fixture(scope="session")
+def pressure() -> Callable[[MotionTable, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    return centre_of_pressure

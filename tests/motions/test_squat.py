@@ -1,0 +1,91 @@
+"""Squats: feet flat and still, knees that extend fully, the pressure under the soles."""
+
+import numpy as np
+import pytest
+
+from fbid_gym.errors import FbidError
+from fbid_gym.motions import MotionTable, squat, squat_bow
+from fbid_gym.robots import load
+
+TOE = 0.112  # m, half the length of a sole
+
+
+@pytest.fixture(scope="module", params=[5.0, 1.0])
+def bow(request: pytest.FixtureRequest) -> MotionTable:
+    return squat_bow(load("biped"), speed=request.param)
+
+
+def joint(motion: MotionTable, name: str) -> np.ndarray:
+    return motion.qpos[:, 7 + motion.robot.joint_names.index(name)]
+
+
+def some(motion: MotionTable) -> np.ndarray:
+    return np.linspace(0, motion.period - 1, 97).astype(int)
+
+
+def test_the_bow_keeps_its_feet_in_place(bow: MotionTable, laws) -> None:
+    laws(bow, some(bow))
+
+
+def test_the_squat_keeps_its_feet_in_place(laws) -> None:
+    motion = squat(load("biped"))
+    laws(motion, some(motion))
+    knee = joint(motion, "left_knee")
+    assert motion.period == 250 and motion.periodic
+    assert knee.max() - knee.min() == pytest.approx(0.3, abs=1e-3)
+    assert not motion.qvel[0].any()
+
+
+def test_the_knees_extend_to_their_limit_and_not_beyond(bow: MotionTable) -> None:
+    knee, speed = joint(bow, "left_knee"), round(30.0 / bow.seconds)
+    assert knee.min() == 0.0
+    top = round(20.0 / speed * bow.hz)
+    assert knee[top] == 0.0 and knee[: top - bow.hz // 10].min() > 0.0
+    assert np.array_equal(knee, joint(bow, "right_knee"))
+    # At rest at the ends, so that it can be started from and held after.
+    assert np.abs(bow.qvel[[0, -1]]).max() < 1e-12
+
+
+def test_each_joint_moves_visibly_and_the_trunk_bows(bow: MotionTable) -> None:
+    for name in ("left_hip_pitch", "left_knee", "left_ankle_pitch"):
+        assert np.ptp(joint(bow, name)) > 0.4
+    pitch = 2 * np.arctan2(bow.qpos[:, 5], bow.qpos[:, 3])
+    assert pitch.max() == pytest.approx(0.5, abs=1e-6) and pitch.min() > -1e-9
+
+
+def test_the_centre_of_mass_stays_over_the_soles(bow: MotionTable, pressure) -> None:
+    assert np.abs(bow.com[:, 0]).max() < 0.01
+    assert np.abs(bow.com[:, 1]).max() < 1e-9
+    point, force = pressure(bow, some(bow))
+    slow = bow.seconds > 20
+    assert np.abs(point[:, 0]).max() < (0.01 if slow else 0.5 * TOE)
+    assert force[:, 2].min() > (0.95 if slow else 0.7) * bow.robot.weight
+
+
+def test_the_squat_stays_within_its_soles_at_two_hertz(pressure) -> None:
+    motion = squat(load("biped"))
+    point, force = pressure(motion, some(motion))
+    assert np.abs(point[:, 0]).max() < 0.75 * TOE
+    assert force[:, 2].min() > 0.7 * motion.robot.weight
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_bad_speed_is_refused(speed: float) -> None:
+    with pytest.raises(FbidError, match="Invalid speed: .* Expected a positive, finite number"):
+        squat_bow(load("biped"), speed=speed)
+
+
+def test_a_squat_that_leaves_the_knees_range_is_refused() -> None:
+    with pytest.raises(FbidError, match=r"Invalid motion of joint 'left_knee': -0\.1.*\[0, 2\.4\]"):
+        squat(load("biped"), knee=0.2, amplitude=0.3)
+
+
+@pytest.mark.parametrize("frequency", [0.0, 3.0, 500.0, float("nan")])
+def test_a_period_that_is_no_number_of_ticks_is_refused(frequency: float) -> None:
+    with pytest.raises(FbidError, match="Invalid frequency"):
+        squat(load("biped"), frequency=frequency)
+
+
+def test_a_robot_without_the_joints_is_refused() -> None:
+    with pytest.raises(FbidError, match="moves joint 'left_hip_pitch', which robot 'quadruped'"):
+        squat(load("quadruped"))
