@@ -1,21 +1,54 @@
 """Control laws: pure functions from dynamics and a command to torques, on batches of arrays."""
 
 from fbid_gym.control.contact_forces import ContactForces, ContactLimits, limited_contact_forces
+from fbid_gym.control.force_feedback import (
+    ForceFeedbackDynamics,
+    ProjectedDynamics,
+    actuated_projection,
+    contact_force_of_torque,
+    estimated_force_inverse_dynamics,
+    force_feedback_inverse_dynamics,
+    inertia_weighted_inverse_dynamics,
+)
+from fbid_gym.control.force_sensor import ForceSensor, ForceSensorState
 from fbid_gym.control.inverse_dynamics import (
     InverseDynamics,
     LimitedInverseDynamics,
     limited_inverse_dynamics,
     orthogonal_inverse_dynamics,
 )
+from fbid_gym.control.metric import length_metric, metric_inverse_dynamics, metric_torque_cost
+from fbid_gym.control.operational_space import (
+    TaskMotion,
+    floating_base_inverse_kinematics,
+    operational_space_acceleration,
+    task_acceleration,
+)
 from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
 
 __all__ = [
     "ContactForces",
     "ContactLimits",
+    "ForceFeedbackDynamics",
+    "ForceSensor",
+    "ForceSensorState",
     "InverseDynamics",
     "LimitedInverseDynamics",
+    "ProjectedDynamics",
+    "TaskMotion",
+    "actuated_projection",
+    "contact_force_of_torque",
+    "estimated_force_inverse_dynamics",
+    "floating_base_inverse_kinematics",
+    "force_feedback_inverse_dynamics",
+    "inertia_weighted_inverse_dynamics",
+    "length_metric",
     "limited_contact_forces",
     "limited_inverse_dynamics",
+    "metric_inverse_dynamics",
+    "metric_torque_cost",
+    "operational_space_acceleration",
     "orthogonal_inverse_dynamics",
     "symmetric_pseudo_inverse",
+    "task_acceleration",
 ]

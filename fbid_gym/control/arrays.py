@@ -68,3 +68,18 @@ def check_shape(name: str, array: Array, expected: tuple[int, ...], axes: str) -
     """Raise ShapeError unless `array` has the expected shape; `axes` names them, as "(N, nv)"."""
     if tuple(array.shape) != expected:
         raise ShapeError(name, tuple(array.shape), f"{axes} = {expected}")
+
+
+def check_dynamics(
+    mass_matrix: Array, bias: Array, jacobian: Array, acceleration: Array, jacobian_bias: Array
+) -> tuple[int, int, int]:
+    """Raise ShapeError unless the arrays every law starts with fit; return N, k and nv."""
+    shape = tuple(jacobian.shape)
+    if len(shape) != 3 or shape[2] < 6:
+        raise ShapeError("jacobian", shape, "(N, k, nv) with nv of at least 6")
+    count, rows, velocities = shape
+    check_shape("mass_matrix", mass_matrix, (count, velocities, velocities), "(N, nv, nv)")
+    check_shape("bias", bias, (count, velocities), "(N, nv)")
+    check_shape("acceleration", acceleration, (count, velocities), "(N, nv)")
+    check_shape("jacobian_bias", jacobian_bias, (count, rows), "(N, k)")
+    return count, rows, velocities

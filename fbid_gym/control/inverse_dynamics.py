@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 from fbid_gym.control.arrays import (
     Array,
+    check_dynamics,
     check_shape,
     diagonal,
     identity,
@@ -134,7 +135,7 @@ def orthogonal_inverse_dynamics(
         ShapeError: an array does not fit.
         InvalidValueError: `base_priority` is not positive and finite.
     """
-    count, _, velocities = _check_dynamics(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
+    count, _, velocities = check_dynamics(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
     inverse_metric = _inverse_metric(base_priority, velocities, jacobian)
     weighted = jacobian if inverse_metric is None else jacobian * inverse_metric
     inverse, rank = symmetric_pseudo_inverse(weighted @ jacobian.mT, _CONTACT_RTOL)
@@ -294,7 +295,7 @@ def limited_inverse_dynamics(
         ShapeError: an array does not fit.
         InvalidValueError: `base_priority`, `length` or `wrench_cost` is not positive and finite.
     """
-    count, rows, velocities = _check_dynamics(
+    count, rows, velocities = check_dynamics(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
     )
     if point_map is None:
@@ -396,18 +397,3 @@ def _metric_array(
         raise InvalidValueError("base_priority", base_priority, "a positive, finite number")
     entries = [1.0 / base_priority] * 6 + [1.0] * (velocities - 6)
     return xp.asarray(entries, dtype=dtype, device=device)
-
-
-def _check_dynamics(
-    mass_matrix: Array, bias: Array, jacobian: Array, acceleration: Array, jacobian_bias: Array
-) -> tuple[int, int, int]:
-    """Raise ShapeError unless the arrays fit each other; return N, k and nv."""
-    shape = tuple(jacobian.shape)
-    if len(shape) != 3 or shape[2] < 6:
-        raise ShapeError("jacobian", shape, "(N, k, nv) with nv of at least 6")
-    count, rows, velocities = shape
-    check_shape("mass_matrix", mass_matrix, (count, velocities, velocities), "(N, nv, nv)")
-    check_shape("bias", bias, (count, velocities), "(N, nv)")
-    check_shape("acceleration", acceleration, (count, velocities), "(N, nv)")
-    check_shape("jacobian_bias", jacobian_bias, (count, rows), "(N, k)")
-    return count, rows, velocities

@@ -1,0 +1,255 @@
+"""Inverse dynamics that know the contact forces, and the inertia-weighted one: eq. (15)'s rivals.
+
+[M10] III-A multiplies the dynamics M a + h = S^T tau + J^T lambda by Sbar^T = (S M^-1 S^T)^-1 S
+M^-1, which leaves the actuated rows. With the base first, and blocks b and q of M,
+
+    Sbar^T = [-M_qb M_bb^-1   1],     (S M^-1 S^T)^-1 = M_qq - M_qb M_bb^-1 M_bq,
+
+so that eq. (8) is nothing but the joint rows of the dynamics, taken at the base acceleration that
+the given contact forces cause,
+
+    a_b = M_bb^-1 (J_b^T F - h_b - M_bq a_q),     tau = (M [a_b; a_q] + h - J^T F)_q.
+
+The base rows of a command do not enter eq. (8): where the base goes is left to the forces, which
+are measured before the torque takes effect. Any torque that has been applied, put through forward
+dynamics, comes back from eq. (8); a wrong force F + dF gives a torque wrong by -Sbar^T J^T dF.
+
+The projection of Sentis and Khatib, eq. (7), has in place of the measured force that of eq. (6). It
+reads O tau = ..., with the operator O = Sbar^T (1 - J^T Jbar^T) S^T = (S M^-1 S^T)^-1 C,
+
+    C = S P S^T,     P = M^-1 - M^-1 J^T (J M^-1 J^T)^+ J M^-1.
+
+C is symmetric, and its rank is n - rank J + rank J_b (J_b: base columns): it lacks the directions
+in which joints only press the contacts against each other, six of them for two flat feet. Wherever
+the contacts can push the base in every direction (rank J_b = 6) and the command respects them, the
+solutions of eq. (7) are those of eq. (11), and its smallest is the torque of eq. (15), whatever
+inertia the model has: the two differ in rounding and in what they do with other commands.
+
+Eq. (8) with F from eq. (6) at the previous tick's torque is one step of the iteration tau <-
+tau + (right side of (7) - O tau). The eigenvalues of O lie in [0, 1]. So at a fixed state the
+iteration converges to a solution of eq. (7), slowly where an eigenvalue is small; in the directions
+that O lacks it does not move at all, and keeps, or adds up, whatever torque it finds there.
+
+Eqs. (5) to (8) are right as printed, signs included (J there has independent rows; here it need
+not). Velocities are base first, v = [base (6), joints (n)], nv = 6 + n; k counts the rows of J.
+"""
+
+from typing import NamedTuple
+
+from fbid_gym.control.arrays import Array, check_dynamics, check_shape, matvec, namespace
+from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
+from fbid_gym.errors import ShapeError
+
+# Eigenvalues at or below this share of the largest count as zero.
+_RTOL = 1e-10
+
+
+class ForceFeedbackDynamics(NamedTuple):
+    """Torques from given contact forces, and what they rest on.
+
+    Attributes:
+        torque: (N, n) N m.
+        contact_force: (N, k) generalized forces of the rows of J, as given or estimated.
+        acceleration: (N, nv) the robot will have if these are the forces: the command's joint rows
+            and the base acceleration that the forces cause.
+    """
+
+    torque: Array
+    contact_force: Array
+    acceleration: Array
+
+
+class ProjectedDynamics(NamedTuple):
+    """Torques by the inertia-weighted projection, and what they achieve if the contacts hold.
+
+    Attributes:
+        torque: (N, n) N m.
+        contact_force: (N, k) generalized forces of the rows of J by eq. (6); the least in norm
+            where rows are redundant.
+        acceleration: (N, nv) the robot will really have.
+        rank: (N,) of the projection O, integers. n less that is the number of torque directions
+            that act on the contacts alone.
+    """
+
+    torque: Array
+    contact_force: Array
+    acceleration: Array
+    rank: Array
+
+
+def contact_force_of_torque(
+    mass_matrix: Array, bias: Array, jacobian: Array, torque: Array, jacobian_bias: Array
+) -> Array:
+    """Contact forces that a torque causes if the contacts hold, [M10] eq. (6).
+
+    Args:
+        mass_matrix: (N, nv, nv) M, symmetric positive definite.
+        bias: (N, nv) h.
+        jacobian: (N, k, nv) J of the contact constraints.
+        torque: (N, n) N m.
+        jacobian_bias: (N, k) Jdot v.
+
+    Returns:
+        (N, k) generalized forces lambda of the rows of J, the least in norm where rows repeat; zero
+        for zero rows.
+
+    Raises:
+        ShapeError: an array does not fit.
+    """
+    count, _, velocities = check_dynamics(mass_matrix, bias, jacobian, bias, jacobian_bias)
+    check_shape("torque", torque, (count, velocities - 6), "(N, n)")
+    xp = namespace(jacobian)
+    load = bias - _joint_rows(torque)
+    # M^-1 [J^T, h - S^T tau]
+    response = xp.linalg.solve(mass_matrix, xp.concat([jacobian.mT, load[..., None]], axis=-1))
+    projected = jacobian @ response
+    gram = projected[..., :-1]
+    inverse, _ = symmetric_pseudo_inverse(0.5 * (gram + gram.mT), _RTOL)
+    return matvec(inverse, projected[..., -1] - jacobian_bias)
+
+
+def force_feedback_inverse_dynamics(
+    mass_matrix: Array,
+    bias: Array,
+    jacobian: Array,
+    acceleration: Array,
+    jacobian_bias: Array,
+    contact_force: Array,
+) -> ForceFeedbackDynamics:
+    """Torques for desired joint accelerations under given contact forces, [M10] eq. (8).
+
+    Args:
+        mass_matrix: (N, nv, nv) M, symmetric positive definite.
+        bias: (N, nv) h.
+        jacobian: (N, k, nv) J of the contacts whose forces are given.
+        acceleration: (N, nv) desired; only the joint rows are used.
+        jacobian_bias: (N, k) Jdot v; not used, there for the sake of a common signature.
+        contact_force: (N, k) F_ext, generalized forces of the rows of J. Measured forces of contact
+            points are brought to reduced rows by their point map.
+
+    Returns:
+        ForceFeedbackDynamics.
+
+    Raises:
+        ShapeError: an array does not fit.
+    """
+    count, rows, _ = check_dynamics(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
+    check_shape("contact_force", contact_force, (count, rows), "(N, k)")
+    xp = namespace(jacobian)
+    load = bias - matvec(jacobian.mT, contact_force)
+    joints = acceleration[:, 6:]
+    push = load[:, :6] + matvec(mass_matrix[:, :6, 6:], joints)
+    base = xp.linalg.solve(mass_matrix[:, :6, :6], -push[..., None])[..., 0]
+    caused = xp.concat([base, joints], axis=-1)
+    torque = matvec(mass_matrix[:, 6:, :], caused) + load[:, 6:]
+    return ForceFeedbackDynamics(torque, contact_force, caused)
+
+
+def estimated_force_inverse_dynamics(
+    mass_matrix: Array,
+    bias: Array,
+    jacobian: Array,
+    acceleration: Array,
+    jacobian_bias: Array,
+    previous_torque: Array,
+) -> ForceFeedbackDynamics:
+    """Torques by eq. (8), with the contact forces that eq. (6) ascribes to the previous torque.
+
+    Args:
+        mass_matrix: (N, nv, nv) M, symmetric positive definite.
+        bias: (N, nv) h.
+        jacobian: (N, k, nv) J of the contact constraints.
+        acceleration: (N, nv) desired; only the joint rows are used.
+        jacobian_bias: (N, k) Jdot v.
+        previous_torque: (N, n) N m, of the control tick before. With the whole torque that was
+            applied, feedback included, the feedforward also takes up the feedback's share in the
+            directions that eq. (7) lacks.
+
+    Returns:
+        ForceFeedbackDynamics.
+
+    Raises:
+        ShapeError: an array does not fit.
+    """
+    force = contact_force_of_torque(mass_matrix, bias, jacobian, previous_torque, jacobian_bias)
+    return force_feedback_inverse_dynamics(
+        mass_matrix, bias, jacobian, acceleration, jacobian_bias, force
+    )
+
+
+def actuated_projection(mass_matrix: Array, jacobian: Array) -> tuple[Array, Array]:
+    """The operator O = Sbar^T (1 - J^T Jbar^T) S^T of [M10] eq. (7), and its rank.
+
+    Args:
+        mass_matrix: (N, nv, nv) M, symmetric positive definite.
+        jacobian: (N, k, nv) J of the contact constraints.
+
+    Returns:
+        (N, n, n), of eigenvalues in [0, 1], and the rank (N,), integers.
+
+    Raises:
+        ShapeError: an array does not fit.
+    """
+    shape = tuple(jacobian.shape)
+    if len(shape) != 3 or shape[2] < 6:
+        raise ShapeError("jacobian", shape, "(N, k, nv) with nv of at least 6")
+    check_shape("mass_matrix", mass_matrix, (shape[0], shape[2], shape[2]), "(N, nv, nv)")
+    inverse, response, _, _ = _projector(mass_matrix, jacobian)
+    compliance = response[:, 6:, 6:]
+    _, rank = symmetric_pseudo_inverse(compliance, _RTOL)
+    return namespace(jacobian).linalg.solve(inverse[:, 6:, 6:], compliance), rank
+
+
+def inertia_weighted_inverse_dynamics(
+    mass_matrix: Array,
+    bias: Array,
+    jacobian: Array,
+    acceleration: Array,
+    jacobian_bias: Array,
+) -> ProjectedDynamics:
+    """Least torques for desired joint accelerations by the projection of [M10] eq. (7).
+
+    Eq. (7) is multiplied by S M^-1 S^T, which makes it symmetric, C tau = a_q + S (P h + Jbar Jdot
+    v), and solved by the pseudo-inverse of C. Joint accelerations that the contacts do not allow
+    are met in the sense of least squares.
+
+    Args:
+        mass_matrix: (N, nv, nv) M, symmetric positive definite.
+        bias: (N, nv) h.
+        jacobian: (N, k, nv) J of the contact constraints.
+        acceleration: (N, nv) desired; only the joint rows are used.
+        jacobian_bias: (N, k) Jdot v.
+
+    Returns:
+        ProjectedDynamics.
+
+    Raises:
+        ShapeError: an array does not fit.
+    """
+    check_dynamics(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
+    _, response, through, inertia = _projector(mass_matrix, jacobian)
+    # Jbar = M^-1 J^T (J M^-1 J^T)^+
+    drift = -matvec(response, bias) - matvec(through.mT, matvec(inertia, jacobian_bias))
+    compliance_inverse, rank = symmetric_pseudo_inverse(response[:, 6:, 6:], _RTOL)
+    torque = matvec(compliance_inverse, acceleration[:, 6:] - drift[:, 6:])
+    achieved = matvec(response[:, :, 6:], torque) + drift
+    load = bias - _joint_rows(torque)
+    contact_force = matvec(inertia, matvec(through, load) - jacobian_bias)
+    return ProjectedDynamics(torque, contact_force, achieved, rank)
+
+
+def _projector(mass_matrix: Array, jacobian: Array) -> tuple[Array, Array, Array, Array]:
+    """M^-1, P, J M^-1 and (J M^-1 J^T)^+."""
+    inverse = namespace(jacobian).linalg.inv(mass_matrix)
+    through = jacobian @ inverse
+    gram = through @ jacobian.mT
+    inertia, _ = symmetric_pseudo_inverse(0.5 * (gram + gram.mT), _RTOL)
+    response = inverse - through.mT @ inertia @ through
+    return inverse, 0.5 * (response + response.mT), through, inertia
+
+
+def _joint_rows(torque: Array) -> Array:
+    """S^T tau: (N, nv)."""
+    xp = namespace(torque)
+    base = xp.zeros((torque.shape[0], 6), dtype=torque.dtype, device=torque.device)
+    return xp.concat([base, torque], axis=-1)

@@ -1,0 +1,142 @@
+"""Least torque where slides and hinges mix: eq. (15) in a metric that makes units homogeneous.
+
+A sum of squares of N and N m is a sum of nothing: a robot described in millimetres would get other
+torques from [M10] eq. (15) than the same robot in metres. [M10] III-B.3 first projects the dynamics
+into a space of homogeneous units, by a symmetric positive definite matrix B that measures
+velocities, |v|^2 = v^T B v. With B = L L^T (Cholesky) and v' = L^T v the dynamics are
+
+    M' = L^-1 M L^-T,   h' = L^-1 h,   J' = J L^-T,   a' = L^T a,   S^T tau' = L^-1 S^T tau,
+
+of the same form as before, because L^T is upper triangular and the base comes first: v'_q depends
+on joint velocities only. Eq. (15) there gives the torque that minimises, of all with the same
+motion, |tau'|^2 = tau^T (S B^-1 S^T) tau, and takes "the nearest acceleration" in the metric B.
+
+Two metrics whose results do not depend on units: `length_metric`, in which a radian counts as a
+characteristic length, and M itself, the kinetic energy, which needs no such choice but brings the
+inertia, and its errors, back into the choice among torques ([M10], footnote 1).
+"""
+
+import math
+from collections.abc import Sequence
+from types import ModuleType
+
+import numpy as np
+
+from fbid_gym.control.arrays import Array, check_dynamics, check_shape, matvec, namespace
+from fbid_gym.control.inverse_dynamics import InverseDynamics, orthogonal_inverse_dynamics
+from fbid_gym.errors import InvalidValueError, ShapeError
+
+
+def length_metric(rotary: Sequence[bool] | np.ndarray, length: float) -> np.ndarray:
+    """Metric in which a radian counts as `length` metres.
+
+    Args:
+        rotary: (n,) which joints turn; the others slide.
+        length: m, characteristic, such as that of a leg.
+
+    Returns:
+        (nv,) diagonal of B: 1 for the base's position and slides, length^2 (m^2/rad^2) for the
+        base's rotation and hinges.
+
+    Raises:
+        InvalidValueError: `length` is not positive and finite.
+    """
+    if not 0.0 < length < math.inf:
+        raise InvalidValueError("length", length, "a positive, finite number")
+    turns = np.concatenate([[False] * 3, [True] * 3, np.asarray(rotary, dtype=bool)])
+    return np.where(turns, length * length, 1.0)
+
+
+def metric_torque_cost(metric: Array) -> Array:
+    """The torque cost W = S B^-1 S^T of a diagonal metric, for the laws that take eq. (16)'s W.
+
+    Args:
+        metric: (nv,) positive diagonal of B.
+
+    Returns:
+        (n,). For hinges in `length_metric` it is 1 / length^2, which turns N m into N.
+
+    Raises:
+        ShapeError: not a diagonal.
+        InvalidValueError: an entry is not positive and finite.
+    """
+    _check_diagonal(metric, namespace(metric))
+    return 1.0 / metric[6:]
+
+
+def metric_inverse_dynamics(
+    mass_matrix: Array,
+    bias: Array,
+    jacobian: Array,
+    acceleration: Array,
+    jacobian_bias: Array,
+    metric: Array,
+) -> InverseDynamics:
+    """Torques of [M10] eq. (15), the orthogonal decomposition taken in a homogeneous metric.
+
+    Args:
+        mass_matrix: (N, nv, nv) M, symmetric positive definite.
+        bias: (N, nv) h.
+        jacobian: (N, k, nv) J of the contact constraints.
+        acceleration: (N, nv) desired.
+        jacobian_bias: (N, k) Jdot v.
+        metric: B on velocities: (nv,) positive diagonal, or (N, nv, nv) symmetric positive
+            definite, such as the mass matrix.
+
+    Returns:
+        InverseDynamics in the units of the arguments.
+
+    Raises:
+        ShapeError: an array does not fit.
+        InvalidValueError: the metric is not positive definite.
+    """
+    count, _, velocities = check_dynamics(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
+    xp = namespace(jacobian)
+    if metric.ndim == 1:
+        check_shape("metric", metric, (velocities,), "(nv,)")
+        _check_diagonal(metric, xp)
+        scale = xp.sqrt(metric)
+        solution = orthogonal_inverse_dynamics(
+            mass_matrix / (scale[:, None] * scale),
+            bias / scale,
+            jacobian / scale,
+            acceleration * scale,
+            jacobian_bias,
+        )
+        return solution._replace(
+            torque=solution.torque * scale[6:], acceleration=solution.acceleration / scale
+        )
+
+    check_shape("metric", metric, (count, velocities, velocities), "(nv,) or (N, nv, nv)")
+    factor = _cholesky(metric, xp)
+    inverse = xp.linalg.inv(factor)
+    solution = orthogonal_inverse_dynamics(
+        inverse @ mass_matrix @ inverse.mT,
+        matvec(inverse, bias),
+        jacobian @ inverse.mT,
+        matvec(factor.mT, acceleration),
+        jacobian_bias,
+    )
+    return solution._replace(
+        torque=matvec(factor[:, 6:, 6:], solution.torque),
+        acceleration=matvec(inverse.mT, solution.acceleration),
+    )
+
+
+def _check_diagonal(metric: Array, xp: ModuleType) -> None:
+    """Raise unless the metric is a diagonal of positive, finite numbers."""
+    if metric.ndim != 1 or metric.shape[0] < 6:
+        raise ShapeError("metric", tuple(metric.shape), "(nv,) with nv of at least 6")
+    if not xp.all((metric > 0.0) & xp.isfinite(metric)):
+        raise InvalidValueError("metric", metric, "positive, finite numbers")
+
+
+def _cholesky(metric: Array, xp: ModuleType) -> Array:
+    """Lower Cholesky factors; NaN for matrices that are not finite, so that they harm no other."""
+    finite = xp.all(xp.isfinite(metric), axis=(-2, -1))[:, None, None]
+    stand_in = xp.eye(metric.shape[-1], dtype=metric.dtype, device=metric.device)
+    try:
+        factor = xp.linalg.cholesky(xp.where(finite, metric, stand_in))
+    except (np.linalg.LinAlgError, RuntimeError):
+        raise InvalidValueError("metric", metric, "symmetric positive definite matrices") from None
+    return xp.where(finite, factor, xp.nan)
