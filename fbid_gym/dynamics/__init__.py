@@ -2,13 +2,29 @@
 
 from typing import TYPE_CHECKING, Any
 
+from fbid_gym.dynamics.centroidal import (
+    CentroidalTerms,
+    DecoupledDynamics,
+    centroidal_terms,
+    decoupled_dynamics,
+)
+from fbid_gym.dynamics.coriolis import CoriolisMatrix
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.terms import DynamicsTerms
 
 if TYPE_CHECKING:
     from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
 
-__all__ = ["DynamicsTerms", "MuJoCoDynamics", "PinocchioDynamics"]
+__all__ = [
+    "CentroidalTerms",
+    "CoriolisMatrix",
+    "DecoupledDynamics",
+    "DynamicsTerms",
+    "MuJoCoDynamics",
+    "PinocchioDynamics",
+    "centroidal_terms",
+    "decoupled_dynamics",
+]
 
 
 def __getattr__(name: str) -> Any:

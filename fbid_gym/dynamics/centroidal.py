@@ -1,0 +1,280 @@
+"""Inertially decoupled dynamics of a floating base: momentum and joints as velocities, [G15].
+
+With the centroidal momentum h = A v (linear, then angular about the centre of mass, world axes)
+and the joint velocities as coordinates, xi = [h; qdot] = A_Q v, the mass matrix falls apart into
+1/m, Lambda_l and Lambda_q ([G15] eqs. (12)-(28)). Everything needed for that stands in the first
+six rows of M. With R the base's rotation, c the centre of mass seen from the base and
+
+    P = [[E, 0], [-skew(c), R]],
+
+which takes a generalized force on the base in MuJoCo's coordinates (force in world axes, moment
+about the base in base axes) to a wrench at the centre of mass in world axes,
+
+    A = P M[:6]        P M[:6, :6] P^T = blkdiag(m E, I_c)        Lambda_h = blkdiag(E / m, I_c^-1)
+    A_Q^-1 = [[P^T Lambda_h, -P^T Lambda_h A_q], [0, E]]
+
+with I_c the inertia of the robot about its centre of mass, joints locked, and A_q the joint columns
+of A. One 3x3 inverse is all it takes. [G15] writes v with the base's angular velocity in any frame;
+v is MuJoCo's here (see `DynamicsTerms`), and xi, h, Lambda and Gamma do not depend on that choice.
+
+The joints' armature is part of Lambda_q. Armature on the free joint has no place in the theory: it
+makes M unlike that of any rigid bodies, and none of the propositions hold.
+
+All functions work on batches in the array-API namespace of their arguments. N robots, nv = 6 + n.
+"""
+
+from typing import Any, NamedTuple
+
+import array_api_compat
+import numpy as np
+
+from fbid_gym.dynamics.frames import skew
+from fbid_gym.dynamics.terms import DynamicsTerms
+
+Array = Any
+"""An array of any array-API namespace; shapes are in the docstrings."""
+
+GRAVITY = (0.0, 0.0, -9.81)
+"""m/s^2, world."""
+
+
+class CentroidalTerms(NamedTuple):
+    """What the first six rows of M say about a robot's momentum.
+
+    Attributes:
+        matrix: (N, 6, nv) A of [G15] eq. (2), the centroidal momentum matrix.
+        momentum: (N, 6) h = A v: linear (kg m/s), angular about the centre of mass (kg m^2/s),
+            world axes.
+        mass: (N,) kg.
+        inertia: (N, 3, 3) kg m^2, of the robot with locked joints about its centre of mass, world
+            axes; the inverse of Lambda_l.
+        inverse_inertia: (N, 3, 3) Lambda_l of [G15] eq. (24).
+        to_com: (N, 6, 6) P, see the module.
+    """
+
+    matrix: Array
+    momentum: Array
+    mass: Array
+    inertia: Array
+    inverse_inertia: Array
+    to_com: Array
+
+
+class DecoupledDynamics(NamedTuple):
+    """[G15] eq. (25) with its coordinates: Lambda xi_dot + Gamma xi + gravity = forces.
+
+    Attributes:
+        transform: (N, nv, nv) A_Q of eq. (12), xi = A_Q v.
+        inverse_transform: (N, nv, nv) A_Q^-1 of eq. (13).
+        transform_rate: (N, nv, nv) time derivative of A_Q.
+        inertia: (N, nv, nv) Lambda, block diagonal: E / m, Lambda_l, Lambda_q.
+        coriolis: (N, nv, nv) Gamma of eqs. (15), (18), (25).
+    """
+
+    transform: Array
+    inverse_transform: Array
+    transform_rate: Array
+    inertia: Array
+    coriolis: Array
+
+
+def centroidal_terms(terms: DynamicsTerms, velocity: Array) -> CentroidalTerms:
+    """Return the centroidal momentum and the matrices around it.
+
+    This is all that a control tick needs of [G15].
+
+    Args:
+        terms: the dynamics of N robots without armature on their free joints.
+        velocity: (N, nv) their generalized velocities.
+    """
+    to_com = base_force_to_com(terms)
+    matrix = to_com @ terms.mass_matrix[:, :6]
+    inertia = matrix[:, 3:, :6] @ to_com[:, 3:].mT
+    return CentroidalTerms(
+        matrix=matrix,
+        momentum=_times(matrix, velocity),
+        mass=terms.mass_matrix[:, 0, 0],
+        inertia=inertia,
+        inverse_inertia=_namespace(inertia).linalg.inv(inertia),
+        to_com=to_com,
+    )
+
+
+def base_force_to_com(terms: DynamicsTerms) -> Array:
+    """Return the matrix P of the module: (N, 6, 6)."""
+    rotation = terms.base_rotation
+    xp = _namespace(rotation)
+    result = xp.zeros((rotation.shape[0], 6, 6), dtype=rotation.dtype, device=rotation.device)
+    result[:, 0, 0] = result[:, 1, 1] = result[:, 2, 2] = 1.0
+    result[:, 3:, :3] = skew(terms.base_position - terms.com)
+    result[:, 3:, 3:] = rotation
+    return result
+
+
+def momentum_rate_bias(
+    body: CentroidalTerms, bias: Array, gravity: tuple[float, float, float] = GRAVITY
+) -> Array:
+    """Return the rate of the momentum at vdot = 0, Adot v: (N, 6) N and N m.
+
+    By [G15] eq. (6) the momentum's rate A vdot + Adot v is the sum of the external wrenches,
+    gravity's included. The first six rows of the equations of motion say the same with the bias
+    force, so no derivative of A is needed.
+
+    Args:
+        body: of the robots.
+        bias: (N, nv) `DynamicsTerms.bias`.
+        gravity: m/s^2, world, the one in `bias`.
+    """
+    result = _times(body.to_com, bias[:, :6])
+    xp = _namespace(result)
+    weight = xp.asarray(gravity, dtype=result.dtype, device=result.device) * body.mass[:, None]
+    result[:, :3] += weight
+    return result
+
+
+def momentum_inertia(body: CentroidalTerms) -> Array:
+    """Return Lambda_h = blkdiag(E / m, Lambda_l) of [G15] eqs. (16), (22), (28): (N, 6, 6)."""
+    inverse = body.inverse_inertia
+    xp = _namespace(inverse)
+    result = xp.zeros((inverse.shape[0], 6, 6), dtype=inverse.dtype, device=inverse.device)
+    result[:, 0, 0] = result[:, 1, 1] = result[:, 2, 2] = 1.0 / body.mass
+    result[:, 3:, 3:] = inverse
+    return result
+
+
+def com_wrench_map(body: CentroidalTerms) -> Array:
+    """Return T^T = A^T Lambda_h of [G15] eqs. (30), (32): (N, nv, 6).
+
+    It takes a wrench at the centre of mass (N, N m, world axes) to the generalized force that does
+    the same to the momentum and nothing else: it accelerates the joints only through the momentum's
+    own velocity terms.
+    """
+    angular = body.matrix[:, 3:].mT @ body.inverse_inertia
+    linear = body.matrix[:, :3].mT / body.mass[:, None, None]
+    return _namespace(angular).concat((linear, angular), axis=-1)
+
+
+def transform(body: CentroidalTerms) -> tuple[Array, Array]:
+    """Return A_Q and its inverse, [G15] eqs. (12), (13): (N, nv, nv) each."""
+    matrix = body.matrix
+    xp = _namespace(matrix)
+    count, size = matrix.shape[0], matrix.shape[2]
+    eye = xp.eye(size, dtype=matrix.dtype, device=matrix.device)
+    forward = xp.tile(eye[None], (count, 1, 1))
+    inverse = xp.tile(eye[None], (count, 1, 1))
+    forward[:, :6] = matrix
+    base = body.to_com.mT @ momentum_inertia(body)
+    inverse[:, :6, :6] = base
+    inverse[:, :6, 6:] = -(base @ matrix[:, :, 6:])
+    return forward, inverse
+
+
+def transformed_jacobian(body: CentroidalTerms, jacobian: Array) -> Array:
+    """Return Jbar = J A_Q^-1 of [G15] eq. (25).
+
+    Its first six columns act on the momentum (Jbar_b), the others on the joints (Jbar_q).
+
+    Args:
+        body: of the robots.
+        jacobian: (N, k, nv) with respect to v.
+
+    Returns:
+        (N, k, nv) with respect to xi.
+    """
+    base = jacobian[:, :, :6] @ body.to_com.mT @ momentum_inertia(body)
+    joints = jacobian[:, :, 6:] - base @ body.matrix[:, :, 6:]
+    return _namespace(joints).concat((base, joints), axis=-1)
+
+
+def generalized_jacobian(mass_matrix: Array, jacobian: Array) -> Array:
+    """Return the generalized Jacobian of a free-floating robot, [G15] eq. (33).
+
+    At zero momentum the velocity of the end effector is this times qdot (Umetani and Yoshida 1987).
+    It equals the joint columns of `transformed_jacobian`.
+
+    Args:
+        mass_matrix: (N, nv, nv).
+        jacobian: (N, k, nv).
+
+    Returns:
+        (N, k, n).
+    """
+    xp = _namespace(jacobian)
+    base = xp.linalg.solve(mass_matrix[:, :6, :6], mass_matrix[:, :6, 6:])
+    return jacobian[:, :, 6:] - jacobian[:, :, :6] @ base
+
+
+def joint_inertia(body: CentroidalTerms, mass_matrix: Array) -> Array:
+    """Return Lambda_q = M_qq - A_q^T Lambda_h A_q of [G15] eq. (17): (N, n, n).
+
+    The inertia that motor torques feel on a robot in flight.
+    """
+    joints = body.matrix[:, :, 6:]
+    return mass_matrix[:, 6:, 6:] - com_wrench_map(body)[:, 6:] @ joints
+
+
+def kinetic_energy(body: CentroidalTerms, mass_matrix: Array, velocity: Array) -> Array:
+    """Return the kinetic energy of linear momentum, angular momentum and joints, [G15] eq. (34).
+
+    Returns:
+        (N, 3) J.
+    """
+    xp = _namespace(velocity)
+    linear, angular = body.momentum[:, :3], body.momentum[:, 3:]
+    joints = velocity[:, 6:]
+    parts = (
+        xp.vecdot(linear, linear) / body.mass,
+        xp.vecdot(angular, _times(body.inverse_inertia, angular)),
+        xp.vecdot(joints, _times(joint_inertia(body, mass_matrix), joints)),
+    )
+    return 0.5 * xp.stack(parts, axis=-1)
+
+
+def momentum_matrix_rate(
+    body: CentroidalTerms, terms: DynamicsTerms, velocity: Array, coriolis: Array
+) -> Array:
+    """Return the time derivative of A: (N, 6, nv).
+
+    Args:
+        body: of the robots.
+        terms: of the robots.
+        velocity: (N, nv).
+        coriolis: (N, nv, nv) any C with Mdot - 2 C skew, so that Mdot = C + C^T.
+    """
+    mass_rate = coriolis[:, :6] + coriolis[:, :, :6].mT
+    turn = _namespace(velocity).zeros_like(body.to_com)
+    turn[:, 3:, :3] = skew(velocity[:, :3] - terms.com_velocity)
+    turn[:, 3:, 3:] = terms.base_rotation @ skew(velocity[:, 3:6])
+    return turn @ terms.mass_matrix[:, :6] + body.to_com @ mass_rate
+
+
+def decoupled_dynamics(
+    body: CentroidalTerms, terms: DynamicsTerms, velocity: Array, coriolis: Array
+) -> DecoupledDynamics:
+    """Return the equations of motion in the coordinates xi, [G15] eqs. (12)-(25).
+
+    Args:
+        body: `centroidal_terms(terms, velocity)`.
+        terms: of the robots.
+        velocity: (N, nv).
+        coriolis: (N, nv, nv) C with C v + g = bias and Mdot - 2 C skew, see
+            `fbid_gym.dynamics.coriolis`.
+    """
+    forward, inverse = transform(body)
+    rate = _namespace(forward).zeros_like(forward)
+    rate[:, :6] = momentum_matrix_rate(body, terms, velocity, coriolis)
+    inertia = _namespace(forward).zeros_like(forward)
+    inertia[:, :6, :6] = momentum_inertia(body)
+    inertia[:, 6:, 6:] = joint_inertia(body, terms.mass_matrix)
+    gamma = (inverse.mT @ coriolis - inertia @ rate) @ inverse
+    return DecoupledDynamics(forward, inverse, rate, inertia, gamma)
+
+
+def _namespace(array: Array) -> Any:
+    """Array-API namespace; short cut for NumPy, where the look-up would show."""
+    return np if isinstance(array, np.ndarray) else array_api_compat.array_namespace(array)
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    """Batched matrix-vector product."""
+    return (matrix @ vector[..., None])[..., 0]
