@@ -1,7 +1,7 @@
 """Motions: what a robot's joints, base and feet shall do over time."""
 
 from fbid_gym.motions.reference import Reference, home_reference
-from fbid_gym.motions.squat import squat, squat_bow
+from fbid_gym.motions.squat import periodic_squat, squat_bow
 from fbid_gym.motions.table import MotionTable
 
-__all__ = ["MotionTable", "Reference", "home_reference", "squat", "squat_bow"]
+__all__ = ["MotionTable", "Reference", "home_reference", "periodic_squat", "squat_bow"]

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from fbid_gym.errors import FbidError
-from fbid_gym.motions import MotionTable, squat, squat_bow
+from fbid_gym.motions import MotionTable, periodic_squat, squat_bow
 from fbid_gym.robots import load
 
 
 @pytest.fixture(scope="module")
 def periodic() -> MotionTable:
-    return squat(load("biped"))
+    return periodic_squat(load("biped"))
 
 
 @pytest.fixture(scope="module")
