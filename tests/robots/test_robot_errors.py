@@ -67,7 +67,8 @@ def test_the_file_the_others_are_spoilt_from_is_good(tmp_path: Path) -> None:
 
 
 def test_unknown_robot() -> None:
-    with fails(UnknownOptionError, "Unknown robot 'cat'. Valid choices: biped, quadruped."):
+    choices = "biped, quadruped, humanoid"
+    with fails(UnknownOptionError, f"Unknown robot 'cat'. Valid choices: {choices}."):
         load("cat")
 
 
