@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from fbid_gym.envs.balance_env import BalanceEnv
+from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.robots import load
 
 ROBOTS = ("biped", "quadruped")
@@ -17,7 +17,7 @@ _WEIGHT_SHARE = 0.25
 def frame_of_push(robot: str) -> np.ndarray:
     """Draw a robot that balances through a push without a policy: (H, W, 3) uint8."""
     force = _WEIGHT_SHARE * load(robot).weight
-    env = BalanceEnv(
+    env = RobotEnv(
         robot,
         action_layer="base_acceleration",
         render_mode="rgb_array",

@@ -9,7 +9,7 @@ from gymnasium.vector import VectorEnv
 
 from eval.benchmark.figures import Figure, Limit, Section, interleave
 from eval.benchmark.physics import TimedBatch
-from fbid_gym.envs.balance_env import BalanceEnv
+from fbid_gym.envs.robot_env import RobotEnv
 
 STEPS = 25
 """Policy steps timed at a stretch. Each stretch starts from a reset, so that all layers are
@@ -149,7 +149,7 @@ class _Single:
 
     def __init__(self, robot: str, layer: str) -> None:
         env = gym.make(env_id(robot), action_layer=layer).unwrapped
-        assert isinstance(env, BalanceEnv)
+        assert isinstance(env, RobotEnv)
         self.env = env
         self.timed = TimedBatch.inside(env.batch.simulation)
         self.ticks = self.steps * env.config.rates().ticks

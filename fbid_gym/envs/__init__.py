@@ -3,19 +3,23 @@
 import gymnasium as gym
 
 ENVIRONMENTS = {
-    "fbid_gym/BipedBalance-v0": {"robot": "biped"},
-    "fbid_gym/QuadrupedBalance-v0": {"robot": "quadruped"},
+    "fbid_gym/BipedBalance-v0": {"robot": "biped", "task": "balance"},
+    "fbid_gym/QuadrupedBalance-v0": {"robot": "quadruped", "task": "balance"},
+    "fbid_gym/BipedSquat-v0": {"robot": "biped", "task": "squat"},
 }
 """Registered id -> arguments that define it."""
+
+_DESCRIBED = {"balance": "balance_env:BalanceEnv"}
 
 
 def register() -> None:
     """Register the environments with Gymnasium; done by `import fbid_gym`."""
     for name, arguments in ENVIRONMENTS.items():
         if name not in gym.registry:
+            described = _DESCRIBED.get(arguments["task"], "tracking_env:TrackingEnv")
             gym.register(
                 id=name,
-                entry_point="fbid_gym.envs.balance_env:BalanceEnv",
-                vector_entry_point="fbid_gym.envs.vector_env:BalanceVectorEnv",
+                entry_point=f"fbid_gym.envs.{described}",
+                vector_entry_point="fbid_gym.envs.vector_env:RobotVectorEnv",
                 kwargs=arguments,
             )

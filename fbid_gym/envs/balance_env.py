@@ -1,17 +1,9 @@
-"""The Gymnasium environment: `gym.make`."""
+"""The Balance environments, described."""
 
-from typing import Any
-
-import gymnasium as gym
-import numpy as np
-
-from fbid_gym.envs.config import BalanceConfig
-from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
-from fbid_gym.envs.vector_env import spaces
+from fbid_gym.envs.robot_env import RobotEnv
 
 
-class BalanceEnv(gym.Env):
+class BalanceEnv(RobotEnv):
     """A robot stands on its feet, follows a commanded height and takes pushes.
 
     ## Description
@@ -138,6 +130,7 @@ class BalanceEnv(gym.Env):
     | Parameter         | Type           | Default            | Description                        |
     | ----------------- | -------------- | ------------------ | ---------------------------------- |
     | `robot`           | str or `Robot` | `"biped"`          | Who stands; the ids above set it   |
+    | `task`            | str            | `"balance"`        | What it does; likewise             |
     | `action_layer`    | str            | `"joint_position"` | See `Action Space`                 |
     | `layer_options`   | dict or None   | `None`             | Arguments of the action layer      |
     | `physics_hz`      | int            | `1000`             | Simulation steps per second        |
@@ -164,7 +157,7 @@ class BalanceEnv(gym.Env):
     | `render_mode`     | str or None    | `None`             | `"rgb_array"` or `"human"`; an     |
     |                   |                |                    | arrow is a push                    |
 
-    `gym.make_vec` adds `num_envs`, `num_threads` and `autoreset_mode`, see `BalanceVectorEnv`;
+    `gym.make_vec` adds `num_envs`, `num_threads` and `autoreset_mode`, see `RobotVectorEnv`;
     environment i of a batch with seed s is this environment with seed s + i, to the bit.
 
     Raises `FbidError` for an argument or an action that is not valid, naming the value and the
@@ -198,58 +191,3 @@ class BalanceEnv(gym.Env):
     ## Version History
     * v0: Initial version.
     """
-
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
-
-    def __init__(
-        self, robot: Any = "biped", *, render_mode: str | None = None, **arguments: Any
-    ) -> None:
-        """Build the environment."""
-        check_render_mode(render_mode)
-        self.config = BalanceConfig.of({"robot": robot} | arguments)
-        self.batch = EnvBatch(self.config, 1)
-        self.metadata = self.metadata | {"render_fps": self.config.rates().policy}
-        self.observation_space, self.action_space = spaces(self.batch.task, self.batch.layer)
-        self.render_mode = render_mode
-        self._renderer: RobotRenderer | None = None
-        self._only = np.zeros(1, int)
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start a new episode."""
-        super().reset(seed=seed)
-        self.batch.seed(0, self.np_random)
-        self.batch.reset(self._only)
-        if self.render_mode == "human":
-            self.render()
-        return self.batch.observation()[0], {}
-
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Hold the action (A,) for one policy step."""
-        step = self.batch.step(self.batch.check_action(action)[None])
-        if self.render_mode == "human":
-            self.render()
-        info = {name: value[0] for name, value in step.info.items()}
-        return (
-            step.observation[0],
-            float(step.reward[0]),
-            bool(step.terminated[0]),
-            bool(step.truncated[0]),
-            info,
-        )
-
-    def render(self) -> np.ndarray | None:
-        """Draw the environment: (H, W, 3) uint8 for "rgb_array", a window for "human"."""
-        if self.render_mode is None:
-            gym.logger.warn("render() without a render_mode draws nothing")
-            return None
-        if self._renderer is None:
-            self._renderer = RobotRenderer(self.batch, self.render_mode)
-        return self._renderer.render(0)
-
-    def close(self) -> None:
-        """Close the window."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.envs.config import BalanceConfig
+from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch, Step
 from fbid_gym.envs.options import whole_number
 from fbid_gym.errors import InvalidValueError, ShapeError
@@ -20,7 +20,7 @@ class Chunks:
     environment computes does not depend on the chunk it is in.
     """
 
-    def __init__(self, config: BalanceConfig, num_envs: int, num_threads: int) -> None:
+    def __init__(self, config: EnvConfig, num_envs: int, num_threads: int) -> None:
         """Build the chunks."""
         num_envs = whole_number("num_envs", num_envs)
         num_threads = whole_number("num_threads", num_threads)

@@ -1,8 +1,8 @@
-"""The arguments of the Balance environments, checked before anything is built."""
+"""The arguments of the environments, checked before anything is built."""
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import gymnasium as gym
@@ -14,15 +14,19 @@ from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.robots import ROBOTS, Robot, load
-from fbid_gym.tasks import Balance, Pushes
+from fbid_gym.tasks import TASKS, Pushes, Start, Task, make_task, task_kind, task_options
 
 
 @dataclass(frozen=True)
-class BalanceConfig:
-    """Everything that defines a Balance environment; the same for one robot and for many."""
+class EnvConfig:
+    """Everything that defines an environment; the same for one robot and for many."""
 
     robot: str | Robot = "biped"
     """Name of a built-in robot, or a `Robot`."""
+    task: str = "balance"
+    """What the robot shall do: see `fbid_gym.tasks.TASKS`."""
+    task_options: dict[str, Any] = field(default_factory=dict)
+    """Arguments of the task, by name; `of` takes them among the others."""
     action_layer: str = "joint_position"
     """How the policy acts: see `fbid_gym.actions.LAYERS`."""
     layer_options: dict[str, Any] | None = None
@@ -36,36 +40,37 @@ class BalanceConfig:
     episode_seconds: float = 10.0
     """An episode is truncated after this time."""
     push_force: tuple[float, float] | None = None
-    """(least, most) N of a push. Default: 0.04 to 0.36 of the robot's weight."""
+    """(least, most) N of a push. Default: the task's share of the robot's weight."""
     push_duration: float = 0.15
     """s."""
     push_interval: tuple[float, float] = (1.5, 3.0)
     """(least, most) s from the start of one push to the next."""
-    height_range: tuple[float, float] = (0.94, 1.0)
-    """(least, most) commanded base height as a share of the home height."""
-    height_interval: tuple[float, float] = (2.0, 4.0)
-    """(least, most) s from one command to the next."""
     joint_noise: float = 0.02
-    """rad, largest offset of a joint from home at the start."""
+    """rad, largest offset of a joint from its posture at the start."""
     velocity_noise: float = 0.05
-    """m/s and rad/s, largest velocity of a coordinate at the start."""
+    """m/s and rad/s, largest offset of a coordinate's velocity at the start."""
     randomisation: dict[str, Any] | None = None
     """Arguments of `fbid_gym.envs.randomisation.Randomisation`; none by default."""
 
     @classmethod
-    def of(cls, arguments: dict[str, Any]) -> "BalanceConfig":
-        """Build a configuration from keyword arguments, naming any that does not exist."""
-        names = [field.name for field in fields(cls)]
+    def of(cls, arguments: Mapping[str, Any]) -> "EnvConfig":
+        """Build a configuration from keyword arguments, naming any that does not exist.
+
+        Those of the task stand among the others.
+        """
+        own = [field.name for field in fields(cls) if field.name != "task_options"]
+        task = arguments.get("task", cls.task)
+        options = task_options(_known_task(task))
+        names = [*own, *options]
         for name in arguments:
             if name not in names:
                 close = difflib.get_close_matches(name, names, n=1)
-                kind = (
-                    f"environment argument (did you mean {close[0]!r}?)"
-                    if close
-                    else ("environment argument")
-                )
-                raise UnknownOptionError(kind, name, names)
-        return cls(**arguments)
+                hint = f" (did you mean {close[0]!r}?)" if close else ""
+                raise UnknownOptionError(f"environment argument{hint}", name, names)
+        given = {name: value for name, value in arguments.items() if name in own}
+        return cls(
+            **given, task_options={name: arguments[name] for name in options if name in arguments}
+        )
 
     def load_robot(self) -> Robot:
         """Return the robot."""
@@ -86,23 +91,27 @@ class BalanceConfig:
         options = by_name("layer_options", self.layer_options)
         return make_layer(self.action_layer, robot, self.rates().control, options)
 
-    def task(self, robot: Robot) -> Balance:
+    def make_task(self, robot: Robot) -> Task:
         """Return the task."""
         rates = self.rates()
-        seconds = _at_least(1.0 / rates.policy, "episode_seconds", self.episode_seconds)
-        return Balance(
-            robot=robot,
-            seconds=seconds,
-            hz=rates.control,
-            pushes=Pushes(
+        return make_task(
+            _known_task(self.task),
+            robot,
+            _at_least(1.0 / rates.policy, "episode_seconds", self.episode_seconds),
+            rates.control,
+            Pushes(
                 self._push_force(robot),
                 _at_least(1.0 / rates.control, "push_duration", self.push_duration),
                 pair("push_interval", self.push_interval),
             ),
-            height_range=pair("height_range", self.height_range),
-            height_interval=pair("height_interval", self.height_interval),
-            joint_noise=number("joint_noise", self.joint_noise),
-            velocity_noise=number("velocity_noise", self.velocity_noise),
+            Start(
+                number("joint_noise", self.joint_noise),
+                number("velocity_noise", self.velocity_noise),
+            ),
+            {
+                name: pair(name, value) if name.endswith(_PAIRS) else value
+                for name, value in self.task_options.items()
+            },
         )
 
     def randomisations(self) -> Randomisation:
@@ -110,13 +119,11 @@ class BalanceConfig:
         return Randomisation.of(by_name("randomisation", self.randomisation))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the configuration as plain data; a robot of the user's by its name."""
-        data = (
-            asdict(self)
-            if isinstance(self.robot, str)
-            else {field.name: getattr(self, field.name) for field in fields(self)}
-        )
-        return data | {"robot": self.robot if isinstance(self.robot, str) else self.robot.name}
+        """Return the arguments as plain data; a robot of the user's by its name."""
+        data = {field.name: getattr(self, field.name) for field in fields(self)}
+        data |= {"robot": self.robot if isinstance(self.robot, str) else self.robot.name}
+        given = data.pop("task_options")
+        return data | task_options(self.task) | given
 
     def resolved(self) -> dict[str, Any]:
         """Return every argument with the value it means today, as JSON can hold it.
@@ -139,7 +146,8 @@ class BalanceConfig:
 
     def _push_force(self, robot: Robot) -> tuple[float, float]:
         if self.push_force is None:
-            return 0.04 * robot.weight, 0.36 * robot.weight
+            least, most = task_kind(self.task).push
+            return least * robot.weight, most * robot.weight
         return pair("push_force", self.push_force)
 
 
@@ -151,15 +159,22 @@ def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, A
         arguments: as for `gym.make`. How an environment is drawn or stepped is left out.
 
     Returns:
-        `BalanceConfig.resolved()`, or None where the environment is not one of ours.
+        `EnvConfig.resolved()`, or None where the environment is not one of ours.
     """
     if not env_id.startswith("fbid_gym/") or env_id not in gym.registry:
         return None
     given = {name: value for name, value in arguments.items() if name not in _NOT_ITSELF}
-    return BalanceConfig.of({**gym.registry[env_id].kwargs, **given}).resolved()
+    return EnvConfig.of({**gym.registry[env_id].kwargs, **given}).resolved()
 
 
 _NOT_ITSELF = ("render_mode", "num_threads")
+_PAIRS = ("_range", "_interval")  # tasks' options of these names are (least, most)
+
+
+def _known_task(name: Any) -> str:
+    if not isinstance(name, str):
+        raise UnknownOptionError("task", name, TASKS)
+    return name
 
 
 def _derived(value: float) -> float:

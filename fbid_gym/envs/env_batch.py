@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.dynamics.state import Outcome, RobotState
-from fbid_gym.envs.config import BalanceConfig
+from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
@@ -44,12 +44,12 @@ class EnvBatch:
         simulation: the physics.
     """
 
-    def __init__(self, config: BalanceConfig, num_envs: int) -> None:
+    def __init__(self, config: EnvConfig, num_envs: int) -> None:
         """Build the environments; reset them all before the first step."""
         self.config = config
         self.rates = config.rates()
         self.robot = config.load_robot()
-        self.task = config.task(self.robot)
+        self.task = config.make_task(self.robot)
         self.layer = config.layer(self.robot)
         self.simulation = Simulation(self.robot, num_envs, self.rates)
         self.plant = plant_of(self.simulation, config.randomisations())

@@ -10,7 +10,7 @@ from gymnasium.utils import seeding
 from stable_baselines3.common.vec_env import VecEnv
 
 from fbid_gym.envs.chunks import Chunks
-from fbid_gym.envs.config import BalanceConfig
+from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
 from fbid_gym.envs.vector_env import spaces
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
@@ -30,7 +30,7 @@ class SB3VecEnv(VecEnv):
     """
 
     def __init__(
-        self, config: BalanceConfig, num_envs: int, num_threads: int, render_mode: str | None
+        self, config: EnvConfig, num_envs: int, num_threads: int, render_mode: str | None
     ) -> None:
         """Build the environments."""
         check_render_mode(render_mode)
@@ -173,7 +173,7 @@ def make_sb3(
     ours = [name for name in gym.registry if name.startswith("fbid_gym/")]
     if env_id not in ours:
         raise UnknownOptionError("environment id", env_id, ours)
-    config = BalanceConfig.of({**gym.registry[env_id].kwargs, **arguments})
+    config = EnvConfig.of({**gym.registry[env_id].kwargs, **arguments})
     envs = SB3VecEnv(config, num_envs, num_threads, render_mode)
     envs.seed(seed)
     return envs

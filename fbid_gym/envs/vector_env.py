@@ -9,17 +9,17 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from fbid_gym.envs.chunks import Chunks
-from fbid_gym.envs.config import BalanceConfig
+from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
 
 
-class BalanceVectorEnv(VectorEnv):
-    """N Balance environments stepped together, see `BalanceEnv` for what each of them is.
+class RobotVectorEnv(VectorEnv):
+    """N environments stepped together, see `RobotEnv` for what each of them is.
 
-    Environment i of `reset(seed=s)` gives the same numbers as `BalanceEnv` with seed s + i.
+    Environment i of `reset(seed=s)` gives the same numbers as `RobotEnv` with seed s + i.
 
-    Arguments beyond those of `BalanceEnv`:
+    Arguments beyond those of `RobotEnv`:
 
     | Argument         | Default     | Meaning                                              |
     | ---------------- | ----------- | ---------------------------------------------------- |
@@ -42,7 +42,7 @@ class BalanceVectorEnv(VectorEnv):
     ) -> None:
         """Build the environments."""
         check_render_mode(render_mode)
-        self.config = BalanceConfig.of({"robot": robot} | arguments)
+        self.config = EnvConfig.of({"robot": robot} | arguments)
         self.chunks = Chunks(self.config, num_envs, num_threads)
         first = self.chunks.batches[0]
         self.num_envs, self.render_mode = num_envs, render_mode

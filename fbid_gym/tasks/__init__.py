@@ -1,6 +1,77 @@
 """What a robot is asked to do: initial state, commands, disturbances, observation, reward."""
 
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from fbid_gym.errors import UnknownOptionError
+from fbid_gym.robots import Robot
 from fbid_gym.tasks.balance import Balance
 from fbid_gym.tasks.pushes import Pushes
+from fbid_gym.tasks.squat import squat
+from fbid_gym.tasks.start import Start
+from fbid_gym.tasks.task import Plan, Task
 
-__all__ = ["Balance", "Pushes"]
+__all__ = ["TASKS", "Plan", "Pushes", "Start", "Task", "make_task", "task_options"]
+
+
+class TaskKind(NamedTuple):
+    """A task before it has a robot.
+
+    Attributes:
+        of: its constructor, called as `(robot, seconds, hz, pushes, start, **options)`.
+        push: (least, most) size of a push by default, share of the robot's weight.
+    """
+
+    of: Callable[..., Task]
+    push: tuple[float, float]
+
+
+TASKS: dict[str, TaskKind] = {
+    "balance": TaskKind(Balance.of, (0.04, 0.36)),
+    "squat": TaskKind(squat, (0.0, 0.0)),
+}
+"""Name of a task -> what it is."""
+
+
+def task_options(name: str) -> dict[str, Any]:
+    """Return the options of a task with their defaults."""
+    parameters = inspect.signature(task_kind(name).of).parameters.values()
+    return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+
+
+def make_task(
+    name: str,
+    robot: Robot,
+    seconds: float,
+    hz: int,
+    pushes: Pushes,
+    start: Start,
+    options: Mapping[str, Any] | None = None,
+) -> Task:
+    """Build a task.
+
+    Args:
+        name: one of `TASKS`.
+        robot: who shall do it.
+        seconds: length of an episode.
+        hz: control ticks per second.
+        pushes: the disturbances.
+        start: how an episode begins.
+        options: arguments of the task by name, see `task_options`.
+
+    Raises:
+        FbidError: unknown task, unknown option or invalid value; the message names the choices.
+    """
+    kind, valid = task_kind(name), task_options(name)
+    for option in options or {}:
+        if option not in valid:
+            raise UnknownOptionError(f"option of task {name!r}", option, valid or ["none"])
+    return kind.of(robot, seconds, hz, pushes, start, **(options or {}))
+
+
+def task_kind(name: str) -> TaskKind:
+    """Return what a task is."""
+    if name not in TASKS:
+        raise UnknownOptionError("task", name, TASKS)
+    return TASKS[name]

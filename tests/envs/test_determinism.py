@@ -8,7 +8,7 @@ import pytest
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 
-BIPED, QUADRUPED = ENVIRONMENTS
+BIPED, QUADRUPED, *_ = ENVIRONMENTS
 MEASURED = {"contacts": "measured"}
 EXACT = {"contact_limits": "none"}
 SCHEDULE = {"contacts": [(0.1, ["left", "right"]), (0.05, ["left"]), (0.02, [])]}

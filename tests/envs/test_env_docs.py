@@ -10,21 +10,32 @@ import pytest
 from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.balance_env import BalanceEnv
-from fbid_gym.envs.config import BalanceConfig
+from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.simulation import MAX_SPEED
-from fbid_gym.tasks.balance import FALLEN_HEIGHT, FALLEN_TILT, REWARD_WEIGHTS, TOUCH
+from fbid_gym.envs.tracking_env import TrackingEnv
+from fbid_gym.tasks import TASKS, task_options, tracking
+from fbid_gym.tasks.balance import REWARD_WEIGHTS
+from fbid_gym.tasks.body import FALLEN_HEIGHT, FALLEN_TILT, TOUCH
 
-DOC = BalanceEnv.__doc__
-SECTIONS = dict(
-    re.findall(r"^    ## (.+?)\n(.*?)(?=^    ## |\Z)", DOC, flags=re.MULTILINE | re.DOTALL)
-)
+BALANCE = [name for name, arguments in ENVIRONMENTS.items() if arguments["task"] == "balance"]
+FOLLOWING = [name for name in ENVIRONMENTS if name not in BALANCE]
 
 
-def table(section, header):
+def sections(described):
+    parts = re.findall(
+        r"^    ## (.+?)\n(.*?)(?=^    ## |\Z)", described.__doc__, flags=re.MULTILINE | re.DOTALL
+    )
+    return dict(parts)
+
+
+SECTIONS, TRACKING = sections(BalanceEnv), sections(TrackingEnv)
+
+
+def table(section, header, doc=SECTIONS):
     """Rows of the table that begins with the column `header`; continued lines are joined."""
     rows, inside = [], False
-    for line in SECTIONS[section].splitlines():
+    for line in doc[section].splitlines():
         cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
         if not line.strip().startswith("|"):
             inside = False
@@ -47,15 +58,22 @@ def span(text):
     return range(int(first), int(last or first) + 1)
 
 
-@pytest.fixture(params=ENVIRONMENTS)
+@pytest.fixture(params=BALANCE)
 def env(request):
     made = gym.make(request.param).unwrapped
     made.reset(seed=0)
     return made
 
 
+@pytest.fixture(params=FOLLOWING)
+def follower(request):
+    made = gym.make(request.param).unwrapped
+    made.reset(seed=0)
+    return made
+
+
 def test_the_sections_are_those_of_gymnasium():
-    assert list(SECTIONS) == [
+    assert list(SECTIONS) == list(TRACKING) == [
         "Description",
         "Action Space",
         "Observation Space",
@@ -77,7 +95,7 @@ def test_robots(env):
     )
     assert (int(row[2]), int(row[3])) == (robot.num_joints, robot.num_points)
     assert float(re.search(r"([\d.]+) kg", row[1])[1]) == pytest.approx(robot.mass, rel=0.02)
-    assert len(table("Description", "Id")) == len(ENVIRONMENTS)
+    assert len(table("Description", "Id")) == len(BALANCE)
 
 
 def test_action_tables(env):
@@ -89,7 +107,7 @@ def test_action_tables(env):
         "the same;", options["joint_position"] + ";"
     )
     for name in LAYERS:
-        size = len(BalanceConfig(env.config.robot, name).layer(env.batch.robot).action_names)
+        size = len(EnvConfig(env.config.robot, action_layer=name).layer(env.batch.robot).action_names)
         assert size == (
             env.batch.robot.num_joints if rows[name][1] == "joints" else int(rows[name][1])
         )
@@ -130,10 +148,11 @@ def test_episode_end():
 
 def test_arguments_table():
     rows = {names_in(row[0])[0]: row for row in table("Arguments", "Parameter")}
-    assert list(rows) == [field.name for field in fields(BalanceConfig)] + ["render_mode"]
-    for field in fields(BalanceConfig):
-        default = names_in(rows[field.name][2])[0]
-        assert default == repr(field.default).replace("'", '"'), field.name
+    defaults = {field.name: field.default for field in fields(EnvConfig)} | task_options("balance")
+    del defaults["task_options"]
+    assert rows.keys() == defaults.keys() | {"render_mode"}
+    for name, default in defaults.items():
+        assert names_in(rows[name][2])[0] == repr(default).replace("'", '"'), name
     randomised = set(names_in(rows["randomisation"][3]))
     assert {field.name for field in fields(Randomisation)} <= randomised
 
@@ -166,3 +185,55 @@ def test_info_table(env):
         assert info.keys() <= documented
         optional = {"layer_residual", "layer_underactuation"}
         assert documented - info.keys() == (set() if layer.endswith("acceleration") else optional)
+
+
+def test_following_robots_and_tasks(follower):
+    rows = {names_in(row[0])[0]: row for row in table("Description", "Id", TRACKING)}
+    assert rows.keys() == set(FOLLOWING)
+    row = rows[follower.spec.id]
+    assert row[1] == follower.batch.robot.name
+    assert names_in(row[2])[0] == follower.config.task
+
+
+def test_following_observation_table(follower):
+    task, robot = follower.batch.task, follower.batch.robot
+    names, bound = list(task.observation_names), follower.observation_space.high
+    count = {"n": robot.num_joints, "F": robot.num_feet}
+    at = 0
+    for row in table("Observation Space", "Entries", TRACKING):
+        size = count.get(row[0]) or int(row[0])
+        np.testing.assert_array_equal(bound[at : at + size], float(row[2]))
+        for name in names[at : at + size]:
+            assert [word for word in row[1].split() if word not in name.split()] == []
+        at += size
+    balance = EnvConfig(robot).make_task(robot)
+    assert tuple(names[at:]) == balance.observation_names[1:]
+    np.testing.assert_array_equal(bound[at:], balance.observation_bound[1:])
+
+
+def test_following_reward_table(follower):
+    rows = table("Rewards", "Term", TRACKING)
+    weights = {names_in(row[0])[0]: float(row[1]) for row in rows}
+    assert weights == tracking.REWARD_WEIGHTS
+
+
+def test_following_arguments():
+    """Every option of every task that follows a motion, with its default."""
+    said = {
+        (names_in(row[1])[0], names_in(row[0])[0]): names_in(row[2])[0]
+        for row in table("Arguments", "Parameter", TRACKING)
+    }
+    tasks = {ENVIRONMENTS[name]["task"] for name in FOLLOWING}
+    assert tasks == TASKS.keys() - {"balance"}
+    assert said == {
+        (task, option): repr(default).replace("'", '"')
+        for task in tasks
+        for option, default in task_options(task).items()
+    }
+
+
+def test_following_info_table(follower):
+    *_, info = follower.step(np.zeros(follower.action_space.shape))
+    documented = set(names_in(TRACKING["Info"])) - {"BalanceEnv"}
+    shared = {key for key in info if key.startswith("layer_")}
+    assert info.keys() - shared == documented

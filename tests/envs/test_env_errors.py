@@ -36,7 +36,7 @@ ARGUMENTS = [
     (options("joint_acceleration", natural_frequency="fast"), "natural_frequency: 'fast'"),
     (options(rotation_frequency=0), "Invalid rotation_frequency: 0. Expected a positive"),
     (options(contact_limits="cone"), "contact_limits 'cone'. Valid choices: friction, none."),
-    (options(contacts="some"), "Unknown contacts 'some'. Valid choices: all, measured, a sched"),
+    (options(contacts="some"), "Unknown contacts 'some'. Valid choices: planned, all, measured"),
     (options(contacts=[(1.0, ["arm"])]), "foot in contacts 'arm'. Valid choices: left, right."),
     (options(contacts=[(1.0, "left")]), "Invalid contacts: .*'left'.*Expected phases .seconds >="),
     (options(contacts=[(0.0, ["left"])]), "Invalid contacts: .*Expected phases"),

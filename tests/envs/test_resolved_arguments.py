@@ -10,15 +10,17 @@ import pytest
 from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import BalanceConfig, resolved_arguments
+from fbid_gym.envs.config import EnvConfig, resolved_arguments
 from fbid_gym.errors import UnknownOptionError
+from fbid_gym.tasks import task_options
 
 
 @pytest.mark.parametrize("layer", LAYERS)
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_every_argument_has_a_value_that_json_keeps(name, layer):
     resolved = resolved_arguments(name, {"action_layer": layer})
-    assert resolved.keys() == {field.name for field in fields(BalanceConfig)}
+    own = {field.name for field in fields(EnvConfig)} - {"task_options"}
+    assert resolved.keys() == own | task_options(ENVIRONMENTS[name]["task"]).keys()
     assert resolved["layer_options"].keys() == layer_options(layer).keys()
     assert None not in [*resolved.values(), *resolved["layer_options"].values()]
     assert json.loads(json.dumps(resolved, allow_nan=False)) == resolved

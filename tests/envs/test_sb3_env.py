@@ -10,7 +10,7 @@ import fbid_gym
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 
-BIPED, QUADRUPED = ENVIRONMENTS
+BIPED, QUADRUPED, *_ = ENVIRONMENTS
 ARGUMENTS = {"action_layer": "torque", "episode_seconds": 0.44}
 
 

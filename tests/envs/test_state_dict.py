@@ -8,7 +8,7 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
 
-BIPED, QUADRUPED = ENVIRONMENTS
+BIPED, QUADRUPED, *_ = ENVIRONMENTS
 RANDOM = {"mass": 0.2, "com": 0.01, "friction": (0.5, 1.0), "model_mass": 0.1}
 CASES = [
     *((name, layer, None) for name in ENVIRONMENTS for layer in LAYERS),

@@ -8,8 +8,8 @@ from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.state import Outcome, RobotState
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.tasks import Balance, Pushes
-from fbid_gym.tasks.balance import REWARD_WEIGHTS
+from fbid_gym.tasks import Pushes, Start
+from fbid_gym.tasks.balance import REWARD_WEIGHTS, Balance
 
 HZ = 500
 
@@ -19,9 +19,9 @@ def robot(request):
     return robots.load(request.param)
 
 
-def make_task(robot, **changes):
+def make_task(robot, joint_noise=0.02, velocity_noise=0.05, **changes):
     pushes = Pushes((0.0, 0.1 * robot.weight), 0.15, (1.5, 3.0))
-    return Balance(robot, seconds=10.0, hz=HZ, pushes=pushes, **changes)
+    return Balance.of(robot, 10.0, HZ, pushes, Start(joint_noise, velocity_noise), **changes)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def plans(task, count, seed=0):
 
 def outcome_at(task, qpos, qvel, *, contact=None, tick=None, torque=None):
     """The outcome of a step that ended in these states (N, nq), (N, nv)."""
-    robot, count = task.robot, len(qpos)
+    robot, count = task.body.robot, len(qpos)
     if contact is None:
         contact = np.zeros((count, robot.num_points, 3))
         contact[..., 2] = robot.weight / robot.num_points
@@ -55,13 +55,13 @@ def outcome_at(task, qpos, qvel, *, contact=None, tick=None, torque=None):
 
 
 def at_home(task, count=1):
-    qpos = np.tile(task.robot.home_qpos, (count, 1))
-    return qpos, np.zeros((count, task.robot.nv))
+    qpos = np.tile(task.body.robot.home_qpos, (count, 1))
+    return qpos, np.zeros((count, task.body.robot.nv))
 
 
 def at_random(task, rng, count):
     """Any heading, bent joints, a tilted base, everything moving, random forces and torques."""
-    robot = task.robot
+    robot = task.body.robot
     qpos = np.tile(robot.home_qpos, (count, 1))
     qpos[:, :2] += rng.normal(size=(count, 2))
     for row in qpos:
@@ -113,7 +113,7 @@ def commanded(plan, row, tick):
 
 
 def test_the_observation_is_what_its_names_say(task, rng):
-    robot, plan = task.robot, plans(task, 6)
+    robot, plan = task.body.robot, plans(task, 6)
     qpos, qvel, rest = at_random(task, rng, 6)
     observed = task.observe(outcome_at(task, qpos, qvel, **rest), plan)
     home, home_points, _ = feet_of(robot, robot.home_qpos, np.zeros(robot.nv))
@@ -152,7 +152,7 @@ def test_every_entry_of_the_observation_has_a_name_and_a_bound(task, robot):
 
 
 def test_heading_does_not_matter(task, rng):
-    robot, plan = task.robot, plans(task, 8)
+    robot, plan = task.body.robot, plans(task, 8)
     qpos, qvel, rest = at_random(task, rng, 8)
     outcome = outcome_at(task, qpos, qvel, **rest)
     angle = 2.1
@@ -175,20 +175,20 @@ def test_heading_does_not_matter(task, rng):
 
 def test_standing_perfectly_earns_everything(task):
     plan = plans(task, 1)
-    plan["command"][:] = task.home_height
+    plan["command"][:] = task.body.home_height
     rewards, metrics = task.reward(outcome_at(task, *at_home(task)), plan)
     assert sum(REWARD_WEIGHTS.values()) == pytest.approx(1.0)
     assert rewards.keys() == REWARD_WEIGHTS.keys()
     for name, value in rewards.items():
         assert value == pytest.approx(REWARD_WEIGHTS[name]), name
-    assert metrics["height"] == pytest.approx(task.home_height)
+    assert metrics["height"] == pytest.approx(task.body.home_height)
     assert metrics["height_error"] == pytest.approx(0.0, abs=1e-12)
     assert metrics["slip"] == metrics["power"] == metrics["torque_rms"] == 0.0
 
 
 def test_rewards_are_their_formulas(task, rng):
     """The table of the environment's docstring, computed from MjData."""
-    robot, plan, size = task.robot, plans(task, 20), task.home_height
+    robot, plan, size = task.body.robot, plans(task, 20), task.body.home_height
     qpos, qvel, rest = at_random(task, rng, 20)
     qvel *= 0.2
     rest["torque"] *= 0.5
@@ -261,7 +261,7 @@ def test_a_low_base_has_fallen(task, robot):
         data.xpos[robot.base_body][2] - points[:, 2].mean()
         for data, points, _ in (feet_of(robot, row, np.zeros(robot.nv)) for row in qpos)
     ]
-    low = np.array(height) < 0.6 * task.home_height
+    low = np.array(height) < 0.6 * task.body.home_height
     assert low.any() and not low.all()
     np.testing.assert_array_equal(task.fallen(outcome), low)
 
@@ -271,9 +271,9 @@ def test_commands_are_constant_for_a_while_and_within_range(robot):
     plan = plans(task, 50)
     ticks = np.arange(int(task.seconds * HZ))
     heights = np.array([task.command(plan, np.full(50, tick)) for tick in ticks])
-    assert heights.min() >= 0.85 * task.home_height
-    assert heights.max() <= 1.05 * task.home_height
-    assert heights.mean() == pytest.approx(0.95 * task.home_height, rel=0.01)
+    assert heights.min() >= 0.85 * task.body.home_height
+    assert heights.max() <= 1.05 * task.body.home_height
+    assert heights.mean() == pytest.approx(0.95 * task.body.home_height, rel=0.01)
     for row in range(50):
         changes = np.flatnonzero(np.diff(heights[:, row])) + 1
         gaps = np.diff(np.append(0, changes))

@@ -1,0 +1,74 @@
+"""The Gymnasium environment: `gym.make`."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
+from fbid_gym.envs.vector_env import spaces
+
+
+class RobotEnv(gym.Env):
+    """One robot with one task, driven through one action layer.
+
+    What it is about stands with the task: see `BalanceEnv` and `TrackingEnv`. The arguments are
+    those of `EnvConfig`.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
+
+    def __init__(
+        self, robot: Any = "biped", *, render_mode: str | None = None, **arguments: Any
+    ) -> None:
+        """Build the environment."""
+        check_render_mode(render_mode)
+        self.config = EnvConfig.of({"robot": robot} | arguments)
+        self.batch = EnvBatch(self.config, 1)
+        self.metadata = self.metadata | {"render_fps": self.config.rates().policy}
+        self.observation_space, self.action_space = spaces(self.batch.task, self.batch.layer)
+        self.render_mode = render_mode
+        self._renderer: RobotRenderer | None = None
+        self._only = np.zeros(1, int)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start a new episode."""
+        super().reset(seed=seed)
+        self.batch.seed(0, self.np_random)
+        self.batch.reset(self._only)
+        if self.render_mode == "human":
+            self.render()
+        return self.batch.observation()[0], {}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Hold the action (A,) for one policy step."""
+        step = self.batch.step(self.batch.check_action(action)[None])
+        if self.render_mode == "human":
+            self.render()
+        info = {name: value[0] for name, value in step.info.items()}
+        return (
+            step.observation[0],
+            float(step.reward[0]),
+            bool(step.terminated[0]),
+            bool(step.truncated[0]),
+            info,
+        )
+
+    def render(self) -> np.ndarray | None:
+        """Draw the environment: (H, W, 3) uint8 for "rgb_array", a window for "human"."""
+        if self.render_mode is None:
+            gym.logger.warn("render() without a render_mode draws nothing")
+            return None
+        if self._renderer is None:
+            self._renderer = RobotRenderer(self.batch, self.render_mode)
+        return self._renderer.render(0)
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None

@@ -1,0 +1,91 @@
+"""The environments whose task is to follow a motion, described."""
+
+from fbid_gym.envs.robot_env import RobotEnv
+
+
+class TrackingEnv(RobotEnv):
+    """A robot follows a reference motion: squats, steps or walks.
+
+    ## Description
+    A motion says at every control tick where the joints and the base shall be, how fast, with what
+    acceleration, and which feet stand ([M10] section IV). The robot shall follow it. As everywhere
+    the action layer is exchangeable and everything else stays the same.
+
+    | Id                         | Robot | Task    | Motion                                       |
+    | -------------------------- | ----- | ------- | -------------------------------------------- |
+    | `fbid_gym/BipedSquat-v0`   | biped | `squat` | squat and bow on both feet, [M10] IV.B       |
+
+    All that is not said here is as in `BalanceEnv`.
+
+    ## Action Space
+    As in `BalanceEnv`, with the same options. "Home" is the reference here: the zero action follows
+    the motion as well as the layer can. `joint_position` moves the target of its PD controller with
+    the reference and damps the difference of the velocities; `joint_acceleration` and
+    `base_acceleration` add the reference's acceleration to their feedback and take its planted feet
+    to be in contact (`contacts="planned"`), while a lifted foot swings as its joints follow theirs.
+    `torque` has no feedback: its zero action holds the home stance's torques.
+
+    ## Observation Space
+    A `Box` of float32, the same for every layer; n joints, F feet.
+
+    | Entries | Observation                                                       | Range |
+    | ------- | ----------------------------------------------------------------- | ----- |
+    | 1       | sine of the phase of the motion (1)                               | 1     |
+    | 1       | cosine of the phase of the motion (1)                             | 1     |
+    | 1       | commanded speed (m/s)                                             | 10    |
+    | F       | planned to stand (1)                                              | 1     |
+    | 3       | base of the reference from home (m, support frame)                | 10    |
+    | n       | reference from home (rad)                                         | 10    |
+
+    Then come all entries of `BalanceEnv` but its first, the commanded height.
+
+    ## Rewards
+    The sum of six terms, each between 0 and its weight; the weights sum to 1. With
+    `bell(x) = exp(-x^2)` and H the home height of the base above the contact points:
+
+    | Term       | Weight | Formula                                                                |
+    | ---------- | ------ | ---------------------------------------------------------------------- |
+    | `joints`   | 0.3    | `bell(rms of the joints' errors / 0.1 rad)`                            |
+    | `base`     | 0.2    | `bell(distance of the base from its reference / (0.06 H))`             |
+    | `upright`  | 0.15   | `exp(-(1 - cos(angle)) / (1 - cos(0.2 rad)))`, the angle between the   |
+    |            |        | vertical as base and reference see it                                  |
+    | `velocity` | 0.15   | `bell(horizontal velocity error of the base / (0.3 H per second))`     |
+    | `contact`  | 0.1    | `share of the points that are on the ground or off it as planned *     |
+    |            |        | bell(speed of those on the ground / (0.1 m/s))`                        |
+    | `torque`   | 0.1    | `bell(rms of the torques / (0.3 * mean torque limit))`                 |
+
+    ## Starting State
+    Anywhere in the motion, all moments equally likely, in the posture and with the velocity that
+    the motion has there, facing anywhere, shaken by `joint_noise` and `velocity_noise`. A motion
+    that ends holds its last posture.
+
+    ## Episode End
+    As in `BalanceEnv`: a fall, a divergence, or `episode_seconds`.
+
+    ## Arguments
+    Those of `BalanceEnv` without `height_range` and `height_interval`, and
+
+    | Parameter | Task    | Default | Description                                             |
+    | --------- | ------- | ------- | ------------------------------------------------------- |
+    | `speed`   | `squat` | `1.0`   | How many times faster than the slow motion of [M10]     |
+    |           |         |         | figure 4; figure 5 shows 5                              |
+
+    By default `squat` has no pushes.
+
+    ## Info
+    Beside `torque_rms`, `power`, `slip`, `push`, `torque`, `contact_force`, `termination` and the
+    layer's diagnostics, as in `BalanceEnv`:
+
+    | Key                                     | Meaning                                            |
+    | --------------------------------------- | -------------------------------------------------- |
+    | `reward_joints`, `reward_base`,         | The terms of the reward                            |
+    | `reward_upright`, `reward_velocity`,    |                                                    |
+    | `reward_contact`, `reward_torque`       |                                                    |
+    | `height`, `height_command`,             | m, of the base above the contact points, that of   |
+    | `height_error`                          | the reference, and the difference                  |
+    | `joint_error`                           | rad, rms over the joints                           |
+    | `speed`, `speed_command`                | m/s, of the base along the feet's heading          |
+
+    ## Version History
+    * v0: Initial version.
+    """

@@ -1,0 +1,29 @@
+"""Task `squat`: squat and bow on planted feet, [M10] IV.B."""
+
+from functools import lru_cache
+
+from fbid_gym.motions import squat_bow
+from fbid_gym.robots import Robot
+from fbid_gym.tasks.pushes import Pushes
+from fbid_gym.tasks.start import Start
+from fbid_gym.tasks.tracking import Tracking
+
+
+def squat(
+    robot: Robot, seconds: float, hz: int, pushes: Pushes, start: Start, *, speed: float = 1.0
+) -> Tracking:
+    """Build the task.
+
+    Args:
+        robot: the biped, or one with joints of the same names.
+        seconds: length of an episode.
+        hz: control ticks per second.
+        pushes: the disturbances.
+        start: how an episode begins.
+        speed: of the motion; 1 is the slow one of [M10] figure 4, 5 the fast one of figure 5.
+    """
+    return Tracking.of(robot, seconds, hz, pushes, start, _motion(robot, speed=speed, hz=hz))
+
+
+# Planning takes seconds, and every chunk of a batch asks for the same.
+_motion = lru_cache(maxsize=8)(squat_bow)

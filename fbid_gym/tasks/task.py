@@ -1,0 +1,77 @@
+"""What every task is: what chance decides, what is asked, how it is judged."""
+
+from typing import Protocol
+
+import numpy as np
+
+from fbid_gym.dynamics.state import Outcome
+from fbid_gym.dynamics.support import Support
+from fbid_gym.motions import Reference
+from fbid_gym.tasks.body import Body
+
+Plan = dict[str, np.ndarray]
+"""All that chance decided about the episodes of N robots, one row each: see `Task.draw`."""
+
+
+class Task(Protocol):
+    """A task for one kind of robot.
+
+    A task is immutable and serves any number of robots: what differs between them lies in a `Plan`
+    that the caller keeps.
+    """
+
+    @property
+    def body(self) -> Body:
+        """The robot, and what every task sees of it."""
+        ...
+
+    @property
+    def support(self) -> Support:
+        """The robot's home stance."""
+        ...
+
+    @property
+    def seconds(self) -> float:
+        """Length of an episode."""
+        ...
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """One name per entry of the observation."""
+        ...
+
+    @property
+    def observation_bound(self) -> np.ndarray:
+        """Largest size of each entry of the observation, (O,); observations are clipped to it."""
+        ...
+
+    def draw(self, rng: np.random.Generator) -> Plan:
+        """Draw all that chance decides about one episode; "qpos" and "qvel" are its start."""
+        ...
+
+    def push(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
+        """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
+        ...
+
+    def reference(self, plan: Plan, tick: np.ndarray) -> Reference:
+        """Return the motion that the action layers follow, for ticks (N,)."""
+        ...
+
+    def observe(self, outcome: Outcome, plan: Plan) -> np.ndarray:
+        """Return what the policy sees: (N, O), named by `observation_names`."""
+        ...
+
+    def reward(
+        self, outcome: Outcome, plan: Plan
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Judge a policy step.
+
+        Returns:
+            terms: name -> (N,), each in [0, its weight].
+            metrics: name -> (N,) physical quantities for evaluation.
+        """
+        ...
+
+    def fallen(self, outcome: Outcome) -> np.ndarray:
+        """Return which robots lie: (N,) bool."""
+        ...
