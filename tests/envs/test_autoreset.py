@@ -77,7 +77,7 @@ def test_like_gymnasiums_sync_vector_env(name, mode, rng):
             np.testing.assert_array_equal(*resets)
             if mask.any():
                 np.testing.assert_array_equal(resets[0][~mask], one[0][~mask])
-    assert falls > 3 and cuts > 3
+    assert falls > 3 and cuts > 0
     ours.close()
     theirs.close()
 

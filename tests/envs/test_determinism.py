@@ -7,6 +7,7 @@ import pytest
 
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.robots import load
 
 BIPED, QUADRUPED, *_ = ENVIRONMENTS
 MEASURED = {"contacts": "measured"}
@@ -125,7 +126,8 @@ def test_heading_does_not_matter(name, layer):
     Not to the bit, because a turned state rounds differently. And not from the first step: there a
     foot touches the ground exactly, and rounding decides whether it does.
     """
-    arguments = {"action_layer": layer, "push_interval": (0.15, 0.25)}
+    push = 0.1 * load(ENVIRONMENTS[name]["robot"]).weight
+    arguments = {"action_layer": layer, "push_interval": (0.15, 0.25), "push_force": (push, push)}
     straight, turned = (gym.make_vec(name, num_envs=4, **arguments) for _ in range(2))
     straight.reset(seed=2)
     turned.reset(seed=2)

@@ -73,17 +73,21 @@ def follower(request):
 
 
 def test_the_sections_are_those_of_gymnasium():
-    assert list(SECTIONS) == list(TRACKING) == [
-        "Description",
-        "Action Space",
-        "Observation Space",
-        "Rewards",
-        "Starting State",
-        "Episode End",
-        "Arguments",
-        "Info",
-        "Version History",
-    ]
+    assert (
+        list(SECTIONS)
+        == list(TRACKING)
+        == [
+            "Description",
+            "Action Space",
+            "Observation Space",
+            "Rewards",
+            "Starting State",
+            "Episode End",
+            "Arguments",
+            "Info",
+            "Version History",
+        ]
+    )
 
 
 def test_robots(env):
@@ -107,7 +111,9 @@ def test_action_tables(env):
         "the same;", options["joint_position"] + ";"
     )
     for name in LAYERS:
-        size = len(EnvConfig(env.config.robot, action_layer=name).layer(env.batch.robot).action_names)
+        size = len(
+            EnvConfig(env.config.robot, action_layer=name).layer(env.batch.robot).action_names
+        )
         assert size == (
             env.batch.robot.num_joints if rows[name][1] == "joints" else int(rows[name][1])
         )

@@ -23,7 +23,7 @@ ARGUMENTS = [
     ({"action_layer": None}, f"Unknown action layer None. Valid choices: {ALL_LAYERS}."),
     ({"action_layer": ["torque"]}, r"Unknown action layer \['torque'\]. Valid choices: torque,"),
     ({"action_layr": "torque"}, r"\(did you mean 'action_layer'\?\) 'action_layr'. Valid.*push_f"),
-    ({"zzz": 1}, "Unknown environment argument 'zzz'. Valid choices: robot, action_layer,"),
+    ({"zzz": 1}, "Unknown environment argument 'zzz'. Valid choices: robot, task, action_l"),
     ({"robot": "horse"}, "Unknown robot 'horse'. Valid choices: biped, quadruped."),
     ({"robot": 3}, "Invalid robot: 3. Expected a Robot or one of biped, quadruped."),
     # Options of the layers.

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.robots import load
 
 ARGUMENTS = {"action_layer": "torque", "push_interval": (0.15, 0.25), "episode_seconds": 1.0}
 
@@ -14,7 +15,7 @@ ARGUMENTS = {"action_layer": "torque", "push_interval": (0.15, 0.25), "episode_s
 def test_a_push_in_flight_changes_momentum_by_force_times_duration(name, rates):
     """Without gravity and far above the ground nothing else acts on the robot."""
     # Gentle pushes: a robot turned over would be reset.
-    weight = {"fbid_gym/BipedBalance-v0": 544.0, "fbid_gym/QuadrupedBalance-v0": 27.0}[name]
+    weight = load(ENVIRONMENTS[name]["robot"]).weight
     arguments = ARGUMENTS | rates | {"push_force": (0.01 * weight, 0.1 * weight)}
     env = gym.make_vec(name, num_envs=3, **arguments)
     env.reset(seed=1)

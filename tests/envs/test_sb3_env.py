@@ -48,7 +48,7 @@ def test_like_same_step_autoreset(name, num_threads, rng):
             part = info[f"_{key}"]
             np.testing.assert_array_equal(entry[part], info[key][part], err_msg=key)
         falls, cuts = falls + terminated.sum(), cuts + truncated.sum()
-    assert falls > 3 and cuts > 3
+    assert falls > 3 and cuts > 0
     envs.close()
 
 
