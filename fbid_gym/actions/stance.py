@@ -8,6 +8,8 @@ from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.robots import Robot
 
+_OTHERS_DAMPED = 1.5
+
 
 def _home_terms(robot: Robot) -> DynamicsTerms:
     return MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
@@ -45,10 +47,15 @@ def stance_inertia(robot: Robot) -> np.ndarray:
 
 
 def own_inertia(robot: Robot) -> np.ndarray:
-    """Return the inertia each joint moves in the air: (n,) kg·m².
+    """Return the inertia that bounds each joint's damping in the air: (n,) kg·m².
 
-    With the base free and the other joints at rest, the inverse of the diagonal of M^-1 would let
-    every joint give way; the diagonal of M, with the base held, is what one joint's own controller
-    sees on the time scale of a tick.
+    Damping that is sampled once a tick and held oscillates by itself beyond twice the inertia it
+    acts on, divided by the tick. That inertia lies between two: the diagonal of M, with the base
+    and all other joints held, and the inverse of the diagonal of M^-1, with all of them giving way.
+    The first alone is too much where a heavy shank hangs from a light pelvis. The second counts one
+    and a half times, since the others are damped, too.
     """
-    return np.diag(_home_terms(robot).mass_matrix[0])[6:].copy()
+    matrix = _home_terms(robot).mass_matrix[0]
+    held = np.diag(matrix)
+    giving_way = 1.0 / np.diag(np.linalg.inv(matrix))
+    return np.minimum(held, _OTHERS_DAMPED * giving_way)[6:]

@@ -73,7 +73,7 @@ def test_flight_is_no_special_case(robot, states, name, options):
         np.zeros((16, len(layer.action_names))), state, home_reference(robot), lambda: terms, memory
     )
     assert np.isfinite(torque).all()
-    assert np.abs(torque / robot.torque_limit).max() < 50.0
+    assert np.abs(torque / robot.torque_limit).max() < 100.0
     if options.get("contacts") == "measured":
         np.testing.assert_array_equal(memory["underactuation"], 6.0)
 
@@ -169,7 +169,8 @@ def test_joint_position_gains_follow_from_the_inertia_a_joint_moves_in_stance(ro
         else:
             inertia = matrix[6 + joint, 6 + joint]
         assert layer.stiffness[joint] == pytest.approx(inertia * omega**2)
-        limit = matrix[6 + joint, 6 + joint] * 500
+        alone = 1.0 / np.linalg.inv(matrix)[6 + joint, 6 + joint]
+        limit = min(matrix[6 + joint, 6 + joint], 1.5 * alone) * 500
         assert layer.damping[joint] == pytest.approx(min(2 * ratio * omega * inertia, limit))
 
 

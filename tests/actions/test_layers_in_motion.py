@@ -6,7 +6,7 @@ import pytest
 
 from fbid_gym.actions import LAYERS
 
-IDS = {"biped": "fbid_gym/BipedBalance-v0", "quadruped": "fbid_gym/QuadrupedBalance-v0"}
+ENV = "fbid_gym/BipedBalance-v0"
 CASES = [
     *((layer, {}) for layer in LAYERS),
     ("joint_acceleration", {"contact_limits": "none", "contacts": "measured"}),
@@ -20,7 +20,8 @@ CASES = [
 def test_thrown_half_a_metre_up(robot, layer, options):
     """Everything stays finite, in the air, at touchdown, and lying about."""
     env = gym.make_vec(
-        IDS[robot.name],
+        ENV,
+        robot=robot.name,
         num_envs=4,
         action_layer=layer,
         layer_options=options,
@@ -50,7 +51,7 @@ def test_thrown_half_a_metre_up(robot, layer, options):
 
 @pytest.mark.parametrize("layer", LAYERS)
 def test_info_tells_what_the_layer_did(robot, layer):
-    env = gym.make(IDS[robot.name], action_layer=layer)
+    env = gym.make(ENV, robot=robot.name, action_layer=layer)
     env.reset(seed=0)
     *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
     rewards = {"height", "upright", "position", "stillness", "contact", "torque"}
@@ -65,7 +66,7 @@ def test_info_tells_what_the_layer_did(robot, layer):
 
 
 def test_saturation_is_the_share_of_joints_at_their_limit(robot):
-    env = gym.make(IDS[robot.name], action_layer="torque")
+    env = gym.make(ENV, robot=robot.name, action_layer="torque")
     env.reset(seed=0)
     action = np.zeros(robot.num_joints, np.float32)
     hold = env.unwrapped.batch.layer.hold
