@@ -37,7 +37,7 @@ class ForceSensor:
     White Gaussian noise is added, a first-order low-pass filter follows (exact for a force that is
     constant over a tick), and the result is reported some ticks late. The first measurement of a
     robot fills filter and delay, as if the force had been there for long. Through the filter noise
-    keeps sqrt(b / (2 - b)) of its standard deviation, b = 1 - exp(-2 pi cutoff_hz / control_hz).
+    keeps sqrt((1 - a) / (1 + a)) of its standard deviation, a = exp(-2 pi cutoff_hz / control_hz).
 
     Attributes:
         control_hz: control ticks per second; one measurement a tick.
@@ -70,9 +70,9 @@ class ForceSensor:
                 raise InvalidValueError(name, getattr(self, name), expected)
 
     @property
-    def blend(self) -> float:
-        """Share of the new sample in the filter's output, in (0, 1]."""
-        return -math.expm1(-2.0 * math.pi * self.cutoff_hz / self.control_hz)
+    def memory(self) -> float:
+        """Share of its last output in the filter's next one, a in [0, 1)."""
+        return math.exp(-2.0 * math.pi * self.cutoff_hz / self.control_hz)
 
     def start(self, like: Array) -> ForceSensorState:
         """Return the state of sensors that have not measured yet, for forces like (N, k) `like`."""
@@ -109,8 +109,8 @@ class ForceSensor:
             sample = generator.normal(0.0, self.noise, tuple(force.shape))
             force = force + xp.asarray(sample, dtype=force.dtype, device=force.device)
         started = state.started[:, None]
-        step = self.blend * (force - state.filtered)
-        filtered = xp.where(started, state.filtered + step, force)
+        held = self.memory * (state.filtered - force)
+        filtered = xp.where(started, force + held, force)
         delayed = xp.where(started[..., None], state.delayed, filtered[:, None])
         queue = xp.concat([delayed, filtered[:, None]], axis=1)
         following = ForceSensorState(filtered, queue[:, 1:], xp.ones_like(state.started))

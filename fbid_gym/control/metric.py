@@ -127,8 +127,12 @@ def _check_diagonal(metric: Array, xp: ModuleType) -> None:
     """Raise unless the metric is a diagonal of positive, finite numbers."""
     if metric.ndim != 1 or metric.shape[0] < 6:
         raise ShapeError("metric", tuple(metric.shape), "(nv,) with nv of at least 6")
-    if not xp.all((metric > 0.0) & xp.isfinite(metric)):
-        raise InvalidValueError("metric", metric, "positive, finite numbers")
+    valid = (metric > 0.0) & xp.isfinite(metric)
+    if not xp.all(valid):
+        entry = int(xp.nonzero(~valid)[0][0])
+        raise InvalidValueError(
+            f"metric[{entry}]", float(metric[entry]), "a positive, finite number"
+        )
 
 
 def _cholesky(metric: Array, xp: ModuleType) -> Array:
@@ -138,5 +142,8 @@ def _cholesky(metric: Array, xp: ModuleType) -> Array:
     try:
         factor = xp.linalg.cholesky(xp.where(finite, metric, stand_in))
     except (np.linalg.LinAlgError, RuntimeError):
-        raise InvalidValueError("metric", metric, "symmetric positive definite matrices") from None
+        smallest = xp.min(xp.linalg.eigvalsh(xp.where(finite, metric, stand_in)))
+        raise InvalidValueError(
+            "smallest eigenvalue of metric", float(smallest), "a positive number"
+        ) from None
     return xp.where(finite, factor, xp.nan)

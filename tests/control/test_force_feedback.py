@@ -1,0 +1,351 @@
+"""Eqs. (5) to (8) as printed, against forward dynamics, and what they leave to the forces."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from fbid_gym.control import (
+    actuated_projection,
+    contact_force_of_torque,
+    estimated_force_inverse_dynamics,
+    force_feedback_inverse_dynamics,
+    inertia_weighted_inverse_dynamics,
+    orthogonal_inverse_dynamics,
+)
+from fbid_gym.errors import ShapeError
+
+
+def forward(system: Any, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Accelerations and least contact forces under a torque, by dense least squares."""
+    nv, accelerations, forces = system.bias.shape[1], [], []
+    for i, jacobian in enumerate(system.jacobian):
+        rows = len(jacobian)
+        kkt = np.block([[system.mass_matrix[i], -jacobian.T], [jacobian, np.zeros((rows, rows))]])
+        right = np.concatenate([-system.bias[i], -system.jacobian_bias[i]])
+        right[6:nv] += torque[i]
+        solution = np.linalg.lstsq(kkt, right, rcond=1e-11)[0]
+        accelerations.append(solution[:nv])
+        forces.append(solution[nv:])
+    return np.array(accelerations), np.array(forces)
+
+
+def dual_selection(mass_matrix: np.ndarray) -> np.ndarray:
+    """Sbar^T = (S M^-1 S^T)^-1 S M^-1 of one robot, as the paper writes it."""
+    inverse = np.linalg.inv(mass_matrix)
+    return np.linalg.solve(inverse[6:, 6:], inverse[6:])
+
+
+def achievable(system: Any) -> Any:
+    """The same system with the nearest command that contacts and underactuation allow."""
+    return system._replace(acceleration=orthogonal_inverse_dynamics(*system.law).acceleration)
+
+
+@pytest.fixture
+def torque_of(rng: np.random.Generator) -> Callable[[Any], np.ndarray]:
+    """Random joint torques for a system."""
+    return lambda system: rng.normal(0.0, 30.0, (len(system.bias), system.bias.shape[1] - 6))
+
+
+def test_equations_5_to_8_hold_as_printed(
+    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray]
+) -> None:
+    """Signs included, at a moving robot under any torque; independent rows as in the paper."""
+    system = make_system("four point feet")
+    torque = torque_of(system)
+    acceleration, force = forward(system, torque)
+    nv = system.bias.shape[1]
+    select = np.eye(nv)[6:]
+    for i, jacobian in enumerate(system.jacobian):
+        mass, load = system.mass_matrix[i], system.bias[i]
+        inverse, drift = np.linalg.inv(mass), system.jacobian_bias[i]
+        mobility = jacobian @ inverse @ jacobian.T
+        # (5), solved for the acceleration of the contacts, which is none.
+        unactuated = jacobian @ inverse @ (load - select.T @ torque[i])
+        np.testing.assert_allclose(drift - unactuated + mobility @ force[i], 0.0, atol=1e-8)
+        # (6)
+        expected = np.linalg.solve(mobility, unactuated - drift)
+        np.testing.assert_allclose(force[i], expected, atol=1e-7)
+        # (7)
+        bar = np.linalg.solve(mobility, jacobian @ inverse)  # Jbar^T
+        dual = dual_selection(mass)
+        inertia = np.linalg.inv(select @ inverse @ select.T)
+        kept = np.eye(nv) - jacobian.T @ bar
+        left = inertia @ acceleration[i, 6:] + dual @ kept @ load + dual @ mass @ (bar.T @ drift)
+        np.testing.assert_allclose(left, dual @ kept @ select.T @ torque[i], atol=1e-7)
+        # (8)
+        left = inertia @ acceleration[i, 6:] + dual @ (load - jacobian.T @ force[i])
+        np.testing.assert_allclose(left, torque[i], atol=1e-7)
+
+
+def test_force_of_a_torque_is_that_of_forward_dynamics(
+    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray], contacts: str
+) -> None:
+    system = make_system(contacts)
+    torque = torque_of(system)
+    _, expected = forward(system, torque)
+    mass_matrix, bias, jacobian, _, jacobian_bias = system.law
+    found = contact_force_of_torque(mass_matrix, bias, jacobian, torque, jacobian_bias)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_an_applied_torque_comes_back_from_eq_8(
+    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray], contacts: str
+) -> None:
+    system = make_system(contacts)
+    torque = torque_of(system)
+    acceleration, force = forward(system, torque)
+    found = force_feedback_inverse_dynamics(*system._replace(acceleration=acceleration).law, force)
+    np.testing.assert_allclose(found.torque, torque, atol=1e-6)
+    np.testing.assert_allclose(found.acceleration, acceleration, atol=1e-6)
+    np.testing.assert_array_equal(found.contact_force, force)
+
+
+def test_eq_8_to_the_letter_for_any_force(
+    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
+) -> None:
+    """A force that fits nothing, too; and the base acceleration is the one it causes."""
+    system = make_system(contacts)
+    force = rng.normal(0.0, 100.0, system.jacobian_bias.shape)
+    found = force_feedback_inverse_dynamics(*system.law, force)
+    applied = np.matvec(system.jacobian.mT, force)
+    for i, mass in enumerate(system.mass_matrix):
+        inertia = np.linalg.inv(np.linalg.inv(mass)[6:, 6:])
+        torque = inertia @ system.acceleration[i, 6:]
+        torque += dual_selection(mass) @ (system.bias[i] - applied[i])
+        np.testing.assert_allclose(found.torque[i], torque, atol=1e-7)
+    residual = np.matvec(system.mass_matrix, found.acceleration) + system.bias - applied
+    residual[:, 6:] -= found.torque
+    np.testing.assert_allclose(residual, 0.0, atol=1e-8)
+    np.testing.assert_array_equal(found.acceleration[:, 6:], system.acceleration[:, 6:])
+
+
+def test_base_rows_of_the_command_do_not_enter_eq_8(
+    make_system: Callable[..., Any], rng: np.random.Generator
+) -> None:
+    system = make_system("two flat feet")
+    force = rng.normal(0.0, 100.0, system.jacobian_bias.shape)
+    other = system.acceleration.copy()
+    other[:, :6] += rng.normal(0.0, 10.0, (len(other), 6))
+    first = force_feedback_inverse_dynamics(*system.law, force)
+    second = force_feedback_inverse_dynamics(*system._replace(acceleration=other).law, force)
+    np.testing.assert_array_equal(first.torque, second.torque)
+
+
+def test_a_wrong_force_costs_what_the_law_says(
+    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
+) -> None:
+    """Torque off by -Sbar^T J^T dF; acceleration by what forward dynamics make of that."""
+    system = achievable(make_system(contacts))
+    right = orthogonal_inverse_dynamics(*system.law)
+    error = rng.normal(0.0, 20.0, right.contact_force.shape)
+    found = force_feedback_inverse_dynamics(*system.law, right.contact_force + error)
+    achieved, _ = forward(system, found.torque)
+    joints = slice(6, None)
+    for i, jacobian in enumerate(system.jacobian):
+        wrong = -dual_selection(system.mass_matrix[i]) @ jacobian.T @ error[i]
+        np.testing.assert_allclose(found.torque[i] - right.torque[i], wrong, atol=1e-6)
+        inverse = np.linalg.inv(system.mass_matrix[i])
+        mobility = np.linalg.pinv(jacobian @ inverse @ jacobian.T, rcond=1e-10, hermitian=True)
+        response = inverse - inverse @ jacobian.T @ mobility @ jacobian @ inverse
+        moved = response[:, joints] @ wrong
+        np.testing.assert_allclose(achieved[i] - system.acceleration[i], moved, atol=1e-5)
+
+
+def test_wrongly_measured_internal_forces_move_nothing(make_system: Callable[..., Any]) -> None:
+    """Errors that the base does not feel change the squeeze between the feet, not the motion."""
+    system = achievable(make_system("two flat feet"))
+    right = orthogonal_inverse_dynamics(*system.law)
+    left = np.linalg.svd(system.jacobian[:, :, :6])[0]
+    internal = 50.0 * left[:, :, 6:].sum(axis=-1)
+    found = force_feedback_inverse_dynamics(*system.law, right.contact_force + internal)
+    assert np.abs(found.torque - right.torque).max() > 1.0
+    achieved, _ = forward(system, found.torque)
+    np.testing.assert_allclose(achieved, system.acceleration, atol=1e-6)
+
+
+def test_projection_is_the_papers_and_its_rank_what_contacts_leave(
+    make_system: Callable[..., Any], contacts: str
+) -> None:
+    system = make_system(contacts)
+    operator, rank = actuated_projection(system.mass_matrix, system.jacobian)
+    joints = system.bias.shape[1] - 6
+    np.testing.assert_array_equal(rank, joints - system.rank + 6 - system.underactuation)
+    for i, jacobian in enumerate(system.jacobian):
+        inverse = np.linalg.inv(system.mass_matrix[i])
+        bar = np.linalg.pinv(jacobian @ inverse @ jacobian.T, rcond=1e-10, hermitian=True)
+        bar = bar @ jacobian @ inverse
+        kept = (np.eye(joints + 6) - jacobian.T @ bar)[:, 6:]
+        expected = dual_selection(system.mass_matrix[i]) @ kept
+        np.testing.assert_allclose(operator[i], expected, atol=1e-8)
+        values = np.linalg.eigvals(operator[i])
+        np.testing.assert_allclose(values.imag, 0.0, atol=1e-6)
+        assert values.real.min() > -1e-6
+        assert values.real.max() < 1.0 + 1e-6
+        assert (values.real < 1e-7).sum() == joints - rank[i]
+
+
+@pytest.mark.parametrize(
+    ("contacts", "lacking"),
+    [("one flat foot", 0), ("two flat feet", 6), ("four point feet", 6), ("trot pair", 1)],
+)
+def test_what_the_projection_lacks_presses_the_contacts_together(
+    make_system: Callable[..., Any],
+    torque_of: Callable[[Any], np.ndarray],
+    contacts: str,
+    lacking: int,
+) -> None:
+    """Torques in the null space of eq. (7)'s operator change contact forces and no motion."""
+    system = make_system(contacts)
+    operator, rank = actuated_projection(system.mass_matrix, system.jacobian)
+    np.testing.assert_array_equal(operator.shape[1] - rank, lacking)
+    if lacking:
+        torque = torque_of(system)
+        before, force = forward(system, torque)
+        idle = np.linalg.svd(operator)[2][:, -1]
+        after, pressed = forward(system, torque + 100.0 * idle)
+        np.testing.assert_allclose(after, before, atol=1e-5)
+        assert (np.linalg.norm(pressed - force, axis=1) > 1.0).all()
+
+
+@pytest.mark.parametrize(
+    "contacts",
+    ["one flat foot", "two flat feet", "flat foot and toe", "two edges", "four point feet"],
+)
+def test_eq_7_gives_the_torque_of_eq_15_whatever_the_inertia(
+    make_system: Callable[..., Any], contacts: str
+) -> None:
+    """Where contacts hold the base: a model of other masses shifts both laws by the same."""
+    system = achievable(make_system(contacts))
+    wrong = make_system(contacts)
+    for mass_matrix, bias in ((system.mass_matrix, system.bias), (wrong.mass_matrix, wrong.bias)):
+        model = system._replace(mass_matrix=mass_matrix, bias=bias)
+        expected = orthogonal_inverse_dynamics(*model.law)
+        found = inertia_weighted_inverse_dynamics(*model.law)
+        np.testing.assert_allclose(found.torque, expected.torque, atol=1e-6)
+        np.testing.assert_allclose(found.acceleration, system.acceleration, atol=1e-6)
+        np.testing.assert_allclose(found.contact_force, expected.contact_force, atol=1e-5)
+
+
+def test_eq_7_achieves_what_it_says(make_system: Callable[..., Any], contacts: str) -> None:
+    """Underactuated too, where joints do as commanded and the base what is left to it."""
+    system = achievable(make_system(contacts))
+    found = inertia_weighted_inverse_dynamics(*system.law)
+    acceleration, force = forward(system, found.torque)
+    np.testing.assert_allclose(found.acceleration, acceleration, atol=1e-6)
+    np.testing.assert_allclose(found.contact_force, force, atol=1e-5)
+    np.testing.assert_allclose(found.acceleration[:, 6:], system.acceleration[:, 6:], atol=1e-6)
+    impossible = make_system(contacts)
+    found = inertia_weighted_inverse_dynamics(*impossible.law)
+    acceleration, _ = forward(impossible, found.torque)
+    np.testing.assert_allclose(found.acceleration, acceleration, atol=1e-6)
+
+
+def test_the_previous_torque_iterates_towards_eq_7(
+    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray], contacts: str
+) -> None:
+    """Ticks at a fixed state: error (1 - O)^k times the first, and never gone where O is zero."""
+    system = achievable(make_system(contacts))
+    goal = inertia_weighted_inverse_dynamics(*system.law).torque
+    operator, _ = actuated_projection(system.mass_matrix, system.jacobian)
+    start = torque_of(system)
+    torque = start
+    for _ in range(10):
+        torque = estimated_force_inverse_dynamics(*system.law, torque).torque
+    shrink = np.linalg.matrix_power(np.eye(operator.shape[1]) - operator, 10)
+    np.testing.assert_allclose(torque, goal + np.matvec(shrink, start - goal), atol=1e-5)
+    # S M^-1 S^T (torque - start) has no part in the null space of O: that part stays.
+    inverse = np.linalg.inv(system.mass_matrix)[:, 6:, 6:]
+    for i, lost in enumerate(system.bias.shape[1] - 6 - np.linalg.matrix_rank(operator, 1e-7)):
+        idle = np.linalg.svd(operator[i])[2][len(operator[i]) - lost :]
+        np.testing.assert_allclose(idle @ inverse[i] @ (torque - start)[i], 0.0, atol=1e-6)
+
+
+def test_applied_feedback_adds_up_where_eq_7_is_blind(make_system: Callable[..., Any]) -> None:
+    """A constant feedback torque, part of what was applied: the feedforward winds up."""
+    system = achievable(make_system("two flat feet", count=1))
+    operator, _ = actuated_projection(system.mass_matrix, system.jacobian)
+    feedback = np.linalg.svd(operator)[2][:, -1]
+    torque = inertia_weighted_inverse_dynamics(*system.law).torque
+    first = torque
+    for _ in range(100):
+        torque = estimated_force_inverse_dynamics(*system.law, torque + feedback).torque
+    np.testing.assert_allclose(torque, first + 100.0 * feedback, atol=1e-4)
+
+
+def test_force_laws_on_torch_equal_numpy(
+    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray], contacts: str
+) -> None:
+    system = make_system(contacts)
+    torque, force = torque_of(system), np.ones_like(system.jacobian_bias)
+    tensors = [torch.from_numpy(x) for x in system.law]
+    pairs = [
+        (
+            force_feedback_inverse_dynamics(*system.law, force),
+            force_feedback_inverse_dynamics(*tensors, torch.from_numpy(force)),
+        ),
+        (
+            estimated_force_inverse_dynamics(*system.law, torque),
+            estimated_force_inverse_dynamics(*tensors, torch.from_numpy(torque)),
+        ),
+        (
+            inertia_weighted_inverse_dynamics(*system.law),
+            inertia_weighted_inverse_dynamics(*tensors),
+        ),
+        (
+            actuated_projection(system.mass_matrix, system.jacobian),
+            actuated_projection(tensors[0], tensors[2]),
+        ),
+    ]
+    for here, there in pairs:
+        for expected, found in zip(here, there, strict=True):
+            assert isinstance(found, torch.Tensor)
+            np.testing.assert_allclose(found.numpy(), expected, atol=1e-5)
+
+
+def test_a_sick_robot_harms_no_other_in_the_force_laws(
+    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray]
+) -> None:
+    system = make_system("two flat feet")
+    torque = torque_of(system)
+    sick = system._replace(
+        mass_matrix=system.mass_matrix.copy(),
+        bias=system.bias.copy(),
+        jacobian=system.jacobian.copy(),
+    )
+    sick.mass_matrix[1], sick.bias[1], sick.jacobian[1] = np.nan, np.nan, np.nan
+    for healthy, other in (
+        (
+            estimated_force_inverse_dynamics(*system.law, torque),
+            estimated_force_inverse_dynamics(*sick.law, torque),
+        ),
+        (
+            inertia_weighted_inverse_dynamics(*system.law),
+            inertia_weighted_inverse_dynamics(*sick.law),
+        ),
+    ):
+        for before, after in zip(healthy, other, strict=True):
+            np.testing.assert_array_equal(np.delete(before, 1, 0), np.delete(after, 1, 0))
+
+
+def test_the_force_laws_name_a_wrong_shape(make_system: Callable[..., Any]) -> None:
+    system = make_system("one point")
+    force, torque = system.jacobian_bias, system.bias[:, 6:]
+    with pytest.raises(ShapeError, match=r"contact_force has shape .* Expected \(N, k\)"):
+        force_feedback_inverse_dynamics(*system.law, force[:, :-1])
+    with pytest.raises(ShapeError, match=r"torque has shape .* Expected \(N, n\)"):
+        estimated_force_inverse_dynamics(*system.law, torque[:, :-1])
+    with pytest.raises(ShapeError, match=r"mass_matrix has shape .* Expected \(N, nv, nv\)"):
+        actuated_projection(system.mass_matrix[:, 1:], system.jacobian)
+    with pytest.raises(ShapeError, match=r"jacobian has shape .* Expected \(N, k, nv\)"):
+        actuated_projection(system.mass_matrix, system.jacobian[0])
+    wrong = system._replace(bias=system.bias[:, 1:])
+    for law, extra in (
+        (force_feedback_inverse_dynamics, [force]),
+        (estimated_force_inverse_dynamics, [torque]),
+        (inertia_weighted_inverse_dynamics, []),
+    ):
+        with pytest.raises(ShapeError, match=r"bias has shape .* Expected \(N, nv\)"):
+            law(*wrong.law, *extra)

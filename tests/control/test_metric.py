@@ -1,0 +1,282 @@
+"""Homogeneous metrics on a robot whose legs slide: units must not choose the torque."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import torch
+
+from fbid_gym.control import (
+    InverseDynamics,
+    estimated_force_inverse_dynamics,
+    length_metric,
+    metric_inverse_dynamics,
+    metric_torque_cost,
+    orthogonal_inverse_dynamics,
+)
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.robots import Robot
+
+LEG = 0.4  # m
+ROTARY = [True, True, False] * 4
+MILLIMETRES = 1000.0
+
+
+def telescopic(unit: float) -> str:
+    """Four legs of two hinges and a slide each, all lengths in multiples of 1 m / unit."""
+
+    def length(*values: float) -> str:
+        return " ".join(f"{unit * value:.17g}" for value in values)
+
+    def moments(*values: float) -> str:
+        return " ".join(f"{unit * unit * value:.17g}" for value in values)
+
+    legs, motors = "", ""
+    for number, (x, y) in enumerate(((0.3, 0.2), (0.3, -0.2), (-0.3, 0.2), (-0.3, -0.2))):
+        legs += f"""
+        <body name="hip{number}" pos="{length(x, y, 0.0)}">
+          <joint name="roll{number}" axis="1 0 0"/>
+          <inertial pos="0 0 0" mass="1" diaginertia="{moments(0.01, 0.01, 0.01)}"/>
+          <body name="thigh{number}">
+            <joint name="pitch{number}" axis="0 1 0"/>
+            <inertial pos="{length(0.0, 0.0, -0.1)}" mass="2"
+                diaginertia="{moments(0.02, 0.02, 0.004)}"/>
+            <body name="shank{number}" pos="{length(0.0, 0.0, -0.2)}">
+              <joint name="slide{number}" type="slide" axis="0 0 1"/>
+              <inertial pos="{length(0.0, 0.0, -0.1)}" mass="1.5"
+                  diaginertia="{moments(0.01, 0.01, 0.002)}"/>
+              <site name="foot{number}" pos="{length(0.0, 0.0, -0.2)}"/>
+            </body>
+          </body>
+        </body>"""
+        for joint in ("roll", "pitch", "slide"):
+            motors += f'<motor joint="{joint}{number}" ctrlrange="-1 1" gear="{unit * unit}"/>'
+    return f"""
+    <mujoco>
+      <compiler angle="radian"/>
+      <option gravity="0 0 {-9.81 * unit:.17g}"/>
+      <worldbody>
+        <geom name="floor" type="plane" size="{length(10, 10, 1)}"/>
+        <body name="trunk">
+          <freejoint/>
+          <inertial pos="0 0 0" mass="20" diaginertia="{moments(0.4, 0.8, 1.0)}"/>
+          {legs}
+        </body>
+      </worldbody>
+      <actuator>{motors}</actuator>
+    </mujoco>"""
+
+
+class Case(NamedTuple):
+    """The arguments of a law for the same states, in one system of units."""
+
+    law: tuple[np.ndarray, ...]
+    velocity_unit: np.ndarray  # (nv,) what 1 m/s or 1 rad/s is in these units
+
+
+@pytest.fixture(scope="module")
+def describe(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Case]:
+    """`describe(unit, consistent)`: a standing robot, moving fast, with a random command."""
+
+    def make(unit: float, consistent: bool = False) -> Case:
+        path: Path = tmp_path_factory.mktemp("robot") / "telescopic.xml"
+        path.write_text(telescopic(unit))
+        robot = Robot.from_mjcf(path, feet=[f"foot{number}" for number in range(4)])
+        scale = np.array([unit] * 3 + [1.0] * 3 + [1.0 if turns else unit for turns in ROTARY])
+        rng = np.random.default_rng(11)
+        qpos = np.tile(robot.home_qpos, (5, 1))
+        qpos[:, 7:] += rng.normal(0.0, 0.1, (5, 12)) * scale[6:]
+        qvel = rng.normal(0.0, 0.5, (5, robot.nv)) * scale
+        terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+        contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+        law = [terms.mass_matrix, terms.bias, contacts.jacobian]
+        command = rng.normal(0.0, 2.0, qvel.shape) * scale
+        if consistent:
+            # Least in the same metric in all units, so that it is the same command.
+            metric = length_metric(ROTARY, LEG * unit)
+            held = metric_inverse_dynamics(*law, command, contacts.bias, metric)
+            command = held.acceleration
+        return Case((*law, command, contacts.bias), scale)
+
+    return make
+
+
+def convert(solution: InverseDynamics, unit: np.ndarray, to: float) -> InverseDynamics:
+    """A solution in metres, told in other units: torque x velocity is a power."""
+    power = to * to
+    return solution._replace(
+        torque=solution.torque * power / unit[6:],
+        acceleration=solution.acceleration * unit,
+        contact_force=solution.contact_force * to,
+    )
+
+
+@pytest.mark.parametrize("metric", ["length", "inertia"])
+@pytest.mark.parametrize("consistent", [False, True])
+def test_with_a_metric_units_do_not_matter(
+    describe: Callable[..., Case], metric: str, consistent: bool
+) -> None:
+    """Torque and achieved acceleration, even for a command that the contacts do not allow."""
+    metres, other = describe(1.0, consistent), describe(MILLIMETRES, consistent)
+    solutions = [
+        metric_inverse_dynamics(
+            *case.law,
+            length_metric(ROTARY, LEG * unit) if metric == "length" else case.law[0],
+        )
+        for case, unit in ((metres, 1.0), (other, MILLIMETRES))
+    ]
+    expected = convert(solutions[0], other.velocity_unit, MILLIMETRES)
+    for name in ("torque", "acceleration", "contact_force"):
+        there, here = getattr(expected, name), getattr(solutions[1], name)
+        np.testing.assert_allclose(here, there, rtol=1e-6, atol=1e-6 * np.abs(there).max())
+    np.testing.assert_array_equal(solutions[1].rank, 12)
+    np.testing.assert_array_equal(solutions[1].underactuation, 0)
+
+
+def test_without_a_metric_units_choose_the_torque(describe: Callable[..., Case]) -> None:
+    """The plain law: a tenth or more of the torque depends on how long a metre is."""
+    solutions = []
+    for unit in (1.0, 10.0):
+        case = describe(unit, consistent=True)
+        solutions.append(orthogonal_inverse_dynamics(*case.law))
+    expected = convert(solutions[0], case.velocity_unit, 10.0)
+    np.testing.assert_allclose(solutions[1].acceleration, expected.acceleration, atol=1e-6)
+    off = np.linalg.norm((solutions[1].torque - expected.torque) / expected.torque, axis=1)
+    assert (off > 0.1).all()
+
+
+def test_hinges_alone_need_no_metric(make_system: Callable[..., Any]) -> None:
+    """All joints alike: a length metric scales every torque's cost and changes nothing."""
+    system = make_system("two flat feet")
+    plain = orthogonal_inverse_dynamics(*system.law)
+    system = system._replace(acceleration=plain.acceleration)
+    metric = length_metric([True] * (system.bias.shape[1] - 6), LEG)
+    found = metric_inverse_dynamics(*system.law, metric)
+    np.testing.assert_allclose(found.torque, plain.torque, atol=1e-7)
+
+
+def random_metrics(rng: np.random.Generator, count: int, size: int) -> np.ndarray:
+    """(count, size, size) symmetric positive definite."""
+    factor = rng.normal(size=(count, size, size + 3))
+    return factor @ factor.mT / size
+
+
+def test_no_torque_with_the_same_motion_is_cheaper_in_the_metric(
+    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
+) -> None:
+    """W = S B^-1 S^T for any B; and the correction of the command is B-orthogonal to motions."""
+    system = make_system(contacts)
+    count, nv = system.bias.shape
+    metric = random_metrics(rng, count, nv)
+    found = metric_inverse_dynamics(*system.law, metric)
+    np.testing.assert_array_equal(found.rank, system.rank)
+    np.testing.assert_array_equal(found.underactuation, system.underactuation)
+    residual = np.matvec(system.mass_matrix, found.acceleration) + system.bias
+    residual -= np.matvec(system.jacobian.mT, found.contact_force)
+    residual[:, 6:] -= found.torque
+    np.testing.assert_allclose(residual, 0.0, atol=1e-6)
+    motion = np.matvec(system.jacobian, found.acceleration) + system.jacobian_bias
+    np.testing.assert_allclose(motion, 0.0, atol=1e-8)
+    select = np.eye(nv)[6:]
+    for i, jacobian in enumerate(system.jacobian):
+        stacked = np.concatenate([select.T, jacobian.T], axis=1)
+        right = np.linalg.svd(stacked)[2][np.linalg.matrix_rank(stacked, 1e-8) :]
+        cost = np.linalg.inv(metric[i])[6:, 6:]
+        np.testing.assert_allclose(right[:, : nv - 6] @ cost @ found.torque[i], 0.0, atol=1e-6)
+        _, sizes, right = np.linalg.svd(jacobian[:, :6], full_matrices=True)
+        beyond = right[int((sizes > 1e-9).sum()) :] @ system.mass_matrix[i, :6]
+        fixed = np.concatenate([jacobian, beyond])
+        free = np.linalg.svd(fixed)[2][np.linalg.matrix_rank(fixed, 1e-8) :]
+        change = metric[i] @ (found.acceleration[i] - system.acceleration[i])
+        np.testing.assert_allclose(free @ change, 0.0, atol=1e-6)
+
+
+def test_a_diagonal_metric_is_a_torque_cost(
+    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
+) -> None:
+    """[M10] eq. (16) with W = S B^-1 S^T, once the command is achievable; and B as a matrix."""
+    system = make_system(contacts)
+    achieved = orthogonal_inverse_dynamics(*system.law).acceleration
+    system = system._replace(acceleration=achieved)
+    count, nv = system.bias.shape
+    metric = np.exp(rng.normal(size=nv))
+    found = metric_inverse_dynamics(*system.law, metric)
+    weighted = orthogonal_inverse_dynamics(*system.law, torque_cost=metric_torque_cost(metric))
+    np.testing.assert_allclose(found.torque, weighted.torque, atol=1e-6)
+    np.testing.assert_allclose(found.acceleration, weighted.acceleration, atol=1e-7)
+    dense = metric_inverse_dynamics(*system.law, np.tile(np.diag(metric), (count, 1, 1)))
+    for one, other in zip(found, dense, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-6)
+
+
+def test_the_inertia_metric_is_where_previous_torques_lead(
+    make_system: Callable[..., Any],
+) -> None:
+    """Eq. (8) fed by eq. (6), from no torque: it ends at the least torque in S M^-1 S^T."""
+    system = make_system("two flat feet", count=1)
+    achieved = orthogonal_inverse_dynamics(*system.law).acceleration
+    system = system._replace(acceleration=achieved)
+    expected = metric_inverse_dynamics(*system.law, system.mass_matrix)
+    torque = np.zeros_like(expected.torque)
+    for _ in range(3000):
+        torque = estimated_force_inverse_dynamics(*system.law, torque).torque
+    np.testing.assert_allclose(torque, expected.torque, atol=1e-3)
+    plain = orthogonal_inverse_dynamics(*system.law).torque
+    assert np.abs(plain - expected.torque).max() > 1.0
+
+
+def test_length_metric_says_what_a_radian_counts() -> None:
+    metric = length_metric([True, False], 0.5)
+    np.testing.assert_array_equal(metric, [1, 1, 1, 0.25, 0.25, 0.25, 0.25, 1])
+    np.testing.assert_array_equal(metric_torque_cost(metric), [4.0, 1.0])
+
+
+def test_metrics_on_torch_equal_numpy(
+    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
+) -> None:
+    system = make_system(contacts)
+    count, nv = system.bias.shape
+    tensors = [torch.from_numpy(x) for x in system.law]
+    for metric in (np.exp(rng.normal(size=nv)), random_metrics(rng, count, nv)):
+        expected = metric_inverse_dynamics(*system.law, metric)
+        found = metric_inverse_dynamics(*tensors, torch.from_numpy(metric))
+        for here, there in zip(expected, found, strict=True):
+            assert isinstance(there, torch.Tensor)
+            np.testing.assert_allclose(there.numpy(), here, atol=1e-5)
+
+
+def test_a_sick_robot_harms_no_other_in_its_metric(make_system: Callable[..., Any]) -> None:
+    system = make_system("two flat feet")
+    healthy = metric_inverse_dynamics(*system.law, system.mass_matrix)
+    mass_matrix = system.mass_matrix.copy()
+    mass_matrix[1] = np.nan
+    sick = metric_inverse_dynamics(*system._replace(mass_matrix=mass_matrix).law, mass_matrix)
+    assert np.isnan(sick.torque[1]).all()
+    for before, after in zip(healthy, sick, strict=True):
+        np.testing.assert_array_equal(np.delete(before, 1, 0), np.delete(after, 1, 0))
+
+
+def test_metrics_name_what_is_wrong(make_system: Callable[..., Any]) -> None:
+    system = make_system("one point")
+    nv = system.bias.shape[1]
+    for bad in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(InvalidValueError, match="Invalid length.*positive"):
+            length_metric([True], bad)
+        metric = np.ones(nv)
+        metric[4] = bad
+        with pytest.raises(InvalidValueError, match=r"Invalid metric\[4\]: .*positive"):
+            metric_inverse_dynamics(*system.law, metric)
+        with pytest.raises(InvalidValueError, match=r"Invalid metric\[4\]: .*positive"):
+            metric_torque_cost(metric)
+    with pytest.raises(InvalidValueError, match="smallest eigenvalue of metric: -.*positive"):
+        metric_inverse_dynamics(*system.law, -system.mass_matrix)
+    with pytest.raises(ShapeError, match=r"metric has shape .* Expected \(nv,\)"):
+        metric_inverse_dynamics(*system.law, np.ones(nv - 1))
+    with pytest.raises(ShapeError, match=r"metric has shape .* Expected \(nv,\) or \(N, nv, nv\)"):
+        metric_inverse_dynamics(*system.law, np.ones((2, nv)))
+    with pytest.raises(ShapeError, match=r"metric has shape .* Expected \(nv,\)"):
+        metric_torque_cost(system.mass_matrix)

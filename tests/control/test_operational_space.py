@@ -1,0 +1,315 @@
+"""Eqs. (19) and (20) against the stacked pseudo-inverse, and what happens where it has none."""
+
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+import torch
+
+from fbid_gym import robots
+from fbid_gym.control import (
+    floating_base_inverse_kinematics,
+    operational_space_acceleration,
+    orthogonal_inverse_dynamics,
+    task_acceleration,
+)
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.contacts import ContactGeometry, point_positions, reduced_contacts
+from fbid_gym.errors import InvalidValueError, ShapeError
+
+EXACT = {"least_gain": 1e-4}
+
+
+def task_of(rng: np.random.Generator, system: Any, rows: int) -> tuple[np.ndarray, ...]:
+    """J_t, Jdot_t v and a wanted acceleration, for a task that any free motion can serve."""
+    count, nv = system.bias.shape
+    return (
+        rng.normal(size=(count, rows, nv)),
+        rng.normal(size=(count, rows)),
+        rng.normal(size=(count, rows)),
+    )
+
+
+@pytest.mark.parametrize("rows", [1, 2, 4])
+@pytest.mark.parametrize("with_reference", [False, True])
+def test_equals_the_stacked_pseudo_inverse(
+    make_system: Callable[..., Any],
+    rng: np.random.Generator,
+    contacts: str,
+    rows: int,
+    with_reference: bool,
+) -> None:
+    system = make_system(contacts)
+    task_jacobian, task_bias, task = task_of(rng, system, rows)
+    reference = system.acceleration if with_reference else np.zeros_like(system.acceleration)
+    found = operational_space_acceleration(
+        system.jacobian,
+        system.jacobian_bias,
+        task_jacobian,
+        task_bias,
+        task,
+        reference if with_reference else None,
+        **EXACT,
+    )
+    kinematics = floating_base_inverse_kinematics(
+        system.jacobian, task_jacobian, task, reference if with_reference else None, **EXACT
+    )
+    for i, jacobian in enumerate(system.jacobian):
+        stacked = np.concatenate([jacobian, task_jacobian[i]])
+        inverse = np.linalg.pinv(stacked, rcond=1e-9)
+        still = np.concatenate([np.zeros(len(jacobian)), task[i]])
+        drift = np.concatenate([system.jacobian_bias[i], task_bias[i]])
+        expected = reference[i] + inverse @ (still - drift - stacked @ reference[i])
+        np.testing.assert_allclose(found.motion[i], expected, atol=1e-7)
+        expected = reference[i] + inverse @ (still - stacked @ reference[i])
+        np.testing.assert_allclose(kinematics.motion[i], expected, atol=1e-7)
+    np.testing.assert_allclose(found.task_error, 0.0, atol=1e-8)
+    np.testing.assert_allclose(kinematics.task_error, 0.0, atol=1e-8)
+
+
+def test_one_task_jacobian_serves_all_robots(make_system: Callable[..., Any]) -> None:
+    """J_b,xy in coordinates with the base's position first; its rate is zero."""
+    system = make_system("two flat feet")
+    count, nv = system.bias.shape
+    rows = np.eye(nv)[:2]
+    task = np.tile([0.3, -0.2], (count, 1))
+    arguments = (system.jacobian, system.jacobian_bias)
+    found = operational_space_acceleration(*arguments, rows, None, task, **EXACT)
+    np.testing.assert_allclose(found.motion[:, :2], task, atol=1e-9)
+    batched, zeros = np.broadcast_to(rows, (count, 2, nv)), np.zeros((count, 2))
+    again = operational_space_acceleration(*arguments, batched, zeros, task, **EXACT)
+    np.testing.assert_array_equal(found.motion, again.motion)
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+def test_motion_is_the_nearest_to_the_reference(
+    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str, weighted: bool
+) -> None:
+    """The change from the reference costs nothing in any direction that stays free."""
+    system = make_system(contacts)
+    task_jacobian, task_bias, task = task_of(rng, system, 3)
+    cost = np.exp(rng.normal(size=system.bias.shape[1])) if weighted else None
+    found = operational_space_acceleration(
+        system.jacobian,
+        system.jacobian_bias,
+        task_jacobian,
+        task_bias,
+        task,
+        system.acceleration,
+        motion_cost=cost,
+        **EXACT,
+    )
+    change = (found.motion - system.acceleration) * (1.0 if cost is None else cost)
+    for i, jacobian in enumerate(system.jacobian):
+        stacked = np.concatenate([jacobian, task_jacobian[i]])
+        motion = stacked @ found.motion[i]
+        motion += np.concatenate([system.jacobian_bias[i], task_bias[i]])
+        motion[len(jacobian) :] -= task[i]
+        np.testing.assert_allclose(motion, 0.0, atol=1e-7)
+        right = np.linalg.svd(stacked)[2][np.linalg.matrix_rank(stacked, 1e-8) :]
+        np.testing.assert_allclose(right @ change[i], 0.0, atol=1e-6)
+
+
+def test_contacts_outrank_a_task_that_contradicts_them(
+    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
+) -> None:
+    """Lift a planted foot: it stays, the error says so, and the rest of the task is served."""
+    system = make_system(contacts)
+    count, nv = system.bias.shape
+    impossible = system.jacobian[:, :1] if system.rank else np.zeros((count, 1, nv))
+    task_jacobian = np.concatenate([impossible, rng.normal(size=(count, 1, nv))], axis=1)
+    task = np.ones((count, 2))
+    found = floating_base_inverse_kinematics(system.jacobian, task_jacobian, task)
+    np.testing.assert_allclose(np.matvec(system.jacobian, found.motion), 0.0, atol=1e-9)
+    np.testing.assert_allclose(found.task_error, [[1.0, 0.0]] * count, atol=1e-6)
+    left = task - np.matvec(task_jacobian, found.motion)
+    np.testing.assert_allclose(found.task_error, left, atol=1e-8)
+
+
+def test_weak_directions_fade_out_as_promised() -> None:
+    """One coordinate moves the task by `gain`: shares, bounds and smoothness over all gains."""
+    least, gains = 0.05, np.concatenate([[0.0], np.geomspace(1e-9, 1.0, 4000)])
+    task_jacobian = np.zeros((len(gains), 2, 8))
+    task_jacobian[:, 0, 3], task_jacobian[:, 1, 5] = gains, 1.0
+    found = floating_base_inverse_kinematics(
+        np.zeros((len(gains), 0, 8)), task_jacobian, np.ones((len(gains), 2)), least_gain=least
+    )
+    share = gains * found.motion[:, 3]
+    y = np.minimum(gains / least, 1.0)
+    np.testing.assert_allclose(share, y**2 / (1.0 - y**2 + y**4), atol=1e-9)
+    np.testing.assert_allclose(found.task_error[:, 0], 1.0 - share, atol=1e-9)
+    np.testing.assert_allclose(found.motion[:, 5], 1.0, atol=1e-12)
+    assert np.abs(found.motion).max() <= 1.07 / least
+    assert np.abs(np.diff(found.motion[:, 3])).max() < 0.01 / least
+    exact = gains >= least
+    np.testing.assert_allclose(share[exact], 1.0, atol=1e-12)
+
+
+def biped_squatting(knee: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """States of the biped, both soles level, by knee angle; moving joints."""
+    robot = robots.load("biped")
+    qpos = np.tile(robot.home_qpos, (len(knee), 1))
+    for side in ("left", "right"):
+        for joint, share in (("hip_pitch", -0.5), ("knee", 1.0), ("ankle_pitch", -0.5)):
+            qpos[:, 7 + robot.joint_names.index(f"{side}_{joint}")] = share * knee
+    return qpos, np.random.default_rng(3).normal(size=(len(knee), robot.nv))
+
+
+def test_straight_knees_ask_for_no_unbounded_motion() -> None:
+    """Lift the base over knees that straighten: the plain pseudo-inverse grows without bound."""
+    robot = robots.load("biped")
+    qpos, qvel = biped_squatting(np.geomspace(1.0, 1e-5, 200))
+    contacts = reduced_contacts(ContactGeometry.of(robot), MuJoCoDynamics(robot).terms(qpos, qvel))
+    lift = np.eye(robot.nv)[2:3]
+    task, still = np.ones((len(qpos), 1)), np.zeros_like(contacts.bias)
+    plain = [np.linalg.pinv(np.concatenate([j, lift]))[:, -1] for j in contacts.jacobian]
+    assert np.abs(plain).max() > 1e3
+    found = operational_space_acceleration(contacts.jacobian, still, lift, None, task)
+    assert np.linalg.norm(found.motion, axis=1).max() < 1.07 / 0.05
+    assert np.abs(np.diff(found.motion, axis=0)).max() < 3.0
+    held = np.matvec(contacts.jacobian, found.motion)
+    np.testing.assert_allclose(held, 0.0, atol=1e-9)
+    np.testing.assert_allclose(found.task_error[0], 0.0, atol=1e-9)
+    assert found.task_error[-1, 0] > 0.99
+    # The paper's task leaves the vertical out, so that straight knees do not matter to it.
+    xy = np.eye(robot.nv)[:2]
+    sway = operational_space_acceleration(contacts.jacobian, still, xy, None, np.ones((200, 2)))
+    np.testing.assert_allclose(sway.task_error, 0.0, atol=1e-8)
+    assert np.linalg.norm(sway.motion, axis=1).max() < 20.0
+
+
+@pytest.mark.parametrize("name", robots.ROBOTS)
+def test_eq_15_realises_the_superposition(name: str) -> None:
+    """Joint-space motion and base task through eq. (15): the command arrives unchanged."""
+    robot = robots.load(name)
+    rng = np.random.default_rng(5)
+    qpos = np.tile(robot.home_qpos, (6, 1))
+    qpos[:, 7:] += rng.normal(0.0, 0.1, qpos[:, 7:].shape)
+    terms = MuJoCoDynamics(robot).terms(qpos, rng.normal(size=(6, robot.nv)))
+    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    task, reference = rng.normal(size=(6, 2)), rng.normal(size=(6, robot.nv))
+    command = operational_space_acceleration(
+        contacts.jacobian, contacts.bias, np.eye(robot.nv)[:2], None, task, reference
+    )
+    solution = orthogonal_inverse_dynamics(
+        terms.mass_matrix, terms.bias, contacts.jacobian, command.motion, contacts.bias
+    )
+    np.testing.assert_allclose(solution.acceleration, command.motion, atol=1e-7)
+    np.testing.assert_allclose(solution.acceleration[:, :2], task, atol=1e-7)
+
+
+# A foot of one sphere rolls when its leg turns; flat feet show whether the contacts move.
+FLAT = [r for r in robots.ROBOTS if all(f.num_points > 2 for f in robots.load(r).feet)]
+
+
+@pytest.mark.parametrize("name", FLAT)
+def test_integrated_velocities_move_the_base_over_feet_that_stay(name: str) -> None:
+    """The base goes 2 cm aside in its plane; joints follow; contact points drift with the step."""
+    robot = robots.load(name)
+    geometry, dynamics = ContactGeometry.of(robot), MuJoCoDynamics(robot)
+    drift = []
+    for steps in (20, 40):
+        qpos = robot.home_qpos[None].copy()
+        start = point_positions(geometry, dynamics.terms(qpos, np.zeros((1, robot.nv))))
+        for _ in range(steps):
+            terms = dynamics.terms(qpos, np.zeros((1, robot.nv)))
+            contacts = reduced_contacts(geometry, terms)
+            velocity = floating_base_inverse_kinematics(
+                contacts.jacobian, np.eye(robot.nv)[:2], np.array([[0.01, 0.0173]])
+            )
+            mujoco.mj_integratePos(robot.model, qpos[0], velocity.motion[0], 1.0 / steps)
+        np.testing.assert_allclose(qpos[0, :2] - robot.home_qpos[:2], [0.01, 0.0173], atol=1e-9)
+        end = point_positions(geometry, dynamics.terms(qpos, np.zeros((1, robot.nv))))
+        drift.append(np.abs(end - start).max())
+    assert drift[0] < 1e-3
+    assert drift[1] < 0.6 * drift[0]
+
+
+def test_eq_20_pulls_towards_the_target() -> None:
+    desired, position = np.array([[1.0, 2.0]]), np.array([[0.5, 2.5]])
+    velocity = np.array([[0.1, -0.2]])
+    found = task_acceleration(desired, position, velocity, 9.0, 6.0)
+    np.testing.assert_allclose(found, [[9.0 * 0.5 - 0.6, -9.0 * 0.5 + 1.2]])
+    gains = np.array([9.0, 4.0]), np.array([6.0, 4.0])
+    found = task_acceleration(
+        desired,
+        position,
+        velocity,
+        *gains,
+        desired_velocity=velocity,
+        desired_acceleration=np.array([[1.0, 1.0]]),
+    )
+    np.testing.assert_allclose(found, [[5.5, -1.0]])
+
+
+def test_torch_equals_numpy_for_tasks(
+    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
+) -> None:
+    system = make_system(contacts)
+    task_jacobian, task_bias, task = task_of(rng, system, 2)
+    task_jacobian[0, 1] = 1e-3 * task_jacobian[0, 1]  # one robot whose task is damped
+    cost = np.linspace(0.5, 2.0, system.bias.shape[1])
+    arguments = (
+        system.jacobian,
+        system.jacobian_bias,
+        task_jacobian,
+        task_bias,
+        task,
+        system.acceleration,
+    )
+    expected = operational_space_acceleration(*arguments, motion_cost=cost)
+    found = operational_space_acceleration(
+        *(torch.from_numpy(x) for x in arguments), motion_cost=torch.from_numpy(cost)
+    )
+    assert np.abs(expected.task_error[0, 1]) > 1e-3
+    for here, there in zip(expected, found, strict=True):
+        assert isinstance(there, torch.Tensor)
+        np.testing.assert_allclose(there.numpy(), here, atol=1e-7)
+
+
+def test_neighbours_change_no_bit_of_a_task_motion(
+    make_system: Callable[..., Any], rng: np.random.Generator
+) -> None:
+    """Regular, near-singular, impossible and sick robots side by side."""
+    system = make_system("two flat feet", count=5)
+    task_jacobian, _, task = task_of(rng, system, 2)
+    task_jacobian[1, 0] *= 1e-3
+    task_jacobian[2] = system.jacobian[2, :2]
+    task_jacobian[3, 1] = task_jacobian[3, 0]
+    task_jacobian[4] = np.nan
+    arguments = (system.jacobian, task_jacobian, task, system.acceleration)
+    together = floating_base_inverse_kinematics(*arguments)
+    assert np.isfinite(together.motion[:4]).all()
+    for i in range(4):
+        alone = floating_base_inverse_kinematics(*(x[i : i + 1] for x in arguments))
+        for one, all_ in zip(alone, together, strict=True):
+            np.testing.assert_array_equal(one[0], all_[i])
+
+
+def test_tasks_name_what_does_not_fit(make_system: Callable[..., Any]) -> None:
+    system = make_system("one point")
+    count, nv = system.bias.shape
+    jacobian, rows, task = system.jacobian, np.eye(nv)[:2], np.zeros((count, 2))
+    for wrong, message in (
+        ((jacobian[0], rows, task), r"jacobian has shape .* Expected \(N, k, nv\)"),
+        ((jacobian, rows[:, 1:], task), r"task_jacobian has shape .* Expected \(N, m, nv\)"),
+        ((jacobian, rows, task[:, 1:]), r"task has shape .* Expected \(N, m\)"),
+        ((jacobian, rows, task, task), r"reference has shape .* Expected \(N, nv\)"),
+    ):
+        with pytest.raises(ShapeError, match=message):
+            floating_base_inverse_kinematics(*wrong)
+    with pytest.raises(ShapeError, match=r"motion_cost has shape .* Expected \(nv,\)"):
+        floating_base_inverse_kinematics(jacobian, rows, task, motion_cost=np.ones(3))
+    bias = system.jacobian_bias
+    for wrong, message in (
+        ((bias[:, 1:], rows, None, task), "jacobian_bias has shape"),
+        ((bias, rows, task[:, 1:], task), "task_bias has shape"),
+        ((bias, rows, None, task, task), "reference has shape"),
+    ):
+        with pytest.raises(ShapeError, match=message):
+            operational_space_acceleration(jacobian, *wrong)
+    for bad in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(InvalidValueError, match="Invalid least_gain.*positive"):
+            floating_base_inverse_kinematics(jacobian, rows, task, least_gain=bad)
