@@ -161,9 +161,10 @@ def estimated_force_inverse_dynamics(
         jacobian: (N, k, nv) J of the contact constraints.
         acceleration: (N, nv) desired; only the joint rows are used.
         jacobian_bias: (N, k) Jdot v.
-        previous_torque: (N, n) N m, of the control tick before. With the whole torque that was
-            applied, feedback included, the feedforward also takes up the feedback's share in the
-            directions that eq. (7) lacks.
+        previous_torque: (N, n) N m, of the control tick before. If that is all of the torque that
+            was applied, a feedback added to this law's is taken for a cause of the contact forces:
+            held at a fixed state, it is magnified by 1 / mu along an eigenvector of O with
+            eigenvalue mu, and sums up without bound where mu is zero.
 
     Returns:
         ForceFeedbackDynamics.

@@ -263,16 +263,28 @@ def test_the_previous_torque_iterates_towards_eq_7(
         np.testing.assert_allclose(idle @ inverse[i] @ (torque - start)[i], 0.0, atol=1e-6)
 
 
-def test_applied_feedback_adds_up_where_eq_7_is_blind(make_system: Callable[..., Any]) -> None:
-    """A constant feedback torque, part of what was applied: the feedforward winds up."""
+def test_applied_feedback_is_magnified_and_where_eq_7_is_blind_sums_up(
+    make_system: Callable[..., Any],
+) -> None:
+    """A constant feedback torque as part of what was applied, along eigenvectors of O."""
     system = achievable(make_system("two flat feet", count=1))
     operator, _ = actuated_projection(system.mass_matrix, system.jacobian)
-    feedback = np.linalg.svd(operator)[2][:, -1]
-    torque = inertia_weighted_inverse_dynamics(*system.law).torque
-    first = torque
-    for _ in range(100):
-        torque = estimated_force_inverse_dynamics(*system.law, torque + feedback).torque
-    np.testing.assert_allclose(torque, first + 100.0 * feedback, atol=1e-4)
+    values, vectors = np.linalg.eig(operator[0])
+    order = np.argsort(values.real)
+    goal = inertia_weighted_inverse_dynamics(*system.law).torque
+    ticks = 200
+    for mode in (order[0], order[-3]):
+        feedback, eigenvalue = vectors[:, mode].real, float(values[mode].real)
+        torque = goal
+        for _ in range(ticks):
+            torque = estimated_force_inverse_dynamics(*system.law, torque + feedback).torque
+        # 1 / mu once the geometric series has converged, a term per tick where mu is zero.
+        powers = (1.0 - max(eigenvalue, 0.0)) ** np.arange(ticks + 1)
+        np.testing.assert_allclose(
+            torque + feedback, goal + powers.sum() * feedback, atol=1e-5 * powers.sum()
+        )
+    assert eigenvalue > 0.05
+    assert powers.sum() == pytest.approx(1.0 / eigenvalue, rel=1e-3)
 
 
 def test_force_laws_on_torch_equal_numpy(

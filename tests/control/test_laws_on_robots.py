@@ -1,0 +1,228 @@
+"""The laws of [M10] side by side on the built-in robots: what they share, and what parts them."""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+import pytest
+import scipy.linalg
+
+from fbid_gym import robots
+from fbid_gym.control import (
+    contact_force_of_torque,
+    estimated_force_inverse_dynamics,
+    force_feedback_inverse_dynamics,
+    inertia_weighted_inverse_dynamics,
+    orthogonal_inverse_dynamics,
+)
+from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
+from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+
+ROBOTS = ("biped", "quadruped")
+
+
+class Scene(NamedTuple):
+    """The arguments of the laws at moving states, and which points are planted."""
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    active: np.ndarray
+    law: tuple[np.ndarray, ...]
+
+
+def states(name: str, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Bent legs, tilted base, everything moving."""
+    robot, rng = robots.load(name), np.random.default_rng(seed)
+    qpos = np.tile(robot.home_qpos, (count, 1))
+    qpos[:, 3:7] += rng.normal(0.0, 0.2, (count, 4))
+    qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7], axis=1, keepdims=True)
+    qpos[:, 7:] += rng.normal(0.0, 0.2, (count, robot.num_joints))
+    return qpos, rng.normal(size=(count, robot.nv))
+
+
+def law_of(name: str, dynamics: object, qpos: np.ndarray, qvel: np.ndarray, active: np.ndarray):
+    """M, h, J and Jdot v at these states."""
+    terms = dynamics.terms(qpos, qvel)
+    contacts = reduced_contacts(ContactGeometry.of(robots.load(name)), terms, active)
+    return terms.mass_matrix, terms.bias, contacts.jacobian, contacts.bias
+
+
+def scene(name: str, seed: int, count: int = 8) -> Scene:
+    """Commands that contacts allow; every other biped on one foot, quadruped on three."""
+    robot = robots.load(name)
+    qpos, qvel = states(name, count, seed)
+    active = np.ones((count, robot.num_points), bool)
+    active[1::2, : robot.feet[0].num_points] = False
+    mass_matrix, bias, jacobian, drift = law_of(name, MuJoCoDynamics(robot), qpos, qvel, active)
+    command = np.random.default_rng(seed).normal(0.0, 3.0, qvel.shape)
+    solution = orthogonal_inverse_dynamics(mass_matrix, bias, jacobian, command, drift)
+    assert not solution.underactuation.any()
+    return Scene(qpos, qvel, active, (mass_matrix, bias, jacobian, solution.acceleration, drift))
+
+
+def truth(name: str, case: Scene, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Accelerations and contact forces J^T lambda, with Pinocchio's terms and dense algebra."""
+    dynamics = PinocchioDynamics(robots.load(name))
+    mass_matrix, bias, jacobian, drift = law_of(name, dynamics, *case[:3])
+    count, rows, nv = jacobian.shape
+    accelerations, forces = np.empty((count, nv)), np.empty((count, nv))
+    for i in range(count):
+        kkt = np.block([[mass_matrix[i], -jacobian[i].T], [jacobian[i], np.zeros((rows, rows))]])
+        right = np.concatenate([-bias[i], -drift[i]])
+        right[6:nv] += torque[i]
+        solution = np.linalg.lstsq(kkt, right, rcond=1e-11)[0]
+        accelerations[i], forces[i] = solution[:nv], jacobian[i].T @ solution[nv:]
+    return accelerations, forces
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_law_does_what_is_asked_if_it_knows_the_truth(name: str) -> None:
+    """Eqs. (15), (7) and (8): one acceleration; (8) with the forces of any torque that gives it."""
+    case = scene(name, seed=1)
+    least = orthogonal_inverse_dynamics(*case.law)
+    squeezed = orthogonal_inverse_dynamics(
+        *case.law, torque_cost=np.linspace(0.1, 10.0, least.torque.shape[1])
+    )
+    assert np.abs(squeezed.torque - least.torque).max() > 0.01
+    torques = [
+        least.torque,
+        squeezed.torque,
+        inertia_weighted_inverse_dynamics(*case.law).torque,
+        force_feedback_inverse_dynamics(*case.law, least.contact_force).torque,
+        force_feedback_inverse_dynamics(*case.law, squeezed.contact_force).torque,
+        estimated_force_inverse_dynamics(*case.law, squeezed.torque).torque,
+    ]
+    scale = 1.0 + np.abs(case.law[3]).max()
+    for torque in torques:
+        achieved, _ = truth(name, case, torque)
+        np.testing.assert_allclose(achieved, case.law[3], atol=1e-6 * scale)
+    for torque, source in zip(torques[2:], (least, least, squeezed, squeezed), strict=True):
+        np.testing.assert_allclose(torque, source.torque, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_force_from_another_moment_costs_what_the_law_says(name: str) -> None:
+    """Forces of ten ticks ago: predicted and true acceleration errors agree."""
+    case = scene(name, seed=2)
+    mass_matrix, bias, jacobian, command, _ = case.law
+    least = orthogonal_inverse_dynamics(*case.law)
+    robot, ago = robots.load(name), 10 / 500.0
+    earlier = case.qpos.copy()
+    for row, velocity in zip(earlier, case.qvel, strict=True):
+        mujoco.mj_integratePos(robot.model, row, velocity, -ago)
+    dynamics = MuJoCoDynamics(robot)
+    *then, drift = law_of(name, dynamics, earlier, case.qvel - ago * command, case.active)
+    stale = orthogonal_inverse_dynamics(*then, command, drift)
+    found = force_feedback_inverse_dynamics(*case.law, stale.contact_force)
+    # The base takes what the error pushes it by, as if free; the joints react to that.
+    achieved, _ = truth(name, case, found.torque)
+    error = np.matvec(jacobian.mT, stale.contact_force - least.contact_force)
+    coupling = np.linalg.solve(mass_matrix[:, :6, :6], error[:, :6, None])[..., 0]
+    wrong = np.matvec(mass_matrix[:, 6:, :6], coupling) - error[:, 6:]
+    np.testing.assert_allclose(found.torque - least.torque, wrong, atol=1e-7)
+    np.testing.assert_allclose(
+        found.acceleration[:, :6] - command[:, :6], coupling, atol=1e-6 * np.abs(coupling).max()
+    )
+    inverse = np.linalg.inv(mass_matrix)
+    mobility = np.linalg.pinv(jacobian @ inverse @ jacobian.mT, rcond=1e-10, hermitian=True)
+    response = inverse - inverse @ jacobian.mT @ mobility @ jacobian @ inverse
+    moved = np.matvec(response[:, :, 6:], wrong)
+    assert np.abs(moved).max() > 0.1
+    np.testing.assert_allclose(achieved - command, moved, atol=1e-6 * np.abs(moved).max())
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_wrong_inertia_costs_eq_7_and_eq_15_the_same(name: str) -> None:
+    """The error is N (N^T M N)^-1 N^T (dM a + dh) for both: the projection does not matter."""
+    case = scene(name, seed=3)
+    robot = robots.load(name)
+    rng = np.random.default_rng(3)
+    bodies = [robot.model.body(i).name for i in range(robot.base_body, robot.model.nbody)]
+    wrong = PinocchioDynamics(
+        robot,
+        mass_scale={body: float(rng.uniform(0.6, 1.4)) for body in bodies},
+        com_offset={body: rng.normal(0.0, 0.01, 3) for body in bodies},
+    )
+    mass_matrix, bias, jacobian, drift = law_of(name, wrong, *case[:3])
+    command = case.law[3]
+    model = (mass_matrix, bias, jacobian, command, drift)
+    orthogonal = orthogonal_inverse_dynamics(*model).torque
+    weighted = inertia_weighted_inverse_dynamics(*model).torque
+    np.testing.assert_allclose(weighted, orthogonal, atol=1e-6)
+    achieved, _ = truth(name, case, orthogonal)
+    assert np.abs(achieved - command).max() > 0.3
+    surplus = np.matvec(mass_matrix - case.law[0], command) + bias - case.law[1]
+    for i in range(len(command)):
+        free = scipy.linalg.null_space(jacobian[i], rcond=1e-9)
+        error = free @ np.linalg.solve(free.T @ case.law[0][i] @ free, free.T @ surplus[i])
+        np.testing.assert_allclose(achieved[i] - command[i], error, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_forces_of_a_torque_are_pinocchios(name: str) -> None:
+    case = scene(name, seed=4)
+    torque = np.random.default_rng(4).normal(0.0, 5.0, (8, robots.load(name).num_joints))
+    mass_matrix, bias, jacobian, _, drift = case.law
+    force = contact_force_of_torque(mass_matrix, bias, jacobian, torque, drift)
+    _, expected = truth(name, case, torque)
+    found = np.matvec(jacobian.mT, force)
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+
+
+def along_a_path(name: str, steps: int) -> tuple[np.ndarray, ...]:
+    """Arguments of the law along one second of tumbling, swinging motion with planted feet."""
+    robot, rng = robots.load(name), np.random.default_rng(6)
+    time = np.linspace(0.0, 1.0, steps)[:, None]
+    axis = np.array([1.0, 2.0, -1.0]) / np.sqrt(6.0)
+    qpos = np.tile(robot.home_qpos, (steps, 1))
+    qpos[:, 3:4], qpos[:, 4:7] = np.cos(np.pi * time), np.sin(np.pi * time) * axis
+    swing = rng.uniform(0.1, 0.4, robot.num_joints)
+    phase = rng.uniform(0.0, 6.0, robot.num_joints)
+    qpos[:, 7:] += swing * np.sin(2.0 * np.pi * time + phase)
+    qvel = np.zeros((steps, robot.nv))
+    qvel[:, 3:6] = 2.0 * np.pi * axis
+    qvel[:, 6:] = 2.0 * np.pi * swing * np.cos(2.0 * np.pi * time + phase)
+    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    command = np.tile(rng.normal(size=robot.nv), (steps, 1))
+    return terms.mass_matrix, terms.bias, contacts.jacobian, command, contacts.bias
+
+
+def largest_step(values: np.ndarray) -> float:
+    """Largest change of an entry from one instant to the next."""
+    return float(np.abs(np.diff(values, axis=0)).max())
+
+
+@pytest.mark.parametrize("pivoting", [False, True])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_torque_is_continuous_along_a_motion_where_q_is_not(name: str, pivoting: bool) -> None:
+    """[M10] III-B.6: Q jumps however small the step is; the torque's step shrinks with it.
+
+    Householder QR flips a column's sign, and with column pivoting the pivots trade places. Eq. (15)
+    computed from that very Q gives the torques of our law.
+    """
+    jumps, jerks, flips = [], [], 0
+    for steps in (501, 2001):
+        law = along_a_path(name, steps)
+        jacobian = law[2]
+        rank = jacobian.shape[1]
+        solution = orthogonal_inverse_dynamics(*law)
+        np.testing.assert_array_equal(solution.rank, rank)
+        np.testing.assert_array_equal(solution.underactuation, 0)
+        if pivoting:
+            factors = [scipy.linalg.qr(j.T, pivoting=True) for j in jacobian]
+            q, order = np.array([f[0] for f in factors]), np.array([f[2] for f in factors])
+            flips = int(np.any(np.diff(order, axis=0) != 0, axis=1).sum())
+        else:
+            q, r = np.linalg.qr(jacobian.mT, mode="complete")
+            signs = np.sign(np.diagonal(r, axis1=1, axis2=2))
+            flips = int(np.any(np.diff(signs, axis=0) != 0, axis=1).sum())
+        free = q[:, :, rank:].mT
+        force = np.matvec(law[0], solution.acceleration) + law[1]
+        torque = np.matvec(np.linalg.pinv(free[:, :, 6:]), np.matvec(free, force))
+        np.testing.assert_allclose(solution.torque, torque, atol=1e-6 * np.abs(torque).max())
+        jumps.append(largest_step(q))
+        jerks.append(largest_step(solution.torque))
+    assert flips >= 2
+    assert min(jumps) > 0.5
+    assert jerks[1] < 0.3 * jerks[0]
