@@ -7,10 +7,16 @@ import numpy as np
 
 from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import positive
-from fbid_gym.actions.stance import holding_torque, own_inertia, stance_inertia
+from fbid_gym.actions.stance import (
+    holding_torque,
+    own_inertia,
+    sampled_growth,
+    stance_inertia,
+)
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
 
@@ -57,22 +63,34 @@ class JointPosition:
             robot: whose joints.
             control_hz: control ticks per second.
             natural_frequency: f in Hz. Default: 3.4 times that of the robot falling over, the
-                pendulum frequency sqrt(g / height of the centre of mass) / (2 pi). Stiffer joints
-                take harder pushes untrained, but turn exploration noise into falls.
+                pendulum frequency sqrt(g / height of the centre of mass) / (2 pi), or the largest
+                that `control_hz` allows, if that is less. Stiffer joints take harder pushes
+                untrained, but turn exploration noise into falls.
             damping_ratio: zeta.
             scale: rad (m for slides) at action 1.
+
+        Raises:
+            InvalidValueError: not positive, or so stiff that the sampled controller oscillates.
         """
+        positive(damping_ratio=damping_ratio)
+        most = _steady_frequency(robot, control_hz, damping_ratio)
         if natural_frequency is None:
             pendulum = np.sqrt(robot.weight / robot.mass / Support.of(robot).home_com[2])
-            natural_frequency = float(_STIFFER_THAN_FALLING * pendulum / (2.0 * np.pi))
+            natural_frequency = min(_STIFFER_THAN_FALLING * pendulum / (2.0 * np.pi), most)
         positive(natural_frequency=natural_frequency, damping_ratio=damping_ratio, scale=scale)
-        inertia, omega = stance_inertia(robot), 2.0 * np.pi * natural_frequency
-        damping = 2.0 * damping_ratio * omega * inertia
+        if natural_frequency > most:
+            raise InvalidValueError(
+                "natural_frequency",
+                natural_frequency,
+                f"at most {most:.3g} Hz at {control_hz} control ticks per second: beyond, "
+                f"{robot.name} oscillates in the air",
+            )
+        stiffness, damping = _gains(robot, control_hz, natural_frequency, damping_ratio)
         return cls(
             robot,
             hold=holding_torque(robot),
-            stiffness=inertia * omega**2,
-            damping=np.minimum(damping, own_inertia(robot) * control_hz),
+            stiffness=stiffness,
+            damping=damping,
             scale=scale,
             natural_frequency=natural_frequency,
         )
@@ -103,3 +121,28 @@ class JointPosition:
         error = reference.qpos[:, 7:] + self.scale * action - state.qpos[:, 7:]
         rate = reference.qvel[:, 6:] - state.qvel[:, 6:]
         return self.hold + self.stiffness * error + self.damping * rate
+
+
+def _gains(
+    robot: Robot, control_hz: int, natural_frequency: float, damping_ratio: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """K_P and K_D (n,), see `JointPosition.of`."""
+    inertia, omega = stance_inertia(robot), 2.0 * np.pi * natural_frequency
+    damping = 2.0 * damping_ratio * omega * inertia
+    return inertia * omega**2, np.minimum(damping, own_inertia(robot) * control_hz)
+
+
+def _steady_frequency(robot: Robot, control_hz: int, damping_ratio: float) -> float:
+    """Largest natural frequency (Hz) whose gains, sampled, let every mode decay in the air.
+
+    Gains of the stance are high for what a joint moves in the air, the foot above all.
+    """
+    low, high = 0.0, float(control_hz)
+    while high - low > 1e-3 * high:
+        middle = 0.5 * (low + high)
+        gains = _gains(robot, control_hz, middle, damping_ratio)
+        if sampled_growth(robot, *gains, control_hz) < 1.0:
+            low = middle
+        else:
+            high = middle
+    return low

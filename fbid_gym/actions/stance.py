@@ -1,5 +1,7 @@
 """What the model-free layers know of a robot: constants of its home stance, computed once."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from fbid_gym.control.inverse_dynamics import orthogonal_inverse_dynamics
@@ -11,6 +13,7 @@ from fbid_gym.robots import Robot
 _OTHERS_DAMPED = 1.5
 
 
+@lru_cache(maxsize=32)
 def _home_terms(robot: Robot) -> DynamicsTerms:
     return MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
 
@@ -59,3 +62,29 @@ def own_inertia(robot: Robot) -> np.ndarray:
     held = np.diag(matrix)
     giving_way = 1.0 / np.diag(np.linalg.inv(matrix))
     return np.minimum(held, _OTHERS_DAMPED * giving_way)[6:]
+
+
+def sampled_growth(
+    robot: Robot, stiffness: np.ndarray, damping: np.ndarray, control_hz: int
+) -> float:
+    """Return how much a joint PD controller's motion grows from tick to tick, at worst.
+
+    The robot hangs in the air in its home posture, and torques are held for a tick: the spectral
+    radius of that linear system, below 1 if every mode decays.
+
+    Args:
+        robot: the robot.
+        stiffness: (n,) N·m/rad.
+        damping: (n,) N·m·s/rad.
+        control_hz: control ticks per second.
+    """
+    mobility = np.linalg.inv(_home_terms(robot).mass_matrix[0])[6:, 6:]
+    tick, one = 1.0 / control_hz, np.eye(robot.num_joints)
+    stiff, damp = mobility * stiffness, mobility * damping
+    step = np.block(
+        [
+            [one - tick**2 / 2 * stiff, tick * one - tick**2 / 2 * damp],
+            [-tick * stiff, one - tick * damp],
+        ]
+    )
+    return float(np.abs(np.linalg.eigvals(step)).max())

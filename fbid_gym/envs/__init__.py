@@ -5,6 +5,7 @@ import gymnasium as gym
 ENVIRONMENTS = {
     "fbid_gym/BipedBalance-v0": {"robot": "biped", "task": "balance"},
     "fbid_gym/QuadrupedBalance-v0": {"robot": "quadruped", "task": "balance"},
+    "fbid_gym/HumanoidBalance-v0": {"robot": "humanoid", "task": "balance"},
     "fbid_gym/BipedSquat-v0": {"robot": "biped", "task": "squat"},
 }
 """Registered id -> arguments that define it."""

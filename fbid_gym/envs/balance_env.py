@@ -17,6 +17,7 @@ class BalanceEnv(RobotEnv):
     | ------------------------------ | ------------------------------- | ------ | -------------- |
     | `fbid_gym/BipedBalance-v0`     | two legs, flat feet, 55 kg      | 16     | 8              |
     | `fbid_gym/QuadrupedBalance-v0` | four legs, point feet, 2.7 kg   | 12     | 4              |
+    | `fbid_gym/HumanoidBalance-v0`  | the whole body, flat feet, 77.5 kg | 27  | 8              |
 
     Physics runs at `physics_hz`, the action layer at `control_hz`, the policy at `policy_hz`.
 
@@ -65,17 +66,17 @@ class BalanceEnv(RobotEnv):
     `env.unwrapped.batch.task.observation_names` names each entry. "From home" is the difference to
     the home stance. Slide joints have m where hinges have rad.
 
-    | Biped | Quadruped | Observation                                                 | Range |
-    | ----- | --------- | ----------------------------------------------------------- | ----- |
-    | 0     | 0         | commanded height - home height (m)                          | 10    |
-    | 1-3   | 1-3       | base from home (m, support frame)                           | 10    |
-    | 4-6   | 4-6       | up direction (base frame)                                   | 1     |
-    | 7-9   | 7-9       | base velocity (m/s, support frame)                          | 100   |
-    | 10-12 | 10-12     | base angular velocity (rad/s, base frame)                   | 100   |
-    | 13-28 | 13-24     | joints: position from home (rad)                            | 10    |
-    | 29-44 | 25-36     | joints: velocity (rad/s)                                    | 100   |
-    | 45-60 | 37-48     | joints: last torque (share of its limit)                    | 1     |
-    | 61-68 | 49-52     | contact points: normal force on point (share of the weight) | 100   |
+    | Biped | Quadruped | Humanoid | Observation                                         | Range |
+    | ----- | --------- | -------- | --------------------------------------------------- | ----- |
+    | 0     | 0         | 0        | commanded height - home height (m)                  | 10    |
+    | 1-3   | 1-3       | 1-3      | base from home (m, support frame)                   | 10    |
+    | 4-6   | 4-6       | 4-6      | up direction (base frame)                           | 1     |
+    | 7-9   | 7-9       | 7-9      | base velocity (m/s, support frame)                  | 100   |
+    | 10-12 | 10-12     | 10-12    | base angular velocity (rad/s, base frame)           | 100   |
+    | 13-28 | 13-24     | 13-39    | joints: position from home (rad)                    | 10    |
+    | 29-44 | 25-36     | 40-66    | joints: velocity (rad/s)                            | 100   |
+    | 45-60 | 37-48     | 67-93    | joints: last torque (share of its limit)            | 1     |
+    | 61-68 | 49-52     | 94-101   | points: normal force on point (share of the weight) | 100   |
 
     The last torque is that of the last control tick, the normal force that of the last physics
     step.

@@ -1,12 +1,12 @@
 """Kinematics for planning: where the base is when the planted feet stay where they are."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
-from fbid_gym.dynamics.frames import matrix_to_quaternion
+from fbid_gym.dynamics.frames import matrix_to_quaternion, rotation_vector, skew
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
@@ -20,6 +20,9 @@ CHUNK = 256
 
 _STAYS = 1e-7  # m
 _BASE_RTOL = 1e-9
+_MOST_STEPS = 60
+_REACHED = 1e-11  # m, rad
+_UP = np.array([0.0, 0.0, 1.0])
 
 
 class States(NamedTuple):
@@ -174,6 +177,105 @@ def _aligned(
     rotation = left @ right
     gap = np.linalg.norm(target - source @ rotation.mT, axis=2).max(axis=1)
     return rotation, to_centre - np.matvec(rotation, from_centre), gap
+
+
+def joints_on_feet(
+    robot: Robot,
+    base: States,
+    centres: Curve,
+    planted: np.ndarray,
+    moving: Sequence[int],
+    guess: np.ndarray,
+) -> States:
+    """Joint motion that puts the feet where they shall be under a moving base; exact derivatives.
+
+    Postures are found by damped Gauss-Newton steps on all T instants at once. Feet with three
+    points or more keep the orientation they have at home.
+
+    Args:
+        robot: the robot.
+        base: T states of which the base's part counts.
+        centres: (T, F, 3) m, world: where the centre of each foot's points (sphere centres) shall
+            be. The rates of planted feet do not count.
+        planted: (T, F) bool: the contact of such a foot does not move. A planted sphere rolls, so
+            its centre must be given as that of a rolling sphere.
+        moving: joints to find, as many as the feet have coordinates (3, or 6 with an orientation);
+            the others keep their `guess`.
+        guess: (T, n) rad to begin with.
+
+    Returns:
+        States, with the base's part of `base`.
+
+    Raises:
+        InvalidValueError: `moving` has another length, or a foot cannot get where it shall be.
+    """
+    columns = 6 + np.asarray(moving)
+    rows_of = [slice(0, 6 if _has_orientation(foot.points) else 3) for foot in robot.feet]
+    if len(columns) != sum(rows.stop for rows in rows_of):
+        raise InvalidValueError(
+            "moving", len(columns), f"{sum(rows.stop for rows in rows_of)} joints"
+        )
+    home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
+    radius = foot_radius(robot)
+    qpos, qvel, qacc = base.qpos.copy(), base.qvel.copy(), base.qacc.copy()
+    qpos[:, 7:], qvel[:, 6:], qacc[:, 6:] = guess, 0.0, 0.0
+
+    def stacked_feet(per_foot: np.ndarray) -> np.ndarray:
+        parts = [per_foot[:, foot, rows] for foot, rows in enumerate(rows_of)]
+        return np.concatenate(parts, axis=1)
+
+    def rows_of_feet(terms: DynamicsTerms, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Jacobian and bias of points `lift` (N, F) above the feet's references."""
+        arm = skew(lift[..., None] * _UP)
+        jacobian, bias = terms.foot_jacobian.copy(), terms.foot_bias.copy()
+        jacobian[:, :, :3] -= arm @ jacobian[:, :, 3:]
+        bias[:, :, :3] -= np.matvec(arm, bias[:, :, 3:])
+        return stacked_feet(jacobian), stacked_feet(bias)
+
+    dynamics = MuJoCoDynamics(robot)
+    for start in range(0, len(qpos), CHUNK):
+        rows = slice(start, min(start + CHUNK, len(qpos)))
+        still = np.zeros_like(qvel[rows])
+        whole = np.broadcast_to(radius, planted[rows].shape)
+        for _ in range(_MOST_STEPS):
+            terms = dynamics.terms(qpos[rows], still)
+            error = np.zeros((*whole.shape, 6))
+            error[..., :3] = centres.value[rows] - terms.foot_position
+            error[..., 2] -= radius
+            error[..., 3:] = rotation_vector(home.foot_rotation @ terms.foot_rotation.mT)
+            missing = stacked_feet(error)
+            if np.abs(missing).max() < _REACHED:
+                break
+            jacobian = rows_of_feet(terms, whole)[0][:, :, columns]
+            damping = np.vecdot(missing, missing)[:, None, None] * np.eye(len(columns))
+            gram = jacobian.mT @ jacobian + damping
+            step = np.linalg.solve(gram, np.matvec(jacobian.mT, missing)[..., None])[..., 0]
+            qpos[rows, 1 + columns] += step
+        else:
+            tick, worst = np.unravel_index(np.abs(missing).argmax(), missing.shape)
+            foot = int(np.searchsorted(np.cumsum([part.stop for part in rows_of]), worst, "right"))
+            raise InvalidValueError(
+                f"motion of foot {robot.feet[foot].name!r}",
+                f"{np.abs(missing).max():.2g} m out of reach at tick {start + int(tick)}",
+                "places that the foot can reach",
+            )
+        # The contact of a planted foot stands still; the centre of the others moves as it is told.
+        lift = np.where(planted[rows], 0.0, radius)
+        going = ~planted[rows, :, None]
+        jacobian, _ = rows_of_feet(terms, lift)
+        wanted = np.zeros((*lift.shape, 6))
+        wanted[..., :3] = centres.rate[rows] * going
+        left = stacked_feet(wanted) - np.matvec(jacobian, qvel[rows])
+        qvel[rows, columns] = np.linalg.solve(jacobian[:, :, columns], left[..., None])[..., 0]
+        _, bias = rows_of_feet(dynamics.terms(qpos[rows], qvel[rows]), lift)
+        wanted[..., :3] = centres.acceleration[rows] * going
+        left = stacked_feet(wanted) - bias - np.matvec(jacobian, qacc[rows])
+        qacc[rows, columns] = np.linalg.solve(jacobian[:, :, columns], left[..., None])[..., 0]
+    return States(qpos, qvel, qacc)
+
+
+def _has_orientation(points: np.ndarray) -> bool:
+    return bool(np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-6) >= 2)
 
 
 def seen_from_feet(robot: Robot, states: States, planted: np.ndarray | None = None) -> Reference:

@@ -138,7 +138,7 @@ def test_torque_adds_to_the_holding_torque(robot, states, rng):
 
 
 def test_joint_position_is_a_pd_controller(robot, states, rng):
-    layer = make_layer("joint_position", robot, 500, {"natural_frequency": 2.0, "scale": 0.2})
+    layer = make_layer("joint_position", robot, 500, {"natural_frequency": 1.5, "scale": 0.2})
     assert (layer.stiffness > 0.0).all() and (layer.damping > 0.0).all()
     state, terms = states(4)
     action = rng.uniform(-1, 1, (4, robot.num_joints))
@@ -174,7 +174,7 @@ def test_joint_position_gains_follow_from_the_inertia_a_joint_moves_in_stance(ro
         assert layer.damping[joint] == pytest.approx(min(2 * ratio * omega * inertia, limit))
 
 
-@pytest.mark.parametrize("control_hz", [500, 1000])
+@pytest.mark.parametrize("control_hz", [50, 100, 250, 500, 1000])
 def test_joint_position_does_not_oscillate_in_the_air(robot, control_hz):
     """Sampled and held over a tick, on all joints at once: every mode decays."""
     layer = make_layer("joint_position", robot, control_hz)

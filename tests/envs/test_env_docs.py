@@ -121,18 +121,18 @@ def test_action_tables(env):
 
 
 def test_observation_table(env):
-    column = {"biped": 0, "quadruped": 1}[env.batch.robot.name]
+    column = ["biped", "quadruped", "humanoid"].index(env.batch.robot.name)
     names, bound = env.batch.task.observation_names, env.observation_space.high
     covered = []
     for row in table("Observation Space", "Biped"):
         entries = span(row[column])
         covered += entries
-        np.testing.assert_array_equal(bound[list(entries)], float(row[3]))
-        text, unit = re.fullmatch(r"(.*?) \((.*)\)", row[2]).groups()
+        np.testing.assert_array_equal(bound[list(entries)], float(row[4]))
+        text, unit = re.fullmatch(r"(.*?) \((.*)\)", row[3]).groups()
         for entry in entries:
             unit_words = re.search(r"\((.*)\)$", names[entry])[1]
             assert unit_words == unit
-            said = text.removeprefix("joints: ").removeprefix("contact points: ")
+            said = text.removeprefix("joints: ").removeprefix("points: ")
             for word in said.split():
                 assert word in names[entry].split(), (names[entry], said)
     assert covered == list(range(len(names)))

@@ -1,0 +1,137 @@
+"""Stepping in place: a squat, a sway from foot to foot and feet that lift, [M10] IV.D."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.motions.curves import Curve, cosine, rise
+from fbid_gym.motions.kinematics import (
+    base_on_feet,
+    home_points,
+    joints_on_feet,
+    seen_from_feet,
+)
+from fbid_gym.motions.squat import joint_columns, legs_in_plane, period_ticks
+from fbid_gym.motions.table import MotionTable
+from fbid_gym.robots import Robot
+
+_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+_LIFTED = ("hip_pitch", "knee", "ankle_pitch")
+
+
+class Steps(NamedTuple):
+    """Numbers of a stepping motion; the defaults are the ones used for [M10] IV.D.
+
+    Attributes:
+        period: s, one step of either foot. The paper's.
+        squat_frequency: Hz. The paper's; a whole number of squats shall fit the period.
+        knee: rad, mean knee angle.
+        amplitude: rad, of the squat at the knee.
+        sway: m, amplitude of the base's way sideways, a sinusoid.
+        single: share of the period that each foot is in the air.
+        lift: (3,) rad added to hip, knee and ankle pitch of the leg in the air.
+        ramp: s it takes to add them and to take them away, within the time in the air; 0 for
+            instant changes as in the paper.
+    """
+
+    period: float = 3.0
+    squat_frequency: float = 2.0
+    knee: float = 0.6
+    amplitude: float = 0.1
+    sway: float = 0.085
+    single: float = 0.25
+    lift: tuple[float, float, float] = (-0.2, 0.4, -0.2)
+    ramp: float = 0.0
+
+
+def stepping(robot: Robot, steps: Steps = Steps(), *, hz: int = 500) -> MotionTable:
+    """Squat while stepping in place, [M10] IV.D, figures 8-9.
+
+    It begins in double support with the base between the feet, on its way to the right foot; the
+    left foot lifts around a quarter of the period and the right foot around three quarters.
+
+    Args:
+        robot: the biped, or one with joints and feet of the same names.
+        steps: its numbers.
+        hz: ticks per second.
+
+    Raises:
+        RobotError: the robot lacks a joint of the motion.
+        InvalidValueError: a number is not valid, a foot cannot be where it shall be, or the motion
+            leaves a joint's range.
+    """
+    ticks = _check(steps, hz)
+    time = np.arange(ticks) / hz
+    bend = cosine(time, steps.squat_frequency).scaled(-steps.amplitude, steps.knee)
+    in_plane = legs_in_plane(robot, bend, bend.scaled(0.0))
+    points = home_points(robot)
+    base = base_on_feet(robot, in_plane, points)
+    sway = cosine(time, 1.0 / steps.period, np.pi / 2).scaled(steps.sway)
+    for whole, part in zip(base, sway, strict=True):
+        whole[:, 1] += part
+
+    sizes = [foot.num_points for foot in robot.feet]
+    centres = np.array([part.mean(axis=0) for part in np.split(points, np.cumsum(sizes)[:-1])])
+    place = np.broadcast_to(centres, (ticks, *centres.shape))
+    moving = joint_columns(robot, [f"{side}_{name}" for side in ("left", "right") for name in _LEG])
+    standing = np.ones((ticks, robot.num_feet), bool)
+    states = joints_on_feet(
+        robot, base, Curve(place, 0 * place, 0 * place), standing, moving, in_plane.value
+    )
+
+    joints = Curve(*(part[:, -robot.num_joints :].copy() for part in states))
+    planted, jumps = standing.copy(), np.zeros(ticks, bool)
+    for side, middle in (("left", 0.25), ("right", 0.75)):
+        first, last = _airborne(steps, middle, hz)
+        planted[first:last, robot.foot_names.index(side)] = False
+        if steps.ramp == 0.0:
+            jumps[[first, last % ticks]] = True
+        columns = joint_columns(robot, [f"{side}_{name}" for name in _LIFTED])
+        for whole, part in zip(joints, _lifted(steps, time, first, last, hz), strict=True):
+            whole[:, columns] += part[:, None] * steps.lift
+    states = base_on_feet(robot, joints, points, planted)
+    return MotionTable(
+        robot, *seen_from_feet(robot, states, planted), hz, periodic=True, jumps=jumps
+    )
+
+
+def _airborne(steps: Steps, middle: float, hz: int) -> tuple[int, int]:
+    """First tick in the air and first tick on the ground again."""
+    period, half = steps.period * hz, 0.5 * steps.single
+    return round((middle - half) * period), round((middle + half) * period)
+
+
+def _lifted(steps: Steps, time: np.ndarray, first: int, last: int, hz: int) -> Curve:
+    """Share of the lift, (T,): 0 on the ground, 1 in the air."""
+    if steps.ramp == 0.0:
+        ticks = np.arange(len(time))
+        inside = ((first <= ticks) & (ticks < last)).astype(float)
+        return Curve(inside, 0 * inside, 0 * inside)
+    start, end = first / hz, last / hz
+    up, down = rise(time, start, start + steps.ramp), rise(time, end - steps.ramp, end)
+    return up.plus(down.scaled(-1.0))
+
+
+def _check(steps: Steps, hz: int) -> int:
+    """Return the ticks of one period, or raise an error that names the number at fault."""
+    if not (np.isfinite(steps.period) and steps.period > 0):
+        raise InvalidValueError("period", steps.period, "a positive number of seconds")
+    ticks = period_ticks("stepping frequency", 1.0 / steps.period, hz)
+    squats = steps.squat_frequency * steps.period
+    if not (steps.squat_frequency > 0 and abs(squats - round(squats)) < 1e-9):
+        raise InvalidValueError(
+            "squat_frequency",
+            steps.squat_frequency,
+            f"a whole number of squats in the period of {steps.period:g} s",
+        )
+    if not 0 < steps.single < 0.5:
+        raise InvalidValueError("single", steps.single, "a share of the period between 0 and 0.5")
+    if not 0 <= steps.ramp <= 0.5 * steps.single * steps.period:
+        raise InvalidValueError(
+            "ramp",
+            steps.ramp,
+            f"seconds between 0 and half the time in the air, "
+            f"{0.5 * steps.single * steps.period:g}",
+        )
+    return ticks
