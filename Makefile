@@ -22,7 +22,7 @@ HEADLESS := if [ -z "$${MUJOCO_GL:-}" ] && [ -s $(VENV)/mujoco_gl ]; then \
 	export MUJOCO_GL="$$(cat $(VENV)/mujoco_gl)"; fi;
 endif
 
-.PHONY: help setup demo test test-fast check format bench clean
+.PHONY: help setup demo test test-fast check format bench papers clean
 
 help:  ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -50,6 +50,9 @@ format: setup  ## Format the code and sort its imports.
 
 bench: setup  ## Measure the costs per robot and layer (ARGS="--help" for the choices).
 	@$(HEADLESS) $(BIN)/python -m eval.bench $(ARGS)
+
+papers: setup  ## Run the papers' experiments, write runs/papers/report.html (ARGS=--quick: in 2 minutes).
+	@$(HEADLESS) $(BIN)/python -m eval.papers $(ARGS)
 
 clean:  ## Remove the environment and the caches; keep runs/.
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache

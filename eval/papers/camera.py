@@ -1,0 +1,138 @@
+"""Pictures and clips of logged motions, pushes drawn as arrows."""
+
+from collections.abc import Sequence
+from types import TracebackType
+
+import mujoco
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from eval.video import Clip
+from fbid_gym.dynamics.support import Support
+from fbid_gym.errors import FbidError
+from fbid_gym.robots import Robot
+
+_ARROW = np.array([0.9, 0.25, 0.1, 1.0], np.float32)
+# Shares of the camera's distance: an arrow's length for a push of the robot's weight, its width,
+# and how far from the base's centre it ends.
+_LENGTH, _WIDTH, _GAP = 0.7, 0.009, 0.08
+
+
+class Camera:
+    """Draws states of one robot, from a point that follows its base. A context manager."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        width: int = 320,
+        height: int = 320,
+        azimuth: float = 140.0,
+        elevation: float = -12.0,
+        model: mujoco.MjModel | None = None,
+        nearer: float = 1.0,
+    ) -> None:
+        """Open the off-screen renderer.
+
+        Args:
+            robot: what to draw.
+            width: of the pictures, pixels.
+            height: of the pictures, pixels.
+            azimuth: degrees.
+            elevation: degrees.
+            model: the world to draw it in; None for the robot's own.
+            nearer: how many times nearer than usual.
+
+        Raises:
+            FbidError: there is nothing to render with.
+        """
+        self._robot, self._model = robot, robot.model if model is None else model
+        self._data = mujoco.MjData(self._model)
+        support = Support.of(robot)
+        self._distance = (2.3 * support.home_base[2] + 3.5 * support.radius) / nearer
+        try:
+            self._renderer = mujoco.Renderer(self._model, height=height, width=width)
+        except Exception as error:  # the GL back ends raise types of their own
+            raise FbidError(
+                f"Cannot render without a display: {error}. "
+                "Set MUJOCO_GL to 'egl' or 'osmesa' and install its library."
+            ) from error
+        self._camera = mujoco.MjvCamera()
+        self._camera.azimuth, self._camera.elevation = azimuth, elevation
+        self._camera.distance = self._distance
+
+    def __enter__(self) -> "Camera":
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Free the renderer."""
+        self._renderer.close()
+
+    def picture(self, qpos: np.ndarray, push: np.ndarray, label: str = "") -> np.ndarray:
+        """Draw one state.
+
+        Args:
+            qpos: (nq,).
+            push: (3,) N on the base.
+            label: written into the upper left corner.
+
+        Returns:
+            (H, W, 3) uint8.
+        """
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+        # Followed at a constant height, so that squats and hops are seen.
+        self._camera.lookat[:2] = qpos[:2]
+        self._camera.lookat[2] = 0.62 * self._robot.home_qpos[2]
+        self._renderer.update_scene(self._data, self._camera)
+        self._arrow(push)
+        image = self._renderer.render()
+        return _labelled(image, label) if label else image
+
+    def strip(self, qpos: np.ndarray, push: np.ndarray, labels: Sequence[str]) -> list[np.ndarray]:
+        """Draw K states: `qpos` (K, nq), `push` (K, 3)."""
+        return [self.picture(*row) for row in zip(qpos, push, labels, strict=True)]
+
+    def clip(
+        self, time: np.ndarray, qpos: np.ndarray, push: np.ndarray, fps: float, title: str = ""
+    ) -> Clip:
+        """Draw a motion, `time` (T,) s, at `fps` pictures per second of it."""
+        moments = np.arange(time[0], time[-1], 1.0 / fps)
+        rows = np.searchsorted(time, moments - 1e-9)
+        pictures = []
+        for moment, row in zip(moments, rows, strict=True):
+            force = float(np.linalg.norm(push[row]))
+            pushed = f", {force:.0f} N" if force > 0 else ""
+            label = f"{title}{moment:.1f} s{pushed}"
+            pictures.append(self.picture(qpos[row], push[row], label))
+        return Clip(pictures, fps, push[rows], None)
+
+    def _arrow(self, push: np.ndarray) -> None:
+        size, scene = float(np.linalg.norm(push)), self._renderer.scene
+        if size == 0.0 or scene.ngeom >= scene.maxgeom:
+            return
+        centre = self._data.xipos[self._robot.base_body]
+        end = centre - push / size * _GAP * self._distance
+        start = end - push / self._robot.weight * _LENGTH * self._distance
+        arrow = scene.geoms[scene.ngeom]
+        kind = mujoco.mjtGeom.mjGEOM_ARROW
+        mujoco.mjv_initGeom(arrow, kind, np.zeros(3), np.zeros(3), np.zeros(9), _ARROW)
+        mujoco.mjv_connector(arrow, kind, _WIDTH * self._distance, start, end)
+        scene.ngeom += 1
+
+
+def _labelled(picture: np.ndarray, label: str) -> np.ndarray:
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image, "RGBA")
+    font = ImageFont.load_default(15)
+    width = draw.textlength(label, font=font)
+    draw.rounded_rectangle((8, 8, 20 + width, 31), radius=5, fill=(20, 24, 32, 170))
+    draw.text((14, 19), label, font=font, fill=(255, 255, 255, 255), anchor="lm")
+    return np.asarray(image)
