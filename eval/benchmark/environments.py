@@ -1,7 +1,8 @@
 """Speed of whole environments: by layer, by thread, and of a single robot."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 
 import gymnasium as gym
 import numpy as np
@@ -9,7 +10,11 @@ from gymnasium.vector import VectorEnv
 
 from eval.benchmark.figures import Figure, Limit, Section, interleave
 from eval.benchmark.physics import TimedBatch
+from fbid_gym.actions.stance import holding_torque
+from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.robot_env import RobotEnv
+from fbid_gym.envs.simulation import Simulation
+from fbid_gym.robots import load
 
 STEPS = 25
 """Policy steps timed at a stretch. Each stretch starts from a reset, so that all layers are
@@ -49,8 +54,34 @@ class Stretch:
             self.envs.step(self.action)
 
 
+class PhysicsStretch:
+    """As many physics steps as a `Stretch` has, and nothing else, on some threads."""
+
+    def __init__(self, robot: str, num_envs: int, num_threads: int) -> None:
+        """Put robots on their feet, held by constant torques."""
+        rates, own = Rates(), load(robot)
+        self.parts = [Simulation(own, num_envs // num_threads, rates) for _ in range(num_threads)]
+        self.ticks, self.torque = STEPS * rates.ticks, holding_torque(own)[None]
+        self.pool = ThreadPoolExecutor(num_threads)
+
+    def reset(self) -> None:
+        """Put all robots on their feet."""
+        for part in self.parts:
+            own, count = part.robot, part.num_robots
+            home = np.tile(own.home_qpos, (count, 1))
+            part.place(np.arange(count), home, np.zeros((count, own.nv)))
+
+    def __call__(self) -> None:
+        """Step."""
+        list(self.pool.map(self._run, self.parts))
+
+    def _run(self, part: Simulation) -> None:
+        for _ in range(self.ticks):
+            part.step(self.torque)
+
+
 def _seconds(
-    stretches: dict[str, Stretch], rounds: int, clock: Callable[[], float]
+    stretches: Mapping[str, Stretch | PhysicsStretch], rounds: int, clock: Callable[[], float]
 ) -> dict[str, np.ndarray]:
     """Seconds per policy step: name -> (rounds,)."""
     resets = {name: stretch.reset for name, stretch in stretches.items()}
@@ -87,9 +118,18 @@ def by_layer(robots: list[str], layers: list[str], num_envs: int, rounds: int) -
 
 
 def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int) -> Section:
-    """Environment steps per second with two threads, relative to one."""
+    """Environment steps per second with two threads, relative to one; physics alone beside it."""
     figures = []
     for robot in robots:
+        parts = {str(threads): PhysicsStretch(robot, num_envs, threads) for threads in (1, 2)}
+        seconds = _seconds(parts, rounds, time.perf_counter)
+        figures.append(
+            Figure.of(
+                f"{robot}, physics alone",
+                f"{num_envs / np.median(seconds['2']):,.0f} steps/s",
+                seconds["1"] / seconds["2"],
+            )
+        )
         for layer in layers:
             stretches = {
                 str(threads): Stretch(gym.make_vec(env_id(robot), num_envs=num_envs,
@@ -107,7 +147,8 @@ def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int)
             )
     return Section(
         f"Two threads (N = {num_envs})",
-        "Wall-clock time of the whole step, law included. Figure: speed relative to one thread.",
+        "Wall-clock time of the whole step, law included. Figure: speed relative to one thread. "
+        "Physics alone is what the machine's second core is worth.",
         "x one thread",
         tuple(figures),
     )
