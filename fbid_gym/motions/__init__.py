@@ -2,6 +2,15 @@
 
 from fbid_gym.motions.reference import Reference, home_reference
 from fbid_gym.motions.squat import periodic_squat, squat_bow
+from fbid_gym.motions.stepping import Steps, stepping
 from fbid_gym.motions.table import MotionTable
 
-__all__ = ["MotionTable", "Reference", "home_reference", "periodic_squat", "squat_bow"]
+__all__ = [
+    "MotionTable",
+    "Reference",
+    "Steps",
+    "home_reference",
+    "periodic_squat",
+    "squat_bow",
+    "stepping",
+]

@@ -21,7 +21,7 @@ _LIFTED = ("hip_pitch", "knee", "ankle_pitch")
 
 
 class Steps(NamedTuple):
-    """Numbers of a stepping motion; the defaults are the ones used for [M10] IV.D.
+    """Numbers of a stepping motion.
 
     Attributes:
         period: s, one step of either foot. The paper's.
@@ -32,7 +32,8 @@ class Steps(NamedTuple):
         single: share of the period that each foot is in the air.
         lift: (3,) rad added to hip, knee and ankle pitch of the leg in the air.
         ramp: s it takes to add them and to take them away, within the time in the air; 0 for
-            instant changes as in the paper.
+            instant changes as in the paper. With 0.25 the feet come down where they rose; instant
+            changes move them by a few centimetres per step, since a hip is slower than a knee.
     """
 
     period: float = 3.0
@@ -41,11 +42,15 @@ class Steps(NamedTuple):
     amplitude: float = 0.1
     sway: float = 0.085
     single: float = 0.25
-    lift: tuple[float, float, float] = (-0.2, 0.4, -0.2)
+    lift: tuple[float, float, float] = (-0.12, 0.24, -0.12)
     ramp: float = 0.0
 
 
-def stepping(robot: Robot, steps: Steps = Steps(), *, hz: int = 500) -> MotionTable:
+PAPER = Steps()
+"""The numbers of [M10] IV.D where the paper gives them."""
+
+
+def stepping(robot: Robot, steps: Steps = PAPER, *, hz: int = 500) -> MotionTable:
     """Squat while stepping in place, [M10] IV.D, figures 8-9.
 
     It begins in double support with the base between the feet, on its way to the right foot; the
