@@ -76,14 +76,17 @@ class LiveTerms:
     """The terms of a persistent batch at its current state, without any further simulation.
 
     The batch's position- and velocity-dependent fields must be current, as they are after
-    `batch.step(nstep, stage=mjSTAGE_VEL)` or `batch.forward(stage=mjSTAGE_VEL)`.
+    `batch.step(nstep, stage=mjSTAGE_VEL)` or `batch.forward(stage=mjSTAGE_VEL)`. Its model may hold
+    other bodies after the robot's.
     """
 
     def __init__(self, robot: Robot, batch: mujoco.batch.Batch) -> None:
         """Bind the buffers of `batch`, which simulates `robot`."""
         self._layout = _Layout.of(robot)
         self._buffers = {name: batch.bind(name) for name in BUFFERS}
-        self._qvel = batch.bind("qvel")
+        for name in ("qfrc_bias", "cdof", "cdof_dot"):
+            self._buffers[name] = self._buffers[name][:, : robot.nv]
+        self._qvel = batch.bind("qvel")[:, : robot.nv]
         self._batch = batch
 
     def __call__(self) -> DynamicsTerms:
@@ -139,7 +142,8 @@ class LiveTerms:
         masses = self._batch.expanded("body_mass")
         if masses is None:
             return self._layout.mass
-        return np.vecdot(masses, self._layout.members)[:, None]
+        members = self._layout.members
+        return np.vecdot(masses[:, : len(members)], members)[:, None]
 
 
 class MuJoCoDynamics:

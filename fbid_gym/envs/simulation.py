@@ -10,6 +10,7 @@ from fbid_gym.dynamics.contacts import ContactGeometry, point_positions
 from fbid_gym.dynamics.mujoco_dynamics import LiveTerms
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.envs.rates import Rates
+from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot
 
 MAX_SPEED = 500.0
@@ -29,19 +30,35 @@ class Simulation:
 
     Attributes:
         robot: the robot.
+        model: what is simulated; the robot comes first in every list.
         batch: MuJoCo's batch; its position- and velocity-dependent fields are always current.
         qpos: (N, nq) and
-        qvel: (N, nv), live.
+        qvel: (N, nv), live; the robot's.
         contact_force: (N, P, 3) N, world, of the ground on each contact point, last physics step.
     """
 
-    def __init__(self, robot: Robot, num_robots: int, rates: Rates) -> None:
-        """Build N copies of the robot's world."""
-        model = copy.copy(robot.model)
+    def __init__(
+        self, robot: Robot, num_robots: int, rates: Rates, world: mujoco.MjModel | None = None
+    ) -> None:
+        """Build N copies of the robot's world.
+
+        Args:
+            robot: the robot.
+            num_robots: N.
+            rates: physics and control steps per second.
+            world: compiled from a copy of `robot.spec` to which other bodies were added. Default:
+                the robot alone on its ground.
+
+        Raises:
+            RobotError: the world does not begin with the robot.
+        """
+        model = copy.copy(robot.model if world is None else world)
+        _check_world(robot, model)
         model.opt.timestep = 1.0 / rates.physics
-        self.robot = robot
+        self.robot, self.model = robot, model
         self.batch = mujoco.batch.Batch(model, num_robots, 1, persistent=True)
-        self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
+        self.qpos = self.batch.bind("qpos")[:, : robot.nq]
+        self.qvel = self.batch.bind("qvel")[:, : robot.nv]
         self._substeps, self._ctrl = rates.substeps, self.batch.bind("ctrl")
         self._push = self.batch.bind("xfrc_applied")[:, robot.base_body, :3]
         self._geometry = ContactGeometry.of(robot)
@@ -129,3 +146,15 @@ class Simulation:
         self._hush(np.arange(self.num_robots))
         self.contact_force = state["contact_force"].copy()
         self._terms = None
+
+
+def _check_world(robot: Robot, world: mujoco.MjModel) -> None:
+    """Raise an error unless the robot's bodies, coordinates, motors and sensors come first."""
+    own = robot.model
+    for field in ("body_parentid", "dof_bodyid", "M_rowadr", "actuator_trnid", "sensor_adr"):
+        ours, theirs = getattr(own, field), getattr(world, field)
+        if len(theirs) < len(ours) or not np.array_equal(theirs[: len(ours)], ours):
+            raise RobotError(
+                f"The world does not begin with {robot.name!r}: its {field} differ. "
+                "Expected a model compiled from a copy of robot.spec with bodies added at the end."
+            )

@@ -28,6 +28,8 @@ class Robot:
         name: the robot's name.
         model: compiled model, with a ground and one contact-force sensor per contact point. Copy
             it before changing it.
+        spec: what `model` was compiled from. Add bodies to a copy of it, and the robot keeps its
+            place at the head of every list.
         feet: the feet, in the order given.
         base_body: MuJoCo id of the floating body.
         home_qpos: (nq,) a standing pose, the lowest contact point at z = 0.
@@ -43,6 +45,7 @@ class Robot:
 
     name: str
     model: mujoco.MjModel
+    spec: mujoco.MjSpec
     feet: tuple[Foot, ...]
     base_body: int
     home_qpos: np.ndarray
@@ -168,6 +171,7 @@ class Robot:
         return cls(
             name=name or spec.modelname or Path(path).stem,
             model=model,
+            spec=spec,
             feet=built,
             base_body=base_body,
             home_qpos=home_configuration(model, home, built),
