@@ -9,6 +9,7 @@ import numpy as np
 from eval.benchmark.figures import Figure, Limit, Section
 from eval.benchmark.physics import TimedBatch
 from fbid_gym.actions.base_acceleration import BaseAcceleration
+from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
@@ -84,7 +85,9 @@ class _Stand:
         robot, rates = load(name), Rates()
         self.simulation = Simulation(robot, num_robots, rates)
         self.layers = {
-            "eq. 15": BaseAcceleration.of(robot, rates.control, contact_limits="none"),
+            "eq. 15": BaseAcceleration.of(
+                robot, rates.control, contact=ContactOptions(contact_limits="none")
+            ),
             "limited": BaseAcceleration.of(robot, rates.control),
         }
         self.memories = {key: law.memory(num_robots) for key, law in self.layers.items()}

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from fbid_gym.actions.base_acceleration import BaseAcceleration
+from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.joint_acceleration import JointAcceleration
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.actions.layer import ActionLayer, Memory
@@ -24,9 +25,10 @@ LAYERS: dict[str, Callable[..., ActionLayer]] = {
 
 
 def layer_options(name: str) -> dict[str, Any]:
-    """Return the options of a layer with their defaults."""
-    parameters = inspect.signature(_layer(name)).parameters.values()
-    return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+    """Return the options of a layer with their defaults, those about contacts among them."""
+    options = _own_options(name)
+    contact = options.pop("contact", None)
+    return options if contact is None else options | vars(contact)
 
 
 def make_layer(
@@ -43,11 +45,21 @@ def make_layer(
     Raises:
         FbidError: unknown layer, unknown option or invalid value; the message names the choices.
     """
-    build, valid = _layer(name), layer_options(name)
-    for option in options or {}:
+    build, own, valid = _layer(name), _own_options(name), layer_options(name)
+    given = dict(options or {})
+    for option in given:
         if option not in valid:
             raise UnknownOptionError(f"option of action layer {name!r}", option, valid or ["none"])
-    return build(robot, control_hz, **(options or {}))
+    if "contact" in own:
+        about_contacts = {key: given.pop(key) for key in list(given) if key not in own}
+        given["contact"] = ContactOptions(**about_contacts)
+    return build(robot, control_hz, **given)
+
+
+def _own_options(name: str) -> dict[str, Any]:
+    """The keyword arguments of a layer's constructor; `contact` holds those about contacts."""
+    parameters = inspect.signature(_layer(name)).parameters.values()
+    return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
 
 
 def _layer(name: str) -> Callable[..., ActionLayer]:

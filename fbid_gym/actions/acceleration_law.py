@@ -1,15 +1,18 @@
 """From a desired acceleration to joint torques: what the acceleration layers share."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.contact_belief import ContactBelief, Schedule, contact_belief
+from fbid_gym.actions.contact_belief import ContactBelief
+from fbid_gym.actions.contact_options import ContactOptions
+from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.layer import Memory
-from fbid_gym.actions.options import share
 from fbid_gym.control import (
     ContactLimits,
     limited_inverse_dynamics,
+    operational_space_acceleration,
     orthogonal_inverse_dynamics,
     symmetric_pseudo_inverse,
 )
@@ -17,15 +20,33 @@ from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
-
-CONTACT_LIMITS = ("friction", "none")
 
 DIAGNOSTICS = ("residual", "underactuation")
 """Share of the weight by which the base wrench misses the commanded one; and the number of base
 directions that the assumed contacts cannot push."""
+
+
+class Task(NamedTuple):
+    """What a part of N robots shall do, before the joints do theirs: [M10] eq. (19).
+
+    Attributes:
+        jacobian: (N, m, nv) of the part's velocity.
+        bias: (N, m) its rate times the velocity.
+        acceleration: (N, m) wanted.
+    """
+
+    jacobian: np.ndarray
+    bias: np.ndarray
+    acceleration: np.ndarray
+
+
+class _Solution(NamedTuple):
+    """Torques (N, n) of one set of contacts, and what goes into the memory."""
+
+    torque: np.ndarray
+    memory: Memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +58,7 @@ class AccelerationLaw:
         geometry: of its contact points.
         belief: which points are taken to be in contact.
         limits: on their forces; None for the paper's form.
+        ramp: leads from one set of contacts to the next; None where the torque may jump.
         base_priority: weight of base accelerations beside one for the joints, where the contacts do
             not allow both.
         damping: (n,) N·m·s/rad of the joints, to be compensated; zero for none.
@@ -47,50 +69,38 @@ class AccelerationLaw:
     geometry: ContactGeometry
     belief: ContactBelief
     limits: ContactLimits | None
+    ramp: ContactRamp | None
     base_priority: float
     damping: np.ndarray
     length: float
 
     @classmethod
     def of(
-        cls,
-        robot: Robot,
-        control_hz: int,
-        *,
-        base_priority: float,
-        contacts: str | Schedule,
-        contact_limits: str,
-        friction: float,
-        min_normal_force: float,
-        max_normal_force: float,
-        compensate_damping: bool,
+        cls, robot: Robot, control_hz: int, contact: ContactOptions, *, base_priority: float
     ) -> "AccelerationLaw":
-        """Check the options that the acceleration layers share; see there."""
-        if contact_limits not in CONTACT_LIMITS:
-            raise UnknownOptionError("contact_limits", contact_limits, CONTACT_LIMITS)
-        if not isinstance(compensate_damping, bool):
-            raise InvalidValueError("compensate_damping", compensate_damping, "True or False")
-        share(min_normal_force=min_normal_force, max_normal_force=max_normal_force)
-        limits = ContactLimits(
-            friction, min_normal_force * robot.weight, max_normal_force * robot.weight
-        )
+        """Build the law on what `contact` says of the contacts."""
         return cls(
             robot=robot,
             geometry=ContactGeometry.of(robot),
-            belief=contact_belief(contacts, robot, control_hz),
-            limits=limits if contact_limits == "friction" else None,
+            belief=contact.belief(robot, control_hz),
+            limits=contact.limits(robot),
+            ramp=contact.ramp(control_hz),
             base_priority=base_priority,
-            damping=robot.joint_damping * compensate_damping,
+            damping=contact.damping(robot),
             length=Support.of(robot).radius or 1.0,
         )
 
     def memory(self, num_robots: int) -> Memory:
-        """Warm start of the contact forces, and the diagnostics."""
-        return {
+        """Warm start of the contact forces, the diagnostics, and a ramp's state."""
+        memory = {
             "warm_start": np.zeros((num_robots, 6)),
             "residual": np.zeros(num_robots),
             "underactuation": np.zeros(num_robots),
         }
+        if self.ramp is not None:
+            sizes = self.robot.num_points, self.robot.num_joints
+            memory |= self.ramp.memory(num_robots, *sizes)
+        return memory
 
     def torque(
         self,
@@ -99,10 +109,51 @@ class AccelerationLaw:
         reference: Reference,
         terms: DynamicsTerms,
         memory: Memory,
+        task: Task | None = None,
     ) -> np.ndarray:
-        """Return joint torques (N, n) N·m that come nearest to `acceleration` (N, nv)."""
+        """Return joint torques.
+
+        Args:
+            acceleration: (N, nv) m/s^2 and rad/s^2 to come nearest to.
+            state: of the robots.
+            reference: which plans the contacts.
+            terms: of the robots.
+            memory: of the robots; updated.
+            task: to be met before `acceleration`, which is followed in what contacts and task
+                leave; None for none.
+
+        Returns:
+            (N, n) N·m.
+        """
         active = self.belief(state, reference)
+        warm_start = memory["warm_start"]
+        solution = self._solve(acceleration, task, terms, active, warm_start)
+        memory.update(solution.memory)
+        torque = solution.torque
+        if self.ramp is not None and active is not None:
+
+            def of_contacts(rows: np.ndarray, contacts: np.ndarray) -> np.ndarray:
+                part = None if task is None else Task(*(value[rows] for value in task))
+                some = DynamicsTerms(*(value[rows] for value in terms))
+                arguments = acceleration[rows], part, some, contacts, warm_start[rows]
+                return self._solve(*arguments).torque
+
+            torque = self.ramp.torque(torque, active, of_contacts, memory)
+        return torque + self.damping * state.qvel[:, 6:]
+
+    def _solve(
+        self,
+        acceleration: np.ndarray,
+        task: Task | None,
+        terms: DynamicsTerms,
+        active: np.ndarray | None,
+        warm_start: np.ndarray,
+    ) -> _Solution:
         contacts = reduced_contacts(self.geometry, terms, active)
+        if task is not None:
+            acceleration = operational_space_acceleration(
+                contacts.jacobian, contacts.bias, *task, reference=acceleration
+            ).motion
         arguments = (
             terms.mass_matrix,
             terms.bias,
@@ -112,22 +163,19 @@ class AccelerationLaw:
         )
         if self.limits is None:
             free = orthogonal_inverse_dynamics(*arguments, base_priority=self.base_priority)
-            memory["underactuation"] = free.underactuation.astype(float)
-            torque = free.torque
-        else:
-            limited = limited_inverse_dynamics(
-                *arguments,
-                self.limits,
-                point_map=contacts.point_map,
-                active=active,
-                base_priority=self.base_priority,
-                length=self.length,
-                warm_start=memory["warm_start"],
-            )
-            memory["warm_start"], memory["residual"] = limited.warm_start, limited.residual
-            if active is not None:
-                base = contacts.jacobian[:, :, :6]
-                _, rank = symmetric_pseudo_inverse(base.swapaxes(1, 2) @ base, 1e-6)
-                memory["underactuation"] = 6.0 - rank
-            torque = limited.torque
-        return torque + self.damping * state.qvel[:, 6:]
+            return _Solution(free.torque, {"underactuation": free.underactuation.astype(float)})
+        limited = limited_inverse_dynamics(
+            *arguments,
+            self.limits,
+            point_map=contacts.point_map,
+            active=active,
+            base_priority=self.base_priority,
+            length=self.length,
+            warm_start=warm_start,
+        )
+        memory = {"warm_start": limited.warm_start, "residual": limited.residual}
+        if active is not None:
+            base = contacts.jacobian[:, :, :6]
+            _, rank = symmetric_pseudo_inverse(base.swapaxes(1, 2) @ base, 1e-6)
+            memory["underactuation"] = 6.0 - rank
+        return _Solution(limited.torque, memory)

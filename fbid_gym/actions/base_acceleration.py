@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.actions.acceleration_law import DIAGNOSTICS, AccelerationLaw
-from fbid_gym.actions.contact_belief import Schedule
+from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import positive
 from fbid_gym.dynamics.frames import quaternion_to_matrix
@@ -75,12 +75,7 @@ class BaseAcceleration:
         posture_frequency: float = 1.0,
         damping_ratio: float = 1.0,
         base_priority: float = 1e3,
-        contacts: str | Schedule = "planned",
-        contact_limits: str = "friction",
-        friction: float = 0.7,
-        min_normal_force: float = 0.0,
-        max_normal_force: float = np.inf,
-        compensate_damping: bool = True,
+        contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "BaseAcceleration":
         """Build the layer.
 
@@ -96,13 +91,7 @@ class BaseAcceleration:
                 infinity the posture is left to the null space of the base (1e6 is that, in
                 effect); the default lets the posture give hard pushes way, which keeps the biped
                 up more often.
-            contacts: "planned", the feet that stand in the reference; "all"; "measured"; or a
-                schedule [(seconds, feet on the ground), ...].
-            contact_limits: "friction" limits the contact forces; "none" is the paper's form.
-            friction: coefficient assumed of every contact.
-            min_normal_force: least normal force of a point in contact, share of the weight.
-            max_normal_force: greatest, share of the weight.
-            compensate_damping: add the torque that the joints' viscous damping takes away.
+            contact: what it assumes of contacts.
         """
         positive(
             balance_frequency=balance_frequency,
@@ -112,17 +101,7 @@ class BaseAcceleration:
             damping_ratio=damping_ratio,
             base_priority=base_priority,
         )
-        law = AccelerationLaw.of(
-            robot,
-            control_hz,
-            base_priority=base_priority,
-            contacts=contacts,
-            contact_limits=contact_limits,
-            friction=friction,
-            min_normal_force=min_normal_force,
-            max_normal_force=max_normal_force,
-            compensate_damping=compensate_damping,
-        )
+        law = AccelerationLaw.of(robot, control_hz, contact, base_priority=base_priority)
         support = Support.of(robot)
         omega = (
             2.0
@@ -137,7 +116,7 @@ class BaseAcceleration:
             damping=2.0 * damping_ratio * omega,
             posture_stiffness=posture**2,
             posture_damping=2.0 * damping_ratio * posture,
-            scale=_scale(robot, support, friction),
+            scale=_scale(robot, support, contact.friction),
         )
 
     @property

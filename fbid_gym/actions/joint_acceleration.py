@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.actions.acceleration_law import DIAGNOSTICS, AccelerationLaw
-from fbid_gym.actions.contact_belief import Schedule
+from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import positive
 from fbid_gym.dynamics.state import RobotState
@@ -45,12 +45,7 @@ class JointAcceleration:
         natural_frequency: float = 0.5,
         damping_ratio: float = 1.0,
         scale: float = 30.0,
-        contacts: str | Schedule = "planned",
-        contact_limits: str = "friction",
-        friction: float = 0.7,
-        min_normal_force: float = 0.0,
-        max_normal_force: float = np.inf,
-        compensate_damping: bool = True,
+        contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "JointAcceleration":
         """Build the layer.
 
@@ -60,27 +55,11 @@ class JointAcceleration:
             natural_frequency: w / (2 pi) in Hz of every joint's return to its reference.
             damping_ratio: zeta.
             scale: rad/s^2 (m/s^2 for slides) at action 1.
-            contacts: "planned", the feet that stand in the reference; "all"; "measured"; or a
-                schedule [(seconds, feet on the ground), ...].
-            contact_limits: "friction" limits the contact forces; "none" is the paper's form.
-            friction: coefficient assumed of every contact.
-            min_normal_force: least normal force of a point in contact, share of the weight.
-            max_normal_force: greatest, share of the weight.
-            compensate_damping: add the torque that the joints' viscous damping takes away.
+            contact: what it assumes of contacts.
         """
         positive(natural_frequency=natural_frequency, damping_ratio=damping_ratio, scale=scale)
         omega = 2.0 * np.pi * natural_frequency
-        law = AccelerationLaw.of(
-            robot,
-            control_hz,
-            base_priority=_JOINTS_FIRST,
-            contacts=contacts,
-            contact_limits=contact_limits,
-            friction=friction,
-            min_normal_force=min_normal_force,
-            max_normal_force=max_normal_force,
-            compensate_damping=compensate_damping,
-        )
+        law = AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST)
         return cls(law, omega**2, 2.0 * damping_ratio * omega, scale)
 
     @property

@@ -54,12 +54,27 @@ class BalanceEnv(RobotEnv):
     | -------------------- | --------------------------------------------------------------------- |
     | `torque`             | none                                                                  |
     | `joint_position`     | `natural_frequency`, `damping_ratio`, `scale`                         |
-    | `joint_acceleration` | the same; `contacts`, `contact_limits`, `friction`,                   |
-    |                      | `min_normal_force`, `max_normal_force`, `compensate_damping`          |
+    | `joint_acceleration` | the same, and those about contacts                                    |
     | `base_acceleration`  | `balance_frequency`, `height_frequency`, `rotation_frequency`,        |
-    |                      | `posture_frequency`, `damping_ratio`, `base_priority`; `contacts`,    |
-    |                      | `contact_limits`, `friction`, `min_normal_force`, `max_normal_force`, |
-    |                      | `compensate_damping`                                                  |
+    |                      | `posture_frequency`, `damping_ratio`, `base_priority`, and those      |
+    |                      | about contacts                                                        |
+
+    What the last two assume of contacts:
+
+    | Option               | Default      | Meaning                                                |
+    | -------------------- | ------------ | ------------------------------------------------------ |
+    | `contacts`           | `"planned"`  | Which points are on the ground: the feet that stand in |
+    |                      |              | the reference; `"all"`; `"measured"`; or a schedule    |
+    |                      |              | `[(seconds, feet), ...]`                               |
+    | `contact_limits`     | `"friction"` | Limits of the contact forces; `"none"` is the paper's  |
+    |                      |              | form                                                   |
+    | `contact_ramp`       | `0.0`        | s that the torque takes from the old contacts' to the  |
+    |                      |              | new ones' when they switch; at 0 it jumps              |
+    | `friction`           | `0.7`        | Coefficient of friction                                |
+    | `min_normal_force`   | `0.0`        | Least normal force of a point, share of the weight     |
+    | `max_normal_force`   | `inf`        | Greatest, likewise                                     |
+    | `compensate_damping` | `True`       | Add the torque that the joints' viscous damping takes  |
+    |                      |              | away                                                   |
 
     ## Observation Space
     A `Box` of float32, the same for every layer. Values are clipped to the ranges below;

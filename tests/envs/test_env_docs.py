@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.actions import LAYERS, layer_options
+from fbid_gym.actions.contact_options import CONTACT_DEFAULTS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.balance_env import BalanceEnv
 from fbid_gym.envs.config import EnvConfig
@@ -107,9 +108,14 @@ def test_action_tables(env):
     assert rows.keys() == LAYERS.keys()
     options = {names_in(row[0])[0]: row[1] for row in table("Action Space", "Layer")}
     assert options.keys() == LAYERS.keys()
-    options["joint_acceleration"] = options["joint_acceleration"].replace(
-        "the same;", options["joint_position"] + ";"
-    )
+    shared = table("Action Space", "Option")
+    about_contacts = " ".join(name for name, *_ in shared)
+    assert {names_in(name)[0]: names_in(default)[0] for name, default, _ in shared} == {
+        name: repr(default).replace("'", '"') for name, default in vars(CONTACT_DEFAULTS).items()
+    }
+    for name, text in options.items():
+        text = text.replace("the same", options["joint_position"])
+        options[name] = text.replace("those about contacts", about_contacts)
     for name in LAYERS:
         size = len(
             EnvConfig(env.config.robot, action_layer=name).layer(env.batch.robot).action_names
