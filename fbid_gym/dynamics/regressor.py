@@ -1,0 +1,118 @@
+"""The equations of motion as a linear function of the robot's inertial parameters.
+
+    M(q) a + h(q, v) = Y(q, v, a) pi + diag(armature) a
+
+with pi the ten parameters of each body (see `fbid_gym.dynamics.inertia`), all in MuJoCo's
+coordinates, base first. Y depends on the robot's kinematics and on gravity alone. It is Pinocchio's
+joint-torque regressor, of the model read from the compiled MuJoCo model, with v and a brought to
+Pinocchio's coordinates and the generalized force brought back (`fbid_gym.dynamics.frames`).
+"""
+
+import numpy as np
+import pinocchio as pin
+
+from fbid_gym.dynamics import frames
+from fbid_gym.dynamics.inertia import (
+    body_parameters,
+    parameters_of_pseudo_inertia,
+    pseudo_inertia,
+)
+from fbid_gym.dynamics.mujoco_dynamics import check_states
+from fbid_gym.dynamics.pinocchio_model import armature_of_base, pinocchio_model
+from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
+from fbid_gym.robots import Robot
+
+
+class InertialRegressor:
+    """The regressor of a robot's equations of motion.
+
+    It loops over the states in Python. An instance has one working memory, so threads need one
+    each. Bodies without mass carry no parameters: they have none to find.
+
+    Attributes:
+        robot: the robot; of its inertial parameters only the armature matters.
+        bodies: (B,) MuJoCo ids of the bodies with parameters.
+        names: their names.
+        armature: (nv,) kg, kg m^2, the part of M's diagonal that belongs to no body.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Read the robot's kinematics.
+
+        Raises:
+            RobotError: Pinocchio cannot represent the robot; see `pinocchio_model`.
+        """
+        model = robot.model
+        self._model = pinocchio_model(model)
+        self._data = self._model.createData()
+        self.robot = robot
+        member = (model.body_rootid == robot.base_body) & (model.body_mass > 0.0)
+        self.bodies = np.flatnonzero(member)
+        self.names = tuple(model.body(body).name or f"body {body}" for body in self.bodies)
+        self.armature = self._model.armature.copy()
+        self.armature[:6] = armature_of_base(model)
+        carriers = [self._model.frames[int(body)] for body in self.bodies]
+        # Pinocchio's parameters belong to joints (joint 0 is the world and has none).
+        columns = np.array([10 * (frame.parentJoint - 1) for frame in carriers])
+        self._columns = columns[:, None] + np.arange(10)
+        self._to_joint = np.array([_move_parameters(frame.placement) for frame in carriers])
+
+    @property
+    def num_parameters(self) -> int:
+        """Number p = 10 B of parameters."""
+        return 10 * len(self.bodies)
+
+    def parameters(self) -> np.ndarray:
+        """Return the parameters of the robot's model: (B, 10)."""
+        return body_parameters(self.robot.model, self.bodies)
+
+    def rows(self, qpos: np.ndarray, qvel: np.ndarray, qacc: np.ndarray) -> np.ndarray:
+        """Return the regressor at N states.
+
+        Args:
+            qpos: (N, nq) m, quaternion wxyz, rad.
+            qvel: (N, nv) m/s, rad/s.
+            qacc: (N, nv) m/s^2, rad/s^2, rate of qvel.
+
+        Returns:
+            Y: (N, nv, 10 B), the bodies in order, ten columns each.
+
+        Raises:
+            ShapeError: an array is not a batch of this robot's states.
+            NonFiniteError: a state holds NaN or infinity.
+            InvalidValueError: a quaternion is zero.
+        """
+        qpos, qvel = check_states(self.robot, qpos, qvel)
+        qacc = np.asarray(qacc, dtype=float)
+        if qacc.shape != qvel.shape:
+            raise ShapeError("qacc", qacc.shape, f"{qvel.shape}, as qvel")
+        if not np.isfinite(qacc).all():
+            where = np.argwhere(~np.isfinite(qacc))[0]
+            raise NonFiniteError("qacc", tuple(int(i) for i in where))
+        zero = (qpos[:, 3:7] == 0.0).all(axis=1)
+        if zero.any():
+            row = int(zero.argmax())
+            raise InvalidValueError(f"qpos[{row}, 3:7]", qpos[row, 3:7], "a nonzero quaternion")
+        rotation = frames.quaternion_to_matrix(qpos[:, 3:7])
+        configuration = frames.configuration_to_pinocchio(qpos, self.robot.model.qpos0)
+        velocity = frames.velocity_to_pinocchio(qvel, rotation)
+        acceleration = frames.acceleration_to_pinocchio(qacc, qvel, rotation)
+        count, size = qvel.shape
+        result = np.empty((count, size, len(self.bodies), 10))
+        model, data = self._model, self._data
+        for i in range(count):
+            of_joints = pin.computeJointTorqueRegressor(
+                model, data, configuration[i], velocity[i], acceleration[i]
+            )
+            result[i] = of_joints[:, self._columns]
+        result = (result[..., None, :] @ self._to_joint)[..., 0, :]
+        columns = result.reshape(count, size, self.num_parameters)
+        # A generalized force transforms as the rows of a Jacobian do: Y = X^T Y_pin.
+        return frames.jacobian_from_pinocchio(columns.mT, rotation).mT
+
+
+def _move_parameters(placement: pin.SE3) -> np.ndarray:
+    """Matrix (10, 10) from a body's parameters in its frame to those in its joint's frame."""
+    transform = placement.homogeneous
+    moved = transform @ pseudo_inertia(np.eye(10)) @ transform.T
+    return parameters_of_pseudo_inertia(moved).T
