@@ -14,7 +14,9 @@ RATES = Rates(1000, 500)
 def with_a_ball(robot):
     """The robot's world with a ball ten metres up."""
     spec = robot.spec.copy()
-    body = spec.worldbody.add_body(name="ball", pos=[3, 0, 10], mass=2.0, inertia=[0.1] * 3)
+    body = spec.worldbody.add_body(
+        name="ball", pos=[3, 0, 10], ipos=[0, 0, 0], mass=2.0, inertia=[0.1] * 3
+    )
     body.explicitinertial = True
     body.add_freejoint()
     return spec.compile()

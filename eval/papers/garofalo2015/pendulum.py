@@ -1,0 +1,186 @@
+"""The pendulum of [G15] figure 1: a point mass that hits the hip of a robot.
+
+The bob is a body of the simulation beside the robot. It is let go at the lowest point of its swing,
+a few millimetres from the hip, where its rope carries its weight and nothing else: it flies level,
+with the energy of the fall behind it, and away again when it has bounced, as if it were caught. A
+rope of 2 m would pull it aside with a hundredth of its weight during the contact.
+
+It touches nothing but a massless sphere about the centre of mass of the robot's base, so that the
+blow has no moment about that point, whatever its direction. There is no friction between the two.
+"""
+
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+from fbid_gym.envs.simulation import Simulation
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.robots import Robot
+
+BOB = "pendulum"
+"""Name of the bob's body and geom."""
+
+TARGET = "pendulum_target"
+"""Name of the sphere that it hits."""
+
+_LAYER = 1 << 20  # of contacts; nothing else is in it
+_GAP = 0.005  # m, between bob and target when it is let go
+_STIFF = 0.99  # share of the contact's reference acceleration that MuJoCo realises
+
+
+@dataclass(frozen=True)
+class Pendulum:
+    """The blow. Defaults are [G15]'s where it has a number.
+
+    Its contact is a spring and a damper, given by what they do: how long they touch and how the bob
+    bounces. [G15] says neither. The linear momentum it measures, 14.5 kg m/s, is more than the
+    13.2 kg m/s that the bob brings: it bounced.
+
+    Attributes:
+        mass: kg.
+        energy: J, at the impact.
+        radius: m, of the bob.
+        target_radius: m, of the sphere on the robot: half the width of the hips.
+        bounce: speed at which the two part over that at which they meet, 0.15 to 0.9.
+        contact_seconds: s from touch to parting.
+    """
+
+    mass: float = 5.0
+    energy: float = 17.4
+    radius: float = 0.05
+    target_radius: float = 0.15
+    bounce: float = 0.3
+    contact_seconds: float = 0.02
+    solref: tuple[float, float] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Find the spring and the damper.
+
+        Raises:
+            InvalidValueError: a value is not positive and finite, or `bounce` out of range.
+        """
+        for name in ("mass", "energy", "radius", "target_radius", "contact_seconds"):
+            value = getattr(self, name)
+            if not 0.0 < value < np.inf:
+                raise InvalidValueError(name, value, "a positive finite number")
+        if not 0.15 <= self.bounce <= 0.9:
+            raise InvalidValueError("bounce", self.bounce, "a number from 0.15 to 0.9")
+        ratio = _damping_ratio(self.bounce)
+        frequency = float(_phase(ratio) / np.sqrt(1.0 - ratio**2)) / self.contact_seconds
+        # MuJoCo takes a negative pair as stiffness and damping per unit of mass.
+        object.__setattr__(self, "solref", (-(frequency**2), -2.0 * ratio * frequency))
+
+    @property
+    def speed(self) -> float:
+        """Speed at the impact, m/s."""
+        return float(np.sqrt(2.0 * self.energy / self.mass))
+
+    @property
+    def momentum(self) -> float:
+        """Momentum at the impact, kg m/s."""
+        return self.mass * self.speed
+
+
+def world_with_pendulum(robot: Robot, pendulum: Pendulum) -> mujoco.MjModel:
+    """Return the robot's world with the bob in it, parked behind the robot, out of reach.
+
+    The robot is first in every list, so `Simulation(robot, ..., world=...)` takes it.
+    """
+    spec = robot.spec.copy()
+    base = next(body for body in spec.bodies if body.id == robot.base_body)
+    base.add_geom(
+        name=TARGET,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        pos=robot.model.body_ipos[robot.base_body],
+        size=[pendulum.target_radius, 0, 0],
+        mass=0.0,
+        contype=0,
+        conaffinity=_LAYER,
+        group=4,
+    )
+    ball = 0.4 * pendulum.mass * pendulum.radius**2
+    height = float(robot.home_qpos[2])
+    bob = spec.worldbody.add_body(
+        name=BOB,
+        pos=[-10.0 * height, 0.0, height],
+        mass=pendulum.mass,
+        ipos=[0.0, 0.0, 0.0],
+        inertia=[ball] * 3,
+        gravcomp=1.0,
+    )
+    bob.explicitinertial = True
+    bob.add_freejoint()
+    bob.add_geom(
+        name=BOB,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[pendulum.radius, 0, 0],
+        contype=_LAYER,
+        conaffinity=0,
+        condim=1,
+        priority=1,
+        solref=pendulum.solref,
+        solimp=[_STIFF, _STIFF, 0.001, 0.5, 2.0],
+        rgba=[0.75, 0.2, 0.12, 1.0],
+    )
+    return spec.compile()
+
+
+class Bob:
+    """The bobs of N simulations."""
+
+    def __init__(self, simulation: Simulation, pendulum: Pendulum) -> None:
+        """Take hold of the bobs of a simulation in a `world_with_pendulum`."""
+        robot, model = simulation.robot, simulation.model
+        joint = model.body_jntadr[model.body(BOB).id]
+        place, rate = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
+        self._pendulum, self._base = pendulum, robot.base_body
+        self._centre = np.array(robot.model.body_ipos[robot.base_body])
+        self._xpos, self._xmat = simulation.batch.bind("xpos"), simulation.batch.bind("xmat")
+        self.position = simulation.batch.bind("qpos")[:, place : place + 3]
+        """(N, 3) m, world, live."""
+        self.velocity = simulation.batch.bind("qvel")[:, rate : rate + 3]
+        """(N, 3) m/s, world, live."""
+
+    def target(self) -> np.ndarray:
+        """Return where the bobs are to hit: (N, 3) m, world, centre of the sphere."""
+        rotation = self._xmat[:, self._base].reshape(-1, 3, 3)
+        return self._xpos[:, self._base] + rotation @ self._centre
+
+    def swing(self, robots: np.ndarray, direction: np.ndarray, energy: np.ndarray) -> None:
+        """Let bobs go, so that they hit within a few milliseconds.
+
+        Args:
+            robots: (K,) whose.
+            direction: (K, 3) unit vectors, horizontal, world, in which they fly.
+            energy: (K,) J at the impact.
+        """
+        pendulum = self._pendulum
+        reach = pendulum.target_radius + pendulum.radius + _GAP
+        self.position[robots] = self.target()[robots] - reach * direction
+        speed = np.sqrt(2.0 * energy / pendulum.mass)
+        self.velocity[robots] = speed[:, None] * direction
+
+    def energy(self) -> np.ndarray:
+        """Return the kinetic energy of the bobs: (N,) J."""
+        return 0.5 * self._pendulum.mass * np.vecdot(self.velocity, self.velocity)
+
+    def momentum(self) -> np.ndarray:
+        """Return the momentum of the bobs: (N, 3) kg m/s."""
+        return self._pendulum.mass * self.velocity
+
+
+def _phase(ratio: np.ndarray | float) -> np.ndarray | float:
+    """Damped phase, rad, at which spring and damper of a contact stop pushing."""
+    root = np.sqrt(1.0 - np.square(ratio))
+    return np.arctan2(2.0 * ratio * root, 2.0 * np.square(ratio) - 1.0)
+
+
+def _damping_ratio(bounce: float) -> float:
+    """Damping ratio of a contact that pushes only and whose bodies part at `bounce` of the speed.
+
+    Of x'' + 2 z x' + x = 0 from x = 0, until x + 2 z x' = 0. With critical damping that is 0.135.
+    """
+    ratios = np.linspace(1e-3, 0.999, 2000)
+    bounces = np.exp(-ratios / np.sqrt(1.0 - ratios**2) * _phase(ratios))
+    return float(np.interp(-bounce, -bounces, ratios))

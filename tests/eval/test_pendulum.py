@@ -1,0 +1,132 @@
+"""The bob of [G15] figure 1: energy, momentum, bounce, and what it touches."""
+
+import numpy as np
+import pytest
+
+from eval.papers.garofalo2015.pendulum import Bob, Pendulum, world_with_pendulum
+from fbid_gym.envs.rates import Rates
+from fbid_gym.envs.simulation import Simulation
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.robots import load
+
+RATES = Rates(1000, 1000)
+ENERGY = 17.4  # [G15] V
+
+
+def scene(name, pendulum, count=1, height=0.0):
+    """Robots at home, or `height` m above it, with a bob each."""
+    robot = load(name)
+    simulation = Simulation(robot, count, RATES, world=world_with_pendulum(robot, pendulum))
+    still = np.zeros((count, robot.nv))
+    simulation.place(np.arange(count), np.tile(robot.home_qpos, (count, 1)), still)
+    simulation.qpos[:, 2] += height
+    simulation.batch.forward()
+    return simulation, Bob(simulation, pendulum)
+
+
+def round_about(count):
+    angle = 2 * np.pi * np.arange(count) / count
+    return np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+
+
+def momentum_of(simulation):
+    """(N, 3) kg m/s of the robots."""
+    return simulation.robot.mass * simulation.terms().com_velocity
+
+
+def test_defaults_are_the_papers():
+    pendulum = Pendulum()
+    assert pendulum.mass == 5.0 and pendulum.energy == ENERGY
+    assert 0.5 * pendulum.mass * pendulum.speed**2 == pytest.approx(ENERGY)
+    assert pendulum.momentum == pytest.approx(np.sqrt(2 * 5.0 * ENERGY))
+    assert pendulum.speed == pytest.approx(np.sqrt(2 * 9.81 * 0.3547), rel=1e-3)  # falls 35 cm
+
+
+@pytest.mark.parametrize("name", ["humanoid", "biped", "quadruped"])
+def test_energy_at_the_impact_and_momentum_exchanged(name):
+    """From eight sides, in the air: what one loses the other gets, to the integrator's error."""
+    robot = load(name)
+    scale = robot.mass / load("humanoid").mass
+    reach = 0.15 if name != "quadruped" else 0.05
+    pendulum = Pendulum(mass=5.0 * scale, energy=ENERGY * scale, target_radius=reach)
+    simulation, bob = scene(name, pendulum, 8, height=0.5)
+    direction = round_about(8)
+    energy = np.full(8, pendulum.energy)
+    bob.swing(np.arange(8), direction, energy)
+    start, before, met = bob.momentum(), bob.energy(), False
+    for _ in range(60):
+        simulation.step(np.zeros((8, robot.num_joints)))
+        if not met:
+            np.testing.assert_allclose(before, pendulum.energy, rtol=1e-9)
+        before = bob.energy()
+        met |= (np.linalg.norm(bob.position - bob.target(), axis=1) < reach + pendulum.radius).any()
+    assert met
+    gained, lost = momentum_of(simulation), start - bob.momentum()
+    np.testing.assert_allclose(gained[:, :2], lost[:, :2], atol=5e-3 * pendulum.momentum)
+    along = np.vecdot(lost, direction) / pendulum.momentum
+    assert (along > 0.6).all() and (along < 2.0).all()
+    assert (bob.energy() < pendulum.energy).all()
+    np.testing.assert_allclose(bob.velocity[:, 2], 0.0, atol=0.05 * pendulum.speed)
+
+
+@pytest.mark.parametrize("bounce", [0.2, 0.5, 0.8])
+def test_the_bounce_and_the_duration_are_those_asked_for(bounce):
+    """Speed at parting over speed at meeting, of the two bodies' points of contact."""
+    pendulum = Pendulum(bounce=bounce, contact_seconds=0.03)
+    simulation, bob = scene("humanoid", pendulum, height=0.5)
+    side = np.array([[0.0, 1.0, 0.0]])
+    bob.swing(np.arange(1), side, np.array([ENERGY]))
+    rate, distance = [], []
+    for _ in range(60):
+        away = np.linalg.norm(bob.position - bob.target())
+        distance.append(away)
+        simulation.step(np.zeros((1, simulation.robot.num_joints)))
+        rate.append((np.linalg.norm(bob.position - bob.target()) - away) * 1e3)
+    closest = pendulum.target_radius + pendulum.radius
+    inside = np.flatnonzero(np.array(distance) < closest)
+    last = rate[inside[-1] + 2]
+    assert last == pytest.approx(bounce * pendulum.speed, rel=0.1)
+    # The spring-damper stops pushing a little before the surfaces part.
+    assert 0.03 < 1e-3 * len(inside) < 0.06
+
+
+def test_the_robot_in_stance_is_pushed_to_the_side():
+    pendulum = Pendulum()
+    simulation, bob = scene("humanoid", pendulum)
+    robot = simulation.robot
+    bob.swing(np.arange(1), np.array([[0.0, 1.0, 0.0]]), np.array([ENERGY]))
+    peak = 0.0
+    for _ in range(100):
+        error = robot.home_qpos[7:] - simulation.qpos[:, 7:]
+        torque = 500.0 * error - 10.0 * simulation.qvel[:, 6:]
+        simulation.step(np.clip(torque, -robot.torque_limit, robot.torque_limit))
+        peak = max(peak, momentum_of(simulation)[0, 1])
+    assert 0.6 * pendulum.momentum < peak < 1.4 * pendulum.momentum
+    assert bob.velocity[0, 1] < 0.0  # it flies away
+
+
+def test_it_touches_nothing_but_the_hip():
+    """Shot along the floor through both feet, it meets nobody and keeps its speed."""
+    pendulum = Pendulum()
+    simulation, bob = scene("humanoid", pendulum)
+    bob.position[0] = [0.0, -0.5, 0.04]
+    bob.velocity[0] = [0.0, 2.0, 0.0]
+    for _ in range(400):
+        simulation.step(np.zeros((1, simulation.robot.num_joints)))
+    np.testing.assert_allclose(bob.velocity[0], [0.0, 2.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(bob.position[0], [0.0, 0.3, 0.04], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"mass": 0.0}, "Invalid mass: 0.0. Expected a positive finite number"),
+        ({"energy": -1.0}, "Invalid energy: -1.0"),
+        ({"contact_seconds": np.inf}, "Invalid contact_seconds: inf"),
+        ({"bounce": 0.95}, "Invalid bounce: 0.95. Expected a number from 0.15 to 0.9"),
+        ({"bounce": np.nan}, "Invalid bounce: nan"),
+    ],
+)
+def test_impossible_pendulums_are_errors(arguments, message):
+    with pytest.raises(InvalidValueError, match=message):
+        Pendulum(**arguments)
