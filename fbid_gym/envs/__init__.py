@@ -7,6 +7,7 @@ ENVIRONMENTS = {
     "fbid_gym/QuadrupedBalance-v0": {"robot": "quadruped", "task": "balance"},
     "fbid_gym/HumanoidBalance-v0": {"robot": "humanoid", "task": "balance"},
     "fbid_gym/BipedSquat-v0": {"robot": "biped", "task": "squat"},
+    "fbid_gym/BipedStep-v0": {"robot": "biped", "task": "step"},
 }
 """Registered id -> arguments that define it."""
 

@@ -14,6 +14,7 @@ class TrackingEnv(RobotEnv):
     | Id                         | Robot | Task    | Motion                                       |
     | -------------------------- | ----- | ------- | -------------------------------------------- |
     | `fbid_gym/BipedSquat-v0`   | biped | `squat` | squat and bow on both feet, [M10] IV.B       |
+    | `fbid_gym/BipedStep-v0`    | biped | `step`  | squat and step in place, [M10] IV.D          |
 
     All that is not said here is as in `BalanceEnv`.
 
@@ -65,12 +66,15 @@ class TrackingEnv(RobotEnv):
     ## Arguments
     Those of `BalanceEnv` without `height_range` and `height_interval`, and
 
-    | Parameter | Task    | Default | Description                                             |
-    | --------- | ------- | ------- | ------------------------------------------------------- |
-    | `speed`   | `squat` | `1.0`   | How many times faster than the slow motion of [M10]     |
-    |           |         |         | figure 4; figure 5 shows 5                              |
+    | Parameter      | Task    | Default | Description                                        |
+    | -------------- | ------- | ------- | -------------------------------------------------- |
+    | `speed`        | `squat` | `1.0`   | How many times faster than the slow motion of      |
+    |                |         |         | [M10] figure 4; figure 5 shows 5                   |
+    | `step_seconds` | `step`  | `3.0`   | s, period of the stepping: each foot steps once    |
+    | `lift_seconds` | `step`  | `0.15`  | s it takes a foot to rise, and to come down again; |
+    |                |         |         | 0 is the instant change of [M10]                   |
 
-    By default `squat` has no pushes.
+    By default `squat` has no pushes, and those of `step` are 0.02 to 0.15 of the weight.
 
     ## Info
     Beside `torque_rms`, `power`, `slip`, `push`, `torque`, `contact_force`, `termination` and the

@@ -10,6 +10,7 @@ from fbid_gym.tasks.balance import Balance
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.squat import squat
 from fbid_gym.tasks.start import Start
+from fbid_gym.tasks.step import step
 from fbid_gym.tasks.task import Plan, Task
 
 __all__ = ["TASKS", "Plan", "Pushes", "Start", "Task", "make_task", "task_options"]
@@ -30,6 +31,7 @@ class TaskKind(NamedTuple):
 TASKS: dict[str, TaskKind] = {
     "balance": TaskKind(Balance.of, (0.04, 0.36)),
     "squat": TaskKind(squat, (0.0, 0.0)),
+    "step": TaskKind(step, (0.02, 0.15)),
 }
 """Name of a task -> what it is."""
 
