@@ -22,7 +22,7 @@ HEADLESS := if [ -z "$${MUJOCO_GL:-}" ] && [ -s $(VENV)/mujoco_gl ]; then \
 	export MUJOCO_GL="$$(cat $(VENV)/mujoco_gl)"; fi;
 endif
 
-.PHONY: help setup demo test test-fast check format bench papers clean
+.PHONY: help setup demo survey test test-fast check format bench papers clean
 
 help:  ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -32,6 +32,9 @@ setup: $(VENV)/.installed $(VENV)/mujoco_gl  ## Install everything into .venv (d
 
 demo: setup  ## Train two action layers on BipedBalance, compare them, write runs/demo/report.html.
 	@$(HEADLESS) $(BIN)/python -m train.demo $(ARGS)
+
+survey: setup  ## Train once on every environment, draw docs/learning.svg.
+	@$(HEADLESS) $(BIN)/python -m train.survey $(ARGS)
 
 test: setup  ## Run every test.
 	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) $(ARGS)

@@ -11,6 +11,7 @@ import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
 
 import numpy as np
 
@@ -341,4 +342,24 @@ def _svg(parts: Sequence[str], height: float, label: str, width: float = WIDTH) 
     return (
         f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
         f'aria-label="{escape(label)}">{"".join(parts)}</svg>'
+    )
+
+
+def sheet(panels: Sequence[str], columns: int = 2) -> str:
+    """Return panels side by side as one SVG file, which brings its style along."""
+    style = (Path(__file__).parent / "style.css").read_text()
+    rows = -(-len(panels) // columns)
+    size = f'width="{WIDTH:.0f}" height="{HEIGHT:.0f}"'
+    placed = [
+        part.replace(
+            "<svg ",
+            f'<svg x="{WIDTH * (i % columns):.0f}" y="{HEIGHT * (i // columns):.0f}" {size} ',
+            1,
+        )
+        for i, part in enumerate(panels)
+    ]
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH * columns:.0f} '
+        f'{HEIGHT * rows:.0f}"><style>{style} svg {{ width: auto; }}</style>'
+        f'<rect width="100%" height="100%" style="fill: var(--paper)"/>{"".join(placed)}</svg>\n'
     )

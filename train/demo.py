@@ -4,29 +4,19 @@ Every training is a `python -m train.ppo` of its own with its folder under `runs
 each. Interrupted, the same command continues where they were.
 """
 
-import csv
-import os
-import signal
-import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from eval.compare import main as compare
 from train.config import cores
-from train.interrupt import StopRequest
-
-_POLL_SECONDS = 0.5
-_LINE_SECONDS = 15.0
-_LOG_LINES = 15
+from train.parallel import Job, train
 
 
 @dataclass(frozen=True)
@@ -51,144 +41,26 @@ class DemoConfig:
     """Runs at the same time, one core each."""
 
 
-@dataclass(frozen=True)
-class _Job:
-    """One run of the demo."""
-
-    layer: str
-    seed: int
-    folder: Path
-    log: Path
-    command: tuple[str, ...]
-
-    @property
-    def name(self) -> str:
-        return f"{self.layer}, seed {self.seed}"
-
-    @property
-    def steps(self) -> int:
-        """Steps trained so far."""
-        rows = self.rows("progress.csv")
-        return int(rows[-1]["steps"]) if rows else 0
-
-    @property
-    def result(self) -> str:
-        """The latest evaluation, in words."""
-        rows = self.rows("evaluations.csv")
-        if not rows:
-            return ""
-        latest, survival = float(rows[-1]["return_mean"]), float(rows[-1]["survival"])
-        return f"  return {latest:.0f}, survival {survival:.0%}"
-
-    def rows(self, file: str) -> list[dict[str, str]]:
-        """Read a CSV of the run; empty before it is there."""
-        path = self.folder / file
-        if not path.exists():
-            return []
-        text = path.read_text()
-        # the last line may just be being written
-        return list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))
-
-
-def jobs(config: DemoConfig) -> list[_Job]:
+def jobs(config: DemoConfig) -> list[Job]:
     """Return the runs in the order in which they are started."""
-    found = []
-    for layer in config.layers:
-        for seed in config.seeds:
-            folder = config.out / f"{layer}-s{seed}"
-            command = (
-                *(sys.executable, "-m", "train.ppo"),
+    every = str(max(config.total_steps // config.evaluations, 1))
+    return [
+        Job(
+            f"{layer}, seed {seed}",
+            config.out / f"{layer}-s{seed}",
+            config.out / "logs" / f"{layer}-s{seed}.log",
+            config.total_steps,
+            (
                 *("--env", config.env, "--action-layer", layer, "--seed", str(seed)),
-                *("--total-steps", str(config.total_steps), "--out", str(folder)),
-                *("--num-threads", "1"),
-                *("--eval.every", str(max(config.total_steps // config.evaluations, 1))),
-                *("--eval.episodes", str(config.episodes)),
-            )
-            found.append(
-                _Job(layer, seed, folder, config.out / "logs" / f"{folder.name}.log", command)
-            )
-    return found
-
-
-def train(config: DemoConfig, console: Console) -> bool:
-    """Run all trainings, `config.jobs` at a time, and return whether all finished.
-
-    On SIGINT or SIGTERM, or when one fails, the others are asked to stop, which saves them.
-    """
-    every = jobs(config)
-    waiting, running = list(every), dict[_Job, subprocess.Popen[bytes]]()
-    (config.out / "logs").mkdir(parents=True, exist_ok=True)
-    stopping = False
-    with (
-        _watching(every, config.total_steps, console) as show,
-        StopRequest(lambda: console.print("Stopping; the same command continues.")) as stop,
-    ):
-        while running or (waiting and not stopping):
-            while waiting and len(running) < config.jobs and not stopping:
-                job = waiting.pop(0)
-                running[job] = _start(job)
-            time.sleep(_POLL_SECONDS)
-            show()
-            ended = {job: p.returncode for job, p in running.items() if p.poll() is not None}
-            for job, status in ended.items():
-                del running[job]
-                if status != 0 and not stopping:
-                    console.print(f"{job.name} failed with status {status}; {job.log} ends:")
-                    for line in job.log.read_text().splitlines()[-_LOG_LINES:]:
-                        console.print(line, markup=False, highlight=False)
-            if not stopping and (stop.requested or any(ended.values())):
-                stopping = True
-                for process in running.values():
-                    process.send_signal(signal.SIGINT)
-    return not stopping
-
-
-def _start(job: _Job) -> subprocess.Popen[bytes]:
-    with job.log.open("wb") as log:
-        return subprocess.Popen(
-            job.command,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-            # Ctrl-C reaches this process alone, which passes it on once: at a second one a
-            # training stops without saving.
-            start_new_session=True,
+                *("--eval.every", every, "--eval.episodes", str(config.episodes)),
+            ),
         )
+        for layer in config.layers
+        for seed in config.seeds
+    ]
 
 
-@contextmanager
-def _watching(every: Sequence[_Job], total: int, console: Console) -> Iterator[Callable[[], None]]:
-    """Yield what shows how far the runs are: bars, or lines where there is no terminal."""
-    if not console.is_terminal:
-        last = time.monotonic()
-
-        def lines() -> None:
-            nonlocal last
-            if time.monotonic() - last >= _LINE_SECONDS:
-                last = time.monotonic()
-                for job in every:
-                    if 0 < job.steps < total:
-                        console.print(f"{job.name}: {job.steps} of {total} steps{job.result}")
-
-        yield lines
-        return
-    columns = (
-        *(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %")),
-        *(TimeElapsedColumn(), TextColumn("{task.fields[result]}")),
-    )
-    with Progress(*columns, console=console) as progress:
-        tasks = {job: progress.add_task(job.name, False, total, result="") for job in every}
-
-        def bars() -> None:
-            for job, task in tasks.items():
-                if job.steps and not progress.tasks[task].started:
-                    progress.start_task(task)
-                progress.update(task, completed=min(job.steps, total), result=job.result)
-
-        yield bars
-
-
-def table(every: Sequence[_Job]) -> Table:
+def table(every: Sequence[Job]) -> Table:
     """Return what the runs came to."""
     names = ("layer", "seed", "before", "after", "best", "survival", "minutes")
     found = Table(*names, title="Return at evaluation")
@@ -197,8 +69,7 @@ def table(every: Sequence[_Job]) -> Table:
         first, last = rows[0], rows[-1]
         best = max(float(row["return_mean"]) for row in rows)
         found.add_row(
-            job.layer,
-            str(job.seed),
+            *job.name.split(", seed "),
             f"{float(first['return_mean']):.0f}",
             f"{float(last['return_mean']):.0f}",
             f"{best:.0f}",
@@ -212,9 +83,9 @@ def main(config: DemoConfig) -> int:
     """Train, compare, report; return the exit status."""
     console = Console()
     began = time.monotonic()
-    if not train(config, console):
-        return 1
     every = jobs(config)
+    if not train(every, config.jobs, console):
+        return 1
     report = config.out / "report.html"
     status = compare([*(str(job.folder) for job in every), "--out", str(report)])
     if status != 0:

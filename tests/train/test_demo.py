@@ -5,7 +5,8 @@ import pytest
 from rich.console import Console
 
 from train.config import parse
-from train.demo import DemoConfig, jobs, table, train
+from train.demo import DemoConfig, jobs, table
+from train.parallel import train
 
 
 def test_commands_are_trainings_that_differ_in_layer_and_seed(tmp_path):
@@ -43,7 +44,8 @@ def test_failed_training_is_reported_and_stops_the_demo(tmp_path, monkeypatch):
     root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
     monkeypatch.setenv("PYTHONPATH", root)
     console = Console(file=io.StringIO(), width=200)
-    assert not train(DemoConfig(out=tmp_path, layers=("flying",), seeds=(0,)), console)
+    (job,) = jobs(DemoConfig(out=tmp_path, layers=("flying",), seeds=(0,)))
+    assert not train([job], 2, console)
     text = console.file.getvalue()  # type: ignore[attr-defined]
     assert "flying, seed 0 failed with status 2" in text
     assert "Unknown action layer 'flying'. Valid choices:" in text
@@ -54,7 +56,7 @@ def test_trainings_finish_side_by_side(tmp_path):
     config = DemoConfig(
         out=tmp_path, layers=("joint_position",), total_steps=4096, evaluations=1, episodes=2
     )
-    assert train(config, Console(file=io.StringIO()))
+    assert train(jobs(config), 2, Console(file=io.StringIO()))
     for job in jobs(config):
         assert job.steps == 4096
         assert [int(row["steps"]) for row in job.rows("evaluations.csv")] == [0, 4096]
