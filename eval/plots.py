@@ -21,6 +21,7 @@ WIDTH, HEIGHT = 400.0, 270.0
 STRIP_WIDTH = 300.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 40.0, 106.0, 26.0, 36.0
 _LINE = 13.0
+_GAP = 70.0  # between the panels of a sheet: long names reach into it
 
 
 @dataclass(frozen=True)
@@ -348,18 +349,15 @@ def _svg(parts: Sequence[str], height: float, label: str, width: float = WIDTH) 
 def sheet(panels: Sequence[str], columns: int = 2) -> str:
     """Return panels side by side as one SVG file, which brings its style along."""
     style = (Path(__file__).parent / "style.css").read_text()
-    rows = -(-len(panels) // columns)
-    size = f'width="{WIDTH:.0f}" height="{HEIGHT:.0f}"'
-    placed = [
-        part.replace(
-            "<svg ",
-            f'<svg x="{WIDTH * (i % columns):.0f}" y="{HEIGHT * (i // columns):.0f}" {size} ',
-            1,
-        )
-        for i, part in enumerate(panels)
-    ]
+    across, down = WIDTH + _GAP, HEIGHT + _GAP
+    width, height = columns * across, -(-len(panels) // columns) * down
+    placed = []
+    for index, part in enumerate(panels):
+        x, y = across * (index % columns) + 0.2 * _GAP, down * (index // columns) + 0.5 * _GAP
+        where = f'x="{x:.0f}" y="{y:.0f}" width="{WIDTH:.0f}" height="{HEIGHT:.0f}"'
+        placed.append(part.replace("<svg ", f"<svg {where} ", 1))
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH * columns:.0f} '
-        f'{HEIGHT * rows:.0f}"><style>{style} svg {{ width: auto; }}</style>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}">'
+        f"<style>{style} svg {{ width: auto; }}</style>"
         f'<rect width="100%" height="100%" style="fill: var(--paper)"/>{"".join(placed)}</svg>\n'
     )

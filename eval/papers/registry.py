@@ -44,6 +44,7 @@ PAPERS = (
         scripts=(
             "fig4_slow_squat",
             "fig5_fast_squat",
+            "fig6_7_weights",
         ),
     ),
 )

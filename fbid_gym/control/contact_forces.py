@@ -271,26 +271,16 @@ def solve_contact_forces(
         ContactForces; its `wrench` is the scaled error, delivered less desired.
     """
     xp = namespace(wrench_map)
-    friction, share, lowest, highest = _limit_arrays(limits, xp, wrench.dtype, wrench.device)
-    if active is not None:
-        lowest, highest = xp.where(active, lowest, 0.0), xp.where(active, highest, 0.0)
-    force, dual, sticks = sticking_forces(wrench_map, wrench, friction, lowest, highest)
+    problem = dual_problem(wrench_map, wrench, limits, weight, active, regularisation, tolerance)
+    force, dual, sticks = sticking_forces(
+        wrench_map, wrench, problem.friction, problem.lowest, problem.highest
+    )
     kind = {"dtype": wrench.dtype, "device": wrench.device}
     missing = xp.zeros(wrench.shape, **kind)
     if sticks.all():
         iterations = xp.zeros(sticks.shape, dtype=xp.int64, device=wrench.device)
         return ContactForces(force, missing, missing[:, 0], iterations, dual)
     rows = xp.nonzero(~sticks)[0]
-    problem = DualProblem(
-        wrench_map,
-        wrench,
-        friction,
-        share,
-        lowest,
-        highest,
-        (tolerance * weight) ** 2,
-        regularisation,
-    )
     start = xp.zeros(wrench.shape, **kind) if warm_start is None else warm_start
     problem, start = problem.rows(rows), start[rows]
     solution = solve_dual(problem, start, max_iterations)
@@ -303,3 +293,29 @@ def solve_contact_forces(
     iterations[rows] = solution.iterations
     residual = xp.sqrt(xp.vecdot(missing, missing)) / weight
     return ContactForces(force, missing, residual, iterations, dual)
+
+
+def dual_problem(
+    wrench_map: Array,
+    wrench: Array,
+    limits: ContactLimits,
+    weight: Array,
+    active: Array | None,
+    regularisation: float,
+    tolerance: float,
+) -> DualProblem:
+    """The problem that `solve_contact_forces` solves, with its arguments."""
+    xp = namespace(wrench)
+    friction, share, lowest, highest = _limit_arrays(limits, xp, wrench.dtype, wrench.device)
+    if active is not None:
+        lowest, highest = xp.where(active, lowest, 0.0), xp.where(active, highest, 0.0)
+    return DualProblem(
+        wrench_map,
+        wrench,
+        friction,
+        share,
+        lowest,
+        highest,
+        (tolerance * weight) ** 2,
+        regularisation,
+    )

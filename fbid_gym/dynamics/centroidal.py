@@ -50,6 +50,9 @@ class CentroidalTerms(NamedTuple):
             axes; the inverse of Lambda_l.
         inverse_inertia: (N, 3, 3) Lambda_l of [G15] eq. (24).
         to_com: (N, 6, 6) P, see the module.
+        wrench_map: (N, nv, 6) T^T = A^T Lambda_h of [G15] eqs. (30), (32). It takes a wrench at the
+            centre of mass (N, N m, world axes) to the generalized force that does the same to the
+            momentum and nothing else.
     """
 
     matrix: Array
@@ -58,6 +61,7 @@ class CentroidalTerms(NamedTuple):
     inertia: Array
     inverse_inertia: Array
     to_com: Array
+    wrench_map: Array
 
 
 class DecoupledDynamics(NamedTuple):
@@ -90,13 +94,18 @@ def centroidal_terms(terms: DynamicsTerms, velocity: Array) -> CentroidalTerms:
     to_com = base_force_to_com(terms)
     matrix = to_com @ terms.mass_matrix[:, :6]
     inertia = matrix[:, 3:, :6] @ to_com[:, 3:].mT
+    xp = _namespace(inertia)
+    inverse_inertia = xp.linalg.inv(inertia)
+    mass = terms.mass_matrix[:, 0, 0]
+    linear = matrix[:, :3].mT / mass[:, None, None]
     return CentroidalTerms(
         matrix=matrix,
         momentum=_times(matrix, velocity),
-        mass=terms.mass_matrix[:, 0, 0],
+        mass=mass,
         inertia=inertia,
-        inverse_inertia=_namespace(inertia).linalg.inv(inertia),
+        inverse_inertia=inverse_inertia,
         to_com=to_com,
+        wrench_map=xp.concat((linear, matrix[:, 3:].mT @ inverse_inertia), axis=-1),
     )
 
 
@@ -140,18 +149,6 @@ def momentum_inertia(body: CentroidalTerms) -> Array:
     result[:, 0, 0] = result[:, 1, 1] = result[:, 2, 2] = 1.0 / body.mass
     result[:, 3:, 3:] = inverse
     return result
-
-
-def com_wrench_map(body: CentroidalTerms) -> Array:
-    """Return T^T = A^T Lambda_h of [G15] eqs. (30), (32): (N, nv, 6).
-
-    It takes a wrench at the centre of mass (N, N m, world axes) to the generalized force that does
-    the same to the momentum and nothing else: it accelerates the joints only through the momentum's
-    own velocity terms.
-    """
-    angular = body.matrix[:, 3:].mT @ body.inverse_inertia
-    linear = body.matrix[:, :3].mT / body.mass[:, None, None]
-    return _namespace(angular).concat((linear, angular), axis=-1)
 
 
 def transform(body: CentroidalTerms) -> tuple[Array, Array]:
@@ -210,7 +207,7 @@ def joint_inertia(body: CentroidalTerms, mass_matrix: Array) -> Array:
     The inertia that motor torques feel on a robot in flight.
     """
     joints = body.matrix[:, :, 6:]
-    return mass_matrix[:, 6:, 6:] - com_wrench_map(body)[:, 6:] @ joints
+    return mass_matrix[:, 6:, 6:] - body.wrench_map[:, 6:] @ joints
 
 
 def kinetic_energy(body: CentroidalTerms, mass_matrix: Array, velocity: Array) -> Array:

@@ -1,6 +1,6 @@
 """Kinematics for planning: where the base is when the planted feet stay where they are."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,13 +15,15 @@ from fbid_gym.motions.curves import Curve
 from fbid_gym.motions.reference import Reference
 from fbid_gym.robots import Robot
 
-CHUNK = 256
+CHUNK = 125
 """Rows of a motion that are computed at once: a whole motion would fill the memory."""
 
 _STAYS = 1e-7  # m
 _BASE_RTOL = 1e-9
-_MOST_STEPS = 60
+_MOST_STEPS = 40
+_NEAR = 1e-3  # m, rad
 _REACHED = 1e-11  # m, rad
+_SETTLED = 1e-8  # m/s, rad/s
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -39,23 +41,21 @@ class States(NamedTuple):
     qacc: np.ndarray
 
 
-def chunked_terms(
-    robot: Robot, qpos: np.ndarray, qvel: np.ndarray
-) -> Iterator[tuple[slice, DynamicsTerms]]:
-    """Yield the dynamics terms of T states, in chunks of rows.
+class Chunked:
+    """Dynamics terms of the many states of a motion, chunk by chunk."""
 
-    Args:
-        robot: the robot.
-        qpos: (T, nq).
-        qvel: (T, nv).
+    def __init__(self, robot: Robot) -> None:
+        """Compute nothing yet."""
+        self._robot = robot
+        self._dynamics: dict[int, MuJoCoDynamics] = {}
 
-    Yields:
-        Which rows, and their terms.
-    """
-    dynamics = MuJoCoDynamics(robot)
-    for start in range(0, len(qpos), CHUNK):
-        rows = slice(start, min(start + CHUNK, len(qpos)))
-        yield rows, dynamics.terms(qpos[rows], qvel[rows])
+    def terms(self, qpos: np.ndarray, qvel: np.ndarray) -> Iterator[tuple[slice, DynamicsTerms]]:
+        """Yield chunks of the rows of T states, (T, nq) and (T, nv), and their terms."""
+        for start in range(0, len(qpos), CHUNK):
+            rows = slice(start, min(start + CHUNK, len(qpos)))
+            size = rows.stop - rows.start
+            dynamics = self._dynamics.setdefault(size, MuJoCoDynamics(self._robot))
+            yield rows, dynamics.terms(qpos[rows], qvel[rows])
 
 
 def home_points(robot: Robot) -> np.ndarray:
@@ -117,7 +117,8 @@ def base_on_feet(
     qacc = np.zeros_like(qvel)
     qpos[:, 3], qpos[:, 7:], qvel[:, 6:], qacc[:, 6:] = 1.0, *joints
 
-    for rows, terms in chunked_terms(robot, qpos, np.zeros_like(qvel)):
+    dynamics = Chunked(robot)
+    for rows, terms in dynamics.terms(qpos, np.zeros_like(qvel)):
         seen = sphere_centres(robot, geometry, terms)
         rotation, position, gap = _aligned(seen, points[rows], active[rows])
         if gap.max() > _STAYS:
@@ -128,11 +129,11 @@ def base_on_feet(
                 "joint angles that keep planted feet where they are",
             )
         qpos[rows, :3], qpos[rows, 3:7] = position, matrix_to_quaternion(rotation)
-    for rows, terms in chunked_terms(robot, qpos, np.zeros_like(qvel)):
+    for rows, terms in dynamics.terms(qpos, np.zeros_like(qvel)):
         contacts = reduced_contacts(geometry, terms, active[rows])
         base = _base_inverse(contacts.jacobian, rows.start)
         qvel[rows, :6] = -np.matvec(base, np.matvec(contacts.jacobian[:, :, 6:], qvel[rows, 6:]))
-    for rows, terms in chunked_terms(robot, qpos, qvel):
+    for rows, terms in dynamics.terms(qpos, qvel):
         contacts = reduced_contacts(geometry, terms, active[rows])
         base = _base_inverse(contacts.jacobian, rows.start)
         drift = np.matvec(contacts.jacobian[:, :, 6:], qacc[rows, 6:]) + contacts.bias
@@ -182,23 +183,23 @@ def _aligned(
 def joints_on_feet(
     robot: Robot,
     base: States,
-    centres: Curve,
+    centres: Callable[[np.ndarray, np.ndarray], Curve],
     planted: np.ndarray,
     moving: Sequence[int],
     guess: np.ndarray,
 ) -> States:
     """Joint motion that puts the feet where they shall be under a moving base; exact derivatives.
 
-    Postures are found by damped Gauss-Newton steps on all T instants at once. Feet with three
-    points or more keep the orientation they have at home.
+    Damped Gauss-Newton steps on all T instants at once. Feet with three points or more keep the
+    orientation they have at home.
 
     Args:
         robot: the robot.
         base: T states of which the base's part counts.
-        centres: (T, F, 3) m, world: where the centre of each foot's points (sphere centres) shall
-            be. The rates of planted feet do not count.
-        planted: (T, F) bool: the contact of such a foot does not move. A planted sphere rolls, so
-            its centre must be given as that of a rolling sphere.
+        centres: from the feet's angular velocity and acceleration, (T, F, 3) rad/s and rad/s^2,
+            world: where the centre of each foot's points (sphere centres) shall be, (T, F, 3) m. A
+            planted sphere rolls, hence the argument. The rates of planted feet do not count.
+        planted: (T, F) bool: the contact of such a foot does not move.
         moving: joints to find, as many as the feet have coordinates (3, or 6 with an orientation);
             the others keep their `guess`.
         guess: (T, n) rad to begin with.
@@ -215,63 +216,74 @@ def joints_on_feet(
         raise InvalidValueError(
             "moving", len(columns), f"{sum(rows.stop for rows in rows_of)} joints"
         )
+    radius, dynamics = foot_radius(robot), Chunked(robot)
     home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
-    radius = foot_radius(robot)
     qpos, qvel, qacc = base.qpos.copy(), base.qvel.copy(), base.qacc.copy()
     qpos[:, 7:], qvel[:, 6:], qacc[:, 6:] = guess, 0.0, 0.0
+    lift, going = np.where(planted, 0.0, radius), ~planted[..., None]
+    spin, spin_rate = np.zeros((*planted.shape, 3)), np.zeros((*planted.shape, 3))
 
-    def stacked_feet(per_foot: np.ndarray) -> np.ndarray:
+    def of_feet(per_foot: np.ndarray) -> np.ndarray:
         parts = [per_foot[:, foot, rows] for foot, rows in enumerate(rows_of)]
         return np.concatenate(parts, axis=1)
 
-    def rows_of_feet(terms: DynamicsTerms, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Jacobian and bias of points `lift` (N, F) above the feet's references."""
-        arm = skew(lift[..., None] * _UP)
-        jacobian, bias = terms.foot_jacobian.copy(), terms.foot_bias.copy()
-        jacobian[:, :, :3] -= arm @ jacobian[:, :, 3:]
-        bias[:, :, :3] -= np.matvec(arm, bias[:, :, 3:])
-        return stacked_feet(jacobian), stacked_feet(bias)
+    def solved(jacobian: np.ndarray, motion: np.ndarray) -> np.ndarray:
+        return np.linalg.solve(jacobian[:, :, columns], motion[..., None])[..., 0]
 
-    dynamics = MuJoCoDynamics(robot)
-    for start in range(0, len(qpos), CHUNK):
-        rows = slice(start, min(start + CHUNK, len(qpos)))
-        still = np.zeros_like(qvel[rows])
-        whole = np.broadcast_to(radius, planted[rows].shape)
-        for _ in range(_MOST_STEPS):
-            terms = dynamics.terms(qpos[rows], still)
-            error = np.zeros((*whole.shape, 6))
-            error[..., :3] = centres.value[rows] - terms.foot_position
+    missing = np.zeros((len(qpos), len(columns)))
+    for _ in range(_MOST_STEPS):
+        wanted, before = centres(spin, spin_rate), qvel.copy()
+        for rows, terms in dynamics.terms(qpos, qvel):
+            error = np.zeros((*terms.foot_position.shape[:2], 6))
+            error[..., :3] = wanted.value[rows] - terms.foot_position
             error[..., 2] -= radius
             error[..., 3:] = rotation_vector(home.foot_rotation @ terms.foot_rotation.mT)
-            missing = stacked_feet(error)
-            if np.abs(missing).max() < _REACHED:
-                break
-            jacobian = rows_of_feet(terms, whole)[0][:, :, columns]
-            damping = np.vecdot(missing, missing)[:, None, None] * np.eye(len(columns))
-            gram = jacobian.mT @ jacobian + damping
-            step = np.linalg.solve(gram, np.matvec(jacobian.mT, missing)[..., None])[..., 0]
-            qpos[rows, 1 + columns] += step
-        else:
-            tick, worst = np.unravel_index(np.abs(missing).argmax(), missing.shape)
-            foot = int(np.searchsorted(np.cumsum([part.stop for part in rows_of]), worst, "right"))
-            raise InvalidValueError(
-                f"motion of foot {robot.feet[foot].name!r}",
-                f"{np.abs(missing).max():.2g} m out of reach at tick {start + int(tick)}",
-                "places that the foot can reach",
-            )
-        # The contact of a planted foot stands still; the centre of the others moves as it is told.
-        lift = np.where(planted[rows], 0.0, radius)
-        going = ~planted[rows, :, None]
-        jacobian, _ = rows_of_feet(terms, lift)
-        wanted = np.zeros((*lift.shape, 6))
-        wanted[..., :3] = centres.rate[rows] * going
-        left = stacked_feet(wanted) - np.matvec(jacobian, qvel[rows])
-        qvel[rows, columns] = np.linalg.solve(jacobian[:, :, columns], left[..., None])[..., 0]
-        _, bias = rows_of_feet(dynamics.terms(qpos[rows], qvel[rows]), lift)
-        wanted[..., :3] = centres.acceleration[rows] * going
-        left = stacked_feet(wanted) - bias - np.matvec(jacobian, qacc[rows])
-        qacc[rows, columns] = np.linalg.solve(jacobian[:, :, columns], left[..., None])[..., 0]
-    return States(qpos, qvel, qacc)
+            missing[rows] = of_feet(error)
+            whole, _ = _raised(terms, np.broadcast_to(radius, lift[rows].shape))
+            qpos[rows, 1 + columns] += _damped_step(of_feet(whole)[:, :, columns], missing[rows])
+            # Far from its place a leg may be stretched, and its rates would have no bounds.
+            if np.abs(missing[rows]).max() > _NEAR:
+                continue
+            # The contact of a planted foot stands still; the centres of others move as told.
+            jacobian, bias = _raised(terms, lift[rows])
+            motion = np.zeros_like(error)
+            motion[..., :3] = wanted.rate[rows] * going[rows]
+            stacked, qvel[rows, columns] = of_feet(jacobian), 0.0
+            left = of_feet(motion) - np.matvec(stacked, qvel[rows])
+            qvel[rows, columns] = solved(stacked, left)
+            motion[..., :3] = wanted.acceleration[rows] * going[rows]
+            qacc[rows, columns] = 0.0
+            left = of_feet(motion - bias) - np.matvec(stacked, qacc[rows])
+            qacc[rows, columns] = solved(stacked, left)
+            turning = terms.foot_jacobian[:, :, 3:]
+            spin[rows] = np.matvec(turning, qvel[rows, None])
+            spin_rate[rows] = np.matvec(turning, qacc[rows, None]) + terms.foot_bias[:, :, 3:]
+        settled = np.abs(qvel - before).max() < _SETTLED
+        if settled and np.abs(missing).max() < _REACHED:
+            return States(qpos, qvel, qacc)
+    tick, worst = np.unravel_index(np.abs(missing).argmax(), missing.shape)
+    foot = int(np.searchsorted(np.cumsum([part.stop for part in rows_of]), worst, "right"))
+    raise InvalidValueError(
+        f"motion of foot {robot.feet[foot].name!r}",
+        f"{np.abs(missing).max():.2g} m out of reach at tick {int(tick)}",
+        "places that the foot can reach",
+    )
+
+
+def _raised(terms: DynamicsTerms, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Jacobian and bias of the points (N, F) m above the feet's references."""
+    arm = skew(height[..., None] * _UP)
+    jacobian, bias = terms.foot_jacobian.copy(), terms.foot_bias.copy()
+    jacobian[:, :, :3] -= arm @ jacobian[:, :, 3:]
+    bias[:, :, :3] -= np.matvec(arm, bias[:, :, 3:])
+    return jacobian, bias
+
+
+def _damped_step(jacobian: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Gauss-Newton step (N, m), damped by the squared error so that it stays bounded far away."""
+    damping = np.vecdot(error, error)[:, None, None] * np.eye(jacobian.shape[2])
+    gram = jacobian.mT @ jacobian + damping
+    return np.linalg.solve(gram, np.matvec(jacobian.mT, error)[..., None])[..., 0]
 
 
 def _has_orientation(points: np.ndarray) -> bool:
@@ -293,7 +305,7 @@ def seen_from_feet(robot: Robot, states: States, planted: np.ndarray | None = No
     gravity, armature = robot.model.opt.gravity, robot.model.dof_armature[:3]
     qpos, qvel, qacc = (part.copy() for part in states)
     com = np.zeros((3, len(qpos), 3))
-    for rows, terms in chunked_terms(robot, states.qpos, states.qvel):
+    for rows, terms in Chunked(robot).terms(states.qpos, states.qvel):
         frame = support.frame(terms)
         to_frame = frame.rotation.mT
         force = np.matvec(terms.mass_matrix[:, :3], states.qacc[rows]) + terms.bias[:, :3]

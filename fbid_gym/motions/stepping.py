@@ -78,12 +78,11 @@ def stepping(robot: Robot, steps: Steps = PAPER, *, hz: int = 500) -> MotionTabl
 
     sizes = [foot.num_points for foot in robot.feet]
     centres = np.array([part.mean(axis=0) for part in np.split(points, np.cumsum(sizes)[:-1])])
-    place = np.broadcast_to(centres, (ticks, *centres.shape))
+    still = np.zeros((ticks, *centres.shape))
+    place = Curve(still + centres, still, still)
     moving = joint_columns(robot, [f"{side}_{name}" for side in ("left", "right") for name in _LEG])
     standing = np.ones((ticks, robot.num_feet), bool)
-    states = joints_on_feet(
-        robot, base, Curve(place, 0 * place, 0 * place), standing, moving, in_plane.value
-    )
+    states = joints_on_feet(robot, base, lambda *_: place, standing, moving, in_plane.value)
 
     joints = Curve(*(part[:, -robot.num_joints :].copy() for part in states))
     planted, jumps = standing.copy(), np.zeros(ticks, bool)

@@ -2,8 +2,8 @@
 
 The bob is a body of the simulation beside the robot. It is let go at the lowest point of its swing,
 a few millimetres from the hip, where its rope carries its weight and nothing else: it flies level,
-with the energy of the fall behind it, and away again when it has bounced, as if it were caught. A
-rope of 2 m would pull it aside with a hundredth of its weight during the contact.
+with the energy of the fall behind it. (A rope of 2 m pulls it aside with a hundredth of its weight
+during the contact.) When the two have parted it is caught, so that it hits once.
 
 It touches nothing but a massless sphere about the centre of mass of the robot's base, so that the
 blow has no moment about that point, whatever its direction. There is no friction between the two.
@@ -26,6 +26,7 @@ TARGET = "pendulum_target"
 
 _LAYER = 1 << 20  # of contacts; nothing else is in it
 _GAP = 0.005  # m, between bob and target when it is let go
+_ROPE = 2.5  # m, as drawn
 _STIFF = 0.99  # share of the contact's reference acceleration that MuJoCo realises
 
 
@@ -34,15 +35,16 @@ class Pendulum:
     """The blow. Defaults are [G15]'s where it has a number.
 
     Its contact is a spring and a damper, given by what they do: how long they touch and how the bob
-    bounces. [G15] says neither. The linear momentum it measures, 14.5 kg m/s, is more than the
-    13.2 kg m/s that the bob brings: it bounced.
+    bounces. [G15] says neither. The linear momentum that it measures, 14.5 kg m/s, is more than the
+    13.2 kg m/s that the bob brings, so it bounced; 0.15 is the bounce that gives our humanoid this
+    momentum. How long they touch hardly matters up to 50 ms.
 
     Attributes:
         mass: kg.
         energy: J, at the impact.
         radius: m, of the bob.
         target_radius: m, of the sphere on the robot: half the width of the hips.
-        bounce: speed at which the two part over that at which they meet, 0.15 to 0.9.
+        bounce: speed at which the two part over that at which they meet, 0.14 to 0.9.
         contact_seconds: s from touch to parting.
     """
 
@@ -50,7 +52,7 @@ class Pendulum:
     energy: float = 17.4
     radius: float = 0.05
     target_radius: float = 0.15
-    bounce: float = 0.3
+    bounce: float = 0.15
     contact_seconds: float = 0.02
     solref: tuple[float, float] = field(init=False, repr=False)
 
@@ -64,8 +66,8 @@ class Pendulum:
             value = getattr(self, name)
             if not 0.0 < value < np.inf:
                 raise InvalidValueError(name, value, "a positive finite number")
-        if not 0.15 <= self.bounce <= 0.9:
-            raise InvalidValueError("bounce", self.bounce, "a number from 0.15 to 0.9")
+        if not 0.14 <= self.bounce <= 0.9:
+            raise InvalidValueError("bounce", self.bounce, "a number from 0.14 to 0.9")
         ratio = _damping_ratio(self.bounce)
         frequency = float(_phase(ratio) / np.sqrt(1.0 - ratio**2)) / self.contact_seconds
         # MuJoCo takes a negative pair as stiffness and damping per unit of mass.
@@ -112,6 +114,17 @@ def world_with_pendulum(robot: Robot, pendulum: Pendulum) -> mujoco.MjModel:
     bob.explicitinertial = True
     bob.add_freejoint()
     bob.add_geom(
+        name=f"{BOB}_rope",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        fromto=[0.0, 0.0, 0.0, 0.0, 0.0, _ROPE],
+        size=[0.004, 0, 0],
+        contype=0,
+        conaffinity=0,
+        mass=0.0,
+        group=2,
+        rgba=[0.3, 0.3, 0.32, 1.0],
+    )
+    bob.add_geom(
         name=BOB,
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         size=[pendulum.radius, 0, 0],
@@ -135,6 +148,8 @@ class Bob:
         joint = model.body_jntadr[model.body(BOB).id]
         place, rate = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
         self._pendulum, self._base = pendulum, robot.base_body
+        self._parked = np.array(model.qpos0[place : place + 3])
+        self._met = np.zeros(simulation.num_robots, bool)
         self._centre = np.array(robot.model.body_ipos[robot.base_body])
         self._xpos, self._xmat = simulation.batch.bind("xpos"), simulation.batch.bind("xmat")
         self.position = simulation.batch.bind("qpos")[:, place : place + 3]
@@ -160,6 +175,15 @@ class Bob:
         self.position[robots] = self.target()[robots] - reach * direction
         speed = np.sqrt(2.0 * energy / pendulum.mass)
         self.velocity[robots] = speed[:, None] * direction
+        self._met[robots] = False
+
+    def catch(self) -> None:
+        """Take away the bobs that have hit and parted. Call once a control tick."""
+        away = np.linalg.norm(self.position - self.target(), axis=1)
+        inside = away < self._pendulum.target_radius + self._pendulum.radius
+        gone = self._met & ~inside
+        self.position[gone], self.velocity[gone] = self._parked, 0.0
+        self._met = inside
 
     def energy(self) -> np.ndarray:
         """Return the kinetic energy of the bobs: (N,) J."""
