@@ -21,7 +21,7 @@ WIDTH, HEIGHT = 400.0, 270.0
 STRIP_WIDTH = 300.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 40.0, 106.0, 26.0, 36.0
 _LINE = 13.0
-_GAP = 70.0  # between the panels of a sheet: long names reach into it
+_GAP = 90.0  # between the panels of a sheet: long names reach into it
 
 
 @dataclass(frozen=True)
@@ -353,7 +353,7 @@ def sheet(panels: Sequence[str], columns: int = 2) -> str:
     width, height = columns * across, -(-len(panels) // columns) * down
     placed = []
     for index, part in enumerate(panels):
-        x, y = across * (index % columns) + 0.2 * _GAP, down * (index // columns) + 0.5 * _GAP
+        x, y = across * (index % columns) + 0.1 * _GAP, down * (index // columns) + 0.5 * _GAP
         where = f'x="{x:.0f}" y="{y:.0f}" width="{WIDTH:.0f}" height="{HEIGHT:.0f}"'
         placed.append(part.replace("<svg ", f"<svg {where} ", 1))
     return (
