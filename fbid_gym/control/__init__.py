@@ -1,5 +1,18 @@
 """Control laws: pure functions from dynamics and a command to torques, on batches of arrays."""
 
+from fbid_gym.control.balance import (
+    BalanceGains,
+    BalanceTarget,
+    desired_wrench_garofalo2015,
+    desired_wrench_ott2011,
+    orientation_moment,
+    resting_target,
+)
+from fbid_gym.control.balancers import (
+    torque_map_garofalo2015,
+    torque_map_inverse_dynamics,
+    torque_map_ott2011,
+)
 from fbid_gym.control.contact_forces import ContactForces, ContactLimits, limited_contact_forces
 from fbid_gym.control.force_feedback import (
     ForceFeedbackDynamics,
@@ -25,8 +38,12 @@ from fbid_gym.control.operational_space import (
     task_acceleration,
 )
 from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
+from fbid_gym.control.wrench_distribution import Balance, TorqueMap, distribute
 
 __all__ = [
+    "Balance",
+    "BalanceGains",
+    "BalanceTarget",
     "ContactForces",
     "ContactLimits",
     "ForceFeedbackDynamics",
@@ -36,8 +53,12 @@ __all__ = [
     "LimitedInverseDynamics",
     "ProjectedDynamics",
     "TaskMotion",
+    "TorqueMap",
     "actuated_projection",
     "contact_force_of_torque",
+    "desired_wrench_garofalo2015",
+    "desired_wrench_ott2011",
+    "distribute",
     "estimated_force_inverse_dynamics",
     "floating_base_inverse_kinematics",
     "force_feedback_inverse_dynamics",
@@ -48,7 +69,12 @@ __all__ = [
     "metric_inverse_dynamics",
     "metric_torque_cost",
     "operational_space_acceleration",
+    "orientation_moment",
     "orthogonal_inverse_dynamics",
+    "resting_target",
     "symmetric_pseudo_inverse",
     "task_acceleration",
+    "torque_map_garofalo2015",
+    "torque_map_inverse_dynamics",
+    "torque_map_ott2011",
 ]

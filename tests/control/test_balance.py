@@ -1,0 +1,337 @@
+"""The desired wrench: a spring that restores, damping of the right thing, gains checked."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from fbid_gym.control.balance import (
+    TABLE_1,
+    BalanceGains,
+    BalanceTarget,
+    desired_wrench_garofalo2015,
+    desired_wrench_ott2011,
+    orientation_moment,
+    resting_target,
+)
+from fbid_gym.errors import InvalidValueError
+
+COUNT = 20
+GOOD = {"stiffness": 1.0, "damping": 1.0, "rotation_stiffness": 1.0, "rotation_damping": 1.0}
+
+
+def symmetric(rng, size=1.0):
+    """A random symmetric positive definite matrix (3, 3)."""
+    root = rng.normal(size=(3, 3))
+    return size * (root @ root.T + 0.1 * np.eye(3))
+
+
+def spring(stiffness):
+    return BalanceGains(**GOOD | {"rotation_stiffness": stiffness})
+
+
+def quaternion(rotation):
+    """Scalar part (N,) and vector part (N, 3), of either sign."""
+    xyzw = Rotation.from_matrix(rotation).as_quat()
+    return xyzw[:, 3], xyzw[:, :3]
+
+
+@pytest.fixture
+def orientations(rng):
+    """Actual and desired rotations, (COUNT, 3, 3) each, by any angle from each other."""
+    return (
+        Rotation.random(COUNT, rng=rng).as_matrix(),
+        Rotation.random(COUNT, rng=rng).as_matrix(),
+    )
+
+
+# --- the rotational spring -------------------------------------------------------------------
+
+
+def test_moment_is_the_papers_with_the_error_that_restores(rng, orientations):
+    rotation, desired = orientations
+    stiffness = symmetric(rng)
+    moment = orientation_moment(spring(stiffness), rotation, desired)
+    # -tau_P with the error R^T R_d, in the axes of the base
+    scalar, vector = quaternion(rotation.mT @ desired)
+    turned = vector @ stiffness
+    in_base = 2.0 * (scalar[:, None] * turned + np.cross(vector, turned))
+    np.testing.assert_allclose(moment, np.matvec(rotation, in_base), atol=1e-12)
+    # tau_P, with the error as printed, in the axes of the desired orientation
+    scalar, vector = quaternion(desired.mT @ rotation)
+    turned = vector @ stiffness
+    in_desired = -2.0 * (scalar[:, None] * turned + np.cross(vector, turned))
+    np.testing.assert_allclose(moment, np.matvec(desired, in_desired), atol=1e-12)
+
+
+def test_moment_is_the_gradient_of_a_potential(rng, orientations):
+    rotation, desired = orientations
+    stiffness = symmetric(rng)
+
+    def energy(rotation):
+        _, vector = quaternion(desired.mT @ rotation)
+        return 2.0 * np.vecdot(vector, vector @ stiffness)
+
+    moment = orientation_moment(spring(stiffness), rotation, desired)
+    step = 1e-5
+    for axis in np.eye(3):
+        turn = Rotation.from_rotvec(step * axis).as_matrix()
+        slope = (energy(turn @ rotation) - energy(turn.T @ rotation)) / (2.0 * step)
+        np.testing.assert_allclose(moment @ axis, -slope, atol=1e-8)
+
+
+def test_moment_is_linear_for_small_errors(rng):
+    stiffness, error = symmetric(rng), 1e-6 * rng.normal(size=(COUNT, 3))
+    desired = Rotation.random(COUNT, rng=rng).as_matrix()
+    rotation = desired @ Rotation.from_rotvec(error).as_matrix()
+    moment = orientation_moment(spring(stiffness), rotation, desired)
+    np.testing.assert_allclose(moment, -np.matvec(desired @ stiffness, error), atol=1e-11)
+
+
+def turn_freely(rotation, desired, stiffness, sign):
+    """Angle to the desired orientation after 12 s of a damped rigid body under sign * moment."""
+    inertia, gains, spin = np.diag([0.5, 0.8, 1.1]), spring(stiffness), np.zeros((COUNT, 3))
+    step = 0.002
+    for _ in range(6000):
+        axes = rotation @ inertia @ rotation.mT
+        moment = sign * orientation_moment(gains, rotation, desired) - 6.0 * spin
+        moment -= np.cross(spin, np.matvec(axes, spin))
+        spin = spin + step * np.linalg.solve(axes, moment[..., None])[..., 0]
+        rotation = Rotation.from_rotvec(step * spin).as_matrix() @ rotation
+    return Rotation.from_matrix(desired.mT @ rotation).magnitude()
+
+
+def test_spring_restores_and_with_the_other_sign_does_not(rng):
+    desired = Rotation.random(COUNT, rng=rng).as_matrix()
+    start = rng.normal(size=(COUNT, 3))
+    start *= rng.uniform(0.1, 2.8, (COUNT, 1)) / np.linalg.norm(start, axis=1, keepdims=True)
+    rotation = desired @ Rotation.from_rotvec(start).as_matrix()
+    stiffness = np.diag([9.0, 12.0, 7.0])
+    assert (turn_freely(rotation, desired, stiffness, 1.0) < 1e-2).all()
+    assert (turn_freely(rotation, desired, stiffness, -1.0) > 1.0).all()
+
+
+def test_half_a_turn_away_the_moment_is_finite():
+    desired = np.eye(3)[None]
+    rotation = np.diag([1.0, -1.0, -1.0])[None]
+    np.testing.assert_allclose(orientation_moment(spring(5.0), rotation, desired), 0.0, atol=1e-12)
+
+
+# --- the laws ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def measured(rng, orientations):
+    rotation, desired = orientations
+    target = BalanceTarget(
+        com=rng.normal(size=(COUNT, 3)),
+        rotation=desired,
+        com_velocity=rng.normal(size=(COUNT, 3)),
+        angular_velocity=rng.normal(size=(COUNT, 3)),
+        angular_momentum=rng.normal(size=(COUNT, 3)),
+        momentum_rate=rng.normal(size=(COUNT, 6)),
+    )
+    state = {
+        "com": rng.normal(size=(COUNT, 3)),
+        "rotation": rotation,
+        "mass": rng.uniform(20.0, 80.0, COUNT),
+    }
+    return target, state
+
+
+def gains_of(rng):
+    return BalanceGains(*(symmetric(rng) for _ in range(4)))
+
+
+def test_eq_36(rng, measured):
+    target, state = measured
+    gains = gains_of(rng)
+    velocity, spin = rng.normal(size=(COUNT, 3)), rng.normal(size=(COUNT, 3))
+    wrench = desired_wrench_ott2011(
+        gains, target, com_velocity=velocity, angular_velocity=spin, **state
+    )
+    force = state["mass"][:, None] * [0.0, 0.0, 9.81] + target.momentum_rate[:, :3]
+    force = force - (state["com"] - target.com) @ gains.stiffness
+    force = force - (velocity - target.com_velocity) @ gains.damping
+    np.testing.assert_allclose(wrench[:, :3], force, atol=1e-10)
+    moment = orientation_moment(gains, state["rotation"], target.rotation)
+    moment = moment - (spin - target.angular_velocity) @ gains.rotation_damping
+    np.testing.assert_allclose(wrench[:, 3:], moment + target.momentum_rate[:, 3:], atol=1e-10)
+
+
+def test_eqs_38_and_39(rng, measured):
+    target, state = measured
+    gains = gains_of(rng)
+    momentum = rng.normal(size=(COUNT, 6))
+    wrench = desired_wrench_garofalo2015(gains, target, momentum=momentum, **state)
+    mass = state["mass"][:, None]
+    force = mass * [0.0, 0.0, 9.81] + target.momentum_rate[:, :3]
+    force = force - (state["com"] - target.com) @ gains.stiffness
+    force = force - (momentum[:, :3] - mass * target.com_velocity) @ gains.damping
+    np.testing.assert_allclose(wrench[:, :3], force, atol=1e-10)
+    moment = orientation_moment(gains, state["rotation"], target.rotation)
+    moment = moment - (momentum[:, 3:] - target.angular_momentum) @ gains.rotation_damping
+    np.testing.assert_allclose(wrench[:, 3:], moment + target.momentum_rate[:, 3:], atol=1e-10)
+
+
+def test_at_rest_where_it_should_be_a_robot_wants_its_weight(orientations):
+    rotation, _ = orientations
+    com, mass = np.ones((COUNT, 3)), np.full(COUNT, 55.0)
+    target = resting_target(com, rotation)
+    still = np.zeros((COUNT, 6))
+    expected = np.tile([0.0, 0.0, 55.0 * 9.81, 0.0, 0.0, 0.0], (COUNT, 1))
+    state = {"com": com, "rotation": rotation, "mass": mass}
+    wrench = desired_wrench_garofalo2015(TABLE_1, target, momentum=still, **state)
+    np.testing.assert_allclose(wrench, expected, atol=1e-12)
+    velocities = {"com_velocity": still[:, :3], "angular_velocity": still[:, 3:]}
+    wrench = desired_wrench_ott2011(TABLE_1, target, **velocities, **state)
+    np.testing.assert_allclose(wrench, expected, atol=1e-12)
+
+
+def test_gains_turn_with_their_axes(rng, measured):
+    target, state = measured
+    gains = gains_of(rng)
+    momentum = rng.normal(size=(COUNT, 6))
+    angle = rng.uniform(-np.pi, np.pi, COUNT)
+    turn = Rotation.from_rotvec(angle[:, None] * [0.0, 0.0, 1.0]).as_matrix()
+
+    def turned(vector):
+        return np.matvec(turn, vector)
+
+    expected = desired_wrench_garofalo2015(gains, target, momentum=momentum, **state)
+    rate = target.momentum_rate
+    elsewhere = BalanceTarget(
+        turned(target.com),
+        turn @ target.rotation,
+        turned(target.com_velocity),
+        turned(target.angular_velocity),
+        turned(target.angular_momentum),
+        np.concatenate([turned(rate[:, :3]), turned(rate[:, 3:])], axis=1),
+    )
+    wrench = desired_wrench_garofalo2015(
+        gains,
+        elsewhere,
+        com=turned(state["com"]),
+        rotation=turn @ state["rotation"],
+        momentum=np.concatenate([turned(momentum[:, :3]), turned(momentum[:, 3:])], axis=1),
+        mass=state["mass"],
+        axes=turn,
+    )
+    np.testing.assert_allclose(wrench[:, :3], turned(expected[:, :3]), atol=1e-9)
+    np.testing.assert_allclose(wrench[:, 3:], turned(expected[:, 3:]), atol=1e-9)
+
+
+def test_both_laws_damp_a_rigid_body_alike(rng, orientations):
+    rotation, desired = orientations
+    mass, inertia = 60.0, np.diag([3.0, 2.0, 0.4])
+    gains = BalanceGains.from_frequencies(mass, inertia, linear=1.0, rotation=(1.5, 1.2, 0.8))
+    com, velocity, spin = rng.normal(size=(3, COUNT, 3))
+    target = resting_target(com + 0.1, desired)
+    masses = np.full(COUNT, mass)
+    ours = desired_wrench_garofalo2015(
+        gains,
+        target,
+        com=com,
+        rotation=rotation,
+        momentum=np.concatenate([mass * velocity, spin @ inertia], axis=1),
+        mass=masses,
+    )
+    theirs = desired_wrench_ott2011(
+        gains.on_velocity(mass, inertia),
+        target,
+        com=com,
+        com_velocity=velocity,
+        rotation=rotation,
+        angular_velocity=spin,
+        mass=masses,
+    )
+    np.testing.assert_allclose(ours, theirs, atol=1e-9)
+
+
+def test_torch_gives_the_same(rng, measured):
+    target, state = measured
+    momentum = rng.normal(size=(COUNT, 6))
+    expected = desired_wrench_garofalo2015(TABLE_1, target, momentum=momentum, **state)
+    wrench = desired_wrench_garofalo2015(
+        TABLE_1,
+        BalanceTarget(*map(torch.from_numpy, target)),
+        momentum=torch.from_numpy(momentum),
+        **{name: torch.from_numpy(value) for name, value in state.items()},
+    )
+    np.testing.assert_allclose(wrench.numpy(), expected, atol=1e-9)
+
+
+# --- gains -------------------------------------------------------------------------------------
+
+
+def test_gains_are_matrices():
+    gains = BalanceGains(2.0, (1.0, 2.0, 3.0), np.diag([4.0, 5.0, 0.0]), 1)
+    np.testing.assert_array_equal(gains.stiffness, 2.0 * np.eye(3))
+    np.testing.assert_array_equal(gains.damping, np.diag([1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(gains.rotation_stiffness, np.diag([4.0, 5.0, 0.0]))
+
+
+@pytest.mark.parametrize("name", GOOD)
+@pytest.mark.parametrize(
+    "value",
+    [
+        -1.0,
+        (1.0, -0.1, 1.0),
+        np.nan,
+        np.inf,
+        (1.0, 2.0),
+        "stiff",
+        np.ones((4, 4)),
+        [[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        [[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        None,
+    ],
+    ids=str,
+)
+def test_bad_gains_are_refused(name, value):
+    with pytest.raises(
+        InvalidValueError, match=f"(?s)Invalid {name}: .*symmetric, without negative"
+    ):
+        BalanceGains(**GOOD | {name: value})
+
+
+def test_frequencies_become_gains(rng):
+    inertia = symmetric(rng)
+    gains = BalanceGains.from_frequencies(
+        50.0, inertia, linear=(1.0, 2.0, 3.0), rotation=1.5, damping_ratio=0.7
+    )
+    # m x'' = -K_P x - K_D m x', and the same for rotation with `inertia`
+    for axis, hertz in enumerate((1.0, 2.0, 3.0)):
+        roots = np.roots([1.0, gains.damping[axis, axis], gains.stiffness[axis, axis] / 50.0])
+        np.testing.assert_allclose(np.abs(roots), 2.0 * np.pi * hertz)
+        np.testing.assert_allclose(-roots.real / np.abs(roots), 0.7)
+    omega = 3.0 * np.pi
+    np.testing.assert_allclose(gains.rotation_stiffness, omega**2 * inertia)
+    np.testing.assert_allclose(gains.rotation_damping, 1.4 * omega * np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("mass", 0.0),
+        ("mass", "heavy"),
+        ("linear", -1.0),
+        ("linear", (1.0, 2.0)),
+        ("rotation", np.nan),
+        ("damping_ratio", 0.0),
+        ("inertia", -np.eye(3)),
+    ],
+)
+def test_bad_frequencies_are_refused(name, value):
+    given = {"mass": 50.0, "inertia": np.eye(3), "linear": 1.0, "rotation": 1.0}
+    with pytest.raises(InvalidValueError, match=f"Invalid {name}: "):
+        BalanceGains.from_frequencies(**given | {name: value})
+
+
+def test_table_1_is_nearly_critical_damping_of_the_hips_rotation():
+    """K_R and D fit each other if D multiplies momentum: TORO's stance inertia is a few kg m^2."""
+    for axis in range(2):
+        stiffness = TABLE_1.rotation_stiffness[axis, axis]
+        damping = TABLE_1.rotation_damping[axis, axis]
+        # D = 2 zeta w and K_R = I w^2 give I = 4 zeta^2 K_R / D^2.
+        assert 3.0 < 4.0 * stiffness / damping**2 < 6.0
