@@ -80,14 +80,17 @@ class MotionTable:
         """
         last = self.period - 1
         row = tick % self.period if self.periodic else np.minimum(tick, last)
-        going = np.ones((len(row), 1)) if self.periodic else (tick <= last)[:, None]
+        rates = (self.qvel[row], self.qacc[row], self.com_velocity[row], self.com_acceleration[row])
+        if not self.periodic and tick.max() > last:
+            for rate in rates:
+                rate[tick > last] = 0.0
         return Reference(
             qpos=self.qpos[row],
-            qvel=self.qvel[row] * going,
-            qacc=self.qacc[row] * going,
+            qvel=rates[0],
+            qacc=rates[1],
             com=self.com[row],
-            com_velocity=self.com_velocity[row] * going,
-            com_acceleration=self.com_acceleration[row] * going,
+            com_velocity=rates[2],
+            com_acceleration=rates[3],
             planted=None if self.planted is None else self.planted[row],
         )
 

@@ -1,0 +1,323 @@
+"""A quadruped's walk with three feet on the ground, as LittleDog's in [M10] IV.E.
+
+One foot swings at a time, both feet of the left side after another, then both of the right. The
+body moves on at constant speed, level, and sways to the side whose feet stand, so that the centre
+of mass lies in the triangle of the three planted feet at every instant: the walk could stop
+anywhere. The paper takes its gait from a planner that is not given; this is a plain one.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fbid_gym.errors import InvalidValueError, RobotError
+from fbid_gym.motions.curves import Curve, cosine
+from fbid_gym.motions.kinematics import (
+    States,
+    foot_radius,
+    home_points,
+    joints_on_feet,
+    seen_from_feet,
+)
+from fbid_gym.motions.reference import Reference
+from fbid_gym.motions.squat import period_ticks
+from fbid_gym.motions.table import MotionTable
+from fbid_gym.robots import Robot
+
+FEET = ("hind_left", "front_left", "hind_right", "front_right")
+"""The feet in the order in which they swing."""
+
+_MOST_TABLES = 6  # polynomials through more equally spaced points swing between them
+
+
+class Gait(NamedTuple):
+    """Numbers of a crawl.
+
+    Attributes:
+        period: s, one step of every foot.
+        swing: share of the period that each foot is in the air.
+        swing_height: m, how high a swinging foot is lifted.
+        height: m, of the base over its height at home.
+        sway: m, amplitude of the body's way sideways.
+        flatness: share of the third harmonic in the sway, which keeps the body longer at its sides.
+        surge: m, amplitude of the body's way forward and back, twice a period.
+        lean: m, how far ahead of their places at home, from the body, the feet step.
+        slowest: m/s, least forward speed.
+        fastest: m/s, largest forward speed.
+        tables: number of speeds at which the walk is planned; between them it is interpolated by a
+            polynomial through all, so a few are enough.
+    """
+
+    period: float = 1.5
+    swing: float = 0.16
+    swing_height: float = 0.04
+    height: float = -0.01
+    sway: float = 0.035
+    flatness: float = 0.1
+    surge: float = 0.01
+    lean: float = 0.0
+    slowest: float = 0.0
+    fastest: float = 0.08
+    tables: int = 4
+
+
+LITTLEDOG = Gait()
+"""A walk for a robot 0.3 m long and 0.2 m tall."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crawl:
+    """The walk at any speed between two; T ticks a period, K speeds.
+
+    Attributes:
+        speeds: (K,) m/s, ascending.
+        tables: the walk at these speeds.
+        rows: (T, K, D) the numbers of `Reference` side by side, in its order, as coefficients of
+            the polynomial through the planned speeds: of 1, u, u^2 ..., where u runs from 0 at the
+            least speed to 1 at the largest.
+    """
+
+    speeds: np.ndarray
+    tables: tuple[MotionTable, ...]
+    rows: np.ndarray
+
+    @property
+    def period(self) -> int:
+        """Ticks of one period."""
+        return self.tables[0].period
+
+    @property
+    def hz(self) -> int:
+        """Ticks per second."""
+        return self.tables[0].hz
+
+    def reference(self, tick: np.ndarray, speed: np.ndarray) -> Reference:
+        """Return what N robots shall do, interpolated between the planned speeds.
+
+        Args:
+            tick: (N,) int control ticks since the motion began, not negative.
+            speed: (N,) m/s, forward.
+
+        Raises:
+            InvalidValueError: a speed beyond those of the gait.
+        """
+        slow, fast = self.speeds[[0, -1]]
+        if not (speed.min() >= slow - 1e-9 and speed.max() <= fast + 1e-9):
+            # The farthest one, or one that is no number.
+            worst = float(speed[np.argmax(np.abs(speed - 0.5 * (slow + fast)))])
+            raise InvalidValueError("speed", worst, f"a speed in [{slow:g}, {fast:g}] m/s")
+        row = tick % self.period
+        share = (speed - slow) / max(fast - slow, 1e-12)
+        powers = share[:, None] ** np.arange(len(self.speeds))
+        numbers = np.vecmat(powers, self.rows[row])
+        table = self.tables[0]
+        nq, nv = table.robot.nq, table.robot.nv
+        ends = np.cumsum([nq, nv, nv, 3, 3])
+        qpos, qvel, qacc, com, com_velocity, com_acceleration = np.split(numbers, ends, axis=1)
+        qpos[:, 3:7] /= np.sqrt(np.vecdot(qpos[:, 3:7], qpos[:, 3:7]))[:, None]
+        # Which feet are planted does not depend on the speed.
+        planted = None if table.planted is None else table.planted[row]
+        return Reference(qpos, qvel, qacc, com, com_velocity, com_acceleration, planted)
+
+
+def crawl(robot: Robot, gait: Gait = LITTLEDOG, *, hz: int = 500) -> Crawl:
+    """Plan a crawl.
+
+    Args:
+        robot: a quadruped with one contact point on each foot of `FEET` and three joints to each.
+        gait: its numbers.
+        hz: ticks per second.
+
+    Raises:
+        RobotError: the robot has other feet or other joints.
+        InvalidValueError: a number is not valid, a foot cannot reach its place, or a joint leaves
+            its range.
+    """
+    if set(robot.foot_names) != set(FEET) or robot.num_points != 4 or robot.num_joints != 12:
+        raise RobotError(
+            f"Robot {robot.name!r} cannot crawl: it has {robot.num_joints} joints and the feet "
+            f"{', '.join(robot.foot_names)}. Expected 12 joints and one point on each of the feet "
+            f"{', '.join(FEET)}."
+        )
+    _check(gait)
+    ticks = period_ticks("stride frequency", 1.0 / gait.period, hz)
+    speeds = np.linspace(gait.slowest, gait.fastest, gait.tables)
+    tables = []
+    guess = np.tile(robot.home_qpos[7:], (ticks, 1))
+    for speed in speeds:
+        tables.append(_table(robot, gait, ticks, hz, float(speed), guess))
+        guess = tables[-1].qpos[:, 7:]
+    rows = [
+        np.concatenate([getattr(table, name) for name in Reference._fields[:6]], axis=1)
+        for table in tables
+    ]
+    powers = np.linspace(0.0, 1.0, gait.tables)[:, None] ** np.arange(gait.tables)
+    coefficients = np.linalg.inv(powers) @ np.stack(rows, axis=1)
+    return Crawl(speeds, tuple(tables), coefficients)
+
+
+def _check(gait: Gait) -> None:
+    for name, value, least, most, text in (
+        ("period", gait.period, 0.0, np.inf, "a positive number of seconds"),
+        ("swing", gait.swing, 0.0, 0.25, "a share of the period in (0, 0.25)"),
+        ("swing_height", gait.swing_height, 0.0, np.inf, "a positive number of metres"),
+        ("fastest", gait.fastest - gait.slowest, -1e-12, np.inf, "no less than `slowest`"),
+    ):
+        if not least < value < most:
+            raise InvalidValueError(name, getattr(gait, name), text)
+    least = 1 if gait.slowest == gait.fastest else 2
+    if not least <= gait.tables <= _MOST_TABLES:
+        raise InvalidValueError("tables", gait.tables, f"{least} to {_MOST_TABLES} speeds")
+
+
+def _schedule(gait: Gait, ticks: int) -> list[tuple[int, int]]:
+    """First tick in the air and first tick on the ground again, for each of `FEET`.
+
+    The two swings of a side follow each other; their middle is at a quarter, and three quarters.
+    """
+    length = round(gait.swing * ticks)
+    quarter = round(0.25 * ticks)
+    starts = [quarter - length, quarter]
+    starts += [start + ticks // 2 for start in starts]
+    return [(start, start + length) for start in starts]
+
+
+def _table(
+    robot: Robot, gait: Gait, ticks: int, hz: int, speed: float, guess: np.ndarray
+) -> MotionTable:
+    """Plan the walk at one speed.
+
+    Feet are planned over one period each, from touching down to touching down, and the body over
+    the time that all of these cover: everything else is periodic.
+    """
+    time = np.arange(ticks) / hz
+    stride = speed * ticks / hz
+    sway = cosine(time, 1.0 / gait.period, np.pi / 2).scaled(gait.sway / (1.0 - gait.flatness))
+    corner = cosine(time, 3.0 / gait.period, np.pi / 2)
+    sway = sway.plus(corner.scaled(gait.sway * gait.flatness / (1.0 - gait.flatness)))
+    surge = cosine(time, 2.0 / gait.period, -np.pi / 2).scaled(gait.surge)
+    forward = Curve(speed * time, np.full(ticks, speed), np.zeros(ticks))
+    base = States(
+        np.tile(robot.home_qpos, (ticks, 1)),
+        np.zeros((ticks, robot.nv)),
+        np.zeros((ticks, robot.nv)),
+    )
+    points = home_points(robot)
+    home = robot.home_qpos[:2].copy()
+    base.qpos[:, :2], base.qpos[:, 2] = home, robot.home_qpos[2] + gait.height
+    for axis, curve in ((0, forward.plus(surge)), (1, sway)):
+        for whole, part in zip(base, curve, strict=True):
+            whole[:, axis] += part
+
+    feet = [robot.foot_names.index(name) for name in FEET]
+    schedule = dict(zip(feet, _schedule(gait, ticks), strict=True))
+    planted = np.ones((ticks, robot.num_feet), bool)
+    for foot, (lift, touch) in schedule.items():
+        planted[lift:touch, foot] = False
+    standing = planted.copy()
+    for foot, (lift, _) in schedule.items():
+        standing[lift, foot] = True  # it leaves the ground as it rolled on it
+
+    radius = foot_radius(robot)
+    bump = _bump(gait, ticks, hz)
+
+    def centres(spin: np.ndarray, rate: np.ndarray) -> Curve:
+        """Where the spheres' centres are, for feet that roll with this spin."""
+        places = Curve(*np.zeros((3, ticks, robot.num_feet, 3)))
+        for foot, (lift, touch) in schedule.items():
+            # Along the ground, a sphere moves by its radius times the angle it turns.
+            rolled = Curve(
+                np.zeros((ticks, 2)),
+                radius[foot] * _across(spin[:, foot]),
+                radius[foot] * _across(rate[:, foot]),
+            )
+            path = _foot_path(rolled, lift, touch, stride, 1.0 / hz)
+            middle = ((touch + lift + ticks) / 2 - ticks) / hz
+            where = points[foot].copy()
+            where[:2] += home
+            where[0] += speed * middle + gait.lean
+            for whole, part in zip(places, path, strict=True):
+                whole[:, foot, :2] += part
+            for whole, part in zip(places, bump, strict=True):
+                whole[lift : touch + 1, foot, 2] += part
+            places.value[:, foot] += where
+        return places
+
+    states = joints_on_feet(robot, base, centres, standing, range(robot.num_joints), guess)
+    return MotionTable(robot, *seen_from_feet(robot, states, planted), hz, periodic=True)
+
+
+def _across(turn: np.ndarray) -> np.ndarray:
+    """Direction (T, 2) in which a sphere rolls: turn × z."""
+    return np.stack([turn[:, 1], -turn[:, 0]], axis=1)
+
+
+def _bump(gait: Gait, ticks: int, hz: int) -> Curve:
+    """Height of a swinging foot over its ticks in the air and the next one: smooth at both ends."""
+    length = round(gait.swing * ticks)
+    s = np.arange(length + 1) / length
+    seconds = length / hz
+    u, v = s * (1 - s), 1 - 2 * s
+    height = 64 * gait.swing_height
+    return Curve(
+        height * u**3,
+        height * 3 * u**2 * v / seconds,
+        height * (6 * u * v**2 - 6 * u**2) / seconds**2,
+    )
+
+
+def _foot_path(rolled: Curve, lift: int, touch: int, stride: float, step: float) -> Curve:
+    """Way of a foot's centre along the ground over one period, (T, 2) m, from mid-stance.
+
+    Args:
+        rolled: rates of its rolling; the value is not used.
+        lift: first tick in the air.
+        touch: first tick on the ground again.
+        stride: m, the body's way in one period.
+        step: s, a tick.
+    """
+    ticks = len(rolled.rate)
+    path = Curve(*(part.copy() for part in rolled))
+    # The stance in order: from touching down to lifting, which may lie in the next period.
+    stance = np.arange(touch, lift + ticks + 1)
+    rate, acceleration = (part[stance % ticks] for part in rolled[1:])
+    piece = 0.5 * step * (rate[1:] + rate[:-1])
+    piece += step**2 / 12 * (acceleration[:-1] - acceleration[1:])
+    way = np.concatenate([np.zeros((1, 2)), np.cumsum(piece, axis=0)])
+    half = len(way) // 2
+    way -= way[half] if len(way) % 2 else 0.5 * (way[half - 1] + way[half])
+    # The stance that begins in this period is one stride further on than the one that ends in it.
+    next_one = np.array([stride, 0.0])
+    path.value[stance % ticks] = way + np.where(stance < ticks, 1.0, 0.0)[:, None] * next_one
+
+    seconds = (touch - lift) * step
+    ends = [
+        (way[-1], rate[-1], acceleration[-1]),
+        (way[0] + next_one, rate[0], acceleration[0]),
+    ]
+    swing = np.arange(lift + 1, touch)
+    s = ((swing - lift) * step / seconds)[:, None]
+    for whole, part in zip(path, _quintic(s, seconds, *ends), strict=True):
+        whole[swing] = part
+    return path
+
+
+def _quintic(
+    s: np.ndarray,
+    seconds: float,
+    start: tuple[np.ndarray, np.ndarray, np.ndarray],
+    end: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> Curve:
+    """Quintic between two states (value, rate, acceleration), at shares s (K, 1) of its time."""
+    p0, v0, a0 = start[0], start[1] * seconds, start[2] * seconds**2
+    p1, v1, a1 = end[0], end[1] * seconds, end[2] * seconds**2
+    gap, c = p1 - p0, 0.5 * a0
+    d = 10 * gap - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1
+    e = -15 * gap + 8 * v0 + 7 * v1 + 1.5 * a0 - a1
+    f = 6 * gap - 3 * v0 - 3 * v1 - 0.5 * a0 + 0.5 * a1
+    return Curve(
+        p0 + s * (v0 + s * (c + s * (d + s * (e + s * f)))),
+        (v0 + s * (2 * c + s * (3 * d + s * (4 * e + s * 5 * f)))) / seconds,
+        (2 * c + s * (6 * d + s * (12 * e + s * 20 * f))) / seconds**2,
+    )

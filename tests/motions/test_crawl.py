@@ -1,0 +1,171 @@
+"""The crawl: three feet down, the centre of mass between them, as fast as it is told."""
+
+import numpy as np
+import pytest
+
+from fbid_gym.dynamics import PinocchioDynamics
+from fbid_gym.dynamics.frames import rotation_vector
+from fbid_gym.errors import FbidError
+from fbid_gym.motions import Crawl, Gait, MotionTable, crawl
+from fbid_gym.robots import load
+
+CLOCKWISE = ("front_left", "front_right", "hind_right", "hind_left")
+
+
+@pytest.fixture(scope="module")
+def walk() -> Crawl:
+    return crawl(load("quadruped"))
+
+
+def feet_of(motion: MotionTable, rows: np.ndarray) -> np.ndarray:
+    terms = PinocchioDynamics(motion.robot).terms(motion.qpos[rows], motion.qvel[rows])
+    return terms.foot_position
+
+
+def margins(points: np.ndarray, planted: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Distance (K,) of points `inside` (K, 2) from the edge of the planted feet's polygon.
+
+    Args:
+        points: (K, 4, 2) m, the feet, clockwise.
+        planted: (K, 4) bool, three or four of them.
+        inside: (K, 2) m.
+    """
+    found = []
+    for corners, down, point in zip(points, planted, inside, strict=True):
+        polygon = corners[down]
+        edge = np.roll(polygon, -1, axis=0) - polygon
+        normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        found.append(np.vecdot(normal, point - polygon).min())
+    return np.array(found)
+
+
+def test_planted_feet_neither_move_nor_accelerate(walk: Crawl, laws) -> None:
+    for table in (walk.tables[0], walk.tables[-1]):
+        laws(table, np.arange(0, table.period, 9))
+
+
+def test_one_foot_swings_at_a_time_and_each_once(walk: Crawl) -> None:
+    planted = walk.tables[0].planted
+    assert planted is not None
+    for table in walk.tables:
+        assert np.array_equal(table.planted, planted)
+    assert planted.sum(axis=1).min() == 3
+    assert ((~planted).sum(axis=0) == 120).all()
+    first = [int(np.flatnonzero(~column)[0]) for column in planted.T]
+    order = [walk.tables[0].robot.foot_names[foot] for foot in np.argsort(first)]
+    assert order == ["hind_left", "front_left", "hind_right", "front_right"]
+
+
+def test_the_walk_could_stop_anywhere(walk: Crawl, pressure) -> None:
+    """The centre of mass stays over the planted feet, and so does the centre of pressure."""
+    robot = walk.tables[0].robot
+    order = [robot.foot_names.index(name) for name in CLOCKWISE]
+    rows = np.arange(0, walk.period, 6)
+    for table in walk.tables:
+        assert table.planted is not None
+        feet = feet_of(table, rows)[:, order, :2]
+        planted = table.planted[rows][:, order]
+        assert margins(feet, planted, table.com[rows, :2]).min() > 0.02
+        # On the ground, that is, above which the frame's origin is while a foot is up.
+        wrench_at, force = pressure(table, rows)
+        ground = feet_of(table, rows)[:, :, 2].min(axis=1)[:, None]
+        point = wrench_at + ground * force[:, :2] / force[:, 2:]
+        assert margins(feet, planted, point).min() > 0.01
+        assert np.abs(force[:, 2] / robot.weight - 1.0).max() < 0.1
+
+
+def test_it_moves_as_fast_as_commanded(walk: Crawl) -> None:
+    for speed, table in zip(walk.speeds, walk.tables, strict=True):
+        # The base does not turn, but the feet's heading does, so its own axes are what to look at.
+        quaternion = table.qpos[:, 3:7]
+        yaw = 2 * np.arctan2(quaternion[:, 3], quaternion[:, 0])
+        ahead = np.cos(yaw) * table.qvel[:, 0] + np.sin(yaw) * table.qvel[:, 1]
+        assert ahead.mean() == pytest.approx(speed, abs=1e-9)
+        assert not table.qvel[:, 3:6].any() and np.abs(quaternion[:, 1:3]).max() < 1e-12
+
+
+def test_feet_lift_as_high_as_told_and_come_down_gently(walk: Crawl) -> None:
+    table = walk.tables[-1]
+    rows = np.arange(table.period)
+    terms = PinocchioDynamics(table.robot).terms(table.qpos, table.qvel)
+    height = terms.foot_position[:, :, 2]
+    height = height - height.min(axis=1)[:, None]
+    assert table.planted is not None
+    assert height[table.planted].max() < 1e-9
+    np.testing.assert_allclose(height.max(axis=0), 0.04, atol=1e-3)
+    for foot in range(4):
+        touch = np.flatnonzero(table.planted[:, foot] & ~np.roll(table.planted[:, foot], 1))
+        before = rows[touch] - 2
+        assert np.abs(terms.foot_velocity[before, foot, :3]).max() < 0.02
+
+
+def test_left_and_right_take_turns_in_the_same_motion(walk: Crawl) -> None:
+    table = walk.tables[2]
+    names = table.robot.joint_names
+    joints, mirrored = table.qpos[:, 7:], np.empty_like(table.qpos[:, 7:])
+    for column, name in enumerate(names):
+        other = name.replace("left", "?").replace("right", "left").replace("?", "right")
+        sign = -1.0 if "roll" in name else 1.0
+        mirrored[:, column] = sign * joints[:, names.index(other)]
+    np.testing.assert_allclose(np.roll(mirrored, table.period // 2, axis=0), joints, atol=1e-9)
+
+
+def test_between_planned_speeds_it_is_nearly_what_would_be_planned(walk: Crawl) -> None:
+    speed = 0.3 * walk.speeds[0] + 0.7 * walk.speeds[1]
+    exact = crawl(load("quadruped"), Gait(slowest=speed, fastest=speed, tables=1))
+    tick = np.arange(0, walk.period, 3)
+    found = walk.reference(tick, np.full(len(tick), speed))
+    wanted = exact.reference(tick, np.full(len(tick), speed))
+    assert found.planted is not None and np.array_equal(found.planted, wanted.planted)
+    assert np.abs(found.qpos - wanted.qpos).max() < 1e-3
+    assert np.abs(found.com - wanted.com).max() < 1e-4
+    assert np.abs(found.qvel - wanted.qvel).max() < 2e-3 * np.abs(wanted.qvel).max()
+    assert np.abs(found.qacc - wanted.qacc).max() < 5e-3 * np.abs(wanted.qacc).max()
+    np.testing.assert_allclose(np.linalg.norm(found.qpos[:, 3:7], axis=1), 1.0, atol=1e-12)
+
+
+def test_planned_speeds_are_gathered_and_robots_differ(walk: Crawl) -> None:
+    tick = np.array([0, 100, walk.period + 100, 333])
+    reference = walk.reference(tick, walk.speeds[[0, 2, 2, 3]])
+    assert np.array_equal(reference.qpos[1], reference.qpos[2])
+    np.testing.assert_allclose(reference.qpos[1], walk.tables[2].qpos[100], atol=1e-12)
+    np.testing.assert_allclose(reference.qacc[3], walk.tables[3].qacc[333], atol=1e-9)
+
+
+@pytest.mark.parametrize("speed", [-0.01, 0.2, float("nan")])
+def test_a_speed_beyond_the_gaits_is_refused(walk: Crawl, speed: float) -> None:
+    with pytest.raises(FbidError, match=r"Invalid speed: .* Expected a speed in \[0, 0\.08\] m/s"):
+        walk.reference(np.zeros(2, int), np.array([0.05, speed]))
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ({"period": -1.0}, "Invalid period: -1.0. Expected a positive number of seconds"),
+        ({"period": 0.0011}, "Invalid stride frequency"),
+        ({"swing": 0.3}, r"Invalid swing: 0.3. Expected a share of the period in \(0, 0.25\)"),
+        ({"swing_height": 0.0}, "Invalid swing_height: 0.0. Expected a positive number of metres"),
+        ({"fastest": -0.1}, "Invalid fastest: -0.1. Expected no less than `slowest`"),
+        ({"tables": 1}, "Invalid tables: 1. Expected 2 to 6 speeds"),
+        ({"fastest": 0.4}, r"Invalid motion of foot '\w+': .* m out of reach at tick \d+"),
+        ({"swing_height": 0.15}, "Invalid motion of "),
+    ],
+)
+def test_numbers_that_make_no_gait_are_refused(numbers: dict[str, float], message: str) -> None:
+    with pytest.raises(FbidError, match=message):
+        crawl(load("quadruped"), Gait()._replace(**{"tables": 2, **numbers}))
+
+
+def test_a_robot_on_two_feet_is_refused() -> None:
+    with pytest.raises(FbidError, match="'biped' cannot crawl: it has 16 joints and the feet left"):
+        crawl(load("biped"))
+
+
+def test_the_base_keeps_its_heading_while_the_feets_changes(walk: Crawl) -> None:
+    """The support frame turns with the feet's layout; the base does not turn in the world."""
+    table = walk.tables[-1]
+    terms = PinocchioDynamics(table.robot).terms(table.qpos, table.qvel)
+    heading = rotation_vector(terms.base_rotation)[:, 2]
+    assert 0.01 < np.ptp(heading) < 0.4
+    assert abs(heading.mean()) < 1e-9
