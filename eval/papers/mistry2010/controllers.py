@@ -117,11 +117,14 @@ class Limited:
         limits: of the contact forces.
         length: m, lever arm that makes moments comparable to forces.
         base_priority: weight of base accelerations beside one for the joints.
+        wrench_cost: six weights of the errors of the base's forces and moments, where the ground
+            cannot give both.
     """
 
     limits: ContactLimits
     length: float
     base_priority: float = JOINTS_FIRST
+    wrench_cost: tuple[float, ...] | None = None
 
     @classmethod
     def of(cls, robot: Robot, friction: float = 0.7) -> "Limited":
@@ -153,6 +156,7 @@ class Limited:
             active=active,
             base_priority=self.base_priority,
             length=self.length,
+            wrench_cost=self.wrench_cost,
             warm_start=memory["warm_start"],
         )
         memory["warm_start"], memory["residual"] = found.warm_start, found.residual
