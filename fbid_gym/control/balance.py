@@ -75,9 +75,11 @@ class BalanceGains:
 
         Args:
             mass: kg.
-            inertia: (3, 3) kg m^2, angular momentum per angular velocity of the base while the
-                robot keeps its feet and its centre of mass in place; symmetric. It is less than the
-                inertia of the locked robot, because the legs turn less than the base.
+            inertia: (3, 3) kg m^2, symmetric, what resists the base's rotation in stance. Through
+                full inverse dynamics: angular momentum per angular velocity of the base while feet
+                and centre of mass stay, less than the locked robot's because the legs turn less
+                than the base. Through [G15]'s quasi-static map: the locked robot's, because there
+                a moment does its work on the average angular velocity Lambda_l l.
             linear: Hz, of the centre of mass; a number or one for x, y and z.
             rotation: Hz, of the base's orientation; likewise.
             damping_ratio: of all of them.
@@ -104,7 +106,7 @@ class BalanceGains:
 
         Args:
             mass: kg.
-            inertia: (3, 3) kg m^2, as for `from_frequencies`.
+            inertia: (3, 3) kg m^2, angular momentum per angular velocity of the base.
         """
         root = _root(self.rotation_damping)
         return BalanceGains(

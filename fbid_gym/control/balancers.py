@@ -19,6 +19,11 @@ the base: -Jbar_q^T lambda = -J_q^T lambda + A_q^T Lambda_h w.
   with P and the base's bias force h_base as in `fbid_gym.dynamics.centroidal`: w - P h_base is
   hdot - Adot v, and gravity cancels.
 
+While the contacts hold, the power of the quasi-static torques is that of the wrench on the velocity
+of the centre of mass and, for the moment, on the base's angular velocity (Ott) or on the average
+one, Lambda_l l ([G15]). On two heavy legs the average is a small part of the base's (a tenth for
+the biped, a quarter for the humanoid), and so is the grip of [G15]'s moment on the base.
+
 A desired posture is an acceleration of the joints, (N, n). All three follow it as far as it moves
 neither the contacts nor the momentum: its part in the null space of Jbar_q, to which they add
 Lambda_q times it. It changes no contact force.

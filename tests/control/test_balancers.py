@@ -1,0 +1,287 @@
+"""Three maps from contact forces to torques: what each means, and what each leaves out."""
+
+import copy
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import torch
+
+from fbid_gym import robots
+from fbid_gym.control import (
+    ContactLimits,
+    TorqueMap,
+    balancers,
+    distribute,
+    torque_map_garofalo2015,
+    torque_map_inverse_dynamics,
+    torque_map_ott2011,
+)
+from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, centroidal_terms
+from fbid_gym.dynamics.centroidal import (
+    joint_inertia,
+    momentum_rate_bias,
+    transformed_jacobian,
+)
+from fbid_gym.dynamics.contacts import (
+    ContactGeometry,
+    ReducedContacts,
+    point_positions,
+    reduced_contacts,
+)
+
+MAPS = (torque_map_ott2011, torque_map_garofalo2015, torque_map_inverse_dynamics)
+COUNT = 8
+LIMITS = ContactLimits(0.7)
+EXACT = 1e-9
+
+
+class Scene(NamedTuple):
+    """Robots near their home stance."""
+
+    robot: robots.Robot
+    terms: DynamicsTerms
+    body: CentroidalTerms
+    contacts: ReducedContacts
+    force: np.ndarray  # (COUNT, P, 3) random
+    posture: np.ndarray  # (COUNT, n)
+
+    @property
+    def model(self) -> tuple[Any, ...]:
+        """The arguments of every map."""
+        return self.terms, self.body, self.contacts
+
+    @property
+    def row_force(self) -> np.ndarray:
+        """(COUNT, k) of the random point forces."""
+        return np.matvec(self.contacts.point_map, self.force.reshape(COUNT, -1))
+
+    @property
+    def wrench(self) -> np.ndarray:
+        """(COUNT, 6) of the random point forces at the centre of mass."""
+        arm = point_positions(ContactGeometry.of(self.robot), self.terms) - self.terms.com[:, None]
+        return np.concatenate([self.force.sum(1), np.cross(arm, self.force).sum(1)], axis=1)
+
+    def accelerations(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Accelerations and row forces if the contacts hold, by the dynamics of (1) alone."""
+        jacobian = self.contacts.jacobian
+        inverse = np.linalg.inv(self.terms.mass_matrix)
+        free = -self.terms.bias
+        free[:, 6:] += torque
+        response = inverse @ jacobian.mT
+        motion = -self.contacts.bias - np.matvec(jacobian, np.matvec(inverse, free))
+        force = np.matvec(np.linalg.pinv(jacobian @ response, rcond=1e-12), motion)
+        return np.matvec(inverse, free + np.matvec(jacobian.mT, force)), force
+
+    def momentum_rate(self, acceleration: np.ndarray) -> np.ndarray:
+        """(COUNT, 6)."""
+        return np.matvec(self.body.matrix, acceleration) + momentum_rate_bias(
+            self.body, self.terms.bias
+        )
+
+
+def scene(name: str, rng: np.random.Generator, noise: float, speed: float) -> Scene:
+    robot = robots.load(name)
+    qpos = np.tile(robot.home_qpos, (COUNT, 1))
+    qpos[:, 7:] += noise * rng.normal(size=(COUNT, robot.num_joints))
+    velocity = speed * rng.normal(size=(COUNT, robot.nv))
+    terms = MuJoCoDynamics(robot).terms(qpos, velocity)
+    geometry = ContactGeometry.of(robot)
+    contacts = reduced_contacts(geometry, terms)
+    force = 0.1 * robot.weight * rng.normal(size=(COUNT, geometry.num_points, 3))
+    force[..., 2] += robot.weight / geometry.num_points
+    posture = 5.0 * rng.normal(size=(COUNT, robot.num_joints))
+    return Scene(robot, terms, centroidal_terms(terms, velocity), contacts, force, posture)
+
+
+@pytest.fixture(params=robots.ROBOTS)
+def moving(request, rng):
+    return scene(request.param, rng, 0.1, 0.5)
+
+
+@pytest.fixture
+def rigorous(monkeypatch):
+    """Without the ridge that bounds joint accelerations near singular postures."""
+    monkeypatch.setattr(balancers, "_RIDGE", 1e-12)
+
+
+def assert_close(actual, expected, tolerance=EXACT):
+    size = max(1.0, np.abs(expected).max())
+    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=tolerance * size)
+
+
+# --- the two quasi-static maps -------------------------------------------------------------------
+
+
+def test_garofalo2015_is_minus_jbar_transposed(moving):
+    torque = torque_map_garofalo2015(*moving.model).torque(moving.row_force, moving.wrench)
+    jacobian = transformed_jacobian(moving.body, moving.contacts.jacobian)[:, :, 6:]
+    assert_close(torque, -np.matvec(jacobian.mT, moving.row_force))
+
+
+def test_ott2011_is_minus_jcheck_transposed(moving):
+    """The velocities of (35), [com velocity, angular velocity, qdot] = T v, inverted as a whole."""
+    change = np.zeros_like(moving.terms.mass_matrix)
+    change[:, :3] = moving.body.matrix[:, :3] / moving.robot.mass
+    change[:, 3:6, 3:6] = moving.terms.base_rotation
+    change[:, 6:, 6:] = np.eye(moving.robot.num_joints)
+    jacobian = moving.contacts.jacobian @ np.linalg.inv(change)
+    torque = torque_map_ott2011(*moving.model).torque(moving.row_force, moving.wrench)
+    assert_close(torque, -np.matvec(jacobian[:, :, 6:].mT, moving.row_force))
+    # and (37): the base rows of the same Jacobian sum up to the wrench at the centre of mass
+    assert_close(np.matvec(jacobian[:, :, :6].mT, moving.row_force), moving.wrench)
+
+
+def test_quasi_static_maps_differ_by_the_moments_way_through_the_joints(moving):
+    ott = torque_map_ott2011(*moving.model).torque(moving.row_force, moving.wrench)
+    garofalo = torque_map_garofalo2015(*moving.model).torque(moving.row_force, moving.wrench)
+    angular = moving.body.matrix[:, 3:, 6:].mT @ moving.body.inverse_inertia
+    assert_close(garofalo - ott, np.matvec(angular, moving.wrench[:, 3:]))
+    assert np.abs(garofalo - ott).max() > 1e-2 * np.abs(ott).max()
+
+
+def test_quasi_static_torques_do_the_work_of_the_wrench(moving):
+    """On the base's angular velocity after Ott, on the average one, Lambda_l l, after [G15]."""
+    jacobian = moving.contacts.jacobian
+    velocity = 1.0 + np.arange(jacobian.shape[2]) % 3
+    # the part that the contacts allow
+    velocity = velocity - np.matvec(np.linalg.pinv(jacobian), np.matvec(jacobian, velocity))
+    momentum = np.matvec(moving.body.matrix, velocity)
+    linear = momentum[:, :3] / moving.robot.mass
+    average = np.matvec(moving.body.inverse_inertia, momentum[:, 3:])
+    of_base = np.matvec(moving.terms.base_rotation, velocity[:, 3:6])
+    for torque_map, angular in (
+        (torque_map_ott2011, of_base),
+        (torque_map_garofalo2015, average),
+    ):
+        torque = torque_map(*moving.model).torque(moving.row_force, moving.wrench)
+        power = np.vecdot(moving.wrench, np.concatenate([linear, angular], axis=1))
+        assert_close(np.vecdot(torque, velocity[:, 6:]), power)
+
+
+@pytest.mark.parametrize("name", robots.ROBOTS)
+@pytest.mark.parametrize("torque_map", MAPS)
+def test_all_maps_carry_the_weight_at_rest(name, torque_map, rng):
+    still = scene(name, rng, 0.0, 0.0)
+    wrench = np.zeros((COUNT, 6))
+    wrench[:, 2] = still.robot.weight
+    result = distribute(
+        torque_map(*still.model),
+        wrench,
+        LIMITS,
+        to_com=still.body.to_com,
+        point_map=still.contacts.point_map,
+        weight=still.robot.weight,
+    )
+    acceleration, _ = still.accelerations(result.torque)
+    np.testing.assert_allclose(result.residual, 0.0, atol=1e-9)
+    np.testing.assert_allclose(acceleration, 0.0, atol=1e-5)
+
+
+# --- full inverse dynamics -----------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("rigorous")
+@pytest.mark.parametrize("posture", [False, True])
+def test_inverse_dynamics_changes_momentum_as_told(moving, posture):
+    given = moving.posture if posture else None
+    torque_map = torque_map_inverse_dynamics(*moving.model, given)
+    torque = torque_map.torque(moving.row_force, moving.wrench)
+    acceleration, force = moving.accelerations(torque)
+    expected = moving.wrench.copy()
+    expected[:, 2] -= moving.robot.mass * 9.81
+    assert_close(moving.momentum_rate(acceleration), expected, 1e-6)
+    assert_close(force, moving.row_force, 1e-6)
+
+
+def test_the_ridge_costs_little_at_home(moving):
+    torque = torque_map_inverse_dynamics(*moving.model).torque(moving.row_force, moving.wrench)
+    acceleration, _ = moving.accelerations(torque)
+    error = moving.momentum_rate(acceleration) - moving.wrench
+    error[:, 2] += moving.robot.mass * 9.81
+    assert (np.abs(error[:, :3]) < 0.05 * moving.robot.weight).all()
+
+
+def test_quasi_static_maps_do_not_change_momentum_as_told(moving):
+    """What the third balancer is for: at these speeds the others miss by tenths of the weight."""
+    for torque_map in MAPS[:2]:
+        torque = torque_map(*moving.model).torque(moving.row_force, moving.wrench)
+        acceleration, _ = moving.accelerations(torque)
+        error = moving.momentum_rate(acceleration) - moving.wrench
+        error[:, 2] += moving.robot.mass * 9.81
+        assert np.abs(error[:, :3]).max() > 0.1 * moving.robot.weight
+
+
+# --- posture ---------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("rigorous")
+@pytest.mark.parametrize("torque_map", MAPS)
+def test_posture_moves_neither_contacts_nor_momentum(moving, torque_map):
+    forces = moving.row_force, moving.wrench
+    without, before = moving.accelerations(torque_map(*moving.model).torque(*forces))
+    torque = torque_map(*moving.model, moving.posture).torque(*forces)
+    with_posture, after = moving.accelerations(torque)
+    size = np.abs(moving.posture).max() * np.abs(moving.terms.mass_matrix).max()
+    assert_close(after / size, before / size, 1e-6)
+    assert_close(
+        moving.momentum_rate(with_posture) / size, moving.momentum_rate(without) / size, 1e-6
+    )
+    change = (with_posture - without)[:, 6:]
+    if moving.robot.num_joints > moving.contacts.jacobian.shape[1]:
+        # as much of the posture as is left: its orthogonal projection
+        np.testing.assert_allclose(
+            np.vecdot(change, moving.posture), np.vecdot(change, change), rtol=1e-3
+        )
+        assert (np.abs(change).max(axis=1) > 0.1).all()
+        assert_close(
+            torque - torque_map(*moving.model).torque(*forces),
+            np.matvec(joint_inertia(moving.body, moving.terms.mass_matrix), change),
+            1e-5,
+        )
+
+
+@pytest.mark.parametrize("torque_map", MAPS)
+def test_in_flight_the_posture_is_all_there_is(moving, torque_map):
+    none = ReducedContacts(
+        np.zeros_like(moving.contacts.jacobian),
+        np.zeros_like(moving.contacts.bias),
+        np.zeros_like(moving.contacts.point_map),
+    )
+    torque = torque_map(moving.terms, moving.body, none, moving.posture).offset
+    force = -moving.terms.bias
+    force[:, 6:] += torque
+    acceleration = np.linalg.solve(moving.terms.mass_matrix, force[..., None])[..., 0]
+    if torque_map is torque_map_inverse_dynamics:
+        assert_close(acceleration[:, 6:], moving.posture, 1e-8)
+    else:
+        inertia = joint_inertia(moving.body, moving.terms.mass_matrix)
+        assert_close(torque, np.matvec(inertia, moving.posture))
+
+
+@pytest.mark.parametrize("torque_map", MAPS)
+def test_straight_legs_stay_finite(torque_map, rng):
+    robot = robots.load("biped")
+    stretched = copy.copy(robot.home_qpos)
+    stretched[7:] = 0.0
+    qpos, velocity = np.tile(stretched, (2, 1)), rng.normal(size=(2, robot.nv))
+    terms = MuJoCoDynamics(robot).terms(qpos, velocity)
+    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    posture = 10.0 * rng.normal(size=(2, robot.num_joints))
+    result = torque_map(terms, centroidal_terms(terms, velocity), contacts, posture)
+    for part in result:
+        assert np.isfinite(part).all()
+    assert (np.abs(result.offset) < 100.0 * robot.torque_limit).all()
+
+
+@pytest.mark.parametrize("torque_map", MAPS)
+def test_torch_gives_the_same(moving, torque_map):
+    expected = torque_map(*moving.model, moving.posture)
+    model = (
+        type(part)(*(torch.from_numpy(np.ascontiguousarray(x)) for x in part))
+        for part in moving.model
+    )
+    result = torque_map(*model, torch.from_numpy(moving.posture))
+    assert isinstance(result, TorqueMap)
+    for ours, theirs in zip(result, expected, strict=True):
+        assert_close(ours.numpy(), theirs, 1e-8)
