@@ -85,7 +85,7 @@ class Pendulum:
 
 
 def world_with_pendulum(robot: Robot, pendulum: Pendulum) -> mujoco.MjModel:
-    """Return the robot's world with the bob in it, parked behind the robot, out of reach.
+    """Return the robot's world with the bob in it, parked below the ground that it never meets.
 
     The robot is first in every list, so `Simulation(robot, ..., world=...)` takes it.
     """
@@ -105,7 +105,7 @@ def world_with_pendulum(robot: Robot, pendulum: Pendulum) -> mujoco.MjModel:
     height = float(robot.home_qpos[2])
     bob = spec.worldbody.add_body(
         name=BOB,
-        pos=[-10.0 * height, 0.0, height],
+        pos=[0.0, 0.0, -10.0 * height],
         mass=pendulum.mass,
         ipos=[0.0, 0.0, 0.0],
         inertia=[ball] * 3,

@@ -1,0 +1,213 @@
+"""The three balancers of the experiments, alike in everything but the laws themselves."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fbid_gym.control.balance import (
+    TABLE_1,
+    BalanceGains,
+    BalanceTarget,
+    desired_wrench_garofalo2015,
+    desired_wrench_ott2011,
+)
+from fbid_gym.control.balancers import (
+    torque_map_garofalo2015,
+    torque_map_inverse_dynamics,
+    torque_map_ott2011,
+)
+from fbid_gym.control.contact_forces import ContactLimits
+from fbid_gym.control.wrench_distribution import TorqueMap, distribute
+from fbid_gym.dynamics.centroidal import CentroidalTerms, centroidal_terms
+from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts, reduced_contacts
+from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.robots import Robot
+
+OTT, GAROFALO, INVERSE = "Ott 2011", "Garofalo 2015", "inverse dynamics"
+ON_VELOCITY, ON_MOMENTUM = "(36)", "(38)"
+BALANCERS = {
+    OTT: (ON_VELOCITY, OTT),
+    GAROFALO: (ON_MOMENTUM, GAROFALO),
+    INVERSE: (ON_MOMENTUM, INVERSE),
+}
+"""The three: which wrench they want, and which map from contact forces to torques they use."""
+
+_TORQUE_MAP: dict[str, Callable[..., TorqueMap]] = {
+    OTT: torque_map_ott2011,
+    GAROFALO: torque_map_garofalo2015,
+    INVERSE: torque_map_inverse_dynamics,
+}
+_FRICTION = 0.7
+POSTURE_HERTZ = 1.5
+"""Hz, of the joints' return to the posture where neither contacts nor momentum are moved by it."""
+
+Memory = dict[str, Any]
+
+
+class Outcome(NamedTuple):
+    """What a balancer wants and what it does on one tick.
+
+    Attributes:
+        torque: (N, n) N m, within the limits.
+        desired: (N, 6) N and N m, wrench at the centre of mass.
+        delivered: (N, 6) by the contact forces it counts on.
+        residual: (N,) of the two, per weight.
+    """
+
+    torque: np.ndarray
+    desired: np.ndarray
+    delivered: np.ndarray
+    residual: np.ndarray
+
+
+class Goal(NamedTuple):
+    """What the robots shall do on one tick.
+
+    Attributes:
+        target: of centre of mass and base.
+        posture: (n,) or (N, n) rad, of the joints.
+        posture_rate: the same, rad/s.
+        posture_acceleration: the same, rad/s^2.
+        contact_rotation: (N, P, 3, 3) world from contact axes; None for level ground.
+    """
+
+    target: BalanceTarget
+    posture: np.ndarray
+    posture_rate: np.ndarray | float = 0.0
+    posture_acceleration: np.ndarray | float = 0.0
+    contact_rotation: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Balancer:
+    """A law for the wrench with a map to the torques; `balancer` builds the three.
+
+    Attributes:
+        robot: that it believes to control.
+        wrench: which law, "(36)" or "(38)" of [G15].
+        torque_map: which map from contact forces to joint torques, by the name of its balancer.
+        gains: of (38). The gains of (36) are those that damp a rigid body alike.
+        friction: assumed of the contacts.
+        posture_hertz: Hz, of the posture.
+        compensate_damping: add what the joints' viscous damping takes away.
+    """
+
+    robot: Robot
+    wrench: str = ON_MOMENTUM
+    torque_map: str = GAROFALO
+    gains: BalanceGains = TABLE_1
+    friction: float = _FRICTION
+    posture_hertz: float = POSTURE_HERTZ
+    compensate_damping: bool = False
+    limits: ContactLimits = field(init=False)
+    geometry: ContactGeometry = field(init=False)
+    length: float = field(init=False)
+    on_velocity: BalanceGains = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Measure the robot."""
+        support = Support.of(self.robot)
+        on_velocity = self.gains.on_velocity(self.robot.mass, stance_rotation_inertia(self.robot))
+        for name, value in (
+            ("limits", ContactLimits(self.friction)),
+            ("geometry", ContactGeometry.of(self.robot)),
+            ("length", support.radius),
+            ("on_velocity", on_velocity),
+        ):
+            object.__setattr__(self, name, value)
+
+    def memory(self, num_robots: int) -> Memory:
+        """Return the memory of robots that have not moved yet."""
+        return {"warm_start": np.zeros((num_robots, 6))}
+
+    def __call__(
+        self, state: RobotState, terms: DynamicsTerms, goal: Goal, memory: Memory
+    ) -> Outcome:
+        """Return the torques for one control tick."""
+        robot, rate = self.robot, state.qvel[:, 6:]
+        body = centroidal_terms(terms, state.qvel)
+        contacts = reduced_contacts(self.geometry, terms)
+        omega = 2.0 * np.pi * self.posture_hertz
+        posture = omega**2 * (goal.posture - state.qpos[:, 7:])
+        posture += 2.0 * omega * (goal.posture_rate - rate) + goal.posture_acceleration
+        torque_map = _TORQUE_MAP[self.torque_map](terms, body, contacts, posture)
+        damping = robot.joint_damping * rate
+        if self.compensate_damping:
+            torque_map = torque_map._replace(offset=torque_map.offset + damping)
+        found = distribute(
+            torque_map,
+            self.desired(state, terms, body, goal.target),
+            self.limits,
+            to_com=body.to_com,
+            point_map=contacts.point_map,
+            weight=robot.weight,
+            torque_limit=robot.torque_limit,
+            contact_rotation=goal.contact_rotation,
+            length=self.length,
+            warm_start=memory["warm_start"],
+        )
+        memory["warm_start"] = found.warm_start
+        torque = np.clip(found.torque, -robot.torque_limit, robot.torque_limit)
+        return Outcome(torque, found.wrench_desired, found.wrench, found.residual)
+
+    def desired(
+        self,
+        state: RobotState,
+        terms: DynamicsTerms,
+        body: CentroidalTerms,
+        target: BalanceTarget,
+    ) -> np.ndarray:
+        """Return the desired wrench at the centre of mass, (N, 6) N and N m, world."""
+        if self.wrench == ON_VELOCITY:
+            return np.asarray(
+                desired_wrench_ott2011(
+                    self.on_velocity,
+                    target,
+                    com=terms.com,
+                    com_velocity=terms.com_velocity,
+                    rotation=terms.base_rotation,
+                    angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
+                    mass=body.mass,
+                )
+            )
+        return np.asarray(
+            desired_wrench_garofalo2015(
+                self.gains,
+                target,
+                com=terms.com,
+                rotation=terms.base_rotation,
+                momentum=body.momentum,
+                mass=body.mass,
+            )
+        )
+
+
+def balancer(robot: Robot, name: str, **options: Any) -> Balancer:
+    """Return one of `BALANCERS`."""
+    wrench, torque_map = BALANCERS[name]
+    return Balancer(robot, wrench, torque_map, **options)
+
+
+def stance_rotation_inertia(robot: Robot) -> np.ndarray:
+    """Return the angular momentum per angular velocity of the base at home: (3, 3) kg m^2.
+
+    While the feet and the centre of mass stay where they are and the other joints move as little as
+    that allows. Symmetric part.
+    """
+    rest = np.zeros((1, robot.nv))
+    terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], rest)
+    body = centroidal_terms(terms, rest)
+    contacts: ReducedContacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    spin = np.zeros((3, robot.nv))
+    spin[:, 3:6] = terms.base_rotation[0]
+    still = np.concatenate([contacts.jacobian[0], body.matrix[0, :3], spin])
+    asked = np.zeros((len(still), 3))
+    asked[-3:] = np.eye(3)
+    motion = np.linalg.lstsq(still, asked, rcond=None)[0]
+    inertia = body.matrix[0, 3:] @ motion
+    return 0.5 * (inertia + inertia.T)

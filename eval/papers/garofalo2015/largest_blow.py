@@ -1,0 +1,194 @@
+"""What [G15] leaves open: the largest blow that each balancer survives, by direction."""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from eval.papers.experiment import Experiment, Progress, Result, Setting, main
+from eval.papers.garofalo2015.balancer import BALANCERS, GAROFALO, Balancer, balancer
+from eval.papers.garofalo2015.bout import Blow, Bout
+from eval.papers.garofalo2015.bout import run as fight
+from eval.papers.garofalo2015.fig2_push import COLOUR
+from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
+from eval.papers.garofalo2015.polar import Ring, polar
+from eval.papers.parts import Finding, figure, judged, table, text
+from eval.wording import number
+from fbid_gym.robots import load
+
+START = 0.2
+SECONDS = 4.0
+"""s until which a robot must stay up."""
+
+FIRST = np.geomspace(8.0, 180.0, 7)
+"""J, first round; the second looks between the last survived and the first that is not."""
+
+REFINED = 5
+LABELS = {0.0: "from behind", 90.0: "to the left", 180.0: "from the front", 270.0: "to the right"}
+
+
+def survives(
+    controller: Balancer, angle: np.ndarray, energy: np.ndarray, progress: Progress
+) -> np.ndarray:
+    """Hit one robot for each direction and energy.
+
+    Args:
+        controller: of all of them.
+        angle: (N,) rad, direction in which the bob flies: 0 forward, pi/2 to the robot's left.
+        energy: (N,) J.
+        progress: of this round.
+
+    Returns:
+        (N,) bool.
+    """
+    robot, pendulum = controller.robot, Pendulum()
+    direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    bout = Bout(
+        robot, SECONDS, len(angle), world_with_pendulum(robot, pendulum), pendulum=pendulum,
+        blow=Blow(START, direction, energy), every=100,
+    )  # fmt: skip
+    return fight(bout, controller, progress).survived
+
+
+def largest(
+    test: Callable[[np.ndarray, np.ndarray, int], np.ndarray], angle: np.ndarray, refined: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the largest energy that is survived in each direction.
+
+    Args:
+        test: from angles (N,), energies (N,) and the round (0 or 1) to who survives (N,).
+        angle: (K,) rad.
+        refined: energies of the second round.
+
+    Returns:
+        (K,) J survived, and (K,) J not survived next above it. Infinity where all were survived,
+        0 where none was.
+    """
+    low, high = np.zeros(len(angle)), np.full(len(angle), np.inf)
+    grid = np.tile(FIRST, (len(angle), 1))
+    for turn in range(2):
+        who = np.repeat(angle, grid.shape[1])
+        stood = test(who, grid.ravel(), turn).reshape(grid.shape)
+        for k, row in enumerate(stood):
+            # Below the first fall: a lucky stand above it does not count.
+            fallen = np.flatnonzero(~row)
+            first = fallen[0] if fallen.size else len(row)
+            low[k] = max(low[k], grid[k, first - 1] if first else 0.0)
+            high[k] = min(high[k], grid[k, first] if fallen.size else np.inf)
+        top = np.where(np.isfinite(high), high, low)
+        share = np.arange(1, refined + 1) / (refined + 1)
+        grid = low[:, None] + (top - low)[:, None] * share
+    return low, high
+
+
+def run(setting: Setting) -> Result:
+    """Search each balancer's limit in half the directions; the other half are their mirror."""
+    robot = load("humanoid")
+    angle = np.radians(np.linspace(0.0, 180.0, setting.pick(9, 3)))
+    refined = setting.pick(REFINED, 2)
+    survived, lost = {}, {}
+    for name, part in zip(BALANCERS, setting.progress.parts(list(BALANCERS)), strict=True):
+        controller = balancer(robot, name)
+        rounds = part.parts([f"{name}, coarse", f"{name}, fine"])
+
+        def test(
+            who: np.ndarray,
+            energy: np.ndarray,
+            turn: int,
+            controller: Balancer = controller,
+            rounds: list[Progress] = rounds,
+        ) -> np.ndarray:
+            return survives(controller, who, energy, rounds[turn])
+
+        survived[name], lost[name] = largest(test, angle, refined)
+    rows = [
+        {"name": name, "survived": survived[name].tolist(), "lost": _plain(lost[name])}
+        for name in BALANCERS
+    ]
+    numbers = {"degrees": np.degrees(angle).round(6).tolist(), "rows": rows}
+    return Result(findings(numbers), numbers, {"angle": angle})
+
+
+def _plain(values: np.ndarray) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def findings(numbers: dict[str, Any]) -> list[Finding]:
+    """The paper's blow against the limits."""
+    side = int(np.argmin(np.abs(np.array(numbers["degrees"]) - 90.0)))
+    ours = {row["name"]: row["survived"][side] for row in numbers["rows"]}
+    found = ", ".join(f"{name}: {number(value)}" for name, value in ours.items())
+    return [
+        judged(
+            "Largest blow from the side that is survived, J",
+            "17.4 is survived",
+            found,
+            "more than 17.4",
+            ours[GAROFALO] > 17.4,
+        ),
+        Finding(
+            "Smallest of all directions, J",
+            "not given",
+            ", ".join(f"{row['name']}: {number(min(row['survived']))}" for row in numbers["rows"]),
+        ),
+    ]
+
+
+def show(result: Result) -> str:
+    """Draw the section."""
+    numbers = result.numbers
+    half = numbers["degrees"]
+    degrees = [*half, *(360.0 - d for d in reversed(half[1:-1]))]
+    rings = []
+    for row in numbers["rows"]:
+        values = [*row["survived"], *reversed(row["survived"][1:-1])]
+        rings.append(Ring(row["name"], COLOUR[row["name"]], values))
+    rows = [
+        [
+            row["name"],
+            *(
+                f"{number(low)} – {number(high)}" if high is not None else f"> {number(low)}"
+                for low, high in zip(row["survived"], row["lost"], strict=True)
+            ),
+        ]
+        for row in numbers["rows"]
+    ]
+    chart = polar(
+        degrees, rings, "Largest energy survived, by direction of the blow", "J", LABELS,
+        mark=(90.0, 17.4, "[G15]"),
+    )  # fmt: skip
+    return "".join(
+        (
+            figure(
+                [chart],
+                "Forward is up. The robot is its own mirror image, so the right half is the left "
+                "one's; [G15]'s blow is marked.",
+                1,
+            ),
+            table(["J, last survived – first not", *(f"{d:g}°" for d in half)], rows),
+            text(
+                "The robot may not step, so what can be survived is bounded by the soles: the "
+                "momentum of the blow moves the capture point, and beyond the edge of the feet no "
+                "balancer that keeps them in place brings it back. Sideways the two feet reach "
+                "farther than forward. Within that, what counts is how much of the wanted wrench "
+                "the torques produce."
+            ),
+        )
+    )
+
+
+EXPERIMENT = Experiment(
+    module="eval.papers.garofalo2015.largest_blow",
+    title="Left open: the largest blow, by direction",
+    about=(
+        "The same pendulum from all sides, at every energy that it takes: the largest after which "
+        f"the robot still stands {SECONDS - START:g} s later."
+    ),
+    run=run,
+    show=show,
+    minutes=5.0,
+)
+
+if __name__ == "__main__":
+    sys.exit(main(EXPERIMENT))

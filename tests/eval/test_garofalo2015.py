@@ -1,0 +1,147 @@
+"""The pieces of [G15]'s experiments: balancers, bouts, and the numbers drawn from them."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from eval.papers.garofalo2015.balancer import (
+    BALANCERS,
+    GAROFALO,
+    balancer,
+    stance_rotation_inertia,
+)
+from eval.papers.garofalo2015.bout import Blow, Bout, Record, run
+from eval.papers.garofalo2015.largest_blow import FIRST, largest
+from eval.papers.garofalo2015.measures import settling_time, unrealised
+from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
+from eval.papers.garofalo2015.polar import Ring, polar
+from fbid_gym.robots import load
+
+
+def record_of(time, **changes):
+    """A record of one robot in which nothing happens but what is given."""
+    count, robot = len(time), load("humanoid")
+    shapes = {
+        "com": 3, "rotation": 3, "momentum": 6, "desired": 6, "delivered": 6, "measured": 3,
+        "torque": robot.num_joints, "qpos": robot.nq,
+    }  # fmt: skip
+    values = {name: np.zeros((count, 1, size)) for name, size in shapes.items()}
+    values |= {"time": time, "residual": np.zeros((count, 1)), "fell": np.full(1, np.nan)}
+    return Record(**(values | changes))
+
+
+@pytest.mark.parametrize("name", BALANCERS)
+def test_every_balancer_stands_and_takes_a_small_blow(name):
+    robot, pendulum = load("humanoid"), Pendulum()
+    sides = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    blow = Blow(0.3, sides, np.full(2, 4.0))
+    world = world_with_pendulum(robot, pendulum)
+    record = run(
+        Bout(robot, 1.0, 2, world, pendulum=pendulum, blow=blow, every=5), balancer(robot, name)
+    )
+    assert record.survived.all()
+    before = record.time < 0.3
+    assert np.abs(record.com[before]).max() < 3e-4
+    assert np.abs(record.rotation[before]).max() < 3e-4
+    weight = record.measured[before][-1, :, 2]
+    np.testing.assert_allclose(weight, robot.weight, rtol=2e-3)
+    pushed = np.abs(record.com[~before]).max(axis=0)
+    assert 0.005 < pushed[0, 1] < 0.05 and 0.001 < pushed[1, 0] < 0.05
+    assert (np.abs(record.torque) <= robot.torque_limit).all()
+    again = Record.from_arrays(record.arrays("x."), "x.")
+    np.testing.assert_allclose(again.momentum, record.momentum, rtol=1e-6, atol=1e-6)
+
+
+def test_a_blow_that_is_too_much_is_a_fall():
+    robot, pendulum = load("humanoid"), Pendulum(energy=400.0)
+    blow = Blow(0.1, np.array([[1.0, 0.0, 0.0]]), np.array([400.0]))
+    world = world_with_pendulum(robot, pendulum)
+    bout = Bout(robot, 4.0, 1, world, pendulum=pendulum, blow=blow, every=5)
+    record = run(bout, balancer(robot, GAROFALO))
+    assert not record.survived[0] and 0.1 < record.fell[0] < 3.0
+    assert record.time[-1] <= record.fell[0]  # nothing is simulated beyond
+
+
+def test_inertia_about_standing_feet():
+    """Against MuJoCo: turn the base with feet and centre of mass in place, sum up the bodies."""
+    robot = load("humanoid")
+    inertia = stance_rotation_inertia(robot)
+    model, data = robot.model, mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos
+    mujoco.mj_forward(model, data)
+    rows = []
+    for foot in robot.feet:
+        linear, angular = np.zeros((2, 3, robot.nv))
+        mujoco.mj_jacBody(model, data, linear, angular, foot.body)
+        rows += [linear, angular]
+    com = np.zeros((3, robot.nv))
+    mujoco.mj_jacSubtreeCom(model, data, com, robot.base_body)
+    turn = np.zeros((3, robot.nv))
+    turn[:, 3:6] = np.eye(3)
+    constraints = np.concatenate([*rows, com, turn])
+    momenta = np.empty((3, 3))
+    for axis in range(3):
+        asked = np.zeros(len(constraints))
+        asked[-3 + axis] = 1.0
+        data.qvel[:] = np.linalg.pinv(constraints) @ asked
+        mujoco.mj_forward(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        momenta[:, axis] = data.subtree_angmom[robot.base_body]
+    np.testing.assert_allclose(0.5 * (momenta + momenta.T), inertia, atol=1e-6)
+    locked = 15.0  # kg m^2 about x and y, all joints locked
+    assert (np.linalg.eigvalsh(inertia) > 1.0).all() and inertia[0, 0] < 0.5 * locked
+
+
+def test_settling_time_is_when_the_error_last_exceeds_a_tenth():
+    time = np.linspace(2.0, 8.0, 3001)
+    decay = np.exp(-(time - 2.0) / 0.8)
+    assert settling_time(time, -3.0 * decay) == pytest.approx(0.8 * np.log(10.0), abs=0.005)
+
+
+def test_unrealised_is_the_wanted_wrench_less_the_rate_of_the_momentum():
+    time = np.arange(500) * 0.01
+    momentum, desired = np.zeros((500, 1, 6)), np.zeros((500, 1, 6))
+    momentum[:, 0, 1], momentum[:, 0, 3] = 4.0 * np.sin(time), np.cos(2 * time)
+    desired[:, 0, 2] = 760.0  # the weight is carried
+    desired[:, 0, 1] = 4.0 * np.cos(time) + 3.0
+    desired[:, 0, 3] = -2.0 * np.sin(2 * time) + 2.0 * np.sqrt(2.0) * np.sin(20 * time)
+    force, moment = unrealised(record_of(time, momentum=momentum, desired=desired), 0.5)
+    assert force == pytest.approx(3.0, rel=1e-3)
+    assert moment == pytest.approx(2.0, rel=0.01)
+
+
+def test_the_largest_blow_is_found_between_what_was_tried():
+    angle = np.array([0.0, 1.0, 2.0, 3.0])
+    limit = np.array([40.0, 100.0, 1.0, 1e9])  # the third survives nothing, the last everything
+    calls = []
+
+    def test(who, energy, turn):
+        calls.append((turn, len(who)))
+        return energy <= limit[who.astype(int)]
+
+    low, high = largest(test, angle, refined=9)
+    assert calls == [(0, 4 * len(FIRST)), (1, 36)]
+    for k in (0, 1):
+        assert low[k] <= limit[k] < high[k] and high[k] - low[k] < 0.1 * limit[k]
+    assert 0.0 <= low[2] < 1.0 and low[3] == FIRST[-1] and high[3] == np.inf
+
+
+def test_a_stand_above_a_fall_does_not_count():
+    lucky = FIRST[4]
+
+    def test(who, energy, turn):
+        return (energy < FIRST[2]) | (energy == lucky)
+
+    low, high = largest(test, np.zeros(1), refined=3)
+    assert FIRST[1] <= low[0] < high[0] <= FIRST[2]
+
+
+def test_a_polar_chart_names_what_it_shows():
+    degrees = np.arange(0.0, 360.0, 45.0)
+    chart = polar(
+        degrees, [Ring("one & all", 0, degrees + 1.0), Ring("two", 1, 0 * degrees + 90.0)],
+        "Limits", "J", {0.0: "front"}, (90.0, 17.4, "paper"),
+    )  # fmt: skip
+    for part in ("one &amp; all", "two", "Limits", "front", "paper", "316 J"):
+        assert part in chart, part
+    assert chart.count('class="dot"') == 17
