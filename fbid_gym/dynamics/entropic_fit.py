@@ -7,9 +7,15 @@ over changes x of B bodies in natural steps (`fbid_gym.dynamics.excitation`): Z_
 the pseudo-inertia of body b relative to the nominal one, L L^T. D is zero at the nominal body, half
 the square of a small change, and infinite for a body that cannot exist.
 
-The function is convex, and self-concordant after division by w, so Newton's method with a line
-search finds its minimum from anywhere inside. Each step is a linear least-squares problem: nothing
-is squared, and directions that the data hardly tell are as exact as the data.
+The minimum is a point of the central path of the semidefinite programme without D's logarithm, so a
+primal-dual interior-point method walks to it: with dual matrices V_b it solves
+
+    A^T (A x - b) + w E^T 1 - E^T V = 0,   Z_b V_b = w 1
+
+by Newton's method in Nesterov and Todd's scaling, which treats Z and V alike (Y. E. Nesterov,
+M. J. Todd, "Primal-dual interior-point methods for self-scaled cones", SIAM J. Optimization 8(2),
+1998). A Newton step is a linear least-squares problem, so nothing is squared, and directions that
+the data hardly tell come out as exactly as the data allow.
 """
 
 from typing import NamedTuple
@@ -18,10 +24,10 @@ import numpy as np
 
 from fbid_gym.dynamics.excitation import BASIS
 
-_MAX_STEPS = 100
-_ROUGH, _CONVERGED = 0.1, 1e-9
-_SHORTEST = 1e-9
-_SINGULAR = 1e-13
+_MAX_STEPS = 200
+_CONVERGED, _STALLED = 1e-8, 1e-2
+_TO_BORDER = 0.9
+_LEAST_CENTRING, _MOST_CENTRING = 0.05, 0.9
 
 
 class Weighed(NamedTuple):
@@ -44,15 +50,13 @@ def relative_inertia(change: np.ndarray) -> np.ndarray:
 
 
 def divergence(relative: np.ndarray) -> np.ndarray:
-    """Entropic divergence D (B,) of bodies from the nominal ones; infinite where none can exist.
+    """Entropic divergence D (B,) of bodies from the nominal ones.
 
     Args:
-        relative: (B, 4, 4) Z of each body.
+        relative: (B, 4, 4) Z of each body, positive definite.
     """
     sizes = np.linalg.eigvalsh(relative)
-    possible = sizes[:, 0] > _SINGULAR * sizes[:, -1]
-    sizes = np.where(possible[:, None], sizes, 1.0)
-    return np.where(possible, (sizes - np.log(sizes) - 1.0).sum(axis=1), np.inf)
+    return np.asarray((sizes - np.log(sizes) - 1.0).sum(axis=1))
 
 
 def fit(
@@ -60,84 +64,81 @@ def fit(
 ) -> np.ndarray:
     """Minimise |effect x - error|^2 / 2 + weight * sum_b D_b(x).
 
-    The weight comes down from one by factors of a hundred, each minimum the start of the next.
-
     Args:
-        effect: (r, 10 B) A.
-        error: (r,) b.
+        effect: (r, 10 B) A, of order one.
+        error: (r,) b, of order one.
         weight: w, positive.
         weighed: a total mass to hold exactly, if any.
 
     Returns:
         x: (10 B,), of bodies that can exist.
     """
-    change, directions = np.zeros(effect.shape[1]), np.eye(effect.shape[1])
+    count = effect.shape[1] // 10
+    change, directions = np.zeros(10 * count), np.eye(10 * count)
     if weighed is not None:
         # All bodies in proportion have the right mass; from there in directions that keep it.
-        change = _coordinates(np.eye(4) * (weighed.total / weighed.nominal - 1.0))
-        change = np.tile(change, effect.shape[1] // 10)
+        change = np.tile(_coordinates(np.eye(4) * (weighed.total / weighed.nominal - 1)), count)
         directions = np.linalg.svd(weighed.steps[None])[2][1:].T
     moved = effect @ directions
-    current = max(1.0, weight)
-    while True:
-        close = _CONVERGED if current <= weight else _ROUGH
-        change = _newton(effect, error, current, change, moved, directions, close)
-        if current <= weight:
-            return change
-        current = max(current / 100.0, weight)
-
-
-def _newton(
-    effect: np.ndarray,
-    error: np.ndarray,
-    weight: float,
-    change: np.ndarray,
-    moved: np.ndarray,
-    directions: np.ndarray,
-    close: float,
-) -> np.ndarray:
-    """Newton's method from a possible `change`, until the decrement is below `close`.
-
-    Args:
-        effect: (r, 10 B).
-        error: (r,).
-        weight: of the divergence.
-        change: (10 B,) to begin with.
-        moved: (r, m), effect @ directions.
-        directions: (10 B, m) orthonormal, in which the change may go.
-        close: least Newton decrement, relative to the square root of the weight.
-
-    Returns:
-        (10 B,).
-    """
-
-    def value(x: np.ndarray) -> float:
-        left = effect @ x - error
-        return float(left @ left / 2 + weight * divergence(relative_inertia(x)).sum())
-
-    share, now = np.sqrt(weight), value(change)
+    dual = max(1.0, weight) * np.linalg.inv(relative_inertia(change))
+    centring, before, share = _MOST_CENTRING, np.inf, np.sqrt(weight)
+    possible = change
     for _ in range(_MAX_STEPS):
-        # To second order D is |K dx + w|^2 / 2, with Z = C C^T, K the change in the coordinates of
-        # C^-1 dZ C^-T, and w those of C^T C - 1.
-        root = np.linalg.cholesky(relative_inertia(change))
-        inverse = np.linalg.inv(root)[:, None]
-        metric = _block_diagonal(_coordinates(inverse @ BASIS @ inverse.mT).mT) @ directions
-        slope = _coordinates(root.mT @ root - np.eye(4)).ravel()
+        try:
+            scaling, inverse, size = _balanced(relative_inertia(change), dual)
+        except np.linalg.LinAlgError:  # at the border to rounding: there is nothing left to gain
+            return possible
+        possible = change
+        gap = float(np.mean(size**2))
+        aim = max(weight, centring * gap)
+        target = aim / size[:, None] * np.eye(4)  # (B, 4, 4), aim D^-1
+        metric = _block_diagonal(_coordinates(_between(inverse[:, None], BASIS)).mT) @ directions
         step, *_ = np.linalg.lstsq(
-            np.concatenate([moved, share * metric]),
-            np.concatenate([error - effect @ change, -share * slope]),
+            np.concatenate([moved, metric]),
+            np.concatenate(
+                [
+                    error - effect @ change,
+                    _coordinates(target - weight * scaling.mT @ scaling).ravel(),
+                ]
+            ),
             rcond=None,
         )
-        decrement = np.hypot(np.linalg.norm(moved @ step) / share, np.linalg.norm(metric @ step))
-        length, move = 1.0, directions @ step
-        while (then := value(change + length * move)) > now and length > _SHORTEST:
-            length /= 2.0
-        if then > now:  # rounding is all that is left to gain
+        move = directions @ step
+        primal = _between(inverse, relative_inertia(move) - np.eye(4))
+        opposite = target - size[:, None] * np.eye(4) - primal
+        length = min(1.0, _TO_BORDER * min(_room(primal, size), _room(opposite, size)))
+        change = change + length * move
+        dual = dual + length * _between(inverse.mT, opposite)
+        centring = np.clip((1.0 - length) ** 2, _LEAST_CENTRING, _MOST_CENTRING)
+        if aim > weight or length < 1.0:
+            continue
+        # The Newton decrement, relative to the prior; it falls quadratically until rounding.
+        decrement = np.hypot(np.linalg.norm(moved @ step), np.linalg.norm(metric @ step)) / share
+        if decrement < _CONVERGED or before / 2 < decrement < _STALLED:
             break
-        change, now = change + length * move, then
-        if decrement < close:
-            break
+        before = decrement
     return change
+
+
+def _balanced(relative: np.ndarray, dual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Scaling G (B, 4, 4), its inverse, and D (B, 4) with G^-1 Z G^-T = G^T V G = diag D."""
+    first, second = np.linalg.cholesky(relative), np.linalg.cholesky(dual)
+    _, size, right = np.linalg.svd(second.mT @ first)
+    root = np.sqrt(size)
+    inverse = root[:, :, None] * (right @ np.linalg.inv(first))
+    return (first @ right.mT) / root[:, None], inverse, size
+
+
+def _room(step: np.ndarray, size: np.ndarray) -> float:
+    """How often a scaled step (B, 4, 4) fits between diag D and the border."""
+    root = np.sqrt(size)
+    relative = step / root[:, :, None] / root[:, None]
+    return float(1.0 / max(-np.linalg.eigvalsh(relative).min(), 1e-12))
+
+
+def _between(left: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """Left M left^T."""
+    return np.asarray(left @ matrices @ left.mT)
 
 
 def _coordinates(matrices: np.ndarray) -> np.ndarray:

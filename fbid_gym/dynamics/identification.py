@@ -18,8 +18,8 @@ D, the entropic divergence, is half the square of a small relative change, whate
 frames, and grows without bound as a body comes to the border of what can exist (T. Lee,
 P. M. Wensing, F. C. Park, "Geometric robot dynamic identification: a convex programming approach",
 IEEE Transactions on Robotics 36(2), 2020). So every estimate is physically consistent, what the
-data do not tell stays as nominal as what they tell allows, and the problem is convex, smooth and
-self-concordant: Newton's method solves it from the nominal model, whatever the data.
+data do not tell stays as nominal as what they tell allows, and the problem is convex with a single
+minimum (`fbid_gym.dynamics.entropic_fit`).
 """
 
 from collections.abc import Iterator, Sequence

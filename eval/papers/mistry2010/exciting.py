@@ -1,0 +1,264 @@
+"""Motions that excite the biped's inertial parameters, and the law that carries them out.
+
+Sums of sinusoids at every joint and at the base, on both feet, on the left foot and on the right
+foot, with the centre of mass over the feet that stand. The base follows from the joints and the
+planted feet.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from eval.papers.mistry2010.controllers import Gains
+from eval.papers.trial import RATES, Command, Memory, contact_points
+from fbid_gym.control import ContactLimits, limited_inverse_dynamics
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.frames import quaternion_to_matrix, rotation_vector
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.motions import Reference
+from fbid_gym.motions.curves import Curve
+from fbid_gym.motions.kinematics import (
+    CHUNK,
+    States,
+    base_on_feet,
+    home_points,
+)
+from fbid_gym.motions.squat import joint_columns
+from fbid_gym.robots import Robot
+
+STANCES = {"both feet": (True, True), "left foot": (True, False), "right foot": (False, True)}
+"""Which feet stand, in the order of the robot's feet, left and right."""
+
+_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+_SINES = 5
+_JOINT_HZ, _BASE_HZ = 1.2, 0.8
+_TORSO, _TWIST, _SWING = 0.3, 0.25, 0.35  # rad
+_TURN = 0.12  # rad, of the base
+_HEIGHT, _LOWER = 0.03, {True: 0.03, False: 0.06}  # m, of the base: amplitude, and below home
+_SWAY = {True: (0.02, 0.05), False: (0.015, 0.01)}  # m, forward and sideways, on both feet or one
+_LIFT = {"hip_pitch": -0.5, "knee": 0.6, "hip_roll": 0.15}  # rad; roll outwards
+_COARSE = 25
+_MOST_STEPS, _REACHED = 30, 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class Exciting:
+    """Motions of M stances, in turns: robot i does motion i modulo M; T ticks each, repeated.
+
+    Unlike in other motions the base is that of a fixed world, in which the feet stand still.
+
+    Attributes:
+        states: (M, T, ...) of each stance.
+        planted: (M, F) bool.
+        hz: ticks per second.
+    """
+
+    states: States
+    planted: np.ndarray
+    hz: int
+
+    @property
+    def period(self) -> int:
+        """Ticks of a period."""
+        return int(self.states.qpos.shape[1])
+
+    def reference(self, tick: np.ndarray, speed: np.ndarray | None = None) -> Reference:
+        """Return what the robots shall do at their `tick` (N,); the centre of mass is left out."""
+        stance, row = np.arange(len(tick)) % len(self.planted), tick % self.period
+        unknown = np.full((len(tick), 3), np.nan)
+        qpos, qvel, qacc = (part[stance, row] for part in self.states)
+        return Reference(qpos, qvel, qacc, unknown, unknown, unknown, self.planted[stance])
+
+
+def exciting(robot: Robot, seconds: int, seed: int, hz: int = RATES.control) -> Exciting:
+    """Plan a motion for every stance.
+
+    Args:
+        robot: the biped.
+        seconds: length of a period.
+        seed: of the frequencies and phases.
+        hz: ticks per second.
+
+    Raises:
+        InvalidValueError: the feet cannot be where they shall be.
+    """
+    rng = np.random.default_rng(seed)
+    planned = [_plan(robot, planted, seconds * hz, hz, rng) for planted in STANCES.values()]
+    states = States(*(np.stack(parts) for parts in zip(*planned, strict=True)))
+    return Exciting(states, np.array(list(STANCES.values())), hz)
+
+
+def _plan(
+    robot: Robot, planted: tuple[bool, bool], ticks: int, hz: int, rng: np.random.Generator
+) -> States:
+    """Plan the motion of one stance: joints that keep its feet and its centre of mass in place."""
+    standing, points = np.array(planted), home_points(robot)
+    both = bool(standing.all())
+    names = robot.joint_names
+    legs = joint_columns(robot, [f"{side}_{name}" for side in robot.foot_names for name in _LEG])
+
+    def waves(*sizes: float, hertz: float) -> np.ndarray:
+        return np.stack([_wave(rng, ticks, hz, size, hertz) for size in sizes], axis=1)
+
+    guess = np.tile(robot.home_qpos[7:], (ticks, 1))
+    others = [joint for joint in range(len(names)) if joint not in legs]
+    sizes = [_TORSO if "torso" in names[joint] else _TWIST for joint in others]
+    guess[:, others] += waves(*sizes, hertz=_JOINT_HZ)
+    swing = np.zeros_like(guess)
+    if not both:
+        air = robot.foot_names[int(standing.argmin())]
+        outwards = 1.0 if air == "left" else -1.0
+        for joint, name in enumerate(names):
+            if name.startswith(air):
+                size = _TWIST if "roll" in name else _SWING
+                lift = _LIFT.get(name.removeprefix(f"{air}_"), 0.0)
+                swing[:, joint] = lift * (outwards if "roll" in name else 1.0)
+                swing[:, joint] += _wave(rng, ticks, hz, size, _JOINT_HZ)
+
+    base = np.zeros((ticks, 7))
+    base[:, :3] = Support.of(robot).home_base - [0.0, 0.0, _LOWER[both]]
+    base[:, 2] += _wave(rng, ticks, hz, _HEIGHT, _BASE_HZ)
+    base[:, 3], base[:, 4:] = 1.0, waves(_TURN, _TURN, _TURN, hertz=_BASE_HZ) / 2
+    base[:, 3:] /= np.linalg.norm(base[:, 3:], axis=1, keepdims=True)
+
+    foot_of_point = ContactGeometry.of(robot).foot_of_point
+    over = points[standing[foot_of_point], :2].mean(axis=0)
+    wanted = over + waves(*_SWAY[both], hertz=_BASE_HZ)
+    dynamics = MuJoCoDynamics(robot)
+
+    def posture(rows: slice) -> np.ndarray:
+        qpos = np.concatenate([base[rows], guess[rows]], axis=1)
+        return _on_home_feet(robot, qpos, legs) + np.pad(swing[rows], [(0, 0), (7, 0)])
+
+    # The centre of mass depends on the base, and through the legs on itself: a few rounds, on a
+    # coarse grid of which the motion between is the interpolation.
+    rows = slice(0, ticks, _COARSE)
+    for _ in range(5):
+        qpos = posture(rows)
+        com = dynamics.terms(qpos, np.zeros((len(qpos), robot.nv))).com
+        base[:, :2] += _refined(wanted[rows] - com[:, :2], ticks)
+    joints = _periodic(posture(slice(None))[:, 7:], hz)
+    return base_on_feet(robot, joints, points, np.tile(standing, (ticks, 1)))
+
+
+def _on_home_feet(robot: Robot, qpos: np.ndarray, legs: list[int]) -> np.ndarray:
+    """Postures (T, nq) whose leg joints put both feet where they are at home, by Gauss-Newton."""
+    dynamics, columns = MuJoCoDynamics(robot), 6 + np.array(legs)
+    home = np.concatenate([Support.of(robot).home_base, robot.home_qpos[3:]])
+    feet = dynamics.terms(home[None], np.zeros((1, robot.nv)))
+    result = qpos.copy()
+    for start in range(0, len(qpos), CHUNK):
+        part = result[start : start + CHUNK]
+        still = np.zeros((len(part), robot.nv))
+        for _ in range(_MOST_STEPS):
+            terms = dynamics.terms(part, still)
+            turn = rotation_vector(feet.foot_rotation @ terms.foot_rotation.mT)
+            error = np.concatenate([feet.foot_position - terms.foot_position, turn], axis=2)
+            error = error.reshape(len(part), -1)
+            if np.abs(error).max() < _REACHED:
+                break
+            jacobian = terms.foot_jacobian[..., columns].reshape(len(part), -1, len(legs))
+            part[:, 1 + columns] += np.linalg.solve(jacobian, error[..., None])[..., 0]
+        else:
+            raise InvalidValueError(
+                "exciting motion", f"{np.abs(error).max():.2g} m off", "feet that reach the ground"
+            )
+    return result
+
+
+def _wave(rng: np.random.Generator, ticks: int, hz: int, size: float, hertz: float) -> np.ndarray:
+    """A sum of sinusoids (ticks,) up to a frequency; each repeats a whole number of times."""
+    seconds = ticks / hz
+    cycles = rng.choice(np.arange(1, int(hertz * seconds) + 1), _SINES, replace=False)
+    phase = rng.uniform(0.0, 2.0 * np.pi, _SINES)
+    angle = 2.0 * np.pi * np.arange(ticks)[:, None] / ticks * cycles + phase
+    total = np.sin(angle).sum(axis=1)
+    return size * total / np.abs(total).max()
+
+
+def _periodic(values: np.ndarray, hz: int) -> Curve:
+    """Rates and accelerations of a smooth periodic motion (T, n), exact to rounding."""
+    spectrum = np.fft.rfft(values, axis=0)
+    rate = 2j * np.pi * np.fft.rfftfreq(len(values), 1.0 / hz)[:, None]
+    return Curve(
+        values,
+        np.fft.irfft(spectrum * rate, len(values), axis=0),
+        np.fft.irfft(spectrum * rate**2, len(values), axis=0),
+    )
+
+
+def _refined(values: np.ndarray, ticks: int) -> np.ndarray:
+    """A smooth periodic motion (c, m) on a grid of more ticks."""
+    spectrum = np.fft.rfft(values, axis=0)
+    return np.fft.irfft(spectrum, ticks, axis=0) * (ticks / len(values))
+
+
+@dataclass(frozen=True, eq=False)
+class Carry:
+    """Follow the motion with base and joints, with contact forces that the ground can deliver.
+
+    A desired acceleration, the reference's plus feedback of base and joints, through the
+    friction-limited form of eq. (15), and joint PD beside it: it has to stand with a wrong model.
+
+    Attributes:
+        robot: whose joints.
+        base_hertz: Hz, natural frequency of the base's feedback, critically damped.
+        joint_hertz: Hz, the same for the joints.
+        gains: of the joint PD.
+    """
+
+    robot: Robot
+    base_hertz: float
+    joint_hertz: float
+    gains: Gains
+    geometry: ContactGeometry = field(init=False)
+    length: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Measure the feet."""
+        object.__setattr__(self, "geometry", ContactGeometry.of(self.robot))
+        object.__setattr__(self, "length", Support.of(self.robot).radius)
+
+    def memory(self, num_robots: int) -> Memory:
+        """Where the motion's world lies, and the warm start of the contact forces."""
+        return {
+            "origin": np.full((num_robots, 3), np.nan),
+            "warm_start": np.zeros((num_robots, 6)),
+        }
+
+    def __call__(
+        self, state: RobotState, terms: DynamicsTerms, reference: Reference, memory: Memory
+    ) -> Command:
+        """See `Controller`."""
+        if np.isnan(memory["origin"]).any():
+            memory["origin"] = state.qpos[:, :3] - reference.qpos[:, :3]
+        turned = terms.base_rotation.mT @ quaternion_to_matrix(reference.qpos[:, 3:7])
+        position = reference.qpos[:, :3] + memory["origin"] - state.qpos[:, :3]
+        joints = reference.qpos[:, 7:] - state.qpos[:, 7:]
+        error = np.concatenate([position, rotation_vector(turned), joints], axis=1)
+        omega = np.full(self.robot.nv, 2.0 * np.pi * self.joint_hertz)
+        omega[:6] = 2.0 * np.pi * self.base_hertz
+        acceleration = (
+            reference.qacc + omega**2 * error + 2.0 * omega * (reference.qvel - state.qvel)
+        )
+        active = contact_points(self.geometry, reference.planted)
+        contacts = reduced_contacts(self.geometry, terms, active)
+        found = limited_inverse_dynamics(
+            terms.mass_matrix,
+            terms.bias,
+            contacts.jacobian,
+            acceleration,
+            contacts.bias,
+            ContactLimits(),
+            point_map=contacts.point_map,
+            active=active,
+            length=self.length,
+            warm_start=memory["warm_start"],
+        )
+        memory["warm_start"] = found.warm_start
+        damping = self.robot.joint_damping * state.qvel[:, 6:]
+        return Command(found.torque + damping, self.gains.torque(state, reference))
