@@ -8,6 +8,12 @@ ENVIRONMENTS = {
     "fbid_gym/HumanoidBalance-v0": {"robot": "humanoid", "task": "balance"},
     "fbid_gym/BipedSquat-v0": {"robot": "biped", "task": "squat"},
     "fbid_gym/BipedStep-v0": {"robot": "biped", "task": "step"},
+    "fbid_gym/QuadrupedCrawl-v0": {"robot": "quadruped", "task": "crawl"},
+    "fbid_gym/QuadrupedRough-v0": {
+        "robot": "quadruped",
+        "task": "crawl",
+        "terrain": "obstacles",
+    },
 }
 """Registered id -> arguments that define it."""
 

@@ -163,6 +163,11 @@ class BalanceEnv(RobotEnv):
     | `height_range`    | pair           | `(0.94, 1.0)`      | (least, most) commanded height     |
     |                   |                |                    | over H                             |
     | `height_interval` | pair           | `(2.0, 4.0)`       | (least, most) s                    |
+    | `terrain`         | str            | `"flat"`           | The ground: also `"obstacles"`     |
+    |                   |                |                    | (planks) or `"rocks"`. An episode  |
+    |                   |                |                    | starts on a level place of it      |
+    | `terrain_height`  | float          | `0.03`             | m, of the terrain's highest point  |
+    | `terrain_seed`    | int            | `0`                | Decides where everything lies      |
     | `joint_noise`     | float          | `0.02`             | rad, see `Starting State`          |
     | `velocity_noise`  | float          | `0.05`             | m/s and rad/s, see there           |
     | `randomisation`   | dict or None   | `None`             | Ranges of differences between      |

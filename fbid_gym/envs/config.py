@@ -3,17 +3,19 @@
 import difflib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from functools import lru_cache
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from fbid_gym.actions import LAYERS, ActionLayer, layer_options, make_layer
-from fbid_gym.envs.options import by_name, number, pair
+from fbid_gym.envs.options import by_name, non_negative, number, pair
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots.terrain import TERRAINS, Terrain, make_terrain
 from fbid_gym.tasks import TASKS, Pushes, Start, Task, make_task, task_kind, task_options
 
 
@@ -45,6 +47,12 @@ class EnvConfig:
     """s."""
     push_interval: tuple[float, float] = (1.5, 3.0)
     """(least, most) s from the start of one push to the next."""
+    terrain: str = "flat"
+    """The ground: see `fbid_gym.robots.terrain.TERRAINS`."""
+    terrain_height: float = 0.03
+    """m, height of the terrain's highest point; 0 is flat."""
+    terrain_seed: int = 0
+    """Decides where everything on the ground lies; every episode starts in another place of it."""
     joint_noise: float = 0.02
     """rad, largest offset of a joint from its posture at the start."""
     velocity_noise: float = 0.05
@@ -93,9 +101,9 @@ class EnvConfig:
 
     def make_task(self, robot: Robot) -> Task:
         """Return the task."""
-        rates = self.rates()
+        rates, defaults = self.rates(), task_options(_known_task(self.task))
         return make_task(
-            _known_task(self.task),
+            self.task,
             robot,
             _at_least(1.0 / rates.policy, "episode_seconds", self.episode_seconds),
             rates.control,
@@ -109,9 +117,18 @@ class EnvConfig:
                 number("velocity_noise", self.velocity_noise),
             ),
             {
-                name: pair(name, value) if name.endswith(_PAIRS) else value
+                name: (pair if isinstance(defaults[name], tuple) else number)(name, value)
                 for name, value in self.task_options.items()
             },
+        )
+
+    def ground(self, robot: Robot) -> Terrain:
+        """Return the terrain."""
+        height = number("terrain_height", self.terrain_height)
+        if not isinstance(self.terrain, str):
+            raise UnknownOptionError("terrain", self.terrain, TERRAINS)
+        return _terrain(
+            self.terrain, robot, height, non_negative("terrain_seed", self.terrain_seed)
         )
 
     def randomisations(self) -> Randomisation:
@@ -167,8 +184,13 @@ def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, A
     return EnvConfig.of({**gym.registry[env_id].kwargs, **given}).resolved()
 
 
+# Every chunk of a batch asks for the same.
+@lru_cache(maxsize=8)
+def _terrain(name: str, robot: Robot, height: float, seed: int) -> Terrain:
+    return make_terrain(name, robot, height=height, seed=seed)
+
+
 _NOT_ITSELF = ("render_mode", "num_threads")
-_PAIRS = ("_range", "_interval")  # tasks' options of these names are (least, most)
 
 
 def _known_task(name: Any) -> str:

@@ -10,6 +10,7 @@ from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
+from fbid_gym.robots.terrain import Terrain, compile_world
 
 _ACTION_TOLERANCE = 1e-6
 _LOW = 2**64 - 1
@@ -41,6 +42,7 @@ class EnvBatch:
         robot: the robot.
         task: the task.
         layer: the action layer.
+        terrain: the ground.
         simulation: the physics.
     """
 
@@ -51,7 +53,9 @@ class EnvBatch:
         self.robot = config.load_robot()
         self.task = config.make_task(self.robot)
         self.layer = config.layer(self.robot)
-        self.simulation = Simulation(self.robot, num_envs, self.rates)
+        self.terrain = config.ground(self.robot)
+        world = compile_world(self.robot, self.terrain)
+        self.simulation = Simulation(self.robot, num_envs, self.rates, world)
         self.plant = plant_of(self.simulation, config.randomisations())
         self.num_envs = num_envs
         self.num_steps = round(self.task.seconds * self.rates.policy)
@@ -76,6 +80,7 @@ class EnvBatch:
         for env in ids:
             for name, value in self.task.draw(self._rngs[env]).items():
                 self._plan[name][env] = value
+            self._plan["qpos"][env, :2] += _drawn_place(self.terrain, self._rngs[env])
             self.plant.draw(env, self._rngs[env])
         self.plant.apply(ids)
         self.simulation.place(ids, self._plan["qpos"][ids], self._plan["qvel"][ids])
@@ -212,6 +217,13 @@ class EnvBatch:
         self._tick, self._torque = state["tick"].copy(), state["torque"].copy()
         self._observation = state["observation"].copy()
         self._rngs = [_unpacked(row) for row in state["generator"]]
+
+
+def _drawn_place(terrain: Terrain, rng: np.random.Generator) -> np.ndarray:
+    """Where on the ground an episode starts: (2,) m. Level ground is the same everywhere."""
+    if len(terrain.starts) == 1:
+        return terrain.starts[0]
+    return terrain.starts[rng.integers(len(terrain.starts))]
 
 
 def _under(prefix: str, state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -15,6 +15,13 @@ def whole_number(name: str, value: Any) -> int:
     raise InvalidValueError(name, value, "a positive whole number")
 
 
+def non_negative(name: str, value: Any) -> int:
+    """Return a whole number of at least 0, which may be given as a float."""
+    if _is_number(value) and value >= 0 and float(value).is_integer():
+        return int(value)
+    raise InvalidValueError(name, value, "a whole number of at least 0")
+
+
 def number(name: str, value: Any, expected: str = "a number") -> float:
     """Return a finite number."""
     if _is_number(value) and np.isfinite(value):

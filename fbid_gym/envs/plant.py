@@ -98,14 +98,17 @@ class RandomPlant:
 
     def apply(self, ids: np.ndarray) -> None:
         """See `Plant.apply`."""
-        drawn, model = self._drawn, self._simulation.robot.model
-        for batch, prefix in ((self._simulation.batch, ""), (self._believed, "model_")):
+        drawn, simulated = self._drawn, self._simulation.model
+        for batch, model, prefix in (
+            (self._simulation.batch, simulated, ""),
+            (self._believed, self._simulation.robot.model, "model_"),
+        ):
             mass, com = drawn[f"{prefix}mass"][ids], drawn[f"{prefix}com"][ids]
             batch.expand("body_mass")[ids] = model.body_mass * mass
             batch.expand("body_inertia")[ids] = model.body_inertia * mass[:, :, None]
             batch.expand("body_ipos")[ids] = model.body_ipos + com
             batch.set_const(ids)
-        friction = model.geom_friction.copy()
+        friction = simulated.geom_friction.copy()
         scaled = np.tile(friction, (len(ids), 1, 1))
         scaled[:, :, 0] *= drawn["friction"][ids, None]
         self._simulation.batch.expand("geom_friction")[ids] = scaled

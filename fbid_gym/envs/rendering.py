@@ -25,7 +25,7 @@ class RobotRenderer:
     def __init__(self, batch: EnvBatch, mode: str) -> None:
         """Open nothing yet: the window or the context appears with the first picture."""
         self._batch, self._mode = batch, mode
-        self._model = batch.robot.model
+        self._model = batch.simulation.model
         self._data = mujoco.MjData(self._model)
         support = batch.task.support
         self._distance = 2.3 * support.home_base[2] + 3.5 * support.radius

@@ -11,10 +11,14 @@ class TrackingEnv(RobotEnv):
     acceleration, and which feet stand ([M10] section IV). The robot shall follow it. As everywhere
     the action layer is exchangeable and everything else stays the same.
 
-    | Id                         | Robot | Task    | Motion                                       |
-    | -------------------------- | ----- | ------- | -------------------------------------------- |
-    | `fbid_gym/BipedSquat-v0`   | biped | `squat` | squat and bow on both feet, [M10] IV.B       |
-    | `fbid_gym/BipedStep-v0`    | biped | `step`  | squat and step in place, [M10] IV.D          |
+    | Id                           | Robot     | Task    | Motion                                 |
+    | ---------------------------- | --------- | ------- | -------------------------------------- |
+    | `fbid_gym/BipedSquat-v0`     | biped     | `squat` | squat and bow on both feet, [M10] IV.B |
+    | `fbid_gym/BipedStep-v0`      | biped     | `step`  | squat and step in place, [M10] IV.D    |
+    | `fbid_gym/QuadrupedCrawl-v0` | quadruped | `crawl` | walk at a commanded speed, three feet  |
+    |                              |           |         | on the ground, [M10] IV.E              |
+    | `fbid_gym/QuadrupedRough-v0` | quadruped | `crawl` | the same over planks that the motion   |
+    |                              |           |         | knows nothing of                       |
 
     All that is not said here is as in `BalanceEnv`.
 
@@ -25,6 +29,10 @@ class TrackingEnv(RobotEnv):
     `base_acceleration` add the reference's acceleration to their feedback and take its planted feet
     to be in contact (`contacts="planned"`), while a lifted foot swings as its joints follow theirs.
     `torque` has no feedback: its zero action holds the home stance's torques.
+
+    The default gains of `joint_position` are for standing. They are too soft to walk without a
+    policy, where the weight shifts from foot to foot: `crawl` wants a `natural_frequency` of 8 Hz
+    or more.
 
     ## Observation Space
     A `Box` of float32, the same for every layer; n joints, F feet.
@@ -73,8 +81,13 @@ class TrackingEnv(RobotEnv):
     | `step_seconds` | `step`  | `3.0`   | s, period of the stepping: each foot steps once    |
     | `lift_seconds` | `step`  | `0.15`  | s it takes a foot to rise, and to come down again; |
     |                |         |         | 0 is the instant change of [M10]                   |
+    | `speed_range`  | `crawl` | `(0.0, 0.08)` | (least, most) m/s, commanded forward speed,  |
+    |                |         |         | constant in an episode                             |
+    | `step_seconds` | `crawl` | `1.5`   | s, period of the walk: each foot steps once        |
+    | `swing_height` | `crawl` | `0.04`  | m, how high a swinging foot is lifted              |
 
-    By default `squat` has no pushes, and those of `step` are 0.02 to 0.15 of the weight.
+    By default `squat` and `crawl` have no pushes, and those of `step` are 0.02 to 0.15 of the
+    weight. The ground of `fbid_gym/QuadrupedRough-v0` is `terrain="obstacles"`.
 
     ## Info
     Beside `torque_rms`, `power`, `slip`, `push`, `torque`, `contact_force`, `termination` and the

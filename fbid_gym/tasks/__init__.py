@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.balance import Balance
+from fbid_gym.tasks.crawl import crawl
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.squat import squat
 from fbid_gym.tasks.start import Start
@@ -32,6 +33,7 @@ TASKS: dict[str, TaskKind] = {
     "balance": TaskKind(Balance.of, (0.04, 0.36)),
     "squat": TaskKind(squat, (0.0, 0.0)),
     "step": TaskKind(step, (0.02, 0.15)),
+    "crawl": TaskKind(crawl, (0.0, 0.0)),
 }
 """Name of a task -> what it is."""
 

@@ -54,6 +54,23 @@ ARGUMENTS = [
     (options(min_normal_force=2.0, max_normal_force=1.0), "Invalid min_normal_force"),
     (options(max_normal_force=np.nan), "Invalid max_normal_force: nan. Expected a number"),
     (options(compensate_damping="yes"), "compensate_damping: 'yes'. Expected True or False"),
+    # Tasks and ground.
+    ({"task": "fly"}, "Unknown task 'fly'. Valid choices: balance, squat, step, crawl."),
+    ({"task": None}, "Unknown task None. Valid choices: balance, squat"),
+    (
+        {"task": "squat", "height_range": (0.9, 1.0)},
+        "argument 'height_range'. .* randomisation, sp",
+    ),
+    ({"task": "squat", "speed": -1.0}, "Invalid speed: -1.0. Expected a positive, finite number"),
+    ({"task": "squat", "speed": "fast"}, "Invalid speed: 'fast'. Expected a number"),
+    ({"task": "step", "lift_seconds": 2.0}, "Invalid .*2.0. Expected seconds between 0 and half"),
+    ({"task": "crawl"}, "Robot 'biped' cannot crawl: it has 16 joints and the feet left, right."),
+    ({"terrain": "lava"}, "Unknown terrain 'lava'. Valid choices: flat, obstacles, rocks."),
+    ({"terrain": 3}, "Unknown terrain 3. Valid choices: flat, obstacles, rocks."),
+    ({"terrain": "rocks", "terrain_height": 5.0}, "terrain height: 5.0. Expected metres from 0 to"),
+    ({"terrain": "rocks", "terrain_height": -0.1}, "Invalid terrain height: -0.1. Expected metres"),
+    ({"terrain_height": "high"}, "Invalid terrain_height: 'high'. Expected a number"),
+    ({"terrain_seed": 0.5}, "Invalid terrain_seed: 0.5. Expected a whole number of at least 0"),
     # Rates and times.
     ({"physics_hz": 0}, "Invalid physics_hz: 0. Expected a positive whole number"),
     ({"physics_hz": 999.5}, "Invalid physics_hz: 999.5. Expected a positive whole number"),
