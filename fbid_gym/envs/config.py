@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 
 from fbid_gym.actions import LAYERS, ActionLayer, layer_options, make_layer
@@ -15,7 +16,7 @@ from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.robots import ROBOTS, Robot, load
-from fbid_gym.robots.terrain import TERRAINS, Terrain, make_terrain
+from fbid_gym.robots.terrain import TERRAINS, Terrain, compile_world, make_terrain
 from fbid_gym.tasks import TASKS, Pushes, Start, Task, make_task, task_kind, task_options
 
 
@@ -122,14 +123,13 @@ class EnvConfig:
             },
         )
 
-    def ground(self, robot: Robot) -> Terrain:
-        """Return the terrain."""
+    def ground(self, robot: Robot) -> tuple[Terrain, mujoco.MjModel]:
+        """Return the terrain, and the robot's world with it."""
         height = number("terrain_height", self.terrain_height)
         if not isinstance(self.terrain, str):
             raise UnknownOptionError("terrain", self.terrain, TERRAINS)
-        return _terrain(
-            self.terrain, robot, height, non_negative("terrain_seed", self.terrain_seed)
-        )
+        seed = non_negative("terrain_seed", self.terrain_seed)
+        return _ground(self.terrain, robot, height, seed)
 
     def randomisations(self) -> Randomisation:
         """Return what varies from robot to robot."""
@@ -186,8 +186,9 @@ def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, A
 
 # Every chunk of a batch asks for the same.
 @lru_cache(maxsize=8)
-def _terrain(name: str, robot: Robot, height: float, seed: int) -> Terrain:
-    return make_terrain(name, robot, height=height, seed=seed)
+def _ground(name: str, robot: Robot, height: float, seed: int) -> tuple[Terrain, mujoco.MjModel]:
+    terrain = make_terrain(name, robot, height=height, seed=seed)
+    return terrain, compile_world(robot, terrain)
 
 
 _NOT_ITSELF = ("render_mode", "num_threads")

@@ -10,7 +10,7 @@ from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
-from fbid_gym.robots.terrain import Terrain, compile_world
+from fbid_gym.robots.terrain import Terrain
 
 _ACTION_TOLERANCE = 1e-6
 _LOW = 2**64 - 1
@@ -53,8 +53,7 @@ class EnvBatch:
         self.robot = config.load_robot()
         self.task = config.make_task(self.robot)
         self.layer = config.layer(self.robot)
-        self.terrain = config.ground(self.robot)
-        world = compile_world(self.robot, self.terrain)
+        self.terrain, world = config.ground(self.robot)
         self.simulation = Simulation(self.robot, num_envs, self.rates, world)
         self.plant = plant_of(self.simulation, config.randomisations())
         self.num_envs = num_envs

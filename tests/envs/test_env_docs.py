@@ -20,6 +20,7 @@ from fbid_gym.tasks.balance import REWARD_WEIGHTS
 from fbid_gym.tasks.body import FALLEN_HEIGHT, FALLEN_TILT, TOUCH
 
 BALANCE = [name for name, arguments in ENVIRONMENTS.items() if arguments["task"] == "balance"]
+MODEL_FREE = ("torque", "joint_position")
 FOLLOWING = [name for name in ENVIRONMENTS if name not in BALANCE]
 
 
@@ -114,7 +115,7 @@ def test_action_tables(env):
         name: repr(default).replace("'", '"') for name, default in vars(CONTACT_DEFAULTS).items()
     }
     for name, text in options.items():
-        text = text.replace("the same", options["joint_position"])
+        text = re.sub("the same( as `joint_position`)?", options["joint_position"], text)
         options[name] = text.replace("those about contacts", about_contacts)
     for name in LAYERS:
         size = len(
@@ -196,7 +197,7 @@ def test_info_table(env):
                     assert np.shape(info[key]) == shape[row[1]], key
         assert info.keys() <= documented
         optional = {"layer_residual", "layer_underactuation"}
-        assert documented - info.keys() == (set() if layer.endswith("acceleration") else optional)
+        assert documented - info.keys() == (optional if layer in MODEL_FREE else set())
 
 
 def test_following_robots_and_tasks(follower):

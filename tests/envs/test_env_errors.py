@@ -10,7 +10,10 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError, InvalidValueError, NonFiniteError, ShapeError
 
 BIPED = next(iter(ENVIRONMENTS))
-ALL_LAYERS = "torque, joint_position, joint_acceleration, base_acceleration"
+ALL_LAYERS = (
+    "torque, joint_position, joint_position_feedforward, joint_acceleration, base_acceleration"
+)
+FEEDFORWARD = "joint_position_feedforward"
 BASE = {"action_layer": "base_acceleration"}
 
 
@@ -33,6 +36,13 @@ ARGUMENTS = [
     ({"layer_options": {1: 2}}, "Invalid layer_options: {1: 2}. Expected a dictionary"),
     (options("joint_position", scale=-1.0), "Invalid scale: -1.0. Expected a positive finite"),
     (options("joint_position", damping_ratio=np.nan), "Invalid damping_ratio: nan"),
+    (options(FEEDFORWARD, target_frequency=0.0), "Invalid target_frequency: 0.0. Expected a posi"),
+    (options(FEEDFORWARD, balance_frequency=-1), "balance_frequency: -1. Expected a finite number"),
+    (
+        options(FEEDFORWARD, natural_frequency=90.0),
+        "natural_frequency: 90.0. Expected at most .* H",
+    ),
+    (options(FEEDFORWARD, scale=np.inf), "Invalid scale: inf. Expected a positive finite"),
     (options("joint_acceleration", natural_frequency="fast"), "natural_frequency: 'fast'"),
     (options(rotation_frequency=0), "Invalid rotation_frequency: 0. Expected a positive"),
     (options(contact_limits="cone"), "contact_limits 'cone'. Valid choices: friction, none."),
@@ -59,7 +69,7 @@ ARGUMENTS = [
     ({"task": None}, "Unknown task None. Valid choices: balance, squat"),
     (
         {"task": "squat", "height_range": (0.9, 1.0)},
-        "argument 'height_range'. .* randomisation, sp",
+        "argument 'height_range'. Valid.*speed",
     ),
     ({"task": "squat", "speed": -1.0}, "Invalid speed: -1.0. Expected a positive, finite number"),
     ({"task": "squat", "speed": "fast"}, "Invalid speed: 'fast'. Expected a number"),

@@ -91,6 +91,8 @@ def test_the_zero_action_stands(name, layer):
         arguments["height_range"] = (1.0, 1.0)
     elif layer in STANDS:
         pytest.skip("without feedback no motion is followed")
+    elif layer == "joint_position" and ENVIRONMENTS[name]["task"] != "squat":
+        pytest.skip("weight that shifts from foot to foot takes a model or a policy")
     env = gym.make_vec(name, num_envs=8, action_layer=layer, **arguments)
     env.reset(seed=1)
     seconds = STANDS.get(layer, 2.0)
