@@ -8,6 +8,7 @@ from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.joint_acceleration import JointAcceleration
 from fbid_gym.actions.joint_position import JointPosition
+from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
 from fbid_gym.actions.layer import ActionLayer, Memory
 from fbid_gym.actions.torque import Torque
 from fbid_gym.errors import UnknownOptionError
@@ -18,6 +19,7 @@ __all__ = ["LAYERS", "ActionLayer", "Memory", "layer_options", "make_layer"]
 LAYERS: dict[str, Callable[..., ActionLayer]] = {
     "torque": Torque.of,
     "joint_position": JointPosition.of,
+    "joint_position_feedforward": JointPositionFeedforward.of,
     "joint_acceleration": JointAcceleration.of,
     "base_acceleration": BaseAcceleration.of,
 }

@@ -30,42 +30,47 @@ class BalanceEnv(RobotEnv):
     A `Box(-1, 1, (A,), float32)`, held for one policy step. In every layer the zero action means
     "hold the home posture as well as this layer can", and torques are cut off at the same limits.
 
-    | `action_layer`               | A      | An action of 1 adds                                    |
-    | ---------------------------- | ------ | ------------------------------------------------------ |
-    | `torque`                     | joints | the joint's torque limit to the torque that holds the  |
-    |                              |        | home stance                                            |
-    | `joint_position`             | joints | option `scale` (rad) to the target of a PD controller  |
-    | `joint_position_feedforward` | joints | the same, smoothly, to the target of a softer one,     |
-    |                              |        | whose motion has its torque fed forward                |
-    | `joint_acceleration`         | joints | option `scale` (rad/s^2) to the joint's acceleration   |
-    |                              |        | back home                                              |
-    | `base_acceleration`          | 6      | to the base's acceleration back home: x, y, z in the   |
-    |                              |        | support frame, then angular x, y, z in the base's      |
-    |                              |        | frame                                                  |
+    | `action_layer`               | A      | An action of 1 adds                                  |
+    | ---------------------------- | ------ | ---------------------------------------------------- |
+    | `torque`                     | joints | the joint's torque limit to the torque that holds    |
+    |                              |        | the home stance                                      |
+    | `joint_position`             | joints | option `scale` (rad) to the target of a PD           |
+    |                              |        | controller                                           |
+    | `joint_position_feedforward` | joints | the same, smoothly, to that of a softer one whose    |
+    |                              |        | motion has its torque fed forward                    |
+    | `joint_acceleration`         | joints | option `scale` (rad/s^2) to the joint's acceleration |
+    |                              |        | back home                                            |
+    | `base_acceleration`          | 6      | to the base's acceleration back home: x, y, z in the |
+    |                              |        | support frame, then angular x, y, z in the base's    |
+    |                              |        | frame                                                |
 
     The last three are model-based: they realise an acceleration by inverse dynamics of the floating
     base in contact ([M10] eq. 15), by default with contact forces limited to their friction cones.
-    `joint_position_feedforward` adds PD feedback as soft as the robot falls and returns the centre
-    of mass to above the feet at `balance_frequency`, 0 for not at all ([M10] eqs. 18-20); its target
-    follows the action at `target_frequency`. Action 1 of `base_acceleration` is what the stance
-    allows: horizontally the acceleration that moves the centre of pressure to the nearer edge of
-    the support, vertically half of gravity; for tilting the moment of the same shift and for
-    turning that of friction, on the home inertia. `env.unwrapped.batch.layer.action_names` names
-    each entry of the action with its scale and unit.
+
+    `joint_position_feedforward` is [M10] eqs. 18-20: to that torque it adds PD feedback, by default
+    as soft as the robot falls, and in the acceleration it returns the centre of mass to above the
+    feet at `balance_frequency` (Hz; 0 for not at all). Its target follows the action at
+    `target_frequency` (Hz), without overshoot.
+
+    Action 1 of `base_acceleration` is what the stance allows: horizontally the acceleration that
+    moves the centre of pressure to the nearer edge of the support, vertically half of gravity; for
+    tilting the moment of the same shift and for turning that of friction, on the home inertia.
+
+    `env.unwrapped.batch.layer.action_names` names each entry of the action with its scale and unit.
 
     Options of the layers (`layer_options`; `fbid_gym.actions.layer_options(name)` has the
     defaults):
 
-    | Layer                        | Options                                                         |
-    | ---------------------------- | --------------------------------------------------------------- |
-    | `torque`                     | none                                                            |
-    | `joint_position`             | `natural_frequency`, `damping_ratio`, `scale`                   |
-    | `joint_position_feedforward` | the same, `target_frequency`, `balance_frequency`, and those    |
-    |                              | about contacts                                                  |
-    | `joint_acceleration`         | the same as `joint_position`, and those about contacts          |
-    | `base_acceleration`          | `balance_frequency`, `height_frequency`, `rotation_frequency`,  |
-    |                              | `posture_frequency`, `damping_ratio`, `base_priority`, and      |
-    |                              | those about contacts                                            |
+    | Layer                        | Options                                                       |
+    | ---------------------------- | ------------------------------------------------------------- |
+    | `torque`                     | none                                                          |
+    | `joint_position`             | `natural_frequency`, `damping_ratio`, `scale`                 |
+    | `joint_position_feedforward` | the same, `target_frequency`, `balance_frequency`, and those  |
+    |                              | about contacts                                                |
+    | `joint_acceleration`         | the same as `joint_position`, and those about contacts        |
+    | `base_acceleration`          | `balance_frequency`, `height_frequency`,                      |
+    |                              | `rotation_frequency`, `posture_frequency`, `damping_ratio`,   |
+    |                              | `base_priority`, and those about contacts                     |
 
     What the model-based layers assume of contacts:
 

@@ -11,6 +11,8 @@ from fbid_gym.motions import home_reference
 
 OPTIONS = [
     *((layer, {}) for layer in LAYERS),
+    ("joint_position_feedforward", {"contact_limits": "none", "balance_frequency": 0.0}),
+    ("joint_position_feedforward", {"contacts": "measured", "contact_ramp": 0.01}),
     ("joint_acceleration", {"contact_limits": "none"}),
     ("base_acceleration", {"contact_limits": "none"}),
     ("base_acceleration", {"contacts": "measured"}),
@@ -94,6 +96,7 @@ def test_names_and_memory(robot, name, options):
     [
         ("torque", {}),
         ("joint_position", {}),
+        ("joint_position_feedforward", {"contact_limits": "none"}),
         ("joint_acceleration", {"contact_limits": "none"}),
         ("base_acceleration", {"contact_limits": "none"}),
     ],
@@ -108,7 +111,9 @@ def test_the_zero_action_at_home_is_the_least_torque_that_holds_it(robot, name, 
     assert np.abs(expected).max() > 1e-3 * robot.weight
 
 
-@pytest.mark.parametrize("name", ["joint_acceleration", "base_acceleration"])
+@pytest.mark.parametrize(
+    "name", ["joint_position_feedforward", "joint_acceleration", "base_acceleration"]
+)
 def test_with_limited_forces_the_zero_action_at_home_holds_it_too(robot, name):
     """Other torques than the least, because the contact forces are the least: same equilibrium."""
     layer = make_layer(name, robot, 500)

@@ -9,6 +9,7 @@ from fbid_gym.actions import LAYERS
 ENV = "fbid_gym/BipedBalance-v0"
 CASES = [
     *((layer, {}) for layer in LAYERS),
+    ("joint_position_feedforward", {"contact_limits": "none", "contacts": "measured"}),
     ("joint_acceleration", {"contact_limits": "none", "contacts": "measured"}),
     ("base_acceleration", {"contact_limits": "none"}),
     ("base_acceleration", {"contacts": "measured"}),
@@ -57,7 +58,7 @@ def test_info_tells_what_the_layer_did(robot, layer):
     rewards = {"height", "upright", "position", "stillness", "contact", "torque"}
     assert {key for key in info if key.startswith("reward_")} == {f"reward_{r}" for r in rewards}
     diagnostics = {"layer_saturation"}
-    if layer.endswith("acceleration"):
+    if layer not in ("torque", "joint_position"):
         diagnostics |= {"layer_residual", "layer_underactuation"}
     assert {key for key in info if key.startswith("layer_")} == diagnostics
     rest = {"height", "height_command", "height_error", "torque_rms", "power", "slip"}

@@ -1,0 +1,57 @@
+"""A target that follows a policy's steps smoothly enough to have a rate and an acceleration."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fbid_gym.actions.layer import Memory
+
+
+class Offset(NamedTuple):
+    """Where the target of N robots is; n coordinates.
+
+    Attributes:
+        value: (N, n).
+        rate: (N, n) per s.
+        acceleration: (N, n) per s^2.
+    """
+
+    value: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+
+
+@dataclass(frozen=True)
+class SmoothTarget:
+    """Critically damped second-order response to a goal u that is held for a control tick.
+
+    xdd = w^2 (u - x) - 2 w xdot, solved exactly: with e = x - u and c = xdot + w e at a tick, the
+    time t later x = u + (e + c t) exp(-w t) and xdot = (xdot - w c t) exp(-w t).
+
+    Attributes:
+        omega: w, rad/s.
+        tick: s, of the control.
+    """
+
+    omega: float
+    tick: float
+
+    def memory(self, num_robots: int, size: int) -> Memory:
+        """Return targets that rest at zero."""
+        return {name: np.zeros((num_robots, size)) for name in ("target", "target_rate")}
+
+    def step(self, goal: np.ndarray, memory: Memory) -> Offset:
+        """Return where the target is at this tick, and move it on to the next.
+
+        Args:
+            goal: (N, n) u.
+            memory: of the robots; updated.
+        """
+        value, rate, omega = memory["target"], memory["target_rate"], self.omega
+        error = value - goal
+        slope = rate + omega * error
+        travel, decay = slope * self.tick, np.exp(-omega * self.tick)
+        memory["target"] = goal + (error + travel) * decay
+        memory["target_rate"] = (rate - omega * travel) * decay
+        return Offset(value, rate, -omega * (slope + rate))
