@@ -23,9 +23,9 @@ from train.parallel import Job, train
 
 LAYERS = {
     "balance": ("com_wrench", "joint_position"),
-    "squat": ("joint_position_feedforward",),
-    "step": ("base_acceleration",),
-    "crawl": ("joint_position_feedforward",),
+    "squat": ("joint_position_feedforward", "joint_position"),
+    "step": ("base_acceleration", "joint_position"),
+    "crawl": ("base_acceleration", "joint_position"),
 }
 """Task -> the layers to train it through."""
 
@@ -46,9 +46,9 @@ class SurveyConfig:
         if name not in ("fbid_gym/BipedBalance-v0", "fbid_gym/QuadrupedBalance-v0")
     )  # fmt: skip
     """Environment ids; by default those that the demo does not train on."""
-    total_steps: int = 200_000
+    total_steps: int = 150_000
     """Environment steps of each run."""
-    evaluations: int = 8
+    evaluations: int = 6
     """Evaluations of each run, evenly spread."""
     episodes: int = 32
     """Episodes of each evaluation."""
