@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from fbid_gym.actions.base_acceleration import BaseAcceleration
+from fbid_gym.actions.com_wrench import ComWrench
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.joint_acceleration import JointAcceleration
 from fbid_gym.actions.joint_position import JointPosition
@@ -22,6 +23,7 @@ LAYERS: dict[str, Callable[..., ActionLayer]] = {
     "joint_position_feedforward": JointPositionFeedforward.of,
     "joint_acceleration": JointAcceleration.of,
     "base_acceleration": BaseAcceleration.of,
+    "com_wrench": ComWrench.of,
 }
 """Name of a layer -> its constructor, called as `(robot, control_hz, **options)`."""
 

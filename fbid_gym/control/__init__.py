@@ -38,7 +38,12 @@ from fbid_gym.control.operational_space import (
     task_acceleration,
 )
 from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
-from fbid_gym.control.wrench_distribution import Balance, TorqueMap, distribute
+from fbid_gym.control.wrench_distribution import (
+    Balance,
+    TorqueMap,
+    distribute,
+    distribute_freely,
+)
 
 __all__ = [
     "Balance",
@@ -59,6 +64,7 @@ __all__ = [
     "desired_wrench_garofalo2015",
     "desired_wrench_ott2011",
     "distribute",
+    "distribute_freely",
     "estimated_force_inverse_dynamics",
     "floating_base_inverse_kinematics",
     "force_feedback_inverse_dynamics",

@@ -26,7 +26,9 @@ the biped, a quarter for the humanoid), and so is the grip of [G15]'s moment on 
 
 A desired posture is an acceleration of the joints, (N, n). All three follow it as far as it moves
 neither the contacts nor the momentum: its part in the null space of Jbar_q, to which they add
-Lambda_q times it. It changes no contact force.
+Lambda_q times it. It changes no contact force. Where joints must depart from it, the change is the
+least in the sum of qddot_j^2 / mobility_j: little mobility makes a joint follow its own command,
+such as a swinging leg's, while the others make up for it.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -51,9 +53,10 @@ class _Joints(NamedTuple):
     lift: Array  # (N, n, 6) A_q^T Lambda_h
     momentum_part: Array  # (N, k, 6) Jbar_h
     joint_part: Array  # (N, k, n) Jbar_q
+    mobility: Array | None  # (N, n)
 
     @classmethod
-    def of(cls, body: "CentroidalTerms", jacobian: Array) -> "_Joints":
+    def of(cls, body: "CentroidalTerms", jacobian: Array, mobility: Array | None) -> "_Joints":
         """From the centroidal terms and the Jacobian of the contacts."""
         matrix = body.matrix[:, :, 6:]
         lift = body.wrench_map[:, 6:]
@@ -63,19 +66,21 @@ class _Joints(NamedTuple):
             (base[:, :, :3] / body.mass[:, None, None], base[:, :, 3:] @ body.inverse_inertia),
             axis=-1,
         )
-        return cls(lift, momentum_part, jacobian[:, :, 6:] - momentum_part @ matrix)
+        joint_part = jacobian[:, :, 6:] - momentum_part @ matrix
+        return cls(lift, momentum_part, joint_part, mobility)
 
     def least_motion(self, motion: Array) -> Array:
         """Least joint accelerations (N, n, m) that move the contacts by `motion` (N, k, m)."""
         xp = namespace(motion)
         part = self.joint_part
-        gram, rows = part @ part.mT, part.shape[1]
+        moving = part if self.mobility is None else part * self.mobility[:, None]
+        gram, rows = moving @ part.mT, part.shape[1]
         if rows == 0:
             return part.mT @ motion
         flat = gram.reshape(gram.shape[0], rows * rows)
         ridge = (_RIDGE / rows) * xp.sum(flat[:, :: rows + 1], axis=-1) + _RIDGE**3
         gram = gram + ridge[:, None, None] * identity(rows, gram)
-        return part.mT @ xp.linalg.solve(gram, motion)
+        return moving.mT @ xp.linalg.solve(gram, motion)
 
 
 def torque_map_ott2011(
@@ -83,6 +88,7 @@ def torque_map_ott2011(
     body: "CentroidalTerms",
     contacts: "ReducedContacts",
     posture: Array | None = None,
+    mobility: Array | None = None,
 ) -> TorqueMap:
     """Return tau = -Jcheck_q^T lambda of Ott, Roa, Hirzinger 2011, [G15] after eq. (37).
 
@@ -91,8 +97,9 @@ def torque_map_ott2011(
         body: `centroidal_terms` of the same.
         contacts: `reduced_contacts` of the same.
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
+        mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
     """
-    joints = _Joints.of(body, contacts.jacobian)
+    joints = _Joints.of(body, contacts.jacobian, mobility)
     per_wrench = namespace(joints.lift).zeros_like(joints.lift)
     per_wrench[:, :, :3] = joints.lift[:, :, :3]
     return TorqueMap(_posture(joints, terms, body, posture), contacts.jacobian, per_wrench)
@@ -103,6 +110,7 @@ def torque_map_garofalo2015(
     body: "CentroidalTerms",
     contacts: "ReducedContacts",
     posture: Array | None = None,
+    mobility: Array | None = None,
 ) -> TorqueMap:
     """Return tau = -Jbar_q^T lambda of [G15], after eq. (39).
 
@@ -111,8 +119,9 @@ def torque_map_garofalo2015(
         body: `centroidal_terms` of the same.
         contacts: `reduced_contacts` of the same.
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
+        mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
     """
-    joints = _Joints.of(body, contacts.jacobian)
+    joints = _Joints.of(body, contacts.jacobian, mobility)
     return TorqueMap(_posture(joints, terms, body, posture), contacts.jacobian, joints.lift)
 
 
@@ -121,6 +130,7 @@ def torque_map_inverse_dynamics(
     body: "CentroidalTerms",
     contacts: "ReducedContacts",
     posture: Array | None = None,
+    mobility: Array | None = None,
 ) -> TorqueMap:
     """Return the torques of full inverse dynamics, see the module.
 
@@ -132,8 +142,9 @@ def torque_map_inverse_dynamics(
         body: `centroidal_terms` of the same.
         contacts: `reduced_contacts` of the same.
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
+        mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
     """
-    joints = _Joints.of(body, contacts.jacobian)
+    joints = _Joints.of(body, contacts.jacobian, mobility)
     acceleration, per_wrench = _joint_acceleration(joints, terms, body, contacts, posture)
     lift, matrix = joints.lift, body.matrix[:, :, 6:]
     inertia = terms.mass_matrix[:, 6:, 6:]

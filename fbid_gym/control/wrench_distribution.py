@@ -27,9 +27,12 @@ from fbid_gym.control.contact_forces import (
     solve_contact_forces,
     wrench_scale,
 )
+from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
 from fbid_gym.control.torque_limits import STEPS, TorqueLimits, forces_within_torque_limits
 from fbid_gym.errors import ShapeError
 
+# Contacts whose shortest lever arm is below a thousandth of the longest count as a line or a point.
+_FREE_RTOL = 1e-6
 _EXCESS = 1e-3  # share of a limit that may be exceeded without a second solution
 
 
@@ -83,6 +86,33 @@ def com_wrench_of_points(to_com: Array, jacobian: Array, point_map: Array) -> Ar
         point_map: (N, k, 3 P) `ReducedContacts.point_map`.
     """
     return (to_com @ jacobian[:, :, :6].mT) @ point_map
+
+
+def distribute_freely(
+    torque_map: TorqueMap,
+    wrench: Array,
+    *,
+    to_com: Array,
+    point_map: Array,
+    weight: float | Array,
+    length: float = 1.0,
+) -> Balance:
+    """Return the least contact forces that deliver a wrench if contacts can pull and never slip.
+
+    Arguments as for `distribute`. Inactive points have zero columns in `point_map`.
+    """
+    xp = namespace(wrench)
+    scale = wrench_scale(length, None, wrench)
+    wrench_map = com_wrench_of_points(to_com, torque_map.jacobian, point_map)
+    scaled = wrench_map * scale[:, None]
+    inverse, _ = symmetric_pseudo_inverse(scaled @ scaled.mT, _FREE_RTOL)
+    flat = matvec(scaled.mT, matvec(inverse, wrench * scale))
+    delivered = matvec(wrench_map, flat)
+    torque = torque_map.torque(matvec(point_map, flat), delivered)
+    missing = (delivered - wrench) * scale
+    residual = xp.sqrt(xp.vecdot(missing, missing)) / weight
+    point_force = flat.reshape(flat.shape[0], flat.shape[1] // 3, 3)
+    return Balance(torque, point_force, wrench, delivered, residual, xp.zeros_like(wrench))
 
 
 def distribute(

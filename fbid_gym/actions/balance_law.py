@@ -1,0 +1,236 @@
+"""From a desired wrench at the centre of mass to joint torques, while some feet may swing."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fbid_gym.actions.contact_belief import ContactBelief
+from fbid_gym.actions.contact_options import ContactOptions
+from fbid_gym.actions.contact_ramp import ContactRamp
+from fbid_gym.actions.layer import Memory
+from fbid_gym.control import (
+    Balance,
+    ContactLimits,
+    TorqueMap,
+    distribute,
+    distribute_freely,
+    symmetric_pseudo_inverse,
+)
+from fbid_gym.dynamics import CentroidalTerms, MuJoCoDynamics
+from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.motions import Reference
+from fbid_gym.robots import Robot
+
+# A swinging leg follows its own command; the other joints make up for what that does to contacts
+# and momentum.
+_SWING_MOBILITY = 1e-3
+
+
+class JointGains(NamedTuple):
+    """Of the joints: w^2 (1/s^2) and 2 zeta w (1/s), while their foot stands and while it swings.
+
+    Attributes:
+        stiffness: of joints that no swinging foot hangs from.
+        damping: of the same.
+        swing_stiffness: of a swinging leg.
+        swing_damping: of the same.
+    """
+
+    stiffness: float
+    damping: float
+    swing_stiffness: float
+    swing_damping: float
+
+    @classmethod
+    def of(cls, posture: float, swing: float, ratio: float) -> "JointGains":
+        """From natural frequencies in Hz and a damping ratio."""
+        rates = 2.0 * np.pi * posture, 2.0 * np.pi * swing
+        return cls(rates[0] ** 2, 2.0 * ratio * rates[0], rates[1] ** 2, 2.0 * ratio * rates[1])
+
+
+class JointErrors(NamedTuple):
+    """How far joints are from their reference, (N, n) each: rad/s^2, rad, rad/s."""
+
+    acceleration: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+
+    @classmethod
+    def of(cls, state: RobotState, reference: Reference) -> "JointErrors":
+        """Of robots."""
+        shape = state.qpos[:, 7:].shape
+        return cls(
+            np.broadcast_to(reference.qacc[:, 6:], shape),
+            reference.qpos[:, 7:] - state.qpos[:, 7:],
+            reference.qvel[:, 6:] - state.qvel[:, 6:],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class BalanceLaw:
+    """A balancer on a robot's feet; F feet, P points.
+
+    Attributes:
+        robot: whose joints.
+        torque_map: of the balancer, see `fbid_gym.control.balancers`.
+        gains: of the joints.
+        geometry: of the contact points.
+        belief: which points are taken to be in contact.
+        limits: on their forces; None for contacts that pull and never slip.
+        ramp: leads from one set of contacts to the next; None where the torque may jump.
+        damping: (n,) N·m·s/rad of the joints, to be compensated; zero for none.
+        length: m, lever arm that makes moments comparable to forces.
+        foot_points: (P, F) which foot a point belongs to, 0 or 1.
+        legs: (F, n) joints that move this foot and no other, 0 or 1.
+    """
+
+    robot: Robot
+    torque_map: Callable[..., TorqueMap]
+    gains: JointGains
+    geometry: ContactGeometry
+    belief: ContactBelief
+    limits: ContactLimits | None
+    ramp: ContactRamp | None
+    damping: np.ndarray
+    length: float
+    foot_points: np.ndarray
+    legs: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        control_hz: int,
+        contact: ContactOptions,
+        torque_map: Callable[..., TorqueMap],
+        gains: JointGains,
+    ) -> "BalanceLaw":
+        """Build the law on what `contact` says of the contacts."""
+        geometry = ContactGeometry.of(robot)
+        terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
+        moves = np.abs(terms.foot_jacobian[0, :, :, 6:]).max(axis=1) > 0.0
+        return cls(
+            robot=robot,
+            torque_map=torque_map,
+            gains=gains,
+            geometry=geometry,
+            belief=contact.belief(robot, control_hz),
+            limits=contact.limits(robot),
+            ramp=contact.ramp(control_hz),
+            damping=contact.damping(robot),
+            length=Support.of(robot).radius or 1.0,
+            foot_points=np.eye(robot.num_feet)[geometry.foot_of_point],
+            legs=(moves & (moves.sum(axis=0) == 1)).astype(float),
+        )
+
+    def memory(self, num_robots: int) -> Memory:
+        """Warm start of the contact forces, the diagnostics, and a ramp's state."""
+        memory = {
+            "warm_start": np.zeros((num_robots, 6)),
+            "residual": np.zeros(num_robots),
+            "underactuation": np.zeros(num_robots),
+        }
+        if self.ramp is not None:
+            memory |= self.ramp.memory(num_robots, self.robot.num_points, self.robot.num_joints)
+        return memory
+
+    def torque(
+        self,
+        wrench: np.ndarray,
+        state: RobotState,
+        reference: Reference,
+        terms: DynamicsTerms,
+        body: CentroidalTerms,
+        memory: Memory,
+    ) -> np.ndarray:
+        """Return joint torques.
+
+        Args:
+            wrench: (N, 6) N and N·m, world, desired at the centre of mass.
+            state: of the robots.
+            reference: which plans contacts and joints.
+            terms: of the robots.
+            body: of the robots.
+            memory: of the robots; updated.
+
+        Returns:
+            (N, n) N·m.
+        """
+        active, warm_start = self.belief(state, reference), memory["warm_start"]
+        joints = JointErrors.of(state, reference)
+        balance, underactuation = self._solve(wrench, joints, terms, body, active, warm_start)
+        memory["warm_start"], memory["residual"] = balance.warm_start, balance.residual
+        if underactuation is not None:
+            memory["underactuation"] = underactuation
+        torque = balance.torque
+        if self.ramp is not None and active is not None:
+
+            def of_contacts(rows: np.ndarray, contacts: np.ndarray) -> np.ndarray:
+                some = (
+                    JointErrors(*(value[rows] for value in joints)),
+                    DynamicsTerms(*(value[rows] for value in terms)),
+                    CentroidalTerms(*(value[rows] for value in body)),
+                )
+                return self._solve(wrench[rows], *some, contacts, warm_start[rows])[0].torque
+
+            torque = self.ramp.torque(torque, active, of_contacts, memory)
+        return torque + self.damping * state.qvel[:, 6:]
+
+    def _solve(
+        self,
+        wrench: np.ndarray,
+        joints: JointErrors,
+        terms: DynamicsTerms,
+        body: CentroidalTerms,
+        active: np.ndarray | None,
+        warm_start: np.ndarray,
+    ) -> tuple[Balance, np.ndarray | None]:
+        """The balance with one set of contacts, and in how many directions it cannot be pushed."""
+        contacts = reduced_contacts(self.geometry, terms, active)
+        posture, mobility = self._posture(joints, active)
+        torque_map = self.torque_map(terms, body, contacts, posture, mobility)
+        maps = {"to_com": body.to_com, "point_map": contacts.point_map}
+        weight, length = self.robot.weight, self.length
+        if self.limits is None:
+            balance = distribute_freely(torque_map, wrench, weight=weight, length=length, **maps)
+        else:
+            balance = distribute(
+                torque_map,
+                wrench,
+                self.limits,
+                torque_limit=self.robot.torque_limit,
+                active=active,
+                weight=weight,
+                length=length,
+                warm_start=warm_start,
+                **maps,
+            )
+        if active is None:
+            return balance, None
+        base = contacts.jacobian[:, :, :6]
+        _, rank = symmetric_pseudo_inverse(base.swapaxes(1, 2) @ base, 1e-6)
+        return balance, 6.0 - rank
+
+    def _posture(
+        self, joints: JointErrors, active: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Desired joint accelerations (N, n), and the mobility of joints (N, n) if feet swing."""
+        gains = self.gains
+        stiffness: np.ndarray | float = gains.stiffness
+        damping: np.ndarray | float = gains.damping
+        mobility = None
+        if active is not None:
+            in_the_air = active @ self.foot_points == 0.0
+            if in_the_air.any():
+                swings = in_the_air @ self.legs > 0.0
+                stiffness = np.where(swings, gains.swing_stiffness, gains.stiffness)
+                damping = np.where(swings, gains.swing_damping, gains.damping)
+                mobility = np.where(swings, _SWING_MOBILITY, 1.0)
+        return (
+            joints.acceleration + stiffness * joints.position + damping * joints.velocity
+        ), mobility

@@ -1,0 +1,278 @@
+"""Layer `com_wrench`: the balancer of [G15], to whose desired wrench the action adds."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbid_gym.actions.acceleration_law import DIAGNOSTICS
+from fbid_gym.actions.balance_law import BalanceLaw, JointGains
+from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
+from fbid_gym.actions.layer import Memory
+from fbid_gym.actions.options import positive
+from fbid_gym.control import (
+    BalanceGains,
+    BalanceTarget,
+    desired_wrench_garofalo2015,
+    desired_wrench_ott2011,
+    torque_map_garofalo2015,
+    torque_map_inverse_dynamics,
+    torque_map_ott2011,
+)
+from fbid_gym.dynamics import CentroidalTerms, MuJoCoDynamics, centroidal_terms
+from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.frames import quaternion_to_matrix
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.support import Support, SupportFrame
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.errors import UnknownOptionError
+from fbid_gym.motions import Reference
+from fbid_gym.robots import Robot
+
+BALANCERS = {
+    "garofalo2015": torque_map_garofalo2015,
+    "ott2011": torque_map_ott2011,
+    "inverse_dynamics": torque_map_inverse_dynamics,
+}
+"""Name of a balancer -> its map from contact forces to torques."""
+
+_VERTICAL_SCALE = 0.5  # of the weight
+_LEAST_INERTIA = 0.05  # of the locked robot's: below it the base turns too easily to tell
+
+
+@dataclass(frozen=True, eq=False)
+class ComWrench:
+    """The contacts push the centre of mass and the base back to their reference, plus the action.
+
+    The desired wrench at the centre of mass is that of [G15] eqs. (38), (39) (for "ott2011" that of
+    (36)): weight, springs on the position of the centre of mass and on the base's orientation,
+    damping of the linear and angular momentum, the reference's rate of momentum, and scale *
+    action, along the axes of the support frame (x the feet's forward direction, z up). The
+    reference's momentum is that of the robot as it stands moving at the reference's velocities.
+    The contact forces that come nearest to that wrench within their limits and the torque limits
+    then become joint torques by the map of the balancer.
+
+    The joints follow the reference as far as neither contacts nor momentum object. Legs whose foot
+    is not taken to be on the ground swing: their joints follow the reference with the gains of
+    `swing_frequency` and the inertia of the leg, and the other joints make up for it.
+
+    The scale of the action is what the contacts can do: horizontally the force that moves the
+    centre of pressure from below the centre of mass to the nearest edge of the support polygon,
+    weight * margin / height, but no more than friction allows; vertically half of the weight; for
+    tilting the moment of the same shift, weight * margin, for turning that of friction.
+
+    Attributes:
+        law: from wrench to torque.
+        support: the home stance.
+        gains: of the wrench.
+        on_velocity: whether they damp velocities, (36), and not momenta, (38).
+        scale: (6,) N and N·m at action 1.
+    """
+
+    law: BalanceLaw
+    support: Support
+    gains: BalanceGains
+    on_velocity: bool
+    scale: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        control_hz: int,
+        *,
+        balancer: str = "garofalo2015",
+        balance_frequency: float = 1.0,
+        height_frequency: float = 1.2,
+        rotation_frequency: float = 1.2,
+        posture_frequency: float = 1.0,
+        swing_frequency: float = 4.0,
+        damping_ratio: float = 1.0,
+        contact: ContactOptions = CONTACT_DEFAULTS,
+    ) -> "ComWrench":
+        """Build the layer.
+
+        Args:
+            robot: whose joints.
+            control_hz: control ticks per second.
+            balancer: "garofalo2015", [G15]; "ott2011", its predecessor; or "inverse_dynamics", the
+                wrench of [G15] through full inverse dynamics, which neglects no velocity and no
+                acceleration of the joints.
+            balance_frequency: Hz, of the centre of mass's horizontal return.
+            height_frequency: Hz, of its vertical return.
+            rotation_frequency: Hz, of the base's orientation.
+            posture_frequency: Hz, of joints whose foot stands, and of those without foot.
+            swing_frequency: Hz, of the joints of a leg that swings.
+            damping_ratio: zeta, of all five.
+            contact: what it assumes of contacts.
+        """
+        if balancer not in BALANCERS:
+            raise UnknownOptionError("balancer", balancer, BALANCERS)
+        positive(
+            balance_frequency=balance_frequency,
+            height_frequency=height_frequency,
+            rotation_frequency=rotation_frequency,
+            posture_frequency=posture_frequency,
+            swing_frequency=swing_frequency,
+            damping_ratio=damping_ratio,
+        )
+        support = Support.of(robot)
+        inertia = turning_inertia(robot, balancer)
+        gains = BalanceGains.from_frequencies(
+            robot.mass,
+            inertia,
+            linear=(balance_frequency, balance_frequency, height_frequency),
+            rotation=rotation_frequency,
+            damping_ratio=damping_ratio,
+        )
+        on_velocity = balancer == "ott2011"
+        joints = JointGains.of(posture_frequency, swing_frequency, damping_ratio)
+        return cls(
+            law=BalanceLaw.of(robot, control_hz, contact, BALANCERS[balancer], joints),
+            support=support,
+            gains=gains.on_velocity(robot.mass, inertia) if on_velocity else gains,
+            on_velocity=on_velocity,
+            scale=_scale(robot, support, contact.friction),
+        )
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """Six components of the wrench at the centre of mass."""
+        names = [f"force {axis} at the centre of mass, support frame" for axis in "xyz"]
+        names += [f"moment {axis} about the centre of mass, support frame" for axis in "xyz"]
+        units = ["N"] * 3 + ["N·m"] * 3
+        return tuple(
+            f"{name} (x {scale:.3g} {unit})"
+            for name, scale, unit in zip(names, self.scale, units, strict=True)
+        )
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """The wrench's residual, and the directions in which contacts cannot push."""
+        return DIAGNOSTICS
+
+    def memory(self, num_robots: int) -> Memory:
+        """See `ActionLayer.memory`."""
+        return self.law.memory(num_robots)
+
+    def torque(
+        self,
+        action: np.ndarray,
+        state: RobotState,
+        reference: Reference,
+        terms: Callable[[], DynamicsTerms],
+        memory: Memory,
+    ) -> np.ndarray:
+        """See `ActionLayer.torque`."""
+        known = terms()
+        body = centroidal_terms(known, state.qvel)
+        wrench = self.wrench(action, state, reference, known, body)
+        return self.law.torque(wrench, state, reference, known, body, memory)
+
+    def wrench(
+        self,
+        action: np.ndarray,
+        state: RobotState,
+        reference: Reference,
+        terms: DynamicsTerms,
+        body: CentroidalTerms,
+    ) -> np.ndarray:
+        """Return the desired wrench at the centre of mass: (N, 6) N and N·m, world."""
+        frame = self.support.frame(terms)
+        target = _target(frame, reference, body)
+        pose = {"com": terms.com, "rotation": terms.base_rotation, "mass": body.mass}
+        if self.on_velocity:
+            wrench = desired_wrench_ott2011(
+                self.gains,
+                target,
+                com_velocity=terms.com_velocity,
+                angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
+                axes=frame.rotation,
+                gravity=self.gravity,
+                **pose,
+            )
+        else:
+            # Its damping is the same in all horizontal directions and needs no axes.
+            wrench = desired_wrench_garofalo2015(
+                self.gains, target, momentum=body.momentum, gravity=self.gravity, **pose
+            )
+        push = self.scale * action
+        wrench[:, :3] += np.matvec(frame.rotation, push[:, :3])
+        wrench[:, 3:] += np.matvec(frame.rotation, push[:, 3:])
+        return wrench
+
+    @property
+    def gravity(self) -> float:
+        """Of the robot's world, m/s^2."""
+        return self.law.robot.weight / self.law.robot.mass
+
+
+def _target(frame: SupportFrame, reference: Reference, body: CentroidalTerms) -> BalanceTarget:
+    """The reference, seen from the robots' own feet."""
+    turn = frame.rotation
+    rotation = turn @ quaternion_to_matrix(reference.qpos[:, 3:7])
+    com_velocity = np.matvec(turn, reference.com_velocity)
+
+    def momentum(rates: np.ndarray) -> np.ndarray:
+        """Angular, of the robots as they stand, at generalized rates seen from the feet."""
+        linear = np.matvec(turn, rates[:, :3])
+        angular = body.matrix[:, 3:]
+        return np.matvec(angular[:, :, :3], linear) + np.matvec(angular[:, :, 3:], rates[:, 3:])
+
+    acceleration = np.matvec(turn, reference.com_acceleration)
+    return BalanceTarget(
+        com=frame.centre + np.matvec(turn, reference.com),
+        rotation=rotation,
+        com_velocity=com_velocity,
+        angular_velocity=np.matvec(rotation, reference.qvel[:, 3:6]),
+        angular_momentum=momentum(reference.qvel),
+        momentum_rate=np.concatenate(
+            [body.mass[:, None] * acceleration, momentum(reference.qacc)], axis=1
+        ),
+    )
+
+
+def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:
+    """Return what a moment at the centre of mass must overcome to turn the base: (3, 3) kg·m².
+
+    In the home stance, with the feet and the centre of mass in place and the joints moving as they
+    do when the base turns with the least kinetic energy. Through full inverse dynamics it is the
+    angular momentum per angular velocity of the base. The torques of Ott's balancer do the work of
+    the moment on the base's angular velocity, so it is twice the kinetic energy per square of that.
+    Those of [G15] do it on the average angular velocity, which takes the locked robot's inertia.
+
+    Args:
+        robot: the robot.
+        balancer: one of `BALANCERS`.
+    """
+    rest = np.zeros((1, robot.nv))
+    terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], rest)
+    body = centroidal_terms(terms, rest)
+    locked = body.inertia[0]
+    if balancer == "garofalo2015":
+        return 0.5 * (locked + locked.T)
+    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    # The metric of the kinetic energy turns least energy into least squares.
+    root = np.linalg.inv(np.linalg.cholesky(terms.mass_matrix[0])).T
+    held = np.concatenate([contacts.jacobian[0], body.matrix[0, :3]]) @ root
+    turn = np.zeros((3, robot.nv))
+    turn[:, 3:6] = terms.base_rotation[0]
+    turn = turn @ root
+    turn -= (turn @ np.linalg.pinv(held, rcond=1e-6)) @ held
+    motion = root @ np.linalg.pinv(turn, rcond=1e-6)
+    if balancer == "ott2011":
+        inertia = motion.T @ terms.mass_matrix[0] @ motion
+    else:
+        inertia = body.matrix[0, 3:] @ motion
+    values, vectors = np.linalg.eigh(0.5 * (inertia + inertia.T))
+    least = _LEAST_INERTIA * np.linalg.eigvalsh(locked)[0]
+    return (vectors * np.maximum(values, least)) @ vectors.T
+
+
+def _scale(robot: Robot, support: Support, friction: float) -> np.ndarray:
+    """What action 1 means, see `ComWrench`: (6,) N and N·m."""
+    margin = support.margin
+    pressed = np.minimum(margin / support.home_com[2], friction)
+    return robot.weight * np.concatenate(
+        [pressed, [_VERTICAL_SCALE], margin[::-1], [friction * support.radius]]
+    )
