@@ -1,0 +1,220 @@
+"""Feedforward, feedback and balance: [M10] eqs. (18)-(20), with a target that moves smoothly."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from fbid_gym.actions import make_layer
+from fbid_gym.actions.smooth_target import SmoothTarget
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.contacts import point_jacobian
+from fbid_gym.dynamics.state import RobotState
+from fbid_gym.envs.rates import Rates
+from fbid_gym.envs.simulation import Simulation
+from fbid_gym.motions import home_reference, periodic_squat
+from fbid_gym.robots import load
+
+NAME = "joint_position_feedforward"
+UNLIMITED = {"contact_limits": "none"}
+
+
+def second_order(frequency, tick):
+    """Exact step of x'' = w^2 (u - x) - 2 w x' for state (x, x', u)."""
+    w = 2 * np.pi * frequency
+    return expm(tick * np.array([[0, 1, 0], [-(w**2), -2 * w, w**2], [0, 0, 0]]))
+
+
+def standing(layer, state, robot):
+    """The state and its dynamics without the velocities that would move the feet."""
+    qvel = state.qvel.copy()
+    jacobian, _ = point_jacobian(
+        layer.law.geometry, MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
+    )
+    for row, matrix in enumerate(jacobian):
+        qvel[row] -= np.linalg.pinv(matrix, rcond=1e-9) @ matrix @ qvel[row]
+    return state._replace(qvel=qvel), MuJoCoDynamics(robot).terms(state.qpos, qvel)
+
+
+def inverse_dynamics(jacobian, terms, row, acceleration):
+    """[M10] eq. (15) with the projector onto the null space of J for S_u Q^T."""
+    free = np.eye(len(acceleration)) - np.linalg.pinv(jacobian, rcond=1e-9) @ jacobian
+    force = terms.mass_matrix[row] @ acceleration + terms.bias[row]
+    return np.linalg.pinv(free[:, 6:], rcond=1e-9) @ free @ force
+
+
+def com_jacobian(robot, qpos):
+    """MuJoCo's own (3, nv), which the layer does not use."""
+    data, jacobian = mujoco.MjData(robot.model), np.empty((3, robot.nv))
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(robot.model, data)
+    mujoco.mj_comPos(robot.model, data)
+    mujoco.mj_jacSubtreeCom(robot.model, data, jacobian, robot.base_body)
+    return jacobian
+
+
+def test_the_target_is_the_exact_critically_damped_response(rng):
+    """Goals that change at any tick, against the matrix exponential."""
+    smooth, tick = SmoothTarget(2 * np.pi * 3.0, 0.002), 0.002
+    memory, state = smooth.memory(4, 3), np.zeros((3, 4, 3))
+    exact, w = second_order(3.0, tick), 2 * np.pi * 3.0
+    for k in range(120):
+        if k % 7 == 0:
+            goal = rng.normal(size=(4, 3))
+        state[2] = goal
+        found = smooth.step(goal, memory)
+        np.testing.assert_allclose(found.value, state[0], atol=1e-12)
+        np.testing.assert_allclose(found.rate, state[1], atol=1e-11)
+        expected = w**2 * (goal - state[0]) - 2 * w * state[1]
+        np.testing.assert_allclose(found.acceleration, expected, atol=1e-9)
+        state = np.einsum("ij,jkl->ikl", exact, state)
+
+
+def test_the_target_reaches_a_constant_goal_without_overshoot():
+    smooth = SmoothTarget(2 * np.pi * 2.0, 0.002)
+    memory, goal = smooth.memory(1, 1), np.full((1, 1), 0.3)
+    values = np.array([smooth.step(goal, memory).value.item() for _ in range(1000)])
+    assert (np.diff(values) >= 0.0).all() and values[0] == 0.0
+    assert values[-1] == pytest.approx(0.3, rel=1e-6)
+    # At t = 1 / w it has gone 1 - 2 / e of the way.
+    assert np.interp(500 / (2 * np.pi * 2.0), np.arange(1000), values) == pytest.approx(
+        0.3 * (1 - 2 / np.e), rel=1e-3
+    )
+
+
+@pytest.mark.parametrize("balance", [0.0, 0.8])
+def test_the_torque_is_equation_18(robot, states, moving, rng, balance):
+    """Literally, with eqs. (19)-(20) for balance, at random states while the action changes."""
+    options = {"natural_frequency": 0.7, "damping_ratio": 0.9, "scale": 0.2}
+    options |= {"target_frequency": 1.5, "balance_frequency": balance}
+    layer = make_layer(NAME, robot, 500, options | UNLIMITED)
+    state, terms = standing(layer, states(3)[0], robot)
+    reference = moving(3)
+    jacobian, bias = point_jacobian(layer.law.geometry, terms)
+    frame = layer.support.frame(terms)
+    memory, target = layer.memory(3), np.zeros((3, 3, robot.num_joints))
+    exact, w = second_order(1.5, 1 / 500), 2 * np.pi * 1.5
+    for _ in range(4):
+        action = rng.uniform(-1, 1, (3, robot.num_joints))
+        found = layer.torque(action, state, reference, lambda: terms, memory)
+        target[2] = 0.2 * action
+        for row in range(3):
+            level, rows = frame.rotation[row], jacobian[row]
+            motion = reference.qacc[row].copy()
+            motion[:3] = level @ motion[:3]
+            motion[6:] += w**2 * (target[2, row] - target[0, row]) - 2 * w * target[1, row]
+            if balance > 0.0:
+                k = 2 * np.pi * balance
+                com = com_jacobian(robot, state.qpos[row])
+                error = reference.com[row] - level.T @ (terms.com[row] - frame.centre[row])
+                rate = reference.com_velocity[row] - level.T @ com @ state.qvel[row]
+                wanted = level @ (reference.com_acceleration[row] + k**2 * error + 2 * k * rate)
+                # The rate of the Jacobian times v, by a step along the motion.
+                ahead = state.qpos[row].copy()
+                mujoco.mj_integratePos(robot.model, ahead, state.qvel[row], 1e-6)
+                com_bias = (com_jacobian(robot, ahead) - com) @ state.qvel[row] / 1e-6
+                stack = np.vstack([rows, com[:2]])
+                asked = np.concatenate([-bias[row], (wanted - com_bias)[:2]])
+                motion += np.linalg.pinv(stack, rcond=1e-9) @ (asked - stack @ motion)
+            else:
+                weight = np.sqrt(np.r_[np.full(6, 1e-3), np.ones(robot.num_joints)])
+                motion -= (
+                    np.linalg.pinv(rows / weight, rcond=1e-9) @ (rows @ motion + bias[row]) / weight
+                )
+            expected = inverse_dynamics(rows, terms, row, motion)
+            expected += robot.joint_damping * state.qvel[row, 6:]
+            error = reference.qpos[row, 7:] + target[0, row] - state.qpos[row, 7:]
+            rate = reference.qvel[row, 6:] + target[1, row] - state.qvel[row, 6:]
+            expected += layer.stiffness * error + layer.damping * rate
+            np.testing.assert_allclose(found[row], expected, atol=1e-5 * robot.weight)
+        target = np.einsum("ij,jkl->ikl", exact, target)
+
+
+def test_feedback_is_as_soft_as_the_robot_falls(robot):
+    layer = make_layer(NAME, robot, 500)
+    pendulum = np.sqrt(9.81 / layer.support.home_com[2])
+    assert layer.natural_frequency == pytest.approx(pendulum / (2 * np.pi))
+    stiff = make_layer("joint_position", robot, 500, {"natural_frequency": 1.0})
+    np.testing.assert_allclose(layer.stiffness, stiff.stiffness * layer.natural_frequency**2)
+
+
+def on_the_motion(motion, ticks, angle=1.1):
+    """Robots that are where the motion has them, facing elsewhere; the feet's frame turns along."""
+    reference = motion.reference(ticks)
+    quaternion, rotation = np.empty(4), np.empty(9)
+    mujoco.mju_axisAngle2Quat(quaternion, np.array([0.0, 0.0, 1.0]), angle)
+    mujoco.mju_quat2Mat(rotation, quaternion)
+    rotation = rotation.reshape(3, 3)
+    qpos, qvel, qacc = (part.copy() for part in reference[:3])
+    for row in qpos:
+        mujoco.mju_mulQuat(row[3:7], quaternion, row[3:7].copy())
+    for part in (qpos, qvel, qacc):
+        part[:, :3] = part[:, :3] @ rotation.T
+    state = RobotState(qpos, qvel, np.zeros((len(ticks), motion.robot.num_points, 3)), ticks)
+    return state, reference, qacc
+
+
+def test_on_the_motion_it_is_equation_15_alone():
+    """Neither feedback nor balance has anything to add, whatever their gains."""
+    motion = periodic_squat(load("biped"), frequency=1.0)
+    robot, ticks = motion.robot, np.array([0, 60, 130, 333])
+    state, reference, qacc = on_the_motion(motion, ticks)
+    terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
+    layer = make_layer(NAME, robot, 500, UNLIMITED)
+    bare = replace(layer, stiffness=0.0 * layer.stiffness, damping=0.0 * layer.damping)
+    jacobian, _ = point_jacobian(layer.law.geometry, terms)
+    still = np.zeros((4, robot.num_joints))
+    for one in (layer, bare):
+        found = one.torque(still, state, reference, lambda: terms, one.memory(4))
+        for row in range(4):
+            expected = inverse_dynamics(jacobian[row], terms, row, qacc[row])
+            expected += robot.joint_damping * state.qvel[row, 6:]
+            np.testing.assert_allclose(found[row], expected, atol=1e-6 * robot.weight)
+
+
+@pytest.mark.parametrize("limits", ["friction", "none"])
+def test_a_squat_is_followed(limits):
+    """1 s of a squat a second from its beginning: the joints stay within 2 mrad, no foot moves."""
+    motion = periodic_squat(load("biped"), frequency=1.0)
+    robot = motion.robot
+    state, _, _ = on_the_motion(motion, np.zeros(1, np.int64))
+    simulation = Simulation(robot, 1, Rates())
+    simulation.place(np.zeros(1, int), state.qpos, state.qvel)
+    layer = make_layer(NAME, robot, 500, {"contact_limits": limits})
+    memory, still = layer.memory(1), np.zeros((1, robot.num_joints))
+    feet = simulation.terms().foot_position.copy()
+    worst = 0.0
+    for k in range(500):
+        tick = np.array([k])
+        reference = motion.reference(tick)
+        now = RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, tick)
+        worst = max(worst, np.abs(reference.qpos[:, 7:] - now.qpos[:, 7:]).max())
+        simulation.step(layer.torque(still, now, reference, simulation.terms, memory))
+    assert worst < 2e-3
+    np.testing.assert_allclose(simulation.terms().foot_position, feet, atol=2e-3)
+
+
+def test_balance_brings_the_centre_of_mass_back(robot):
+    """Pushed with a tenth of the weight from four sides, as the law says: without overshoot."""
+    layer, home = make_layer(NAME, robot, 500), home_reference(robot)
+    simulation = Simulation(robot, 4, Rates())
+    simulation.place(np.arange(4), np.tile(robot.home_qpos, (4, 1)), np.zeros((4, robot.nv)))
+    memory, still = layer.memory(4), np.zeros((4, robot.num_joints))
+    side = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    away = []
+    for k in range(700):
+        tick = np.full(4, k)
+        now = RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, tick)
+        simulation.push(0.1 * robot.weight * side * (k < 75))
+        simulation.step(layer.torque(still, now, home, simulation.terms, memory))
+        terms = simulation.terms()
+        frame = layer.support.frame(terms)
+        shift = np.vecmat(terms.com - frame.centre, frame.rotation) - layer.support.home_com
+        away.append(np.vecdot(shift[:, :2], side[:, :2]))
+    height = layer.support.home_com[2]
+    largest = np.max(away, axis=0)
+    assert (largest > 0.005 * height).all()
+    assert (np.abs(away[-1]) < 0.1 * largest).all()
+    assert np.min(away) > -0.2 * largest.min()
