@@ -9,11 +9,11 @@ import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import tyro
 
-from eval.benchmark import environments, laws, learning, memory
+from eval.benchmark import controllers, environments, laws, learning, memory
 from eval.benchmark.figures import Section
 from eval.files import to_json, write
 from fbid_gym.actions import LAYERS
@@ -21,7 +21,7 @@ from fbid_gym.errors import FbidError, RunError
 from fbid_gym.robots import ROBOTS
 from train.versions import versions
 
-SectionName = Literal["laws", "layers", "threads", "single", "ppo", "memory"]
+SectionName = Literal["laws", "controllers", "layers", "threads", "single", "ppo", "memory"]
 README = Path(__file__).resolve().parents[1] / "README.md"
 MARKS = ("<!-- bench: make bench ARGS=--write-readme -->", "<!-- end of bench -->")
 
@@ -30,9 +30,9 @@ MARKS = ("<!-- bench: make bench ARGS=--write-readme -->", "<!-- end of bench --
 class BenchConfig:
     """Measure what the action layers cost."""
 
-    sections: tuple[SectionName, ...] = ("laws", "layers", "threads", "single", "ppo", "memory")
-    """What to measure: the laws per control tick, environment steps by layer and by thread, a
-    single robot, PPO beside Humanoid-v5, resident memory."""
+    sections: tuple[SectionName, ...] = get_args(SectionName)
+    """What to measure: the laws per control tick, layers on the tasks they are for, environment
+    steps by layer and by thread, a single robot, PPO beside Humanoid-v5, resident memory."""
     robots: tuple[str, ...] = tuple(ROBOTS)
     """Built-in robots."""
     layers: tuple[str, ...] = tuple(LAYERS)
@@ -54,6 +54,7 @@ def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Sectio
     rounds = config.rounds
     measures: dict[SectionName, Callable[[], Section]] = {
         "laws": lambda: laws.per_tick(robots, config.num_envs, rounds),
+        "controllers": lambda: controllers.on_their_tasks(config.num_envs, rounds),
         "layers": lambda: environments.by_layer(robots, layers, config.num_envs, rounds),
         "threads": lambda: environments.by_threads(robots, layers, config.num_envs, rounds),
         "single": lambda: environments.single(robots, layers, rounds),
