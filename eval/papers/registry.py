@@ -47,6 +47,24 @@ PAPERS = (
             "fig6_7_weights",
         ),
     ),
+    Entry(
+        package="garofalo2015",
+        title="Garofalo, Henze, Englsberger, Ott 2015: inertially decoupled dynamics",
+        about=(
+            "G. Garofalo, B. Henze, J. Englsberger, C. Ott, “On the inertially decoupled structure "
+            "of the floating base robot dynamics”, IFAC 2015. The paper's robot is the real TORO; "
+            "ours is a simulated one of its published link data, 27 joints and 77.5 kg. Three "
+            "balancers are compared: that of Ott, Roa and Hirzinger 2011 as the paper states it, "
+            "the paper's, and the paper's wrench through full inverse dynamics."
+        ),
+        scripts=(
+            "fig2_push",
+            "largest_blow",
+            "tracking",
+            "uneven",
+            "model_errors",
+        ),
+    ),
 )
 
 

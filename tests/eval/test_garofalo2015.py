@@ -15,7 +15,12 @@ from eval.papers.garofalo2015.largest_blow import FIRST, largest
 from eval.papers.garofalo2015.measures import settling_time, unrealised
 from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
 from eval.papers.garofalo2015.polar import Ring, polar
+from eval.papers.garofalo2015.tracking import goals, swaying
+from eval.papers.garofalo2015.uneven import GROUNDS, stance
+from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.robots import load
+
+LEGS = ("hip", "knee", "ankle")
 
 
 def record_of(time, **changes):
@@ -23,7 +28,7 @@ def record_of(time, **changes):
     count, robot = len(time), load("humanoid")
     shapes = {
         "com": 3, "rotation": 3, "momentum": 6, "desired": 6, "delivered": 6, "measured": 3,
-        "torque": robot.num_joints, "qpos": robot.nq,
+        "torque": robot.num_joints, "qpos": robot.nq, "qvel": robot.nv,
     }  # fmt: skip
     values = {name: np.zeros((count, 1, size)) for name, size in shapes.items()}
     values |= {"time": time, "residual": np.zeros((count, 1)), "fell": np.full(1, np.nan)}
@@ -78,7 +83,10 @@ def test_inertia_about_standing_feet():
     mujoco.mj_jacSubtreeCom(model, data, com, robot.base_body)
     turn = np.zeros((3, robot.nv))
     turn[:, 3:6] = np.eye(3)
-    constraints = np.concatenate([*rows, com, turn])
+    still = [name for name in robot.joint_names if not any(p in name for p in LEGS)]
+    hold = np.zeros((len(still), robot.nv))
+    hold[range(len(still)), [model.joint(name).dofadr[0] for name in still]] = 1.0
+    constraints = np.concatenate([hold, *rows, com, turn])
     momenta = np.empty((3, 3))
     for axis in range(3):
         asked = np.zeros(len(constraints))
@@ -145,3 +153,46 @@ def test_a_polar_chart_names_what_it_shows():
     for part in ("one &amp; all", "two", "Limits", "front", "paper", "316 J"):
         assert part in chart, part
     assert chart.count('class="dot"') == 17
+
+
+def test_the_moving_goal_has_its_own_rates():
+    """Velocities, spins and momentum rates against differences of the goal itself."""
+    robot, hertz, step = load("humanoid"), np.array([0.4, 1.5]), 1e-4
+    terms = MuJoCoDynamics(robot).terms(np.tile(robot.home_qpos, (2, 1)), np.zeros((2, robot.nv)))
+    goal = goals(robot, swaying(hertz))
+    for time in (0.0, 0.7, 3.3):
+        before, now, after = (goal(time + k * step, terms).target for k in (-1, 0, 1))
+        rate = {
+            name: (getattr(after, name) - getattr(before, name)) / (2 * step)
+            for name in ("com", "rotation", "com_velocity", "angular_momentum")
+        }
+        np.testing.assert_allclose(now.com_velocity, rate["com"], atol=1e-4)
+        spin = rate["rotation"] @ now.rotation.mT
+        found = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+        np.testing.assert_allclose(now.angular_velocity, found, atol=1e-4)
+        force = robot.mass * rate["com_velocity"]
+        np.testing.assert_allclose(now.momentum_rate[:, :3], force, atol=0.3)
+        np.testing.assert_allclose(now.momentum_rate[:, 3:], rate["angular_momentum"], atol=0.1)
+    assert np.abs(goal(0.0, terms).target.com - terms.com).max() == 0.0
+
+
+def test_a_stance_with_one_foot_on_a_block():
+    robot, ground = load("humanoid"), GROUNDS[-1]
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = stance(robot, ground)
+    mujoco.mj_forward(robot.model, data)
+    assert (data.qpos[7:] >= robot.joint_range[:, 0]).all()
+    assert (data.qpos[7:] <= robot.joint_range[:, 1]).all()
+    left, right = robot.feet
+    np.testing.assert_allclose(data.xmat[left.body].reshape(3, 3), np.eye(3), atol=1e-3)
+    np.testing.assert_allclose(data.xmat[right.body].reshape(3, 3), ground.rotation, atol=1e-3)
+    soles = [
+        data.xpos[foot.body]
+        + data.xmat[foot.body].reshape(3, 3) @ (foot.points.mean(axis=0) - [0, 0, foot.radius])
+        for foot in robot.feet
+    ]
+    assert soles[1][2] - soles[0][2] == pytest.approx(ground.height, abs=1e-3)
+    com = data.subtree_com[robot.base_body]
+    np.testing.assert_allclose(com[:2], 0.5 * (soles[0] + soles[1])[:2], atol=2e-3)
+    assert ground.rotation[2, 0] > 0.1  # toes up
+    assert ground.rotation[2, 1] > 0.1  # the right foot's outer edge, at -y, is the lower one

@@ -193,11 +193,14 @@ def balancer(robot: Robot, name: str, **options: Any) -> Balancer:
     return Balancer(robot, wrench, torque_map, **options)
 
 
-def stance_rotation_inertia(robot: Robot) -> np.ndarray:
-    """Return the angular momentum per angular velocity of the base at home: (3, 3) kg m^2.
+def stance_angular_momentum(robot: Robot) -> np.ndarray:
+    """Return the angular momentum that goes with a motion of centre of mass and hip at home.
 
-    While the feet and the centre of mass stay where they are and the other joints move as little as
-    that allows. Symmetric part.
+    While the feet stay where they are and the joints that no foot hangs from keep still.
+
+    Returns:
+        (3, 6) kg m^2/s about the centre of mass per m/s of the centre of mass and rad/s of the
+        base, world axes.
     """
     rest = np.zeros((1, robot.nv))
     terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], rest)
@@ -205,9 +208,18 @@ def stance_rotation_inertia(robot: Robot) -> np.ndarray:
     contacts: ReducedContacts = reduced_contacts(ContactGeometry.of(robot), terms)
     spin = np.zeros((3, robot.nv))
     spin[:, 3:6] = terms.base_rotation[0]
-    still = np.concatenate([contacts.jacobian[0], body.matrix[0, :3], spin])
-    asked = np.zeros((len(still), 3))
-    asked[-3:] = np.eye(3)
-    motion = np.linalg.lstsq(still, asked, rcond=None)[0]
-    inertia = body.matrix[0, 3:] @ motion
+    given = np.concatenate([contacts.jacobian[0], body.matrix[0, :3] / robot.mass, spin])
+    asked = np.zeros((len(given), 6))
+    asked[-6:] = np.eye(6)
+    moving = np.abs(terms.foot_jacobian[0]).max(axis=(0, 1)) > 0.0
+    motion = np.linalg.lstsq(given[:, moving], asked, rcond=None)[0]
+    return np.asarray(body.matrix[0, 3:, moving].T @ motion)
+
+
+def stance_rotation_inertia(robot: Robot) -> np.ndarray:
+    """Return the angular momentum per angular velocity of the base at home: (3, 3) kg m^2.
+
+    The symmetric part of `stance_angular_momentum`'s.
+    """
+    inertia = stance_angular_momentum(robot)[:, 3:]
     return 0.5 * (inertia + inertia.T)

@@ -101,6 +101,7 @@ class Record:
         torque: (T, N, n) N m.
         residual: (T, N) of the wrench, per weight.
         qpos: (T, N, ...) of the whole world.
+        qvel: (T, N, nv) of the robot.
         fell: (N,) s at which each robot was lost; NaN for those still up.
     """
 
@@ -114,6 +115,7 @@ class Record:
     torque: np.ndarray
     residual: np.ndarray
     qpos: np.ndarray
+    qvel: np.ndarray
     fell: np.ndarray
 
     @property
@@ -185,6 +187,7 @@ def run(
                 outcome.torque,
                 outcome.residual,
                 everything,
+                simulation.qvel,
             )
             for kept, value in zip(rows.values(), seen, strict=True):
                 kept.append(np.array(value))

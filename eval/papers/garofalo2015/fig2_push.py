@@ -288,7 +288,7 @@ EXPERIMENT = Experiment(
     ),
     run=run,
     show=show,
-    minutes=1.5,
+    minutes=0.8,
 )
 
 if __name__ == "__main__":

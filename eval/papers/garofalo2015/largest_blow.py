@@ -25,7 +25,7 @@ FIRST = np.geomspace(8.0, 180.0, 7)
 """J, first round; the second looks between the last survived and the first that is not."""
 
 REFINED = 5
-LABELS = {0.0: "from behind", 90.0: "to the left", 180.0: "from the front", 270.0: "to the right"}
+LABELS = {0.0: "forward", 90.0: "to the left", 180.0: "backward", 270.0: "to the right"}
 
 
 def survives(
@@ -162,8 +162,8 @@ def show(result: Result) -> str:
         (
             figure(
                 [chart],
-                "Forward is up. The robot is its own mirror image, so the right half is the left "
-                "one's; [G15]'s blow is marked.",
+                "In the direction of the push. The robot is its own mirror image, so "
+                "the right half is the left one's; [G15]'s blow is marked.",
                 1,
             ),
             table(["J, last survived – first not", *(f"{d:g}°" for d in half)], rows),
@@ -187,7 +187,7 @@ EXPERIMENT = Experiment(
     ),
     run=run,
     show=show,
-    minutes=5.0,
+    minutes=2.2,
 )
 
 if __name__ == "__main__":

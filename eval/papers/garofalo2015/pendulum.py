@@ -85,11 +85,17 @@ class Pendulum:
 
 
 def world_with_pendulum(robot: Robot, pendulum: Pendulum) -> mujoco.MjModel:
-    """Return the robot's world with the bob in it, parked below the ground that it never meets.
+    """Return the robot's world with the bob in it.
 
     The robot is first in every list, so `Simulation(robot, ..., world=...)` takes it.
     """
     spec = robot.spec.copy()
+    add_pendulum(spec, robot, pendulum)
+    return spec.compile()
+
+
+def add_pendulum(spec: mujoco.MjSpec, robot: Robot, pendulum: Pendulum) -> None:
+    """Add target and bob to a copy of the robot's spec; the bob is parked below the ground."""
     base = next(body for body in spec.bodies if body.id == robot.base_body)
     base.add_geom(
         name=TARGET,
@@ -136,7 +142,6 @@ def world_with_pendulum(robot: Robot, pendulum: Pendulum) -> mujoco.MjModel:
         solimp=[_STIFF, _STIFF, 0.001, 0.5, 2.0],
         rgba=[0.75, 0.2, 0.12, 1.0],
     )
-    return spec.compile()
 
 
 class Bob:
