@@ -42,7 +42,7 @@ class Gait(NamedTuple):
         sway: m, amplitude of the body's way sideways.
         flatness: share of the third harmonic in the sway, which keeps the body longer at its sides.
         surge: m, amplitude of the body's way forward and back, twice a period.
-        lean: m, how far ahead of their places at home, from the body, the feet step.
+        spread: m, how much farther out than at home, from the body, the feet step.
         slowest: m/s, least forward speed.
         fastest: m/s, largest forward speed.
         tables: number of speeds at which the walk is planned; between them it is interpolated by a
@@ -51,19 +51,24 @@ class Gait(NamedTuple):
 
     period: float = 1.5
     swing: float = 0.16
-    swing_height: float = 0.04
-    height: float = -0.01
+    swing_height: float = 0.05
+    height: float = -0.03
     sway: float = 0.035
     flatness: float = 0.1
     surge: float = 0.01
-    lean: float = 0.0
+    spread: float = 0.025
     slowest: float = 0.0
     fastest: float = 0.08
     tables: int = 4
 
 
 LITTLEDOG = Gait()
-"""A walk for a robot 0.3 m long and 0.2 m tall."""
+"""A walk for a robot 0.3 m long and 0.2 m tall.
+
+Low and with feet wide apart, since what tips it over an obstacle is a centre of mass that comes
+near the line of the outer feet: with the feet and the height of the home stance it falls over
+planks of 3 cm in most trials.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +241,8 @@ def _table(
             middle = ((touch + lift + ticks) / 2 - ticks) / hz
             where = points[foot].copy()
             where[:2] += home
-            where[0] += speed * middle + gait.lean
+            where[0] += speed * middle
+            where[1] += np.sign(where[1] - home[1]) * gait.spread
             for whole, part in zip(places, path, strict=True):
                 whole[:, foot, :2] += part
             for whole, part in zip(places, bump, strict=True):

@@ -21,6 +21,7 @@ CHUNK = 125
 _STAYS = 1e-7  # m
 _BASE_RTOL = 1e-9
 _MOST_STEPS = 40
+_LONGEST_STEP = 0.2  # rad
 _NEAR = 1e-3  # m, rad
 _REACHED = 1e-11  # m, rad
 _SETTLED = 1e-8  # m/s, rad/s
@@ -280,10 +281,11 @@ def _raised(terms: DynamicsTerms, height: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _damped_step(jacobian: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Gauss-Newton step (N, m), damped by the squared error so that it stays bounded far away."""
+    """Gauss-Newton step (N, m), damped and short far away, so that no knee bends the other way."""
     damping = np.vecdot(error, error)[:, None, None] * np.eye(jacobian.shape[2])
     gram = jacobian.mT @ jacobian + damping
-    return np.linalg.solve(gram, np.matvec(jacobian.mT, error)[..., None])[..., 0]
+    step = np.linalg.solve(gram, np.matvec(jacobian.mT, error)[..., None])[..., 0]
+    return step / np.maximum(np.abs(step).max(axis=1, keepdims=True) / _LONGEST_STEP, 1.0)
 
 
 def _has_orientation(points: np.ndarray) -> bool:

@@ -71,7 +71,7 @@ def test_the_walk_could_stop_anywhere(walk: Crawl, pressure) -> None:
         wrench_at, force = pressure(table, rows)
         ground = feet_of(table, rows)[:, :, 2].min(axis=1)[:, None]
         point = wrench_at + ground * force[:, :2] / force[:, 2:]
-        assert margins(feet, planted, point).min() > 0.01
+        assert margins(feet, planted, point).min() > 0.02
         assert np.abs(force[:, 2] / robot.weight - 1.0).max() < 0.1
 
 
@@ -93,7 +93,7 @@ def test_feet_lift_as_high_as_told_and_come_down_gently(walk: Crawl) -> None:
     height = height - height.min(axis=1)[:, None]
     assert table.planted is not None
     assert height[table.planted].max() < 1e-9
-    np.testing.assert_allclose(height.max(axis=0), 0.04, atol=1e-3)
+    np.testing.assert_allclose(height.max(axis=0), 0.05, atol=1e-3)
     for foot in range(4):
         touch = np.flatnonzero(table.planted[:, foot] & ~np.roll(table.planted[:, foot], 1))
         before = rows[touch] - 2

@@ -1,0 +1,94 @@
+"""Terrains: the height that is told is the height that is there, starts are level, bad input."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.errors import FbidError
+from fbid_gym.robots import load
+from fbid_gym.robots.terrain import TERRAINS, compile_world, make_terrain
+
+ROUGH = ("obstacles", "rocks")
+
+
+def heights_by_ray(name: str, seed: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What MuJoCo's rays from above hit, and what the terrain tells, at places (K, 2)."""
+    robot = load("quadruped")
+    terrain = make_terrain(name, robot, seed=seed)
+    model = compile_world(robot, terrain)
+    data = mujoco.MjData(model)
+    data.qpos[: robot.nq] = robot.home_qpos
+    mujoco.mj_forward(model, data)
+    static, hit = np.array([1, 0, 0, 0, 0, 0], np.uint8), np.zeros(1, np.int32)
+    found = []
+    for x, y in places:
+        start, down = np.array([x, y, 1.0]), np.array([0.0, 0.0, -1.0])
+        found.append(1.0 - mujoco.mj_ray(model, data, start, down, static, 1, robot.base_body, hit))
+    return np.array(found), terrain.height(places[:, 0], places[:, 1])
+
+
+@pytest.mark.parametrize("name", TERRAINS)
+def test_the_height_is_what_a_ray_from_above_hits(name: str) -> None:
+    places = np.random.default_rng(2).uniform(-3.6, 3.6, (800, 2))  # beyond the edges, too
+    hit, told = heights_by_ray(name, 1, places)
+    np.testing.assert_allclose(told, hit, atol=1e-6)
+    assert told.max() <= 0.04 and told.min() == 0.0
+    assert told.max() > 0.03 or name == "flat"
+
+
+@pytest.mark.parametrize("name", ROUGH)
+def test_starts_are_level_and_the_rest_is_not(name: str) -> None:
+    terrain = make_terrain(name, load("quadruped"))
+    angle, share = np.meshgrid(np.linspace(0, 2 * np.pi, 40), np.linspace(0, 0.99, 12))
+    ring = terrain.clearing * share[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    around = terrain.starts[:, None, None] + ring
+    assert len(terrain.starts) == 9 and terrain.clearing > 0.15
+    assert not terrain.height(around[..., 0], around[..., 1]).any()
+    places = np.random.default_rng(0).uniform(-2, 2, (5000, 2))
+    covered = (terrain.height(*places.T) > 0).mean()
+    assert covered > (0.1 if name == "obstacles" else 0.7)
+
+
+@pytest.mark.parametrize("name", ROUGH)
+def test_a_seed_decides_and_the_height_scales(name: str) -> None:
+    robot = load("quadruped")
+    places = np.random.default_rng(0).uniform(-2, 2, (2000, 2)).T
+    one, same = (make_terrain(name, robot, seed=3).height(*places) for _ in range(2))
+    assert np.array_equal(one, same)
+    assert (make_terrain(name, robot, seed=4).height(*places) != one).any()
+    assert make_terrain(name, robot, seed=3, height=0.02).height(*places).max() <= 0.02
+    assert not make_terrain(name, robot, height=0.0).height(*places).any()
+
+
+def test_planks_are_from_half_the_height_to_the_height() -> None:
+    terrain = make_terrain("obstacles", load("quadruped"), height=0.04)
+    places = np.random.default_rng(0).uniform(-3, 3, (5000, 2))
+    found = terrain.height(*places.T)
+    assert 0.02 <= found[found > 0].min() and found.max() <= 0.04
+
+
+@pytest.mark.parametrize("robot", ["biped", "quadruped"])
+@pytest.mark.parametrize("name", TERRAINS)
+def test_the_robot_keeps_its_coordinates_and_stands_at_a_start(name: str, robot: str) -> None:
+    owner = load(robot)
+    terrain = make_terrain(name, owner)
+    model = compile_world(owner, terrain)
+    assert (model.nq, model.nv, model.nbody) == (owner.nq, owner.nv, owner.model.nbody)
+    data = mujoco.MjData(model)
+    data.qpos[:] = owner.home_qpos
+    data.qpos[:2] += terrain.starts[-1]
+    data.qpos[2] -= 1e-4
+    mujoco.mj_forward(model, data)
+    assert data.ncon == owner.num_points  # the plane, and nothing twice
+    assert data.contact.dist.min() > -2e-4
+
+
+@pytest.mark.parametrize("height", [-0.01, 0.5, float("nan"), float("inf")])
+def test_a_height_that_cannot_be_is_refused(height: float) -> None:
+    with pytest.raises(FbidError, match=r"Invalid terrain height: .* metres from 0 to 0\.\d+, .*"):
+        make_terrain("rocks", load("quadruped"), height=height)
+
+
+def test_an_unknown_terrain_is_refused() -> None:
+    with pytest.raises(FbidError, match="Unknown terrain 'sand'. Valid choices: flat, obstacles"):
+        make_terrain("sand", load("quadruped"))
