@@ -298,8 +298,8 @@ def _random_rocks(
     elevation *= height / elevation.max()
 
     from_start = np.linalg.norm(np.stack([x, y], axis=-1)[..., None, :] - starts, axis=-1)
-    # The board begins gently at its edge and around clearings, a cell's diagonal away from them: the
-    # triangles at a node reach that far.
+    # The board begins gently at its edge and around clearings, a cell's diagonal away from them:
+    # the triangles at a node reach that far.
     diagonal = np.sqrt(2.0) * (line[1] - line[0])
     from_clearing = from_start.min(axis=-1) - clearing - diagonal
     free = np.minimum(from_clearing, size - np.maximum(abs(x), abs(y)))
