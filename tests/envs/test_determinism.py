@@ -9,19 +9,22 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import load
 
-BIPED, QUADRUPED, *_ = ENVIRONMENTS
+BIPED, QUADRUPED, *OTHERS = ENVIRONMENTS
 MEASURED = {"contacts": "measured"}
 EXACT = {"contact_limits": "none"}
 SCHEDULE = {"contacts": [(0.1, ["left", "right"]), (0.05, ["left"]), (0.02, [])]}
+RAMPED = SCHEDULE | {"contact_ramp": 0.03}
 RANDOM = {"mass": 0.2, "com": 0.01, "friction": (0.5, 1.0), "model_mass": 0.1, "model_com": 0.005}
 
 # Every layer on both robots; every way to assume contacts; with and without limits on their forces.
 CASES = [
-    *((name, layer, None) for name in ENVIRONMENTS for layer in LAYERS),
-    *((BIPED, "base_acceleration", options) for options in (MEASURED, EXACT, SCHEDULE)),
+    *((name, layer, None) for name in (BIPED, QUADRUPED) for layer in LAYERS),
+    *((name, layer, None) for name in OTHERS for layer in ("joint_position", "com_wrench")),
+    *((BIPED, "base_acceleration", options) for options in (MEASURED, EXACT, RAMPED)),
     (BIPED, "base_acceleration", MEASURED | EXACT),
     (QUADRUPED, "base_acceleration", MEASURED),
     (BIPED, "joint_acceleration", MEASURED),
+    (BIPED, "joint_position_feedforward", SCHEDULE | EXACT),
     (QUADRUPED, "joint_acceleration", EXACT),
 ]
 every_case = pytest.mark.parametrize(("name", "layer", "options"), CASES)
