@@ -25,9 +25,10 @@ class TrackingEnv(RobotEnv):
     ## Action Space
     As in `BalanceEnv`, with the same options. "Home" is the reference here: the zero action follows
     the motion as well as the layer can. `joint_position` moves the target of its PD controller with
-    the reference and damps the difference of the velocities; `joint_acceleration` and
-    `base_acceleration` add the reference's acceleration to their feedback and take its planted feet
-    to be in contact (`contacts="planned"`), while a lifted foot swings as its joints follow theirs.
+    the reference and damps the difference of the velocities. `joint_position_feedforward`,
+    `joint_acceleration` and `base_acceleration` also take the reference's acceleration, and its
+    planted feet to be in contact (`contacts="planned"`), while a lifted foot swings as its joints
+    follow theirs.
     `torque` has no feedback: its zero action holds the home stance's torques.
 
     The default gains of `joint_position` are for standing. They are too soft to walk without a
