@@ -84,7 +84,9 @@ class BalanceLaw:
         limits: on their forces; None for contacts that pull and never slip.
         ramp: leads from one set of contacts to the next; None where the torque may jump.
         damping: (n,) N·m·s/rad of the joints, to be compensated; zero for none.
+        weight: N, of the robot.
         length: m, lever arm that makes moments comparable to forces.
+        wrench_cost: weights of the squared errors of force and moment where not both can be had.
         foot_points: (P, F) which foot a point belongs to, 0 or 1.
         legs: (F, n) joints that move this foot and no other, 0 or 1.
     """
@@ -97,7 +99,9 @@ class BalanceLaw:
     limits: ContactLimits | None
     ramp: ContactRamp | None
     damping: np.ndarray
+    weight: float
     length: float
+    wrench_cost: tuple[float, ...]
     foot_points: np.ndarray
     legs: np.ndarray
 
@@ -109,6 +113,7 @@ class BalanceLaw:
         contact: ContactOptions,
         torque_map: Callable[..., TorqueMap],
         gains: JointGains,
+        moment_priority: float,
     ) -> "BalanceLaw":
         """Build the law on what `contact` says of the contacts."""
         geometry = ContactGeometry.of(robot)
@@ -123,7 +128,9 @@ class BalanceLaw:
             limits=contact.limits(robot),
             ramp=contact.ramp(control_hz),
             damping=contact.damping(robot),
+            weight=robot.weight,
             length=Support.of(robot).radius or 1.0,
+            wrench_cost=(1.0,) * 3 + (moment_priority,) * 3,
             foot_points=np.eye(robot.num_feet)[geometry.foot_of_point],
             legs=(moves & (moves.sum(axis=0) == 1)).astype(float),
         )
@@ -195,7 +202,7 @@ class BalanceLaw:
         posture, mobility = self._posture(joints, active)
         torque_map = self.torque_map(terms, body, contacts, posture, mobility)
         maps = {"to_com": body.to_com, "point_map": contacts.point_map}
-        weight, length = self.robot.weight, self.length
+        weight, length = self.weight, self.length
         if self.limits is None:
             balance = distribute_freely(torque_map, wrench, weight=weight, length=length, **maps)
         else:
@@ -207,6 +214,7 @@ class BalanceLaw:
                 active=active,
                 weight=weight,
                 length=length,
+                wrench_cost=self.wrench_cost,
                 warm_start=warm_start,
                 **maps,
             )

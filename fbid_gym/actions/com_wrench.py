@@ -82,12 +82,13 @@ class ComWrench:
         control_hz: int,
         *,
         balancer: str = "garofalo2015",
-        balance_frequency: float = 1.0,
+        balance_frequency: float = 0.7,
         height_frequency: float = 1.2,
         rotation_frequency: float = 1.2,
         posture_frequency: float = 1.0,
         swing_frequency: float = 4.0,
-        damping_ratio: float = 1.0,
+        damping_ratio: float = 1.5,
+        moment_priority: float = 1.0,
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "ComWrench":
         """Build the layer.
@@ -104,6 +105,9 @@ class ComWrench:
             posture_frequency: Hz, of joints whose foot stands, and of those without foot.
             swing_frequency: Hz, of the joints of a leg that swings.
             damping_ratio: zeta, of all five.
+            moment_priority: weight of squared errors of the moment (per weight and mean distance of
+                the contact points) beside one for the force (per weight), where the contacts cannot
+                deliver both.
             contact: what it assumes of contacts.
         """
         if balancer not in BALANCERS:
@@ -115,6 +119,7 @@ class ComWrench:
             posture_frequency=posture_frequency,
             swing_frequency=swing_frequency,
             damping_ratio=damping_ratio,
+            moment_priority=moment_priority,
         )
         support = Support.of(robot)
         inertia = turning_inertia(robot, balancer)
@@ -128,7 +133,9 @@ class ComWrench:
         on_velocity = balancer == "ott2011"
         joints = JointGains.of(posture_frequency, swing_frequency, damping_ratio)
         return cls(
-            law=BalanceLaw.of(robot, control_hz, contact, BALANCERS[balancer], joints),
+            law=BalanceLaw.of(
+                robot, control_hz, contact, BALANCERS[balancer], joints, moment_priority
+            ),
             support=support,
             gains=gains.on_velocity(robot.mass, inertia) if on_velocity else gains,
             on_velocity=on_velocity,
@@ -180,6 +187,7 @@ class ComWrench:
         """Return the desired wrench at the centre of mass: (N, 6) N and N·m, world."""
         frame = self.support.frame(terms)
         target = _target(frame, reference, body)
+        gravity = self.law.weight / self.law.robot.mass
         pose = {"com": terms.com, "rotation": terms.base_rotation, "mass": body.mass}
         if self.on_velocity:
             wrench = desired_wrench_ott2011(
@@ -188,23 +196,18 @@ class ComWrench:
                 com_velocity=terms.com_velocity,
                 angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
                 axes=frame.rotation,
-                gravity=self.gravity,
+                gravity=gravity,
                 **pose,
             )
         else:
             # Its damping is the same in all horizontal directions and needs no axes.
             wrench = desired_wrench_garofalo2015(
-                self.gains, target, momentum=body.momentum, gravity=self.gravity, **pose
+                self.gains, target, momentum=body.momentum, gravity=gravity, **pose
             )
         push = self.scale * action
         wrench[:, :3] += np.matvec(frame.rotation, push[:, :3])
         wrench[:, 3:] += np.matvec(frame.rotation, push[:, 3:])
         return wrench
-
-    @property
-    def gravity(self) -> float:
-        """Of the robot's world, m/s^2."""
-        return self.law.robot.weight / self.law.robot.mass
 
 
 def _target(frame: SupportFrame, reference: Reference, body: CentroidalTerms) -> BalanceTarget:

@@ -16,7 +16,7 @@ limits agree with each other, as for a robot too weak to stand, the torques exce
 
 from typing import NamedTuple
 
-from fbid_gym.control.arrays import Array, check_shape, matvec, namespace
+from fbid_gym.control.arrays import Array, check_shape, constant, matvec, namespace
 from fbid_gym.control.contact_forces import (
     MAX_ITERATIONS,
     REGULARISATION,
@@ -172,7 +172,7 @@ def distribute(
     check_contact_options(limits, active, warm_start, count, columns // 3)
     xp = namespace(wrench)
     if torque_limit is not None:
-        torque_limit = xp.asarray(torque_limit, dtype=wrench.dtype, device=wrench.device)
+        torque_limit = _as_array(torque_limit, wrench)
         shape = (count, joints)[2 - torque_limit.ndim :]
         check_shape("torque_limit", torque_limit, shape, "(N, n) or (n,)")
         torque_limit = xp.broadcast_to(torque_limit, (count, joints))
@@ -181,7 +181,7 @@ def distribute(
         point_map = _turned(point_map, contact_rotation)
     wrench_map = com_wrench_of_points(to_com, torque_map.jacobian, point_map)
     scale = wrench_scale(length, wrench_cost, wrench)
-    weight = xp.asarray(weight, dtype=wrench.dtype, device=wrench.device)
+    weight = _as_array(weight, wrench)
     scaled_map, scaled = wrench_map * scale[:, None], wrench * scale
     forces = solve_contact_forces(
         scaled_map,
@@ -222,6 +222,15 @@ def distribute(
     if contact_rotation is not None:
         point_force = (contact_rotation @ point_force[..., None])[..., 0]
     return Balance(torque, point_force, wrench, delivered, residual, forces.dual)
+
+
+def _as_array(value: float | Array, like: Array) -> Array:
+    """A number, cached, or an array in the namespace and type of another."""
+    if isinstance(value, int | float):
+        return constant(float(value), like)
+    if type(value) is type(like) and value.dtype == like.dtype:
+        return value
+    return namespace(like).asarray(value, dtype=like.dtype, device=like.device)
 
 
 def _turned(point_map: Array, contact_rotation: Array) -> Array:
