@@ -18,7 +18,7 @@ def crawl(
     *,
     speed_range: tuple[float, float] = (0.0, 0.08),
     step_seconds: float = 1.5,
-    swing_height: float = 0.04,
+    swing_height: float = 0.05,
 ) -> Tracking:
     """Build the task.
 

@@ -17,7 +17,7 @@ def step(
     start: Start,
     *,
     step_seconds: float = 3.0,
-    lift_seconds: float = 0.15,
+    lift_seconds: float = 0.25,
 ) -> Tracking:
     """Build the task.
 
