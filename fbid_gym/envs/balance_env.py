@@ -43,9 +43,14 @@ class BalanceEnv(RobotEnv):
     | `base_acceleration`          | 6      | to the base's acceleration back home: x, y, z in the |
     |                              |        | support frame, then angular x, y, z in the base's    |
     |                              |        | frame                                                |
+    | `com_wrench`                 | 6      | to the wrench a balancer asks of the contacts at the |
+    |                              |        | centre of mass: force x, y, z, then moment x, y, z,  |
+    |                              |        | in the support frame                                 |
 
-    The last three are model-based: they realise an acceleration by inverse dynamics of the floating
+    The last four are model-based. Three realise an acceleration by inverse dynamics of the floating
     base in contact ([M10] eq. 15), by default with contact forces limited to their friction cones.
+    `com_wrench` distributes a wrench over the contacts, within the same limits and those of the
+    torques, and maps the contact forces to torques ([G15] eqs. 38, 39; `balancer` names the map).
 
     `joint_position_feedforward` is [M10] eqs. 18-20: to that torque it adds PD feedback, by default
     as soft as the robot falls, and in the acceleration it returns the centre of mass to above the
@@ -71,6 +76,9 @@ class BalanceEnv(RobotEnv):
     | `base_acceleration`          | `balance_frequency`, `height_frequency`,                      |
     |                              | `rotation_frequency`, `posture_frequency`, `damping_ratio`,   |
     |                              | `base_priority`, and those about contacts                     |
+    | `com_wrench`                 | `balancer`, `balance_frequency`, `height_frequency`,          |
+    |                              | `rotation_frequency`, `posture_frequency`, `swing_frequency`, |
+    |                              | `damping_ratio`, `moment_priority`, and those about contacts  |
 
     What the model-based layers assume of contacts:
 
