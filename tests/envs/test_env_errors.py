@@ -11,7 +11,8 @@ from fbid_gym.errors import FbidError, InvalidValueError, NonFiniteError, ShapeE
 
 BIPED = next(iter(ENVIRONMENTS))
 ALL_LAYERS = (
-    "torque, joint_position, joint_position_feedforward, joint_acceleration, base_acceleration"
+    "torque, joint_position, joint_position_feedforward, joint_acceleration, base_acceleration, "
+    "com_wrench"
 )
 FEEDFORWARD = "joint_position_feedforward"
 BASE = {"action_layer": "base_acceleration"}
