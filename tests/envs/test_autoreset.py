@@ -50,7 +50,7 @@ def assert_same_info(ours, theirs):
     assert not theirs.keys() - ours.keys()
 
 
-@pytest.mark.parametrize("name", ENVIRONMENTS)
+@pytest.mark.parametrize("name", list(ENVIRONMENTS)[:4])
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_like_gymnasiums_sync_vector_env(name, mode, rng):
     ours, theirs = both(name, mode)
