@@ -119,8 +119,8 @@ def bars(
         y = 28.0 + 14.0 * k
         parts.append(
             f'<g class="c{item.colour}"><path class="line" d="M{_LEFT:.0f} {y - 4:.0f}h14" '
-            f'style="stroke-width:8;stroke-linecap:butt"/><text class="name" x="{_LEFT + 20:.0f}" y="{y:.0f}">'
-            f"{escape(item.name)}</text></g>"
+            f'style="stroke-width:8;stroke-linecap:butt"/>'
+            f'<text class="name" x="{_LEFT + 20:.0f}" y="{y:.0f}">{escape(item.name)}</text></g>'
         )
     for value in ticks(0.0, high, 4):
         at = x(value)

@@ -111,6 +111,8 @@ class Trial:
         num_robots: N.
         start: (N,) s into the motion at which each robot begins; None for its beginning.
         speed: (N,) m/s commanded; None for 0.
+        pose: (N, 3) m, m, rad: where each robot begins in the world, and its heading; None for the
+            origin.
         pushes: forces on the base.
         prepare: changes the simulated world before the robots are placed: terrain, friction.
         believe: from the simulation to what computes the controller's dynamics terms; by default
@@ -125,6 +127,7 @@ class Trial:
     num_robots: int = 1
     start: np.ndarray | None = None
     speed: np.ndarray | None = None
+    pose: np.ndarray | None = None
     pushes: tuple[Push, ...] = ()
     prepare: Callable[[Simulation], None] | None = None
     believe: Callable[[Simulation], Callable[[], DynamicsTerms]] | None = None
@@ -162,7 +165,7 @@ def simulate(
     tick = np.round(start * RATES.control).astype(np.int64)
 
     first = trial.motion.reference(tick, speed)
-    simulation.place(np.arange(count), first.qpos, first.qvel)
+    simulation.place(np.arange(count), *_placed(first, trial.pose))
     memory = controller.memory(count)
     recorder = Recorder(robot, count, 1.0 / RATES.control)
     limit, lost = robot.torque_limit, np.zeros(count, bool)
@@ -188,6 +191,30 @@ def simulate(
         if progress is not None and step % 250 == 0:
             progress(step / steps)
     return recorder.log(trial.every)
+
+
+def _placed(reference: Reference, pose: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """State of robots that do what the reference says, each at its own place and heading."""
+    qpos, qvel = reference.qpos.copy(), reference.qvel.copy()
+    if pose is None:
+        return qpos, qvel
+    cosine, sine = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    for vectors in (qpos, qvel):
+        x, y = vectors[:, 0].copy(), vectors[:, 1].copy()
+        vectors[:, 0], vectors[:, 1] = cosine * x - sine * y, sine * x + cosine * y
+    qpos[:, :2] += pose[:, :2]
+    cosine, sine = np.cos(0.5 * pose[:, 2]), np.sin(0.5 * pose[:, 2])
+    w, x, y, z = qpos[:, 3:7].T.copy()
+    qpos[:, 3:7] = np.stack(
+        [
+            cosine * w - sine * z,
+            cosine * x - sine * y,
+            cosine * y + sine * x,
+            cosine * z + sine * w,
+        ],
+        axis=1,
+    )
+    return qpos, qvel
 
 
 def _fallen(trial: Trial, simulation: Simulation, reference: Reference) -> np.ndarray:

@@ -1,14 +1,13 @@
-"""[M10] IV.D: joint tracking with an operational-space command of the base, eqs. (19)-(20)."""
+"""What moves the base beside the joints: [M10] eqs. (19)-(20), and a stabiliser of ours."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from eval.papers.mistry2010.controllers import Belief, Feedforward, Gains
-from eval.papers.trial import Command, Memory, contact_points
-from fbid_gym.actions.stance import holding_torque
+from eval.papers.trial import Memory
 from fbid_gym.control import operational_space_acceleration, task_acceleration
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import ReducedContacts
+from fbid_gym.dynamics.frames import quaternion_to_matrix, rotation_vector
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
@@ -17,71 +16,130 @@ from fbid_gym.robots import Robot
 
 
 @dataclass(frozen=True, eq=False)
-class Balancing:
-    """Eq. (18), where the inverse dynamics gets the acceleration of eqs. (19) and (20).
+class BaseTask:
+    """Eqs. (19) and (20): the contacts stay, the base's x and y return to the reference's.
+
+    What is left is at rest: the acceleration of least norm, in which the reference has no part.
+    The memory gets "base" and "base_target", (N, 2) m in the frame of the feet.
 
     Attributes:
-        robot: whose joints.
-        gains: of the joint feedback.
-        law: the inverse dynamics.
-        stiffness: K_P of the base, 1/s^2.
-        damping: K_D of the base, 1/s.
-        joint_reference: whether eq. (19) stays near the reference's accelerations; in the paper it
-            stays near zero.
-        belief: which contacts it counts on; None for the planned ones.
+        support: of the robot.
+        stiffness: K_P, 1/s^2.
+        damping: K_D, 1/s.
     """
 
-    robot: Robot
-    gains: Gains
-    law: Feedforward
+    support: Support
     stiffness: float
     damping: float
-    joint_reference: bool = False
-    belief: Belief | None = None
-    geometry: ContactGeometry = field(init=False)
-    support: Support = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Measure the feet."""
-        object.__setattr__(self, "geometry", ContactGeometry.of(self.robot))
-        object.__setattr__(self, "support", Support.of(self.robot))
-
-    def memory(self, num_robots: int) -> Memory:
-        """See `Controller`."""
-        home = np.tile(holding_torque(self.robot), (num_robots, 1))
-        nothing = np.zeros((num_robots, 2))
-        kept = {"applied": home, "feedforward": home, "base": nothing, "base_target": nothing}
-        return self.law.memory(num_robots) | kept
+    @classmethod
+    def of(cls, robot: Robot, hertz: float) -> "BaseTask":
+        """Critically damped, of this natural frequency."""
+        omega = 2.0 * np.pi * hertz
+        return cls(Support.of(robot), omega**2, 2.0 * omega)
 
     def __call__(
-        self, state: RobotState, terms: DynamicsTerms, reference: Reference, memory: Memory
-    ) -> Command:
-        """See `Controller`."""
-        feedback = self.gains.torque(state, reference)
-        if self.belief is None:
-            active = contact_points(self.geometry, reference.planted)
-        else:
-            active = self.belief(state, reference)
-        contacts = reduced_contacts(self.geometry, terms, active)
-        acceleration = self.acceleration(state, terms, reference, contacts, memory)
-        torque = self.law(acceleration, contacts, active, state, terms, memory)
-        limit, friction = self.robot.torque_limit, self.robot.joint_damping * state.qvel[:, 6:]
-        memory["applied"] = np.clip(torque + friction + feedback, -limit, limit) - friction
-        memory["feedforward"] = torque
-        return Command(torque + friction, feedback)
-    
-    def acceleration(self, state, terms, reference, contacts, memory):
+        self,
+        state: RobotState,
+        terms: DynamicsTerms,
+        reference: Reference,
+        contacts: ReducedContacts,
+        memory: Memory,
+    ) -> np.ndarray:
+        """See `Motive`."""
         frame = self.support.frame(terms)
+        base = np.vecmat(terms.base_position - frame.centre, frame.rotation)
+        memory["base"], memory["base_target"] = base[:, :2], reference.qpos[:, :2]
         there = frame.centre + np.matvec(frame.rotation, reference.qpos[:, :3])
-        memory["base"] = np.vecmat(terms.base_position-frame.centre, frame.rotation)[:, :2]
-        memory["base_target"] = reference.qpos[:, :2] + np.zeros((len(there),2))
-        vel = acc = None
-        ref = None
-        if self.joint_reference:
-            vel = np.matvec(frame.rotation, reference.qvel[:, :3])[:, :2]
-            acc = np.matvec(frame.rotation, reference.qacc[:, :3])[:, :2]
-            ref = reference.qacc.copy(); ref[:, :3] = np.matvec(frame.rotation, ref[:, :3])
-        task = task_acceleration(there[:, :2], terms.base_position[:, :2], state.qvel[:, :2], self.stiffness, self.damping,
-            desired_velocity=vel, desired_acceleration=acc)
-        nv = state.qvel.shape[1]
-        return operational_space_acceleration(contacts.jacobian, contacts.bias, np.eye(nv)[:2], None, task, ref).motion
+        task = task_acceleration(
+            there[:, :2],
+            terms.base_position[:, :2],
+            state.qvel[:, :2],
+            self.stiffness,
+            self.damping,
+        )
+        xy = np.eye(state.qvel.shape[1])[:2]
+        found = operational_space_acceleration(contacts.jacobian, contacts.bias, xy, None, task)
+        return np.asarray(found.motion)
+
+
+@dataclass(frozen=True, eq=False)
+class Stabiliser:
+    """Not in the paper: the centre of mass, the height and tilt of the trunk, and the joints.
+
+    All return to the reference with it as feedforward, each critically damped. With limited contact
+    forces this drives the centre of pressure to the edge of the soles as soon as a push demands it,
+    which is the best that feet which stay in place can do.
+
+    Attributes:
+        support: of the robot.
+        com: rad/s, of the centre of mass's x and y.
+        height: rad/s, of the base's height.
+        tilt: rad/s, of the base's orientation.
+        posture: rad/s, of the joints.
+    """
+
+    support: Support
+    com: float
+    height: float
+    tilt: float
+    posture: float
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        com: float = 2.0,
+        height: float = 1.2,
+        tilt: float = 1.2,
+        posture: float = 1.0,
+    ) -> "Stabiliser":
+        """From frequencies in Hz."""
+        omega = 2.0 * np.pi * np.array([com, height, tilt, posture])
+        return cls(Support.of(robot), *omega.tolist())
+
+    def __call__(
+        self,
+        state: RobotState,
+        terms: DynamicsTerms,
+        reference: Reference,
+        contacts: ReducedContacts,
+        memory: Memory,
+    ) -> np.ndarray:
+        """See `Motive`."""
+        frame = self.support.frame(terms)
+        turn = frame.rotation
+
+        def seen(vector: np.ndarray) -> np.ndarray:
+            return np.vecmat(vector, turn)
+
+        base = seen(terms.base_position - frame.centre)
+        memory["base"], memory["base_target"] = base[:, :2], reference.qpos[:, :2]
+        linear = reference.com_acceleration + _returning(
+            self.com,
+            reference.com - seen(terms.com - frame.centre),
+            reference.com_velocity - seen(terms.com_velocity),
+        )
+        linear[:, 2] = reference.qacc[:, 2] + _returning(
+            self.height,
+            reference.qpos[:, 2] - base[:, 2],
+            reference.qvel[:, 2] - seen(state.qvel[:, :3])[:, 2],
+        )
+        upright = turn @ quaternion_to_matrix(reference.qpos[:, 3:7])
+        error = rotation_vector(terms.base_rotation.swapaxes(1, 2) @ upright)
+        acceleration = reference.qacc.copy()
+        acceleration[:, :3] = np.matvec(turn, linear)
+        acceleration[:, 3:6] += _returning(
+            self.tilt, error, reference.qvel[:, 3:6] - state.qvel[:, 3:6]
+        )
+        acceleration[:, 6:] += _returning(
+            self.posture,
+            reference.qpos[:, 7:] - state.qpos[:, 7:],
+            reference.qvel[:, 6:] - state.qvel[:, 6:],
+        )
+        return acceleration
+
+
+def _returning(omega: float, error: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Critically damped return of an error."""
+    return omega**2 * error + 2.0 * omega * rate

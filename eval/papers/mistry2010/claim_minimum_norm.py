@@ -162,8 +162,13 @@ class _Problem:
 
     def limited(self, friction: float) -> tuple[np.ndarray, np.ndarray]:
         """Torques with limited forces, and the share of the weight that these miss."""
+        mass, bias, jacobian, command, drift = self._arguments
         found = limited_inverse_dynamics(
-            *self._arguments,
+            mass,
+            bias,
+            jacobian,
+            command,
+            drift,
             ContactLimits(friction),
             point_map=self._contacts.point_map,
             active=self._active,

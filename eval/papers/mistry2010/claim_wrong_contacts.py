@@ -9,8 +9,15 @@ import numpy as np
 from eval.papers.charts import lines
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.log import Log
-from eval.papers.mistry2010.balance import Balancing
-from eval.papers.mistry2010.controllers import Belief, Feedforward, Gains, Limited, Orthogonal
+from eval.papers.mistry2010.balance import BaseTask
+from eval.papers.mistry2010.controllers import (
+    Belief,
+    Feedforward,
+    Gains,
+    Limited,
+    Orthogonal,
+    Tracking,
+)
 from eval.papers.mistry2010.rivals import EstimatedForce, MeasuredForce
 from eval.papers.parts import Finding, figure, folded, judged, table, text
 from eval.papers.trial import RATES, Trial, simulate
@@ -29,8 +36,8 @@ LATE = (-200, -100, -50, -20, 0, 20, 50, 100, 200)
 
 FRICTION = (0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.1, 0.05)
 GAINS = (2.0, 0.5)
-BASE = 2.0 * np.pi
-"""rad/s of eq. (20), critically damped."""
+BASE = 1.0
+"""Hz of eq. (20), critically damped."""
 
 
 def laws(robot: Robot) -> dict[str, Feedforward]:
@@ -121,8 +128,8 @@ def run(setting: Setting) -> Result:
     return Result(findings(numbers), numbers, {})
 
 
-def _controller(robot: Robot, gains: Gains, law: Feedforward, belief: Belief | None) -> Balancing:
-    return Balancing(robot, gains, law, BASE**2, 2.0 * BASE, belief=belief)
+def _controller(robot: Robot, gains: Gains, law: Feedforward, belief: Belief | None) -> Tracking:
+    return Tracking(robot, gains, law, belief, BaseTask.of(robot, BASE))
 
 
 def _joined(first: Belief, rest: np.ndarray) -> Belief:

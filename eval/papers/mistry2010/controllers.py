@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from eval.papers.trial import Command, Memory, contact_points
+from fbid_gym.actions.contact_belief import TOUCH
 from fbid_gym.actions.stance import holding_torque, own_inertia, stance_inertia
 from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
 from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts, reduced_contacts
@@ -167,9 +168,55 @@ Belief = Callable[[RobotState, Reference], np.ndarray | None]
 """Which contact points a controller takes to be on the ground: (N, P) bool, None for all."""
 
 
+def measured_contacts(robot: Robot) -> Belief:
+    """Believe in the points that carried weight during the last physics step."""
+    least = TOUCH * robot.weight
+    return lambda state, reference: np.linalg.norm(state.contact_force, axis=2) > least
+
+
+class Motive(Protocol):
+    """Which acceleration the robots shall have: what the inverse dynamics is given."""
+
+    def __call__(
+        self,
+        state: RobotState,
+        terms: DynamicsTerms,
+        reference: Reference,
+        contacts: ReducedContacts,
+        memory: Memory,
+    ) -> np.ndarray:
+        """Return (N, nv) m/s^2 and rad/s^2."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """The reference's acceleration, its linear part turned into the world.
+
+    Attributes:
+        support: of the robot.
+    """
+
+    support: Support
+
+    def __call__(
+        self,
+        state: RobotState,
+        terms: DynamicsTerms,
+        reference: Reference,
+        contacts: ReducedContacts,
+        memory: Memory,
+    ) -> np.ndarray:
+        """See `Motive`."""
+        acceleration = reference.qacc.copy()
+        rotation = self.support.frame(terms).rotation
+        acceleration[:, :3] = np.matvec(rotation, acceleration[:, :3])
+        return acceleration
+
+
 @dataclass(frozen=True, eq=False)
 class Tracking:
-    """[M10] eq. (18): inverse dynamics of the reference's acceleration, and joint PD.
+    """[M10] eq. (18): inverse dynamics of a desired acceleration, and joint PD.
 
     Viscous damping of the joints is known to the robot's model but is not part of h; where there is
     inverse dynamics, it is compensated.
@@ -179,21 +226,21 @@ class Tracking:
         gains: of the feedback.
         law: the inverse dynamics; None for PD alone.
         belief: which contacts it counts on; None for the planned ones.
-        constant: (n,) N·m added to PD alone, such as what holds the home stance.
+        motive: which acceleration is desired; None for the reference's.
     """
 
     robot: Robot
     gains: Gains
     law: Feedforward | None = None
     belief: Belief | None = None
-    constant: np.ndarray | float = 0.0
+    motive: Motive | None = None
     geometry: ContactGeometry = field(init=False)
-    support: Support = field(init=False)
+    planned: Planned = field(init=False)
 
     def __post_init__(self) -> None:
         """Measure the feet."""
         object.__setattr__(self, "geometry", ContactGeometry.of(self.robot))
-        object.__setattr__(self, "support", Support.of(self.robot))
+        object.__setattr__(self, "planned", Planned(Support.of(self.robot)))
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""
@@ -208,25 +255,17 @@ class Tracking:
         """See `Controller`."""
         feedback = self.gains.torque(state, reference)
         if self.law is None:
-            return Command(np.zeros_like(feedback) + self.constant, feedback)
+            return Command(np.zeros_like(feedback), feedback)
         if self.belief is None:
             active = contact_points(self.geometry, reference.planted)
         else:
             active = self.belief(state, reference)
         contacts = reduced_contacts(self.geometry, terms, active)
-        acceleration = desired_acceleration(self.support, terms, reference)
+        motive = self.planned if self.motive is None else self.motive
+        acceleration = motive(state, terms, reference, contacts, memory)
         torque = self.law(acceleration, contacts, active, state, terms, memory)
         limit, friction = self.robot.torque_limit, self.robot.joint_damping * state.qvel[:, 6:]
         # What acts on the robot's rigid bodies: the motors' torque less the joints' friction.
         memory["applied"] = np.clip(torque + friction + feedback, -limit, limit) - friction
         memory["feedforward"] = torque
         return Command(torque + friction, feedback)
-
-
-def desired_acceleration(
-    support: Support, terms: DynamicsTerms, reference: Reference
-) -> np.ndarray:
-    """Return the reference's acceleration (N, nv) with its linear part turned into the world."""
-    acceleration = reference.qacc.copy()
-    acceleration[:, :3] = np.matvec(support.frame(terms).rotation, acceleration[:, :3])
-    return acceleration

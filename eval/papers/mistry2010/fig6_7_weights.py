@@ -44,7 +44,8 @@ def run(setting: Setting) -> Result:
         "measured force, 10 ms late": Tracking(robot, gains, MeasuredForce.of(robot, delay=5)),
         "force from the previous torque": Tracking(robot, gains, EstimatedForce()),
     }
-    rows, arrays = {}, {}
+    rows: dict[str, Any] = {}
+    arrays: dict[str, np.ndarray] = {}
     for progress, (name, controller) in zip(
         setting.progress.parts(list(controllers)), controllers.items(), strict=True
     ):

@@ -1,0 +1,374 @@
+"""[M10] figures 10 and 11: a quadruped walks over ground that it does not know."""
+
+import sys
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from eval.papers.camera import Camera
+from eval.papers.charts import Bars, bars, lines, traces
+from eval.papers.experiment import Experiment, Progress, Result, Setting, main
+from eval.papers.log import Log
+from eval.papers.mistry2010.controllers import (
+    Gains,
+    Limited,
+    Orthogonal,
+    Tracking,
+    measured_contacts,
+)
+from eval.papers.mistry2010.rivals import EstimatedForce, MeasuredForce
+from eval.papers.parts import Finding, figure, frames, heading, judged, table, text, video
+from eval.papers.trial import Trial, simulate
+from eval.wording import number, percent
+from fbid_gym.motions.crawl import Crawl, crawl
+from fbid_gym.robots import Robot, load
+from fbid_gym.robots.terrain import compile_world, make_terrain
+
+SPEED, SECONDS = 0.06, 12.0
+LOW, HIGH = (4.0, 0.7), (16.0, 0.7)
+"""Hz and damping ratio of the gains."""
+HERTZ = (2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0)
+ENOUGH = 0.5
+"""Share of the commanded way that a walk shall make to count as a success."""
+EVERY = 10
+SEED = 3
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A kind of ground: name and height in m of `fbid_gym.robots.terrain`."""
+
+    label: str
+    name: str
+    height: float
+
+
+GROUNDS = (
+    Ground("flat", "flat", 0.0),
+    Ground("obstacles 2 cm", "obstacles", 0.02),
+    Ground("obstacles 3 cm", "obstacles", 0.03),
+    Ground("obstacles 4 cm", "obstacles", 0.04),
+    Ground("rock board 4 cm", "rocks", 0.04),
+)
+MIDDLE = "obstacles 3 cm"
+
+FF, LOW_PD, HIGH_PD = "PD+FF, low gains", "PD, low gains", "PD, high gains"
+COLOURS = {FF: 0, LOW_PD: 5, HIGH_PD: 1}
+
+
+def controllers(robot: Robot) -> dict[str, Tracking]:
+    """Return the paper's three."""
+    return {
+        FF: Tracking(robot, Gains.of(robot, *LOW), Orthogonal()),
+        LOW_PD: Tracking(robot, Gains.of(robot, *LOW)),
+        HIGH_PD: Tracking(robot, Gains.of(robot, *HIGH)),
+    }
+
+
+def rivals(robot: Robot) -> dict[str, Tracking]:
+    """Return what is shown beside them, at the low gains."""
+    gains = Gains.of(robot, *LOW)
+    return {
+        "PD+FF, measured contacts": Tracking(robot, gains, Orthogonal(), measured_contacts(robot)),
+        "PD+FF, limited forces": Tracking(robot, gains, Limited.of(robot)),
+        "measured force, ideal sensor": Tracking(robot, gains, MeasuredForce.of(robot)),
+        "measured force, 10 ms late": Tracking(robot, gains, MeasuredForce.of(robot, delay=5)),
+        "force from the previous torque": Tracking(robot, gains, EstimatedForce()),
+    }
+
+
+def on(robot: Robot, ground: Ground) -> tuple[Robot, np.ndarray]:
+    """Return the robot in a world with this ground, and places (K, 2) to start from."""
+    terrain = make_terrain(ground.name, robot, height=ground.height, seed=SEED)
+    return replace(robot, model=compile_world(robot, terrain)), terrain.starts
+
+
+def courses(starts: np.ndarray, count: int) -> np.ndarray:
+    """Return random places and headings, (N, 3): a course each."""
+    rng = np.random.default_rng(SEED)
+    turn = rng.permutation(count) * 2 * np.pi / count
+    return np.concatenate([starts[rng.integers(len(starts), size=count)], turn[:, None]], axis=1)
+
+
+def run(setting: Setting) -> Result:
+    """Walk over every ground with every controller."""
+    robot = load("quadruped")
+    motion = crawl(robot)
+    count, seconds = setting.pick(64, 8), setting.pick(SECONDS, 4.0)
+    grounds = setting.pick(GROUNDS, (GROUNDS[0], GROUNDS[2], GROUNDS[4]))
+    cells = [(ground, name) for ground in grounds for name in controllers(robot)]
+    beside = [g for g in grounds if g.label in ("flat", MIDDLE)]
+    cells += [(ground, name) for ground in beside for name in rivals(robot)]
+    progress = iter(
+        setting.progress.part(0.0, 0.8, "grounds").parts([f"{n}, {g.label}" for g, n in cells])
+    )
+    rows: list[dict[str, Any]] = []
+    arrays: dict[str, np.ndarray] = {}
+    for ground, name in cells:
+        world, starts = on(robot, ground)
+        pose = courses(starts, count)
+        trial = Trial(
+            world, motion, seconds, count, speed=np.full(count, SPEED), pose=pose, every=EVERY
+        )
+        log = simulate(trial, (controllers(world) | rivals(world))[name], next(progress))
+        rows.append({"ground": ground.label, "name": name, **_summary(log, pose, seconds)})
+        if name in (FF, HIGH_PD) and ground.label in (MIDDLE, GROUNDS[-1].label):
+            chosen = _telling(log, pose, up=name == FF)
+            arrays |= log.of([chosen]).arrays(f"{ground.label}.{name}.")
+            arrays[f"{ground.label}.{name}.heading"] = pose[chosen, 2]
+    hertz = setting.pick(HERTZ, HERTZ[::3])
+    sweep = _sweep(robot, motion, hertz, setting, setting.progress.part(0.8, 0.95, "gains"))
+    log = simulate(
+        Trial(robot, motion, 2 * motion.period / motion.hz + 1e-9, speed=np.array([SPEED])),
+        controllers(robot)[FF],
+        setting.progress.part(0.95, 1.0, "torques"),
+    )
+    arrays |= log.arrays("steady.")
+    numbers = {
+        "rows": rows, "count": count, "seconds": seconds, "hertz": list(hertz), "sweep": sweep,
+        "grounds": [ground.label for ground in grounds],
+    }  # fmt: skip
+    return Result(findings(numbers), numbers, arrays)
+
+
+def _summary(log: Log, pose: np.ndarray, seconds: float) -> dict[str, float]:
+    """Share of successes, way, tracking error, and where the torque comes from."""
+    way = _way(log, pose)
+    good = log.survived & (way >= ENOUGH * SPEED * seconds)
+    error = np.sqrt((log.rms(log.error) ** 2).mean(axis=1))
+    total = float(np.nanmean(log.rms(log.torque)))
+    return {
+        "success": float(good.mean()),
+        "up": float(log.survived.mean()),
+        "way": float(np.median(way)),
+        "error": float(np.nanmean(error)),
+        "torque": total,
+        "feedforward": float(np.nanmean(log.rms(log.feedforward))) / total,
+        "feedback": float(np.nanmean(log.rms(log.feedback))) / total,
+    }
+
+
+def _way(log: Log, pose: np.ndarray) -> np.ndarray:
+    """How far each robot got along its first heading before it fell, if it did: (N,) m."""
+    last = np.maximum(log.up.sum(axis=0) - 1, 0)
+    path = log.qpos[last, np.arange(len(last)), :2] - log.qpos[0, :, :2]
+    return path[:, 0] * np.cos(pose[:, 2]) + path[:, 1] * np.sin(pose[:, 2])
+
+
+def _telling(log: Log, pose: np.ndarray, up: bool) -> int:
+    """A robot worth a picture: the one that climbed most of those that stayed up, or fell."""
+    climb = np.ptp(np.where(log.up, log.qpos[:, :, 2], log.qpos[:1, :, 2]), axis=0)
+    wanted = log.survived if up else ~log.survived
+    return int(np.argmax(np.where(wanted, climb, climb - 1.0)))
+
+
+def _sweep(
+    robot: Robot, motion: Crawl, hertz: tuple[float, ...], setting: Setting, progress: Progress
+) -> dict[str, list[dict[str, float]]]:
+    """Success against gains over the middle obstacles, with and without inverse dynamics."""
+    each, seconds = setting.pick(24, 4), setting.pick(SECONDS, 4.0)
+    world, starts = on(robot, next(g for g in GROUNDS if g.label == MIDDLE))
+    pose = np.tile(courses(starts, each), (len(hertz), 1))
+    gains = Gains.of(world, np.repeat(hertz, each), np.full(len(pose), LOW[1]))
+    trial = Trial(
+        world, motion, seconds, len(pose), speed=np.full(len(pose), SPEED), pose=pose, every=EVERY
+    )
+    found = {}
+    for name, law, low in (("PD+FF", Orthogonal(), 0.0), ("PD", None, 0.5)):
+        log = simulate(trial, Tracking(world, gains, law), progress.part(low, low + 0.5, name))
+        found[name] = [
+            _summary(log.of(part), pose[part], seconds)
+            for part in (slice(k * each, (k + 1) * each) for k in range(len(hertz)))
+        ]
+    return found
+
+
+def row(numbers: dict[str, Any], ground: str, name: str) -> dict[str, Any]:
+    """Return one cell."""
+    return next(r for r in numbers["rows"] if (r["ground"], r["name"]) == (ground, name))
+
+
+def findings(numbers: dict[str, Any]) -> list[Finding]:
+    """What the paper shows by video and plot, in numbers."""
+    rough = [ground for ground in numbers["grounds"] if ground != "flat"]
+
+    def success(name: str) -> float:
+        return float(np.mean([row(numbers, ground, name)["success"] for ground in rough]))
+
+    flat = row(numbers, "flat", FF)
+    three = [success(name) for name in (FF, HIGH_PD, LOW_PD)]
+    errors = [1e3 * row(numbers, "flat", name)["error"] for name in (FF, HIGH_PD, LOW_PD)]
+    return [
+        judged(
+            "success on unknown ground: low-gain PD+FF, high-gain PD, low-gain PD",
+            "PD+FF walks, high-gain PD is too stiff",
+            ", ".join(percent(share) for share in three),
+            "PD+FF ahead of both",
+            three[0] > max(three[1:]),
+        ),
+        *(
+            Finding(
+                f"{ground}, in the same order",
+                "PD+FF walks",
+                ", ".join(
+                    percent(row(numbers, ground, name)["success"]) for name in (FF, HIGH_PD, LOW_PD)
+                ),
+            )
+            for ground in rough
+        ),
+        judged(
+            "RMS tracking error on flat ground, in the same order, mrad",
+            "tracks (plot)",
+            ", ".join(number(value) for value in errors),
+            "PD+FF below both",
+            errors[0] < min(errors[1:]),
+        ),
+        judged(
+            "share of feedforward and of feedback in the torque, flat ground",
+            "feedforward is the main contributor",
+            f"{percent(flat['feedforward'])} and {percent(flat['feedback'])}",
+            "feedforward larger",
+            flat["feedforward"] > flat["feedback"],
+        ),
+    ]
+
+
+def show(result: Result) -> str:
+    """Draw the section."""
+    numbers, arrays = result.numbers, result.arrays
+    grounds = numbers["grounds"]
+    names = tuple(COLOURS)
+    steady = Log.from_arrays(arrays, "steady.")
+    robot = load("quadruped")
+    knee = robot.joint_names.index("hind_right_knee")
+    total = (steady.feedforward + steady.feedback)[:, 0, knee]
+    parts = [
+        _film(arrays, GROUNDS[-1], FF, robot),
+        _strip(arrays, MIDDLE, FF, robot, "Low-gain PD+FF over obstacles that it does not know."),
+        _strip(arrays, MIDDLE, HIGH_PD, robot, "High-gain PD on a course where it falls, if any."),
+        figure(
+            [
+                bars(
+                    grounds,
+                    [
+                        Bars(n, COLOURS[n], [row(numbers, g, n)["success"] for g in grounds])
+                        for n in names
+                    ],
+                    "Success", percent, 1.0,
+                ),
+                lines(
+                    numbers["hertz"],
+                    [
+                        (n, c, [cell["success"] for cell in numbers["sweep"][n]])
+                        for n, c in (("PD+FF", 0), ("PD", 1))
+                    ],
+                    f"Success, {MIDDLE}", "gains, Hz", (0.0, 1.04), percent,
+                ),
+            ],
+            f"{numbers['count']} random courses each, {number(numbers['seconds'])} s at "
+            f"{number(100 * SPEED)} cm/s. Success: does not fall, and makes at least half of the "
+            "way. Right: all gains of PD, with and without inverse dynamics.",
+        ),
+        figure(
+            [
+                traces(
+                    steady.time,
+                    [
+                        ("desired", 7, steady.target[:, 0, knee]),
+                        ("PD+FF", 0, steady.qpos[:, 0, 7 + knee]),
+                    ],
+                    "Right hind knee, rad",
+                ),
+                traces(
+                    steady.time,
+                    [
+                        ("total", 7, total),
+                        ("feedforward", 2, steady.feedforward[:, 0, knee]),
+                        ("feedback", 5, steady.feedback[:, 0, knee]),
+                    ],
+                    "Its torque, N·m",
+                ),
+            ],
+            "A steady walk on flat ground, two periods, as the paper's figure 11. The torque jumps "
+            "where the planned contacts switch.",
+        ),
+        heading("Beside it, at the same low gains"),
+        _table(numbers),
+        text(
+            "The planned contacts are wrong on this ground most of the time: feet touch early or "
+            "late, and the body tilts. PD+FF with measured contacts uses the contacts that there "
+            "are."
+        ),
+    ]  # fmt: skip
+    return "".join(parts)
+
+
+def _strip(arrays: dict[str, np.ndarray], label: str, name: str, robot: Robot, caption: str) -> str:
+    prefix = f"{label}.{name}."
+    if f"{prefix}time" not in arrays:
+        return ""
+    log = Log.from_arrays({k: v for k, v in arrays.items() if not k.endswith("heading")}, prefix)
+    ground = next(g for g in GROUNDS if g.label == label)
+    world, _ = on(robot, ground)
+    end = log.time[-1] if np.isnan(log.fell[0]) else min(log.fell[0] + 0.1, log.time[-1])
+    moments = np.linspace(max(end - 4.0, 0.0), end, 6)
+    at = np.minimum(np.searchsorted(log.time, moments), len(log.time) - 1)
+    azimuth = float(np.degrees(arrays[f"{prefix}heading"])) + 115.0
+    with Camera(world, 300, 240, azimuth=azimuth, elevation=-22.0) as camera:
+        images = camera.strip(
+            log.qpos[at, 0], log.push[at, 0], [f"{t:.1f} s" for t in log.time[at]]
+        )
+    return frames(images, caption, f"the quadruped on {label}")
+
+
+def _film(arrays: dict[str, np.ndarray], ground: Ground, name: str, robot: Robot) -> str:
+    prefix = f"{ground.label}.{name}."
+    if f"{prefix}time" not in arrays:
+        return ""
+    log = Log.from_arrays({k: v for k, v in arrays.items() if not k.endswith("heading")}, prefix)
+    world, _ = on(robot, ground)
+    azimuth = float(np.degrees(arrays[f"{prefix}heading"])) + 115.0
+    with Camera(world, 640, 480, azimuth=azimuth, elevation=-22.0) as camera:
+        clip = camera.clip(log.time, log.qpos[:, 0], log.push[:, 0], 20.0)
+    return video(clip.mp4(30), f"Low-gain PD+FF on the {ground.label}, which it does not know.")
+
+
+def _table(numbers: dict[str, Any]) -> str:
+    rows = [
+        [
+            f"{r['ground']}: {r['name']}",
+            percent(r["success"]),
+            percent(r["up"]),
+            number(r["way"], 2),
+            number(1e3 * r["error"]),
+            number(r["torque"]),
+            percent(r["feedforward"]),
+            percent(r["feedback"]),
+        ]
+        for ground in numbers["grounds"]
+        for r in numbers["rows"]
+        if r["ground"] == ground
+    ]
+    heads = [
+        "", "success", "stays up", "way, m", "error, mrad", "torque, N·m", "feedforward",
+        "feedback",
+    ]  # fmt: skip
+    return table(heads, rows)
+
+
+EXPERIMENT = Experiment(
+    module="eval.papers.mistry2010.fig10_11_quadruped",
+    title="Figures 10 and 11: a quadruped on unknown ground",
+    about=(
+        "A statically stable walk of a robot of LittleDog's size, planned for flat ground, on "
+        "flat ground, over unperceived planks and over a rock board. The paper shows a video and "
+        "one plot; ours counts random courses. Neither controller knows where it is: joints only."
+    ),
+    run=run,
+    show=show,
+    minutes=6.0,
+)
+
+if __name__ == "__main__":
+    sys.exit(main(EXPERIMENT))
