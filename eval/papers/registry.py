@@ -45,6 +45,13 @@ PAPERS = (
             "fig4_slow_squat",
             "fig5_fast_squat",
             "fig6_7_weights",
+            "fig8_9_stepping",
+            "fig10_11_quadruped",
+            "identification",
+            "claim_continuity",
+            "claim_wrong_contacts",
+            "claim_model_errors",
+            "claim_minimum_norm",
         ),
     ),
     Entry(
