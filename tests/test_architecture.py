@@ -39,6 +39,7 @@ FRIENDS = {"eval", "train"}
 # Where a library may be imported: units, or single modules.
 ONLY_IN = {
     "pinocchio": {"dynamics"},
+    "numba": {"control"},
     "torch": {"train", "eval", "fbid_gym.envs.sb3"},
     "stable_baselines3": {"train", "eval", "fbid_gym.envs.sb3"},
 }

@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 import array_api_compat
+import numpy as np
 
 from fbid_gym.errors import ShapeError
 
@@ -62,6 +63,23 @@ def diagonal(entries: tuple[float, ...], like: Array) -> Array:
 def matvec(matrix: Array, vector: Array) -> Array:
     """Batched matrix-vector product: (N, a, b) times (N, b) gives (N, a)."""
     return (matrix @ vector[..., None])[..., 0]
+
+
+def as_numpy(array: Array) -> np.ndarray:
+    """The array in float64 on the host, contiguous; itself if it is that already."""
+    if not isinstance(array, np.ndarray):
+        array = array_api_compat.to_device(array.detach(), "cpu").numpy()
+    return np.ascontiguousarray(array, np.float64)
+
+
+def from_numpy(array: np.ndarray, like: Array) -> Array:
+    """The array on `like`'s device and, unless it holds integers, of its type."""
+    if isinstance(like, np.ndarray):
+        return array.astype(like.dtype, copy=False) if array.dtype.kind == "f" else array
+    xp = namespace(like)
+    return xp.asarray(
+        array, dtype=like.dtype if array.dtype.kind == "f" else None, device=like.device
+    )
 
 
 def check_shape(name: str, array: Array, expected: tuple[int, ...], axes: str) -> None:

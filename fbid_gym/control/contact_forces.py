@@ -28,20 +28,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fbid_gym.control.arrays import Array, check_shape, namespace
-from fbid_gym.control.dual_newton import (
-    DualProblem,
-    DualSolution,
-    evaluate,
-    solve_dual,
-    sticking_forces,
-)
+from fbid_gym.control.dual_newton import DualProblem, solve_dual, sticking_forces
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 REGULARISATION = 1e-4
 TOLERANCE = 1e-4
 MAX_ITERATIONS = 8
-_STAGES = (1e-1, 1e-2, 1e-3)
-_ROUGH = 1e-2
 _LARGEST = float(np.finfo(np.float64).max)
 
 
@@ -207,39 +199,11 @@ def _check_limits(limits: ContactLimits, count: int, points: int) -> None:
 
 
 @lru_cache(maxsize=256)
-def _limit_arrays(
-    limits: ContactLimits, xp: ModuleType, dtype: Any, device: Any
-) -> tuple[Array, Array, Array, Array]:
-    """Friction, 1 / (1 + friction^2), lowest and highest normal force."""
-    friction = limits.friction
-    arrays = (friction, 1.0 / (1.0 + friction**2), limits.min_normal_force, limits.max_normal_force)
-    friction, share, lowest, highest = (xp.asarray(x, dtype=dtype, device=device) for x in arrays)
-    return friction, share, lowest, highest
-
-
-def _persist(problem: DualProblem, start: Array, spent: int) -> DualSolution:
-    """Solve what `spent` Newton steps from `start` did not.
-
-    A cold start by way of stronger regularisations, each easier and close to the next, rarely
-    fails. What it leaves unsolved gets the better of its last forces and those at `start`.
-    """
-    xp = namespace(start)
-    dual, taken = xp.zeros_like(start), spent
-    rough = xp.maximum(problem.tolerance, _ROUGH**2 * xp.vecdot(problem.wrench, problem.wrench))
-    for regularisation in _STAGES:
-        if regularisation > problem.regularisation:
-            stage = problem._replace(regularisation=regularisation, tolerance=rough)
-            solution = solve_dual(stage, dual, 2 * spent)
-            dual, taken = solution.dual, taken + solution.iterations
-    solution, first = solve_dual(problem, dual, 2 * spent), evaluate(problem, start)
-    better = (solution.error > problem.tolerance) & (
-        xp.vecdot(first.missing, first.missing) < xp.vecdot(solution.missing, solution.missing)
-    )
-    return solution._replace(
-        force=xp.where(better[:, None, None], first.force, solution.force),
-        missing=xp.where(better[:, None], first.missing, solution.missing),
-        iterations=solution.iterations + taken,
-    )
+def _limit_array(limits: ContactLimits, xp: ModuleType, dtype: Any, device: Any) -> Array:
+    """(..., 3): friction, lowest and highest normal force."""
+    numbers = (limits.friction, limits.min_normal_force, limits.max_normal_force)
+    stacked = np.stack(np.broadcast_arrays(*numbers), axis=-1)
+    return xp.asarray(stacked, dtype=dtype, device=device)
 
 
 def solve_contact_forces(
@@ -272,24 +236,16 @@ def solve_contact_forces(
     """
     xp = namespace(wrench_map)
     problem = dual_problem(wrench_map, wrench, limits, weight, active, regularisation, tolerance)
-    force, dual, sticks = sticking_forces(
-        wrench_map, wrench, problem.friction, problem.lowest, problem.highest
-    )
+    force, dual, sticks = sticking_forces(wrench_map, wrench, problem.limits)
     kind = {"dtype": wrench.dtype, "device": wrench.device}
     missing = xp.zeros(wrench.shape, **kind)
+    iterations = xp.zeros(sticks.shape, dtype=xp.int64, device=wrench.device)
     if sticks.all():
-        iterations = xp.zeros(sticks.shape, dtype=xp.int64, device=wrench.device)
         return ContactForces(force, missing, missing[:, 0], iterations, dual)
     rows = xp.nonzero(~sticks)[0]
     start = xp.zeros(wrench.shape, **kind) if warm_start is None else warm_start
-    problem, start = problem.rows(rows), start[rows]
-    solution = solve_dual(problem, start, max_iterations)
-    unsolved = solution.error > problem.tolerance
-    if unsolved.any():
-        hard = xp.nonzero(unsolved)[0]
-        solution.write(hard, _persist(problem.rows(hard), start[hard], max_iterations))
+    solution = solve_dual(problem.rows(rows), start[rows], max_iterations)
     force[rows], missing[rows], dual[rows] = solution.force, solution.missing, solution.dual
-    iterations = xp.zeros(sticks.shape, dtype=xp.int64, device=wrench.device)
     iterations[rows] = solution.iterations
     residual = xp.sqrt(xp.vecdot(missing, missing)) / weight
     return ContactForces(force, missing, residual, iterations, dual)
@@ -306,16 +262,14 @@ def dual_problem(
 ) -> DualProblem:
     """The problem that `solve_contact_forces` solves, with its arguments."""
     xp = namespace(wrench)
-    friction, share, lowest, highest = _limit_arrays(limits, xp, wrench.dtype, wrench.device)
+    count, points = wrench_map.shape[0], wrench_map.shape[2] // 3
+    values = _limit_array(limits, xp, wrench.dtype, wrench.device)
     if active is not None:
-        lowest, highest = xp.where(active, lowest, 0.0), xp.where(active, highest, 0.0)
+        values = xp.where(active[..., None], values, 0.0)
     return DualProblem(
         wrench_map,
         wrench,
-        friction,
-        share,
-        lowest,
-        highest,
-        (tolerance * weight) ** 2,
+        xp.broadcast_to(values, (count, points, 3)),
+        xp.broadcast_to(tolerance * weight, (count,)),
         regularisation,
     )

@@ -1,73 +1,79 @@
 """Semismooth Newton method for the six-dimensional dual of the contact force problem.
 
-Solves eps u + G Pi_C(G^T u) = w for N robots, see `contact_forces`. The left side is the gradient
-of a strongly convex function of u, its generalised Jacobian is a sum over contact points, and the
-projection Pi_C onto each point's limits is exact.
+Solves eps u + G Pi_C(G^T u) = w, see `contact_forces`. The left side is the gradient of a strongly
+convex function of u, its generalised Jacobian is a sum over contact points, and the projection Pi_C
+onto each point's limits is exact.
+
+Compiled, one robot after another. Robots need very different numbers of steps, so that as array
+operations the few slow ones would cost as much as all of them, and hold Python's lock meanwhile.
+Neither a robot's result nor its cost depends on who else is in the batch.
 """
 
 from typing import NamedTuple
 
-from fbid_gym.control.arrays import Array, constant, identity, namespace
+import numpy as np
+from numba import njit
+
+from fbid_gym.control.arrays import Array, as_numpy, from_numpy, identity, namespace
 
 _SLOPE_REDUCTION = 0.5
 _STEPS = (0.0, 0.004, 0.016, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 6.0)
 _LINE_SEARCH_EVALUATIONS = 3
+_STAGES = (1e-1, 1e-2, 1e-3)
+_ROUGH = 1e-2
 _FAINT = 1e-9  # regularisation that costs no accuracy but keeps a matrix regular
 _TINY = 1e-150  # keeps the direction of a zero tangential force defined
 
+# Division by zero gives infinity, as in NumPy, and other threads run meanwhile.
+compiled = njit(cache=True, nogil=True, error_model="numpy")
+
 
 class DualProblem(NamedTuple):
-    """The scaled problem: eps u + G Pi_C(G^T u) = w, u in N."""
+    """The scaled problems of N robots: eps u + G Pi_C(G^T u) = w."""
 
     wrench_map: Array  # (N, 6, 3 P)
     wrench: Array  # (N, 6)
-    friction: Array  # (N, P), (P,) or (), as the next three
-    share: Array  # 1 / (1 + mu^2)
-    lowest: Array
-    highest: Array
-    tolerance: Array  # (N,) or (), N^2: of the squared error
+    limits: Array  # (N, P, 3): friction coefficient, least and greatest normal force
+    tolerance: Array  # (N,): of the norm of the error
     regularisation: float
 
     def rows(self, rows: Array) -> "DualProblem":
-        """The problem of some robots."""
-
-        def pick(limit: Array) -> Array:
-            return limit[rows] if limit.ndim == 2 and limit.shape[0] > 1 else limit
-
-        return DualProblem(
-            self.wrench_map[rows],
-            self.wrench[rows],
-            pick(self.friction),
-            pick(self.share),
-            pick(self.lowest),
-            pick(self.highest),
-            self.tolerance[rows] if self.tolerance.ndim else self.tolerance,
-            self.regularisation,
-        )
+        """The problems of some robots."""
+        return DualProblem(*(x[rows] for x in self[:4]), self.regularisation)
 
 
-class DualPoint(NamedTuple):
-    """A dual point, the forces it stands for, and the optimality condition there."""
+class DualSolution(NamedTuple):
+    """Dual points of N robots, and the forces they stand for."""
 
     dual: Array  # (N, 6)
-    free: Array  # (N, P, 3): forces before projection
-    slide: Array  # (N, P): tangential size of `free`
-    cone: Array  # (N, P): normal force where the cone's side is nearest
-    ratio: Array  # (N, P): factor on the tangential force, 1 if sticking
     force: Array  # (N, P, 3)
     missing: Array  # (N, 6): scaled wrench of `force`, less the desired one
-    gradient: Array  # (N, 6)
-    error: Array  # (N,): squared norm of `gradient`
-
-    def rows(self, rows: Array) -> "DualPoint":
-        """The points of some robots."""
-        return DualPoint(*(x[rows] for x in self))
+    iterations: Array  # (N,): Newton steps
 
 
-def project(
-    free: Array, friction: Array, share: Array, lowest: Array, highest: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Nearest forces within the limits, exactly.
+class Robot(NamedTuple):
+    """The problem of one robot."""
+
+    wrench_map: np.ndarray  # (6, 3 P)
+    wrench: np.ndarray  # (6,)
+    limits: np.ndarray  # (P, 3)
+
+
+class Point(NamedTuple):
+    """A dual point of one robot, and what follows from it; buffers to write to."""
+
+    dual: np.ndarray  # (6,)
+    free: np.ndarray  # (P, 3): G^T dual, the forces before projection
+    force: np.ndarray  # (P, 3)
+    missing: np.ndarray  # (6,): scaled wrench of `force`, less the desired one
+    gradient: np.ndarray  # (6,): missing + eps dual, zero at the solution
+
+
+@compiled
+def nearest_force(
+    free: np.ndarray, limits: np.ndarray, force: np.ndarray
+) -> tuple[float, float, float]:
+    """Write the nearest force within a point's limits to `force`, exactly.
 
     In the half-plane of tangential size s and normal force z the limits are a wedge s <= mu z cut
     at two heights. Its nearest point has the normal force clip(max(z, (z + mu s) / (1 + mu^2))),
@@ -75,36 +81,299 @@ def project(
     to mu times the normal force if it is longer.
 
     Args:
-        free: (N, P, 3) N, tangential, tangential, normal.
-        friction: mu; this and the following broadcast to (N, P).
-        share: 1 / (1 + mu^2).
-        lowest: N, least normal force.
-        highest: N, greatest normal force.
+        free: (3,) N, tangential, tangential, normal.
+        limits: (3,) friction coefficient mu, least and greatest normal force.
+        force: (3,) N, to write to.
 
     Returns:
-        Force (N, P, 3), then (N, P) each: s, (z + mu s) / (1 + mu^2), and the tangential factor.
+        The tangential size s, (z + mu s) / (1 + mu^2), and the factor on the tangential force.
     """
-    xp = namespace(free)
-    normal = free[..., 2]
-    slide = xp.hypot(free[..., 0], free[..., 1]) + _TINY
-    cone = (normal + friction * slide) * share
-    normal = xp.minimum(xp.maximum(xp.maximum(normal, cone), lowest), highest)
-    ratio = xp.minimum(friction * normal / slide, constant(1.0, free))
-    force = xp.concat([free[..., :2] * ratio[..., None], normal[..., None]], axis=-1)
-    return force, slide, cone, ratio
+    friction = limits[0]
+    slide = np.hypot(free[0], free[1]) + _TINY
+    cone = (free[2] + friction * slide) / (1.0 + friction * friction)
+    normal = np.minimum(np.maximum(np.maximum(free[2], cone), limits[1]), limits[2])
+    ratio = np.minimum(friction * normal / slide, 1.0)
+    force[0], force[1], force[2] = ratio * free[0], ratio * free[1], normal
+    return slide, cone, ratio
 
 
-def sticking_forces(
-    maps: Array, wrench: Array, friction: Array, lowest: Array, highest: Array
-) -> tuple[Array, Array, Array]:
+@compiled
+def evaluate(robot: Robot, regularisation: float, point: Point) -> float:
+    """Update a point from its dual; returns the norm of the gradient."""
+    maps, flat = robot.wrench_map, point.force.size
+    missing = point.missing
+    for row in range(6):
+        missing[row] = -robot.wrench[row]
+    for i in range(flat // 3):
+        for axis in range(3):
+            total = 0.0
+            for row in range(6):
+                total += maps[row, 3 * i + axis] * point.dual[row]
+            point.free[i, axis] = total
+        nearest_force(point.free[i], robot.limits[i], point.force[i])
+        for axis in range(3):
+            for row in range(6):
+                missing[row] += maps[row, 3 * i + axis] * point.force[i, axis]
+    _go(missing, point.dual, regularisation, point.gradient)
+    return np.sqrt(_square(point.gradient))
+
+
+@compiled
+def jacobian_at(robot: Robot, regularisation: float, point: Point, jacobian: np.ndarray) -> None:
+    """Write a generalised Jacobian of the gradient, sum G_i D_i G_i^T + eps, to `jacobian` (6, 6).
+
+    A sticking point passes its force on unchanged, but not a normal force at its bounds. A sliding
+    point passes it on along the cone's side (mu r + n, r the direction of sliding), and across r
+    scaled by the tangential factor.
+    """
+    maps, slope, scratch = robot.wrench_map, np.empty((3, 3)), np.empty(3)
+    jacobian[:] = 0.0
+    for row in range(6):
+        jacobian[row, row] = regularisation
+    for i in range(len(robot.limits)):
+        friction, lowest, highest = robot.limits[i]
+        slide, cone, ratio = nearest_force(point.free[i], robot.limits[i], scratch)
+        normal = scratch[2]
+        slope[:] = 0.0
+        if ratio >= 1.0:
+            slope[0, 0] = slope[1, 1] = 1.0
+            slope[2, 2] = 1.0 if normal == point.free[i, 2] else 0.0
+        elif normal > 0.0:
+            x, y = point.free[i, 0] / slide, point.free[i, 1] / slide
+            slope[0, 0], slope[1, 1] = ratio * y * y, ratio * x * x
+            slope[0, 1] = slope[1, 0] = -ratio * x * y
+            if lowest <= cone <= highest:
+                side = (friction * x, friction * y, 1.0)
+                for a in range(3):
+                    for b in range(3):
+                        slope[a, b] += side[a] * side[b] / (1.0 + friction * friction)
+        else:
+            continue
+        for row in range(6):
+            for b in range(3):
+                scratch[b] = 0.0
+                for a in range(3):
+                    scratch[b] += maps[row, 3 * i + a] * slope[a, b]
+            for column in range(row + 1):
+                total = 0.0
+                for b in range(3):
+                    total += scratch[b] * maps[column, 3 * i + b]
+                jacobian[row, column] += total
+    for row in range(6):
+        for column in range(row):
+            jacobian[column, row] = jacobian[row, column]
+
+
+@compiled
+def _square(vector: np.ndarray) -> float:
+    total = 0.0
+    for x in vector:
+        total += x * x
+    return total
+
+
+@compiled
+def _go(start: np.ndarray, change: np.ndarray, step: float, end: np.ndarray) -> None:
+    """Write start + step change to `end`."""
+    for i in range(len(end)):
+        end[i] = start[i] + step * change[i]
+
+
+@compiled
+def _copy(point: Point, to: Point) -> None:
+    for i in range(6):
+        to.dual[i], to.missing[i] = point.dual[i], point.missing[i]
+        to.gradient[i] = point.gradient[i]
+    for i in range(len(point.force)):
+        for axis in range(3):
+            to.free[i, axis], to.force[i, axis] = point.free[i, axis], point.force[i, axis]
+
+
+@compiled
+def _solve_positive_definite(matrix: np.ndarray, vector: np.ndarray) -> None:
+    """Overwrite `vector` with matrix^-1 vector, and the lower half of the matrix with its factor.
+
+    LAPACK would refuse a matrix that is not finite, and the whole batch with it.
+    """
+    size = len(vector)
+    for i in range(size):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = np.sqrt(total) if i == j else total / matrix[j, j]
+        total = vector[i]
+        for k in range(i):
+            total -= matrix[i, k] * vector[k]
+        vector[i] = total / matrix[i, i]
+    for i in range(size - 1, -1, -1):
+        total = vector[i]
+        for k in range(i + 1, size):
+            total -= matrix[k, i] * vector[k]
+        vector[i] = total / matrix[i, i]
+
+
+@compiled
+def _slope(
+    robot: Robot, point: Point, trial: Point, offset: float, growth: float, step: float
+) -> float:
+    """Slope of the dual function at a share `step` of the way from `point` to `trial`.
+
+    It needs the free forces, which are linear on the way, and no product with the map.
+    """
+    slope, free, force = offset + growth * step, np.empty(3), np.empty(3)
+    for i in range(len(robot.limits)):
+        for axis in range(3):
+            way = trial.free[i, axis] - point.free[i, axis]
+            free[axis] = point.free[i, axis] + step * way
+        nearest_force(free, robot.limits[i], force)
+        for axis in range(3):
+            slope += force[axis] * (trial.free[i, axis] - point.free[i, axis])
+    return slope
+
+
+@compiled
+def _line_search(
+    robot: Robot, regularisation: float, point: Point, trial: Point, change: np.ndarray
+) -> float:
+    """Return a better share of a Newton step `change` whose full length, `trial`, is not good.
+
+    The dual function is convex with kinks along the line; its slope brackets the minimum.
+    """
+    first, last, growth, offset = 0.0, 0.0, 0.0, 0.0
+    for row in range(6):
+        first += change[row] * point.gradient[row]
+        last += change[row] * trial.gradient[row]
+        growth += regularisation * change[row] * change[row]
+        offset += change[row] * (regularisation * point.dual[row] - robot.wrench[row])
+    goal = _SLOPE_REDUCTION * abs(first)
+    if not abs(last) > goal:
+        return 1.0
+    # A coarse grid brackets the minimum,
+    low, low_slope = 0.0, first
+    high, high_slope = 0.0, first
+    for grid_step in _STEPS[1:]:
+        low, low_slope = high, high_slope
+        high, high_slope = grid_step, _slope(robot, point, trial, offset, growth, grid_step)
+        if not high_slope < 0.0:
+            break
+    # and regula falsi (Illinois) refines it.
+    step = 1.0
+    for _ in range(_LINE_SEARCH_EVALUATIONS):
+        rise = high_slope - low_slope
+        step = min(low - (high - low) * low_slope / rise, high) if rise > 0.0 else high
+        slope = _slope(robot, point, trial, offset, growth, step)
+        if not abs(slope) > goal:
+            break
+        if slope < 0.0:
+            low, low_slope, high_slope = step, slope, 0.5 * high_slope
+        else:
+            high, high_slope, low_slope = step, slope, 0.5 * low_slope
+    return step
+
+
+@compiled
+def _newton(
+    robot: Robot, regularisation: float, tolerance: float, budget: int, point: Point, trial: Point
+) -> tuple[float, int]:
+    """Improve a point until solved or `budget` steps are spent; returns its error, and the steps.
+
+    `trial` is a buffer.
+    """
+    change, jacobian, taken = np.empty(6), np.empty((6, 6)), 0
+    error = evaluate(robot, regularisation, point)
+    while error > tolerance and taken < budget:
+        jacobian_at(robot, regularisation, point, jacobian)
+        for row in range(6):
+            change[row] = -point.gradient[row]
+        _solve_positive_definite(jacobian, change)
+        _go(point.dual, change, 1.0, trial.dual)
+        error = evaluate(robot, regularisation, trial)
+        if error > tolerance:
+            step = _line_search(robot, regularisation, point, trial, change)
+            if step != 1.0:
+                _go(point.dual, change, step, trial.dual)
+                error = evaluate(robot, regularisation, trial)
+        _copy(trial, point)
+        taken += 1
+    return error, taken
+
+
+@compiled
+def _persist(
+    robot: Robot, regularisation: float, tolerance: float, budget: int, point: Point, trial: Point
+) -> int:
+    """Solve what Newton's method from a warm start did not; returns the steps.
+
+    A cold start by way of stronger regularisations, each easier and close to the next, rarely
+    fails.
+    """
+    taken = 0
+    point.dual[:] = 0.0
+    rough = max(tolerance, _ROUGH * np.sqrt(_square(robot.wrench)))
+    for stage in _STAGES:
+        if stage > regularisation:
+            taken += _newton(robot, stage, rough, budget, point, trial)[1]
+    return taken + _newton(robot, regularisation, tolerance, budget, point, trial)[1]
+
+
+@compiled
+def _solve(
+    maps: np.ndarray,
+    wrench: np.ndarray,
+    limits: np.ndarray,
+    tolerance: np.ndarray,
+    regularisation: float,
+    start: np.ndarray,
+    budget: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    count, points = limits.shape[:2]
+    dual, missing = np.empty((count, 6)), np.empty((count, 6))
+    force, taken = np.empty((count, points, 3)), np.zeros(count, np.int64)
+    six, many = (2, 6), (2, points, 3)
+    duals, frees, forces = np.empty(six), np.empty(many), np.empty(many)
+    misses, gradients = np.empty(six), np.empty(six)
+    point = Point(duals[0], frees[0], forces[0], misses[0], gradients[0])
+    trial = Point(duals[1], frees[1], forces[1], misses[1], gradients[1])
+    for i in range(count):
+        robot, accuracy = Robot(maps[i], wrench[i], limits[i]), tolerance[i]
+        point.dual[:] = start[i]
+        error, taken[i] = _newton(robot, regularisation, accuracy, budget, point, trial)
+        if error > accuracy:
+            taken[i] += _persist(robot, regularisation, accuracy, 2 * budget, point, trial)
+            error = np.sqrt(_square(point.gradient))
+        dual[i], force[i], missing[i] = point.dual, point.force, point.missing
+        if error > accuracy:
+            # The better of the last forces and those of the warm start.
+            point.dual[:] = start[i]
+            evaluate(robot, regularisation, point)
+            if _square(point.missing) < _square(missing[i]):
+                force[i], missing[i] = point.force, point.missing
+    return dual, force, missing, taken
+
+
+def solve_dual(problem: DualProblem, start: Array, budget: int) -> DualSolution:
+    """Solve the dual problems of N robots.
+
+    Args:
+        problem: of N robots, on any device; torch tensors are solved on the host.
+        start: (N, 6) dual points to begin with.
+        budget: Newton steps before a robot is solved anew, cold and by way of stronger
+            regularisations, in four rounds of at most twice as many steps. What that leaves
+            unsolved gets the better of its last forces and those at `start`.
+    """
+    arrays = [as_numpy(x) for x in problem[:4]]
+    found = _solve(*arrays, problem.regularisation, as_numpy(start), budget)
+    return DualSolution(*(from_numpy(x, like=start) for x in found))
+
+
+def sticking_forces(maps: Array, wrench: Array, limits: Array) -> tuple[Array, Array, Array]:
     """The smallest forces that deliver a wrench exactly, and whether they are within the limits.
 
     Args:
         maps: (N, 6, 3 P).
         wrench: (N, 6).
-        friction: broadcasts to (N, P), as the next two.
-        lowest: N, least normal force.
-        highest: N, greatest normal force.
+        limits: (N, P, 3) friction coefficient, least and greatest normal force.
 
     Returns:
         Force (N, P, 3), dual (N, 6), and (N,) bool: they deliver it, and every point sticks.
@@ -116,161 +385,10 @@ def sticking_forces(
     force = (dual[:, None, :] @ maps).reshape(count, columns // 3, 3)
     normal = force[..., 2]
     within = (
-        (xp.hypot(force[..., 0], force[..., 1]) <= friction * normal)
-        & (normal >= lowest)
-        & (normal <= highest)
+        (xp.hypot(force[..., 0], force[..., 1]) <= limits[..., 0] * normal)
+        & (normal >= limits[..., 1])
+        & (normal <= limits[..., 2])
     )
     # What is missing is _FAINT * dual: all that no force can deliver, else nothing.
     delivered = xp.vecdot(dual, dual) <= (1e-6 / _FAINT) ** 2 * xp.vecdot(wrench, wrench)
     return force, dual, xp.all(within, axis=-1) & delivered
-
-
-def evaluate(problem: DualProblem, dual: Array) -> DualPoint:
-    """Forces and optimality condition at a dual point (N, 6)."""
-    maps = problem.wrench_map
-    count, _, columns = maps.shape
-    free = (dual[:, None, :] @ maps).reshape(count, columns // 3, 3)
-    force, slide, cone, ratio = project(free, *problem[2:6])
-    missing = (maps @ force.reshape(count, columns, 1))[..., 0] - problem.wrench
-    gradient = missing + problem.regularisation * dual
-    error = namespace(dual).vecdot(gradient, gradient)
-    return DualPoint(dual, free, slide, cone, ratio, force, missing, gradient, error)
-
-
-def hessian_at(problem: DualProblem, point: DualPoint) -> Array:
-    """A generalised Jacobian of the gradient, (N, 6, 6).
-
-    A sticking point passes its force on unchanged, but not a normal force at its bounds. A sliding
-    point passes it on along the cone's side (mu r + n, r the direction of sliding), and across r
-    scaled by `ratio`.
-    """
-    xp = namespace(point.dual)
-    maps, ratio = problem.wrench_map, point.ratio
-    count, _, columns = maps.shape
-    normal = point.force[..., 2]
-    inside = (normal == point.free[..., 2]) & (ratio >= 1.0)
-    factor, passes = ratio[..., None], xp.astype(inside, maps.dtype)[..., None]
-    factors = xp.concat([factor, factor, passes], axis=-1).reshape(count, 1, columns)
-    hessian = (maps * factors) @ maps.mT + identity(6, maps, problem.regularisation)
-    slides = (ratio < 1.0) & (normal > 0.0)
-    return hessian + _sliding(problem, point, slides) if slides.any() else hessian
-
-
-def _sliding(problem: DualProblem, point: DualPoint, slides: Array) -> Array:
-    """What sliding points add to the Jacobian: the cone's side, less the radial part in it."""
-    xp = namespace(point.dual)
-    maps, cone = problem.wrench_map, point.cone
-    count, _, columns = maps.shape
-    on_side = slides & (cone >= problem.lowest) & (cone <= problem.highest)
-    direction = (point.free[..., :2] / point.slide[..., None])[:, None]
-    split = maps.reshape(count, 6, columns // 3, 3)
-    radial = split[..., 0] * direction[..., 0] + split[..., 1] * direction[..., 1]
-    friction = problem.friction
-    side = radial * (friction[:, None, :] if friction.ndim == 2 else friction) + split[..., 2]
-    along, across = on_side * problem.share, slides * -point.ratio
-    left = xp.concat([side * along[:, None], radial * across[:, None]], axis=-1)
-    return left @ xp.concat([side, radial], axis=-1).mT
-
-
-def _line_search(
-    problem: DualProblem, point: DualPoint, trial: DualPoint, change: Array, unsolved: Array
-) -> DualPoint:
-    """Shorten or lengthen Newton steps whose full length is not good enough.
-
-    The dual function is convex with kinks along the line; its slope brackets the minimum. Each
-    evaluation projects forces but needs no matrix product.
-    """
-    xp = namespace(change)
-    first = xp.vecdot(change, point.gradient)
-    slope = xp.vecdot(change, trial.gradient)
-    goal = _SLOPE_REDUCTION * xp.abs(first)
-    poor = unsolved & (xp.abs(slope) > goal)
-    if not poor.any():
-        return trial
-    step_free = trial.free - point.free
-    count, columns = step_free.shape[0], problem.wrench_map.shape[2]
-    flat = step_free.reshape(count, columns, 1)
-    growth = problem.regularisation * xp.vecdot(change, change)
-    offset = xp.vecdot(change, problem.regularisation * point.dual - problem.wrench)
-
-    # A coarse grid brackets the minimum,
-    grid = constant(_STEPS, change)
-    free = point.free[:, None] + grid[:, None, None] * step_free[:, None]
-    limits = (x[:, None] if x.ndim == 2 else x for x in problem[2:6])
-    force = project(free, *limits)[0].reshape(count, len(_STEPS), columns)
-    slopes = (force @ flat)[..., 0] + offset[:, None] + growth[:, None] * grid
-    last = xp.sum(xp.astype(slopes[:, 1:-1] < 0.0, xp.int64), axis=-1)
-    robots = xp.arange(count, device=change.device)
-    low, low_slope = grid[last], slopes[robots, last]
-    high, high_slope = grid[last + 1], slopes[robots, last + 1]
-    # and regula falsi (Illinois) refines it.
-    step = constant(1.0, change)
-    flat = flat[..., 0]
-    for _ in range(_LINE_SEARCH_EVALUATIONS):
-        rise = high_slope - low_slope
-        inner = low - (high - low) * low_slope / xp.where(rise > 0.0, rise, 1.0)
-        step = xp.where(poor, xp.minimum(inner, high), step)
-        force = project(point.free + step[:, None, None] * step_free, *problem[2:6])[0]
-        slope = offset + step * growth + xp.vecdot(flat, force.reshape(count, columns))
-        poor = poor & (xp.abs(slope) > goal)
-        if not poor.any():
-            break
-        short = slope < 0.0
-        low_slope = xp.where(short, slope, 0.5 * low_slope)
-        high_slope = xp.where(short, 0.5 * high_slope, slope)
-        low, high = xp.where(short, step, low), xp.where(short, high, step)
-    return evaluate(problem, point.dual + step[:, None] * change)
-
-
-class DualSolution(NamedTuple):
-    """What is kept of the robots."""
-
-    dual: Array  # (N, 6)
-    force: Array  # (N, P, 3)
-    missing: Array  # (N, 6)
-    error: Array  # (N,)
-    iterations: Array  # (N,)
-
-    def write(self, rows: Array | None, part: "DualSolution") -> "DualSolution":
-        """Replace the solutions of some robots, in place; of all if `rows` is None."""
-        if rows is None:
-            return part
-        for whole, new in zip(self, part, strict=True):
-            whole[rows] = new
-        return self
-
-
-def solve_dual(problem: DualProblem, dual: Array, budget: int) -> DualSolution:
-    """Improve dual points until each is solved or `budget` steps are spent.
-
-    Solved robots stand still, and leave the batch when the others are few: neither their result nor
-    that of the others depends on who else is in the batch.
-    """
-    xp = namespace(dual)
-    point = evaluate(problem, dual)
-    unsolved = point.error > problem.tolerance
-    taken = xp.zeros(unsolved.shape, dtype=xp.int64, device=dual.device)
-    solution = DualSolution(point.dual, point.force, point.missing, point.error, taken)
-    rows = None  # indices of the robots still in the batch; None while it is all of them
-    for _ in range(budget):
-        if not unsolved.any():
-            break
-        change = -xp.linalg.solve(hessian_at(problem, point), point.gradient[..., None])[..., 0]
-        change = xp.where(unsolved[:, None], change, 0.0)
-        trial = evaluate(problem, point.dual + change)
-        taken = taken + xp.astype(unsolved, xp.int64)
-        unsolved = unsolved & (trial.error > problem.tolerance)
-        remaining = int(unsolved.sum())
-        if 0 < 2 * remaining <= unsolved.shape[0]:
-            leaving = DualSolution(trial.dual, trial.force, trial.missing, trial.error, taken)
-            solution = solution.write(rows, leaving)
-            keep = xp.nonzero(unsolved)[0]
-            rows = keep if rows is None else rows[keep]
-            problem, point, trial = problem.rows(keep), point.rows(keep), trial.rows(keep)
-            change, taken, unsolved = change[keep], taken[keep], unsolved[keep]
-        if remaining:
-            trial = _line_search(problem, point, trial, change, unsolved)
-            unsolved = unsolved & (trial.error > problem.tolerance)
-        point = trial
-    last = DualSolution(point.dual, point.force, point.missing, point.error, taken)
-    return solution.write(rows, last)

@@ -14,8 +14,10 @@ cones and limits contradict each other, the result is a compromise between both.
 
 from typing import NamedTuple
 
-from fbid_gym.control.arrays import Array, identity, matvec, namespace
-from fbid_gym.control.dual_newton import DualProblem, project
+import numpy as np
+
+from fbid_gym.control.arrays import Array, as_numpy, from_numpy, identity, matvec, namespace
+from fbid_gym.control.dual_newton import DualProblem, compiled, nearest_force
 
 STEPS = 24
 # Penalties on forces (per weight) that leave the cones, and torques (per weight, rows of A at unit
@@ -56,29 +58,60 @@ def forces_within_torque_limits(
         (N, 3 P) N.
     """
     xp = namespace(force)
-    count, columns = force.shape
     weight = weight[:, None] if weight.ndim else weight
     size = xp.sqrt(xp.vecdot(torques.slope, torques.slope)) + _FAINT
     slope = torques.slope / size[..., None]
     centre, half = torques.offset / size / weight, torques.limit / size / weight
     maps = problem.wrench_map
     matrix = maps.mT @ maps + _TORQUE_PENALTY * (slope.mT @ slope)
-    matrix = matrix + identity(columns, matrix, problem.regularisation + _FORCE_PENALTY)
+    matrix = matrix + identity(force.shape[1], matrix, problem.regularisation + _FORCE_PENALTY)
     inverse = xp.linalg.inv(matrix)
     target = matvec(maps.mT, problem.wrench / weight)
-    back = _TORQUE_PENALTY * slope.mT
-    limits = (problem.friction, problem.share, problem.lowest / weight, problem.highest / weight)
+    limits = problem.limits / xp.stack([xp.ones_like(weight), weight, weight], axis=-1)
+    arrays = (inverse, slope, slope.mT, target, -half - centre, half - centre, limits)
+    inside = _split(*(as_numpy(x) for x in arrays), as_numpy(force / weight), steps)
+    return from_numpy(inside, like=force) * weight
 
-    inside = force / weight
-    kept = xp.clip(matvec(slope, inside), -half - centre, half - centre)
-    force_debt, torque_debt = xp.zeros_like(inside), xp.zeros_like(kept)
-    for _ in range(steps):
-        free = target + _FORCE_PENALTY * (inside - force_debt) + matvec(back, kept - torque_debt)
-        free = matvec(inverse, free)
-        torque = _OVERRELAXATION * matvec(slope, free) + (1.0 - _OVERRELAXATION) * kept
-        free = _OVERRELAXATION * free + (1.0 - _OVERRELAXATION) * inside + force_debt
-        torque = torque + torque_debt
-        inside = project(free.reshape(count, columns // 3, 3), *limits)[0].reshape(force.shape)
-        kept = xp.clip(torque, -half - centre, half - centre)
-        force_debt, torque_debt = free - inside, torque - kept
-    return inside * weight
+
+@compiled
+def _add_product(columns: np.ndarray, factors: np.ndarray, total: np.ndarray) -> None:
+    """Add a matrix times a vector to `total`; the matrix by its columns."""
+    for column, factor in zip(columns, factors):  # noqa: B905, compiled code knows no `strict`
+        for i in range(len(total)):
+            total[i] += factor * column[i]
+
+
+@compiled
+def _split(
+    inverse: np.ndarray,
+    slope: np.ndarray,
+    slope_transposed: np.ndarray,
+    target: np.ndarray,
+    lowest: np.ndarray,
+    highest: np.ndarray,
+    limits: np.ndarray,
+    start: np.ndarray,
+    steps: int,
+) -> np.ndarray:
+    """The iteration, in forces per weight, one robot after another."""
+    result, torque, free = start.copy(), np.empty(slope.shape[1]), np.empty(start.shape[1])
+    for robot in range(len(start)):
+        rows, columns, inside = slope[robot], slope_transposed[robot], result[robot]
+        torque[:] = 0.0
+        _add_product(columns, inside, torque)
+        kept = np.minimum(np.maximum(torque, lowest[robot]), highest[robot])
+        force_debt, torque_debt = np.zeros_like(inside), np.zeros_like(kept)
+        for _ in range(steps):
+            pull = target[robot] + _FORCE_PENALTY * (inside - force_debt)
+            _add_product(rows, _TORQUE_PENALTY * (kept - torque_debt), pull)
+            free[:], torque[:] = 0.0, 0.0
+            _add_product(inverse[robot], pull, free)
+            _add_product(columns, free, torque)
+            torque[:] = _OVERRELAXATION * torque + (1.0 - _OVERRELAXATION) * kept + torque_debt
+            free[:] = _OVERRELAXATION * free + (1.0 - _OVERRELAXATION) * inside + force_debt
+            for i in range(limits.shape[1]):
+                part = slice(3 * i, 3 * i + 3)
+                nearest_force(free[part], limits[robot, i], inside[part])
+            kept[:] = np.minimum(np.maximum(torque, lowest[robot]), highest[robot])
+            force_debt[:], torque_debt[:] = free - inside, torque - kept
+    return result

@@ -11,7 +11,7 @@ import torch
 
 from fbid_gym.control import ContactForces, ContactLimits, limited_contact_forces
 from fbid_gym.control.contact_forces import MAX_ITERATIONS, REGULARISATION, TOLERANCE
-from fbid_gym.control.dual_newton import DualProblem, evaluate, hessian_at, project
+from fbid_gym.control.dual_newton import Point, Robot, evaluate, jacobian_at, nearest_force
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 WEIGHT, LENGTH = 540.0, 0.3
@@ -48,6 +48,16 @@ def scene(rng: np.random.Generator, push: float, count: int = 12) -> Scene:
     wrench[:, 3] += rng.normal(0.0, 0.02, count) * WEIGHT
     wrench[:, 4] += -0.03 * WEIGHT + rng.normal(0.0, 0.02, count) * WEIGHT
     return Scene(feet(rng, count), wrench)
+
+
+def project(free: np.ndarray, friction: Any, lowest: Any, highest: Any) -> np.ndarray:
+    """Nearest forces (..., 3) within the limits."""
+    force = np.empty_like(free)
+    limits = np.stack(np.broadcast_arrays(friction, lowest, highest), axis=-1)
+    limits = np.broadcast_to(limits, free.shape)
+    for index in np.ndindex(free.shape[:-1]):
+        nearest_force(free[index], np.array(limits[index], float), force[index])
+    return force
 
 
 def solve(case: Scene, limits: ContactLimits, **options: Any) -> ContactForces:
@@ -186,7 +196,7 @@ def test_a_spent_budget_leaves_usable_forces(rng: np.random.Generator) -> None:
     scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
     maps, target = case.wrench_map * scale[:, None], case.wrench * scale
     free = np.matvec(maps.mT, warm).reshape(50, 8, 3)
-    start = project(free, *(np.array(x) for x in (0.6, 1.0 / 1.36, 5.0, 90.0)))[0]
+    start = project(free, 0.6, 5.0, 90.0)
     before = np.linalg.norm(np.matvec(maps, start.reshape(50, 24)) - target, axis=1) / WEIGHT
     for budget in (0, 1, 2):
         solution = solve(case, limits, warm_start=warm, max_iterations=budget)
@@ -220,9 +230,7 @@ def test_optimality_conditions(rng: np.random.Generator, limits: str) -> None:
     maps, target = case.wrench_map * scale[:, None], case.wrench * scale
     stacked = force.reshape(12, 24)
     gradient = np.matvec(maps.mT, np.matvec(maps, stacked) - target) + REGULARISATION * stacked
-    moved = project(
-        force - gradient.reshape(12, 8, 3), friction, 1.0 / (1.0 + friction**2), lowest, highest
-    )[0]
+    moved = project(force - gradient.reshape(12, 8, 3), friction, lowest, highest)
     np.testing.assert_allclose(moved, force, atol=1e-6 * WEIGHT)
 
 
@@ -341,35 +349,39 @@ def brute_force(free: np.ndarray, friction: float, lowest: float, highest: float
 
 @pytest.mark.parametrize("bounds", [(0.7, 0.0, np.inf), (0.0, 0.0, 5.0), (1.5, 0.5, 2.0)])
 def test_projection(rng: np.random.Generator, bounds: tuple[float, float, float]) -> None:
-    friction, lowest, highest = (np.array(x) for x in bounds)
-    limits = (friction, 1.0 / (1.0 + friction**2), lowest, highest)
     free = rng.normal(0.0, 3.0, (2, 60, 3))
-    force = project(free, *limits)[0]
+    force = project(free, *bounds)
     for one, other in zip(free.reshape(-1, 3), force.reshape(-1, 3), strict=True):
         np.testing.assert_allclose(other, brute_force(one, *bounds), atol=1e-3)
-    np.testing.assert_allclose(project(force, *limits)[0], force, atol=1e-12)
+    np.testing.assert_allclose(project(force, *bounds), force, atol=1e-12)
     gap = np.linalg.norm(force[0] - force[1], axis=-1)
     assert (gap <= np.linalg.norm(free[0] - free[1], axis=-1) + 1e-12).all()
     # A force straight up or down has no tangential direction.
-    vertical = project(np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0]]]), *limits)[0]
+    vertical = project(np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0]]]), *bounds)
     assert np.isfinite(vertical).all()
     np.testing.assert_array_equal(vertical[..., :2], 0.0)
 
 
 @pytest.mark.parametrize("limits", LIMITS)
 def test_jacobian_equals_finite_differences(rng: np.random.Generator, limits: str) -> None:
-    friction, lowest, highest = (np.asarray(x) for x in LIMITS[limits])
-    case = scene(rng, 0.0)
-    share = 1.0 / (1.0 + friction**2)
-    problem = DualProblem(*case, friction, share, lowest, highest, np.array(0.0), REGULARISATION)
-    dual = rng.normal(0.0, 100.0, (12, 6))
-    point = evaluate(problem, dual)
-    jacobian, step = hessian_at(problem, point), 1e-5
-    for axis in range(6):
-        shift = step * np.eye(6)[axis]
-        ahead, behind = evaluate(problem, dual + shift), evaluate(problem, dual - shift)
-        slope = (ahead.gradient - behind.gradient) / (2.0 * step)
-        np.testing.assert_allclose(jacobian[:, :, axis], slope, atol=1e-5)
+    case, box = scene(rng, 0.0), np.empty((12, 8, 3))
+    for column, limit in enumerate(LIMITS[limits]):
+        box[..., column] = limit
+    jacobian, step = np.empty((6, 6)), 1e-5
+    for i, dual in enumerate(rng.normal(0.0, 100.0, (12, 6))):
+        robot = Robot(case.wrench_map[i], case.wrench[i], box[i])
+
+        def point_at(dual: np.ndarray, robot: Robot = robot) -> Point:
+            point = Point(dual, *(np.empty(shape) for shape in ((8, 3), (8, 3), 6, 6)))
+            evaluate(robot, REGULARISATION, point)
+            return point
+
+        jacobian_at(robot, REGULARISATION, point_at(dual), jacobian)
+        for axis in range(6):
+            shift = step * np.eye(6)[axis]
+            ahead, behind = point_at(dual + shift), point_at(dual - shift)
+            slope = (ahead.gradient - behind.gradient) / (2.0 * step)
+            np.testing.assert_allclose(jacobian[:, axis], slope, atol=1e-5)
 
 
 @pytest.mark.parametrize(
