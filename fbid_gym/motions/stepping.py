@@ -34,6 +34,7 @@ class Steps(NamedTuple):
         ramp: s it takes to add them and to take them away, within the time in the air; 0 for
             instant changes as in the paper. With 0.25 the feet come down where they rose; instant
             changes move them by a few centimetres per step, since a hip is slower than a knee.
+        spread: m, by how much each foot stands farther out than at home.
     """
 
     period: float = 3.0
@@ -44,6 +45,7 @@ class Steps(NamedTuple):
     single: float = 0.25
     lift: tuple[float, float, float] = (-0.12, 0.24, -0.12)
     ramp: float = 0.0
+    spread: float = 0.0
 
 
 PAPER = Steps()
@@ -77,7 +79,10 @@ def stepping(robot: Robot, steps: Steps = PAPER, *, hz: int = 500) -> MotionTabl
         whole[:, 1] += part
 
     sizes = [foot.num_points for foot in robot.feet]
-    centres = np.array([part.mean(axis=0) for part in np.split(points, np.cumsum(sizes)[:-1])])
+    # The base stays where it is over feet at home: the legs stretch a little to reach farther out.
+    outwards = steps.spread * np.sign(_centres(points, sizes)[:, 1])
+    points = points + np.repeat(outwards, sizes)[:, None] * [0.0, 1.0, 0.0]
+    centres = _centres(points, sizes)
     still = np.zeros((ticks, *centres.shape))
     place = Curve(still + centres, still, still)
     moving = joint_columns(robot, [f"{side}_{name}" for side in ("left", "right") for name in _LEG])
@@ -98,6 +103,11 @@ def stepping(robot: Robot, steps: Steps = PAPER, *, hz: int = 500) -> MotionTabl
     return MotionTable(
         robot, *seen_from_feet(robot, states, planted), hz, periodic=True, jumps=jumps
     )
+
+
+def _centres(points: np.ndarray, sizes: list[int]) -> np.ndarray:
+    """Return the centre of each foot's points, (F, 3)."""
+    return np.array([part.mean(axis=0) for part in np.split(points, np.cumsum(sizes)[:-1])])
 
 
 def _airborne(steps: Steps, middle: float, hz: int) -> tuple[int, int]:
