@@ -16,14 +16,13 @@ import tyro
 from eval.benchmark import controllers, environments, laws, learning, memory
 from eval.benchmark.figures import Section
 from eval.files import to_json, write
+from eval.readme import BENCH, README, splice, spliced
 from fbid_gym.actions import LAYERS
-from fbid_gym.errors import FbidError, RunError
+from fbid_gym.errors import FbidError
 from fbid_gym.robots import ROBOTS
 from train.versions import versions
 
 SectionName = Literal["laws", "controllers", "layers", "threads", "single", "ppo", "memory"]
-README = Path(__file__).resolve().parents[1] / "README.md"
-MARKS = ("<!-- bench: make bench ARGS=--write-readme -->", "<!-- end of bench -->")
 
 
 @dataclass(frozen=True)
@@ -69,22 +68,10 @@ def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Sectio
     return sections
 
 
-def with_tables(readme: str, tables: str) -> str:
-    """Return the README's text with the tables between its marks.
-
-    Raises:
-        RunError: the marks are not there, once each and in order.
-    """
-    start, end = (readme.find(mark) for mark in MARKS)
-    if not 0 <= start < end or any(readme.count(mark) != 1 for mark in MARKS):
-        raise RunError(f"The README needs the lines {MARKS[0]!r} and {MARKS[1]!r}, once each.")
-    return f"{readme[: start + len(MARKS[0])]}\n\n{tables}\n\n{readme[end:]}"
-
-
 def main(config: BenchConfig) -> None:
     """Measure, print, write."""
     if config.write_readme:
-        with_tables(README.read_text(), "")  # before minutes of measuring
+        spliced(README.read_text(), BENCH, "")  # before minutes of measuring
     load = os.getloadavg()[0]
     if load > 0.5:
         print(f"Load average {load:.1f}: what else runs here distorts the ratios.", file=sys.stderr)
@@ -100,7 +87,7 @@ def main(config: BenchConfig) -> None:
     write(config.out / "bench.json", to_json(data))
     write(config.out / "bench.md", tables + "\n")
     if config.write_readme:
-        write(README, with_tables(README.read_text(), tables))
+        splice(BENCH, tables)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 from rich.console import Console
@@ -22,6 +23,9 @@ from eval.files import read_json, write
 from eval.papers.experiment import OUT, Experiment, load
 from eval.papers.page import Paper, Section, page
 from eval.papers.registry import PAPERS, experiments
+from eval.papers.summary import summary
+from eval.readme import PAPERS as PAPERS_MARKS
+from eval.readme import README, splice, spliced
 from fbid_gym.errors import FbidError, RunError
 
 _POLL_SECONDS = 0.3
@@ -43,6 +47,8 @@ class PapersConfig:
     """Experiments at the same time, one core each."""
     page_only: bool = False
     """Put the page together from the sections that are there."""
+    write_readme: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Put the papers' numbers beside ours into the README, between its marks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +190,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except FbidError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    if config.write_readme:
+        spliced(README.read_text(), PAPERS_MARKS, "")  # before minutes of experiments
     every = {entry: [_Job(e, config) for e in es] for entry, es in chosen.items()}
     jobs = [job for some in every.values() for job in some]
     whole = True
@@ -199,6 +207,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command = shlex.join(["python", "-m", "eval.papers", *given])
     report = config.out / "report.html"
     write(report, page(papers, command, seconds, config.quick))
+    if config.write_readme:
+        splice(PAPERS_MARKS, summary(papers))
     console.print(f"{seconds / 60:.1f} minutes. Page: {report}", highlight=False)
     return 0 if whole else 1
 

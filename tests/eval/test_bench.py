@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from eval.bench import MARKS, README, with_tables
 from eval.benchmark.figures import Figure, Limit, Section, interleave, short
-from fbid_gym.errors import RunError
 
 
 def test_cases_take_turns_in_alternating_order_after_one_warm_up() -> None:
@@ -54,20 +52,3 @@ def test_a_table_names_what_missed_its_limit() -> None:
         "| slow | 9 µs | **2.00** | 1.50 – 2.50 | ≤ 0.35 (missed) |",
         "| free | 2 µs | **1.00** |  |  |",
     ]
-
-
-def test_tables_replace_what_is_between_the_marks() -> None:
-    readme = f"before\n{MARKS[0]}\nold\n{MARKS[1]}\nafter\n"
-    once = with_tables(readme, "new")
-    assert once == f"before\n{MARKS[0]}\n\nnew\n\n{MARKS[1]}\nafter\n"
-    assert with_tables(once, "new") == once
-
-
-@pytest.mark.parametrize("text", ["", MARKS[0], f"{MARKS[1]} {MARKS[0]}", "".join(MARKS) * 2])
-def test_missing_or_doubled_marks_are_refused(text: str) -> None:
-    with pytest.raises(RunError, match="once each"):
-        with_tables(text, "new")
-
-
-def test_the_readme_has_the_marks() -> None:
-    assert "tables" in with_tables(README.read_text(), "tables")
