@@ -39,7 +39,10 @@ class DualProblem(NamedTuple):
 
     def rows(self, rows: Array) -> "DualProblem":
         """The problems of some robots."""
-        return DualProblem(*(x[rows] for x in self[:4]), self.regularisation)
+        wrench_map, wrench, limits, tolerance, regularisation = self
+        return DualProblem(
+            wrench_map[rows], wrench[rows], limits[rows], tolerance[rows], regularisation
+        )
 
 
 class DualSolution(NamedTuple):
