@@ -83,6 +83,18 @@ def test_the_pressure_stays_under_the_planted_soles(motion: MotionTable, pressur
     assert force[:, 2].min() > 0.6 * motion.robot.weight
 
 
+def test_feet_may_stand_farther_apart_than_at_home() -> None:
+    wide = stepping(load("biped"), Steps(lift=(0.0, 0.0, 0.0), spread=0.05))
+    narrow = stepping(load("biped"), Steps(lift=(0.0, 0.0, 0.0)))
+    rows = np.arange(0, wide.period, 50)
+    terms = PinocchioDynamics(wide.robot).terms(wide.qpos[rows], wide.qvel[rows])
+    gap = terms.foot_position[:, 0] - terms.foot_position[:, 1]
+    np.testing.assert_allclose(gap, np.tile([0.0, 0.28, 0.0], (len(rows), 1)), atol=1e-9)
+    assert np.abs(terms.foot_rotation - np.eye(3)).max() < 1e-9
+    # The base keeps its way: the legs reach out under it.
+    np.testing.assert_allclose(wide.qpos[:, :3], narrow.qpos[:, :3], atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("numbers", "message"),
     [
