@@ -6,6 +6,7 @@ see `eval.compare`. Interrupted, the same command continues where the runs were.
 
 import csv
 import io
+import json
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -29,6 +30,9 @@ LAYERS = {
 }
 """Task -> the layers to train it through."""
 
+ARGUMENTS: dict[str, dict[str, float]] = {"squat": {"speed": 5.0}}
+"""Task -> arguments that leave something to learn: slowly every layer squats without a policy."""
+
 _COLUMNS_OF_CSV = ("env", "layer", "seed", "steps", "episodes", "return_mean", "return_q25",
                    "return_q75", "survival")  # fmt: skip
 
@@ -46,7 +50,7 @@ class SurveyConfig:
         if name not in ("fbid_gym/BipedBalance-v0", "fbid_gym/QuadrupedBalance-v0")
     )  # fmt: skip
     """Environment ids; by default those that the demo does not train on."""
-    total_steps: int = 150_000
+    total_steps: int = 300_000
     """Environment steps of each run."""
     evaluations: int = 6
     """Evaluations of each run, evenly spread."""
@@ -77,10 +81,12 @@ def runs(config: SurveyConfig) -> list[Run]:
     every = str(max(config.total_steps // config.evaluations, 1))
     found = []
     for env in config.envs:
-        for layer in LAYERS[ENVIRONMENTS[env]["task"]]:
+        task = ENVIRONMENTS[env]["task"]
+        for layer in LAYERS[task]:
             name = f"{env.rpartition('/')[2]}-{layer}"
             options = (
                 *("--env", env, "--action-layer", layer, "--seed", str(config.seed)),
+                *("--env-args", json.dumps(ARGUMENTS.get(task, {}))),
                 *("--eval.every", every, "--eval.episodes", str(config.episodes)),
             )
             job = Job(
@@ -122,7 +128,9 @@ def _panel(env: str, its: Sequence[Run]) -> str:
             for name in ("steps", "return_mean", "return_q25", "return_q75")
         )
         series.append(Series(run.layer, colour, steps, mean, low, high, dots=True))
-    return panel(series, f"return, {env.rpartition('/')[2]}", "steps", x_format=steps_text)
+    arguments = ARGUMENTS.get(ENVIRONMENTS[env]["task"], {})
+    title = [env.rpartition("/")[2], *(f"{name} {value:g}" for name, value in arguments.items())]
+    return panel(series, f"return, {', '.join(title)}", "steps", x_format=steps_text)
 
 
 def main(config: SurveyConfig) -> int:
