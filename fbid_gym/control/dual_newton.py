@@ -376,7 +376,7 @@ def sticking_forces(maps: Array, wrench: Array, limits: Array) -> tuple[Array, A
     Args:
         maps: (N, 6, 3 P).
         wrench: (N, 6).
-        limits: (N, P, 3) friction coefficient, least and greatest normal force.
+        limits: broadcasts to (N, P, 3): friction coefficient, least and greatest normal force.
 
     Returns:
         Force (N, P, 3), dual (N, 6), and (N,) bool: they deliver it, and every point sticks.
