@@ -371,8 +371,6 @@ class Stepper:
             length=self.length,
             wrench_cost=(1.0, 1.0, 1.0, cost, cost, cost),
             warm_start=memory["warm_start"],
-            tolerance=1e-3,
-            max_iterations=5,
         )
         memory["warm_start"] = law.warm_start
         return np.asarray(law.torque)
