@@ -42,8 +42,8 @@ def run(setting: Setting) -> Result:
     """The long run of each controller and motion, then how much each takes, then the rivals."""
     robot = load("biped")
     motions = {name: stepping(robot, steps) for name, steps in MOTIONS.items()}
-    count, every = setting.pick(ROBOTS, 4), setting.pick(EVERY_SECONDS, 2.0)
-    seconds = setting.pick(SECONDS, 3.5)
+    count, every = setting.pick(ROBOTS, 4), setting.pick(EVERY_SECONDS, 1.0)
+    seconds = setting.pick(SECONDS, 2.0)
     soon = setting.pick(SOON_SECONDS, seconds)
     times = tuple(np.arange(every, seconds - 1e-9, every).tolist())
     start = np.random.default_rng(2).uniform(0.0, 3.0, count + UNPUSHED)
@@ -106,9 +106,9 @@ def _forces(
     robot: Robot, setting: Setting, forces: list[float], progress: Progress
 ) -> list[dict[str, Any]]:
     """Share of robots that survive pushes of each size, all sizes in one batch."""
-    each = setting.pick(6, 2)
+    each = setting.pick(5, 2)
     times = setting.pick((1.0, 4.0), (0.2,))
-    seconds = times[-1] + setting.pick(3.0, 1.3)
+    seconds = times[-1] + setting.pick(2.0, 1.0)
     count = each * len(forces)
     start = np.resize(np.random.default_rng(3).uniform(0.0, 3.0, each), count)
     size = np.repeat(forces, each)[:, None]
@@ -134,7 +134,7 @@ def _forces(
 def _rivals(robot: Robot, setting: Setting, progress: Progress) -> list[dict[str, Any]]:
     """Contact-force feedback while stepping, without pushes and with small ones, side by side."""
     each = setting.pick(4, 2)
-    seconds = setting.pick(6.0, 1.5)
+    seconds = setting.pick(5.5, 1.0)
     start = np.tile(np.arange(each) * 3.0 / each, 2)
     pushes = tuple(
         _and_none(push, each)
