@@ -199,7 +199,7 @@ EXPERIMENT = Experiment(
     ),
     run=run,
     show=show,
-    minutes=3.5,
+    minutes=4.0,
 )
 
 if __name__ == "__main__":

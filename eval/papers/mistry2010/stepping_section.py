@@ -98,7 +98,7 @@ def _counts(numbers: dict[str, Any]) -> str:
 def _film(result: Result, motion: str, name: str) -> str:
     log = Log.from_arrays(result.arrays, f"{motion}.{name}.")
     rows = log.time < _FILMED
-    with Camera(load("biped"), 480, 400, azimuth=155.0, nearer=1.3) as camera:
+    with Camera(load("biped"), 640, 480, azimuth=155.0, nearer=1.3) as camera:
         clip = camera.clip(log.time[rows], log.qpos[rows, 0], log.push[rows, 0], 15.0)
     seconds, every = min(_FILMED, result.numbers["seconds"]), result.numbers["every"]
     return video(
