@@ -26,6 +26,9 @@ reference and not of the home stance: a deep squat is no fall."""
 FALLEN_TILT = np.cos(np.radians(60.0))
 """Cosine of the tilt of the base beyond which the robot counts as fallen."""
 
+COLLAPSE_SECONDS = 1.0
+"""How long a fallen robot is simulated on, for the pictures. A heap on the ground is slow."""
+
 Memory = dict[str, Any]
 
 
@@ -146,8 +149,8 @@ def simulate(
     """Run a trial.
 
     A robot that has fallen, whose torques are not finite or whose simulation diverged gets no more
-    torque; the time is in the log, and statistics end there. The trial ends early when none is
-    left.
+    torque, and comes to a halt after `COLLAPSE_SECONDS`; the time is in the log, and statistics end
+    there. The trial ends early when none is left.
 
     Args:
         trial: what happens.
@@ -169,6 +172,7 @@ def simulate(
     memory = controller.memory(count)
     recorder = Recorder(robot, count, 1.0 / RATES.control)
     limit, lost = robot.torque_limit, np.zeros(count, bool)
+    down, moving = np.zeros(count, np.int64), None  # ticks since each fell; who still moves
     steps = round(trial.seconds * RATES.control)
     for step in range(steps):
         reference = trial.motion.reference(tick, speed)
@@ -185,8 +189,11 @@ def simulate(
             recorder.add(simulation, reference, command, force, {k: memory[k] for k in trial.watch})
         if lost.all():
             break
+        down += lost
+        if lost.any():
+            moving = np.flatnonzero(down < COLLAPSE_SECONDS * RATES.control)
         simulation.push(force)
-        simulation.step(torque)
+        simulation.step(torque, moving)
         tick = tick + 1
         if progress is not None and step % 250 == 0:
             progress(step / steps)

@@ -117,10 +117,10 @@ class Simulation:
         """Push each base with (N, 3) N, world, at its centre of mass, until told otherwise."""
         self._push[:] = force
 
-    def step(self, torque: np.ndarray) -> None:
-        """Advance one control tick under (N, n) N·m."""
+    def step(self, torque: np.ndarray, ids: np.ndarray | None = None) -> None:
+        """Advance one control tick under (N, n) N·m: all robots, or those of `ids`."""
         self._ctrl[:, self.robot.actuator] = torque / self.robot.gear
-        self.batch.step(nstep=self._substeps, stage=_VELOCITY)
+        self.batch.step(ids, nstep=self._substeps, stage=_VELOCITY)
         self.contact_force = self._sensors
         self._terms = None
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from eval.papers.garofalo2015.balancer import Goal, Memory, Outcome
 from eval.papers.garofalo2015.pendulum import Bob, Pendulum
+from eval.papers.trial import COLLAPSE_SECONDS
 from fbid_gym.control.balance import resting_target
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.frames import rotation_vector
@@ -141,8 +142,8 @@ def run(
 ) -> Record:
     """Run a bout.
 
-    A robot that has fallen or whose simulation diverged gets no more torque; the bout ends early
-    when none is left.
+    A robot that has fallen or whose simulation diverged gets no more torque, and comes to a halt
+    after `COLLAPSE_SECONDS`; the bout ends early when none is left.
 
     Args:
         bout: what happens.
@@ -159,6 +160,7 @@ def run(
     stay = Goal(resting_target(first.com, first.base_rotation), start[7:])
     memory = controller.memory(count)
     lost, fell = np.zeros(count, bool), np.full(count, np.nan)
+    down, moving = np.zeros(count, np.int64), None  # ticks since each fell; who still moves
     everything = simulation.batch.bind("qpos")
     rows: dict[str, list[np.ndarray]] = {
         item.name: [] for item in fields(Record) if item.name not in ("time", "fell")
@@ -195,7 +197,10 @@ def run(
             break
         if step == hit and bob is not None and bout.blow is not None:
             bob.swing(np.arange(count), bout.blow.direction, bout.blow.energy)
-        simulation.step(outcome.torque)
+        down += lost
+        if lost.any():
+            moving = np.flatnonzero(down < COLLAPSE_SECONDS * RATES.control)
+        simulation.step(outcome.torque, moving)
         if bob is not None:
             bob.catch()
         if progress is not None and step % 250 == 0:

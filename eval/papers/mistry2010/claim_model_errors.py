@@ -94,7 +94,7 @@ def believe(kind: str, share: np.ndarray, seed: int) -> Callable[[Simulation], A
 def run(setting: Setting) -> Result:
     """Squat at 2 Hz with every law, every kind of error and every size."""
     robot = load("biped")
-    models = setting.pick(16, 4)
+    models = setting.pick(10, 4)
     share = np.repeat(SHARES, models)
     motion = periodic_squat(robot, frequency=2.0)
     gains = Gains.of(robot, *GAINS)
@@ -106,7 +106,7 @@ def run(setting: Setting) -> Result:
         cells, setting.progress.parts([f"{k}, {n}" for k, n in cells]), strict=True
     ):
         trial = Trial(
-            robot, motion, setting.pick(3.0, 1.5), len(share), every=5,
+            robot, motion, setting.pick(2.5, 1.5), len(share), every=5,
             believe=believe(kind, share, 17),
         )  # fmt: skip
         log = simulate(trial, Tracking(robot, gains, laws(robot)[name]), progress)

@@ -32,7 +32,7 @@ HERTZ = (2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0)
 ENOUGH = 0.5
 """Share of the commanded way that a walk shall make to count as a success."""
 EVERY = 10
-SEED = 3
+SEED = 41
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def run(setting: Setting) -> Result:
     """Walk over every ground with every controller."""
     robot = load("quadruped")
     motion = crawl(robot)
-    count, seconds = setting.pick(64, 8), setting.pick(SECONDS, 4.0)
+    count, seconds = setting.pick(52, 8), setting.pick(SECONDS, 4.0)
     grounds = setting.pick(GROUNDS, (GROUNDS[0], GROUNDS[2], GROUNDS[4]))
     cells = [(ground, name) for ground in grounds for name in controllers(robot)]
     beside = [g for g in grounds if g.label in ("flat", MIDDLE)]
@@ -167,7 +167,7 @@ def _sweep(
     robot: Robot, motion: Crawl, hertz: tuple[float, ...], setting: Setting, progress: Progress
 ) -> dict[str, list[dict[str, float]]]:
     """Success against gains over the middle obstacles, with and without inverse dynamics."""
-    each, seconds = setting.pick(24, 4), setting.pick(SECONDS, 4.0)
+    each, seconds = setting.pick(16, 4), setting.pick(SECONDS, 4.0)
     world, starts = on(robot, next(g for g in GROUNDS if g.label == MIDDLE))
     pose = np.tile(courses(starts, each), (len(hertz), 1))
     gains = Gains.of(world, np.repeat(hertz, each), np.full(len(pose), LOW[1]))

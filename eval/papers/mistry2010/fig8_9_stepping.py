@@ -24,16 +24,17 @@ from eval.papers.mistry2010.stepping_cases import (
     SOON_SECONDS,
     UNPUSHED,
     UPRIGHT,
+    carried,
     cell,
     controller,
-    first_fall,
+    fate,
+    half_sole,
     random_pushes,
     rivals,
 )
 from eval.papers.mistry2010.stepping_section import show
 from eval.papers.parts import Finding, judged
 from eval.papers.trial import Push, Trial, simulate
-from eval.wording import percent
 from fbid_gym.motions.stepping import stepping
 from fbid_gym.robots import Robot, load
 
@@ -76,6 +77,8 @@ def run(setting: Setting) -> Result:
         "long": long, "count": count, "unpushed": UNPUSHED, "seconds": seconds, "every": every,
         "pushes": len(times), "forces": list(setting.pick(FORCES, FORCES[::4])),
     }  # fmt: skip
+    numbers["carried"] = {name: carried(robot, steps) for name, steps in MOTIONS.items()}
+    numbers["half_sole"] = half_sole(robot)
     numbers["short"] = _forces(
         robot, setting, numbers["forces"], setting.progress.part(0.7, 0.9, "sizes of push")
     )
@@ -171,19 +174,19 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
         judged(
             f"{soon}: the paper's controller, eqs. (15), (18)-(20), crouched",
             "stays up",
-            f"{percent(paper['up'])}; the first falls at {first_fall(paper)}",
+            fate(paper),
             "all stay up",
             paper["up"] == 1.0,
         ),
         Finding(
             f"{soon}: the paper's controller with limited forces, crouched",
             "",
-            f"{percent(limited['up'])}; the first falls at {first_fall(limited)}",
+            fate(limited),
         ),
         Finding(
             f"{soon}: the paper's controller, upright and swaying over each foot",
             "",
-            f"{percent(upright['up'])}; the first falls at {first_fall(upright)}",
+            fate(upright),
         ),
     ]
 

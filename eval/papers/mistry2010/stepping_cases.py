@@ -15,9 +15,11 @@ from eval.papers.mistry2010.controllers import (
 from eval.papers.mistry2010.rivals import EstimatedForce, MeasuredForce
 from eval.papers.mistry2010.stepper import Stepper
 from eval.papers.trial import Controller, Push
+from eval.wording import percent
 from fbid_gym.control import ContactLimits
+from fbid_gym.dynamics.contacts import ContactGeometry
 from fbid_gym.dynamics.support import Support
-from fbid_gym.motions.stepping import Steps
+from fbid_gym.motions.stepping import Steps, stepping
 from fbid_gym.robots import Robot
 
 FORCE, PUSH_SECONDS, EVERY_SECONDS, SECONDS = 200.0, 0.15, 5.0, 60.0
@@ -82,6 +84,32 @@ def cell(numbers: dict[str, Any], motion: str, name: str) -> dict[str, Any]:
     return next(r for r in numbers["long"] if (r["motion"], r["name"]) == (motion, name))
 
 
+def half_sole(robot: Robot) -> float:
+    """Return how far a sole reaches forward and backward of its middle, m."""
+    return float(np.ptp(ContactGeometry.of(robot).offset[:, 0])) / 2.0
+
+
+def carried(robot: Robot, steps: Steps) -> float:
+    """Return how far a push carries the point where the robot falls, m.
+
+    That is xi = c + cdot / omega, with the centre of pressure at the end of the soles all the while
+    and the centre of mass at the motion's mean height.
+    """
+    motion = stepping(robot, steps)
+    height = motion.reference(np.arange(motion.period)).com[:, 2].mean()
+    omega = np.sqrt(9.81 / height)
+    rise = np.exp(omega * PUSH_SECONDS) - 1.0
+    return float(rise * (FORCE / (robot.mass * omega**2) - half_sole(robot)))
+
+
 def first_fall(row: dict[str, Any]) -> str:
     """Say when the first robot of a run fell."""
-    return "no time" if row["first"] is None else f"{row['first']:.1f} s"
+    return "none falls" if row["first"] is None else f"{row['first']:.1f} s"
+
+
+def fate(row: dict[str, Any]) -> str:
+    """Say how many stay up, and how long all do."""
+    first = first_fall(row)
+    return f"{percent(row['up'])}; " + (
+        first if row["first"] is None else f"the first falls at {first}"
+    )

@@ -47,10 +47,12 @@ def show(result: Result) -> str:
                 "What ours does instead: 200 N for 150 ms give this robot of 55 kg 0.54 m/s. If "
                 "the centre of pressure goes to the far edge of the soles at once, a distance "
                 "<i>d</i> away, the point where the robot falls, ξ = c + ċ/ω, is "
-                "(e<sup>ωT</sup> − 1)(F/mω² − d) farther out after the push: 10.8 cm in the "
-                "upright motion and 7.8 cm in the crouched one, of the 11.2 cm that half a "
-                "sole has. So our motion is low (knees at 1.6 rad), the feet stand 28 cm apart and "
-                "each is up for 0.15 s only. The paper does not give its robot's mass or stance.",
+                "(e<sup>ωT</sup> − 1)(F/mω² − d) farther out after the push: "
+                f"{_cm(numbers['carried']['upright'])} in the upright motion and "
+                f"{_cm(numbers['carried']['crouched'])} in the crouched one, of the "
+                f"{_cm(numbers['half_sole'])} that half a sole has. So our motion is low (knees at "
+                "1.6 rad), the feet stand 28 cm apart and each is up for 0.15 s only. The paper "
+                "does not give its robot's mass or stance.",
                 "Our controller (<code>stepper.py</code>) is eq. (19) with another task: the "
                 "centre of mass follows a law for ξ, with the centre of pressure clipped to the "
                 "soles, the base the height of the squat, the trunk its tilt. Forces are limited "
@@ -80,6 +82,10 @@ def show(result: Result) -> str:
             _rivals_table(numbers),
         )
     )
+
+
+def _cm(metres: float) -> str:
+    return f"{100.0 * metres:.1f} cm"
 
 
 def _counts(numbers: dict[str, Any]) -> str:
