@@ -31,9 +31,9 @@ class DemoConfig:
     """Action layers. The slowest first keeps all cores busy to the end."""
     seeds: tuple[int, ...] = (0, 1)
     """Seeds of each layer."""
-    total_steps: int = 90_000
+    total_steps: int = 180_000
     """Environment steps of each run."""
-    evaluations: int = 4
+    evaluations: int = 5
     """Evaluations of each run, evenly spread."""
     episodes: int = 16
     """Episodes of each evaluation."""

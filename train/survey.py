@@ -7,7 +7,9 @@ see `eval.compare`. Interrupted, the same command continues where the runs were.
 import csv
 import io
 import json
+import math
 import sys
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,7 +36,7 @@ ARGUMENTS: dict[str, dict[str, float]] = {"squat": {"speed": 5.0}}
 """Task -> arguments that leave something to learn: slowly every layer squats without a policy."""
 
 _COLUMNS_OF_CSV = ("env", "layer", "seed", "steps", "episodes", "return_mean", "return_q25",
-                   "return_q75", "survival")  # fmt: skip
+                   "return_q75", "survival", "return_exploring")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -100,19 +102,34 @@ def runs(config: SurveyConfig) -> list[Run]:
     return found
 
 
+def exploring(run: Run) -> tuple[list[float], list[float]]:
+    """Return steps and the mean return of the latest episodes of training, noise included."""
+    rows = [
+        (float(row["steps"]), float(row["return_mean"])) for row in run.job.rows("progress.csv")
+    ]
+    known = [(step, mean) for step, mean in rows if math.isfinite(mean)]
+    return [step for step, _ in known], [mean for _, mean in known]
+
+
 def curves(every: Sequence[Run], seed: int) -> str:
-    """Return the evaluations of all runs as CSV."""
+    """Return the evaluations of all runs as CSV, with the return of training at that time."""
     text = io.StringIO()
     writer = csv.DictWriter(text, _COLUMNS_OF_CSV, extrasaction="ignore", lineterminator="\n")
     writer.writeheader()
     for run in every:
+        trained, means = exploring(run)
         for row in run.job.rows("evaluations.csv"):
-            writer.writerow({"env": run.env, "layer": run.layer, "seed": seed, **row})
+            until = bisect_right(trained, float(row["steps"]))
+            noisy = {"return_exploring": means[until - 1] if until else ""}
+            writer.writerow({"env": run.env, "layer": run.layer, "seed": seed, **row, **noisy})
     return text.getvalue()
 
 
 def drawn(every: Sequence[Run]) -> str:
-    """Return the learning curves as SVG: a panel per environment, mean and middle half."""
+    """Return the learning curves as SVG: a panel per environment, mean and middle half.
+
+    Thin: the return with the noise of exploration, which is what PPO climbs.
+    """
     by_env: dict[str, list[Run]] = {}
     for run in every:
         by_env.setdefault(run.env, []).append(run)
@@ -127,7 +144,9 @@ def _panel(env: str, its: Sequence[Run]) -> str:
             [float(row[name]) for row in table]
             for name in ("steps", "return_mean", "return_q25", "return_q75")
         )
-        series.append(Series(run.layer, colour, steps, mean, low, high, dots=True))
+        series.append(
+            Series(run.layer, colour, steps, mean, low, high, singles=(exploring(run),), dots=True)
+        )
     arguments = ARGUMENTS.get(ENVIRONMENTS[env]["task"], {})
     title = [env.rpartition("/")[2], *(f"{name} {value:g}" for name, value in arguments.items())]
     return panel(series, f"return, {', '.join(title)}", "steps", x_format=steps_text)
@@ -143,9 +162,11 @@ def main(config: SurveyConfig) -> int:
     write(config.figure, drawn(every))
     for run in every:
         first, *_, last = run.job.rows("evaluations.csv")
+        _, means = exploring(run)
         console.print(
             f"{run.title}: return {float(first['return_mean']):.0f} -> "
-            f"{float(last['return_mean']):.0f}, survival {float(last['survival']):.0%}"
+            f"{float(last['return_mean']):.0f}, survival {float(last['survival']):.0%}; "
+            f"exploring {means[0]:.0f} -> {means[-1]:.0f}"
         )
     console.print(f"Learning curves: {config.figure}")
     return 0

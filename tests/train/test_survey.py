@@ -36,10 +36,14 @@ def test_curves_hold_every_evaluation(tmp_path):
             f"0,8,{height},1,{height - 1},{height + 1},50,0.5\n"
             f"1000,8,{2 * height},1,{height - 1},{height + 1},50,1.0\n"
         )
+        (run.job.folder / "progress.csv").write_text(
+            f"steps,return_mean\n400,nan\n800,{height / 2}\n1200,{height}\n"
+        )
     rows = list(csv.DictReader(io.StringIO(curves([first, second], 0))))
     assert [(row["env"], row["layer"], float(row["return_mean"])) for row in rows] == [
         *((first.env, first.layer, 10.0), (first.env, first.layer, 20.0)),
         *((second.env, second.layer, 20.0), (second.env, second.layer, 40.0)),
     ]
+    assert [row["return_exploring"] for row in rows] == ["", "5.0", "", "10.0"]
     picture = ElementTree.fromstring(drawn([first, second]))
     assert len(picture.findall("{http://www.w3.org/2000/svg}svg")) == len({first.env, second.env})
