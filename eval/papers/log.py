@@ -138,11 +138,11 @@ class Recorder:
         self._tick_seconds = tick_seconds
         self._rows: dict[str, list[np.ndarray]] = {name: [] for name in _PER_TICK}
         self._watched: dict[str, list[np.ndarray]] = {}
-        self._fell = np.full(num_robots, np.nan)
+        self.fell = np.full(num_robots, np.nan)
 
     def lose(self, robots: np.ndarray, step: int) -> None:
         """Note that the `robots` (N,) bool were lost at a control tick."""
-        self._fell[robots] = step * self._tick_seconds
+        self.fell[robots] = step * self._tick_seconds
 
     def add(
         self,
@@ -178,7 +178,7 @@ class Recorder:
             time=np.arange(len(stacked["qpos"])) * every * self._tick_seconds,
             **stacked,
             limit=np.array(self._limit),
-            fell=self._fell,
+            fell=self.fell,
             watched={name: np.array(rows) for name, rows in self._watched.items()},
         )
 

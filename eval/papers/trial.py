@@ -172,7 +172,6 @@ def simulate(
     memory = controller.memory(count)
     recorder = Recorder(robot, count, 1.0 / RATES.control)
     limit, lost = robot.torque_limit, np.zeros(count, bool)
-    down, moving = np.zeros(count, np.int64), None  # ticks since each fell; who still moves
     steps = round(trial.seconds * RATES.control)
     for step in range(steps):
         reference = trial.motion.reference(tick, speed)
@@ -189,15 +188,23 @@ def simulate(
             recorder.add(simulation, reference, command, force, {k: memory[k] for k in trial.watch})
         if lost.all():
             break
-        down += lost
-        if lost.any():
-            moving = np.flatnonzero(down < COLLAPSE_SECONDS * RATES.control)
         simulation.push(force)
-        simulation.step(torque, moving)
+        simulation.step(torque, moving(recorder.fell, step / RATES.control))
         tick = tick + 1
         if progress is not None and step % 250 == 0:
             progress(step / steps)
     return recorder.log(trial.every)
+
+
+def moving(fell: np.ndarray, now: float) -> np.ndarray | None:
+    """Return the robots that stand or collapse still, by the s (N,) at which each fell; None: all.
+
+    Args:
+        fell: (N,) s, NaN for those still up.
+        now: s.
+    """
+    halted = now - fell >= COLLAPSE_SECONDS
+    return np.flatnonzero(~halted) if halted.any() else None
 
 
 def _placed(reference: Reference, pose: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

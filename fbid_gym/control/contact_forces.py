@@ -206,7 +206,7 @@ def _limit_array(limits: ContactLimits, xp: ModuleType, dtype: Any, device: Any)
     return xp.asarray(stacked, dtype=dtype, device=device)
 
 
-def _limit_values(limits: ContactLimits, active: Array | None, like: Array) -> Array:
+def limit_values(limits: ContactLimits, active: Array | None, like: Array) -> Array:
     """Broadcasts to (N, P, 3): the limits, zero where a point is not in contact."""
     xp = namespace(like)
     values = _limit_array(limits, xp, like.dtype, like.device)
@@ -242,7 +242,8 @@ def solve_contact_forces(
         ContactForces; its `wrench` is the scaled error, delivered less desired.
     """
     xp = namespace(wrench_map)
-    force, dual, sticks = sticking_forces(wrench_map, wrench, _limit_values(limits, active, wrench))
+    values = limit_values(limits, active, wrench)
+    force, dual, sticks = sticking_forces(wrench_map, wrench, values)
     kind = {"dtype": wrench.dtype, "device": wrench.device}
     missing = xp.zeros(wrench.shape, **kind)
     iterations = xp.zeros(sticks.shape, dtype=xp.int64, device=wrench.device)
@@ -250,7 +251,7 @@ def solve_contact_forces(
         return ContactForces(force, missing, missing[:, 0], iterations, dual)
     rows = xp.nonzero(~sticks)[0]
     start = xp.zeros(wrench.shape, **kind) if warm_start is None else warm_start
-    problem = dual_problem(wrench_map, wrench, limits, weight, active, regularisation, tolerance)
+    problem = dual_problem(wrench_map, wrench, values, weight, regularisation, tolerance)
     solution = solve_dual(problem.rows(rows), start[rows], max_iterations)
     force[rows], missing[rows], dual[rows] = solution.force, solution.missing, solution.dual
     iterations[rows] = solution.iterations
@@ -261,19 +262,18 @@ def solve_contact_forces(
 def dual_problem(
     wrench_map: Array,
     wrench: Array,
-    limits: ContactLimits,
+    values: Array,
     weight: Array,
-    active: Array | None,
     regularisation: float,
     tolerance: float,
 ) -> DualProblem:
-    """The problem that `solve_contact_forces` solves, with its arguments."""
+    """The problem that `solve_contact_forces` solves; `values` are `limit_values`."""
     xp = namespace(wrench)
     count, points = wrench_map.shape[0], wrench_map.shape[2] // 3
     return DualProblem(
         wrench_map,
         wrench,
-        xp.broadcast_to(_limit_values(limits, active, wrench), (count, points, 3)),
+        xp.broadcast_to(values, (count, points, 3)),
         xp.broadcast_to(tolerance * weight, (count,)),
         regularisation,
     )

@@ -25,6 +25,8 @@ _FAINT = 1e-9  # regularisation that costs no accuracy but keeps a matrix regula
 _TINY = 1e-150  # keeps the direction of a zero tangential force defined
 
 # Division by zero gives infinity, as in NumPy, and other threads run meanwhile.
+# The cache on disk looks at a function's own file only: after a change to what another file calls
+# (`nearest_force`), or to the name of a class below, run `make clean`.
 compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 

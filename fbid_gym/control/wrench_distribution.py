@@ -24,6 +24,7 @@ from fbid_gym.control.contact_forces import (
     ContactLimits,
     check_contact_options,
     dual_problem,
+    limit_values,
     solve_contact_forces,
     wrench_scale,
 )
@@ -203,8 +204,9 @@ def distribute(
         beyond = xp.any(xp.abs(torque) > (1.0 + _EXCESS) * torque_limit, axis=-1)
         if beyond.any():
             at = xp.nonzero(beyond)[0]
+            values = limit_values(limits, active, wrench)
             problem = dual_problem(
-                scaled_map, scaled, limits, weight, active, regularisation, tolerance
+                scaled_map, scaled, values, weight, regularisation, tolerance
             ).rows(at)
             contact = torque_map.jacobian[at, :, 6:].mT @ point_map[at]
             slope = torque_map.per_wrench[at] @ wrench_map[at] - contact

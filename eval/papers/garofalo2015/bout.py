@@ -9,7 +9,7 @@ import numpy as np
 
 from eval.papers.garofalo2015.balancer import Goal, Memory, Outcome
 from eval.papers.garofalo2015.pendulum import Bob, Pendulum
-from eval.papers.trial import COLLAPSE_SECONDS
+from eval.papers.trial import moving
 from fbid_gym.control.balance import resting_target
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.frames import rotation_vector
@@ -143,7 +143,7 @@ def run(
     """Run a bout.
 
     A robot that has fallen or whose simulation diverged gets no more torque, and comes to a halt
-    after `COLLAPSE_SECONDS`; the bout ends early when none is left.
+    after `trial.COLLAPSE_SECONDS`; the bout ends early when none is left.
 
     Args:
         bout: what happens.
@@ -160,7 +160,6 @@ def run(
     stay = Goal(resting_target(first.com, first.base_rotation), start[7:])
     memory = controller.memory(count)
     lost, fell = np.zeros(count, bool), np.full(count, np.nan)
-    down, moving = np.zeros(count, np.int64), None  # ticks since each fell; who still moves
     everything = simulation.batch.bind("qpos")
     rows: dict[str, list[np.ndarray]] = {
         item.name: [] for item in fields(Record) if item.name not in ("time", "fell")
@@ -197,10 +196,7 @@ def run(
             break
         if step == hit and bob is not None and bout.blow is not None:
             bob.swing(np.arange(count), bout.blow.direction, bout.blow.energy)
-        down += lost
-        if lost.any():
-            moving = np.flatnonzero(down < COLLAPSE_SECONDS * RATES.control)
-        simulation.step(outcome.torque, moving)
+        simulation.step(outcome.torque, moving(fell, step / RATES.control))
         if bob is not None:
             bob.catch()
         if progress is not None and step % 250 == 0:

@@ -97,7 +97,7 @@ def carried(robot: Robot, steps: Steps) -> float:
     """
     motion = stepping(robot, steps)
     height = motion.reference(np.arange(motion.period)).com[:, 2].mean()
-    omega = np.sqrt(9.81 / height)
+    omega = np.sqrt(robot.weight / robot.mass / height)
     rise = np.exp(omega * PUSH_SECONDS) - 1.0
     return float(rise * (FORCE / (robot.mass * omega**2) - half_sole(robot)))
 
@@ -109,7 +109,5 @@ def first_fall(row: dict[str, Any]) -> str:
 
 def fate(row: dict[str, Any]) -> str:
     """Say how many stay up, and how long all do."""
-    first = first_fall(row)
-    return f"{percent(row['up'])}; " + (
-        first if row["first"] is None else f"the first falls at {first}"
-    )
+    fallen = "" if row["first"] is None else "the first falls at "
+    return f"{percent(row['up'])}; {fallen}{first_fall(row)}"
