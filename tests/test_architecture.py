@@ -21,7 +21,9 @@ PACKAGES = ("fbid_gym", "train", "eval")
 RANK = {
     "errors": 0,
     "bundles": 1,
+    "compiled": 1,
     "policy": 2,
+    "small_matrices": 2,
     "robots": 2,
     "dynamics": 3,
     "control": 4,
@@ -39,12 +41,12 @@ FRIENDS = {"eval", "train"}
 # Where a library may be imported: units, or single modules.
 ONLY_IN = {
     "pinocchio": {"dynamics"},
-    "numba": {"control"},
+    "numba": {"compiled"},
     "torch": {"train", "eval", "fbid_gym.envs.sb3"},
     "stable_baselines3": {"train", "eval", "fbid_gym.envs.sb3"},
 }
 NOT_IN = {
-    "mujoco": {"control", "policy", "bundles", "errors"},
+    "mujoco": {"control", "policy", "bundles", "errors", "compiled", "small_matrices"},
     "gymnasium": {"control", "policy", "bundles", "errors", "robots", "dynamics"},
 }
 

@@ -72,6 +72,13 @@ def as_numpy(array: Array) -> np.ndarray:
     return np.ascontiguousarray(array, np.float64)
 
 
+def as_flags(array: Array) -> np.ndarray:
+    """A mask as booleans on the host, contiguous; itself if it is that already."""
+    if not isinstance(array, np.ndarray):
+        array = array_api_compat.to_device(array, "cpu").numpy()
+    return np.ascontiguousarray(array, np.bool_)
+
+
 def from_numpy(array: np.ndarray, like: Array) -> Array:
     """The array on `like`'s device and, unless it holds integers, of its type."""
     if isinstance(like, np.ndarray):

@@ -27,8 +27,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.control.arrays import Array, check_shape, namespace
-from fbid_gym.control.dual_newton import DualProblem, solve_dual, sticking_forces
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.control.arrays import (
+    Array,
+    as_flags,
+    as_numpy,
+    check_shape,
+    from_numpy,
+    namespace,
+)
+from fbid_gym.control.dual_newton import DualProblem, deliver
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 REGULARISATION = 1e-4
@@ -199,17 +207,25 @@ def _check_limits(limits: ContactLimits, count: int, points: int) -> None:
 
 
 @lru_cache(maxsize=256)
-def _limit_array(limits: ContactLimits, xp: ModuleType, dtype: Any, device: Any) -> Array:
-    """(..., 3): friction, lowest and highest normal force."""
+def limit_rows(limits: ContactLimits, points: int) -> np.ndarray:
+    """(N, P, 3), or (1, P, 3) for all robots: friction, lowest and highest normal force."""
     numbers = (limits.friction, limits.min_normal_force, limits.max_normal_force)
-    stacked = np.stack(np.broadcast_arrays(*numbers), axis=-1)
-    return xp.asarray(stacked, dtype=dtype, device=device)
+    rows = np.stack(np.broadcast_arrays(*numbers, np.empty((1, points)))[:3], axis=-1)
+    return np.ascontiguousarray(rows)
+
+
+@lru_cache(maxsize=32)
+def all_active(points: int) -> np.ndarray:
+    """(1, P): all points of all robots are in contact."""
+    return np.ones((1, points), bool)
 
 
 def limit_values(limits: ContactLimits, active: Array | None, like: Array) -> Array:
     """Broadcasts to (N, P, 3): the limits, zero where a point is not in contact."""
     xp = namespace(like)
-    values = _limit_array(limits, xp, like.dtype, like.device)
+    numbers = (limits.friction, limits.min_normal_force, limits.max_normal_force)
+    stacked = np.stack(np.broadcast_arrays(*numbers), axis=-1)
+    values = xp.asarray(stacked, dtype=like.dtype, device=like.device)
     return values if active is None else xp.where(active[..., None], values, 0.0)
 
 
@@ -242,21 +258,71 @@ def solve_contact_forces(
         ContactForces; its `wrench` is the scaled error, delivered less desired.
     """
     xp = namespace(wrench_map)
-    values = limit_values(limits, active, wrench)
-    force, dual, sticks = sticking_forces(wrench_map, wrench, values)
-    kind = {"dtype": wrench.dtype, "device": wrench.device}
-    missing = xp.zeros(wrench.shape, **kind)
-    iterations = xp.zeros(sticks.shape, dtype=xp.int64, device=wrench.device)
-    if sticks.all():
-        return ContactForces(force, missing, missing[:, 0], iterations, dual)
-    rows = xp.nonzero(~sticks)[0]
-    start = xp.zeros(wrench.shape, **kind) if warm_start is None else warm_start
-    problem = dual_problem(wrench_map, wrench, values, weight, regularisation, tolerance)
-    solution = solve_dual(problem.rows(rows), start[rows], max_iterations)
-    force[rows], missing[rows], dual[rows] = solution.force, solution.missing, solution.dual
-    iterations[rows] = solution.iterations
-    residual = xp.sqrt(xp.vecdot(missing, missing)) / weight
-    return ContactForces(force, missing, residual, iterations, dual)
+    count, points = wrench_map.shape[0], wrench_map.shape[2] // 3
+    start = xp.zeros_like(wrench) if warm_start is None else warm_start
+    tolerances = xp.broadcast_to(tolerance * weight, (count,))
+    values = limit_rows(limits, points)
+    which = all_active(points) if active is None else active
+    given = (as_numpy(x) for x in (wrench_map, wrench, tolerances, start))
+    force, missing = np.empty((count, points, 3)), np.empty((count, 6))
+    dual, iterations = np.empty((count, 6)), np.empty(count, np.int64)
+    results = force, missing, dual, iterations
+    _deliver_all(*given, values, as_flags(which), regularisation, max_iterations, *results)
+    residual = np.sqrt(np.vecdot(missing, missing))
+    found = (from_numpy(x, like=wrench) for x in (force, missing, residual, iterations, dual))
+    solution = ContactForces(*found)
+    return solution._replace(residual=solution.residual / weight)
+
+
+@kernel
+def _deliver_all(
+    maps: np.ndarray,
+    wrench: np.ndarray,
+    tolerance: np.ndarray,
+    start: np.ndarray,
+    limits: np.ndarray,
+    active: np.ndarray,
+    regularisation: float,
+    budget: int,
+    force: np.ndarray,
+    missing: np.ndarray,
+    dual: np.ndarray,
+    iterations: np.ndarray,
+) -> None:
+    """`deliver` for every robot; the last four are to write to."""
+    values = np.empty((force.shape[1], 3))
+    for i in range(len(force)):
+        limits_in_contact(limits, active, i, values)
+        iterations[i] = deliver(
+            maps[i],
+            wrench[i],
+            values,
+            tolerance[i],
+            regularisation,
+            budget,
+            start[i],
+            force[i],
+            missing[i],
+            dual[i],
+        )
+
+
+@compiled
+def limits_in_contact(
+    limits: np.ndarray, active: np.ndarray, robot: int, values: np.ndarray
+) -> None:
+    """Write the limits of a robot's points, zero where they are not in contact, to `values` (P, 3).
+
+    Args:
+        limits: (N or 1, P, 3) of `limit_rows`.
+        active: (N or 1, P) bool.
+        robot: which of them.
+        values: (P, 3).
+    """
+    row, present = limits[min(robot, len(limits) - 1)], active[min(robot, len(active) - 1)]
+    for i in range(len(values)):
+        for axis in range(3):
+            values[i, axis] = row[i, axis] if present[i] else 0.0
 
 
 def dual_problem(

@@ -4,17 +4,17 @@ Solves eps u + G Pi_C(G^T u) = w, see `contact_forces`. The left side is the gra
 convex function of u, its generalised Jacobian is a sum over contact points, and the projection Pi_C
 onto each point's limits is exact.
 
-Compiled, one robot after another. Robots need very different numbers of steps, so that as array
-operations the few slow ones would cost as much as all of them, and hold Python's lock meanwhile.
-Neither a robot's result nor its cost depends on who else is in the batch.
+Mostly the smallest forces that deliver w are within the limits. They are tried first, and taken as
+they are. All here is of one robot: robots need very different numbers of steps.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from fbid_gym.control.arrays import Array, as_numpy, from_numpy, identity, namespace
+from fbid_gym.compiled import compiled
+from fbid_gym.control.arrays import Array
+from fbid_gym.small_matrices import add_transposed_times, dot, factor, gram, solve_factored
 
 _SLOPE_REDUCTION = 0.5
 _STEPS = (0.0, 0.004, 0.016, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 6.0)
@@ -22,12 +22,8 @@ _LINE_SEARCH_EVALUATIONS = 3
 _STAGES = (1e-1, 1e-2, 1e-3)
 _ROUGH = 1e-2
 _FAINT = 1e-9  # regularisation that costs no accuracy but keeps a matrix regular
+_DELIVERED = 1e-6  # relative error of the wrench below which it counts as delivered
 _TINY = 1e-150  # keeps the direction of a zero tangential force defined
-
-# Division by zero gives infinity, as in NumPy, and other threads run meanwhile.
-# The cache on disk looks at a function's own file only: after a change to what another file calls
-# (`nearest_force`), or to the name of a class below, run `make clean`.
-compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
 class DualProblem(NamedTuple):
@@ -45,15 +41,6 @@ class DualProblem(NamedTuple):
         return DualProblem(
             wrench_map[rows], wrench[rows], limits[rows], tolerance[rows], regularisation
         )
-
-
-class DualSolution(NamedTuple):
-    """Dual points of N robots, and the forces they stand for."""
-
-    dual: Array  # (N, 6)
-    force: Array  # (N, P, 3)
-    missing: Array  # (N, 6): scaled wrench of `force`, less the desired one
-    iterations: Array  # (N,): Newton steps
 
 
 class Robot(NamedTuple):
@@ -120,12 +107,14 @@ def evaluate(robot: Robot, regularisation: float, point: Point) -> float:
             for row in range(6):
                 missing[row] += maps[row, 3 * i + axis] * point.force[i, axis]
     _go(missing, point.dual, regularisation, point.gradient)
-    return np.sqrt(_square(point.gradient))
+    return np.sqrt(dot(point.gradient, point.gradient))
 
 
 @compiled
 def jacobian_at(robot: Robot, regularisation: float, point: Point, jacobian: np.ndarray) -> None:
     """Write a generalised Jacobian of the gradient, sum G_i D_i G_i^T + eps, to `jacobian` (6, 6).
+
+    Its lower half; it is symmetric.
 
     A sticking point passes its force on unchanged, but not a normal force at its bounds. A sliding
     point passes it on along the cone's side (mu r + n, r the direction of sliding), and across r
@@ -164,17 +153,6 @@ def jacobian_at(robot: Robot, regularisation: float, point: Point, jacobian: np.
                 for b in range(3):
                     total += scratch[b] * maps[column, 3 * i + b]
                 jacobian[row, column] += total
-    for row in range(6):
-        for column in range(row):
-            jacobian[column, row] = jacobian[row, column]
-
-
-@compiled
-def _square(vector: np.ndarray) -> float:
-    total = 0.0
-    for x in vector:
-        total += x * x
-    return total
 
 
 @compiled
@@ -192,30 +170,6 @@ def _copy(point: Point, to: Point) -> None:
     for i in range(len(point.force)):
         for axis in range(3):
             to.free[i, axis], to.force[i, axis] = point.free[i, axis], point.force[i, axis]
-
-
-@compiled
-def _solve_positive_definite(matrix: np.ndarray, vector: np.ndarray) -> None:
-    """Overwrite `vector` with matrix^-1 vector, and the lower half of the matrix with its factor.
-
-    LAPACK would refuse a matrix that is not finite, and the whole batch with it.
-    """
-    size = len(vector)
-    for i in range(size):
-        for j in range(i + 1):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = np.sqrt(total) if i == j else total / matrix[j, j]
-        total = vector[i]
-        for k in range(i):
-            total -= matrix[i, k] * vector[k]
-        vector[i] = total / matrix[i, i]
-    for i in range(size - 1, -1, -1):
-        total = vector[i]
-        for k in range(i + 1, size):
-            total -= matrix[k, i] * vector[k]
-        vector[i] = total / matrix[i, i]
 
 
 @compiled
@@ -291,7 +245,8 @@ def _newton(
         jacobian_at(robot, regularisation, point, jacobian)
         for row in range(6):
             change[row] = -point.gradient[row]
-        _solve_positive_definite(jacobian, change)
+        factor(jacobian)
+        solve_factored(jacobian, change)
         _go(point.dual, change, 1.0, trial.dual)
         error = evaluate(robot, regularisation, trial)
         if error > tolerance:
@@ -315,7 +270,7 @@ def _persist(
     """
     taken = 0
     point.dual[:] = 0.0
-    rough = max(tolerance, _ROUGH * np.sqrt(_square(robot.wrench)))
+    rough = max(tolerance, _ROUGH * np.sqrt(dot(robot.wrench, robot.wrench)))
     for stage in _STAGES:
         if stage > regularisation:
             taken += _newton(robot, stage, rough, budget, point, trial)[1]
@@ -323,77 +278,82 @@ def _persist(
 
 
 @compiled
-def _solve(
+def _stick(robot: Robot, force: np.ndarray, dual: np.ndarray, wrench_gram: np.ndarray) -> bool:
+    """Write the smallest forces that deliver the wrench; whether they do, and are within limits."""
+    gram(robot.wrench_map, robot.wrench_map, _FAINT, wrench_gram)
+    factor(wrench_gram)
+    dual[:] = robot.wrench
+    solve_factored(wrench_gram, dual)
+    flat = force.reshape(force.size)
+    flat[:] = 0.0
+    add_transposed_times(robot.wrench_map, dual, flat)
+    for i in range(len(force)):
+        friction, lowest, highest = robot.limits[i]
+        normal = force[i, 2]
+        sticks = np.hypot(force[i, 0], force[i, 1]) <= friction * normal
+        if not (sticks and lowest <= normal <= highest):
+            return False
+    # What is missing is _FAINT * dual: all that no force can deliver, else nothing.
+    size = (_DELIVERED / _FAINT) ** 2 * dot(robot.wrench, robot.wrench)
+    return dot(dual, dual) <= size
+
+
+@compiled
+def deliver(
     maps: np.ndarray,
     wrench: np.ndarray,
     limits: np.ndarray,
-    tolerance: np.ndarray,
+    tolerance: float,
     regularisation: float,
-    start: np.ndarray,
     budget: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    count, points = limits.shape[:2]
-    dual, missing = np.empty((count, 6)), np.empty((count, 6))
-    force, taken = np.empty((count, points, 3)), np.zeros(count, np.int64)
-    six, many = (2, 6), (2, points, 3)
-    duals, frees, forces = np.empty(six), np.empty(many), np.empty(many)
-    misses, gradients = np.empty(six), np.empty(six)
-    point = Point(duals[0], frees[0], forces[0], misses[0], gradients[0])
-    trial = Point(duals[1], frees[1], forces[1], misses[1], gradients[1])
-    for i in range(count):
-        robot, accuracy = Robot(maps[i], wrench[i], limits[i]), tolerance[i]
-        point.dual[:] = start[i]
-        error, taken[i] = _newton(robot, regularisation, accuracy, budget, point, trial)
-        if error > accuracy:
-            taken[i] += _persist(robot, regularisation, accuracy, 2 * budget, point, trial)
-            error = np.sqrt(_square(point.gradient))
-        dual[i], force[i], missing[i] = point.dual, point.force, point.missing
-        if error > accuracy:
-            # The better of the last forces and those of the warm start.
-            point.dual[:] = start[i]
-            evaluate(robot, regularisation, point)
-            if _square(point.missing) < _square(missing[i]):
-                force[i], missing[i] = point.force, point.missing
-    return dual, force, missing, taken
+    start: np.ndarray,
+    force: np.ndarray,
+    missing: np.ndarray,
+    dual: np.ndarray,
+) -> int:
+    """Solve the problem of one robot.
 
-
-def solve_dual(problem: DualProblem, start: Array, budget: int) -> DualSolution:
-    """Solve the dual problems of N robots.
+    The smallest forces are tried first. Newton's method follows where they are not within the
+    limits, and after `budget` steps a cold start by way of stronger regularisations, in four rounds
+    of at most twice as many steps. What that leaves unsolved gets the better of its last forces and
+    those at `start`.
 
     Args:
-        problem: of N robots, on any device; torch tensors are solved on the host.
-        start: (N, 6) dual points to begin with.
-        budget: Newton steps before a robot is solved anew, cold and by way of stronger
-            regularisations, in four rounds of at most twice as many steps. What that leaves
-            unsolved gets the better of its last forces and those at `start`.
-    """
-    arrays = [as_numpy(x) for x in problem[:4]]
-    found = _solve(*arrays, problem.regularisation, as_numpy(start), budget)
-    return DualSolution(*(from_numpy(x, like=start) for x in found))
-
-
-def sticking_forces(maps: Array, wrench: Array, limits: Array) -> tuple[Array, Array, Array]:
-    """The smallest forces that deliver a wrench exactly, and whether they are within the limits.
-
-    Args:
-        maps: (N, 6, 3 P).
-        wrench: (N, 6).
-        limits: broadcasts to (N, P, 3): friction coefficient, least and greatest normal force.
+        maps: (6, 3 P) scaled.
+        wrench: (6,) scaled.
+        limits: (P, 3) friction coefficient, least and greatest normal force.
+        tolerance: of the norm of the error, N.
+        regularisation: eps.
+        budget: Newton steps before a cold start.
+        start: (6,) dual point to begin with.
+        force: (P, 3) N, to write to.
+        missing: (6,) scaled wrench of `force`, less the desired one, to write to; zero if all
+            points stick.
+        dual: (6,) to write to, the next `start`.
 
     Returns:
-        Force (N, P, 3), dual (N, 6), and (N,) bool: they deliver it, and every point sticks.
+        The Newton steps taken.
     """
-    xp = namespace(wrench)
-    count, _, columns = maps.shape
-    gram = maps @ maps.mT + identity(6, maps, _FAINT)
-    dual = xp.linalg.solve(gram, wrench[..., None])[..., 0]
-    force = (dual[:, None, :] @ maps).reshape(count, columns // 3, 3)
-    normal = force[..., 2]
-    within = (
-        (xp.hypot(force[..., 0], force[..., 1]) <= limits[..., 0] * normal)
-        & (normal >= limits[..., 1])
-        & (normal <= limits[..., 2])
+    robot = Robot(maps, wrench, limits)
+    jacobian = np.empty((6, 6))
+    if _stick(robot, force, dual, jacobian):
+        missing[:] = 0.0
+        return 0
+    points = len(limits)
+    point = Point(np.empty(6), np.empty((points, 3)), force, missing, np.empty(6))
+    trial = Point(
+        np.empty(6), np.empty((points, 3)), np.empty((points, 3)), np.empty(6), np.empty(6)
     )
-    # What is missing is _FAINT * dual: all that no force can deliver, else nothing.
-    delivered = xp.vecdot(dual, dual) <= (1e-6 / _FAINT) ** 2 * xp.vecdot(wrench, wrench)
-    return force, dual, xp.all(within, axis=-1) & delivered
+    point.dual[:] = start
+    error, taken = _newton(robot, regularisation, tolerance, budget, point, trial)
+    if error > tolerance:
+        taken += _persist(robot, regularisation, tolerance, 2 * budget, point, trial)
+        error = np.sqrt(dot(point.gradient, point.gradient))
+    dual[:] = point.dual
+    if error > tolerance:
+        # The better of the last forces and those of the warm start.
+        trial.dual[:] = start
+        evaluate(robot, regularisation, trial)
+        if dot(trial.missing, trial.missing) < dot(missing, missing):
+            force[:], missing[:] = trial.force, trial.missing
+    return taken

@@ -1,0 +1,126 @@
+"""Linear algebra of one robot, compiled: matrices of a few dozen rows, without calls and checks.
+
+LAPACK is made for larger ones, and refuses a matrix that is not finite together with its whole
+batch. Results are written to the last argument. Innermost loops run along rows of memory.
+"""
+
+import numpy as np
+
+from fbid_gym.compiled import compiled
+
+
+@compiled
+def multiply(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> None:
+    """result (a, c) = left (a, b) right (b, c)."""
+    result[:] = 0.0
+    for i in range(left.shape[0]):
+        for k in range(left.shape[1]):
+            factor = left[i, k]
+            for j in range(right.shape[1]):
+                result[i, j] += factor * right[k, j]
+
+
+@compiled
+def multiply_transposed(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> None:
+    """result (a, c) = left^T right, with left (b, a), right (b, c)."""
+    result[:] = 0.0
+    for k in range(left.shape[0]):
+        for i in range(left.shape[1]):
+            factor = left[k, i]
+            for j in range(right.shape[1]):
+                result[i, j] += factor * right[k, j]
+
+
+@compiled
+def multiply_by_transpose(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> None:
+    """result (a, c) = left (a, b) right^T, with right (c, b)."""
+    for i in range(left.shape[0]):
+        for j in range(right.shape[0]):
+            result[i, j] = dot(left[i], right[j])
+
+
+@compiled
+def gram(left: np.ndarray, right: np.ndarray, ridge: float, result: np.ndarray) -> None:
+    """Lower half of result (a, a) = left right^T + ridge, known to be symmetric."""
+    for i in range(left.shape[0]):
+        for j in range(i + 1):
+            result[i, j] = dot(left[i], right[j])
+        result[i, i] += ridge
+
+
+@compiled
+def times(matrix: np.ndarray, vector: np.ndarray, result: np.ndarray) -> None:
+    """result (a,) = matrix (a, b) vector (b,)."""
+    for i in range(matrix.shape[0]):
+        result[i] = dot(matrix[i], vector)
+
+
+@compiled
+def add_transposed_times(matrix: np.ndarray, vector: np.ndarray, result: np.ndarray) -> None:
+    """result (b,) += matrix^T vector, with matrix (a, b), vector (a,)."""
+    for i in range(matrix.shape[0]):
+        factor = vector[i]
+        for j in range(matrix.shape[1]):
+            result[j] += factor * matrix[i, j]
+
+
+@compiled
+def dot(a: np.ndarray, b: np.ndarray) -> float:
+    """The inner product."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled
+def cross(a: np.ndarray, b: np.ndarray, result: np.ndarray) -> None:
+    """result (3,) = a x b; not one of them."""
+    result[0] = a[1] * b[2] - a[2] * b[1]
+    result[1] = a[2] * b[0] - a[0] * b[2]
+    result[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@compiled
+def factor(matrix: np.ndarray) -> None:
+    """Overwrite the lower half of a symmetric positive definite matrix with its Cholesky factor.
+
+    Of a matrix that is not, NaN. Only the lower half is read.
+    """
+    for i in range(len(matrix)):
+        for j in range(i):
+            matrix[i, j] = (matrix[i, j] - dot(matrix[i, :j], matrix[j, :j])) / matrix[j, j]
+        matrix[i, i] = np.sqrt(matrix[i, i] - dot(matrix[i, :i], matrix[i, :i]))
+
+
+@compiled
+def solve_factored(lower: np.ndarray, vector: np.ndarray) -> None:
+    """Overwrite a vector (a,) with the solution of (L L^T) x = vector."""
+    size = len(vector)
+    for i in range(size):
+        vector[i] = (vector[i] - dot(lower[i, :i], vector[:i])) / lower[i, i]
+    for i in range(size - 1, -1, -1):
+        vector[i] /= lower[i, i]
+        solved = vector[i]
+        for j in range(i):
+            vector[j] -= solved * lower[i, j]
+
+
+@compiled
+def solve_factored_columns(lower: np.ndarray, columns: np.ndarray) -> None:
+    """Overwrite columns (a, m) with the solutions of (L L^T) X = columns."""
+    size, count = columns.shape
+    for i in range(size):
+        for k in range(i):
+            share = lower[i, k]
+            for j in range(count):
+                columns[i, j] -= share * columns[k, j]
+        for j in range(count):
+            columns[i, j] /= lower[i, i]
+    for i in range(size - 1, -1, -1):
+        for j in range(count):
+            columns[i, j] /= lower[i, i]
+        for k in range(i):
+            share = lower[i, k]
+            for j in range(count):
+                columns[k, j] -= share * columns[i, j]
