@@ -11,7 +11,7 @@ from fbid_gym.compiled import compiled
 
 @compiled
 def multiply(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> None:
-    """result (a, c) = left (a, b) right (b, c)."""
+    """Write to result (a, c): left (a, b) right (b, c)."""
     result[:] = 0.0
     for i in range(left.shape[0]):
         for k in range(left.shape[1]):
@@ -22,7 +22,7 @@ def multiply(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> None:
 
 @compiled
 def multiply_transposed(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> None:
-    """result (a, c) = left^T right, with left (b, a), right (b, c)."""
+    """Write to result (a, c): left^T right, with left (b, a), right (b, c)."""
     result[:] = 0.0
     for k in range(left.shape[0]):
         for i in range(left.shape[1]):
@@ -33,7 +33,7 @@ def multiply_transposed(left: np.ndarray, right: np.ndarray, result: np.ndarray)
 
 @compiled
 def multiply_by_transpose(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> None:
-    """result (a, c) = left (a, b) right^T, with right (c, b)."""
+    """Write to result (a, c): left (a, b) right^T, with right (c, b)."""
     for i in range(left.shape[0]):
         for j in range(right.shape[0]):
             result[i, j] = dot(left[i], right[j])
@@ -50,14 +50,14 @@ def gram(left: np.ndarray, right: np.ndarray, ridge: float, result: np.ndarray) 
 
 @compiled
 def times(matrix: np.ndarray, vector: np.ndarray, result: np.ndarray) -> None:
-    """result (a,) = matrix (a, b) vector (b,)."""
+    """Write to result (a,): matrix (a, b) vector (b,)."""
     for i in range(matrix.shape[0]):
         result[i] = dot(matrix[i], vector)
 
 
 @compiled
 def add_transposed_times(matrix: np.ndarray, vector: np.ndarray, result: np.ndarray) -> None:
-    """result (b,) += matrix^T vector, with matrix (a, b), vector (a,)."""
+    """Add to result (b,) the product matrix^T vector, with matrix (a, b), vector (a,)."""
     for i in range(matrix.shape[0]):
         factor = vector[i]
         for j in range(matrix.shape[1]):
@@ -75,7 +75,7 @@ def dot(a: np.ndarray, b: np.ndarray) -> float:
 
 @compiled
 def cross(a: np.ndarray, b: np.ndarray, result: np.ndarray) -> None:
-    """result (3,) = a x b; not one of them."""
+    """Write to result (3,): a x b; not one of them."""
     result[0] = a[1] * b[2] - a[2] * b[1]
     result[1] = a[2] * b[0] - a[0] * b[2]
     result[2] = a[0] * b[1] - a[1] * b[0]

@@ -24,11 +24,10 @@ from fbid_gym.control.force_feedback import (
     inertia_weighted_inverse_dynamics,
 )
 from fbid_gym.control.force_sensor import ForceSensor, ForceSensorState
-from fbid_gym.control.inverse_dynamics import (
-    InverseDynamics,
+from fbid_gym.control.inverse_dynamics import InverseDynamics, orthogonal_inverse_dynamics
+from fbid_gym.control.limited_inverse_dynamics import (
     LimitedInverseDynamics,
     limited_inverse_dynamics,
-    orthogonal_inverse_dynamics,
 )
 from fbid_gym.control.metric import length_metric, metric_inverse_dynamics, metric_torque_cost
 from fbid_gym.control.operational_space import (

@@ -22,8 +22,7 @@ and not at all while they stick.
 
 from dataclasses import dataclass
 from functools import lru_cache
-from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -170,21 +169,19 @@ def limited_contact_forces(
 
 
 def wrench_scale(length: float, wrench_cost: tuple[float, ...] | None, like: Array) -> Array:
-    """(6,) factors that turn N and N m into N whose squares are comparable."""
-    return _wrench_scale(length, wrench_cost, namespace(like), like.dtype, like.device)
+    """`wrench_scale_of` in the namespace, type and device of an array."""
+    return from_numpy(wrench_scale_of(length, wrench_cost), like)
 
 
 @lru_cache(maxsize=256)
-def _wrench_scale(
-    length: float, wrench_cost: tuple[float, ...] | None, xp: ModuleType, dtype: Any, device: Any
-) -> Array:
+def wrench_scale_of(length: float, wrench_cost: tuple[float, ...] | None) -> np.ndarray:
+    """(6,) factors that turn N and N m into N whose squares are comparable."""
     cost = (1.0,) * 6 if wrench_cost is None else tuple(wrench_cost)
     for name, value, size in (("length", (length,), 1), ("wrench_cost", cost, 6)):
         if len(value) != size or not all(0.0 < x < np.inf for x in value):
             raise InvalidValueError(name, value, f"{size} positive, finite numbers")
-    arms = (1.0, 1.0, 1.0, length, length, length)
-    scale = [c**0.5 / arm for c, arm in zip(cost, arms, strict=True)]
-    return xp.asarray(scale, dtype=dtype, device=device)
+    arms = np.array([1.0, 1.0, 1.0, length, length, length])
+    return np.sqrt(cost) / arms
 
 
 def check_contact_options(
@@ -263,11 +260,22 @@ def solve_contact_forces(
     tolerances = xp.broadcast_to(tolerance * weight, (count,))
     values = limit_rows(limits, points)
     which = all_active(points) if active is None else active
-    given = (as_numpy(x) for x in (wrench_map, wrench, tolerances, start))
     force, missing = np.empty((count, points, 3)), np.empty((count, 6))
     dual, iterations = np.empty((count, 6)), np.empty(count, np.int64)
-    results = force, missing, dual, iterations
-    _deliver_all(*given, values, as_flags(which), regularisation, max_iterations, *results)
+    _deliver_all(
+        as_numpy(wrench_map),
+        as_numpy(wrench),
+        as_numpy(tolerances),
+        as_numpy(start),
+        values,
+        as_flags(which),
+        regularisation,
+        max_iterations,
+        force,
+        missing,
+        dual,
+        iterations,
+    )
     residual = np.sqrt(np.vecdot(missing, missing))
     found = (from_numpy(x, like=wrench) for x in (force, missing, residual, iterations, dual))
     solution = ContactForces(*found)

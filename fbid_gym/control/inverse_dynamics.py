@@ -29,33 +29,18 @@ from fbid_gym.control.arrays import (
     Array,
     check_dynamics,
     check_shape,
-    diagonal,
     identity,
     matvec,
     namespace,
 )
-from fbid_gym.control.contact_forces import (
-    MAX_ITERATIONS,
-    REGULARISATION,
-    TOLERANCE,
-    ContactLimits,
-    check_contact_options,
-    solve_contact_forces,
-    wrench_scale,
-)
 from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
-from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.errors import InvalidValueError
 
 # Singular values of J at or below 1e-5 of the largest are treated as absent.
 _CONTACT_RTOL = 1e-10
 # Contacts whose shortest lever arm is below a thousandth of the longest count as a line or a point:
 # taking them for more would buy a moment with a thousandfold force.
 _BASE_RTOL = 1e-6
-# Added to Gram matrices of order one where the result does not depend on their null space.
-_RIDGE = 1e-11
-# The same for the response of the base wrench, in units of the robot's squared mass.
-_RESPONSE_RIDGE = 1e-9
-_GRAVITY = 9.81
 
 
 class InverseDynamics(NamedTuple):
@@ -76,28 +61,6 @@ class InverseDynamics(NamedTuple):
     acceleration: Array
     rank: Array
     underactuation: Array
-
-
-class LimitedInverseDynamics(NamedTuple):
-    """Torques whose contact forces respect friction and normal force limits, and what they achieve.
-
-    Attributes:
-        torque: (N, n) N m.
-        contact_force: (N, k) generalized forces of the rows of J.
-        acceleration: (N, nv) the robot will have with these torques and contact forces.
-        point_force: (N, P, 3) N, per contact point: two tangential components, then the normal one.
-        residual: (N,) how far the base wrench is from the one the command asks for, per weight.
-        iterations: (N,) Newton steps the contact forces took, integers.
-        warm_start: (N, 6) to pass to the next call. Zero the rows of robots that were reset.
-    """
-
-    torque: Array
-    contact_force: Array
-    acceleration: Array
-    point_force: Array
-    residual: Array
-    iterations: Array
-    warm_start: Array
 
 
 def orthogonal_inverse_dynamics(
@@ -241,145 +204,6 @@ def achievable_acceleration(
     xp = namespace(acceleration)
     change = xp.linalg.solve(regular, matvec(beyond, wanted)[..., None])
     return acceleration - (response @ (beyond @ change))[..., 0]
-
-
-def limited_inverse_dynamics(
-    mass_matrix: Array,
-    bias: Array,
-    jacobian: Array,
-    acceleration: Array,
-    jacobian_bias: Array,
-    limits: ContactLimits,
-    *,
-    point_map: Array | None = None,
-    active: Array | None = None,
-    base_priority: float = 1.0,
-    length: float = 1.0,
-    wrench_cost: tuple[float, ...] | None = None,
-    warm_start: Array | None = None,
-    regularisation: float = REGULARISATION,
-    tolerance: float = TOLERANCE,
-    max_iterations: int = MAX_ITERATIONS,
-) -> LimitedInverseDynamics:
-    """Torques for a desired acceleration, with contact forces that friction and normal force allow.
-
-    [M10] eq. (15) assumes contacts that can pull and never slip. Here the command is made
-    consistent with the contacts, as there. Then come the contact forces within the limits that best
-    deliver its base wrench (M a + h)_base, the nearest consistent acceleration that needs just the
-    wrench they deliver, and the torques from the joint rows of the dynamics. With too few contacts,
-    down to none, the wrench and with it the momentum is what remains possible.
-
-    Args:
-        mass_matrix: (N, nv, nv) M, symmetric positive definite.
-        bias: (N, nv) h.
-        jacobian: (N, k, nv) J of the contact constraints; its entries of order one (SI units).
-        acceleration: (N, nv) desired.
-        jacobian_bias: (N, k) Jdot v.
-        limits: friction and normal force limits of the points.
-        point_map: (N, k, 3 P), gives the generalized forces of the rows of J from stacked point
-            forces. Default: rows of J are stacked point rows, k = 3 P. Zero columns for inactive
-            points save time.
-        active: (N, P) bool, points in contact; the others get zero force. Default: all.
-        base_priority: positive weight of base accelerations beside one for joints in "nearest".
-        length: m, lever arm that makes base moments comparable to forces.
-        wrench_cost: six positive weights of the squared base wrench errors. Default: ones.
-        warm_start: (N, 6) `warm_start` of the previous result. Default: zeros.
-        regularisation: see `limited_contact_forces`.
-        tolerance: see `limited_contact_forces`.
-        max_iterations: see `limited_contact_forces`.
-
-    Returns:
-        LimitedInverseDynamics.
-
-    Raises:
-        ShapeError: an array does not fit.
-        InvalidValueError: `base_priority`, `length` or `wrench_cost` is not positive and finite.
-    """
-    count, rows, velocities = check_dynamics(
-        mass_matrix, bias, jacobian, acceleration, jacobian_bias
-    )
-    if point_map is None:
-        columns = rows
-        if columns % 3:
-            raise ShapeError("jacobian", tuple(jacobian.shape), "k = 3 P rows without a point_map")
-    else:
-        columns = point_map.shape[-1]
-        if columns % 3:
-            raise ShapeError("point_map", tuple(point_map.shape), "3 P columns")
-        check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
-    check_contact_options(limits, active, warm_start, count, columns // 3)
-
-    inverse_metric = _inverse_metric(base_priority, velocities, jacobian)
-    violation = matvec(jacobian, acceleration) + jacobian_bias
-    acceleration = acceleration - _held(jacobian, inverse_metric, violation[..., None])[..., 0]
-
-    xp = namespace(jacobian)
-    scale = wrench_scale(length, wrench_cost, jacobian)
-    base_jacobian = (jacobian[:, :, :6] * scale).mT
-    mass = mass_matrix[:, 0, 0]
-    forces = solve_contact_forces(
-        base_jacobian if point_map is None else base_jacobian @ point_map,
-        (matvec(mass_matrix[:, :6, :], acceleration) + bias[:, :6]) * scale,
-        limits,
-        weight=_GRAVITY * mass,
-        active=active,
-        warm_start=warm_start,
-        regularisation=regularisation,
-        tolerance=tolerance,
-        max_iterations=max_iterations,
-    )
-    misses = forces.residual != 0.0
-    if misses.any():
-        yielding = xp.nonzero(misses)[0]
-        acceleration[yielding] += _response(
-            mass_matrix[yielding, :6, :],
-            jacobian[yielding],
-            inverse_metric,
-            forces.wrench[yielding] / scale,
-            length,
-        )
-
-    stacked = forces.force.reshape(count, columns)
-    contact_force = stacked if point_map is None else matvec(point_map, stacked)
-    joint_force = matvec(mass_matrix[:, 6:, :], acceleration) + bias[:, 6:]
-    torque = joint_force - matvec(jacobian[:, :, 6:].mT, contact_force)
-    return LimitedInverseDynamics(
-        torque,
-        contact_force,
-        acceleration,
-        forces.force,
-        forces.residual,
-        forces.iterations,
-        forces.dual,
-    )
-
-
-def _held(jacobian: Array, inverse_metric: Array | None, motion: Array) -> Array:
-    """Least accelerations (N, nv, m) that move the contacts by `motion` (N, k, m).
-
-    A ridge replaces the pseudo-inverse: nothing here depends on the part of the solution that J^T
-    annihilates.
-    """
-    xp = namespace(jacobian)
-    weighted = jacobian if inverse_metric is None else jacobian * inverse_metric
-    gram = weighted @ jacobian.mT + identity(jacobian.shape[1], jacobian, _RIDGE)
-    return weighted.mT @ xp.linalg.solve(gram, motion)
-
-
-def _response(
-    base_rows: Array, jacobian: Array, inverse_metric: Array | None, wrench: Array, length: float
-) -> Array:
-    """Least change of acceleration (N, nv) that keeps the contacts and changes the base wrench.
-
-    With P the projector of `free_response`, that is P M_b^T (M_b P M_b^T)^-1 wrench.
-    """
-    xp = namespace(jacobian)
-    columns = base_rows.mT if inverse_metric is None else inverse_metric[:, None] * base_rows.mT
-    response = columns - _held(jacobian, inverse_metric, jacobian @ columns)
-    mass = base_rows[:, 0, 0]
-    arms = (1.0, 1.0, 1.0, length**2, length**2, length**2)
-    ridge = (_RESPONSE_RIDGE * mass * mass)[:, None, None] * diagonal(arms, jacobian)
-    return (response @ xp.linalg.solve(base_rows @ response + ridge, wrench[..., None]))[..., 0]
 
 
 def _inverse_metric(base_priority: float, velocities: int, like: Array) -> Array | None:
