@@ -14,7 +14,7 @@ from fbid_gym.control import (
     limited_inverse_dynamics,
     operational_space_acceleration,
     orthogonal_inverse_dynamics,
-    symmetric_pseudo_inverse,
+    underactuation,
 )
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
 from fbid_gym.dynamics.state import RobotState
@@ -175,7 +175,5 @@ class AccelerationLaw:
         )
         memory = {"warm_start": limited.warm_start, "residual": limited.residual}
         if active is not None:
-            base = contacts.jacobian[:, :, :6]
-            _, rank = symmetric_pseudo_inverse(base.swapaxes(1, 2) @ base, 1e-6)
-            memory["underactuation"] = 6.0 - rank
+            memory["underactuation"] = underactuation(contacts.jacobian)
         return _Solution(limited.torque, memory)

@@ -37,6 +37,7 @@ from fbid_gym.control.operational_space import (
     task_acceleration,
 )
 from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
+from fbid_gym.control.underactuation import underactuation
 from fbid_gym.control.wrench_distribution import (
     Balance,
     TorqueMap,
@@ -82,4 +83,5 @@ __all__ = [
     "torque_map_garofalo2015",
     "torque_map_inverse_dynamics",
     "torque_map_ott2011",
+    "underactuation",
 ]

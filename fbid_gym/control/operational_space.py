@@ -27,13 +27,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.control.arrays import Array, check_shape, matvec, namespace
-from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.control.arrays import Array, as_numpy, check_shape, from_numpy
 from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.small_matrices import (
+    add_transposed_times,
+    dot,
+    factor,
+    gram,
+    multiply_by_transpose,
+    solve_factored,
+    solve_factored_columns,
+    times,
+)
 
 LEAST_GAIN = 0.05
-# As in eq. (15): singular values of J_C at or below 1e-5 of the largest are treated as absent.
-_CONTACT_RTOL = 1e-10
+# Added to the Gram matrix of J_C, whose null space does not matter: a pseudo-inverse would be the
+# same.
+_RIDGE = 1e-11
 
 
 class TaskMotion(NamedTuple):
@@ -115,15 +126,11 @@ def operational_space_acceleration(
         ShapeError: an array does not fit.
         InvalidValueError: `least_gain` is not positive and finite.
     """
-    count, velocities, task_jacobian = _check(jacobian, task_jacobian, task, motion_cost)
-    check_shape("jacobian_bias", jacobian_bias, (count, jacobian.shape[1]), "(N, k)")
     if task_bias is not None:
         check_shape("task_bias", task_bias, tuple(task.shape), "(N, m)")
         task = task - task_bias
-    if reference is not None:
-        check_shape("reference", reference, (count, velocities), "(N, nv)")
-    return _constrained(
-        jacobian, -jacobian_bias, task_jacobian, task, reference, motion_cost, least_gain
+    return _nearest(
+        jacobian, jacobian_bias, task_jacobian, task, reference, motion_cost, least_gain
     )
 
 
@@ -156,95 +163,138 @@ def floating_base_inverse_kinematics(
         ShapeError: an array does not fit.
         InvalidValueError: `least_gain` is not positive and finite.
     """
-    count, velocities, task_jacobian = _check(jacobian, task_jacobian, task, motion_cost)
-    if reference is not None:
-        check_shape("reference", reference, (count, velocities), "(N, nv)")
-    return _constrained(jacobian, None, task_jacobian, task, reference, motion_cost, least_gain)
+    still = np.zeros(tuple(jacobian.shape)[:2])
+    return _nearest(jacobian, still, task_jacobian, task, reference, motion_cost, least_gain)
 
 
-def _check(
-    jacobian: Array, task_jacobian: Array, task: Array, motion_cost: Array | None
-) -> tuple[int, int, Array]:
-    """Raise ShapeError unless the arrays fit; return N, nv and the task Jacobian (N, m, nv)."""
-    shape = tuple(jacobian.shape)
-    if len(shape) != 3:
-        raise ShapeError("jacobian", shape, "(N, k, nv)")
-    count, _, velocities = shape
-    if task_jacobian.ndim == 2:
-        xp = namespace(jacobian)
-        task_jacobian = xp.broadcast_to(task_jacobian, (count, *task_jacobian.shape))
-    rows = task_jacobian.shape[-2]
-    check_shape("task_jacobian", task_jacobian, (count, rows, velocities), "(N, m, nv)")
-    check_shape("task", task, (count, rows), "(N, m)")
-    if motion_cost is not None:
-        check_shape("motion_cost", motion_cost, (velocities,), "(nv,)")
-    return count, velocities, task_jacobian
-
-
-def _constrained(
+def _nearest(
     jacobian: Array,
-    contact: Array | None,
+    jacobian_bias: Array,
     task_jacobian: Array,
     task: Array,
     reference: Array | None,
     motion_cost: Array | None,
     least_gain: float,
 ) -> TaskMotion:
-    """The motion u nearest to the reference with J_C u = contact, and J_t u = task if it can be.
+    """The motion u nearest to the reference with J_C u + bias = 0, and J_t u = task if it can be.
 
     Args:
         jacobian: (N, k, nv).
-        contact: (N, k); None for zeros.
-        task_jacobian: (N, m, nv).
+        jacobian_bias: (N, k).
+        task_jacobian: (N, m, nv) or (m, nv).
         task: (N, m).
         reference: (N, nv); None for zeros.
         motion_cost: (nv,); None for ones.
         least_gain: see there.
-
-    Returns:
-        TaskMotion.
     """
+    shape = tuple(jacobian.shape)
+    if len(shape) != 3:
+        raise ShapeError("jacobian", shape, "(N, k, nv)")
+    count, rows, velocities = shape
+    robots = count
+    if task_jacobian.ndim == 2:
+        task_jacobian, robots = task_jacobian[None], 1
+    sizes = (robots, task_jacobian.shape[-2], velocities)
+    check_shape("task_jacobian", task_jacobian, sizes, "(N, m, nv)")
+    size = task_jacobian.shape[1]
+    check_shape("task", task, (count, size), "(N, m)")
+    check_shape("jacobian_bias", jacobian_bias, (count, rows), "(N, k)")
+    if reference is not None:
+        check_shape("reference", reference, (count, velocities), "(N, nv)")
+    if motion_cost is not None:
+        check_shape("motion_cost", motion_cost, (velocities,), "(nv,)")
     if not 0.0 < least_gain < np.inf:
         raise InvalidValueError("least_gain", least_gain, "a positive, finite number")
-    weighted = jacobian if motion_cost is None else jacobian / motion_cost
-    inverse, _ = symmetric_pseudo_inverse(weighted @ jacobian.mT, _CONTACT_RTOL)
-
-    # Columns of A^-1 J_t^T less the part that would move the contacts; A = diag(motion_cost).
-    columns = task_jacobian.mT if motion_cost is None else (task_jacobian / motion_cost).mT
-    free = columns - weighted.mT @ (inverse @ (jacobian @ columns))
-
-    violation = contact if contact is None else -contact
-    if reference is not None:
-        held = matvec(jacobian, reference)
-        violation = held if violation is None else held + violation
-    base = reference
-    if violation is not None:
-        correction = matvec(weighted.mT, matvec(inverse, violation))
-        base = -correction if reference is None else reference - correction
-    error = task if base is None else task - matvec(task_jacobian, base)
-
-    gram = task_jacobian @ free
-    share = matvec(_damped_inverse(gram, least_gain), error)
-    motion = matvec(free, share)
-    return TaskMotion(motion if base is None else base + motion, error - matvec(gram, share))
+    found = TaskMotion(np.empty((count, velocities)), np.empty((count, size)))
+    _move(
+        as_numpy(jacobian),
+        as_numpy(jacobian_bias),
+        as_numpy(task_jacobian),
+        as_numpy(task),
+        np.zeros((1, velocities)) if reference is None else as_numpy(reference),
+        np.ones(velocities) if motion_cost is None else 1.0 / as_numpy(motion_cost),
+        least_gain,
+        *found,
+    )
+    return TaskMotion(*(from_numpy(x, like=task) for x in found))
 
 
-def _damped_inverse(gram: Array, least_gain: float) -> Array:
-    """Inverse of Gram matrices (N, m, m), bounded as the module says.
+@kernel
+def _move(
+    jacobian: np.ndarray,
+    jacobian_bias: np.ndarray,
+    task_jacobian: np.ndarray,
+    task: np.ndarray,
+    reference: np.ndarray,
+    mobility: np.ndarray,
+    least_gain: float,
+    motion: np.ndarray,
+    task_error: np.ndarray,
+) -> None:
+    """`_nearest` robot by robot; the last two arguments are to write to."""
+    count, rows, velocities = jacobian.shape
+    size = task.shape[1]
+    weighted, held, push = np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows)
+    moved, free = np.empty((rows, size)), np.empty((size, velocities))
+    gains, inverse, share = np.empty((size, size)), np.empty((size, size)), np.empty(size)
+    for i in range(count):
+        contact, part = jacobian[i], task_jacobian[min(i, len(task_jacobian) - 1)]
+        weighted[:] = contact * mobility
+        gram(weighted, contact, _RIDGE, held)
+        factor(held)
+        motion[i] = reference[min(i, len(reference) - 1)]
+        # A second pass takes out what the ridge left.
+        for _ in range(2):
+            times(contact, motion[i], push)
+            push += jacobian_bias[i]
+            solve_factored(held, push)
+            push *= -1.0
+            add_transposed_times(weighted, push, motion[i])
 
-    Plain inversion serves all that are certified to have no gain below `least_gain`.
+        # Rows of J_t A^-1 less the part that would move the contacts; A^-1 = diag(mobility).
+        free[:] = part * mobility
+        for _ in range(2):
+            multiply_by_transpose(contact, free, moved)
+            solve_factored_columns(held, moved)
+            moved *= -1.0
+            for m in range(size):
+                for k in range(rows):
+                    for j in range(velocities):
+                        free[m, j] += moved[k, m] * weighted[k, j]
+        multiply_by_transpose(part, free, gains)
+        times(part, motion[i], share)
+        error = task_error[i]
+        error[:] = task[i] - share
+        _invert_damped(gains, least_gain, inverse)
+        times(inverse, error, share)
+        add_transposed_times(free, share, motion[i])
+        for m in range(size):
+            error[m] -= dot(gains[m], share)
+
+
+@compiled
+def _invert_damped(gains: np.ndarray, least_gain: float, inverse: np.ndarray) -> None:
+    """Write the inverse of a Gram matrix (m, m), bounded as the module says.
+
+    Plain inversion serves those that are certified to have no gain below `least_gain`.
     """
-    xp = namespace(gram)
-    inverse, rank = symmetric_pseudo_inverse(gram)
-    bound = xp.sum(inverse * inverse, axis=(-2, -1))
-    exact = (rank == gram.shape[-1]) & (bound < least_gain**-4)
-    if not exact.all():
-        rows = xp.nonzero(~exact)[0]
-        doubtful = gram[rows]
-        finite = xp.all(xp.isfinite(doubtful), axis=(-2, -1))[:, None, None]
-        values, vectors = xp.linalg.eigh(xp.where(finite, doubtful, 0.0))
-        values = xp.clip(values / least_gain**2, 0.0, None)  # squared gains in units of the least
-        damping = xp.clip(1.0 - values, 0.0, None) ** 2
-        damped = (vectors / ((values + damping) * least_gain**2)[:, None, :]) @ vectors.mT
-        inverse[rows] = xp.where(finite, damped, xp.nan)
-    return inverse
+    size = len(gains)
+    lower = gains.copy()
+    factor(lower)
+    for i in range(size):
+        for j in range(size):
+            inverse[i, j] = 1.0 if i == j else 0.0
+    solve_factored_columns(lower, inverse)
+    square = 0.0
+    for i in range(size):
+        square += dot(inverse[i], inverse[i])
+    if square < least_gain**-4:
+        return
+    inverse[:] = np.nan
+    # LAPACK takes finite matrices only.
+    if np.isfinite(gains).all():
+        values, vectors = np.linalg.eigh(gains)
+        values = np.maximum(values / least_gain**2, 0.0)  # squared gains in units of the least
+        damping = np.maximum(1.0 - values, 0.0) ** 2
+        scaled = vectors / ((values + damping) * least_gain**2)
+        multiply_by_transpose(scaled, vectors, inverse)
