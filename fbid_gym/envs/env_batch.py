@@ -5,10 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.state import Outcome, RobotState
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
+from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
 from fbid_gym.robots.terrain import Terrain
 
@@ -68,7 +70,13 @@ class EnvBatch:
         self._fresh_memory = self.layer.memory(num_envs)
         self._tick = np.zeros(num_envs, np.int64)
         self._torque = np.zeros((num_envs, self.robot.num_joints))
-        self._observation = np.zeros((num_envs, len(self.task.observation_names)), np.float32)
+        simulation = self.simulation
+        own = simulation.qpos.copy(), simulation.qvel.copy()
+        self._state = RobotState(*own, simulation.contact_force, self._tick)
+        self._bound = self.task.observation_bound
+        self._observation = np.zeros((num_envs, len(self._bound)), np.float32)
+        self._num_actions = len(self.layer.action_names)
+        self._all_ticks = np.arange(self.rates.ticks)[:, None]
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
         """Give one environment a random generator of its own."""
@@ -95,15 +103,14 @@ class EnvBatch:
 
     def check_action(self, action: np.ndarray, *num_envs: int) -> np.ndarray:
         """Return actions (*num_envs, A) as floats, or raise one error before anything is lost."""
-        expected = (*num_envs, len(self.layer.action_names))
+        expected = (*num_envs, self._num_actions)
         try:
             action = np.asarray(action, dtype=float)
         except (TypeError, ValueError):
             raise InvalidValueError("action", action, f"numbers of shape {expected}") from None
         if action.shape != expected:
             raise ShapeError("action", action.shape, f"{expected}")
-        size = np.abs(action).max()
-        if not size <= 1.0 + _ACTION_TOLERANCE:
+        if not _within(np.ascontiguousarray(action).reshape(-1), 1.0 + _ACTION_TOLERANCE):
             bad = ~(np.abs(action) <= 1.0 + _ACTION_TOLERANCE)
             where = tuple(int(i) for i in np.argwhere(bad)[0])
             if not np.isfinite(action[where]):
@@ -115,73 +122,61 @@ class EnvBatch:
 
     def step(self, action: np.ndarray) -> Step:
         """Hold the checked actions (N, A) for one policy step."""
-        simulation, ticks = self.simulation, self.rates.ticks
-        pushes = self.task.push(self._plan, self._tick + np.arange(ticks)[:, None])
-        torque_square, power = np.zeros(self.num_envs), np.zeros(self.num_envs)
-        lost = np.zeros(self.num_envs, bool)
-        limit = self.robot.torque_limit
+        ticks, state, torque_of = self.rates.ticks, self._look(), self.layer.torque
+        effort = Effort.none(self.num_envs, self.robot.num_joints)
+        pushes = self.task.push(self._plan, self._tick + self._all_ticks)
         for push in pushes:
             reference = self.task.reference(self._plan, self._tick)
-            torque = self.layer.torque(
-                action, self._state(), reference, self.plant.terms, self._memory
-            )
-            torque = np.minimum(np.maximum(torque, -limit), limit)
-            if not np.isfinite(torque.sum()):
-                bad = ~np.isfinite(torque).all(axis=1)
-                torque[bad] = 0.0
-                lost |= bad
-            simulation.push(push)
-            simulation.step(torque)
-            self._tick += 1
-            torque_square += np.vecdot(torque, torque)
-            power += np.vecdot(np.abs(torque), np.abs(simulation.qvel[:, 6:]))
-        lost |= simulation.diverged()
-        if lost.any():
+            torque = torque_of(action, state, reference, self.plant.terms, self._memory)
+            self.simulation.tick(torque, push, effort, state)
+        lost = effort.lost | self.simulation.diverged()
+        some_lost = bool(lost.any())
+        if some_lost:
             self._retire(np.flatnonzero(lost))
 
         outcome = self._outcome(
-            torque,
-            torque_square / (ticks * self.robot.num_joints),
-            power / ticks,
+            effort.torque,
+            effort.torque_square / (ticks * self.robot.num_joints),
+            effort.power / ticks,
         )
-        self._torque = torque
+        self._torque = effort.torque
         terms, metrics = self.task.reward(outcome, self._plan)
-        terms = {name: np.where(lost, 0.0, value) for name, value in terms.items()}
-        fallen = self.task.fallen(outcome) & ~lost
-        # A diverged robot has no state worth observing: its last observation stands.
-        self._observation = np.where(
-            lost[:, None], self._observation, self._observe(outcome)
-        ).astype(np.float32)
+        fallen, observation = self.task.fallen(outcome), self._observe(outcome)
+        termination = np.full(self.num_envs, "", object)
+        termination[fallen] = "fall"
+        if some_lost:
+            # A diverged robot has no state worth observing: its last observation stands.
+            observation[lost] = self._observation[lost]
+            termination[lost] = "diverged"
+            for value in terms.values():
+                value[lost] = 0.0
+        self._observation = observation
         terminated = fallen | lost
         truncated = (self._tick >= self.num_steps * ticks) & ~terminated
         info = {f"reward_{name}": value for name, value in terms.items()} | metrics
         info["push"] = pushes[-1]
-        info["torque"] = torque.copy()
-        info["contact_force"] = self._state().contact_force.copy()
-        info["layer_saturation"] = (np.abs(torque) >= limit).mean(axis=1)
+        info["torque"] = effort.torque.copy()
+        info["contact_force"] = state.contact_force.copy()
+        info["layer_saturation"] = effort.saturation
         info |= {f"layer_{name}": self._memory[name].copy() for name in self.layer.diagnostics}
-        reason = np.where(lost, "diverged", np.where(fallen, "fall", ""))
-        info["termination"] = reason.astype(object)
-        return Step(
-            self.observation(),
-            sum(terms.values(), np.zeros(self.num_envs)),
-            terminated,
-            truncated,
-            info,
-        )
+        info["termination"] = termination
+        reward = sum(terms.values(), np.zeros(self.num_envs))
+        return Step(self.observation(), reward, terminated, truncated, info)
 
-    def _state(self) -> RobotState:
-        simulation = self.simulation
-        return RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, self._tick)
+    def _look(self) -> RobotState:
+        """Return where the robots are, in arrays of our own."""
+        self._state.qpos[:], self._state.qvel[:] = self.simulation.qpos, self.simulation.qvel
+        return self._state
 
     def _outcome(self, torque: np.ndarray, torque_square: np.ndarray, power: np.ndarray) -> Outcome:
         terms = self.simulation.terms()
         frame = self.task.support.frame(terms)
-        return Outcome(self._state(), terms, frame, torque, torque_square, power)
+        return Outcome(self._look(), terms, frame, torque, torque_square, power)
 
     def _observe(self, outcome: Outcome) -> np.ndarray:
-        bound = self.task.observation_bound
-        return np.clip(self.task.observe(outcome, self._plan), -bound, bound)
+        """(N, O) float32, clipped."""
+        seen = self.task.observe(outcome, self._plan)
+        return np.minimum(np.maximum(seen, -self._bound), self._bound).astype(np.float32)
 
     def _forget(self, ids: np.ndarray) -> None:
         for name, value in self._fresh_memory.items():
@@ -213,9 +208,18 @@ class EnvBatch:
         self.simulation.load_state_dict(_under("simulation", state))
         self._plan = {k: v.copy() for k, v in _under("plan", state).items()}
         self._memory = {k: v.copy() for k, v in _under("memory", state).items()}
-        self._tick, self._torque = state["tick"].copy(), state["torque"].copy()
+        self._tick[:], self._torque = state["tick"], state["torque"].copy()
         self._observation = state["observation"].copy()
         self._rngs = [_unpacked(row) for row in state["generator"]]
+
+
+@kernel
+def _within(values: np.ndarray, most: float) -> bool:
+    """Whether all of (K,) are numbers of at most this size."""
+    for value in values:
+        if not abs(value) <= most:
+            return False
+    return True
 
 
 def _drawn_place(terrain: Terrain, rng: np.random.Generator) -> np.ndarray:

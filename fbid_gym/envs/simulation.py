@@ -7,22 +7,26 @@ import mujoco.batch
 import numpy as np
 
 from fbid_gym.dynamics.contacts import ContactGeometry, point_positions
-from fbid_gym.dynamics.mujoco_dynamics import LiveTerms
+from fbid_gym.dynamics.live_terms import LiveTerms
+from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.envs.rates import Rates
+from fbid_gym.envs.tick import Effort, drive, find_diverged, read, write_controls
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot
 
 MAX_SPEED = 500.0
 """Generalized speed (m/s, rad/s) beyond which a simulation counts as diverged."""
 
-_VELOCITY = mujoco.mjtStage.mjSTAGE_VEL
+_VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 _STATE = ("time", "qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied")
-_DIVERGENCE = [
-    int(mujoco.mjtWarning.mjWARN_BADQPOS),
-    int(mujoco.mjtWarning.mjWARN_BADQVEL),
-    int(mujoco.mjtWarning.mjWARN_BADQACC),
-]
+_DIVERGENCE = np.array(
+    [
+        int(mujoco.mjtWarning.mjWARN_BADQPOS),
+        int(mujoco.mjtWarning.mjWARN_BADQVEL),
+        int(mujoco.mjtWarning.mjWARN_BADQACC),
+    ]
+)
 
 
 class Simulation:
@@ -59,20 +63,29 @@ class Simulation:
         self.batch = mujoco.batch.Batch(model, num_robots, 1, persistent=True)
         self.qpos = self.batch.bind("qpos")[:, : robot.nq]
         self.qvel = self.batch.bind("qvel")[:, : robot.nv]
-        self._substeps, self._ctrl = rates.substeps, self.batch.bind("ctrl")
+        self._substeps, self._geometry = rates.substeps, ContactGeometry.of(robot)
         self._push = self.batch.bind("xfrc_applied")[:, robot.base_body, :3]
-        self._geometry = ContactGeometry.of(robot)
+        self._rows, self._shape = self.batch.state, (num_robots, robot.num_joints)
+        self._controls = self._column(self.batch.bind("ctrl")) + robot.actuator
+        self._position, self._velocity = self._column(self.qpos), self._column(self.qvel)
+        self._pushed = self._column(self._push)
         first = robot.contact_sensor.min()
         columns = slice(first, first + robot.contact_sensor.size)
         if not np.array_equal(np.r_[columns], robot.contact_sensor.ravel()):
             raise AssertionError("the contact sensors of a Robot are consecutive")
-        sensors = self.batch.bind("sensordata")[:, columns]
+        self._sensor_rows, self._contact = self.batch.bind("sensordata"), int(first)
+        sensors = self._sensor_rows[:, columns]
         self._sensors = sensors.reshape(num_robots, robot.num_points, 3)
-        self.contact_force = self._sensors
+        self.contact_force = np.zeros(self._sensors.shape)
         self._live = LiveTerms(robot, self.batch)
         self._terms: DynamicsTerms | None = None
         self._hush(np.arange(num_robots))
         self.batch.forward()
+        self.contact_force[:] = self._sensors
+
+    def _column(self, part: np.ndarray) -> int:
+        """The column of the batch's rows at which a view of them begins."""
+        return int(part.ctypes.data - self._rows.ctypes.data) // self._rows.itemsize
 
     @property
     def num_robots(self) -> int:
@@ -100,8 +113,7 @@ class Simulation:
         self.qpos[ids, 2] -= lowest
         self.batch.forward(ids)
         self._hush(ids)
-        if self.contact_force is not self._sensors:
-            self.contact_force[ids] = self._sensors[ids]
+        self.contact_force[ids] = self._sensors[ids]
         self._terms = None
 
     def _hush(self, ids: np.ndarray) -> None:
@@ -119,9 +131,33 @@ class Simulation:
 
     def step(self, torque: np.ndarray, ids: np.ndarray | None = None) -> None:
         """Advance one control tick under (N, n) N·m: all robots, or those of `ids`."""
-        self._ctrl[:, self.robot.actuator] = torque / self.robot.gear
+        if torque.shape != self._shape:
+            torque = np.broadcast_to(torque, self._shape)
+        torque = np.ascontiguousarray(torque, dtype=float)
+        write_controls(torque, self.robot.gear, self._controls, self._rows)
+        self._advance(ids)
+        self.contact_force[:] = self._sensors
+
+    def tick(self, torque: np.ndarray, push: np.ndarray, effort: Effort, state: RobotState) -> None:
+        """Push all robots and advance them one control tick: `push` and `step`, and what follows.
+
+        Args:
+            torque: (N, n) N·m, which is limited here; a robot whose torques are no numbers gets
+                none.
+            push: (N, 3) N, see `push`.
+            effort: of the motors in this policy step; updated.
+            state: of all robots, in arrays of its own but for `contact_force`, which is the
+                simulation's; updated.
+        """
+        robot, rows = self.robot, self._rows
+        limits = robot.torque_limit, robot.gear, self._controls
+        drive(torque, *limits, push, self._pushed, rows, *effort[:4])
+        self._advance(None)
+        places = rows, self._position, self._velocity, self._sensor_rows, self._contact
+        read(*places, effort.torque, effort.power, *state)
+
+    def _advance(self, ids: np.ndarray | None) -> None:
         self.batch.step(ids, nstep=self._substeps, stage=_VELOCITY)
-        self.contact_force = self._sensors
         self._terms = None
 
     def diverged(self) -> np.ndarray:
@@ -130,8 +166,10 @@ class Simulation:
         MuJoCo restarts a simulation whose state is no longer finite; one that merely moves
         absurdly fast is about to get there.
         """
-        restarted = (self.batch.warning[:, _DIVERGENCE, 1] != 1).any(axis=1)
-        return restarted | ~(np.abs(self.qvel).max(axis=1) < MAX_SPEED)
+        found = np.empty(self.num_robots, bool)
+        speeds = self._velocity, self.robot.nv, MAX_SPEED
+        find_diverged(self.batch.warning, _DIVERGENCE, *speeds, self._rows, found)
+        return found
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return copies of all that the future depends on."""
@@ -144,7 +182,7 @@ class Simulation:
             self.batch.bind(name)[:] = state[name]
         self.batch.forward(stage=_VELOCITY)
         self._hush(np.arange(self.num_robots))
-        self.contact_force = state["contact_force"].copy()
+        self.contact_force[:] = state["contact_force"]
         self._terms = None
 
 
