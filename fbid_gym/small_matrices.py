@@ -12,12 +12,25 @@ from fbid_gym.compiled import compiled
 @compiled
 def multiply(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> None:
     """Write to result (a, c): left (a, b) right (b, c)."""
-    result[:] = 0.0
+    inner, columns = right.shape
     for i in range(left.shape[0]):
-        for k in range(left.shape[1]):
-            factor = left[i, k]
-            for j in range(right.shape[1]):
-                result[i, j] += factor * right[k, j]
+        row = result[i]
+        row[:] = 0.0
+        # Four rows at a time, so that the result is not read and written for each of them.
+        done = inner - inner % 4
+        for k in range(0, done, 4):
+            a, b, c, d = left[i, k], left[i, k + 1], left[i, k + 2], left[i, k + 3]
+            for j in range(columns):
+                row[j] += (
+                    a * right[k, j]
+                    + b * right[k + 1, j]
+                    + c * right[k + 2, j]
+                    + d * right[k + 3, j]
+                )
+        for k in range(done, inner):
+            a = left[i, k]
+            for j in range(columns):
+                row[j] += a * right[k, j]
 
 
 @compiled

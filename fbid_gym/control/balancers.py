@@ -31,10 +31,22 @@ least in the sum of qddot_j^2 / mobility_j: little mobility makes a joint follow
 such as a swinging leg's, while the others make up for it.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
-from fbid_gym.control.arrays import Array, identity, matvec, namespace
+import numpy as np
+
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.control.arrays import Array, as_numpy, from_numpy
 from fbid_gym.control.wrench_distribution import TorqueMap
+from fbid_gym.small_matrices import (
+    dot,
+    factor,
+    gram,
+    multiply,
+    solve_factored,
+    times,
+)
 
 if TYPE_CHECKING:
     from fbid_gym.dynamics.centroidal import CentroidalTerms
@@ -46,41 +58,7 @@ if TYPE_CHECKING:
 # acceleration be off by at most a hundredth.
 _RIDGE = 1e-4
 
-
-class _Joints(NamedTuple):
-    """What the balancers know of the joints' dynamics."""
-
-    lift: Array  # (N, n, 6) A_q^T Lambda_h
-    momentum_part: Array  # (N, k, 6) Jbar_h
-    joint_part: Array  # (N, k, n) Jbar_q
-    mobility: Array | None  # (N, n)
-
-    @classmethod
-    def of(cls, body: "CentroidalTerms", jacobian: Array, mobility: Array | None) -> "_Joints":
-        """From the centroidal terms and the Jacobian of the contacts."""
-        matrix = body.matrix[:, :, 6:]
-        lift = body.wrench_map[:, 6:]
-        base = jacobian[:, :, :6] @ body.to_com.mT
-        xp = namespace(base)
-        momentum_part = xp.concat(
-            (base[:, :, :3] / body.mass[:, None, None], base[:, :, 3:] @ body.inverse_inertia),
-            axis=-1,
-        )
-        joint_part = jacobian[:, :, 6:] - momentum_part @ matrix
-        return cls(lift, momentum_part, joint_part, mobility)
-
-    def least_motion(self, motion: Array) -> Array:
-        """Least joint accelerations (N, n, m) that move the contacts by `motion` (N, k, m)."""
-        xp = namespace(motion)
-        part = self.joint_part
-        moving = part if self.mobility is None else part * self.mobility[:, None]
-        gram, rows = moving @ part.mT, part.shape[1]
-        if rows == 0:
-            return part.mT @ motion
-        flat = gram.reshape(gram.shape[0], rows * rows)
-        ridge = (_RIDGE / rows) * xp.sum(flat[:, :: rows + 1], axis=-1) + _RIDGE**3
-        gram = gram + ridge[:, None, None] * identity(rows, gram)
-        return moving.mT @ xp.linalg.solve(gram, motion)
+_OTT, _GAROFALO, _INVERSE_DYNAMICS = range(3)
 
 
 def torque_map_ott2011(
@@ -93,16 +71,13 @@ def torque_map_ott2011(
     """Return tau = -Jcheck_q^T lambda of Ott, Roa, Hirzinger 2011, [G15] after eq. (37).
 
     Args:
-        terms: of the robots.
+        terms: of the robots. Torch tensors are computed on the host, in all three maps.
         body: `centroidal_terms` of the same.
         contacts: `reduced_contacts` of the same.
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
         mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
     """
-    joints = _Joints.of(body, contacts.jacobian, mobility)
-    per_wrench = namespace(joints.lift).zeros_like(joints.lift)
-    per_wrench[:, :, :3] = joints.lift[:, :, :3]
-    return TorqueMap(_posture(joints, terms, body, posture), contacts.jacobian, per_wrench)
+    return _torque_map(_OTT, terms, body, contacts, posture, mobility)
 
 
 def torque_map_garofalo2015(
@@ -121,8 +96,7 @@ def torque_map_garofalo2015(
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
         mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
     """
-    joints = _Joints.of(body, contacts.jacobian, mobility)
-    return TorqueMap(_posture(joints, terms, body, posture), contacts.jacobian, joints.lift)
+    return _torque_map(_GAROFALO, terms, body, contacts, posture, mobility)
 
 
 def torque_map_inverse_dynamics(
@@ -144,42 +118,171 @@ def torque_map_inverse_dynamics(
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
         mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
     """
-    joints = _Joints.of(body, contacts.jacobian, mobility)
-    acceleration, per_wrench = _joint_acceleration(joints, terms, body, contacts, posture)
-    lift, matrix = joints.lift, body.matrix[:, :, 6:]
-    inertia = terms.mass_matrix[:, 6:, 6:]
-    base = matvec(body.to_com, terms.bias[:, :6]) + matvec(matrix, acceleration)
-    offset = matvec(inertia, acceleration) + terms.bias[:, 6:] - matvec(lift, base)
-    response = inertia @ per_wrench - lift @ (matrix @ per_wrench)
-    return TorqueMap(offset, contacts.jacobian, lift + response)
+    return _torque_map(_INVERSE_DYNAMICS, terms, body, contacts, posture, mobility)
 
 
-def _joint_acceleration(
-    joints: _Joints,
+def _torque_map(
+    balancer: int,
     terms: "DynamicsTerms",
     body: "CentroidalTerms",
     contacts: "ReducedContacts",
     posture: Array | None,
-) -> tuple[Array, Array]:
-    """Joint accelerations that keep the contacts, (N, n), and what a wrench adds, (N, n, 6)."""
-    xp = namespace(terms.bias)
-    base = matvec(body.to_com, terms.bias[:, :6])
-    motion = matvec(joints.momentum_part, base) - contacts.bias
-    if posture is not None:
-        motion = motion - matvec(joints.joint_part, posture)
-    both = xp.concat((motion[..., None], -joints.momentum_part), axis=-1)
-    solution = joints.least_motion(both)
-    acceleration = solution[..., 0]
-    return (acceleration if posture is None else acceleration + posture), solution[..., 1:]
+    mobility: Array | None,
+) -> TorqueMap:
+    """One of the three."""
+    count, joints = terms.bias.shape[0], terms.bias.shape[1] - 6
+    offset, per_wrench = np.empty((count, joints)), np.empty((count, joints, 6))
+    _fill_map(
+        balancer,
+        _RIDGE,
+        as_numpy(body.matrix),
+        as_numpy(body.to_com),
+        as_numpy(body.mass),
+        as_numpy(body.inverse_inertia),
+        as_numpy(body.wrench_map),
+        as_numpy(terms.mass_matrix),
+        as_numpy(terms.bias),
+        as_numpy(contacts.jacobian),
+        as_numpy(contacts.bias),
+        _row(joints, 0.0) if posture is None else as_numpy(posture),
+        _row(joints, 1.0) if mobility is None else as_numpy(mobility),
+        offset,
+        per_wrench,
+    )
+    like = terms.bias
+    return TorqueMap(from_numpy(offset, like), contacts.jacobian, from_numpy(per_wrench, like))
 
 
-def _posture(
-    joints: _Joints, terms: "DynamicsTerms", body: "CentroidalTerms", posture: Array | None
-) -> Array:
-    """Torques (N, n) of a posture's part that moves neither contacts nor momentum."""
-    if posture is None:
-        return namespace(terms.bias).zeros_like(terms.bias[:, 6:])
-    moved = matvec(joints.joint_part, posture)
-    free = posture - joints.least_motion(moved[..., None])[..., 0]
-    through_base = matvec(joints.lift, matvec(body.matrix[:, :, 6:], free))
-    return matvec(terms.mass_matrix[:, 6:, 6:], free) - through_base
+@lru_cache(maxsize=256)
+def _row(joints: int, value: float) -> np.ndarray:
+    """The same number for all joints, in a row that stands for all robots: (1, n)."""
+    return np.full((1, joints), value)
+
+
+@kernel
+def _fill_map(
+    balancer: int,
+    ridge: float,
+    matrix: np.ndarray,
+    to_com: np.ndarray,
+    mass: np.ndarray,
+    inverse_inertia: np.ndarray,
+    wrench_map: np.ndarray,
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    jacobian: np.ndarray,
+    contact_bias: np.ndarray,
+    posture: np.ndarray,
+    mobility: np.ndarray,
+    offset: np.ndarray,
+    per_wrench: np.ndarray,
+) -> None:
+    """Write offset and per_wrench of a `TorqueMap`.
+
+    Joint accelerations are affine in the wrench. The first column is what they are without one,
+    and only inverse dynamics has six others. Columns are rows here.
+    """
+    count, rows, joints = jacobian.shape[0], jacobian.shape[1], offset.shape[1]
+    dynamic = balancer == _INVERSE_DYNAMICS
+    columns = 7 if dynamic else 1
+    of_momentum, momentum_part = np.empty((6, 6)), np.empty((rows, 6))
+    joint_part, moving = np.empty((rows, joints)), np.empty((rows, joints))
+    lower, base = np.empty((rows, rows)), np.empty(6)
+    motion, acceleration = np.empty((columns, rows)), np.empty((columns, joints))
+    full, force = np.empty((columns, 6 + joints)), np.empty((columns, 6 + joints))
+    for robot in range(count):
+        wanted = posture[min(robot, len(posture) - 1)]
+        readiness = mobility[min(robot, len(mobility) - 1)]
+        ours, lift, rate = matrix[robot], wrench_map[robot, 6:], motion[0]
+        _base_of_momentum(to_com[robot], mass[robot], inverse_inertia[robot], of_momentum)
+        _split_jacobian(jacobian[robot], of_momentum, ours, momentum_part, joint_part)
+
+        # Least joint accelerations that move the contacts as they should.
+        for i in range(rows):
+            rate[i] = -dot(joint_part[i], wanted)
+        if dynamic:
+            times(to_com[robot], bias[robot, :6], base)
+            for i in range(rows):
+                rate[i] += dot(momentum_part[i], base) - contact_bias[robot, i]
+                for k in range(6):
+                    motion[1 + k, i] = -momentum_part[i, k]
+        for i in range(rows):
+            for j in range(joints):
+                moving[i, j] = joint_part[i, j] * readiness[j]
+        gram(moving, joint_part, 0.0, lower)
+        trace = 0.0
+        for i in range(rows):
+            trace += lower[i, i]
+        for i in range(rows):
+            lower[i, i] += ridge / rows * trace + ridge**3
+        factor(lower)
+        for k in range(columns):
+            solve_factored(lower, motion[k])
+        multiply(motion, moving, acceleration)
+        for j in range(joints):
+            acceleration[0, j] += wanted[j]
+
+        # Lambda_q times them: the force on the joints if the base makes room, so that the momentum
+        # stays.
+        for k in range(columns):
+            _with_base(acceleration[k], of_momentum, ours, full[k])
+        multiply(full, mass_matrix[robot], force)
+        for j in range(joints):
+            offset[robot, j] = force[0, 6 + j]
+            for k in range(6):
+                per_wrench[robot, j, k] = lift[j, k]
+            if balancer == _OTT:
+                per_wrench[robot, j, 3:] = 0.0
+            if dynamic:
+                offset[robot, j] += bias[robot, 6 + j] - dot(lift[j], base)
+                for k in range(6):
+                    per_wrench[robot, j, k] += force[1 + k, 6 + j]
+
+
+@compiled
+def _base_of_momentum(
+    to_com: np.ndarray, mass: float, inverse_inertia: np.ndarray, result: np.ndarray
+) -> None:
+    """P^T Lambda_h: the base's velocity at some momentum and joints that stand still: (6, 6)."""
+    for i in range(6):
+        for axis in range(3):
+            result[i, axis] = to_com[axis, i] / mass
+            total = 0.0
+            for other in range(3):
+                total += to_com[3 + other, i] * inverse_inertia[other, axis]
+            result[i, 3 + axis] = total
+
+
+@compiled
+def _split_jacobian(
+    jacobian: np.ndarray,
+    of_momentum: np.ndarray,
+    matrix: np.ndarray,
+    momentum_part: np.ndarray,
+    joint_part: np.ndarray,
+) -> None:
+    """Write Jbar_h (k, 6) and Jbar_q (k, n)."""
+    for i in range(len(jacobian)):
+        for axis in range(6):
+            total = 0.0
+            for k in range(6):
+                total += jacobian[i, k] * of_momentum[k, axis]
+            momentum_part[i, axis] = total
+        for j in range(joint_part.shape[1]):
+            total = jacobian[i, 6 + j]
+            for k in range(6):
+                total -= momentum_part[i, k] * matrix[k, 6 + j]
+            joint_part[i, j] = total
+
+
+@compiled
+def _with_base(
+    acceleration: np.ndarray, of_momentum: np.ndarray, matrix: np.ndarray, full: np.ndarray
+) -> None:
+    """Write joint accelerations (n,), and before them those of a base that keeps the momentum."""
+    full[:6] = 0.0
+    full[6:] = acceleration
+    for k in range(6):
+        change = dot(matrix[k, 6:], acceleration)
+        for i in range(6):
+            full[i] -= of_momentum[i, k] * change

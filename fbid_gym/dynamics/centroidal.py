@@ -21,6 +21,7 @@ The joints' armature is part of Lambda_q. Armature on the free joint has no plac
 makes M unlike that of any rigid bodies, and none of the propositions hold.
 
 All functions work on batches in the array-API namespace of their arguments. N robots, nv = 6 + n.
+`centroidal_terms`, which runs at every control tick, is compiled for NumPy.
 """
 
 from typing import Any, NamedTuple
@@ -28,8 +29,10 @@ from typing import Any, NamedTuple
 import array_api_compat
 import numpy as np
 
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.frames import skew
 from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.small_matrices import multiply, multiply_by_transpose, times
 
 Array = Any
 """An array of any array-API namespace; shapes are in the docstrings."""
@@ -91,6 +94,8 @@ def centroidal_terms(terms: DynamicsTerms, velocity: Array) -> CentroidalTerms:
         terms: the dynamics of N robots without armature on their free joints.
         velocity: (N, nv) their generalized velocities.
     """
+    if isinstance(velocity, np.ndarray):
+        return _compiled_terms(terms, velocity)
     to_com = base_force_to_com(terms)
     matrix = to_com @ terms.mass_matrix[:, :6]
     inertia = matrix[:, 3:, :6] @ to_com[:, 3:].mT
@@ -107,6 +112,90 @@ def centroidal_terms(terms: DynamicsTerms, velocity: Array) -> CentroidalTerms:
         to_com=to_com,
         wrench_map=xp.concat((linear, matrix[:, 3:].mT @ inverse_inertia), axis=-1),
     )
+
+
+def _compiled_terms(terms: DynamicsTerms, velocity: np.ndarray) -> CentroidalTerms:
+    """The same of NumPy arrays."""
+    count, size = velocity.shape
+    body = CentroidalTerms(
+        matrix=np.empty((count, 6, size)),
+        momentum=np.empty((count, 6)),
+        mass=np.empty(count),
+        inertia=np.empty((count, 3, 3)),
+        inverse_inertia=np.empty((count, 3, 3)),
+        to_com=np.empty((count, 6, 6)),
+        wrench_map=np.empty((count, size, 6)),
+    )
+    _fill_terms(
+        np.ascontiguousarray(terms.mass_matrix),
+        np.ascontiguousarray(terms.base_position),
+        np.ascontiguousarray(terms.base_rotation),
+        np.ascontiguousarray(terms.com),
+        np.ascontiguousarray(velocity),
+        *body,
+    )
+    return body
+
+
+@kernel
+def _fill_terms(
+    mass_matrix: np.ndarray,
+    position: np.ndarray,
+    rotation: np.ndarray,
+    com: np.ndarray,
+    velocity: np.ndarray,
+    matrix: np.ndarray,
+    momentum: np.ndarray,
+    mass: np.ndarray,
+    inertia: np.ndarray,
+    inverse_inertia: np.ndarray,
+    to_com: np.ndarray,
+    wrench_map: np.ndarray,
+) -> None:
+    for robot in range(len(velocity)):
+        change, ours, inverse = to_com[robot], matrix[robot], inverse_inertia[robot]
+        _fill_base_force_to_com(position[robot], rotation[robot], com[robot], change)
+        multiply(change, mass_matrix[robot, :6], ours)
+        multiply_by_transpose(ours[3:, :6], change[3:], inertia[robot])
+        _invert(inertia[robot], inverse)
+        mass[robot] = mass_matrix[robot, 0, 0]
+        times(ours, velocity[robot], momentum[robot])
+        for column in range(ours.shape[1]):
+            row = wrench_map[robot, column]
+            for axis in range(3):
+                row[axis] = ours[axis, column] / mass[robot]
+                row[3 + axis] = 0.0
+                for other in range(3):
+                    row[3 + axis] += ours[3 + other, column] * inverse[other, axis]
+
+
+@compiled
+def _fill_base_force_to_com(
+    position: np.ndarray, rotation: np.ndarray, com: np.ndarray, result: np.ndarray
+) -> None:
+    """`base_force_to_com` of one robot."""
+    result[:] = 0.0
+    for axis in range(3):
+        after, last = (axis + 1) % 3, (axis + 2) % 3
+        result[axis, axis] = 1.0
+        result[3 + after, last] = com[axis] - position[axis]
+        result[3 + last, after] = position[axis] - com[axis]
+        result[3 + axis, 3:] = rotation[axis]
+
+
+@compiled
+def _invert(matrix: np.ndarray, result: np.ndarray) -> None:
+    """The inverse of a matrix (3, 3), by cofactors."""
+    for i in range(3):
+        for j in range(3):
+            a, b, c, d = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
+            result[i, j] = matrix[a, c] * matrix[b, d] - matrix[a, d] * matrix[b, c]
+    determinant = 0.0
+    for i in range(3):
+        determinant += matrix[0, i] * result[i, 0]
+    for i in range(3):
+        for j in range(3):
+            result[i, j] /= determinant
 
 
 def base_force_to_com(terms: DynamicsTerms) -> Array:
