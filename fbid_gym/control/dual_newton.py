@@ -46,7 +46,7 @@ class DualProblem(NamedTuple):
 class Robot(NamedTuple):
     """The problem of one robot."""
 
-    wrench_map: np.ndarray  # (6, 3 P)
+    wrenches: np.ndarray  # (P, 3, 6): of unit forces of the points, G^T
     wrench: np.ndarray  # (6,)
     limits: np.ndarray  # (P, 3)
 
@@ -81,7 +81,7 @@ def nearest_force(
         The tangential size s, (z + mu s) / (1 + mu^2), and the factor on the tangential force.
     """
     friction = limits[0]
-    slide = np.hypot(free[0], free[1]) + _TINY
+    slide = np.sqrt(free[0] * free[0] + free[1] * free[1]) + _TINY
     cone = (free[2] + friction * slide) / (1.0 + friction * friction)
     normal = np.minimum(np.maximum(np.maximum(free[2], cone), limits[1]), limits[2])
     ratio = np.minimum(friction * normal / slide, 1.0)
@@ -92,20 +92,20 @@ def nearest_force(
 @compiled
 def evaluate(robot: Robot, regularisation: float, point: Point) -> float:
     """Update a point from its dual; returns the norm of the gradient."""
-    maps, flat = robot.wrench_map, point.force.size
     missing = point.missing
     for row in range(6):
         missing[row] = -robot.wrench[row]
-    for i in range(flat // 3):
+    for i in range(len(robot.limits)):
+        wrenches = robot.wrenches[i]
         for axis in range(3):
             total = 0.0
             for row in range(6):
-                total += maps[row, 3 * i + axis] * point.dual[row]
+                total += wrenches[axis, row] * point.dual[row]
             point.free[i, axis] = total
         nearest_force(point.free[i], robot.limits[i], point.force[i])
         for axis in range(3):
             for row in range(6):
-                missing[row] += maps[row, 3 * i + axis] * point.force[i, axis]
+                missing[row] += wrenches[axis, row] * point.force[i, axis]
     _go(missing, point.dual, regularisation, point.gradient)
     return np.sqrt(dot(point.gradient, point.gradient))
 
@@ -114,13 +114,11 @@ def evaluate(robot: Robot, regularisation: float, point: Point) -> float:
 def jacobian_at(robot: Robot, regularisation: float, point: Point, jacobian: np.ndarray) -> None:
     """Write a generalised Jacobian of the gradient, sum G_i D_i G_i^T + eps, to `jacobian` (6, 6).
 
-    Its lower half; it is symmetric.
-
     A sticking point passes its force on unchanged, but not a normal force at its bounds. A sliding
     point passes it on along the cone's side (mu r + n, r the direction of sliding), and across r
     scaled by the tangential factor.
     """
-    maps, slope, scratch = robot.wrench_map, np.empty((3, 3)), np.empty(3)
+    slope, scratch, passed = np.empty((3, 3)), np.empty(3), np.empty(6)
     jacobian[:] = 0.0
     for row in range(6):
         jacobian[row, row] = regularisation
@@ -143,16 +141,16 @@ def jacobian_at(robot: Robot, regularisation: float, point: Point, jacobian: np.
                         slope[a, b] += side[a] * side[b] / (1.0 + friction * friction)
         else:
             continue
-        for row in range(6):
+        wrenches = robot.wrenches[i]
+        for a in range(3):
+            for row in range(6):
+                passed[row] = 0.0
             for b in range(3):
-                scratch[b] = 0.0
-                for a in range(3):
-                    scratch[b] += maps[row, 3 * i + a] * slope[a, b]
-            for column in range(row + 1):
-                total = 0.0
-                for b in range(3):
-                    total += scratch[b] * maps[column, 3 * i + b]
-                jacobian[row, column] += total
+                for row in range(6):
+                    passed[row] += slope[a, b] * wrenches[b, row]
+            for row in range(6):
+                for column in range(6):
+                    jacobian[row, column] += wrenches[a, row] * passed[column]
 
 
 @compiled
@@ -278,24 +276,26 @@ def _persist(
 
 
 @compiled
-def _stick(robot: Robot, force: np.ndarray, dual: np.ndarray, wrench_gram: np.ndarray) -> bool:
+def _stick(
+    maps: np.ndarray, wrench: np.ndarray, limits: np.ndarray, force: np.ndarray, dual: np.ndarray
+) -> bool:
     """Write the smallest forces that deliver the wrench; whether they do, and are within limits."""
-    gram(robot.wrench_map, robot.wrench_map, _FAINT, wrench_gram)
+    wrench_gram = np.empty((6, 6))
+    gram(maps, maps, _FAINT, wrench_gram)
     factor(wrench_gram)
-    dual[:] = robot.wrench
+    dual[:] = wrench
     solve_factored(wrench_gram, dual)
     flat = force.reshape(force.size)
     flat[:] = 0.0
-    add_transposed_times(robot.wrench_map, dual, flat)
+    add_transposed_times(maps, dual, flat)
     for i in range(len(force)):
-        friction, lowest, highest = robot.limits[i]
+        friction, lowest, highest = limits[i]
         normal = force[i, 2]
         sticks = np.hypot(force[i, 0], force[i, 1]) <= friction * normal
         if not (sticks and lowest <= normal <= highest):
             return False
     # What is missing is _FAINT * dual: all that no force can deliver, else nothing.
-    size = (_DELIVERED / _FAINT) ** 2 * dot(robot.wrench, robot.wrench)
-    return dot(dual, dual) <= size
+    return dot(dual, dual) <= (_DELIVERED / _FAINT) ** 2 * dot(wrench, wrench)
 
 
 @compiled
@@ -334,12 +334,16 @@ def deliver(
     Returns:
         The Newton steps taken.
     """
-    robot = Robot(maps, wrench, limits)
-    jacobian = np.empty((6, 6))
-    if _stick(robot, force, dual, jacobian):
+    if _stick(maps, wrench, limits, force, dual):
         missing[:] = 0.0
         return 0
     points = len(limits)
+    wrenches = np.empty((points, 3, 6))
+    for i in range(points):
+        for axis in range(3):
+            for row in range(6):
+                wrenches[i, axis, row] = maps[row, 3 * i + axis]
+    robot = Robot(wrenches, wrench, limits)
     point = Point(np.empty(6), np.empty((points, 3)), force, missing, np.empty(6))
     trial = Point(
         np.empty(6), np.empty((points, 3)), np.empty((points, 3)), np.empty(6), np.empty(6)

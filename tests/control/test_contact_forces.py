@@ -369,7 +369,7 @@ def test_jacobian_equals_finite_differences(rng: np.random.Generator, limits: st
         box[..., column] = limit
     jacobian, step = np.empty((6, 6)), 1e-5
     for i, dual in enumerate(rng.normal(0.0, 100.0, (12, 6))):
-        robot = Robot(case.wrench_map[i], case.wrench[i], box[i])
+        robot = Robot(case.wrench_map[i].T.reshape(8, 3, 6), case.wrench[i], box[i])
 
         def point_at(dual: np.ndarray, robot: Robot = robot) -> Point:
             point = Point(dual, *(np.empty(shape) for shape in ((8, 3), (8, 3), 6, 6)))
@@ -381,7 +381,7 @@ def test_jacobian_equals_finite_differences(rng: np.random.Generator, limits: st
             shift = step * np.eye(6)[axis]
             ahead, behind = point_at(dual + shift), point_at(dual - shift)
             slope = (ahead.gradient - behind.gradient) / (2.0 * step)
-            np.testing.assert_allclose(jacobian[axis:, axis], slope[axis:], atol=1e-5)
+            np.testing.assert_allclose(jacobian[:, axis], slope, atol=1e-5)
 
 
 @pytest.mark.parametrize(
