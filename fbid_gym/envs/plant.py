@@ -6,7 +6,7 @@ import mujoco
 import mujoco.batch
 import numpy as np
 
-from fbid_gym.dynamics.mujoco_dynamics import LiveTerms
+from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.simulation import Simulation

@@ -7,7 +7,7 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.mujoco_dynamics import LiveTerms
+from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.errors import NonFiniteError, ShapeError
 
 EXACT = 1e-9
@@ -87,6 +87,45 @@ def test_robots_of_different_masses(robot, random_states, relative_error, rng):
         assert relative_error(terms.bias[index], data.qfrc_bias) < EXACT
         assert relative_error(terms.com[index], data.subtree_com[base]) < EXACT
         assert relative_error(terms.com_velocity[index], data.subtree_linvel[base]) < EXACT
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_other_bodies_of_the_world_change_nothing(robot, random_states, count):
+    """The robot comes first in buffers that hold more."""
+    spec = robot.spec.copy()
+    other = spec.worldbody.add_body(pos=[9.0, 9.0, 9.0])
+    other.add_freejoint()
+    other.add_geom(size=[0.1, 0.0, 0.0], mass=1.0)
+    other.mass, other.inertia, other.explicitinertial = 1.0, np.ones(3), True
+    world = spec.compile()
+    assert world.nv == robot.nv + 6
+    qpos, qvel = random_states(robot.model, count)
+    batch = mujoco.batch.Batch(world, count, 1, persistent=True)
+    batch.bind("qpos")[:, : robot.nq], batch.bind("qvel")[:, : robot.nv] = qpos, qvel
+    batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
+    alone = MuJoCoDynamics(robot).terms(qpos, qvel)
+    for name, value in LiveTerms(robot, batch)()._asdict().items():
+        expected = getattr(alone, name)
+        np.testing.assert_allclose(value, expected, rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_a_robot_that_is_not_finite_leaves_the_others_alone(robot, random_states):
+    qpos, qvel = random_states(robot.model, 3)
+    batch = mujoco.batch.Batch(robot.model, 3, 1, persistent=True)
+    batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
+    batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
+    live = LiveTerms(robot, batch)
+    sound = live()
+    batch.bind("qvel")[1] = np.nan
+    for name, value in live()._asdict().items():
+        np.testing.assert_array_equal(value[[0, 2]], getattr(sound, name)[[0, 2]], err_msg=name)
+        assert name not in ("com_velocity", "foot_bias") or np.isnan(value[1]).any()
+
+
+def test_terms_are_contiguous(robot, random_states):
+    """Kernels take them as they are."""
+    terms = MuJoCoDynamics(robot).terms(*random_states(robot.model, 3))
+    assert all(value.flags.c_contiguous and value.dtype == np.float64 for value in terms)
 
 
 def test_bias_has_no_joint_damping(random_states):

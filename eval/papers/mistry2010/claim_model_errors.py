@@ -20,7 +20,7 @@ from eval.papers.mistry2010.rivals import (
 from eval.papers.parts import Finding, figure, folded, table, text
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
-from fbid_gym.dynamics.mujoco_dynamics import LiveTerms
+from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import periodic_squat

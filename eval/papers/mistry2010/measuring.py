@@ -17,7 +17,7 @@ from fbid_gym.dynamics.inertia import (
     pseudo_inertia,
     with_parameters,
 )
-from fbid_gym.dynamics.mujoco_dynamics import LiveTerms
+from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import Robot

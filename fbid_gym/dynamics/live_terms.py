@@ -1,0 +1,213 @@
+"""Dynamics terms read from MuJoCo's own buffers, for a whole batch at once."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import partial
+
+import mujoco
+import mujoco.batch
+import numpy as np
+
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.dynamics.vectors import add, cross, scale, store, subtract, turn, vector
+from fbid_gym.robots import Robot
+
+_BUFFERS = ("M", "qfrc_bias", "cdof", "cdof_dot", "cvel", "subtree_com", "xpos", "xmat")
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where a robot's quantities lie in MuJoCo's buffers; F feet, nv coordinates, B bodies."""
+
+    base: int
+    members: np.ndarray  # (B,) the robot's bodies
+    feet: np.ndarray  # (F,) body ids
+    centre: np.ndarray  # (F, 3) m, centre of the foot's points, body frame
+    drop: np.ndarray  # (F,) m, height of that centre above the lowered reference
+    last: np.ndarray  # (F,) the last coordinate that moves the foot
+    parent: np.ndarray  # (nv,) the coordinate before it on the way to the base; -1: none
+    row: np.ndarray  # (nv + 1,) where the rows of MuJoCo's sparse M begin, and where the last ends
+    column: np.ndarray  # columns of its entries, which are those of the lower half
+    base_armature: np.ndarray  # (3,) kg, armature on the base's translation
+
+    @classmethod
+    def of(cls, robot: Robot) -> "_Layout":
+        model = robot.model
+        return cls(
+            base=robot.base_body,
+            members=np.flatnonzero(model.body_rootid == robot.base_body),
+            feet=np.array([foot.body for foot in robot.feet], np.int64),
+            centre=np.array([foot.points.mean(axis=0) for foot in robot.feet]),
+            drop=np.array([foot.radius for foot in robot.feet]),
+            last=np.array([_last_dof(model, foot.body) for foot in robot.feet], np.int64),
+            parent=model.dof_parentid.astype(np.int64),
+            row=np.append(model.M_rowadr, model.M_rowadr[-1] + model.M_rownnz[-1]).astype(np.int64),
+            column=model.M_colind.astype(np.int64),
+            base_armature=model.dof_armature[:3].copy(),
+        )
+
+
+def _last_dof(model: mujoco.MjModel, body: int) -> int:
+    """The last coordinate that moves `body`, or -1."""
+    while body > 0 and model.body_dofnum[body] == 0:
+        body = model.body_parentid[body]
+    return model.body_dofadr[body] + model.body_dofnum[body] - 1 if body > 0 else -1
+
+
+class LiveTerms:
+    """The terms of a persistent batch at its current state, without any further simulation.
+
+    The batch's position- and velocity-dependent fields must be current, as they are after
+    `batch.step(nstep, stage=mjSTAGE_VEL)` or `batch.forward(stage=mjSTAGE_VEL)`. Its model may hold
+    other bodies after the robot's.
+    """
+
+    def __init__(self, robot: Robot, batch: mujoco.batch.Batch) -> None:
+        """Bind the buffers of `batch`, which simulates `robot`."""
+        layout = _Layout.of(robot)
+        constants = [getattr(layout, field.name) for field in fields(layout)]
+        buffers = [batch.bind(name) for name in _BUFFERS]
+        if not all(buffer.flags.c_contiguous for buffer in buffers):
+            raise AssertionError("what a persistent batch derives from its state is contiguous")
+        self._read: Callable[..., None] = partial(_read, *constants, *buffers)
+        self._qvel = batch.bind("qvel")
+        self._body_mass = robot.model.body_mass[None].copy()
+        # As the batch's are where robots differ: to a kernel that is another type of array.
+        self._body_mass.flags.writeable = False
+        count, feet, nv = len(self._qvel), robot.num_feet, robot.nv
+        shapes = {
+            "mass_matrix": (count, nv, nv),
+            "bias": (count, nv),
+            "base_position": (count, 3),
+            "base_rotation": (count, 3, 3),
+            "com": (count, 3),
+            "com_velocity": (count, 3),
+            "foot_position": (count, feet, 3),
+            "foot_rotation": (count, feet, 3, 3),
+            "foot_velocity": (count, feet, 6),
+            "foot_jacobian": (count, feet, 6, nv),
+            "foot_bias": (count, feet, 6),
+        }
+        self._shapes = [shapes[name] for name in DynamicsTerms._fields]
+        self._batch = batch
+
+    def __call__(self) -> DynamicsTerms:
+        """Return the terms, in arrays of their own."""
+        masses = self._batch.expanded("body_mass")
+        terms = DynamicsTerms(*map(np.empty, self._shapes))
+        # The velocities are parts of the batch's state: one robot's do not follow another's.
+        qvel = np.ascontiguousarray(self._qvel)
+        self._read(qvel, self._body_mass if masses is None else masses, *terms)
+        return terms
+
+
+@kernel
+def _read(
+    base: int,
+    members: np.ndarray,
+    feet: np.ndarray,
+    centre: np.ndarray,
+    drop: np.ndarray,
+    last: np.ndarray,
+    parent: np.ndarray,
+    row: np.ndarray,
+    column: np.ndarray,
+    base_armature: np.ndarray,
+    sparse_matrix: np.ndarray,
+    qfrc_bias: np.ndarray,
+    cdof: np.ndarray,
+    cdof_dot: np.ndarray,
+    cvel: np.ndarray,
+    subtree_com: np.ndarray,
+    xpos: np.ndarray,
+    xmat: np.ndarray,
+    qvel: np.ndarray,
+    body_mass: np.ndarray,
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    base_position: np.ndarray,
+    base_rotation: np.ndarray,
+    com: np.ndarray,
+    com_velocity: np.ndarray,
+    foot_position: np.ndarray,
+    foot_rotation: np.ndarray,
+    foot_velocity: np.ndarray,
+    foot_jacobian: np.ndarray,
+    foot_bias: np.ndarray,
+) -> None:
+    """Fill the terms of all robots; arguments as in `_Layout`, MuJoCo and `DynamicsTerms`."""
+    nv = len(parent)
+    for i in range(len(qvel)):
+        _unpack(i, sparse_matrix, row, column, mass_matrix)
+        for j in range(nv):
+            bias[i, j] = qfrc_bias[i, j]
+        store(vector(xpos, (i, base)), base_position, (i,))
+        for axis in range(3):
+            store(vector(xmat, (i, base), 3 * axis), base_rotation, (i, axis))
+        origin = vector(subtree_com, (i, base))
+        store(origin, com, (i,))
+
+        mass = 0.0
+        for body in members:
+            mass += body_mass[min(i, len(body_mass) - 1), body]
+        for axis in range(3):
+            momentum = -base_armature[axis] * qvel[i, axis]
+            for j in range(nv):
+                momentum += mass_matrix[i, axis, j] * qvel[i, j]
+            com_velocity[i, axis] = momentum / mass
+
+        for foot in range(len(feet)):
+            body, lowered = feet[foot], (0.0, 0.0, drop[foot])
+            rotation = (
+                vector(xmat, (i, body), 0),
+                vector(xmat, (i, body), 3),
+                vector(xmat, (i, body), 6),
+            )
+            for axis in range(3):
+                store(rotation[axis], foot_rotation, (i, foot, axis))
+            middle = add(vector(xpos, (i, body)), turn(rotation, vector(centre, (foot,))))
+            reference = subtract(middle, lowered)
+            store(reference, foot_position, (i, foot))
+
+            # MuJoCo's spatial velocities are [angular; linear at the centre of mass].
+            arm = subtract(reference, origin)
+            angular = vector(cvel, (i, body))
+            linear = add(vector(cvel, (i, body), 3), cross(angular, arm))
+            store(linear, foot_velocity, (i, foot))
+            store(angular, foot_velocity, (i, foot), 3)
+
+            for axis in range(6):
+                for j in range(nv):
+                    foot_jacobian[i, foot, axis, j] = 0.0
+            spin, rate = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+            dof = last[foot]
+            while dof >= 0:
+                axes = vector(cdof, (i, dof))
+                along = add(vector(cdof, (i, dof), 3), cross(axes, arm))
+                for axis in range(3):
+                    foot_jacobian[i, foot, axis, dof] = along[axis]
+                    foot_jacobian[i, foot, 3 + axis, dof] = axes[axis]
+                spin = add(spin, scale(qvel[i, dof], vector(cdof_dot, (i, dof))))
+                rate = add(rate, scale(qvel[i, dof], vector(cdof_dot, (i, dof), 3)))
+                dof = parent[dof]
+            # omega × (velocity of the centre): the part of a point's acceleration that its spatial
+            # acceleration leaves out.
+            rest = cross(angular, add(linear, cross(angular, lowered)))
+            store(add(add(rate, cross(spin, arm)), rest), foot_bias, (i, foot))
+            store(spin, foot_bias, (i, foot), 3)
+
+
+@compiled
+def _unpack(
+    i: int, sparse: np.ndarray, row: np.ndarray, column: np.ndarray, matrix: np.ndarray
+) -> None:
+    """Fill the symmetric matrix [i] of (N, nv, nv) with MuJoCo's sparse lower half."""
+    nv = matrix.shape[1]
+    for j in range(nv):
+        for k in range(nv):
+            matrix[i, j, k] = 0.0
+    for j in range(nv):
+        for place in range(row[j], row[j + 1]):
+            k = column[place]
+            matrix[i, j, k] = matrix[i, k, j] = sparse[i, place]
