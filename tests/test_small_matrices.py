@@ -1,0 +1,65 @@
+"""Compiled linear algebra against NumPy's, on all sizes a robot has, none included."""
+
+import numpy as np
+import pytest
+
+from fbid_gym import small_matrices as small
+
+SIZES = (0, 1, 3, 12, 33)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+@pytest.mark.parametrize("inner", SIZES)
+@pytest.mark.parametrize("rows", SIZES)
+def test_products(rng: np.random.Generator, rows: int, inner: int) -> None:
+    left, right = rng.normal(size=(rows, inner)), rng.normal(size=(inner, 6))
+    vector, result = rng.normal(size=inner), rng.normal(size=(rows, 6))
+    small.multiply(left, right, result)
+    np.testing.assert_allclose(result, left @ right, atol=1e-12)
+    small.multiply_transposed(np.ascontiguousarray(left.T), right, result)
+    np.testing.assert_allclose(result, left @ right, atol=1e-12)
+    small.multiply_by_transpose(left, np.ascontiguousarray(right.T), result)
+    np.testing.assert_allclose(result, left @ right, atol=1e-12)
+    image = rng.normal(size=rows)
+    small.times(left, vector, image)
+    np.testing.assert_allclose(image, left @ vector, atol=1e-12)
+    total = np.ones(inner)
+    small.add_transposed_times(left, image, total)
+    np.testing.assert_allclose(total, 1.0 + left.T @ image, atol=1e-12)
+    assert small.dot(vector, vector) == pytest.approx(vector @ vector)
+
+
+def test_cross_product(rng: np.random.Generator) -> None:
+    a, b, result = *rng.normal(size=(2, 3)), np.empty(3)
+    small.cross(a, b, result)
+    np.testing.assert_allclose(result, np.cross(a, b), rtol=1e-14)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_cholesky(rng: np.random.Generator, size: int) -> None:
+    root, ridge = rng.normal(size=(size, size + 2)), 0.1
+    lower = np.full((size, size), np.nan)
+    small.gram(root, root, ridge, lower)
+    matrix = root @ root.T + ridge * np.eye(size)
+    np.testing.assert_allclose(np.tril(lower), np.tril(matrix), atol=1e-12)
+    small.factor(lower)
+    expected = np.linalg.cholesky(matrix) if size else matrix
+    np.testing.assert_allclose(np.tril(lower), expected, atol=1e-12)
+    vector, columns = rng.normal(size=size), rng.normal(size=(size, 4))
+    solution, solutions = vector.copy(), columns.copy()
+    small.solve_factored(lower, solution)
+    small.solve_factored_columns(lower, solutions)
+    np.testing.assert_allclose(matrix @ solution, vector, atol=1e-10)
+    np.testing.assert_allclose(matrix @ solutions, columns, atol=1e-10)
+
+
+def test_what_cannot_be_factored_is_nan_and_raises_nothing() -> None:
+    for matrix in (-np.eye(3), np.full((3, 3), np.nan), np.full((3, 3), np.inf)):
+        small.factor(matrix)
+        vector = np.ones(3)
+        small.solve_factored(matrix, vector)
+        assert np.isnan(vector).all()
