@@ -16,8 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.frames import skew
 from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.dynamics.vectors import add, cross, dot, matrix, store, turn, vector
 from fbid_gym.errors import ShapeError
 from fbid_gym.robots import Robot
 
@@ -49,6 +51,7 @@ class ContactGeometry:
         offset: (P, 3) m from the foot's reference, in the foot's axes.
         motion: (F, 2^p, r, 6) the matrix S for every subset of active points.
         spread: (F, 2^p, r, 3p) the matrix U^T; columns of inactive points are zero.
+        every: (1, P) all points active.
     """
 
     foot_of_point: np.ndarray
@@ -56,6 +59,7 @@ class ContactGeometry:
     offset: np.ndarray
     motion: np.ndarray
     spread: np.ndarray
+    every: np.ndarray
 
     @classmethod
     def of(cls, robot: Robot) -> "ContactGeometry":
@@ -79,6 +83,7 @@ class ContactGeometry:
             offset=np.concatenate(offsets),
             motion=motion,
             spread=spread,
+            every=np.ones((1, sum(sizes)), bool),
         )
 
     @property
@@ -106,17 +111,61 @@ def _factor(offset: np.ndarray, subset: int, most: int) -> tuple[np.ndarray, np.
 
 def point_positions(geometry: ContactGeometry, terms: DynamicsTerms) -> np.ndarray:
     """Return where the contact points are: (N, P, 3) m, world."""
-    foot = geometry.foot_of_point
-    arm = np.matvec(terms.foot_rotation[:, foot], geometry.offset)
-    return terms.foot_position[:, foot] + arm
+    positions = np.empty((len(terms.foot_position), geometry.num_points, 3))
+    _place(
+        geometry.foot_of_point,
+        geometry.offset,
+        terms.foot_position,
+        terms.foot_rotation,
+        positions,
+    )
+    return positions
+
+
+@kernel
+def _place(
+    foot_of_point: np.ndarray,
+    offset: np.ndarray,
+    foot_position: np.ndarray,
+    foot_rotation: np.ndarray,
+    positions: np.ndarray,
+) -> None:
+    """Fill positions (N, P, 3)."""
+    for i in range(len(positions)):
+        for point in range(len(offset)):
+            foot = foot_of_point[point]
+            arm = turn(matrix(foot_rotation, (i, foot)), vector(offset, (point,)))
+            store(add(vector(foot_position, (i, foot)), arm), positions, (i, point))
 
 
 def point_velocities(geometry: ContactGeometry, terms: DynamicsTerms) -> np.ndarray:
     """Return how fast the contact points move: (N, P, 3) m/s, world."""
-    foot = geometry.foot_of_point
-    velocity = terms.foot_velocity.take(foot, axis=1)
-    arm = np.matvec(terms.foot_rotation.take(foot, axis=1), geometry.offset)
-    return velocity[..., :3] + np.matvec(skew(velocity[..., 3:]), arm)
+    velocities = np.empty((len(terms.foot_velocity), geometry.num_points, 3))
+    _move(
+        geometry.foot_of_point,
+        geometry.offset,
+        terms.foot_rotation,
+        terms.foot_velocity,
+        velocities,
+    )
+    return velocities
+
+
+@kernel
+def _move(
+    foot_of_point: np.ndarray,
+    offset: np.ndarray,
+    foot_rotation: np.ndarray,
+    foot_velocity: np.ndarray,
+    velocities: np.ndarray,
+) -> None:
+    """Fill velocities (N, P, 3)."""
+    for i in range(len(velocities)):
+        for point in range(len(offset)):
+            foot = foot_of_point[point]
+            arm = turn(matrix(foot_rotation, (i, foot)), vector(offset, (point,)))
+            linear, omega = vector(foot_velocity, (i, foot)), vector(foot_velocity, (i, foot), 3)
+            store(add(linear, cross(omega, arm)), velocities, (i, point))
 
 
 def point_jacobian(
@@ -153,53 +202,99 @@ def reduced_contacts(
     Raises:
         ShapeError: `active` has another shape.
     """
-    num_robots, num_feet = terms.foot_position.shape[:2]
-    rows, slots = geometry.spread.shape[2], geometry.spread.shape[3] // 3
+    num_robots, _, _, nv = terms.foot_jacobian.shape
     if active is None:
-        full = (1 << np.bincount(geometry.foot_of_point)) - 1
-        motion = geometry.motion[np.arange(num_feet), full]
-        spread = geometry.spread[np.arange(num_feet), full]
+        turning, points = False, geometry.every
     else:
         if active.shape != (num_robots, geometry.num_points):
             raise ShapeError("active", active.shape, f"({num_robots}, {geometry.num_points})")
-        bits = np.zeros((num_robots, num_feet, slots), int)
-        bits[:, geometry.foot_of_point, geometry.slot_of_point] = active
-        subset = bits @ (1 << np.arange(slots))
-        motion = geometry.motion[np.arange(num_feet), subset]
-        spread = geometry.spread[np.arange(num_feet), subset]
-
-    # Both factors act on vectors in the foot's axes: bring them to the world's.
-    to_foot = terms.foot_rotation.swapaxes(-1, -2)
-    shape = (num_robots, num_feet, rows)
-    motion = (motion.reshape(*motion.shape[:-2], 2 * rows, 3) @ to_foot).reshape(*shape, 6)
-    spread = (spread.reshape(*spread.shape[:-2], rows * slots, 3) @ to_foot).reshape(*shape, -1)
-
-    jacobian = (motion @ terms.foot_jacobian).reshape(num_robots, num_feet * rows, -1)
-    bias = np.matvec(motion, terms.foot_bias)
-    if active is not None:
-        bias += np.matvec(spread, _centripetal(geometry, terms, slots))
-    point_map = np.zeros((num_robots, num_feet, rows, num_feet, 3 * slots))
-    feet = np.arange(num_feet)
-    point_map[:, feet, :, feet] = spread.swapaxes(0, 1)
-    point_map = point_map.reshape(num_robots, num_feet * rows, -1)
-    if num_feet * slots != geometry.num_points:
-        column = 3 * (geometry.foot_of_point * slots + geometry.slot_of_point)
-        point_map = point_map[:, :, (column[:, None] + np.arange(3)).ravel()]
-    return ReducedContacts(jacobian, bias.reshape(num_robots, -1), point_map)
+        turning, points = True, np.ascontiguousarray(active, bool)
+    rows = geometry.num_rows
+    contacts = ReducedContacts(
+        np.empty((num_robots, rows, nv)),
+        np.empty((num_robots, rows)),
+        np.empty((num_robots, rows, 3 * geometry.num_points)),
+    )
+    _reduce(
+        geometry.foot_of_point,
+        geometry.slot_of_point,
+        geometry.offset,
+        geometry.motion,
+        geometry.spread,
+        turning,
+        points,
+        terms.foot_rotation,
+        terms.foot_velocity,
+        terms.foot_jacobian,
+        terms.foot_bias,
+        *contacts,
+    )
+    return contacts
 
 
-def _centripetal(geometry: ContactGeometry, terms: DynamicsTerms, slots: int) -> np.ndarray:
-    """Acceleration omega × (omega × arm) of the points, by foot: (N, F, 3p) m/s^2.
+@kernel
+def _reduce(
+    foot_of_point: np.ndarray,
+    slot_of_point: np.ndarray,
+    offset: np.ndarray,
+    motion: np.ndarray,
+    spread: np.ndarray,
+    turning: bool,
+    active: np.ndarray,
+    foot_rotation: np.ndarray,
+    foot_velocity: np.ndarray,
+    foot_jacobian: np.ndarray,
+    foot_bias: np.ndarray,
+    jacobian: np.ndarray,
+    bias: np.ndarray,
+    point_map: np.ndarray,
+) -> None:
+    """Fill the reduced contacts; `turning`: feet may turn about some of their points."""
+    num_feet, _, rows, _ = motion.shape
+    subset = np.empty(num_feet, np.int64)
+    for i in range(len(jacobian)):
+        subset[:] = 0
+        for point in range(len(offset)):
+            if active[min(i, len(active) - 1), point]:
+                subset[foot_of_point[point]] |= 1 << slot_of_point[point]
 
-    With all of a foot's points on the ground it vanishes or the rows cannot see it, so it is needed
-    only where a foot may turn about some of its points.
-    """
-    foot = geometry.foot_of_point
-    arm = np.matvec(terms.foot_rotation[:, foot], geometry.offset)
-    omega = terms.foot_velocity[:, foot, 3:]
-    along = (omega * arm).sum(axis=-1, keepdims=True)
-    square = (omega * omega).sum(axis=-1, keepdims=True)
-    num_robots, num_feet = terms.foot_position.shape[:2]
-    out = np.zeros((num_robots, num_feet, slots, 3))
-    out[:, foot, geometry.slot_of_point] = omega * along - square * arm
-    return out.reshape(num_robots, num_feet, -1)
+        # Both factors act on vectors in the foot's axes: bring them to the world's.
+        for foot in range(num_feet):
+            rotation = matrix(foot_rotation, (i, foot))
+            rate, spin = vector(foot_bias, (i, foot)), vector(foot_bias, (i, foot), 3)
+            for row in range(rows):
+                factor = (foot, subset[foot], row)
+                linear = turn(rotation, vector(motion, factor))
+                angular = turn(rotation, vector(motion, factor, 3))
+                k = foot * rows + row
+                for j in range(jacobian.shape[2]):
+                    jacobian[i, k, j] = (
+                        linear[0] * foot_jacobian[i, foot, 0, j]
+                        + linear[1] * foot_jacobian[i, foot, 1, j]
+                        + linear[2] * foot_jacobian[i, foot, 2, j]
+                        + angular[0] * foot_jacobian[i, foot, 3, j]
+                        + angular[1] * foot_jacobian[i, foot, 4, j]
+                        + angular[2] * foot_jacobian[i, foot, 5, j]
+                    )
+                bias[i, k] = dot(linear, rate) + dot(angular, spin)
+
+        for k in range(point_map.shape[1]):
+            for column in range(point_map.shape[2]):
+                point_map[i, k, column] = 0.0
+        for point in range(len(offset)):
+            foot = foot_of_point[point]
+            rotation = matrix(foot_rotation, (i, foot))
+            # With all of a foot's points on the ground, their acceleration about its reference
+            # vanishes or the rows cannot see it.
+            arm, omega = (
+                turn(rotation, vector(offset, (point,))),
+                vector(foot_velocity, (i, foot), 3),
+            )
+            centripetal = cross(omega, cross(omega, arm))
+            for row in range(rows):
+                factor = (foot, subset[foot], row)
+                force = turn(rotation, vector(spread, factor, 3 * slot_of_point[point]))
+                k = foot * rows + row
+                store(force, point_map, (i, k), 3 * point)
+                if turning:
+                    bias[i, k] += dot(force, centripetal)

@@ -135,7 +135,7 @@ class PinocchioDynamics:
         matrix[:, np.arange(6), np.arange(6)] += self._base_armature
         foot_jacobian = frames.jacobian_from_pinocchio(foot_jacobian, rotation[:, None])
         return DynamicsTerms(
-            mass_matrix=matrix,
+            mass_matrix=np.ascontiguousarray(matrix),
             bias=bias,
             base_position=qpos[:, :3].copy(),
             base_rotation=rotation,

@@ -5,14 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.contacts import ContactGeometry, point_positions
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.robots import Robot
-
-# (cosine, sine) @ _HEADING + _UP is the rotation about the vertical, row by row.
-_HEADING = np.array([[1.0, 0, 0, 0, 1, 0, 0, 0, 0], [0.0, -1, 0, 1, 0, 0, 0, 0, 0]])
-_UP = np.array([0.0, 0, 0, 0, 0, 0, 0, 0, 1])
 
 
 class SupportFrame(NamedTuple):
@@ -94,13 +91,47 @@ class Support:
 
     def frame(self, terms: DynamicsTerms) -> SupportFrame:
         """Return the level frame of the feet of N robots."""
-        num_robots = len(terms.foot_position)
-        centre = self.centre @ terms.foot_position
-        # vecmat and not @: it rounds each robot's row the same, however many robots there are.
-        heading = np.vecmat(terms.foot_position.reshape(num_robots, -1), self.by_position)
-        heading += np.vecmat(terms.foot_rotation.reshape(num_robots, -1), self.by_rotation)
+        count = len(terms.foot_position)
+        frame = SupportFrame(np.empty((count, 3)), np.empty((count, 3, 3)))
+        _stand(
+            self.centre,
+            self.by_position,
+            self.by_rotation,
+            terms.foot_position,
+            terms.foot_rotation,
+            *frame,
+        )
+        return frame
+
+
+@kernel
+def _stand(
+    weight: np.ndarray,
+    by_position: np.ndarray,
+    by_rotation: np.ndarray,
+    foot_position: np.ndarray,
+    foot_rotation: np.ndarray,
+    centre: np.ndarray,
+    rotation: np.ndarray,
+) -> None:
+    """Fill the frames; `weight` of each foot in the centre, the rest as in `Support`."""
+    for i in range(len(centre)):
+        centre[i] = 0.0
         # A layout with no extent (one point) has no heading of its own: keep the world's.
-        heading[:, 0] += 1e-12
-        heading /= np.sqrt(np.vecdot(heading, heading))[:, None]
-        rotation = (heading @ _HEADING + _UP).reshape(num_robots, 3, 3)
-        return SupportFrame(centre, rotation)
+        cosine, sine = 1e-12, 0.0
+        for foot in range(len(weight)):
+            for axis in range(3):
+                place = foot_position[i, foot, axis]
+                centre[i, axis] += weight[foot] * place
+                cosine += place * by_position[3 * foot + axis, 0]
+                sine += place * by_position[3 * foot + axis, 1]
+                for along in range(3):
+                    entry, row = foot_rotation[i, foot, axis, along], 3 * (3 * foot + axis) + along
+                    cosine += entry * by_rotation[row, 0]
+                    sine += entry * by_rotation[row, 1]
+        size = np.sqrt(cosine**2 + sine**2)
+        cosine, sine = cosine / size, sine / size
+        rotation[i] = 0.0
+        rotation[i, 0, 0] = rotation[i, 1, 1] = cosine
+        rotation[i, 0, 1], rotation[i, 1, 0] = -sine, sine
+        rotation[i, 2, 2] = 1.0

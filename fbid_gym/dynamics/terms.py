@@ -9,7 +9,8 @@ class DynamicsTerms(NamedTuple):
     """The terms of `M vdot + h = S^T tau + J^T lambda` ([M10] eq. (2)) and the frames beside it.
 
     Coordinates are MuJoCo's, base first: v = [base linear velocity (world), base angular velocity
-    (base frame), joint velocities]. N robots, nv = 6 + n coordinates, F feet.
+    (base frame), joint velocities]. N robots, nv = 6 + n coordinates, F feet. All arrays are
+    C-contiguous and of float64, as compiled loops want them.
 
     A foot's *reference* is the centre of its contact points, fixed in the foot's body, lowered
     along the world's vertical by the radius of its contact spheres (0 for contact sites). For a

@@ -17,6 +17,12 @@ def vector(array: np.ndarray, row: tuple[int, ...], first: int = 0) -> Vector:
 
 
 @compiled
+def matrix(array: np.ndarray, row: tuple[int, ...]) -> tuple[Vector, Vector, Vector]:
+    """Read array[*row], 3 × 3, row by row."""
+    return vector(array, row + (0,)), vector(array, row + (1,)), vector(array, row + (2,))
+
+
+@compiled
 def store(a: Vector, array: np.ndarray, row: tuple[int, ...], first: int = 0) -> None:
     """Write to array[*row, first : first + 3]."""
     array[row + (first,)], array[row + (first + 1,)], array[row + (first + 2,)] = a

@@ -150,6 +150,40 @@ def test_all_points_at_once_is_the_full_subset(robot, geometry, random_states):
     np.testing.assert_allclose(free.bias, masked.bias, atol=1e-9)
 
 
+def everything(geometry, terms, active):
+    """All that is computed of N robots' contacts."""
+    return (
+        *reduced_contacts(geometry, terms, active),
+        *reduced_contacts(geometry, terms),
+        point_positions(geometry, terms),
+        point_velocities(geometry, terms),
+    )
+
+
+def test_a_robots_contacts_are_the_same_bits_alone_and_among_others(geometry, subsets):
+    active, terms, _, _ = subsets
+    robot = len(active) // 3
+    alone = type(terms)(*(value[robot : robot + 1] for value in terms))
+    together = everything(geometry, terms, active)
+    for one, all_of_them in zip(
+        everything(geometry, alone, active[robot : robot + 1]), together, strict=True
+    ):
+        assert all_of_them.flags.c_contiguous
+        np.testing.assert_array_equal(one[0], all_of_them[robot])
+
+
+def test_a_robot_that_is_not_finite_leaves_the_others_alone(geometry, subsets):
+    active, terms, _, _ = subsets
+    robot, others = len(active) // 3, np.arange(len(active)) != len(active) // 3
+    broken = type(terms)(*(value.copy() for value in terms))
+    for value in broken:
+        value[robot] = np.nan
+    sound = everything(geometry, terms, active)
+    for value, expected in zip(everything(geometry, broken, active), sound, strict=True):
+        np.testing.assert_array_equal(value[others], expected[others])
+        assert np.isnan(value[robot]).any()
+
+
 def test_a_mask_of_another_shape_is_an_error(robot, geometry, random_states):
     terms = MuJoCoDynamics(robot).terms(*random_states(robot.model, 2))
     points = geometry.num_points

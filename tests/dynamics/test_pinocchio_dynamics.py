@@ -45,6 +45,7 @@ def assert_same_terms(actual, expected, relative_error):
     for name in expected._fields:
         ours, theirs = getattr(actual, name), getattr(expected, name)
         assert ours.shape == theirs.shape, name
+        assert ours.flags.c_contiguous and ours.dtype == np.float64, name
         for row, reference in zip(ours, theirs, strict=True):
             assert relative_error(row, reference) < EXACT, name
 
