@@ -137,3 +137,40 @@ def solve_factored_columns(lower: np.ndarray, columns: np.ndarray) -> None:
             share = lower[i, k]
             for j in range(count):
                 columns[k, j] -= share * columns[i, j]
+
+
+@compiled
+def pseudo_inverse(matrix: np.ndarray, rtol: float, inverse: np.ndarray) -> int:
+    """Write the inverse (a, a) of a symmetric positive semidefinite matrix; returns its rank.
+
+    Eigenvalues at or below `rtol` times the largest count as zero. The lower half is read, the
+    upper one is filled. A matrix that is not finite gets NaN and rank 0.
+    """
+    rows, lower = len(matrix), np.empty_like(matrix)
+    size, inverse_size = 0.0, 0.0
+    for i in range(rows):
+        for j in range(rows):
+            matrix[i, j] = matrix[max(i, j), min(i, j)]
+            lower[i, j] = matrix[i, j]
+            inverse[i, j] = 1.0 if i == j else 0.0
+    factor(lower)
+    solve_factored_columns(lower, inverse)
+    for i in range(rows):
+        size += dot(matrix[i], matrix[i])
+        inverse_size += dot(inverse[i], inverse[i])
+    # |A| |A^-1| bounds the condition number: most are certified so to be regular.
+    if size * inverse_size < rtol**-2:
+        return rows
+    if not np.isfinite(size):
+        inverse[:] = np.nan
+        return 0
+    values, vectors = np.linalg.eigh(matrix)
+    inverse[:] = 0.0
+    rank = 0
+    for k in range(rows):
+        if values[k] > rtol * values[-1]:
+            rank += 1
+            for i in range(rows):
+                for j in range(rows):
+                    inverse[i, j] += vectors[i, k] * vectors[j, k] / values[k]
+    return rank

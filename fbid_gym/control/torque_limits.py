@@ -12,12 +12,18 @@ a few hundredths of their limits (medians and worst cases in the tests); more st
 cones and limits contradict each other, the result is a compromise between both.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from fbid_gym.control.arrays import Array, as_numpy, from_numpy, identity, matvec, namespace
-from fbid_gym.control.dual_newton import DualProblem, compiled, nearest_force
+from fbid_gym.compiled import compiled
+from fbid_gym.control.dual_newton import nearest_force
+from fbid_gym.small_matrices import (
+    add_transposed_times,
+    dot,
+    factor,
+    multiply_transposed,
+    solve_factored_columns,
+    times,
+)
 
 STEPS = 24
 # Penalties on forces (per weight) that leave the cones, and torques (per weight, rows of A at unit
@@ -28,90 +34,107 @@ _OVERRELAXATION = 1.6
 _FAINT = 1e-9
 
 
-class TorqueLimits(NamedTuple):
-    """Bounds on torques that are affine in the contact forces.
-
-    Attributes:
-        slope: (N, n, 3 P) A, N m per N.
-        offset: (N, n) N m.
-        limit: (N, n) N m, symmetric.
-    """
-
-    slope: Array
-    offset: Array
-    limit: Array
-
-
+@compiled
 def forces_within_torque_limits(
-    problem: DualProblem, torques: TorqueLimits, force: Array, weight: Array, steps: int
-) -> Array:
-    """Return contact forces within the cones that best deliver the wrench within torque limits.
+    maps: np.ndarray,
+    wrench: np.ndarray,
+    limits: np.ndarray,
+    slope: np.ndarray,
+    offset: np.ndarray,
+    torque_limit: np.ndarray,
+    weight: float,
+    regularisation: float,
+    steps: int,
+    force: np.ndarray,
+) -> None:
+    """Overwrite contact forces of one robot with those that best deliver a wrench within limits.
 
     Args:
-        problem: the scaled wrench and the limits of the contact points.
-        torques: their limits.
-        force: (N, 3 P) N, where to start: the solution without torque limits.
-        weight: N, (N,) or ().
+        maps: (6, 3 P) scaled.
+        wrench: (6,) scaled.
+        limits: (P, 3) friction coefficient, least and greatest normal force.
+        slope: (n, 3 P) A of the torques, N m per N.
+        offset: (n,) N m of the torques.
+        torque_limit: (n,) N m, symmetric.
+        weight: N.
+        regularisation: see `limited_contact_forces`.
         steps: of the iteration.
-
-    Returns:
-        (N, 3 P) N.
+        force: (3 P,) N, where to start: the solution without torque limits.
     """
-    xp = namespace(force)
-    weight = weight[:, None] if weight.ndim else weight
-    size = xp.sqrt(xp.vecdot(torques.slope, torques.slope)) + _FAINT
-    slope = torques.slope / size[..., None]
-    centre, half = torques.offset / size / weight, torques.limit / size / weight
-    maps = problem.wrench_map
-    matrix = maps.mT @ maps + _TORQUE_PENALTY * (slope.mT @ slope)
-    matrix = matrix + identity(force.shape[1], matrix, problem.regularisation + _FORCE_PENALTY)
-    inverse = xp.linalg.inv(matrix)
-    target = matvec(maps.mT, problem.wrench / weight)
-    limits = problem.limits / xp.stack([xp.ones_like(weight), weight, weight], axis=-1)
-    arrays = (inverse, slope, slope.mT, target, -half - centre, half - centre, limits)
-    inside = _split(*(as_numpy(x) for x in arrays), as_numpy(force / weight), steps)
-    return from_numpy(inside, like=force) * weight
+    joints, columns = slope.shape
+    rows, lowest, highest = np.empty_like(slope), np.empty(joints), np.empty(joints)
+    for j in range(joints):
+        size = np.sqrt(dot(slope[j], slope[j])) + _FAINT
+        for i in range(columns):
+            rows[j, i] = slope[j, i] / size
+        lowest[j] = (-torque_limit[j] - offset[j]) / size / weight
+        highest[j] = (torque_limit[j] - offset[j]) / size / weight
+    cones = limits.copy()
+    cones[:, 1:] /= weight
+    target = np.zeros(columns)
+    add_transposed_times(maps, wrench, target)
+    inverse = _inverse(maps, rows, regularisation)
+    force /= weight
+    _split(inverse, rows, target / weight, lowest, highest, cones, force, steps)
+    force *= weight
 
 
 @compiled
-def _add_product(columns: np.ndarray, factors: np.ndarray, total: np.ndarray) -> None:
-    """Add a matrix times a vector to `total`; the matrix by its columns."""
-    for column, factor in zip(columns, factors):  # noqa: B905, compiled code knows no `strict`
-        for i in range(len(total)):
-            total[i] += factor * column[i]
+def _inverse(maps: np.ndarray, rows: np.ndarray, regularisation: float) -> np.ndarray:
+    """Of the matrix of the least squares, (3 P, 3 P)."""
+    columns = maps.shape[1]
+    lower, torques = np.empty((columns, columns)), np.empty((columns, columns))
+    multiply_transposed(maps, maps, lower)
+    multiply_transposed(rows, rows, torques)
+    inverse = np.zeros((columns, columns))
+    for i in range(columns):
+        for j in range(i + 1):
+            lower[i, j] += _TORQUE_PENALTY * torques[i, j]
+        lower[i, i] += regularisation + _FORCE_PENALTY
+        inverse[i, i] = 1.0
+    factor(lower)
+    solve_factored_columns(lower, inverse)
+    return inverse
 
 
 @compiled
 def _split(
     inverse: np.ndarray,
-    slope: np.ndarray,
-    slope_transposed: np.ndarray,
+    rows: np.ndarray,
     target: np.ndarray,
     lowest: np.ndarray,
     highest: np.ndarray,
     limits: np.ndarray,
-    start: np.ndarray,
+    inside: np.ndarray,
     steps: int,
-) -> np.ndarray:
-    """The iteration, in forces per weight, one robot after another."""
-    result, torque, free = start.copy(), np.empty(slope.shape[1]), np.empty(start.shape[1])
-    for robot in range(len(start)):
-        rows, columns, inside = slope[robot], slope_transposed[robot], result[robot]
-        torque[:] = 0.0
-        _add_product(columns, inside, torque)
-        kept = np.minimum(np.maximum(torque, lowest[robot]), highest[robot])
-        force_debt, torque_debt = np.zeros_like(inside), np.zeros_like(kept)
-        for _ in range(steps):
-            pull = target[robot] + _FORCE_PENALTY * (inside - force_debt)
-            _add_product(rows, _TORQUE_PENALTY * (kept - torque_debt), pull)
-            free[:], torque[:] = 0.0, 0.0
-            _add_product(inverse[robot], pull, free)
-            _add_product(columns, free, torque)
-            torque[:] = _OVERRELAXATION * torque + (1.0 - _OVERRELAXATION) * kept + torque_debt
-            free[:] = _OVERRELAXATION * free + (1.0 - _OVERRELAXATION) * inside + force_debt
-            for i in range(limits.shape[1]):
-                part = slice(3 * i, 3 * i + 3)
-                nearest_force(free[part], limits[robot, i], inside[part])
-            kept[:] = np.minimum(np.maximum(torque, lowest[robot]), highest[robot])
-            force_debt[:], torque_debt[:] = free - inside, torque - kept
-    return result
+) -> None:
+    """The iteration, in forces per weight; it starts and ends with those in `inside` (3 P,)."""
+    joints, columns = rows.shape
+    free, force_debt, pull = np.empty(columns), np.zeros(columns), np.empty(columns)
+    torque, torque_debt, push = np.empty(joints), np.zeros(joints), np.empty(joints)
+    times(rows, inside, torque)
+    kept = np.minimum(np.maximum(torque, lowest), highest)
+    for _ in range(steps):
+        for j in range(joints):
+            push[j] = _TORQUE_PENALTY * (kept[j] - torque_debt[j])
+        for i in range(columns):
+            pull[i] = target[i] + _FORCE_PENALTY * (inside[i] - force_debt[i])
+        add_transposed_times(rows, push, pull)
+        times(inverse, pull, free)
+        times(rows, free, torque)
+        for j in range(joints):
+            torque[j] = _relaxed(torque[j], kept[j]) + torque_debt[j]
+            kept[j] = np.minimum(np.maximum(torque[j], lowest[j]), highest[j])
+            torque_debt[j] = torque[j] - kept[j]
+        for i in range(columns):
+            free[i] = _relaxed(free[i], inside[i]) + force_debt[i]
+        for point in range(len(limits)):
+            part = slice(3 * point, 3 * point + 3)
+            nearest_force(free[part], limits[point], inside[part])
+        for i in range(columns):
+            force_debt[i] = free[i] - inside[i]
+
+
+@compiled
+def _relaxed(new: float, old: float) -> float:
+    return _OVERRELAXATION * new + (1.0 - _OVERRELAXATION) * old

@@ -14,27 +14,46 @@ limits are linear in the forces. They are looked at only where the first solutio
 limits agree with each other, as for a robot too weak to stand, the torques exceed them.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
-from fbid_gym.control.arrays import Array, check_shape, constant, matvec, namespace
+import numpy as np
+
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.control.arrays import Array, as_flags, as_numpy, check_shape, from_numpy, matvec
 from fbid_gym.control.contact_forces import (
     MAX_ITERATIONS,
     REGULARISATION,
     TOLERANCE,
     ContactLimits,
+    all_active,
     check_contact_options,
-    dual_problem,
-    limit_values,
-    solve_contact_forces,
-    wrench_scale,
+    limit_rows,
+    limits_in_contact,
+    wrench_scale_of,
 )
-from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
-from fbid_gym.control.torque_limits import STEPS, TorqueLimits, forces_within_torque_limits
+from fbid_gym.control.dual_newton import deliver
+from fbid_gym.control.point_forces import (
+    com_wrench_of_points,
+    torque_of_forces,
+    torque_slope,
+    turn_forces,
+    turn_map,
+)
+from fbid_gym.control.torque_limits import STEPS, forces_within_torque_limits
 from fbid_gym.errors import ShapeError
+from fbid_gym.small_matrices import (
+    add_transposed_times,
+    dot,
+    gram,
+    pseudo_inverse,
+    times,
+)
 
 # Contacts whose shortest lever arm is below a thousandth of the longest count as a line or a point.
 _FREE_RTOL = 1e-6
 _EXCESS = 1e-3  # share of a limit that may be exceeded without a second solution
+_LEVEL = np.empty((0, 0, 3, 3))  # contact axes, where they are the world's
 
 
 class TorqueMap(NamedTuple):
@@ -76,19 +95,6 @@ class Balance(NamedTuple):
     warm_start: Array
 
 
-def com_wrench_of_points(to_com: Array, jacobian: Array, point_map: Array) -> Array:
-    """Return the map from point forces to their wrench at the centre of mass: (N, 6, 3 P).
-
-    It is the left side of [G15] eqs. (37) and, but for the factor Lambda_h, (38).
-
-    Args:
-        to_com: (N, 6, 6) `CentroidalTerms.to_com`.
-        jacobian: (N, k, nv) of the contact rows.
-        point_map: (N, k, 3 P) `ReducedContacts.point_map`.
-    """
-    return (to_com @ jacobian[:, :, :6].mT) @ point_map
-
-
 def distribute_freely(
     torque_map: TorqueMap,
     wrench: Array,
@@ -102,18 +108,24 @@ def distribute_freely(
 
     Arguments as for `distribute`. Inactive points have zero columns in `point_map`.
     """
-    xp = namespace(wrench)
-    scale = wrench_scale(length, None, wrench)
-    wrench_map = com_wrench_of_points(to_com, torque_map.jacobian, point_map)
-    scaled = wrench_map * scale[:, None]
-    inverse, _ = symmetric_pseudo_inverse(scaled @ scaled.mT, _FREE_RTOL)
-    flat = matvec(scaled.mT, matvec(inverse, wrench * scale))
-    delivered = matvec(wrench_map, flat)
-    torque = torque_map.torque(matvec(point_map, flat), delivered)
-    missing = (delivered - wrench) * scale
-    residual = xp.sqrt(xp.vecdot(missing, missing)) / weight
-    point_force = flat.reshape(flat.shape[0], flat.shape[1] // 3, 3)
-    return Balance(torque, point_force, wrench, delivered, residual, xp.zeros_like(wrench))
+    points, weights = _check(torque_map, wrench, to_com, point_map, weight)
+    found = _empty_balance(torque_map, wrench, points)
+    _distribute_freely(
+        as_numpy(torque_map.offset),
+        as_numpy(torque_map.jacobian),
+        as_numpy(torque_map.per_wrench),
+        as_numpy(to_com),
+        as_numpy(point_map),
+        as_numpy(wrench),
+        weights,
+        wrench_scale_of(length, None),
+        found.torque,
+        found.point_force,
+        found.wrench,
+        found.residual,
+        found.warm_start,
+    )
+    return _like(found, wrench)
 
 
 def distribute(
@@ -163,6 +175,49 @@ def distribute(
         ShapeError: an array does not fit.
         InvalidValueError: `length` or `wrench_cost` is not positive and finite.
     """
+    points, weights = _check(torque_map, wrench, to_com, point_map, weight)
+    count, joints = torque_map.offset.shape
+    check_contact_options(limits, active, warm_start, count, points)
+    if torque_limit is None:
+        bounds = _unlimited(joints)
+    else:
+        bounds = np.atleast_2d(as_numpy(torque_limit))
+        if len(bounds) != 1 or torque_limit.ndim != 1 or bounds.shape[1] != joints:
+            check_shape("torque_limit", torque_limit, (count, joints), "(N, n) or (n,)")
+    if contact_rotation is not None:
+        check_shape("contact_rotation", contact_rotation, (count, points, 3, 3), "(N, P, 3, 3)")
+    found = _empty_balance(torque_map, wrench, points)
+    _distribute(
+        as_numpy(torque_map.offset),
+        as_numpy(torque_map.jacobian),
+        as_numpy(torque_map.per_wrench),
+        as_numpy(to_com),
+        as_numpy(point_map),
+        _LEVEL if contact_rotation is None else as_numpy(contact_rotation),
+        as_numpy(wrench),
+        weights,
+        limit_rows(limits, points),
+        all_active(points) if active is None else as_flags(active),
+        bounds,
+        wrench_scale_of(length, wrench_cost),
+        np.zeros((count, 6)) if warm_start is None else as_numpy(warm_start),
+        regularisation,
+        tolerance,
+        max_iterations,
+        torque_steps,
+        found.torque,
+        found.point_force,
+        found.wrench,
+        found.residual,
+        found.warm_start,
+    )
+    return _like(found, wrench)
+
+
+def _check(
+    torque_map: TorqueMap, wrench: Array, to_com: Array, point_map: Array, weight: float | Array
+) -> tuple[int, np.ndarray]:
+    """Number of points and weights (N or 1,), or the error that says what does not fit."""
     count, rows, velocities = torque_map.jacobian.shape
     columns, joints = point_map.shape[-1], velocities - 6
     if columns % 3:
@@ -170,73 +225,191 @@ def distribute(
     check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
     check_shape("wrench", wrench, (count, 6), "(N, 6)")
     check_shape("to_com", to_com, (count, 6, 6), "(N, 6, 6)")
-    check_contact_options(limits, active, warm_start, count, columns // 3)
-    xp = namespace(wrench)
-    if torque_limit is not None:
-        torque_limit = _as_array(torque_limit, wrench)
-        shape = (count, joints)[2 - torque_limit.ndim :]
-        check_shape("torque_limit", torque_limit, shape, "(N, n) or (n,)")
-        torque_limit = xp.broadcast_to(torque_limit, (count, joints))
+    check_shape("offset", torque_map.offset, (count, joints), "(N, n)")
+    check_shape("per_wrench", torque_map.per_wrench, (count, joints, 6), "(N, n, 6)")
+    if isinstance(weight, int | float):
+        return columns // 3, _single(weight)
+    weights = np.atleast_1d(as_numpy(weight))
+    if weights.shape != (1,):
+        check_shape("weight", weights, (count,), "(N,)")
+    return columns // 3, weights
 
-    if contact_rotation is not None:
-        point_map = _turned(point_map, contact_rotation)
-    wrench_map = com_wrench_of_points(to_com, torque_map.jacobian, point_map)
-    scale = wrench_scale(length, wrench_cost, wrench)
-    weight = _as_array(weight, wrench)
-    scaled_map, scaled = wrench_map * scale[:, None], wrench * scale
-    forces = solve_contact_forces(
-        scaled_map,
-        scaled,
-        limits,
-        weight=weight,
-        active=active,
-        warm_start=warm_start,
-        regularisation=regularisation,
-        tolerance=tolerance,
-        max_iterations=max_iterations,
+
+@lru_cache(maxsize=256)
+def _single(weight: float) -> np.ndarray:
+    """One weight for all robots: (1,)."""
+    return np.array([float(weight)])
+
+
+@lru_cache(maxsize=256)
+def _unlimited(joints: int) -> np.ndarray:
+    """No torque limits, for all robots: (1, n)."""
+    return np.full((1, joints), np.inf)
+
+
+def _empty_balance(torque_map: TorqueMap, wrench: Array, points: int) -> Balance:
+    """Results to write to."""
+    count, joints = torque_map.offset.shape
+    return Balance(
+        torque=np.empty((count, joints)),
+        point_force=np.empty((count, points, 3)),
+        wrench_desired=wrench,
+        wrench=np.empty((count, 6)),
+        residual=np.empty(count),
+        warm_start=np.empty((count, 6)),
     )
-    flat = forces.force.reshape(count, columns)
-    delivered = wrench + forces.wrench / scale
-    torque = torque_map.torque(matvec(point_map, flat), delivered)
-    residual = forces.residual
 
-    if torque_limit is not None:
-        beyond = xp.any(xp.abs(torque) > (1.0 + _EXCESS) * torque_limit, axis=-1)
-        if beyond.any():
-            at = xp.nonzero(beyond)[0]
-            values = limit_values(limits, active, wrench)
-            problem = dual_problem(
-                scaled_map, scaled, values, weight, regularisation, tolerance
-            ).rows(at)
-            contact = torque_map.jacobian[at, :, 6:].mT @ point_map[at]
-            slope = torque_map.per_wrench[at] @ wrench_map[at] - contact
-            torques = TorqueLimits(slope, torque_map.offset[at], torque_limit[at])
-            own_weight = weight[at] if weight.ndim else weight
-            flat[at] = forces_within_torque_limits(
-                problem, torques, flat[at], own_weight, torque_steps
+
+def _like(found: Balance, wrench: Array) -> Balance:
+    """The balance as torch tensors, if the wrench is one."""
+    if isinstance(wrench, np.ndarray):
+        return found
+    results = (from_numpy(x, like=wrench) for x in found._replace(wrench_desired=found.wrench))
+    return Balance(*results)._replace(wrench_desired=wrench)
+
+
+@kernel
+def _distribute_freely(
+    offset: np.ndarray,
+    jacobian: np.ndarray,
+    per_wrench: np.ndarray,
+    to_com: np.ndarray,
+    point_map: np.ndarray,
+    wrench: np.ndarray,
+    weight: np.ndarray,
+    scale: np.ndarray,
+    torque: np.ndarray,
+    point_force: np.ndarray,
+    delivered: np.ndarray,
+    residual: np.ndarray,
+    warm_start: np.ndarray,
+) -> None:
+    """Robot by robot; the last five arguments are to write to."""
+    columns = point_map.shape[2]
+    maps, scaled, missing = np.empty((6, columns)), np.empty((6, columns)), np.empty(6)
+    product, inverse, dual = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
+    row_wrench, row_force = np.empty((6, jacobian.shape[1])), np.empty(jacobian.shape[1])
+    for robot in range(len(offset)):
+        force = point_force[robot].reshape(columns)
+        com_wrench_of_points(to_com[robot], jacobian[robot], point_map[robot], row_wrench, maps)
+        for row in range(6):
+            missing[row] = wrench[robot, row] * scale[row]
+            for column in range(columns):
+                scaled[row, column] = maps[row, column] * scale[row]
+        gram(scaled, scaled, 0.0, product)
+        pseudo_inverse(product, _FREE_RTOL, inverse)
+        times(inverse, missing, dual)
+        force[:] = 0.0
+        add_transposed_times(scaled, dual, force)
+        times(maps, force, delivered[robot])
+        times(point_map[robot], force, row_force)
+        torque_of_forces(
+            offset[robot],
+            jacobian[robot],
+            per_wrench[robot],
+            row_force,
+            delivered[robot],
+            torque[robot],
+        )
+        missing[:] = (delivered[robot] - wrench[robot]) * scale
+        residual[robot] = np.sqrt(dot(missing, missing)) / weight[min(robot, len(weight) - 1)]
+        warm_start[robot] = 0.0
+
+
+@kernel
+def _distribute(
+    offset: np.ndarray,
+    jacobian: np.ndarray,
+    per_wrench: np.ndarray,
+    to_com: np.ndarray,
+    point_map: np.ndarray,
+    contact_rotation: np.ndarray,
+    wrench: np.ndarray,
+    weight: np.ndarray,
+    limits: np.ndarray,
+    active: np.ndarray,
+    torque_limit: np.ndarray,
+    scale: np.ndarray,
+    start: np.ndarray,
+    regularisation: float,
+    tolerance: float,
+    budget: int,
+    steps: int,
+    torque: np.ndarray,
+    point_force: np.ndarray,
+    delivered: np.ndarray,
+    residual: np.ndarray,
+    dual: np.ndarray,
+) -> None:
+    """Robot by robot; the last five arguments are to write to."""
+    rows, columns = point_map.shape[1:]
+    turned, values = np.empty((rows, columns)), np.empty((columns // 3, 3))
+    maps, scaled = np.empty((6, columns)), np.empty((6, columns))
+    wanted, missing = np.empty(6), np.empty(6)
+    row_wrench, row_force = np.empty((6, rows)), np.empty(rows)
+    for robot in range(len(offset)):
+        own_map, own_weight = point_map[robot], weight[min(robot, len(weight) - 1)]
+        force = point_force[robot].reshape(columns)
+        if len(contact_rotation) > 0:
+            turn_map(own_map, contact_rotation[robot], turned)
+            own_map = turned
+        com_wrench_of_points(to_com[robot], jacobian[robot], own_map, row_wrench, maps)
+        for row in range(6):
+            wanted[row] = wrench[robot, row] * scale[row]
+            for column in range(columns):
+                scaled[row, column] = maps[row, column] * scale[row]
+        limits_in_contact(limits, active, robot, values)
+        deliver(
+            scaled,
+            wanted,
+            values,
+            tolerance * own_weight,
+            regularisation,
+            budget,
+            start[robot],
+            point_force[robot],
+            missing,
+            dual[robot],
+        )
+        delivered[robot] = wrench[robot] + missing / scale
+        times(own_map, force, row_force)
+        torque_of_forces(
+            offset[robot],
+            jacobian[robot],
+            per_wrench[robot],
+            row_force,
+            delivered[robot],
+            torque[robot],
+        )
+
+        bound = torque_limit[min(robot, len(torque_limit) - 1)]
+        if _exceeds(torque[robot], bound):
+            slope = np.empty((len(bound), columns))
+            torque_slope(jacobian[robot], per_wrench[robot], own_map, maps, slope)
+            forces_within_torque_limits(
+                scaled,
+                wanted,
+                values,
+                slope,
+                offset[robot],
+                bound,
+                own_weight,
+                regularisation,
+                steps,
+                force,
             )
-            delivered[at] = matvec(wrench_map[at], flat[at])
-            torque[at] = torques.offset + matvec(slope, flat[at])
-            missing = (delivered - wrench) * scale
-            residual = xp.where(beyond, xp.sqrt(xp.vecdot(missing, missing)) / weight, residual)
-
-    point_force = flat.reshape(count, columns // 3, 3)
-    if contact_rotation is not None:
-        point_force = (contact_rotation @ point_force[..., None])[..., 0]
-    return Balance(torque, point_force, wrench, delivered, residual, forces.dual)
+            times(maps, force, delivered[robot])
+            times(slope, force, torque[robot])
+            torque[robot] += offset[robot]
+            missing[:] = (delivered[robot] - wrench[robot]) * scale
+        residual[robot] = np.sqrt(dot(missing, missing)) / own_weight
+        if len(contact_rotation) > 0:
+            turn_forces(contact_rotation[robot], point_force[robot])
 
 
-def _as_array(value: float | Array, like: Array) -> Array:
-    """A number, cached, or an array in the namespace and type of another."""
-    if isinstance(value, int | float):
-        return constant(float(value), like)
-    if type(value) is type(like) and value.dtype == like.dtype:
-        return value
-    return namespace(like).asarray(value, dtype=like.dtype, device=like.device)
-
-
-def _turned(point_map: Array, contact_rotation: Array) -> Array:
-    """The map of point forces in contact axes, from that of forces in world axes."""
-    count, rows, columns = point_map.shape
-    split = point_map.reshape(count, rows, columns // 3, 1, 3)
-    return (split @ contact_rotation[:, None]).reshape(count, rows, columns)
+@compiled
+def _exceeds(torque: np.ndarray, limit: np.ndarray) -> bool:
+    for j in range(len(torque)):
+        if abs(torque[j]) > (1.0 + _EXCESS) * limit[j]:
+            return True
+    return False
