@@ -9,19 +9,17 @@ from fbid_gym.actions.acceleration_law import DIAGNOSTICS, AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import positive
-from fbid_gym.dynamics.frames import quaternion_to_matrix
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
+from fbid_gym.small_matrices import dot, multiply, multiply_transposed
 
 _VERTICAL_SCALE = 0.5  # of gravity: half the weight more, or half less
-# vee @ vec(A): the axial vector of a 3×3 matrix, (A - A^T) / 2 = skew(axial).
-_AXIAL = np.zeros((9, 3))
-_AXIAL[[7, 2, 3], [0, 1, 2]] = 0.5
-_AXIAL[[5, 6, 1], [0, 1, 2]] = -0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,35 +158,86 @@ class BaseAcceleration:
         terms: DynamicsTerms,
     ) -> np.ndarray:
         """Return the desired acceleration (N, nv)."""
-        velocity = state.qvel
         frame = self.support.frame(terms)
-        num_robots = len(velocity)
-        rate = np.concatenate([terms.com_velocity[:, :2], velocity[:, 2:6]], axis=1)
-        point = terms.com - frame.centre
-        point[:, 2] += terms.base_position[:, 2] - terms.com[:, 2]
-        wanted = frame.rotation @ quaternion_to_matrix(reference.qpos[:, 3:7])
-        turn = terms.base_rotation.swapaxes(1, 2) @ wanted
-
-        # The gains are the same along x and y, so they commute with the turn about the vertical
-        # from the support frame to the world.
-        push = self.scale * action + _steered(reference.qacc, reference.com_acceleration)
-        push += self.damping * _steered(reference.qvel, reference.com_velocity)
-        push[:, :3] += self.stiffness[:3] * _steered(reference.qpos, reference.com)[:, :3]
-        out = np.empty_like(velocity)
-        out[:, :3] = np.matvec(frame.rotation, push[:, :3]) - self.stiffness[:3] * point
-        out[:, 3:6] = push[:, 3:] + self.stiffness[3:] * (turn.reshape(num_robots, 9) @ _AXIAL)
-        out[:, :6] -= self.damping * rate
-        out[:, 6:] = (
-            reference.qacc[:, 6:]
-            + self.posture_stiffness * (reference.qpos[:, 7:] - state.qpos[:, 7:])
-            + self.posture_damping * (reference.qvel[:, 6:] - velocity[:, 6:])
+        qpos, qvel = map(np.ascontiguousarray, state[:2])
+        to_qpos, to_qvel, to_qacc, to_com, to_velocity, to_acceleration = map(
+            np.ascontiguousarray, reference[:6]
         )
-        return out
+        result = np.empty(qvel.shape)
+        _accelerate(
+            *(action, self.scale, self.stiffness, self.damping),
+            *(self.posture_stiffness, self.posture_damping, qpos, qvel),
+            *(to_qpos, to_qvel, to_qacc, to_com, to_velocity, to_acceleration),
+            *frame,
+            *(terms.base_position, terms.base_rotation, terms.com, terms.com_velocity),
+            result,
+        )
+        return result
 
 
-def _steered(base: np.ndarray, com: np.ndarray) -> np.ndarray:
-    """The six controlled coordinates: centre of mass in x and y, then those of the base."""
-    return np.concatenate([com[:, :2], base[:, 2:6]], axis=1)
+@kernel
+def _accelerate(
+    action: np.ndarray,
+    scale: np.ndarray,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    posture_stiffness: float,
+    posture_damping: float,
+    qpos: np.ndarray,
+    qvel: np.ndarray,
+    wanted_qpos: np.ndarray,
+    wanted_qvel: np.ndarray,
+    wanted_qacc: np.ndarray,
+    wanted_com: np.ndarray,
+    wanted_com_velocity: np.ndarray,
+    wanted_com_acceleration: np.ndarray,
+    centre: np.ndarray,
+    heading: np.ndarray,
+    base_position: np.ndarray,
+    base_rotation: np.ndarray,
+    com: np.ndarray,
+    com_velocity: np.ndarray,
+    result: np.ndarray,
+) -> None:
+    """Write what `BaseAcceleration.acceleration` returns to result (N, nv).
+
+    The arguments are those of the layer, of `RobotState`, `Reference` (N rows or one),
+    `SupportFrame` and `DynamicsTerms`.
+    """
+    target, level, turn = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    lead, axial = np.empty(6), np.empty(3)
+    for i in range(len(result)):
+        row = min(i, len(wanted_qpos) - 1)
+        # The base's orientation error, as the axial vector of the rotation that is left.
+        rotation_of(wanted_qpos[row, 3:7], level)
+        multiply(heading[i], level, target)
+        multiply_transposed(base_rotation[i], target, turn)
+        axial[0] = 0.5 * (turn[2, 1] - turn[1, 2])
+        axial[1] = 0.5 * (turn[0, 2] - turn[2, 0])
+        axial[2] = 0.5 * (turn[1, 0] - turn[0, 1])
+
+        # What does not depend on the state, in the support frame. The gains are the same along x
+        # and y, so they commute with the turn about the vertical from that frame to the world.
+        for k in range(6):
+            of_com = k < 2  # horizontally the centre of mass is controlled, else the base
+            velocity = wanted_com_velocity[row, k] if of_com else wanted_qvel[row, k]
+            lead[k] = wanted_com_acceleration[row, k] if of_com else wanted_qacc[row, k]
+            lead[k] += scale[k] * action[i, k] + damping[k] * velocity
+            if k < 3:
+                lead[k] += stiffness[k] * (wanted_com[row, k] if of_com else wanted_qpos[row, k])
+        for k in range(3):
+            place = com[i, k] if k < 2 else base_position[i, k]
+            rate = com_velocity[i, k] if k < 2 else qvel[i, k]
+            result[i, k] = dot(heading[i, k], lead[:3])
+            result[i, k] -= stiffness[k] * (place - centre[i, k]) + damping[k] * rate
+        for k in range(3, 6):
+            result[i, k] = lead[k] + stiffness[k] * axial[k - 3] - damping[k] * qvel[i, k]
+        for k in range(6, result.shape[1]):
+            result[i, k] = (
+                wanted_qacc[row, k]
+                + posture_stiffness * (wanted_qpos[row, k + 1] - qpos[i, k + 1])
+                + posture_damping * (wanted_qvel[row, k] - qvel[i, k])
+            )
 
 
 def _scale(robot: Robot, support: Support, friction: float) -> np.ndarray:

@@ -41,7 +41,7 @@ def contact_belief(contacts: str | Schedule, robot: Robot, control_hz: int) -> C
             return lambda state, reference: _planned(state, reference, foot)
         if contacts == "measured":
             least = TOUCH * robot.weight
-            return lambda state, reference: np.linalg.norm(state.contact_force, axis=2) > least
+            return lambda state, reference: _loaded(state.contact_force, least)
         raise UnknownOptionError("contacts", contacts, CONTACTS)
     table = _schedule_table(contacts, robot, control_hz)
     return lambda state, reference: table[state.tick % len(table)]
@@ -51,8 +51,13 @@ def _planned(state: RobotState, reference: Reference, foot: np.ndarray) -> np.nd
     """Points of the feet that stand in the reference, (N, P); None if they always do."""
     if reference.planted is None:
         return None
-    points = reference.planted[:, foot]
-    return np.broadcast_to(points, (len(state.tick), len(foot)))
+    points = reference.planted.take(foot, axis=1)
+    return points if len(points) == len(state.tick) else points.repeat(len(state.tick), axis=0)
+
+
+def _loaded(force: np.ndarray, least: float) -> np.ndarray:
+    """Points that carry more than `least` N, (N, P)."""
+    return np.vecdot(force, force) > least**2
 
 
 def _schedule_table(schedule: Schedule, robot: Robot, control_hz: int) -> np.ndarray:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.actions.layer import Memory
+from fbid_gym.compiled import kernel
 
 _UNKNOWN = -1
 
@@ -30,7 +31,7 @@ class ContactRamp:
     def memory(self, num_robots: int, num_points: int, num_joints: int) -> Memory:
         """Return what is remembered of robots that have not moved yet."""
         return {
-            "ramp_contacts": np.full((num_robots, num_points), _UNKNOWN, np.int8),
+            "ramp_contacts": np.full((num_robots, num_points), _UNKNOWN, np.int64),
             "ramp_ticks": np.zeros(num_robots, np.int64),
             "ramp_torque": np.zeros((num_robots, num_joints)),
         }
@@ -54,15 +55,50 @@ class ContactRamp:
         Returns:
             (N, n).
         """
-        before, left, added = (memory[f"ramp_{key}"] for key in ("contacts", "ticks", "torque"))
-        memory["ramp_contacts"] = active.astype(np.int8)
-        if left.any():
-            left = np.maximum(left - 1, 0)
-            added = added * (left / (left + 1.0))[:, None]
-        switched = np.flatnonzero((active != before).any(axis=1) & (before[:, 0] != _UNKNOWN))
-        if len(switched):
-            left, added = left.copy(), added.copy()
-            added[switched] += law(switched, before[switched].astype(bool)) - torque[switched]
-            left[switched] = self.ticks
-        memory["ramp_ticks"], memory["ramp_torque"] = left, added
-        return torque + added if left.any() else torque
+        contacts, left, added = (memory[f"ramp_{key}"] for key in ("contacts", "ticks", "torque"))
+        switched, result = np.empty(len(torque), bool), np.empty(torque.shape)
+        _fade(torque, active, contacts, left, added, switched, result)
+        if switched.any():
+            rows = np.flatnonzero(switched)
+            added[rows] += law(rows, contacts[rows].astype(bool)) - torque[rows]
+            left[rows], contacts[rows] = self.ticks, active[rows]
+            result[rows] = torque[rows] + added[rows]
+        return result
+
+
+@kernel
+def _fade(
+    torque: np.ndarray,
+    active: np.ndarray,
+    contacts: np.ndarray,
+    left: np.ndarray,
+    added: np.ndarray,
+    switched: np.ndarray,
+    result: np.ndarray,
+) -> None:
+    """Go on with the ramps of N robots by a tick, and find where contacts have switched.
+
+    Args:
+        torque: (N, n) of the law.
+        active: (N, P) bool, which points are in contact now.
+        contacts: (N, P) which were a tick ago, or `_UNKNOWN`; then the present ones are taken.
+        left: (N,) ticks of the ramp; updated.
+        added: (N, n) what the ramp adds; updated.
+        switched: (N,) bool, to be found.
+        result: (N, n) the sum of torque and ramp.
+    """
+    for i in range(len(torque)):
+        fading = left[i] > 0
+        if fading:
+            left[i] -= 1
+            share = left[i] / (left[i] + 1.0)
+            for j in range(torque.shape[1]):
+                added[i, j] *= share
+        for j in range(torque.shape[1]):
+            result[i, j] = torque[i, j] + (added[i, j] if fading else 0.0)
+        unknown, switched[i] = contacts[i, 0] == _UNKNOWN, False
+        for j in range(active.shape[1]):
+            if unknown:
+                contacts[i, j] = active[i, j]
+            elif contacts[i, j] != active[i, j]:
+                switched[i] = True

@@ -9,6 +9,7 @@ from fbid_gym.actions.acceleration_law import DIAGNOSTICS, AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import positive
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.motions import Reference
@@ -86,11 +87,36 @@ class JointAcceleration:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        acceleration = np.zeros_like(state.qvel)
-        acceleration[:, 6:] = (
-            reference.qacc[:, 6:]
-            + self.stiffness * (reference.qpos[:, 7:] - state.qpos[:, 7:])
-            + self.damping * (reference.qvel[:, 6:] - state.qvel[:, 6:])
-            + self.scale * action
+        qpos, qvel = map(np.ascontiguousarray, state[:2])
+        to_qpos, to_qvel, to_qacc = map(np.ascontiguousarray, reference[:3])
+        acceleration = np.zeros(qvel.shape)
+        _accelerate(
+            *(action, self.scale, self.stiffness, self.damping),
+            *(qpos, qvel, to_qpos, to_qvel, to_qacc, acceleration),
         )
         return self.law.torque(acceleration, state, reference, terms(), memory)
+
+
+@kernel
+def _accelerate(
+    action: np.ndarray,
+    scale: float,
+    stiffness: float,
+    damping: float,
+    qpos: np.ndarray,
+    qvel: np.ndarray,
+    wanted_qpos: np.ndarray,
+    wanted_qvel: np.ndarray,
+    wanted_qacc: np.ndarray,
+    result: np.ndarray,
+) -> None:
+    """Write the joints' part of result (N, nv); arguments of the layer, its state and reference."""
+    for i in range(len(result)):
+        row = min(i, len(wanted_qpos) - 1)
+        for k in range(6, result.shape[1]):
+            result[i, k] = (
+                wanted_qacc[row, k]
+                + stiffness * (wanted_qpos[row, k + 1] - qpos[i, k + 1])
+                + damping * (wanted_qvel[row, k] - qvel[i, k])
+                + scale * action[i, k - 6]
+            )

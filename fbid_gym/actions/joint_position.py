@@ -9,6 +9,7 @@ from fbid_gym.actions.joint_gains import JointGains
 from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import positive
 from fbid_gym.actions.stance import holding_torque
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.motions import Reference
@@ -93,6 +94,33 @@ class JointPosition:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        error = reference.qpos[:, 7:] + self.scale * action - state.qpos[:, 7:]
-        rate = reference.qvel[:, 6:] - state.qvel[:, 6:]
-        return self.hold + self.stiffness * error + self.damping * rate
+        qpos, qvel = map(np.ascontiguousarray, state[:2])
+        to_qpos, to_qvel = map(np.ascontiguousarray, reference[:2])
+        torque = np.empty((len(qpos), len(self.hold)))
+        _feedback(
+            *(action, self.scale, self.hold, self.stiffness, self.damping),
+            *(qpos, qvel, to_qpos, to_qvel, torque),
+        )
+        return torque
+
+
+@kernel
+def _feedback(
+    action: np.ndarray,
+    scale: float,
+    hold: np.ndarray,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    qpos: np.ndarray,
+    qvel: np.ndarray,
+    wanted_qpos: np.ndarray,
+    wanted_qvel: np.ndarray,
+    torque: np.ndarray,
+) -> None:
+    """Write torque (N, n); arguments of the layer, its state and its reference (N rows or one)."""
+    for i in range(len(torque)):
+        row = min(i, len(wanted_qpos) - 1)
+        for j in range(len(hold)):
+            error = wanted_qpos[row, 7 + j] + scale * action[i, j] - qpos[i, 7 + j]
+            rate = wanted_qvel[row, 6 + j] - qvel[i, 6 + j]
+            torque[i, j] = hold[j] + stiffness[j] * error + damping[j] * rate

@@ -11,12 +11,13 @@ from fbid_gym.actions.joint_gains import JointGains
 from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import at_least_zero, positive
 from fbid_gym.actions.smooth_target import SmoothTarget
-from fbid_gym.control import task_acceleration
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support, SupportFrame
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
+from fbid_gym.small_matrices import dot
 
 # Feedback need only be as stiff as falling is fast: the model carries the weight and the motion.
 _STIFFER_THAN_FALLING = 1.0
@@ -138,35 +139,110 @@ class JointPositionFeedforward:
         """See `ActionLayer.torque`."""
         known, offset = terms(), self.target.step(self.scale * action, memory)
         frame = self.support.frame(known)
-        acceleration = np.empty_like(state.qvel)
-        acceleration[:, :3] = np.matvec(frame.rotation, reference.qacc[:, :3])
-        acceleration[:, 3:] = reference.qacc[:, 3:]
-        acceleration[:, 6:] += offset.acceleration
+        qpos, qvel = map(np.ascontiguousarray, state[:2])
+        to_qpos, to_qvel, to_qacc = map(np.ascontiguousarray, reference[:3])
+        acceleration = np.empty(qvel.shape)
+        _desire(to_qacc, offset.acceleration, frame.rotation, acceleration)
         balance = None
         if self.balance_stiffness > 0.0:
             balance = self._balance(reference, frame, known)
-        torque = self.law.torque(acceleration, state, reference, known, memory, balance)
-        error = reference.qpos[:, 7:] + offset.value - state.qpos[:, 7:]
-        rate = reference.qvel[:, 6:] + offset.rate - state.qvel[:, 6:]
-        return torque + self.stiffness * error + self.damping * rate
+        model = self.law.torque(acceleration, state, reference, known, memory, balance)
+        torque = np.empty(offset.value.shape)
+        _add_feedback(
+            *(model, self.stiffness, self.damping, qpos, qvel),
+            *(to_qpos, to_qvel, offset.value, offset.rate, torque),
+        )
+        return torque
 
     def _balance(self, reference: Reference, frame: SupportFrame, terms: DynamicsTerms) -> Task:
         """What the centre of mass shall do in x and y, eq. (20)."""
-        wanted = reference.com, reference.com_velocity, reference.com_acceleration
-        position, velocity, acceleration = (
-            np.matvec(frame.rotation, vector)[:, :2] for vector in wanted
+        to_com, to_velocity, to_acceleration = map(np.ascontiguousarray, reference[3:6])
+        count, nv = terms.bias.shape
+        task = Task(np.empty((count, 2, nv)), np.empty((count, 2)), np.empty((count, 2)))
+        _steer(
+            *(to_com, to_velocity, to_acceleration),
+            *frame,
+            *(terms.mass_matrix, terms.bias, terms.com, terms.com_velocity),
+            *(self.balance_stiffness, self.balance_damping),
+            *task,
         )
-        mass = terms.mass_matrix[:, :1, 0]
-        return Task(
-            terms.mass_matrix[:, :2] / mass[:, :, None],
-            terms.bias[:, :2] / mass,
-            task_acceleration(
-                position,
-                (terms.com - frame.centre)[:, :2],
-                terms.com_velocity[:, :2],
-                self.balance_stiffness,
-                self.balance_damping,
-                desired_velocity=velocity,
-                desired_acceleration=acceleration,
-            ),
-        )
+        return task
+
+
+@kernel
+def _desire(
+    wanted_qacc: np.ndarray, offset: np.ndarray, heading: np.ndarray, result: np.ndarray
+) -> None:
+    """Write the desired accelerations to result (N, nv).
+
+    Args:
+        wanted_qacc: (N, nv) or (1, nv), of the reference.
+        offset: (N, n), to be added to the joints'.
+        heading: (N, 3, 3) world from support frame.
+        result: m/s^2 and rad/s^2.
+    """
+    for i in range(len(result)):
+        row = min(i, len(wanted_qacc) - 1)
+        for k in range(3):
+            result[i, k] = dot(heading[i, k], wanted_qacc[row, :3])
+            result[i, k + 3] = wanted_qacc[row, k + 3]
+        for j in range(offset.shape[1]):
+            result[i, 6 + j] = wanted_qacc[row, 6 + j] + offset[i, j]
+
+
+@kernel
+def _steer(
+    wanted_com: np.ndarray,
+    wanted_velocity: np.ndarray,
+    wanted_acceleration: np.ndarray,
+    centre: np.ndarray,
+    heading: np.ndarray,
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    com: np.ndarray,
+    com_velocity: np.ndarray,
+    stiffness: float,
+    damping: float,
+    jacobian: np.ndarray,
+    jacobian_bias: np.ndarray,
+    acceleration: np.ndarray,
+) -> None:
+    """Write the `Task` of the centres of mass to the last three arguments.
+
+    The others are those of `Reference` (N rows or one), `SupportFrame`, `DynamicsTerms`, and the
+    gains.
+    """
+    for i in range(len(com)):
+        row = min(i, len(wanted_com) - 1)
+        mass = mass_matrix[i, 0, 0]
+        for k in range(2):
+            for j in range(jacobian.shape[2]):
+                jacobian[i, k, j] = mass_matrix[i, k, j] / mass
+            jacobian_bias[i, k] = bias[i, k] / mass
+            axis = heading[i, k]
+            place = dot(axis, wanted_com[row]) - (com[i, k] - centre[i, k])
+            rate = dot(axis, wanted_velocity[row]) - com_velocity[i, k]
+            acceleration[i, k] = dot(axis, wanted_acceleration[row])
+            acceleration[i, k] += stiffness * place + damping * rate
+
+
+@kernel
+def _add_feedback(
+    model: np.ndarray,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    qpos: np.ndarray,
+    qvel: np.ndarray,
+    wanted_qpos: np.ndarray,
+    wanted_qvel: np.ndarray,
+    offset: np.ndarray,
+    offset_rate: np.ndarray,
+    torque: np.ndarray,
+) -> None:
+    """Write torque (N, n): that of the model and that of the feedback, eq. (18)."""
+    for i in range(len(torque)):
+        row = min(i, len(wanted_qpos) - 1)
+        for j in range(len(stiffness)):
+            error = wanted_qpos[row, 7 + j] + offset[i, j] - qpos[i, 7 + j]
+            rate = wanted_qvel[row, 6 + j] + offset_rate[i, j] - qvel[i, 6 + j]
+            torque[i, j] = model[i, j] + stiffness[j] * error + damping[j] * rate

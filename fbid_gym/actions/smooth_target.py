@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.actions.layer import Memory
+from fbid_gym.compiled import kernel
 
 
 class Offset(NamedTuple):
@@ -48,10 +49,31 @@ class SmoothTarget:
             goal: (N, n) u.
             memory: of the robots; updated.
         """
-        value, rate, omega = memory["target"], memory["target_rate"], self.omega
-        error = value - goal
-        slope = rate + omega * error
-        travel, decay = slope * self.tick, np.exp(-omega * self.tick)
-        memory["target"] = goal + (error + travel) * decay
-        memory["target_rate"] = (rate - omega * travel) * decay
-        return Offset(value, rate, -omega * (slope + rate))
+        value, rate = memory["target"], memory["target_rate"]
+        acceleration, after, rate_after = (np.empty(value.shape) for _ in range(3))
+        _follow(goal, value, rate, self.omega, self.tick, acceleration, after, rate_after)
+        memory["target"], memory["target_rate"] = after, rate_after
+        return Offset(value, rate, acceleration)
+
+
+@kernel
+def _follow(
+    goal: np.ndarray,
+    value: np.ndarray,
+    rate: np.ndarray,
+    omega: float,
+    tick: float,
+    acceleration: np.ndarray,
+    value_after: np.ndarray,
+    rate_after: np.ndarray,
+) -> None:
+    """Write the acceleration of targets (N, n), and their values and rates a tick later."""
+    decay = np.exp(-omega * tick)
+    for i in range(len(value)):
+        for j in range(value.shape[1]):
+            error = value[i, j] - goal[i, j]
+            slope = rate[i, j] + omega * error
+            travel = slope * tick
+            acceleration[i, j] = -omega * (slope + rate[i, j])
+            value_after[i, j] = goal[i, j] + (error + travel) * decay
+            rate_after[i, j] = (rate[i, j] - omega * travel) * decay
