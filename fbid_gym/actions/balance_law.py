@@ -10,14 +10,16 @@ from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.layer import Memory
+from fbid_gym.compiled import kernel
 from fbid_gym.control import (
     Balance,
     ContactLimits,
     TorqueMap,
     distribute,
     distribute_freely,
-    symmetric_pseudo_inverse,
+    underactuation,
 )
+from fbid_gym.control.contact_forces import all_active
 from fbid_gym.dynamics import CentroidalTerms, MuJoCoDynamics
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
 from fbid_gym.dynamics.state import RobotState
@@ -53,24 +55,6 @@ class JointGains(NamedTuple):
         return cls(rates[0] ** 2, 2.0 * ratio * rates[0], rates[1] ** 2, 2.0 * ratio * rates[1])
 
 
-class JointErrors(NamedTuple):
-    """How far joints are from their reference, (N, n) each: rad/s^2, rad, rad/s."""
-
-    acceleration: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-
-    @classmethod
-    def of(cls, state: RobotState, reference: Reference) -> "JointErrors":
-        """Of robots."""
-        shape = state.qpos[:, 7:].shape
-        return cls(
-            np.broadcast_to(reference.qacc[:, 6:], shape),
-            reference.qpos[:, 7:] - state.qpos[:, 7:],
-            reference.qvel[:, 6:] - state.qvel[:, 6:],
-        )
-
-
 @dataclass(frozen=True, eq=False)
 class BalanceLaw:
     """A balancer on a robot's feet; F feet, P points.
@@ -87,7 +71,6 @@ class BalanceLaw:
         weight: N, of the robot.
         length: m, lever arm that makes moments comparable to forces.
         wrench_cost: weights of the squared errors of force and moment where not both can be had.
-        foot_points: (P, F) which foot a point belongs to, 0 or 1.
         legs: (F, n) joints that move this foot and no other, 0 or 1.
     """
 
@@ -102,7 +85,6 @@ class BalanceLaw:
     weight: float
     length: float
     wrench_cost: tuple[float, ...]
-    foot_points: np.ndarray
     legs: np.ndarray
 
     @classmethod
@@ -131,7 +113,6 @@ class BalanceLaw:
             weight=robot.weight,
             length=Support.of(robot).radius or 1.0,
             wrench_cost=(1.0,) * 3 + (moment_priority,) * 3,
-            foot_points=np.eye(robot.num_feet)[geometry.foot_of_point],
             legs=(moves & (moves.sum(axis=0) == 1)).astype(float),
         )
 
@@ -169,21 +150,27 @@ class BalanceLaw:
             (N, n) N·m.
         """
         active, warm_start = self.belief(state, reference), memory["warm_start"]
-        joints = JointErrors.of(state, reference)
-        balance, underactuation = self._solve(wrench, joints, terms, body, active, warm_start)
+        posture, mobility = self._posture(state, reference, active)
+        balance, missing = self._solve(wrench, posture, mobility, terms, body, active, warm_start)
         memory["warm_start"], memory["residual"] = balance.warm_start, balance.residual
-        if underactuation is not None:
-            memory["underactuation"] = underactuation
+        if missing is not None:
+            memory["underactuation"] = missing
         torque = balance.torque
         if self.ramp is not None and active is not None:
 
             def of_contacts(rows: np.ndarray, contacts: np.ndarray) -> np.ndarray:
-                some = (
-                    JointErrors(*(value[rows] for value in joints)),
+                before = active.copy()
+                before[rows] = contacts
+                posture, mobility = self._posture(state, reference, before)
+                return self._solve(
+                    wrench[rows],
+                    posture[rows],
+                    mobility[rows],
                     DynamicsTerms(*(value[rows] for value in terms)),
                     CentroidalTerms(*(value[rows] for value in body)),
-                )
-                return self._solve(wrench[rows], *some, contacts, warm_start[rows])[0].torque
+                    contacts,
+                    warm_start[rows],
+                )[0].torque
 
             torque = self.ramp.torque(torque, active, of_contacts, memory)
         return torque + self.damping * state.qvel[:, 6:]
@@ -191,7 +178,8 @@ class BalanceLaw:
     def _solve(
         self,
         wrench: np.ndarray,
-        joints: JointErrors,
+        posture: np.ndarray,
+        mobility: np.ndarray,
         terms: DynamicsTerms,
         body: CentroidalTerms,
         active: np.ndarray | None,
@@ -199,7 +187,6 @@ class BalanceLaw:
     ) -> tuple[Balance, np.ndarray | None]:
         """The balance with one set of contacts, and in how many directions it cannot be pushed."""
         contacts = reduced_contacts(self.geometry, terms, active)
-        posture, mobility = self._posture(joints, active)
         torque_map = self.torque_map(terms, body, contacts, posture, mobility)
         maps = {"to_com": body.to_com, "point_map": contacts.point_map}
         weight, length = self.weight, self.length
@@ -220,25 +207,63 @@ class BalanceLaw:
             )
         if active is None:
             return balance, None
-        base = contacts.jacobian[:, :, :6]
-        _, rank = symmetric_pseudo_inverse(base.swapaxes(1, 2) @ base, 1e-6)
-        return balance, 6.0 - rank
+        return balance, underactuation(contacts.jacobian)
 
     def _posture(
-        self, joints: JointErrors, active: np.ndarray | None
-    ) -> tuple[np.ndarray, np.ndarray | None]:
-        """Desired joint accelerations (N, n), and the mobility of joints (N, n) if feet swing."""
-        gains = self.gains
-        stiffness: np.ndarray | float = gains.stiffness
-        damping: np.ndarray | float = gains.damping
-        mobility = None
-        if active is not None:
-            in_the_air = active @ self.foot_points == 0.0
-            if in_the_air.any():
-                swings = in_the_air @ self.legs > 0.0
-                stiffness = np.where(swings, gains.swing_stiffness, gains.stiffness)
-                damping = np.where(swings, gains.swing_damping, gains.damping)
-                mobility = np.where(swings, _SWING_MOBILITY, 1.0)
-        return (
-            joints.acceleration + stiffness * joints.position + damping * joints.velocity
-        ), mobility
+        self, state: RobotState, reference: Reference, active: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Desired joint accelerations, and the mobility of joints: (N, n) each."""
+        shape = len(state.qpos), self.robot.num_joints
+        posture, mobility = np.empty(shape), np.empty(shape)
+        _fill_posture(
+            np.ascontiguousarray(state.qpos),
+            np.ascontiguousarray(state.qvel),
+            np.ascontiguousarray(reference.qpos),
+            np.ascontiguousarray(reference.qvel),
+            np.ascontiguousarray(reference.qacc),
+            all_active(self.robot.num_points) if active is None else np.ascontiguousarray(active),
+            self.geometry.foot_of_point,
+            self.legs,
+            *self.gains,
+            posture,
+            mobility,
+        )
+        return posture, mobility
+
+
+@kernel
+def _fill_posture(
+    position: np.ndarray,
+    velocity: np.ndarray,
+    wanted_position: np.ndarray,
+    wanted_velocity: np.ndarray,
+    wanted_acceleration: np.ndarray,
+    active: np.ndarray,
+    foot_of_point: np.ndarray,
+    legs: np.ndarray,
+    stiffness: float,
+    damping: float,
+    swing_stiffness: float,
+    swing_damping: float,
+    posture: np.ndarray,
+    mobility: np.ndarray,
+) -> None:
+    """See `BalanceLaw._posture`; "wanted" and "active" rows are one for each or one for all."""
+    in_the_air = np.empty(len(legs), np.bool_)
+    for i in range(len(posture)):
+        row, contacts = min(i, len(wanted_position) - 1), active[min(i, len(active) - 1)]
+        in_the_air[:] = True
+        for point in range(len(contacts)):
+            if contacts[point]:
+                in_the_air[foot_of_point[point]] = False
+        for j in range(posture.shape[1]):
+            error = wanted_position[row, 7 + j] - position[i, 7 + j]
+            rate = wanted_velocity[row, 6 + j] - velocity[i, 6 + j]
+            swings = False
+            for foot in range(len(legs)):
+                swings |= in_the_air[foot] and legs[foot, j] > 0.0
+            pull = swing_stiffness * error + swing_damping * rate
+            if not swings:
+                pull = stiffness * error + damping * rate
+            posture[i, j] = wanted_acceleration[row, 6 + j] + pull
+            mobility[i, j] = _SWING_MOBILITY if swings else 1.0

@@ -8,22 +8,19 @@ import numpy as np
 from fbid_gym.actions.acceleration_law import DIAGNOSTICS
 from fbid_gym.actions.balance_law import BalanceLaw, JointGains
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
+from fbid_gym.actions.desired_wrench import desired_wrench
 from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import positive
 from fbid_gym.control import (
     BalanceGains,
-    BalanceTarget,
-    desired_wrench_garofalo2015,
-    desired_wrench_ott2011,
     torque_map_garofalo2015,
     torque_map_inverse_dynamics,
     torque_map_ott2011,
 )
 from fbid_gym.dynamics import CentroidalTerms, MuJoCoDynamics, centroidal_terms
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
-from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support, SupportFrame
+from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.motions import Reference
@@ -185,54 +182,17 @@ class ComWrench:
         body: CentroidalTerms,
     ) -> np.ndarray:
         """Return the desired wrench at the centre of mass: (N, 6) N and N·m, world."""
-        frame = self.support.frame(terms)
-        target = _target(frame, reference, body)
-        gravity = self.law.weight / self.law.robot.mass
-        pose = {"com": terms.com, "rotation": terms.base_rotation, "mass": body.mass}
-        if self.on_velocity:
-            wrench = desired_wrench_ott2011(
-                self.gains,
-                target,
-                com_velocity=terms.com_velocity,
-                angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
-                axes=frame.rotation,
-                gravity=gravity,
-                **pose,
-            )
-        else:
-            # Its damping is the same in all horizontal directions and needs no axes.
-            wrench = desired_wrench_garofalo2015(
-                self.gains, target, momentum=body.momentum, gravity=gravity, **pose
-            )
-        push = self.scale * action
-        wrench[:, :3] += np.matvec(frame.rotation, push[:, :3])
-        wrench[:, 3:] += np.matvec(frame.rotation, push[:, 3:])
-        return wrench
-
-
-def _target(frame: SupportFrame, reference: Reference, body: CentroidalTerms) -> BalanceTarget:
-    """The reference, seen from the robots' own feet."""
-    turn = frame.rotation
-    rotation = turn @ quaternion_to_matrix(reference.qpos[:, 3:7])
-    com_velocity = np.matvec(turn, reference.com_velocity)
-
-    def momentum(rates: np.ndarray) -> np.ndarray:
-        """Angular, of the robots as they stand, at generalized rates seen from the feet."""
-        linear = np.matvec(turn, rates[:, :3])
-        angular = body.matrix[:, 3:]
-        return np.matvec(angular[:, :, :3], linear) + np.matvec(angular[:, :, 3:], rates[:, 3:])
-
-    acceleration = np.matvec(turn, reference.com_acceleration)
-    return BalanceTarget(
-        com=frame.centre + np.matvec(turn, reference.com),
-        rotation=rotation,
-        com_velocity=com_velocity,
-        angular_velocity=np.matvec(rotation, reference.qvel[:, 3:6]),
-        angular_momentum=momentum(reference.qvel),
-        momentum_rate=np.concatenate(
-            [body.mass[:, None] * acceleration, momentum(reference.qacc)], axis=1
-        ),
-    )
+        return desired_wrench(
+            self.gains,
+            self.on_velocity,
+            self.law.weight / self.law.robot.mass,
+            self.scale * action,
+            state,
+            reference,
+            terms,
+            body,
+            self.support.frame(terms),
+        )
 
 
 def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:

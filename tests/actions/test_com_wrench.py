@@ -6,12 +6,17 @@ import pytest
 
 from fbid_gym.actions import make_layer
 from fbid_gym.actions.com_wrench import BALANCERS, turning_inertia
-from fbid_gym.dynamics import MuJoCoDynamics, centroidal_terms
+from fbid_gym.control import (
+    BalanceTarget,
+    desired_wrench_garofalo2015,
+    desired_wrench_ott2011,
+)
+from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, centroidal_terms
 from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from fbid_gym.motions import home_reference
+from fbid_gym.motions import Reference, home_reference
 
 every_balancer = pytest.mark.parametrize("balancer", BALANCERS)
 
@@ -71,6 +76,73 @@ def test_the_wrench_is_the_documented_law(robot, states, moving, rng):
         moment = moment + 2.0 * ratio * spin * (angular - body.momentum[row, 3:]) + angular_rate
         moment = moment + level @ (layer.scale[3:] * action[row, 3:])
         np.testing.assert_allclose(found[row, 3:], moment, atol=1e-8 * robot.weight)
+
+
+@every_balancer
+def test_the_wrench_is_that_of_the_array_laws(robot, states, moving, balancer, rng):
+    """The compiled form of `desired_wrench_*` on a target seen from the robots' own feet."""
+    layer = make_layer("com_wrench", robot, 500, {"balancer": balancer})
+    state, terms = states(6)
+    body, reference = centroidal_terms(terms, state.qvel), moving(6)
+    action = rng.uniform(-1, 1, (6, 6))
+    frame = layer.support.frame(terms)
+    level = frame.rotation
+    both = np.zeros((6, robot.nv, robot.nv)) + np.eye(robot.nv)
+    both[:, :3, :3] = level
+    velocity, acceleration = np.matvec(both, reference.qvel), np.matvec(both, reference.qacc)
+    desired = level @ quaternion_to_matrix(reference.qpos[:, 3:7])
+    force = np.matvec(level, robot.mass * reference.com_acceleration)
+    angular = np.matvec(body.matrix[:, 3:], acceleration)
+    target = BalanceTarget(
+        com=frame.centre + np.matvec(level, reference.com),
+        rotation=desired,
+        com_velocity=np.matvec(level, reference.com_velocity),
+        angular_velocity=np.matvec(desired, reference.qvel[:, 3:6]),
+        angular_momentum=np.matvec(body.matrix[:, 3:], velocity),
+        momentum_rate=np.concatenate([force, angular], axis=1),
+    )
+    options = {"com": terms.com, "rotation": terms.base_rotation, "mass": body.mass}
+    if balancer == "ott2011":
+        expected = desired_wrench_ott2011(
+            layer.gains,
+            target,
+            com_velocity=terms.com_velocity,
+            angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
+            axes=level,
+            **options,
+        )
+    else:
+        expected = desired_wrench_garofalo2015(
+            layer.gains, target, momentum=body.momentum, **options
+        )
+    push = layer.scale * action
+    expected[:, :3] += np.matvec(level, push[:, :3])
+    expected[:, 3:] += np.matvec(level, push[:, 3:])
+    found = layer.wrench(action, state, reference, terms, body)
+    np.testing.assert_allclose(found, expected, atol=1e-10 * robot.weight)
+    alone = layer.wrench(
+        action[2:3],
+        RobotState(*(value[2:3] for value in state)),
+        Reference(*(value[2:3] for value in reference[:-1]), None),
+        DynamicsTerms(*(value[2:3] for value in terms)),
+        CentroidalTerms(*(value[2:3] for value in body)),
+    )
+    np.testing.assert_array_equal(alone[0], found[2])
+
+
+@every_balancer
+def test_a_robot_that_is_not_finite_spoils_no_other(robot, states, balancer):
+    layer = make_layer("com_wrench", robot, 500, {"balancer": balancer})
+    state, terms = states(4)
+    home, action = home_reference(robot), np.zeros((4, 6))
+    expected = torque_of(layer, action, state, home, terms)
+    for name in ("mass_matrix", "foot_jacobian", "com"):
+        broken = getattr(terms, name).copy()
+        broken[1].flat[0] = np.nan
+        torque = torque_of(layer, action, state, home, terms._replace(**{name: broken}))
+        others = np.arange(4) != 1
+        np.testing.assert_array_equal(torque[others], expected[others])
+        assert np.isnan(torque[1]).any()
 
 
 @every_balancer
