@@ -1,9 +1,11 @@
 """A motion as a table: one row per control tick, checked when it is made."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
 from fbid_gym.motions.reference import Reference
 from fbid_gym.robots import Robot
@@ -78,21 +80,76 @@ class MotionTable:
             tick: (N,) int control ticks since the motion began, not negative.
             speed: not used: this motion takes no command.
         """
-        last = self.period - 1
-        row = tick % self.period if self.periodic else np.minimum(tick, last)
-        rates = (self.qvel[row], self.qacc[row], self.com_velocity[row], self.com_acceleration[row])
-        if not self.periodic and tick.max() > last:
-            for rate in rates:
-                rate[tick > last] = 0.0
-        return Reference(
-            qpos=self.qpos[row],
-            qvel=rates[0],
-            qacc=rates[1],
-            com=self.com[row],
-            com_velocity=rates[2],
-            com_acceleration=rates[3],
-            planted=None if self.planted is None else self.planted[row],
+        count, (numbers, feet) = len(tick), self._rows
+        nq, nv = self.qpos.shape[1], self.qvel.shape[1]
+        planted = np.empty((count, feet.shape[1]), bool)
+        reference = Reference(
+            qpos=np.empty((count, nq)),
+            qvel=np.empty((count, nv)),
+            qacc=np.empty((count, nv)),
+            com=np.empty((count, 3)),
+            com_velocity=np.empty((count, 3)),
+            com_acceleration=np.empty((count, 3)),
+            planted=None if self.planted is None else planted,
         )
+        tick = np.ascontiguousarray(tick)
+        _look_up(numbers, feet, tick, self.periodic, *reference[:6], planted)
+        return reference
+
+    @cached_property
+    def _rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """The numbers of `Reference` side by side, in its order, (T, D); and `planted`, (T, F)."""
+        parts = [getattr(self, name) for name in Reference._fields[:6]]
+        planted = np.ones((self.period, 0), bool) if self.planted is None else self.planted
+        return np.concatenate(parts, axis=1), np.array(planted, order="C")
+
+
+@kernel
+def _look_up(
+    numbers: np.ndarray,
+    feet: np.ndarray,
+    tick: np.ndarray,
+    periodic: bool,
+    qpos: np.ndarray,
+    qvel: np.ndarray,
+    qacc: np.ndarray,
+    com: np.ndarray,
+    com_velocity: np.ndarray,
+    com_acceleration: np.ndarray,
+    planted: np.ndarray,
+) -> None:
+    """Fill a `Reference` of N robots.
+
+    Args:
+        numbers: (T, D) those of all ticks, side by side in the order of `Reference`.
+        feet: (T, F) planted feet.
+        tick: (N,) since the motion began.
+        periodic: whether it begins again; else it rests when it is over.
+        qpos: (N, nq), and the rest: see `Reference`.
+        qvel: see there.
+        qacc: see there.
+        com: see there.
+        com_velocity: see there.
+        com_acceleration: see there.
+        planted: see there.
+    """
+    for i in range(len(tick)):
+        over = not periodic and tick[i] >= len(numbers)
+        row = len(numbers) - 1 if over else tick[i] % len(numbers)
+        first = 0
+        for part, is_rate in (
+            (qpos, False),
+            (qvel, True),
+            (qacc, True),
+            (com, False),
+            (com_velocity, True),
+            (com_acceleration, True),
+        ):
+            for k in range(part.shape[1]):
+                part[i, k] = 0.0 if over and is_rate else numbers[row, first + k]
+            first += part.shape[1]
+        for foot in range(feet.shape[1]):
+            planted[i, foot] = feet[row, foot]
 
 
 def _check_shapes(motion: MotionTable) -> None:

@@ -4,12 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.state import Outcome
 from fbid_gym.dynamics.support import Support
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions import Reference, home_reference
 from fbid_gym.robots import Robot
-from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, bell, weighted
+from fbid_gym.small_matrices import dot
+from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, bell, level, weighted
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 
@@ -128,8 +130,9 @@ class Balance:
 
     def command(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> np.ndarray:
         """Return the commanded height of each base above its feet: (N,) m."""
-        index = (plan["command_start"] <= tick[:, None]).sum(axis=1) - 1
-        return plan["command"][np.arange(len(tick)), index]
+        command = np.empty(len(tick))
+        _find_command(plan["command_start"], plan["command"], tick, command)
+        return command
 
     def observe(self, outcome: Outcome, plan: dict[str, np.ndarray]) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
@@ -145,36 +148,68 @@ class Balance:
             terms: name -> (N,), each in [0, its weight].
             metrics: name -> (N,) physical quantities for evaluation.
         """
-        body, state = self.body, outcome.state
-        base = body.base(outcome)
-        command = self.command(plan, state.tick)
-        error = base[:, 2] - command
-        drift = base[:, :2] - body.support.home_base[:2]
-        # 1 - cos(tilt) from the angle between the base's and the world's up direction at home.
-        tilt = 1.0 - body.upright(outcome.terms.base_rotation)
-        touching = body.touching(outcome)
-        slip = body.slip(outcome, touching)
-
-        motion, size = state.qvel[:, :6], body.home_height  # lengths scale with the robot
-        rms, limit = np.sqrt(outcome.torque_square), body.robot.torque_limit.mean()
-        share = {
-            "height": bell(error, 0.03 * size),
-            "upright": np.exp(-tilt / (1.0 - np.cos(0.2))),
-            "position": bell(np.sqrt(np.vecdot(drift, drift)), 0.06 * size),
-            "stillness": bell(np.sqrt(np.vecdot(motion, motion)), 0.5),
-            "contact": touching.mean(axis=1) * bell(slip, 0.1),
-            "torque": bell(rms / limit, 0.3),
-        }
+        body = self.body
+        posture, command = body.posture(outcome), self.command(plan, outcome.state.tick)
+        qvel = np.ascontiguousarray(outcome.state.qvel)
+        share = np.empty((len(REWARD_WEIGHTS), len(command)))
+        _judge(
+            *(posture.base, posture.upright, posture.touching, posture.slip),
+            *(qvel, outcome.torque_square, command),
+            *(body.support.home_base, body.mean_torque_limit, share),
+        )
+        height = posture.base[:, 2]
         metrics = {
-            "height": base[:, 2],
+            "height": height,
             "height_command": command,
-            "height_error": error,
-            "torque_rms": rms,
+            "height_error": height - command,
+            "torque_rms": np.sqrt(outcome.torque_square),
             "power": outcome.power,
-            "slip": slip,
+            "slip": posture.slip,
         }
         return weighted(share, REWARD_WEIGHTS), metrics
 
     def fallen(self, outcome: Outcome) -> np.ndarray:
         """Return which robots lie: (N,) bool."""
         return self.body.fallen(outcome)
+
+
+@kernel
+def _find_command(
+    start: np.ndarray, command: np.ndarray, tick: np.ndarray, found: np.ndarray
+) -> None:
+    """Write the commands (N,) at a tick (N,), of those (N, K) that start at ticks (N, K)."""
+    for i in range(len(tick)):
+        index = -1
+        for k in range(start.shape[1]):
+            index += start[i, k] <= tick[i]
+        found[i] = command[i, index]
+
+
+@kernel
+def _judge(
+    base: np.ndarray,
+    upright: np.ndarray,
+    touching: np.ndarray,
+    slip: np.ndarray,
+    qvel: np.ndarray,
+    torque_square: np.ndarray,
+    command: np.ndarray,
+    home_base: np.ndarray,
+    torque_limit: float,
+    share: np.ndarray,
+) -> None:
+    """Write the shares (6, N) of the terms of the reward, in the order of their weights.
+
+    The other arguments are those of `Posture`, the velocities and the mean squares of the torques
+    of N robots, their commanded heights, the base at home and the mean torque limit.
+    """
+    size = home_base[2]  # lengths scale with the robot
+    for i in range(len(base)):
+        drift = np.hypot(base[i, 0] - home_base[0], base[i, 1] - home_base[1])
+        motion = np.sqrt(dot(qvel[i, :6], qvel[i, :6]))
+        share[0, i] = bell(base[i, 2] - command[i], 0.03 * size)
+        share[1, i] = level(upright[i])
+        share[2, i] = bell(drift, 0.06 * size)
+        share[3, i] = bell(motion, 0.5)
+        share[4, i] = touching[i].mean() * bell(slip[i], 0.1)
+        share[5, i] = bell(np.sqrt(torque_square[i]) / torque_limit, 0.3)

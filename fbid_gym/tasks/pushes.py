@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
 
 _NEVER = np.iinfo(np.int64).max // 2
@@ -63,6 +64,21 @@ class Pushes:
         Returns:
             (..., N, 3) N, world.
         """
-        since = tick[..., None] - start
-        active = (since >= 0) & (since < round(self.duration * hz))
-        return np.vecmat(active.astype(float), force)
+        rows = np.ascontiguousarray(tick).reshape(-1, len(start))
+        applied = np.empty((*rows.shape, 3))
+        _apply(start, force, rows, round(self.duration * hz), applied)
+        return applied.reshape(*tick.shape, 3)
+
+
+@kernel
+def _apply(
+    start: np.ndarray, force: np.ndarray, tick: np.ndarray, duration: int, applied: np.ndarray
+) -> None:
+    """Write the forces applied (T, N, 3), see `Pushes.at`, at ticks (T, N)."""
+    applied[:] = 0.0
+    for row in range(len(tick)):
+        for i in range(len(start)):
+            for k in range(start.shape[1]):
+                if 0 <= tick[row, i] - start[i, k] < duration:
+                    for axis in range(3):
+                        applied[row, i, axis] += force[i, k, axis]
