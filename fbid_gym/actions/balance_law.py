@@ -173,7 +173,8 @@ class BalanceLaw:
                 )[0].torque
 
             torque = self.ramp.torque(torque, active, of_contacts, memory)
-        return torque + self.damping * state.qvel[:, 6:]
+        _add_damping(self.damping, np.ascontiguousarray(state.qvel), torque)
+        return torque
 
     def _solve(
         self,
@@ -213,7 +214,7 @@ class BalanceLaw:
         self, state: RobotState, reference: Reference, active: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Desired joint accelerations, and the mobility of joints: (N, n) each."""
-        shape = len(state.qpos), self.robot.num_joints
+        shape = len(state.qpos), len(self.damping)
         posture, mobility = np.empty(shape), np.empty(shape)
         _fill_posture(
             np.ascontiguousarray(state.qpos),
@@ -221,7 +222,9 @@ class BalanceLaw:
             np.ascontiguousarray(reference.qpos),
             np.ascontiguousarray(reference.qvel),
             np.ascontiguousarray(reference.qacc),
-            all_active(self.robot.num_points) if active is None else np.ascontiguousarray(active),
+            all_active(self.geometry.num_points)
+            if active is None
+            else np.ascontiguousarray(active),
             self.geometry.foot_of_point,
             self.legs,
             *self.gains,
@@ -267,3 +270,11 @@ def _fill_posture(
                 pull = stiffness * error + damping * rate
             posture[i, j] = wanted_acceleration[row, 6 + j] + pull
             mobility[i, j] = _SWING_MOBILITY if swings else 1.0
+
+
+@kernel
+def _add_damping(damping: np.ndarray, velocity: np.ndarray, torque: np.ndarray) -> None:
+    """Add to the torques (N, n) what the joints' damping takes away."""
+    for i in range(len(torque)):
+        for j in range(len(damping)):
+            torque[i, j] += damping[j] * velocity[i, 6 + j]

@@ -6,7 +6,7 @@ small constant costs as much as a batched product of small matrices, so both are
 
 from functools import lru_cache
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 import array_api_compat
 import numpy as np
@@ -15,6 +15,8 @@ from fbid_gym.errors import ShapeError
 
 # NumPy array or torch tensor, floating point, batch axis first.
 Array = Any
+
+Parts = TypeVar("Parts", bound=tuple[Any, ...])
 
 _namespaces: dict[type, ModuleType] = {}
 
@@ -70,6 +72,13 @@ def as_numpy(array: Array) -> np.ndarray:
     if not isinstance(array, np.ndarray):
         array = array_api_compat.to_device(array.detach(), "cpu").numpy()
     return np.ascontiguousarray(array, np.float64)
+
+
+def on_host(parts: Parts) -> Parts:
+    """A named tuple of arrays, each by `as_numpy`; itself if it holds NumPy arrays already."""
+    if isinstance(parts[0], np.ndarray):
+        return parts
+    return type(parts)(*map(as_numpy, parts))
 
 
 def as_flags(array: Array) -> np.ndarray:

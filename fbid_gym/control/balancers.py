@@ -37,7 +37,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.arrays import Array, as_numpy, from_numpy
+from fbid_gym.control.arrays import Array, as_numpy, check_shape, from_numpy, on_host
 from fbid_gym.control.wrench_distribution import TorqueMap
 from fbid_gym.small_matrices import (
     dot,
@@ -131,26 +131,34 @@ def _torque_map(
 ) -> TorqueMap:
     """One of the three."""
     count, joints = terms.bias.shape[0], terms.bias.shape[1] - 6
+    for name, given in (("posture", posture), ("mobility", mobility)):
+        if given is not None and given.shape != (count, joints):
+            check_shape(name, given, (count, joints), "(N, n)")
+    like: Array = terms.bias
+    jacobian = contacts.jacobian
+    if not isinstance(like, np.ndarray):
+        terms, body, contacts = on_host(terms), on_host(body), on_host(contacts)
     offset, per_wrench = np.empty((count, joints)), np.empty((count, joints, 6))
     _fill_map(
         balancer,
         _RIDGE,
-        as_numpy(body.matrix),
-        as_numpy(body.to_com),
-        as_numpy(body.mass),
-        as_numpy(body.inverse_inertia),
-        as_numpy(body.wrench_map),
-        as_numpy(terms.mass_matrix),
-        as_numpy(terms.bias),
-        as_numpy(contacts.jacobian),
-        as_numpy(contacts.bias),
+        body.matrix,
+        body.to_com,
+        body.mass,
+        body.inverse_inertia,
+        body.wrench_map,
+        terms.mass_matrix,
+        terms.bias,
+        contacts.jacobian,
+        contacts.bias,
         _row(joints, 0.0) if posture is None else as_numpy(posture),
         _row(joints, 1.0) if mobility is None else as_numpy(mobility),
         offset,
         per_wrench,
     )
-    like = terms.bias
-    return TorqueMap(from_numpy(offset, like), contacts.jacobian, from_numpy(per_wrench, like))
+    if isinstance(like, np.ndarray):
+        return TorqueMap(offset, jacobian, per_wrench)
+    return TorqueMap(from_numpy(offset, like), jacobian, from_numpy(per_wrench, like))
 
 
 @lru_cache(maxsize=256)

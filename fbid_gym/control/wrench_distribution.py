@@ -20,7 +20,15 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.arrays import Array, as_flags, as_numpy, check_shape, from_numpy, matvec
+from fbid_gym.control.arrays import (
+    Array,
+    as_flags,
+    as_numpy,
+    check_shape,
+    from_numpy,
+    matvec,
+    on_host,
+)
 from fbid_gym.control.contact_forces import (
     MAX_ITERATIONS,
     REGULARISATION,
@@ -54,6 +62,10 @@ from fbid_gym.small_matrices import (
 _FREE_RTOL = 1e-6
 _EXCESS = 1e-3  # share of a limit that may be exceeded without a second solution
 _LEVEL = np.empty((0, 0, 3, 3))  # contact axes, where they are the world's
+
+
+Results = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Torque, point_force, wrench, residual and warm_start of a `Balance`."""
 
 
 class TorqueMap(NamedTuple):
@@ -109,23 +121,19 @@ def distribute_freely(
     Arguments as for `distribute`. Inactive points have zero columns in `point_map`.
     """
     points, weights = _check(torque_map, wrench, to_com, point_map, weight)
-    found = _empty_balance(torque_map, wrench, points)
+    results, own_map = _empty(torque_map, points), on_host(torque_map)
     _distribute_freely(
-        as_numpy(torque_map.offset),
-        as_numpy(torque_map.jacobian),
-        as_numpy(torque_map.per_wrench),
+        own_map.offset,
+        own_map.jacobian,
+        own_map.per_wrench,
         as_numpy(to_com),
         as_numpy(point_map),
         as_numpy(wrench),
         weights,
         wrench_scale_of(length, None),
-        found.torque,
-        found.point_force,
-        found.wrench,
-        found.residual,
-        found.warm_start,
+        *results,
     )
-    return _like(found, wrench)
+    return _balance(results, wrench)
 
 
 def distribute(
@@ -181,20 +189,20 @@ def distribute(
     if torque_limit is None:
         bounds = _unlimited(joints)
     else:
-        bounds = np.atleast_2d(as_numpy(torque_limit))
-        if len(bounds) != 1 or torque_limit.ndim != 1 or bounds.shape[1] != joints:
+        bounds = np.array(as_numpy(torque_limit), ndmin=2)
+        if torque_limit.shape != (joints,):
             check_shape("torque_limit", torque_limit, (count, joints), "(N, n) or (n,)")
     if contact_rotation is not None:
         check_shape("contact_rotation", contact_rotation, (count, points, 3, 3), "(N, P, 3, 3)")
-    found = _empty_balance(torque_map, wrench, points)
+    results, own_map = _empty(torque_map, points), on_host(torque_map)
     _distribute(
-        as_numpy(torque_map.offset),
-        as_numpy(torque_map.jacobian),
-        as_numpy(torque_map.per_wrench),
+        own_map.offset,
+        own_map.jacobian,
+        own_map.per_wrench,
         as_numpy(to_com),
         as_numpy(point_map),
-        _LEVEL if contact_rotation is None else as_numpy(contact_rotation),
         as_numpy(wrench),
+        _LEVEL if contact_rotation is None else as_numpy(contact_rotation),
         weights,
         limit_rows(limits, points),
         all_active(points) if active is None else as_flags(active),
@@ -205,28 +213,32 @@ def distribute(
         tolerance,
         max_iterations,
         torque_steps,
-        found.torque,
-        found.point_force,
-        found.wrench,
-        found.residual,
-        found.warm_start,
+        *results,
     )
-    return _like(found, wrench)
+    return _balance(results, wrench)
 
 
 def _check(
     torque_map: TorqueMap, wrench: Array, to_com: Array, point_map: Array, weight: float | Array
 ) -> tuple[int, np.ndarray]:
     """Number of points and weights (N or 1,), or the error that says what does not fit."""
-    count, rows, velocities = torque_map.jacobian.shape
+    offset, jacobian, per_wrench = torque_map
+    count, rows, velocities = jacobian.shape
     columns, joints = point_map.shape[-1], velocities - 6
     if columns % 3:
         raise ShapeError("point_map", tuple(point_map.shape), "3 P columns")
-    check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
-    check_shape("wrench", wrench, (count, 6), "(N, 6)")
-    check_shape("to_com", to_com, (count, 6, 6), "(N, 6, 6)")
-    check_shape("offset", torque_map.offset, (count, joints), "(N, n)")
-    check_shape("per_wrench", torque_map.per_wrench, (count, joints, 6), "(N, n, 6)")
+    if (
+        point_map.shape != (count, rows, columns)
+        or wrench.shape != (count, 6)
+        or to_com.shape != (count, 6, 6)
+        or offset.shape != (count, joints)
+        or per_wrench.shape != (count, joints, 6)
+    ):
+        check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
+        check_shape("wrench", wrench, (count, 6), "(N, 6)")
+        check_shape("to_com", to_com, (count, 6, 6), "(N, 6, 6)")
+        check_shape("offset", offset, (count, joints), "(N, n)")
+        check_shape("per_wrench", per_wrench, (count, joints, 6), "(N, n, 6)")
     if isinstance(weight, int | float):
         return columns // 3, _single(weight)
     weights = np.atleast_1d(as_numpy(weight))
@@ -247,25 +259,24 @@ def _unlimited(joints: int) -> np.ndarray:
     return np.full((1, joints), np.inf)
 
 
-def _empty_balance(torque_map: TorqueMap, wrench: Array, points: int) -> Balance:
+def _empty(torque_map: TorqueMap, points: int) -> Results:
     """Results to write to."""
     count, joints = torque_map.offset.shape
-    return Balance(
-        torque=np.empty((count, joints)),
-        point_force=np.empty((count, points, 3)),
-        wrench_desired=wrench,
-        wrench=np.empty((count, 6)),
-        residual=np.empty(count),
-        warm_start=np.empty((count, 6)),
+    return (
+        np.empty((count, joints)),
+        np.empty((count, points, 3)),
+        np.empty((count, 6)),
+        np.empty(count),
+        np.empty((count, 6)),
     )
 
 
-def _like(found: Balance, wrench: Array) -> Balance:
-    """The balance as torch tensors, if the wrench is one."""
-    if isinstance(wrench, np.ndarray):
-        return found
-    results = (from_numpy(x, like=wrench) for x in found._replace(wrench_desired=found.wrench))
-    return Balance(*results)._replace(wrench_desired=wrench)
+def _balance(results: Results, wrench: Array) -> Balance:
+    """The result, in the kind of array that the wrench is."""
+    torque, point_force, *rest = (
+        results if isinstance(wrench, np.ndarray) else (from_numpy(x, like=wrench) for x in results)
+    )
+    return Balance(torque, point_force, wrench, *rest)
 
 
 @kernel
@@ -323,8 +334,8 @@ def _distribute(
     per_wrench: np.ndarray,
     to_com: np.ndarray,
     point_map: np.ndarray,
-    contact_rotation: np.ndarray,
     wrench: np.ndarray,
+    contact_rotation: np.ndarray,
     weight: np.ndarray,
     limits: np.ndarray,
     active: np.ndarray,

@@ -32,6 +32,7 @@ import numpy as np
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.frames import skew
 from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.errors import ShapeError
 from fbid_gym.small_matrices import multiply, multiply_by_transpose, times
 
 Array = Any
@@ -117,14 +118,16 @@ def centroidal_terms(terms: DynamicsTerms, velocity: Array) -> CentroidalTerms:
 def _compiled_terms(terms: DynamicsTerms, velocity: np.ndarray) -> CentroidalTerms:
     """The same of NumPy arrays."""
     count, size = velocity.shape
+    if terms.mass_matrix.shape != (count, size, size):
+        raise ShapeError("mass_matrix", terms.mass_matrix.shape, f"(N, nv, nv) of {velocity.shape}")
     body = CentroidalTerms(
-        matrix=np.empty((count, 6, size)),
-        momentum=np.empty((count, 6)),
-        mass=np.empty(count),
-        inertia=np.empty((count, 3, 3)),
-        inverse_inertia=np.empty((count, 3, 3)),
-        to_com=np.empty((count, 6, 6)),
-        wrench_map=np.empty((count, size, 6)),
+        np.empty((count, 6, size)),
+        np.empty((count, 6)),
+        np.empty(count),
+        np.empty((count, 3, 3)),
+        np.empty((count, 3, 3)),
+        np.empty((count, 6, 6)),
+        np.empty((count, size, 6)),
     )
     _fill_terms(
         np.ascontiguousarray(terms.mass_matrix),
