@@ -23,6 +23,7 @@ for a motion greater than 1.07 / least_gain. Tasks with all gains above `least_g
 exactly.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -212,11 +213,18 @@ def _nearest(
         as_numpy(task_jacobian),
         as_numpy(task),
         np.zeros((1, velocities)) if reference is None else as_numpy(reference),
-        np.ones(velocities) if motion_cost is None else 1.0 / as_numpy(motion_cost),
+        _all_alike(velocities) if motion_cost is None else 1.0 / as_numpy(motion_cost),
         least_gain,
         *found,
     )
+    if isinstance(task, np.ndarray):
+        return found
     return TaskMotion(*(from_numpy(x, like=task) for x in found))
+
+
+@lru_cache(maxsize=32)
+def _all_alike(velocities: int) -> np.ndarray:
+    return np.ones(velocities)
 
 
 @kernel
