@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.motions.curves import Curve, cosine
 from fbid_gym.motions.kinematics import (
@@ -20,10 +21,11 @@ from fbid_gym.motions.kinematics import (
     joints_on_feet,
     seen_from_feet,
 )
-from fbid_gym.motions.reference import Reference
+from fbid_gym.motions.reference import Reference, empty_parts
 from fbid_gym.motions.squat import period_ticks
 from fbid_gym.motions.table import MotionTable
 from fbid_gym.robots import Robot
+from fbid_gym.small_matrices import dot
 
 FEET = ("hind_left", "front_left", "hind_right", "front_right")
 """The feet in the order in which they swing."""
@@ -112,18 +114,46 @@ class Crawl:
             # The farthest one, or one that is no number.
             worst = float(speed[np.argmax(np.abs(speed - 0.5 * (slow + fast)))])
             raise InvalidValueError("speed", worst, f"a speed in [{slow:g}, {fast:g}] m/s")
-        row = tick % self.period
-        share = (speed - slow) / max(fast - slow, 1e-12)
-        powers = share[:, None] ** np.arange(len(self.speeds))
-        numbers = np.vecmat(powers, self.rows[row])
-        table = self.tables[0]
-        nq, nv = table.robot.nq, table.robot.nv
-        ends = np.cumsum([nq, nv, nv, 3, 3])
-        qpos, qvel, qacc, com, com_velocity, com_acceleration = np.split(numbers, ends, axis=1)
-        qpos[:, 3:7] /= np.sqrt(np.vecdot(qpos[:, 3:7], qpos[:, 3:7]))[:, None]
-        # Which feet are planted does not depend on the speed.
-        planted = None if table.planted is None else table.planted[row]
-        return Reference(qpos, qvel, qacc, com, com_velocity, com_acceleration, planted)
+        table, share = self.tables[0], (speed - slow) / max(fast - slow, 1e-12)
+        parts = empty_parts(len(tick), table.robot)
+        assert table.planted is not None  # and the same at every speed
+        _blend(self.rows, table.planted, np.ascontiguousarray(tick), share, *parts)
+        return Reference(*parts)
+
+
+@kernel
+def _blend(
+    rows: np.ndarray,
+    feet: np.ndarray,
+    tick: np.ndarray,
+    share: np.ndarray,
+    qpos: np.ndarray,
+    qvel: np.ndarray,
+    qacc: np.ndarray,
+    com: np.ndarray,
+    com_velocity: np.ndarray,
+    com_acceleration: np.ndarray,
+    planted: np.ndarray,
+) -> None:
+    """Fill a `Reference` of N robots: polynomials in the share of the speed, and planted feet."""
+    numbers = np.empty(rows.shape[2])
+    for i in range(len(tick)):
+        row, power = tick[i] % len(rows), 1.0
+        numbers[:] = 0.0
+        for degree in range(rows.shape[1]):
+            for k in range(len(numbers)):
+                numbers[k] += power * rows[row, degree, k]
+            power *= share[i]
+        first = 0
+        for part in (qpos, qvel, qacc, com, com_velocity, com_acceleration):
+            for k in range(part.shape[1]):
+                part[i, k] = numbers[first + k]
+            first += part.shape[1]
+        length = np.sqrt(dot(qpos[i, 3:7], qpos[i, 3:7]))
+        for k in range(3, 7):
+            qpos[i, k] /= length
+        for foot in range(feet.shape[1]):
+            planted[i, foot] = feet[row, foot]
 
 
 def crawl(robot: Robot, gait: Gait = LITTLEDOG, *, hz: int = 500) -> Crawl:

@@ -44,3 +44,10 @@ def home_reference(robot: Robot) -> Reference:
     qpos = np.concatenate([support.home_base, robot.home_qpos[3:]])
     rest, still = np.zeros((1, robot.nv)), np.zeros((1, 3))
     return Reference(qpos[None], rest, rest, support.home_com[None], still, still, None)
+
+
+def empty_parts(count: int, robot: Robot) -> tuple[np.ndarray, ...]:
+    """Return the seven arrays of a `Reference` of N robots, not filled in yet."""
+    coordinates = ((count, robot.nq), (count, robot.nv), (count, robot.nv))
+    parts = [np.empty(shape) for shape in (*coordinates, *[(count, 3)] * 3)]
+    return *parts, np.empty((count, robot.num_feet), bool)

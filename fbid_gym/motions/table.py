@@ -7,7 +7,7 @@ import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
-from fbid_gym.motions.reference import Reference
+from fbid_gym.motions.reference import Reference, empty_parts
 from fbid_gym.robots import Robot
 
 _RANGE_TOLERANCE = 1e-9  # rad
@@ -80,27 +80,18 @@ class MotionTable:
             tick: (N,) int control ticks since the motion began, not negative.
             speed: not used: this motion takes no command.
         """
-        count, (numbers, feet) = len(tick), self._rows
-        nq, nv = self.qpos.shape[1], self.qvel.shape[1]
-        planted = np.empty((count, feet.shape[1]), bool)
-        reference = Reference(
-            qpos=np.empty((count, nq)),
-            qvel=np.empty((count, nv)),
-            qacc=np.empty((count, nv)),
-            com=np.empty((count, 3)),
-            com_velocity=np.empty((count, 3)),
-            com_acceleration=np.empty((count, 3)),
-            planted=None if self.planted is None else planted,
-        )
-        tick = np.ascontiguousarray(tick)
-        _look_up(numbers, feet, tick, self.periodic, *reference[:6], planted)
-        return reference
+        numbers, feet = self._rows
+        parts = empty_parts(len(tick), self.robot)
+        _look_up(numbers, feet, np.ascontiguousarray(tick), self.periodic, *parts)
+        reference = Reference(*parts)
+        return reference._replace(planted=None) if self.planted is None else reference
 
     @cached_property
     def _rows(self) -> tuple[np.ndarray, np.ndarray]:
         """The numbers of `Reference` side by side, in its order, (T, D); and `planted`, (T, F)."""
         parts = [getattr(self, name) for name in Reference._fields[:6]]
-        planted = np.ones((self.period, 0), bool) if self.planted is None else self.planted
+        every = np.ones((self.period, self.robot.num_feet), bool)
+        planted = every if self.planted is None else self.planted
         return np.concatenate(parts, axis=1), np.array(planted, order="C")
 
 
