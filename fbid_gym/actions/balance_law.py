@@ -1,36 +1,26 @@
 """From a desired wrench at the centre of mass to joint torques, while some feet may swing."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.actions.balance_tick import balance_tick
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
+from fbid_gym.actions.desired_wrench import Feedback
 from fbid_gym.actions.layer import Memory
-from fbid_gym.compiled import kernel
-from fbid_gym.control import (
-    Balance,
-    ContactLimits,
-    TorqueMap,
-    distribute,
-    distribute_freely,
-    underactuation,
-)
-from fbid_gym.control.contact_forces import all_active
-from fbid_gym.dynamics import CentroidalTerms, MuJoCoDynamics
+from fbid_gym.control import ContactLimits, underactuation
+from fbid_gym.control.arrays import as_flags
+from fbid_gym.control.contact_forces import all_active, limit_rows, wrench_scale_of
+from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
-
-# A swinging leg follows its own command; the other joints make up for what that does to contacts
-# and momentum.
-_SWING_MOBILITY = 1e-3
 
 
 class JointGains(NamedTuple):
@@ -60,31 +50,36 @@ class BalanceLaw:
     """A balancer on a robot's feet; F feet, P points.
 
     Attributes:
-        robot: whose joints.
-        torque_map: of the balancer, see `fbid_gym.control.balancers`.
+        balancer: one of those in `fbid_gym.control.balancers`.
         gains: of the joints.
         geometry: of the contact points.
+        support: the home stance.
         belief: which points are taken to be in contact.
-        limits: on their forces; None for contacts that pull and never slip.
+        limited: whether contact forces and torques have limits; contacts without can pull and never
+            slip.
+        limits: (1, P, 3) on the contact forces, see `limit_rows`.
+        torque_limit: (1, n) N·m.
         ramp: leads from one set of contacts to the next; None where the torque may jump.
         damping: (n,) N·m·s/rad of the joints, to be compensated; zero for none.
-        weight: N, of the robot.
-        length: m, lever arm that makes moments comparable to forces.
-        wrench_cost: weights of the squared errors of force and moment where not both can be had.
+        gravity: m/s².
+        weight: (1,) N, of the robot.
+        scale: (6,) turns errors of the wrench into N whose squares are comparable.
         legs: (F, n) joints that move this foot and no other, 0 or 1.
     """
 
-    robot: Robot
-    torque_map: Callable[..., TorqueMap]
+    balancer: int
     gains: JointGains
     geometry: ContactGeometry
+    support: Support
     belief: ContactBelief
-    limits: ContactLimits | None
+    limited: bool
+    limits: np.ndarray
+    torque_limit: np.ndarray
     ramp: ContactRamp | None
     damping: np.ndarray
-    weight: float
-    length: float
-    wrench_cost: tuple[float, ...]
+    gravity: float
+    weight: np.ndarray
+    scale: np.ndarray
     legs: np.ndarray
 
     @classmethod
@@ -93,26 +88,33 @@ class BalanceLaw:
         robot: Robot,
         control_hz: int,
         contact: ContactOptions,
-        torque_map: Callable[..., TorqueMap],
+        balancer: int,
         gains: JointGains,
         moment_priority: float,
     ) -> "BalanceLaw":
         """Build the law on what `contact` says of the contacts."""
-        geometry = ContactGeometry.of(robot)
+        geometry, support, limits = (
+            ContactGeometry.of(robot),
+            Support.of(robot),
+            contact.limits(robot),
+        )
         terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
         moves = np.abs(terms.foot_jacobian[0, :, :, 6:]).max(axis=1) > 0.0
+        length, cost = support.radius or 1.0, (1.0,) * 3 + (moment_priority,) * 3
         return cls(
-            robot=robot,
-            torque_map=torque_map,
+            balancer=balancer,
             gains=gains,
             geometry=geometry,
+            support=support,
             belief=contact.belief(robot, control_hz),
-            limits=contact.limits(robot),
+            limited=limits is not None,
+            limits=limit_rows(limits or ContactLimits(), robot.num_points),
+            torque_limit=robot.torque_limit[None].copy(),
             ramp=contact.ramp(control_hz),
             damping=contact.damping(robot),
-            weight=robot.weight,
-            length=Support.of(robot).radius or 1.0,
-            wrench_cost=(1.0,) * 3 + (moment_priority,) * 3,
+            gravity=robot.weight / robot.mass,
+            weight=np.array([robot.weight]),
+            scale=wrench_scale_of(length, cost if limits is not None else None),
             legs=(moves & (moves.sum(axis=0) == 1)).astype(float),
         )
 
@@ -124,157 +126,121 @@ class BalanceLaw:
             "underactuation": np.zeros(num_robots),
         }
         if self.ramp is not None:
-            memory |= self.ramp.memory(num_robots, self.robot.num_points, self.robot.num_joints)
+            memory |= self.ramp.memory(num_robots, self.geometry.num_points, len(self.damping))
         return memory
 
     def torque(
         self,
-        wrench: np.ndarray,
+        push: np.ndarray,
+        feedback: Feedback,
         state: RobotState,
         reference: Reference,
         terms: DynamicsTerms,
-        body: CentroidalTerms,
         memory: Memory,
     ) -> np.ndarray:
         """Return joint torques.
 
         Args:
-            wrench: (N, 6) N and N·m, world, desired at the centre of mass.
+            push: (N, 6) N and N·m, added to the desired wrench in the frame of the feet.
+            feedback: what else the wrench is made of.
             state: of the robots.
-            reference: which plans contacts and joints.
+            reference: what they shall do.
             terms: of the robots.
-            body: of the robots.
             memory: of the robots; updated.
 
         Returns:
             (N, n) N·m.
         """
-        active, warm_start = self.belief(state, reference), memory["warm_start"]
-        posture, mobility = self._posture(state, reference, active)
-        balance, missing = self._solve(wrench, posture, mobility, terms, body, active, warm_start)
-        memory["warm_start"], memory["residual"] = balance.warm_start, balance.residual
-        if missing is not None:
-            memory["underactuation"] = missing
-        torque = balance.torque
-        if self.ramp is not None and active is not None:
+        active, start = self.belief(state, reference), memory["warm_start"]
+        solution = self._solve(feedback, push, state, reference, terms, start, active)
+        memory["warm_start"], memory["residual"] = solution.warm_start, solution.residual
+        if active is None:
+            return solution.torque
+        memory["underactuation"] = underactuation(solution.jacobian)
+        if self.ramp is None:
+            return solution.torque
 
-            def of_contacts(rows: np.ndarray, contacts: np.ndarray) -> np.ndarray:
-                before = active.copy()
-                before[rows] = contacts
-                posture, mobility = self._posture(state, reference, before)
-                return self._solve(
-                    wrench[rows],
-                    posture[rows],
-                    mobility[rows],
-                    DynamicsTerms(*(value[rows] for value in terms)),
-                    CentroidalTerms(*(value[rows] for value in body)),
-                    contacts,
-                    warm_start[rows],
-                )[0].torque
+        def of_contacts(rows: np.ndarray, contacts: np.ndarray) -> np.ndarray:
+            return self._solve(
+                feedback,
+                push[rows],
+                RobotState(*(value[rows] for value in state)),
+                _rows_of(reference, rows),
+                DynamicsTerms(*(value[rows] for value in terms)),
+                start[rows],
+                contacts,
+            ).torque
 
-            torque = self.ramp.torque(torque, active, of_contacts, memory)
-        _add_damping(self.damping, np.ascontiguousarray(state.qvel), torque)
-        return torque
+        return self.ramp.torque(solution.torque, active, of_contacts, memory)
 
     def _solve(
         self,
-        wrench: np.ndarray,
-        posture: np.ndarray,
-        mobility: np.ndarray,
+        feedback: Feedback,
+        push: np.ndarray,
+        state: RobotState,
+        reference: Reference,
         terms: DynamicsTerms,
-        body: CentroidalTerms,
+        start: np.ndarray,
         active: np.ndarray | None,
-        warm_start: np.ndarray,
-    ) -> tuple[Balance, np.ndarray | None]:
-        """The balance with one set of contacts, and in how many directions it cannot be pushed."""
+    ) -> "_Solution":
+        """The balance with one set of contacts."""
+        frame = self.support.frame(terms)
         contacts = reduced_contacts(self.geometry, terms, active)
-        torque_map = self.torque_map(terms, body, contacts, posture, mobility)
-        maps = {"to_com": body.to_com, "point_map": contacts.point_map}
-        weight, length = self.weight, self.length
-        if self.limits is None:
-            balance = distribute_freely(torque_map, wrench, weight=weight, length=length, **maps)
-        else:
-            balance = distribute(
-                torque_map,
-                wrench,
-                self.limits,
-                torque_limit=self.robot.torque_limit,
-                active=active,
-                weight=weight,
-                length=length,
-                wrench_cost=self.wrench_cost,
-                warm_start=warm_start,
-                **maps,
-            )
-        if active is None:
-            return balance, None
-        return balance, underactuation(contacts.jacobian)
-
-    def _posture(
-        self, state: RobotState, reference: Reference, active: np.ndarray | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Desired joint accelerations, and the mobility of joints: (N, n) each."""
-        shape = len(state.qpos), len(self.damping)
-        posture, mobility = np.empty(shape), np.empty(shape)
-        _fill_posture(
+        count = len(push)
+        torque, residual = np.empty((count, len(self.damping))), np.empty(count)
+        warm_start = np.empty((count, 6))
+        balance_tick(
+            *feedback,
+            self.gravity,
+            np.ascontiguousarray(push),
             np.ascontiguousarray(state.qpos),
             np.ascontiguousarray(state.qvel),
             np.ascontiguousarray(reference.qpos),
             np.ascontiguousarray(reference.qvel),
             np.ascontiguousarray(reference.qacc),
-            all_active(self.geometry.num_points)
-            if active is None
-            else np.ascontiguousarray(active),
+            np.ascontiguousarray(reference.com),
+            np.ascontiguousarray(reference.com_velocity),
+            np.ascontiguousarray(reference.com_acceleration),
+            terms.mass_matrix,
+            terms.bias,
+            terms.base_position,
+            terms.base_rotation,
+            terms.com,
+            terms.com_velocity,
+            frame.centre,
+            frame.rotation,
+            contacts.jacobian,
+            contacts.bias,
+            contacts.point_map,
+            all_active(self.geometry.num_points) if active is None else as_flags(active),
             self.geometry.foot_of_point,
             self.legs,
             *self.gains,
-            posture,
-            mobility,
+            self.balancer,
+            self.limited,
+            self.limits,
+            self.torque_limit,
+            self.weight,
+            self.scale,
+            self.damping,
+            start,
+            torque,
+            residual,
+            warm_start,
         )
-        return posture, mobility
+        return _Solution(torque, residual, warm_start, contacts.jacobian)
 
 
-@kernel
-def _fill_posture(
-    position: np.ndarray,
-    velocity: np.ndarray,
-    wanted_position: np.ndarray,
-    wanted_velocity: np.ndarray,
-    wanted_acceleration: np.ndarray,
-    active: np.ndarray,
-    foot_of_point: np.ndarray,
-    legs: np.ndarray,
-    stiffness: float,
-    damping: float,
-    swing_stiffness: float,
-    swing_damping: float,
-    posture: np.ndarray,
-    mobility: np.ndarray,
-) -> None:
-    """See `BalanceLaw._posture`; "wanted" and "active" rows are one for each or one for all."""
-    in_the_air = np.empty(len(legs), np.bool_)
-    for i in range(len(posture)):
-        row, contacts = min(i, len(wanted_position) - 1), active[min(i, len(active) - 1)]
-        in_the_air[:] = True
-        for point in range(len(contacts)):
-            if contacts[point]:
-                in_the_air[foot_of_point[point]] = False
-        for j in range(posture.shape[1]):
-            error = wanted_position[row, 7 + j] - position[i, 7 + j]
-            rate = wanted_velocity[row, 6 + j] - velocity[i, 6 + j]
-            swings = False
-            for foot in range(len(legs)):
-                swings |= in_the_air[foot] and legs[foot, j] > 0.0
-            pull = swing_stiffness * error + swing_damping * rate
-            if not swings:
-                pull = stiffness * error + damping * rate
-            posture[i, j] = wanted_acceleration[row, 6 + j] + pull
-            mobility[i, j] = _SWING_MOBILITY if swings else 1.0
+class _Solution(NamedTuple):
+    torque: np.ndarray  # (N, n)
+    residual: np.ndarray  # (N,)
+    warm_start: np.ndarray  # (N, 6)
+    jacobian: np.ndarray  # (N, k, nv)
 
 
-@kernel
-def _add_damping(damping: np.ndarray, velocity: np.ndarray, torque: np.ndarray) -> None:
-    """Add to the torques (N, n) what the joints' damping takes away."""
-    for i in range(len(torque)):
-        for j in range(len(damping)):
-            torque[i, j] += damping[j] * velocity[i, 6 + j]
+def _rows_of(reference: Reference, rows: np.ndarray) -> Reference:
+    """The reference of some robots; a single row goes on to stand for all."""
+    parts = reference._asdict().items()
+    return reference._replace(
+        **{name: part[rows] for name, part in parts if part is not None and len(part) > 1}
+    )

@@ -8,15 +8,11 @@ import numpy as np
 from fbid_gym.actions.acceleration_law import DIAGNOSTICS
 from fbid_gym.actions.balance_law import BalanceLaw, JointGains
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.desired_wrench import desired_wrench
+from fbid_gym.actions.desired_wrench import Feedback, desired_wrench
 from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.options import positive
-from fbid_gym.control import (
-    BalanceGains,
-    torque_map_garofalo2015,
-    torque_map_inverse_dynamics,
-    torque_map_ott2011,
-)
+from fbid_gym.control import BalanceGains
+from fbid_gym.control.balancers import GAROFALO2015, INVERSE_DYNAMICS, OTT2011
 from fbid_gym.dynamics import CentroidalTerms, MuJoCoDynamics, centroidal_terms
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
 from fbid_gym.dynamics.state import RobotState
@@ -27,11 +23,11 @@ from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
 
 BALANCERS = {
-    "garofalo2015": torque_map_garofalo2015,
-    "ott2011": torque_map_ott2011,
-    "inverse_dynamics": torque_map_inverse_dynamics,
+    "garofalo2015": GAROFALO2015,
+    "ott2011": OTT2011,
+    "inverse_dynamics": INVERSE_DYNAMICS,
 }
-"""Name of a balancer -> its map from contact forces to torques."""
+"""Name of a balancer -> what it is in `fbid_gym.control.balancers`."""
 
 _VERTICAL_SCALE = 0.5  # of the weight
 _LEAST_INERTIA = 0.05  # of the locked robot's: below it the base turns too easily to tell
@@ -62,14 +58,14 @@ class ComWrench:
         law: from wrench to torque.
         support: the home stance.
         gains: of the wrench.
-        on_velocity: whether they damp velocities, (36), and not momenta, (38).
+        feedback: the same, as the law takes them.
         scale: (6,) N and N·m at action 1.
     """
 
     law: BalanceLaw
     support: Support
     gains: BalanceGains
-    on_velocity: bool
+    feedback: Feedback
     scale: np.ndarray
 
     @classmethod
@@ -128,14 +124,16 @@ class ComWrench:
             damping_ratio=damping_ratio,
         )
         on_velocity = balancer == "ott2011"
+        if on_velocity:
+            gains = gains.on_velocity(robot.mass, inertia)
         joints = JointGains.of(posture_frequency, swing_frequency, damping_ratio)
         return cls(
             law=BalanceLaw.of(
                 robot, control_hz, contact, BALANCERS[balancer], joints, moment_priority
             ),
             support=support,
-            gains=gains.on_velocity(robot.mass, inertia) if on_velocity else gains,
-            on_velocity=on_velocity,
+            gains=gains,
+            feedback=Feedback.of(gains, on_velocity),
             scale=_scale(robot, support, contact.friction),
         )
 
@@ -168,10 +166,8 @@ class ComWrench:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        known = terms()
-        body = centroidal_terms(known, state.qvel)
-        wrench = self.wrench(action, state, reference, known, body)
-        return self.law.torque(wrench, state, reference, known, body, memory)
+        push = self.scale * action
+        return self.law.torque(push, self.feedback, state, reference, terms(), memory)
 
     def wrench(
         self,
@@ -183,9 +179,8 @@ class ComWrench:
     ) -> np.ndarray:
         """Return the desired wrench at the centre of mass: (N, 6) N and N·m, world."""
         return desired_wrench(
-            self.gains,
-            self.on_velocity,
-            self.law.weight / self.law.robot.mass,
+            self.feedback,
+            self.law.gravity,
             self.scale * action,
             state,
             reference,

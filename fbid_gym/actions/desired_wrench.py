@@ -6,6 +6,8 @@ compiled loop over robots: as some thirty array operations it would cost as much
 layer.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
@@ -21,9 +23,37 @@ from fbid_gym.motions import Reference
 Rotation = tuple[Vector, Vector, Vector]
 
 
+class Feedback(NamedTuple):
+    """What makes a wrench of errors, see `BalanceGains`.
+
+    Attributes:
+        stiffness: (3, 3).
+        damping: (3, 3).
+        rotation_damping: (3, 3).
+        rotation_map: (3, 9).
+        on_velocity: whether velocities are damped, (36), and not momenta, (38).
+    """
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+    rotation_damping: np.ndarray
+    rotation_map: np.ndarray
+    on_velocity: bool
+
+    @classmethod
+    def of(cls, gains: BalanceGains, on_velocity: bool) -> "Feedback":
+        """From the gains of (36) or (38)."""
+        return cls(
+            gains.stiffness,
+            gains.damping,
+            gains.rotation_damping,
+            gains.rotation_map,
+            on_velocity,
+        )
+
+
 def desired_wrench(
-    gains: BalanceGains,
-    on_velocity: bool,
+    feedback: Feedback,
     gravity: float,
     push: np.ndarray,
     state: RobotState,
@@ -35,8 +65,7 @@ def desired_wrench(
     """Return the desired wrench at the centre of mass: (N, 6) N and N·m, world.
 
     Args:
-        gains: of (36) or (38).
-        on_velocity: whether they damp velocities, (36), and not momenta, (38).
+        feedback: gains of (36) or (38).
         gravity: m/s^2, along -z.
         push: (N, 6) N and N·m, to add; in the frame of the feet.
         state: of the robots.
@@ -46,12 +75,8 @@ def desired_wrench(
         frame: of their feet.
     """
     wrench = np.empty((len(push), 6))
-    _fill_wrenches(
-        gains.stiffness,
-        gains.damping,
-        gains.rotation_damping,
-        gains.rotation_map,
-        on_velocity,
+    fill_wrenches(
+        *feedback,
         gravity,
         np.ascontiguousarray(push),
         np.ascontiguousarray(state.qvel),
@@ -75,7 +100,7 @@ def desired_wrench(
 
 
 @kernel
-def _fill_wrenches(
+def fill_wrenches(
     stiffness: np.ndarray,
     damping: np.ndarray,
     rotation_damping: np.ndarray,
@@ -105,36 +130,40 @@ def _fill_wrenches(
     gain, linear_gain = matrix(stiffness, ()), matrix(damping, ())
     spin_gain = matrix(rotation_damping, ())
     for i in range(len(wrench)):
-        row = min(i, len(wanted_position) - 1)
         to_world, base = matrix(level, (i,)), matrix(base_rotation, (i,))
         to_feet = _transposed(to_world)
 
         error = subtract(vector(com, (i,)), vector(centre, (i,)))
-        error = subtract(vector(wanted_com, (row,)), turn(to_feet, error))
-        rate = vector(wanted_com_velocity, (row,))
+        error = subtract(_row(wanted_com, i), turn(to_feet, error))
+        rate = _row(wanted_com_velocity, i)
         if on_velocity:
             rate = subtract(rate, turn(to_feet, vector(com_velocity, (i,))))
         else:
             rate = subtract(scale(mass[i], rate), turn(to_feet, vector(momentum, (i,))))
         force = add(turn(gain, error), turn(linear_gain, rate))
-        force = add(force, scale(mass[i], vector(wanted_com_acceleration, (row,))))
+        force = add(force, scale(mass[i], _row(wanted_com_acceleration, i)))
         force = turn(to_world, add(force, vector(push, (i,))))
         store((force[0], force[1], force[2] + gravity * mass[i]), wrench, (i,))
 
-        rotation_of(wanted_position[row, 3:7], upright)
+        rotation_of(wanted_position[min(i, len(wanted_position) - 1), 3:7], upright)
         desired = _product(to_world, matrix(upright, ()))
         moment = turn(desired, _spring(rotation_map, _product(_transposed(desired), base)))
-        moment = add(
-            moment, _angular_momentum(momentum_matrix, i, to_world, wanted_acceleration, row)
-        )
+        rate = _angular_momentum(momentum_matrix, i, to_world, wanted_acceleration)
+        moment = add(moment, rate)
         if on_velocity:
-            spin = turn(desired, vector(wanted_velocity, (row,), 3))
+            spin = turn(desired, _row(wanted_velocity, i, 3))
             spin = subtract(spin, turn(base, vector(velocity, (i,), 3)))
         else:
-            spin = _angular_momentum(momentum_matrix, i, to_world, wanted_velocity, row)
+            spin = _angular_momentum(momentum_matrix, i, to_world, wanted_velocity)
             spin = subtract(spin, vector(momentum, (i,), 3))
         along_feet = add(turn(spin_gain, turn(to_feet, spin)), vector(push, (i,), 3))
         store(add(moment, turn(to_world, along_feet)), wrench, (i,), 3)
+
+
+@compiled
+def _row(array: np.ndarray, robot: int, first: int = 0) -> Vector:
+    """Three numbers of a robot's row, or of the one that stands for all."""
+    return vector(array, (min(robot, len(array) - 1),), first)
 
 
 @compiled
@@ -151,10 +180,10 @@ def _spring(rotation_map: np.ndarray, error: Rotation) -> Vector:
 
 @compiled
 def _angular_momentum(
-    momentum_matrix: np.ndarray, robot: int, to_world: Rotation, rates: np.ndarray, row: int
+    momentum_matrix: np.ndarray, robot: int, to_world: Rotation, rates: np.ndarray
 ) -> Vector:
     """Of the robot as it stands, at generalized rates (nv,) whose linear part is seen from feet."""
-    linear = turn(to_world, vector(rates, (row,)))
+    row, linear = min(robot, len(rates) - 1), turn(to_world, _row(rates, robot))
     total = (0.0, 0.0, 0.0)
     for j in range(rates.shape[1]):
         rate = linear[j] if j < 3 else rates[row, j]

@@ -56,9 +56,9 @@ if TYPE_CHECKING:
 # Relative to the mean squared singular value of Jbar_q. Near a straight knee the joints cannot move
 # the contacts as they should, and this bounds what they do instead. At home it lets the contacts'
 # acceleration be off by at most a hundredth.
-_RIDGE = 1e-4
+RIDGE = 1e-4
 
-_OTT, _GAROFALO, _INVERSE_DYNAMICS = range(3)
+OTT2011, GAROFALO2015, INVERSE_DYNAMICS = range(3)
 
 
 def torque_map_ott2011(
@@ -77,7 +77,7 @@ def torque_map_ott2011(
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
         mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
     """
-    return _torque_map(_OTT, terms, body, contacts, posture, mobility)
+    return _torque_map(OTT2011, terms, body, contacts, posture, mobility)
 
 
 def torque_map_garofalo2015(
@@ -96,7 +96,7 @@ def torque_map_garofalo2015(
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
         mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
     """
-    return _torque_map(_GAROFALO, terms, body, contacts, posture, mobility)
+    return _torque_map(GAROFALO2015, terms, body, contacts, posture, mobility)
 
 
 def torque_map_inverse_dynamics(
@@ -118,7 +118,7 @@ def torque_map_inverse_dynamics(
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
         mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
     """
-    return _torque_map(_INVERSE_DYNAMICS, terms, body, contacts, posture, mobility)
+    return _torque_map(INVERSE_DYNAMICS, terms, body, contacts, posture, mobility)
 
 
 def _torque_map(
@@ -139,9 +139,9 @@ def _torque_map(
     if not isinstance(like, np.ndarray):
         terms, body, contacts = on_host(terms), on_host(body), on_host(contacts)
     offset, per_wrench = np.empty((count, joints)), np.empty((count, joints, 6))
-    _fill_map(
+    fill_torque_map(
         balancer,
-        _RIDGE,
+        RIDGE,
         body.matrix,
         body.to_com,
         body.mass,
@@ -168,7 +168,7 @@ def _row(joints: int, value: float) -> np.ndarray:
 
 
 @kernel
-def _fill_map(
+def fill_torque_map(
     balancer: int,
     ridge: float,
     matrix: np.ndarray,
@@ -185,13 +185,13 @@ def _fill_map(
     offset: np.ndarray,
     per_wrench: np.ndarray,
 ) -> None:
-    """Write offset and per_wrench of a `TorqueMap`.
+    """Write offset and per_wrench of a `TorqueMap`, as one of the three balancers has them.
 
     Joint accelerations are affine in the wrench. The first column is what they are without one,
     and only inverse dynamics has six others. Columns are rows here.
     """
     count, rows, joints = jacobian.shape[0], jacobian.shape[1], offset.shape[1]
-    dynamic = balancer == _INVERSE_DYNAMICS
+    dynamic = balancer == INVERSE_DYNAMICS
     columns = 7 if dynamic else 1
     of_momentum, momentum_part = np.empty((6, 6)), np.empty((rows, 6))
     joint_part, moving = np.empty((rows, joints)), np.empty((rows, joints))
@@ -239,7 +239,7 @@ def _fill_map(
             offset[robot, j] = force[0, 6 + j]
             for k in range(6):
                 per_wrench[robot, j, k] = lift[j, k]
-            if balancer == _OTT:
+            if balancer == OTT2011:
                 per_wrench[robot, j, 3:] = 0.0
             if dynamic:
                 offset[robot, j] += bias[robot, 6 + j] - dot(lift[j], base)

@@ -61,7 +61,7 @@ from fbid_gym.small_matrices import (
 # Contacts whose shortest lever arm is below a thousandth of the longest count as a line or a point.
 _FREE_RTOL = 1e-6
 _EXCESS = 1e-3  # share of a limit that may be exceeded without a second solution
-_LEVEL = np.empty((0, 0, 3, 3))  # contact axes, where they are the world's
+LEVEL = np.empty((0, 0, 3, 3))  # contact axes, where they are the world's
 
 
 Results = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -122,7 +122,7 @@ def distribute_freely(
     """
     points, weights = _check(torque_map, wrench, to_com, point_map, weight)
     results, own_map = _empty(torque_map, points), on_host(torque_map)
-    _distribute_freely(
+    fill_free_balance(
         own_map.offset,
         own_map.jacobian,
         own_map.per_wrench,
@@ -195,14 +195,14 @@ def distribute(
     if contact_rotation is not None:
         check_shape("contact_rotation", contact_rotation, (count, points, 3, 3), "(N, P, 3, 3)")
     results, own_map = _empty(torque_map, points), on_host(torque_map)
-    _distribute(
+    fill_balance(
         own_map.offset,
         own_map.jacobian,
         own_map.per_wrench,
         as_numpy(to_com),
         as_numpy(point_map),
         as_numpy(wrench),
-        _LEVEL if contact_rotation is None else as_numpy(contact_rotation),
+        LEVEL if contact_rotation is None else as_numpy(contact_rotation),
         weights,
         limit_rows(limits, points),
         all_active(points) if active is None else as_flags(active),
@@ -280,7 +280,7 @@ def _balance(results: Results, wrench: Array) -> Balance:
 
 
 @kernel
-def _distribute_freely(
+def fill_free_balance(
     offset: np.ndarray,
     jacobian: np.ndarray,
     per_wrench: np.ndarray,
@@ -328,7 +328,7 @@ def _distribute_freely(
 
 
 @kernel
-def _distribute(
+def fill_balance(
     offset: np.ndarray,
     jacobian: np.ndarray,
     per_wrench: np.ndarray,

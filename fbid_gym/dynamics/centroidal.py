@@ -129,7 +129,7 @@ def _compiled_terms(terms: DynamicsTerms, velocity: np.ndarray) -> CentroidalTer
         np.empty((count, 6, 6)),
         np.empty((count, size, 6)),
     )
-    _fill_terms(
+    fill_centroidal_terms(
         np.ascontiguousarray(terms.mass_matrix),
         np.ascontiguousarray(terms.base_position),
         np.ascontiguousarray(terms.base_rotation),
@@ -141,7 +141,7 @@ def _compiled_terms(terms: DynamicsTerms, velocity: np.ndarray) -> CentroidalTer
 
 
 @kernel
-def _fill_terms(
+def fill_centroidal_terms(
     mass_matrix: np.ndarray,
     position: np.ndarray,
     rotation: np.ndarray,
@@ -155,6 +155,7 @@ def _fill_terms(
     to_com: np.ndarray,
     wrench_map: np.ndarray,
 ) -> None:
+    """Fill the fields of `CentroidalTerms`, the last seven arguments."""
     for robot in range(len(velocity)):
         change, ours, inverse = to_com[robot], matrix[robot], inverse_inertia[robot]
         _fill_base_force_to_com(position[robot], rotation[robot], com[robot], change)

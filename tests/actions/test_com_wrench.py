@@ -8,16 +8,27 @@ from fbid_gym.actions import make_layer
 from fbid_gym.actions.com_wrench import BALANCERS, turning_inertia
 from fbid_gym.control import (
     BalanceTarget,
+    ContactLimits,
     desired_wrench_garofalo2015,
     desired_wrench_ott2011,
+    distribute,
+    distribute_freely,
+    torque_map_garofalo2015,
+    torque_map_inverse_dynamics,
+    torque_map_ott2011,
 )
 from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, centroidal_terms
-from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian
+from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian, reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.motions import Reference, home_reference
 
+TORQUE_MAPS = {
+    "garofalo2015": torque_map_garofalo2015,
+    "ott2011": torque_map_ott2011,
+    "inverse_dynamics": torque_map_inverse_dynamics,
+}
 every_balancer = pytest.mark.parametrize("balancer", BALANCERS)
 
 
@@ -205,6 +216,55 @@ def test_turning_inertia_is_between_nothing_and_the_locked_robots(robot, balance
     assert np.linalg.eigvalsh(inertia)[0] > 0.0
     if balancer == "garofalo2015":
         np.testing.assert_allclose(inertia, locked, atol=1e-9)
+
+
+@pytest.mark.parametrize("limits", ["friction", "none"])
+@every_balancer
+def test_the_torque_is_the_wrench_distributed(robot, states, moving, balancer, limits):
+    """The compiled tick against the functions that it stands for."""
+    layer = make_layer(
+        "com_wrench", robot, 500, {"balancer": balancer, "contact_limits": limits, "friction": 0.6}
+    )
+    state, terms = states(5)
+    body, reference, action = centroidal_terms(terms, state.qvel), moving(5), np.zeros((5, 6))
+    found = torque_of(layer, action, state, reference, terms)
+    gains = layer.law.gains
+    posture = reference.qacc[:, 6:] + gains.stiffness * (reference.qpos - state.qpos)[:, 7:]
+    posture += gains.damping * (reference.qvel - state.qvel)[:, 6:]
+    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    torque_map = TORQUE_MAPS[balancer](terms, body, contacts, posture)
+    options = {
+        "to_com": body.to_com,
+        "point_map": contacts.point_map,
+        "weight": robot.weight,
+        "length": layer.support.radius or 1.0,
+    }
+    wrench = layer.wrench(action, state, reference, terms, body)
+    if limits == "none":
+        balance = distribute_freely(torque_map, wrench, **options)
+    else:
+        bounds = ContactLimits(0.6)
+        balance = distribute(torque_map, wrench, bounds, torque_limit=robot.torque_limit, **options)
+    expected = balance.torque + robot.joint_damping * state.qvel[:, 6:]
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+
+
+@every_balancer
+def test_a_robot_is_the_same_alone(robot, states, moving, balancer):
+    layer = make_layer("com_wrench", robot, 500, {"balancer": balancer, "contacts": "measured"})
+    state, terms = states(5)
+    state.contact_force[1:, -1] = 0.0
+    reference, action = moving(5), np.zeros((5, 6))
+    together = torque_of(layer, action, state, reference, terms)
+    for row in (slice(0, 1), slice(3, 4)):
+        alone = torque_of(
+            layer,
+            action[row],
+            RobotState(*(value[row] for value in state)),
+            Reference(*(value[row] for value in reference[:-1]), None),
+            DynamicsTerms(*(value[row] for value in terms)),
+        )
+        np.testing.assert_array_equal(alone, together[row])
 
 
 # --- swinging feet -----------------------------------------------------------------------------

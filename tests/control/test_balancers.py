@@ -102,7 +102,7 @@ def moving(request, rng):
 @pytest.fixture
 def rigorous(monkeypatch):
     """Without the ridge that bounds joint accelerations near singular postures."""
-    monkeypatch.setattr(balancers, "_RIDGE", 1e-12)
+    monkeypatch.setattr(balancers, "RIDGE", 1e-12)
 
 
 def assert_close(actual, expected, tolerance=EXACT):
