@@ -239,7 +239,7 @@ def _check(
         check_shape("to_com", to_com, (count, 6, 6), "(N, 6, 6)")
         check_shape("offset", offset, (count, joints), "(N, n)")
         check_shape("per_wrench", per_wrench, (count, joints, 6), "(N, n, 6)")
-    if isinstance(weight, int | float):
+    if isinstance(weight, int | float | np.number):
         return columns // 3, _single(weight)
     weights = np.atleast_1d(as_numpy(weight))
     if weights.shape != (1,):
