@@ -87,14 +87,6 @@ def dot(a: np.ndarray, b: np.ndarray) -> float:
 
 
 @compiled
-def cross(a: np.ndarray, b: np.ndarray, result: np.ndarray) -> None:
-    """Write to result (3,): a x b; not one of them."""
-    result[0] = a[1] * b[2] - a[2] * b[1]
-    result[1] = a[2] * b[0] - a[0] * b[2]
-    result[2] = a[0] * b[1] - a[1] * b[0]
-
-
-@compiled
 def factor(matrix: np.ndarray) -> None:
     """Overwrite the lower half of a symmetric positive definite matrix with its Cholesky factor.
 

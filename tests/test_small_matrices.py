@@ -33,12 +33,6 @@ def test_products(rng: np.random.Generator, rows: int, inner: int) -> None:
     assert small.dot(vector, vector) == pytest.approx(vector @ vector)
 
 
-def test_cross_product(rng: np.random.Generator) -> None:
-    a, b, result = *rng.normal(size=(2, 3)), np.empty(3)
-    small.cross(a, b, result)
-    np.testing.assert_allclose(result, np.cross(a, b), rtol=1e-14)
-
-
 @pytest.mark.parametrize("size", SIZES)
 def test_cholesky(rng: np.random.Generator, size: int) -> None:
     root, ridge = rng.normal(size=(size, size + 2)), 0.1
@@ -63,3 +57,17 @@ def test_what_cannot_be_factored_is_nan_and_raises_nothing() -> None:
         vector = np.ones(3)
         small.solve_factored(matrix, vector)
         assert np.isnan(vector).all()
+
+
+@pytest.mark.parametrize("size", SIZES[1:])
+@pytest.mark.parametrize("lost", [0, 1, 2])
+def test_pseudo_inverse(rng: np.random.Generator, size: int, lost: int) -> None:
+    rank = max(size - lost, 0)
+    root = rng.normal(size=(size, rank))
+    matrix, inverse = root @ root.T, np.empty((size, size))
+    expected = np.linalg.pinv(matrix, rcond=1e-10, hermitian=True)
+    assert small.pseudo_inverse(np.tril(matrix), 1e-10, inverse) == rank
+    np.testing.assert_allclose(inverse, expected, rtol=1e-6, atol=1e-8)
+    matrix[0, 0] = np.nan
+    assert small.pseudo_inverse(matrix, 1e-10, inverse) == 0
+    assert np.isnan(inverse).all()

@@ -13,7 +13,7 @@ from fbid_gym.actions.desired_wrench import Feedback
 from fbid_gym.actions.layer import Memory
 from fbid_gym.control import ContactLimits, underactuation
 from fbid_gym.control.arrays import as_flags
-from fbid_gym.control.contact_forces import all_active, limit_rows, wrench_scale_of
+from fbid_gym.control.contact_forces import all_active, limit_rows, wrench_scale
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
 from fbid_gym.dynamics.state import RobotState
@@ -114,7 +114,7 @@ class BalanceLaw:
             damping=contact.damping(robot),
             gravity=robot.weight / robot.mass,
             weight=np.array([robot.weight]),
-            scale=wrench_scale_of(length, cost if limits is not None else None),
+            scale=wrench_scale(length, cost if limits is not None else None),
             legs=(moves & (moves.sum(axis=0) == 1)).astype(float),
         )
 

@@ -31,16 +31,6 @@ def namespace(array: Array) -> ModuleType:
 
 
 @lru_cache(maxsize=256)
-def _constant(xp: ModuleType, value: Any, dtype: Any, device: Any) -> Array:
-    return xp.asarray(value, dtype=dtype, device=device)
-
-
-def constant(value: float | tuple[Any, ...], like: Array) -> Array:
-    """A cached array of the given number or (nested) tuple, of `like`'s type; never write to it."""
-    return _constant(namespace(like), value, like.dtype, like.device)
-
-
-@lru_cache(maxsize=256)
 def _identity(xp: ModuleType, size: int, scale: float, dtype: Any, device: Any) -> Array:
     return scale * xp.eye(size, dtype=dtype, device=device)
 
@@ -48,18 +38,6 @@ def _identity(xp: ModuleType, size: int, scale: float, dtype: Any, device: Any) 
 def identity(size: int, like: Array, scale: float = 1.0) -> Array:
     """A cached (size, size) multiple of the identity, of `like`'s type; never write to it."""
     return _identity(namespace(like), size, scale, like.dtype, like.device)
-
-
-@lru_cache(maxsize=256)
-def _diagonal(xp: ModuleType, entries: tuple[float, ...], dtype: Any, device: Any) -> Array:
-    return xp.asarray(entries, dtype=dtype, device=device) * xp.eye(
-        len(entries), dtype=dtype, device=device
-    )
-
-
-def diagonal(entries: tuple[float, ...], like: Array) -> Array:
-    """A cached diagonal matrix of `like`'s type; never write to it."""
-    return _diagonal(namespace(like), entries, like.dtype, like.device)
 
 
 def matvec(matrix: Array, vector: Array) -> Array:

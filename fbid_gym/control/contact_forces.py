@@ -33,9 +33,8 @@ from fbid_gym.control.arrays import (
     as_numpy,
     check_shape,
     from_numpy,
-    namespace,
 )
-from fbid_gym.control.dual_newton import DualProblem, deliver
+from fbid_gym.control.dual_newton import deliver
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 REGULARISATION = 1e-4
@@ -151,30 +150,33 @@ def limited_contact_forces(
     count, points = shape[0], shape[2] // 3
     check_shape("wrench", wrench, (count, 6), "(N, 6)")
     check_contact_options(limits, active, warm_start, count, points)
-    xp = namespace(wrench_map)
-    scale = wrench_scale(length, wrench_cost, wrench_map)
-    weight = xp.asarray(weight, dtype=wrench.dtype, device=wrench.device)
-    solution = solve_contact_forces(
-        wrench_map * scale[:, None],
-        wrench * scale,
-        limits,
-        weight=weight,
-        active=active,
-        warm_start=warm_start,
-        regularisation=regularisation,
-        tolerance=tolerance,
-        max_iterations=max_iterations,
+    start = np.zeros((count, 6)) if warm_start is None else as_numpy(warm_start)
+    scale = wrench_scale(length, wrench_cost)
+    weights = np.broadcast_to(weight if np.isscalar(weight) else as_numpy(weight), (count,))
+    desired = as_numpy(wrench)
+    force, missing = np.empty((count, points, 3)), np.empty((count, 6))
+    dual, iterations = np.empty((count, 6)), np.empty(count, np.int64)
+    _deliver_all(
+        as_numpy(wrench_map) * scale[:, None],
+        desired * scale,
+        tolerance * weights,
+        start,
+        limit_rows(limits, points),
+        all_active(points) if active is None else as_flags(active),
+        regularisation,
+        max_iterations,
+        force,
+        missing,
+        dual,
+        iterations,
     )
-    return solution._replace(wrench=wrench + solution.wrench / scale)
-
-
-def wrench_scale(length: float, wrench_cost: tuple[float, ...] | None, like: Array) -> Array:
-    """`wrench_scale_of` in the namespace, type and device of an array."""
-    return from_numpy(wrench_scale_of(length, wrench_cost), like)
+    delivered, residual = desired + missing / scale, np.sqrt(np.vecdot(missing, missing)) / weights
+    found = force, delivered, residual, iterations, dual
+    return ContactForces(*(from_numpy(x, like=wrench) for x in found))
 
 
 @lru_cache(maxsize=256)
-def wrench_scale_of(length: float, wrench_cost: tuple[float, ...] | None) -> np.ndarray:
+def wrench_scale(length: float, wrench_cost: tuple[float, ...] | None) -> np.ndarray:
     """(6,) factors that turn N and N m into N whose squares are comparable."""
     cost = (1.0,) * 6 if wrench_cost is None else tuple(wrench_cost)
     for name, value, size in (("length", (length,), 1), ("wrench_cost", cost, 6)):
@@ -215,71 +217,6 @@ def limit_rows(limits: ContactLimits, points: int) -> np.ndarray:
 def all_active(points: int) -> np.ndarray:
     """(1, P): all points of all robots are in contact."""
     return np.ones((1, points), bool)
-
-
-def limit_values(limits: ContactLimits, active: Array | None, like: Array) -> Array:
-    """Broadcasts to (N, P, 3): the limits, zero where a point is not in contact."""
-    xp = namespace(like)
-    numbers = (limits.friction, limits.min_normal_force, limits.max_normal_force)
-    stacked = np.stack(np.broadcast_arrays(*numbers), axis=-1)
-    values = xp.asarray(stacked, dtype=like.dtype, device=like.device)
-    return values if active is None else xp.where(active[..., None], values, 0.0)
-
-
-def solve_contact_forces(
-    wrench_map: Array,
-    wrench: Array,
-    limits: ContactLimits,
-    *,
-    weight: Array,
-    active: Array | None = None,
-    warm_start: Array | None = None,
-    regularisation: float = REGULARISATION,
-    tolerance: float = TOLERANCE,
-    max_iterations: int = MAX_ITERATIONS,
-) -> ContactForces:
-    """`limited_contact_forces` on a wrench and map already scaled, without checks.
-
-    Args:
-        wrench_map: (N, 6, 3 P) times `wrench_scale`.
-        wrench: (N, 6) times `wrench_scale`.
-        limits: as there, like all that follow.
-        weight: (N,) or () array.
-        active: (N, P) bool.
-        warm_start: (N, 6).
-        regularisation: eps.
-        tolerance: share of the weight.
-        max_iterations: Newton steps at most.
-
-    Returns:
-        ContactForces; its `wrench` is the scaled error, delivered less desired.
-    """
-    xp = namespace(wrench_map)
-    count, points = wrench_map.shape[0], wrench_map.shape[2] // 3
-    start = xp.zeros_like(wrench) if warm_start is None else warm_start
-    tolerances = xp.broadcast_to(tolerance * weight, (count,))
-    values = limit_rows(limits, points)
-    which = all_active(points) if active is None else active
-    force, missing = np.empty((count, points, 3)), np.empty((count, 6))
-    dual, iterations = np.empty((count, 6)), np.empty(count, np.int64)
-    _deliver_all(
-        as_numpy(wrench_map),
-        as_numpy(wrench),
-        as_numpy(tolerances),
-        as_numpy(start),
-        values,
-        as_flags(which),
-        regularisation,
-        max_iterations,
-        force,
-        missing,
-        dual,
-        iterations,
-    )
-    residual = np.sqrt(np.vecdot(missing, missing))
-    found = (from_numpy(x, like=wrench) for x in (force, missing, residual, iterations, dual))
-    solution = ContactForces(*found)
-    return solution._replace(residual=solution.residual / weight)
 
 
 @kernel
@@ -331,23 +268,3 @@ def limits_in_contact(
     for i in range(len(values)):
         for axis in range(3):
             values[i, axis] = row[i, axis] if present[i] else 0.0
-
-
-def dual_problem(
-    wrench_map: Array,
-    wrench: Array,
-    values: Array,
-    weight: Array,
-    regularisation: float,
-    tolerance: float,
-) -> DualProblem:
-    """The problem that `solve_contact_forces` solves; `values` are `limit_values`."""
-    xp = namespace(wrench)
-    count, points = wrench_map.shape[0], wrench_map.shape[2] // 3
-    return DualProblem(
-        wrench_map,
-        wrench,
-        xp.broadcast_to(values, (count, points, 3)),
-        xp.broadcast_to(tolerance * weight, (count,)),
-        regularisation,
-    )

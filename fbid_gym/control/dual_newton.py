@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled
-from fbid_gym.control.arrays import Array
 from fbid_gym.small_matrices import add_transposed_times, dot, factor, gram, solve_factored
 
 _SLOPE_REDUCTION = 0.5
@@ -24,23 +23,6 @@ _ROUGH = 1e-2
 _FAINT = 1e-9  # regularisation that costs no accuracy but keeps a matrix regular
 _DELIVERED = 1e-6  # relative error of the wrench below which it counts as delivered
 _TINY = 1e-150  # keeps the direction of a zero tangential force defined
-
-
-class DualProblem(NamedTuple):
-    """The scaled problems of N robots: eps u + G Pi_C(G^T u) = w."""
-
-    wrench_map: Array  # (N, 6, 3 P)
-    wrench: Array  # (N, 6)
-    limits: Array  # (N, P, 3): friction coefficient, least and greatest normal force
-    tolerance: Array  # (N,): of the norm of the error
-    regularisation: float
-
-    def rows(self, rows: Array) -> "DualProblem":
-        """The problems of some robots."""
-        wrench_map, wrench, limits, tolerance, regularisation = self
-        return DualProblem(
-            wrench_map[rows], wrench[rows], limits[rows], tolerance[rows], regularisation
-        )
 
 
 class Robot(NamedTuple):

@@ -35,7 +35,7 @@ from fbid_gym.control.contact_forces import (
     check_contact_options,
     limit_rows,
     limits_in_contact,
-    wrench_scale_of,
+    wrench_scale,
 )
 from fbid_gym.control.dual_newton import deliver
 from fbid_gym.errors import InvalidValueError, ShapeError
@@ -170,7 +170,7 @@ def limited_inverse_dynamics(
         limit_rows(limits, points),
         all_active(points) if active is None else as_flags(active),
         np.zeros((count, 6)) if warm_start is None else as_numpy(warm_start),
-        wrench_scale_of(length, wrench_cost),
+        wrench_scale(length, wrench_cost),
         1.0 / base_priority,
         length,
         regularisation,

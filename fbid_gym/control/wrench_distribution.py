@@ -38,7 +38,7 @@ from fbid_gym.control.contact_forces import (
     check_contact_options,
     limit_rows,
     limits_in_contact,
-    wrench_scale_of,
+    wrench_scale,
 )
 from fbid_gym.control.dual_newton import deliver
 from fbid_gym.control.point_forces import (
@@ -130,7 +130,7 @@ def distribute_freely(
         as_numpy(point_map),
         as_numpy(wrench),
         weights,
-        wrench_scale_of(length, None),
+        wrench_scale(length, None),
         *results,
     )
     return _balance(results, wrench)
@@ -207,7 +207,7 @@ def distribute(
         limit_rows(limits, points),
         all_active(points) if active is None else as_flags(active),
         bounds,
-        wrench_scale_of(length, wrench_cost),
+        wrench_scale(length, wrench_cost),
         np.zeros((count, 6)) if warm_start is None else as_numpy(warm_start),
         regularisation,
         tolerance,

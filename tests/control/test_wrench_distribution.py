@@ -94,7 +94,7 @@ def hard(request, rng):
 
 def exact(stance, row, *, cost=None, torque_limit=None, active=None):
     """Forces (3 P,) of one robot by Clarabel, or None if there are none."""
-    scale = wrench_scale(stance.options["length"], cost, stance.wrench)
+    scale = wrench_scale(stance.options["length"], cost)
     weight = stance.robot.weight
     maps = stance.wrench_map[row] * scale[:, None]
     columns = maps.shape[1]
@@ -198,7 +198,7 @@ def test_result_is_consistent(hard):
     size = np.abs(result.torque).max()
     np.testing.assert_allclose(result.torque, offset + np.matvec(slope, force), atol=1e-9 * size)
     np.testing.assert_array_equal(result.wrench_desired, hard.wrench)
-    scale = wrench_scale(hard.options["length"], None, hard.wrench)
+    scale = wrench_scale(hard.options["length"], None)
     missing = np.linalg.norm((result.wrench - hard.wrench) * scale, axis=1) / hard.robot.weight
     np.testing.assert_allclose(result.residual, missing, atol=1e-9)
     assert (result.residual > 1e-3).any()
