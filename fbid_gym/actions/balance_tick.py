@@ -84,7 +84,7 @@ def balance_tick(
     - limited: whether there are limits, and limits: (N, P, 3) of `limit_rows`;
     - torque_limit: (N, n) N m;
     - weight: (N,) N;
-    - scale: (6,) of `wrench_scale_of`;
+    - scale: (6,) of `wrench_scale`;
     - viscosity: (n,) N m s/rad of the joints, to be compensated;
     - start: (N, 6), the last warm starts;
     - torque, residual, warm_start: to be filled.

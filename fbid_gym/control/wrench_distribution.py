@@ -14,7 +14,6 @@ limits are linear in the forces. They are looked at only where the first solutio
 limits agree with each other, as for a robot too weak to stand, the torques exceed them.
 """
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -187,7 +186,7 @@ def distribute(
     count, joints = torque_map.offset.shape
     check_contact_options(limits, active, warm_start, count, points)
     if torque_limit is None:
-        bounds = _unlimited(joints)
+        bounds = np.full((1, joints), np.inf)
     else:
         bounds = np.array(as_numpy(torque_limit), ndmin=2)
         if torque_limit.shape != (joints,):
@@ -227,36 +226,17 @@ def _check(
     columns, joints = point_map.shape[-1], velocities - 6
     if columns % 3:
         raise ShapeError("point_map", tuple(point_map.shape), "3 P columns")
-    if (
-        point_map.shape != (count, rows, columns)
-        or wrench.shape != (count, 6)
-        or to_com.shape != (count, 6, 6)
-        or offset.shape != (count, joints)
-        or per_wrench.shape != (count, joints, 6)
-    ):
-        check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
-        check_shape("wrench", wrench, (count, 6), "(N, 6)")
-        check_shape("to_com", to_com, (count, 6, 6), "(N, 6, 6)")
-        check_shape("offset", offset, (count, joints), "(N, n)")
-        check_shape("per_wrench", per_wrench, (count, joints, 6), "(N, n, 6)")
+    check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
+    check_shape("wrench", wrench, (count, 6), "(N, 6)")
+    check_shape("to_com", to_com, (count, 6, 6), "(N, 6, 6)")
+    check_shape("offset", offset, (count, joints), "(N, n)")
+    check_shape("per_wrench", per_wrench, (count, joints, 6), "(N, n, 6)")
     if isinstance(weight, int | float | np.number):
-        return columns // 3, _single(weight)
+        return columns // 3, np.array([float(weight)])
     weights = np.atleast_1d(as_numpy(weight))
     if weights.shape != (1,):
         check_shape("weight", weights, (count,), "(N,)")
     return columns // 3, weights
-
-
-@lru_cache(maxsize=256)
-def _single(weight: float) -> np.ndarray:
-    """One weight for all robots: (1,)."""
-    return np.array([float(weight)])
-
-
-@lru_cache(maxsize=256)
-def _unlimited(joints: int) -> np.ndarray:
-    """No torque limits, for all robots: (1, n)."""
-    return np.full((1, joints), np.inf)
 
 
 def _empty(torque_map: TorqueMap, points: int) -> Results:
