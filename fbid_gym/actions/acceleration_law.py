@@ -5,17 +5,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.actions.acceleration_tick import acceleration_tick
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.layer import Memory
 from fbid_gym.control import (
     ContactLimits,
-    limited_inverse_dynamics,
     operational_space_acceleration,
     orthogonal_inverse_dynamics,
-    underactuation,
 )
+from fbid_gym.control.arrays import as_flags
+from fbid_gym.control.contact_forces import limit_rows, wrench_scale
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
@@ -42,13 +43,6 @@ class Task(NamedTuple):
     acceleration: np.ndarray
 
 
-class _Solution(NamedTuple):
-    """Torques (N, n) of one set of contacts, and what goes into the memory."""
-
-    torque: np.ndarray
-    memory: Memory
-
-
 @dataclass(frozen=True, eq=False)
 class AccelerationLaw:
     """[M10] eq. (15) on a robot's feet, with or without limits on the contact forces.
@@ -63,6 +57,7 @@ class AccelerationLaw:
             not allow both.
         damping: (n,) N·m·s/rad of the joints, to be compensated; zero for none.
         length: m, lever arm that makes moments on the base comparable to forces.
+        no_task: of no rows, (1, 0, nv) and (1, 0).
     """
 
     robot: Robot
@@ -73,6 +68,7 @@ class AccelerationLaw:
     base_priority: float
     damping: np.ndarray
     length: float
+    no_task: Task
 
     @classmethod
     def of(
@@ -88,6 +84,7 @@ class AccelerationLaw:
             base_priority=base_priority,
             damping=contact.damping(robot),
             length=Support.of(robot).radius or 1.0,
+            no_task=Task(np.empty((1, 0, robot.nv)), np.empty((1, 0)), np.empty((1, 0))),
         )
 
     def memory(self, num_robots: int) -> Memory:
@@ -125,55 +122,89 @@ class AccelerationLaw:
         Returns:
             (N, n) N·m.
         """
-        active = self.belief(state, reference)
-        warm_start = memory["warm_start"]
-        solution = self._solve(acceleration, task, terms, active, warm_start)
-        memory.update(solution.memory)
-        torque = solution.torque
-        if self.ramp is not None and active is not None:
+        active, start = self.belief(state, reference), memory["warm_start"]
+        torque, found = self._solve(acceleration, state.qvel, task, terms, active, start)
+        memory.update(found)
+        if self.ramp is None or active is None:
+            return torque
 
-            def of_contacts(rows: np.ndarray, contacts: np.ndarray) -> np.ndarray:
-                part = None if task is None else Task(*(value[rows] for value in task))
-                some = DynamicsTerms(*(value[rows] for value in terms))
-                arguments = acceleration[rows], part, some, contacts, warm_start[rows]
-                return self._solve(*arguments).torque
+        def of_contacts(rows: np.ndarray, contacts: np.ndarray) -> np.ndarray:
+            part = None if task is None else Task(*(value[rows] for value in task))
+            some = DynamicsTerms(*(value[rows] for value in terms))
+            robots = acceleration[rows], state.qvel[rows], part, some
+            return self._solve(*robots, contacts, start[rows])[0]
 
-            torque = self.ramp.torque(torque, active, of_contacts, memory)
-        return torque + self.damping * state.qvel[:, 6:]
+        return self.ramp.torque(torque, active, of_contacts, memory)
 
     def _solve(
         self,
         acceleration: np.ndarray,
+        velocity: np.ndarray,
         task: Task | None,
         terms: DynamicsTerms,
         active: np.ndarray | None,
-        warm_start: np.ndarray,
-    ) -> _Solution:
+        start: np.ndarray,
+    ) -> tuple[np.ndarray, Memory]:
+        """Torques (N, n) with one set of contacts, and what goes into the memory."""
+        if self.limits is None:
+            return self._solve_freely(acceleration, velocity, task, terms, active)
+        geometry, count = self.geometry, len(acceleration)
+        torque, residual = np.empty((count, len(self.damping))), np.empty(count)
+        warm_start, missing = np.empty((count, 6)), np.empty(count)
+        acceleration_tick(
+            geometry.foot_of_point,
+            geometry.slot_of_point,
+            geometry.offset,
+            geometry.motion,
+            geometry.spread,
+            active is not None,
+            geometry.every if active is None else as_flags(active),
+            terms.foot_rotation,
+            terms.foot_velocity,
+            terms.foot_jacobian,
+            terms.foot_bias,
+            terms.mass_matrix,
+            terms.bias,
+            np.ascontiguousarray(velocity),
+            acceleration,
+            *(self.no_task if task is None else task),
+            limit_rows(self.limits, geometry.num_points),
+            wrench_scale(self.length, None),
+            1.0 / self.base_priority,
+            self.length,
+            self.damping,
+            start,
+            torque,
+            residual,
+            warm_start,
+            missing,
+        )
+        memory = {"warm_start": warm_start, "residual": residual}
+        if active is not None:
+            memory["underactuation"] = missing
+        return torque, memory
+
+    def _solve_freely(
+        self,
+        acceleration: np.ndarray,
+        velocity: np.ndarray,
+        task: Task | None,
+        terms: DynamicsTerms,
+        active: np.ndarray | None,
+    ) -> tuple[np.ndarray, Memory]:
+        """The same in the paper's form, without limits."""
         contacts = reduced_contacts(self.geometry, terms, active)
         if task is not None:
             acceleration = operational_space_acceleration(
                 contacts.jacobian, contacts.bias, *task, reference=acceleration
             ).motion
-        arguments = (
+        found = orthogonal_inverse_dynamics(
             terms.mass_matrix,
             terms.bias,
             contacts.jacobian,
             acceleration,
             contacts.bias,
-        )
-        if self.limits is None:
-            free = orthogonal_inverse_dynamics(*arguments, base_priority=self.base_priority)
-            return _Solution(free.torque, {"underactuation": free.underactuation.astype(float)})
-        limited = limited_inverse_dynamics(
-            *arguments,
-            self.limits,
-            point_map=contacts.point_map,
-            active=active,
             base_priority=self.base_priority,
-            length=self.length,
-            warm_start=warm_start,
         )
-        memory = {"warm_start": limited.warm_start, "residual": limited.residual}
-        if active is not None:
-            memory["underactuation"] = underactuation(contacts.jacobian)
-        return _Solution(limited.torque, memory)
+        torque = found.torque + self.damping * velocity[:, 6:]
+        return torque, {"underactuation": found.underactuation.astype(float)}

@@ -11,11 +11,11 @@ from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.desired_wrench import Feedback
 from fbid_gym.actions.layer import Memory
-from fbid_gym.control import ContactLimits, underactuation
+from fbid_gym.control import ContactLimits
 from fbid_gym.control.arrays import as_flags
-from fbid_gym.control.contact_forces import all_active, limit_rows, wrench_scale
+from fbid_gym.control.contact_forces import limit_rows, wrench_scale
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import ContactGeometry
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
 from fbid_gym.dynamics.terms import DynamicsTerms
@@ -152,13 +152,10 @@ class BalanceLaw:
             (N, n) N·m.
         """
         active, start = self.belief(state, reference), memory["warm_start"]
-        solution = self._solve(feedback, push, state, reference, terms, start, active)
-        memory["warm_start"], memory["residual"] = solution.warm_start, solution.residual
-        if active is None:
-            return solution.torque
-        memory["underactuation"] = underactuation(solution.jacobian)
-        if self.ramp is None:
-            return solution.torque
+        torque, found = self._solve(feedback, push, state, reference, terms, start, active)
+        memory.update(found)
+        if self.ramp is None or active is None:
+            return torque
 
         def of_contacts(rows: np.ndarray, contacts: np.ndarray) -> np.ndarray:
             return self._solve(
@@ -169,9 +166,9 @@ class BalanceLaw:
                 DynamicsTerms(*(value[rows] for value in terms)),
                 start[rows],
                 contacts,
-            ).torque
+            )[0]
 
-        return self.ramp.torque(solution.torque, active, of_contacts, memory)
+        return self.ramp.torque(torque, active, of_contacts, memory)
 
     def _solve(
         self,
@@ -182,13 +179,11 @@ class BalanceLaw:
         terms: DynamicsTerms,
         start: np.ndarray,
         active: np.ndarray | None,
-    ) -> "_Solution":
-        """The balance with one set of contacts."""
-        frame = self.support.frame(terms)
-        contacts = reduced_contacts(self.geometry, terms, active)
-        count = len(push)
+    ) -> tuple[np.ndarray, Memory]:
+        """Torques (N, n) with one set of contacts, and what goes into the memory."""
+        support, geometry, count = self.support, self.geometry, len(push)
         torque, residual = np.empty((count, len(self.damping))), np.empty(count)
-        warm_start = np.empty((count, 6))
+        warm_start, missing = np.empty((count, 6)), np.empty(count)
         balance_tick(
             *feedback,
             self.gravity,
@@ -207,13 +202,21 @@ class BalanceLaw:
             terms.base_rotation,
             terms.com,
             terms.com_velocity,
-            frame.centre,
-            frame.rotation,
-            contacts.jacobian,
-            contacts.bias,
-            contacts.point_map,
-            all_active(self.geometry.num_points) if active is None else as_flags(active),
-            self.geometry.foot_of_point,
+            terms.foot_position,
+            terms.foot_rotation,
+            terms.foot_velocity,
+            terms.foot_jacobian,
+            terms.foot_bias,
+            support.centre,
+            support.by_position,
+            support.by_rotation,
+            geometry.foot_of_point,
+            geometry.slot_of_point,
+            geometry.offset,
+            geometry.motion,
+            geometry.spread,
+            active is not None,
+            geometry.every if active is None else as_flags(active),
             self.legs,
             *self.gains,
             self.balancer,
@@ -227,15 +230,12 @@ class BalanceLaw:
             torque,
             residual,
             warm_start,
+            missing,
         )
-        return _Solution(torque, residual, warm_start, contacts.jacobian)
-
-
-class _Solution(NamedTuple):
-    torque: np.ndarray  # (N, n)
-    residual: np.ndarray  # (N,)
-    warm_start: np.ndarray  # (N, 6)
-    jacobian: np.ndarray  # (N, k, nv)
+        memory = {"warm_start": warm_start, "residual": residual}
+        if active is not None:
+            memory["underactuation"] = missing
+        return torque, memory
 
 
 def _rows_of(reference: Reference, rows: np.ndarray) -> Reference:

@@ -11,8 +11,11 @@ from fbid_gym.compiled import kernel
 from fbid_gym.control.balancers import RIDGE, fill_torque_map
 from fbid_gym.control.contact_forces import MAX_ITERATIONS, REGULARISATION, TOLERANCE
 from fbid_gym.control.torque_limits import STEPS
+from fbid_gym.control.underactuation import fill_underactuation
 from fbid_gym.control.wrench_distribution import LEVEL, fill_balance, fill_free_balance
 from fbid_gym.dynamics.centroidal import fill_centroidal_terms
+from fbid_gym.dynamics.contacts import fill_contacts
+from fbid_gym.dynamics.support import fill_frame
 
 # A swinging leg follows its own command; the other joints make up for what that does to contacts
 # and momentum.
@@ -42,13 +45,21 @@ def balance_tick(
     base_rotation: np.ndarray,
     com: np.ndarray,
     com_velocity: np.ndarray,
-    centre: np.ndarray,
-    level: np.ndarray,
-    jacobian: np.ndarray,
-    contact_bias: np.ndarray,
-    point_map: np.ndarray,
-    active: np.ndarray,
+    foot_position: np.ndarray,
+    foot_rotation: np.ndarray,
+    foot_velocity: np.ndarray,
+    foot_jacobian: np.ndarray,
+    foot_bias: np.ndarray,
+    middle: np.ndarray,
+    by_position: np.ndarray,
+    by_rotation: np.ndarray,
     foot_of_point: np.ndarray,
+    slot_of_point: np.ndarray,
+    point_offset: np.ndarray,
+    motion: np.ndarray,
+    spread: np.ndarray,
+    switching: bool,
+    active: np.ndarray,
     legs: np.ndarray,
     joint_stiffness: float,
     joint_damping: float,
@@ -65,8 +76,9 @@ def balance_tick(
     torque: np.ndarray,
     residual: np.ndarray,
     warm_start: np.ndarray,
+    missing: np.ndarray,
 ) -> None:
-    """Fill torques (N, n), the wrenches' residuals (N,), and warm starts (N, 6).
+    """Fill torques (N, n), residuals (N,), warm starts (N, 6), and directions beyond reach (N,).
 
     The arguments, N robots each; of `limits`, `torque_limit`, `weight`, `active` and all that is
     wanted a single row may stand for all robots:
@@ -74,10 +86,10 @@ def balance_tick(
     - stiffness ... push: of the desired wrench, see `desired_wrench`;
     - position, velocity: qpos and qvel of the robots;
     - wanted_position ... wanted_com_acceleration: of the `Reference`;
-    - mass_matrix ... com_velocity: of the `DynamicsTerms`;
-    - centre, level: of the `SupportFrame`;
-    - jacobian ... point_map: of the `ReducedContacts`;
-    - active: (N, P) bool, points in contact, and foot_of_point: (P,);
+    - mass_matrix ... foot_bias: of the `DynamicsTerms`;
+    - middle ... by_rotation: of the `Support`;
+    - foot_of_point ... spread: of the `ContactGeometry`;
+    - switching: whether contacts come and go, and active: (N, P) bool, points in contact;
     - legs: (F, n) joints that move this foot and no other, 0 or 1;
     - joint_stiffness ... swing_damping: of the joints, 1/s^2 and 1/s, and of legs that swing;
     - balancer: one of those in `fbid_gym.control.balancers`;
@@ -87,7 +99,7 @@ def balance_tick(
     - scale: (6,) of `wrench_scale`;
     - viscosity: (n,) N m s/rad of the joints, to be compensated;
     - start: (N, 6), the last warm starts;
-    - torque, residual, warm_start: to be filled.
+    - torque, residual, warm_start, missing: to be filled; `missing` only if contacts switch.
     """
     count, joints = torque.shape
     size, points = 6 + joints, active.shape[1]
@@ -108,6 +120,29 @@ def balance_tick(
         to_com,
         wrench_map,
     )
+    centre, level = np.empty((count, 3)), np.empty((count, 3, 3))
+    fill_frame(middle, by_position, by_rotation, foot_position, foot_rotation, centre, level)
+    rows = len(motion) * motion.shape[2]
+    jacobian, contact_bias = np.empty((count, rows, size)), np.empty((count, rows))
+    point_map = np.empty((count, rows, 3 * points))
+    fill_contacts(
+        foot_of_point,
+        slot_of_point,
+        point_offset,
+        motion,
+        spread,
+        switching,
+        active,
+        foot_rotation,
+        foot_velocity,
+        foot_jacobian,
+        foot_bias,
+        jacobian,
+        contact_bias,
+        point_map,
+    )
+    if switching:
+        fill_underactuation(jacobian, missing)
     wrench = np.empty((count, 6))
     fill_wrenches(
         stiffness,

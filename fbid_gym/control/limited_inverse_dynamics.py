@@ -160,7 +160,7 @@ def limited_inverse_dynamics(
         iterations=np.empty(count, np.int64),
         warm_start=np.empty((count, 6)),
     )
-    _limited(
+    fill_limited(
         as_numpy(mass_matrix),
         as_numpy(bias),
         as_numpy(jacobian),
@@ -184,7 +184,7 @@ def limited_inverse_dynamics(
 
 
 @kernel
-def _limited(
+def fill_limited(
     mass_matrix: np.ndarray,
     bias: np.ndarray,
     jacobian: np.ndarray,

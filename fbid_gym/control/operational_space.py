@@ -207,7 +207,7 @@ def _nearest(
     if not 0.0 < least_gain < np.inf:
         raise InvalidValueError("least_gain", least_gain, "a positive, finite number")
     found = TaskMotion(np.empty((count, velocities)), np.empty((count, size)))
-    _move(
+    fill_motion(
         as_numpy(jacobian),
         as_numpy(jacobian_bias),
         as_numpy(task_jacobian),
@@ -228,7 +228,7 @@ def _all_alike(velocities: int) -> np.ndarray:
 
 
 @kernel
-def _move(
+def fill_motion(
     jacobian: np.ndarray,
     jacobian_bias: np.ndarray,
     task_jacobian: np.ndarray,

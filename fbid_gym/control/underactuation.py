@@ -16,12 +16,13 @@ def underactuation(jacobian: np.ndarray) -> np.ndarray:
         jacobian: (N, k, nv) of the contacts.
     """
     missing = np.empty(len(jacobian))
-    _count(jacobian, missing)
+    fill_underactuation(jacobian, missing)
     return missing
 
 
 @kernel
-def _count(jacobian: np.ndarray, missing: np.ndarray) -> None:
+def fill_underactuation(jacobian: np.ndarray, missing: np.ndarray) -> None:
+    """Robot by robot; `missing` (N,) is to write to."""
     count, rows, _ = jacobian.shape
     base, push, inverse = np.empty((6, rows)), np.empty((6, 6)), np.empty((6, 6))
     for i in range(count):

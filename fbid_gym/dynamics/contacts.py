@@ -215,7 +215,7 @@ def reduced_contacts(
         np.empty((num_robots, rows)),
         np.empty((num_robots, rows, 3 * geometry.num_points)),
     )
-    _reduce(
+    fill_contacts(
         geometry.foot_of_point,
         geometry.slot_of_point,
         geometry.offset,
@@ -233,7 +233,7 @@ def reduced_contacts(
 
 
 @kernel
-def _reduce(
+def fill_contacts(
     foot_of_point: np.ndarray,
     slot_of_point: np.ndarray,
     offset: np.ndarray,

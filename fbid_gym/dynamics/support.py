@@ -93,7 +93,7 @@ class Support:
         """Return the level frame of the feet of N robots."""
         count = len(terms.foot_position)
         frame = SupportFrame(np.empty((count, 3)), np.empty((count, 3, 3)))
-        _stand(
+        fill_frame(
             self.centre,
             self.by_position,
             self.by_rotation,
@@ -105,7 +105,7 @@ class Support:
 
 
 @kernel
-def _stand(
+def fill_frame(
     weight: np.ndarray,
     by_position: np.ndarray,
     by_rotation: np.ndarray,
