@@ -8,6 +8,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import SubprocVecEnv
 
 import fbid_gym
+from eval.benchmark.environments import STEPS, PhysicsStretch
 from eval.benchmark.figures import Figure, Limit, Section, interleave
 from train.config import TrainConfig
 from train.learner import build
@@ -22,6 +23,7 @@ LIMITS = {
 
 
 USUAL = "Humanoid-v5, stable-baselines3's settings"
+PHYSICS = "biped, physics alone"
 
 
 def _humanoid() -> gym.Env:
@@ -58,12 +60,13 @@ def frames(layers: list[str], rounds: int) -> Section:
         learners[layer] = build(ours, robots)
     humanoids = _humanoids()
     usual = PPO("MlpPolicy", humanoids, device="cpu")
-    stretches = {
+    stretches: dict[str, _Learning | _Physics] = {
         name: _Learning(learner, ITERATIONS * per_iteration) for name, learner in learners.items()
     }
     stretches[USUAL] = _Learning(usual, WORKERS * usual.n_steps)
+    stretches[PHYSICS] = physics = _Physics(config.num_envs, config.threads)
     try:
-        seconds = interleave(dict(stretches), rounds)
+        seconds = interleave(dict(stretches), rounds, before={PHYSICS: physics.stretch.reset})
     finally:
         for learner in learners.values():
             robots_of(learner).close()
@@ -84,7 +87,9 @@ def frames(layers: list[str], rounds: int) -> Section:
         f"{config.num_envs} robots, on {config.threads} threads; Humanoid-v5 in {WORKERS} "
         f"SubprocVecEnv workers with the same network, epochs, batches and "
         f"{per_iteration} frames an iteration, and once more as stable-baselines3 sets it up. "
-        "Figure: speed relative to Humanoid-v5 with our settings.",
+        "Figure: speed relative to Humanoid-v5 with our settings. The last row is what no learner "
+        "on the biped can pass: its physics on as many threads, standing, without layer, "
+        "observation, policy and updates.",
         "x Humanoid-v5",
         tuple(figures),
     )
@@ -98,3 +103,14 @@ class _Learning:
 
     def __call__(self) -> None:
         self.learner.learn(self.frames, reset_num_timesteps=False)
+
+
+class _Physics:
+    """Steps the physics of some frames and does nothing else."""
+
+    def __init__(self, num_envs: int, num_threads: int) -> None:
+        self.stretch = PhysicsStretch("biped", num_envs, num_threads)
+        self.frames = STEPS * num_envs
+
+    def __call__(self) -> None:
+        self.stretch()
