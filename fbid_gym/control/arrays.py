@@ -1,7 +1,8 @@
 """What the control laws need around the array-API standard, kept cheap for a batch of one.
 
-The laws run on NumPy and on torch through `array_api_compat`. Looking a namespace up or building a
-small constant costs as much as a batched product of small matrices, so both are cached here.
+The papers' equations run on NumPy and on torch through `array_api_compat`. Looking a namespace up
+or building a small constant costs as much as a batched product of small matrices, so both are
+cached here. Compiled laws take their arrays on the host and give them back where they came from.
 """
 
 from functools import lru_cache

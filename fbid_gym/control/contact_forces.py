@@ -122,6 +122,8 @@ def limited_contact_forces(
     and weighted by `wrench_cost`. `regularisation` prefers small forces among those that deliver
     about the same wrench.
 
+    Torch tensors are computed on the host, in double precision, and come back as what they were.
+
     Args:
         wrench_map: (N, 6, 3 P), the G of stacked point forces: rows force, then moment.
         wrench: (N, 6) desired, N and N m.

@@ -107,6 +107,8 @@ def limited_inverse_dynamics(
     wrench they deliver, and the torques from the joint rows of the dynamics. With too few contacts,
     down to none, the wrench and with it the momentum is what remains possible.
 
+    Torch tensors are computed on the host, in double precision, and come back as what they were.
+
     Args:
         mass_matrix: (N, nv, nv) M, symmetric positive definite.
         bias: (N, nv) h.
@@ -115,8 +117,7 @@ def limited_inverse_dynamics(
         jacobian_bias: (N, k) Jdot v.
         limits: friction and normal force limits of the points.
         point_map: (N, k, 3 P), gives the generalized forces of the rows of J from stacked point
-            forces. Default: rows of J are stacked point rows, k = 3 P. Zero columns for inactive
-            points save time.
+            forces. Default: rows of J are stacked point rows, k = 3 P.
         active: (N, P) bool, points in contact; the others get zero force. Default: all.
         base_priority: positive weight of base accelerations beside one for joints in "nearest".
         length: m, lever arm that makes base moments comparable to forces.

@@ -21,6 +21,8 @@ less than `least_gain` per unit of motion is damped: with y = gain / least_gain 
 share y^2 / (1 - y^2 + y^4), continuous with its derivative at y = 1, and no unit of task error asks
 for a motion greater than 1.07 / least_gain. Tasks with all gains above `least_gain` are met
 exactly.
+
+Torch tensors are computed on the host, in double precision, and come back as what they were.
 """
 
 from functools import lru_cache

@@ -159,6 +159,8 @@ def distribute(
     With fewer contacts than it takes, down to none, or without friction, the forces deliver the
     part of the wrench that they can, and the residual says how much is missing.
 
+    Torch tensors are computed on the host, in double precision, and come back as what they were.
+
     Args:
         torque_map: of the balancer.
         wrench: (N, 6) desired at the centre of mass, N and N m, world.
