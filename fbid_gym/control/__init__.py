@@ -37,10 +37,10 @@ from fbid_gym.control.operational_space import (
     task_acceleration,
 )
 from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
+from fbid_gym.control.torque_map import TorqueMap
 from fbid_gym.control.underactuation import underactuation
 from fbid_gym.control.wrench_distribution import (
     Balance,
-    TorqueMap,
     distribute,
     distribute_freely,
 )

@@ -38,7 +38,7 @@ import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.arrays import Array, as_numpy, check_shape, from_numpy, on_host
-from fbid_gym.control.wrench_distribution import TorqueMap
+from fbid_gym.control.torque_map import TorqueMap
 from fbid_gym.small_matrices import (
     dot,
     factor,

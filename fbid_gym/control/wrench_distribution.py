@@ -25,7 +25,6 @@ from fbid_gym.control.arrays import (
     as_numpy,
     check_shape,
     from_numpy,
-    matvec,
     on_host,
 )
 from fbid_gym.control.contact_forces import (
@@ -48,6 +47,7 @@ from fbid_gym.control.point_forces import (
     turn_map,
 )
 from fbid_gym.control.torque_limits import STEPS, forces_within_torque_limits
+from fbid_gym.control.torque_map import TorqueMap
 from fbid_gym.errors import ShapeError
 from fbid_gym.small_matrices import (
     add_transposed_times,
@@ -62,28 +62,8 @@ _FREE_RTOL = 1e-6
 _EXCESS = 1e-3  # share of a limit that may be exceeded without a second solution
 LEVEL = np.empty((0, 0, 3, 3))  # contact axes, where they are the world's
 
-
 Results = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Torque, point_force, wrench, residual and warm_start of a `Balance`."""
-
-
-class TorqueMap(NamedTuple):
-    """Joint torques as a function of contact forces: tau = offset - J_q^T lambda + W w.
-
-    Attributes:
-        offset: (N, n) N m.
-        jacobian: (N, k, nv) of the contact rows, whose joint columns are J_q.
-        per_wrench: (N, n, 6) W, of the wrench at the centre of mass.
-    """
-
-    offset: Array
-    jacobian: Array
-    per_wrench: Array
-
-    def torque(self, row_force: Array, wrench: Array) -> Array:
-        """Return torques (N, n) from lambda (N, k) and w (N, 6)."""
-        contact = matvec(self.jacobian[:, :, 6:].mT, row_force)
-        return self.offset - contact + matvec(self.per_wrench, wrench)
 
 
 class Balance(NamedTuple):

@@ -19,7 +19,8 @@ from fbid_gym.control.balancers import (
     torque_map_ott2011,
 )
 from fbid_gym.control.contact_forces import ContactLimits
-from fbid_gym.control.wrench_distribution import TorqueMap, distribute
+from fbid_gym.control.torque_map import TorqueMap
+from fbid_gym.control.wrench_distribution import distribute
 from fbid_gym.dynamics.centroidal import CentroidalTerms, centroidal_terms
 from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts, reduced_contacts
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
