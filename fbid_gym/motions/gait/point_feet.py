@@ -36,6 +36,7 @@ class PointFootGait(NamedTuple):
         astray: m between feet and their places below which a robot may stand still.
         margin: m, distance of the capture point from the middle of the feet at which a robot that
             stands has to step.
+        height: m, of the base above the ground.
         lift: m that a foot is lifted above the higher end of its step.
         sink: m/s with which a foot reaches for the ground.
         touch: N on a foot that count as contact.
@@ -55,6 +56,7 @@ class PointFootGait(NamedTuple):
     rest: float
     astray: float
     margin: float
+    height: float
     lift: float
     sink: float
     touch: float
@@ -127,7 +129,7 @@ class GaitTarget(NamedTuple):
         com_acceleration: (N, 2) m/s^2, horizontal, of the centre of mass.
         heading: (N,) rad, of the body.
         turning: (N,) rad/s, of the heading.
-        ground: (N,) m, height of the ground on which the robot stands.
+        height: (N,) m, of the base, world.
         cycle: (N,) share of the cycle that has passed.
     """
 
@@ -142,7 +144,7 @@ class GaitTarget(NamedTuple):
     com_acceleration: np.ndarray
     heading: np.ndarray
     turning: np.ndarray
-    ground: np.ndarray
+    height: np.ndarray
     cycle: np.ndarray
 
 
@@ -206,7 +208,7 @@ def walk(
         com_acceleration=np.empty((count, 2)),
         heading=np.empty(count),
         turning=np.empty(count),
-        ground=np.empty(count),
+        height=np.empty(count),
         cycle=np.empty(count),
     )
     touches, middle = np.empty(feet, np.bool_), np.empty(2)
@@ -219,7 +221,8 @@ def walk(
         for foot in range(feet):
             _step(gait, command, terms, touches[foot], tick, memory, target, i, foot)
         _lean(gait, terms, middle, tick, memory, target, i)
-        target.ground[i], target.cycle[i] = memory.ground[i], memory.phase[i]
+        target.height[i] = memory.ground[i] + gait.height
+        target.cycle[i] = memory.phase[i]
     return target
 
 

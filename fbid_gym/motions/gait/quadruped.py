@@ -25,6 +25,7 @@ _SINK = 0.25
 _TOUCH = 0.01
 _UNLOAD = 0.14  # pendulum times
 _REACH = 0.95  # of the stretched leg
+_BENT = 0.8  # of the stretched leg: a robot that walks has its hips no higher
 
 _SAMPLES = 2000
 
@@ -53,12 +54,13 @@ def quadruped_gait(
             "Expected point feet to walk on four of them."
         )
     stance, gravity = Stance.of(robot), robot.gravity
-    height = float(stance.home_com[2])
+    hips, lengths = _legs(robot, stance)
+    base, feet = stance.terms.base_position[0], stance.terms.foot_position[0]
+    drop = max(0.0, float(np.max(hips[:, 2] - feet[:, 2] - _BENT * lengths)))
+    height = float(stance.home_com[2]) - drop
     time, speed = math.sqrt(height / gravity), math.sqrt(height * gravity)
     forward = stance.home_base_rotation[:2, 0] / np.linalg.norm(stance.home_base_rotation[:2, 0])
     level = np.array([[*forward, 0.0], [-forward[1], forward[0], 0.0], [0.0, 0.0, 1.0]])
-    base, feet = stance.terms.base_position[0], stance.terms.foot_position[0]
-    hips, lengths = _legs(robot, stance)
     agility = _AGILITY * gravity
     return PointFootGait(
         schedule=schedule,
@@ -70,6 +72,7 @@ def quadruped_gait(
         rest=_REST * speed,
         astray=_ASTRAY * height,
         margin=_MARGIN * float(stance.margin.min()),
+        height=float(stance.home_base[2]) - drop,
         lift=_LIFT * height,
         sink=_SINK * speed,
         touch=_TOUCH * robot.weight,
