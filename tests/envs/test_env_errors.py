@@ -28,8 +28,8 @@ ARGUMENTS = [
     ({"action_layer": ["torque"]}, r"Unknown action layer \['torque'\]. Valid choices: torque,"),
     ({"action_layr": "torque"}, r"\(did you mean 'action_layer'\?\) 'action_layr'. Valid.*push_f"),
     ({"zzz": 1}, "Unknown environment argument 'zzz'. Valid choices: robot, task, action_l"),
-    ({"robot": "horse"}, "Unknown robot 'horse'. Valid choices: biped, quadruped, humanoid."),
-    ({"robot": 3}, "Invalid robot: 3. Expected a Robot or one of biped, quadruped, humanoid."),
+    ({"robot": "horse"}, "Unknown robot 'horse'. Valid choices: biped, quadruped, humanoid, go1, g1."),
+    ({"robot": 3}, "Invalid robot: 3. Expected a Robot or one of biped, quadruped, humanoid, go1, g1."),
     # Options of the layers.
     (options("torque", gain=1.0), "option of action layer 'torque' 'gain'. Valid choices: none."),
     (options(gain=1.0), "option of action layer 'base_acceleration' 'gain'. .* contact_limits"),
