@@ -77,7 +77,6 @@ class Support:
                 by_position[foot, :2, column] += pair
                 by_rotation[foot, :2, :, column] += pair[:, None] * offset
         com = terms.com[0] - centre
-        ahead, behind = layout.max(axis=0) - com[:2], com[:2] - layout.min(axis=0)
         return cls(
             centre=weights,
             by_position=by_position.reshape(-1, 2),
@@ -85,7 +84,7 @@ class Support:
             home_base=terms.base_position[0] - centre,
             home_com=com,
             home_base_rotation=terms.base_rotation[0],
-            margin=np.maximum(np.minimum(ahead, behind), 0.0),
+            margin=np.array([_margin(layout - com[:2], axis) for axis in range(2)]),
             radius=float(np.linalg.norm(layout, axis=1).mean()),
         )
 
@@ -102,6 +101,19 @@ class Support:
             *frame,
         )
         return frame
+
+
+def _margin(points: np.ndarray, axis: int) -> float:
+    """How far the origin can move along an axis, either way, within the hull of points (P, 2).
+
+    The hull's edges join two points each, and no other two are joined farther out: the line along
+    the axis leaves the hull at the outermost of its crossings with what joins any two points.
+    """
+    along, across = points[:, axis], points[:, 1 - axis]
+    i, j = np.nonzero(across[:, None] * across < 0.0)
+    between = (across[j] * along[i] - across[i] * along[j]) / (across[j] - across[i])
+    met = np.concatenate([along[across == 0.0], between])
+    return max(float(min(met.max(), -met.min())), 0.0) if met.size else 0.0
 
 
 @kernel
