@@ -82,6 +82,14 @@ def test_it_stands_in_its_reference_pose(animal: zoo.Morphology) -> None:
     assert np.all(low[:2] + spare[:2] < com[:2]) and np.all(com[:2] < high[:2] - spare[:2])
 
 
+def test_feet_and_nothing_else_meet_a_floor_that_is_there(animal: zoo.Morphology) -> None:
+    model, data = in_reference_pose(animal)
+    data.qpos[2] -= 0.01 * animal.leg
+    mujoco.mj_forward(model, data)
+    feet = {model.body(name).id for name in animal.foot_names} if animal.ground else set()
+    assert set(model.geom_bodyid[data.contact.geom].max(axis=1)) == feet
+
+
 def test_robots_on_spheres_with_motors_load_as_they_are(tmp_path) -> None:
     loaded = 0
     for animal in map(zoo.draw, range(120)):

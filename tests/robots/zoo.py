@@ -95,7 +95,7 @@ def mjcf(robot: Morphology) -> str:
     leg_mass = robot.mass * (1.0 - robot.trunk_share) / robot.legs
     trunk = _numbers(robot.trunk)
     legs = [_leg(robot, number, leg_mass) for number in range(robot.legs)]
-    floor = '<geom name="floor" type="plane" size="0 0 1"/>' if robot.ground else ""
+    floor = '<geom name="floor" type="plane" size="0 0 1" contype="1"/>' if robot.ground else ""
     height = -_ankle(robot, 0)[2] + _sole(robot)
     actuators = "".join(_actuator(robot, name) for name in _joint_names(robot))
     return f"""
