@@ -348,7 +348,8 @@ def test_zero_action_walks(env, layer_options):
 def test_pushed_robots_stay_up(robot):
     """Six robots pushed from random sides with 0.15 of their weight."""
     env = gym.make_vec(
-        f"fbid_gym/{robot.name.capitalize()}Balance-v0",
+        "fbid_gym/BipedBalance-v0",
+        robot=robot.name,
         num_envs=6,
         action_layer="com_wrench",
         push_force=(0.15 * robot.weight, 0.15 * robot.weight),

@@ -143,7 +143,7 @@ def test_torque_adds_to_the_holding_torque(robot, states, rng):
 
 
 def test_joint_position_is_a_pd_controller(robot, states, rng):
-    layer = make_layer("joint_position", robot, 500, {"natural_frequency": 1.5, "scale": 0.2})
+    layer = make_layer("joint_position", robot, 500, {"natural_frequency": 1.2, "scale": 0.2})
     assert (layer.gains.stiffness > 0.0).all() and (layer.gains.damping > 0.0).all()
     state, terms = states(4)
     action = rng.uniform(-1, 1, (4, robot.num_joints))

@@ -36,6 +36,8 @@ INERTIA = {
     "biped": (0.5, 0.4, 0.4),
     "quadruped": (0.003, 0.018, 0.018),
     "humanoid": (4.7, 3.6, 0.35),
+    "go1": (0.041, 0.29, 0.38),
+    "g1": (1.1, 0.69, 0.4),
 }
 CASES = [(robot, name) for robot in robots.ROBOTS for name in MAPS]
 PUSHED = [("biped", name) for name in MAPS]
