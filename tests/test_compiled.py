@@ -33,7 +33,7 @@ compiled._FOLDER = f"compiled-{compiled._fingerprint()}"
 from probe.outer import scale
 x = np.ones(3)
 scale(x)
-hits = sum(scale.stats.cache_hits.values())
+hits = sum(scale.entry.stats.cache_hits.values())
 print(x[0], hits)
 """
 
