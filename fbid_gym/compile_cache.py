@@ -46,6 +46,11 @@ def kept(dispatcher: Any, places: Sequence[Path]) -> Any:
     return dispatcher
 
 
+def say_nothing_of_compiling() -> None:
+    """Let this process compile in silence: for a caller that shows by itself what it does."""
+    _NEWS.know("compiling")
+
+
 def _fingerprint(package: Path) -> str:
     """Of all files that hold compiled functions or the tuples that they take."""
     digest = hashlib.sha256()
@@ -163,10 +168,14 @@ class _News:
         self._began = 0.0
         self._timer: threading.Timer | None = None
 
+    def know(self, what: str) -> None:
+        """Take something for said."""
+        self._said.add(what)
+
     def say(self, what: str, text: str) -> None:
         """Print a line unless this has been said before."""
         if what not in self._said:
-            self._said.add(what)
+            self.know(what)
             print(f"fbid_gym: {text}", file=sys.stderr, flush=True)
 
     def compiling(self) -> None:

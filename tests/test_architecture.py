@@ -32,6 +32,7 @@ RANK = {
     "actions": 6,
     "tasks": 6,
     "envs": 7,
+    "compile_all": 8,
     "fbid_gym": 8,
     "eval": 9,
     "train": 9,
