@@ -5,10 +5,6 @@ python -m eval.rollout --env fbid_gym/BipedBalance-v0 --action-layer base_accele
     --zero-action --episodes 100 --env-args '{"push_force": [100, 100]}'
 """
 
-import csv
-import io
-import json
-import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,13 +19,16 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from eval.environment import changed_meaning
 from eval.episodes import METRICS, Actor, Episodes, play
 from eval.files import check_output, to_json, write
 from eval.video import record
 from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
 from fbid_gym.policy import Policy
+from train.runs.config import cores, parse_object
+from train.runs.environment import changed_meaning
+from train.runs.reading import Run
+from train.runs.tables import to_csv
 
 
 @dataclass(frozen=True)
@@ -44,6 +43,19 @@ class Player:
     """Keyword arguments of the environment, the action layer among them."""
     policy: Policy | None
     """None: the zero action, which asks the layer to hold the home posture."""
+
+    @classmethod
+    def of(cls, run: Run, *, trained: bool = True, **env_args: Any) -> "Player":
+        """Return the player of a run, or of the zero action in its environment.
+
+        Args:
+            run: the run, or exported policy.
+            trained: False for the zero action.
+            **env_args: replace those the policy was trained with.
+        """
+        policy = run.policy
+        arguments = {**policy.env_args, **env_args}
+        return cls(run.layer, policy.env_id, arguments, policy if trained else None)
 
     def actor(self, observations: gym.Space[Any], actions: gym.Space[Any]) -> Actor:
         """Map observations (N, O) to actions (N, A).
@@ -67,7 +79,7 @@ def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> Vector
     """
     options = dict(env_args)
     if env_id in ENVIRONMENTS:
-        options.setdefault("num_threads", min(len(os.sched_getaffinity(0)), num_envs))
+        options.setdefault("num_threads", min(cores(), num_envs))
     return _make(lambda: gym.make_vec(env_id, num_envs=num_envs, **options), env_id, env_args)
 
 
@@ -141,12 +153,10 @@ def load_player(source: Path, env_args: Mapping[str, Any]) -> Player:
 def parse_env_args(text: str) -> dict[str, Any]:
     """Read environment arguments given as a JSON object."""
     try:
-        value = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InvalidValueError("env_args", text, f"a JSON object ({error})") from error
-    if not isinstance(value, dict):
-        raise InvalidValueError("env_args", text, 'a JSON object such as {"push_force": [80, 80]}')
-    return value
+        return parse_object(text)
+    except ValueError as error:
+        expected = f'a JSON object such as {{"push_force": [80, 80]}} ({error})'
+        raise InvalidValueError("env_args", text, expected) from error
 
 
 @dataclass(frozen=True)
@@ -249,11 +259,7 @@ def metrics_json(player: Player, episodes: Episodes, seed: int) -> str:
 def metrics_csv(episodes: Episodes) -> str:
     """One row per episode."""
     rows = episodes.rows()
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    return to_csv(list(rows[0]), rows)
 
 
 def run(config: RolloutConfig, console: Console) -> Episodes:

@@ -16,7 +16,7 @@ import numpy as np
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
-from train.config import EvaluationConfig, PPOConfig, TrainConfig
+from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
 
 STEPS = 40
 

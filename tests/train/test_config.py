@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fbid_gym.errors import InvalidValueError
-from train.config import EvaluationConfig, PPOConfig, TrainConfig, differences, parse
+from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig, differences, parse
 
 
 def test_command_line_of_the_readme():
@@ -49,7 +49,7 @@ def test_command_line_refuses_what_is_not_a_json_object(text, capsys):
 def test_every_option_is_explained():
     """The docstring under each field is its help; without one tyro shows nothing."""
     for kind in (TrainConfig, PPOConfig, EvaluationConfig):
-        source = Path(__import__("train.config").config.__file__).read_text()
+        source = Path(__import__("train.runs.config").config.__file__).read_text()
         body = source.split(f"class {kind.__name__}:")[1].split("\n    def ")[0]
         for field in dataclasses.fields(kind):
             assert f"\n    {field.name}: " in body

@@ -4,9 +4,9 @@ import os
 import pytest
 from rich.console import Console
 
-from train.config import parse
 from train.demo import DemoConfig, jobs, table
 from train.parallel import train
+from train.runs.config import parse
 
 
 def test_commands_are_trainings_that_differ_in_layer_and_seed(tmp_path):

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 from fbid_gym.actions import LAYERS as ALL_LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.tasks import TASKS
-from train.config import parse
+from train.runs.config import parse
 from train.survey import LAYERS, SurveyConfig, curves, drawn, runs
 
 

@@ -2,8 +2,8 @@
 
 import json
 import os
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,7 +12,8 @@ import tyro
 from fbid_gym.errors import InvalidValueError
 
 
-def _parse_object(text: str) -> dict[str, Any]:
+def parse_object(text: str) -> dict[str, Any]:
+    """Read a JSON object; ValueError if the text is none."""
     value = json.loads(text)
     if not isinstance(value, dict):
         raise ValueError(f"{text!r} is not a JSON object")
@@ -24,7 +25,7 @@ JsonObject = Annotated[
     tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
         metavar="JSON",
-        instance_from_str=lambda texts: _parse_object(texts[0]),
+        instance_from_str=lambda texts: parse_object(texts[0]),
         is_instance=lambda value: isinstance(value, dict),
         str_from_instance=lambda value: [json.dumps(value)],
     ),
@@ -192,6 +193,10 @@ class TrainConfig:
         options = {"layer_options": self.layer_options} if self.layer_options else {}
         return {"action_layer": self.action_layer, **options, **self.env_args}
 
+    def options(self) -> tuple[str, ...]:
+        """Return the command line that `parse` reads as this configuration."""
+        return tuple(_options(self, TrainConfig()))
+
     def to_json(self) -> dict[str, Any]:
         """Return the resolved configuration as written to `config.json`."""
         data = asdict(self)
@@ -200,12 +205,6 @@ class TrainConfig:
         data["num_threads"] = self.threads
         return json.loads(json.dumps(data))
 
-
-# Said twice in the JSON, for readers of the environment's arguments alone.
-_REPEATED = ("env_args.action_layer", "env_args.layer_options")
-# Change how far a run goes, how fast and what is kept of it, but not one number of its curve: a
-# robot computes the same on whichever thread it is.
-_FREE = ("total_steps", "checkpoint_every", "num_threads", *_REPEATED)
 
 _LEAST = {
     "seed": 0, "total_steps": 1, "num_envs": 1, "num_threads": 0, "torch_threads": 1,
@@ -220,42 +219,27 @@ _RANGES = {
 }  # fmt: skip
 
 
-def differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
-    """Name what makes two configurations different runs.
-
-    Args:
-        stored: the `config.json` of a run folder.
-        asked: `TrainConfig.to_json()` of what is asked for.
-
-    Returns:
-        One "name: stored in the folder, asked now" per difference; empty for the same run.
-    """
-    one, other = flat(stored), flat(asked)
-    names = [n for n in dict.fromkeys([*one, *other]) if not n.startswith(_FREE)]
-    absent = object()
-    return [
-        f"{name}: {one.get(name, 'absent')!r} in the folder, {other.get(name, 'absent')!r} asked"
-        for name in names
-        if one.get(name, absent) != other.get(name, absent)
-    ]
-
-
-def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Join the keys of nested dictionaries with dots."""
-    joined: dict[str, Any] = {}
-    for key, value in data.items():
-        if isinstance(value, dict):
-            joined |= flat(value, f"{prefix}{key}.")
-        else:
-            joined[prefix + key] = value
-    return joined
-
-
 def cores() -> int:
     """Cores this process may use; where the platform does not say, those there are."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def _options(config: Any, default: Any, prefix: str = "") -> Iterator[str]:
+    """Yield what differs from the default."""
+    for item in fields(config):
+        value, usual = getattr(config, item.name), getattr(default, item.name)
+        if is_dataclass(value):
+            yield from _options(value, usual, f"{item.name}.")
+        elif value != usual:
+            yield f"--{prefix}{item.name.replace('_', '-')}"
+            if isinstance(value, dict):
+                yield json.dumps(value)
+            elif isinstance(value, tuple):
+                yield from map(str, value)
+            elif value is not True:
+                yield str(value)
 
 
 def _at(config: object, path: str) -> Any:
