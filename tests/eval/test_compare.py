@@ -16,11 +16,11 @@ from eval.comparison import compare, film
 from eval.episodes import METRICS
 from eval.report import page
 from eval.results import Settings
-from eval.rollout import play_player
-from eval.runs import load
+from eval.rollout import Player, play_player
 from eval.wording import number
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
+from train.runs.reading import load
 
 Build = Callable[..., Path]
 QUICK = Settings(episodes=6, samples=300, sweep=(1.0,), sweep_episodes=4, sweep_seconds=2.0)
@@ -78,7 +78,7 @@ def test_the_numbers_are_those_of_the_rollouts(four_runs: list[Path]) -> None:
     assert [layer.name for layer in result.layers] == ["base acceleration", "joint position"]
     for layer in result.layers:
         members = [run for run in runs if run.layer == layer.name]
-        played = [play_player(run.player(), QUICK.episodes, QUICK.seed) for run in members]
+        played = [play_player(Player.of(run), QUICK.episodes, QUICK.seed) for run in members]
         for metric in METRICS:
             means = np.array([getattr(episodes, metric.name).mean() for episodes in played])
             np.testing.assert_allclose(layer.values(metric.name), means)
@@ -196,8 +196,9 @@ def test_an_environment_that_has_changed_since_training_is_noticed(run_folder: B
     folder = run_folder()
     assert compare([load(folder)], QUICK).warnings == []
     lines = (folder / "evaluations.csv").read_text().splitlines()
-    steps, wall, episodes, last = lines[-1].split(",")
-    lines[-1] = ",".join([steps, wall, episodes, str(0.7 * float(last))])
+    last = dict(zip(lines[0].split(","), lines[-1].split(","), strict=True))
+    last["return_mean"] = str(0.7 * float(last["return_mean"]))
+    lines[-1] = ",".join(last.values())
     (folder / "evaluations.csv").write_text("\n".join(lines) + "\n")
     (warning,) = compare([load(folder)], QUICK).warnings
     assert "base_acceleration-s0 returns" in warning and "is not what it was" in warning
