@@ -67,7 +67,7 @@ def table(every: Mapping[tuple[str, int], TrainConfig]) -> Table:
     names = ("layer", "seed", "before", "after", "best", "survival", "minutes")
     found = Table(*names, title="Return at evaluation")
     for (layer, seed), training in every.items():
-        rows = read_rows(RunFolder(training.folder).evaluations)
+        rows = read_rows(RunFolder.of(training.folder).evaluations)
         first, last = rows[0], rows[-1]
         best = max(float(row["return_mean"]) for row in rows)
         found.add_row(

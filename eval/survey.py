@@ -90,7 +90,7 @@ def exploring(run: TrainConfig) -> tuple[list[float], list[float]]:
     """Return steps and the mean return of the latest episodes of training, noise included."""
     rows = [
         (float(row["steps"]), float(row["return_mean"]))
-        for row in read_rows(RunFolder(run.folder).progress)
+        for row in read_rows(RunFolder.of(run.folder).progress)
     ]
     known = [(step, mean) for step, mean in rows if math.isfinite(mean)]
     return [step for step, _ in known], [mean for _, mean in known]
@@ -98,7 +98,7 @@ def exploring(run: TrainConfig) -> tuple[list[float], list[float]]:
 
 def evaluations(run: TrainConfig) -> list[dict[str, str]]:
     """Return the rows of a run's evaluations."""
-    return read_rows(RunFolder(run.folder).evaluations)
+    return read_rows(RunFolder.of(run.folder).evaluations)
 
 
 def curves(every: Sequence[TrainConfig]) -> str:

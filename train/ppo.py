@@ -9,6 +9,7 @@ those of a training that was never interrupted.
 import math
 import sys
 import time
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
 
@@ -25,7 +26,7 @@ from train.display import Display
 from train.evaluation import evaluate
 from train.learner import MakeEnv, build, export, seeds
 from train.runs.config import TrainConfig, parse
-from train.runs.interrupt import StopRequest
+from train.runs.interrupt import stop_requests
 from train.runs.opening import OpenRun, open_run
 from train.runs.tables import EVALUATIONS, PROGRESS, TableWriter, check_kept
 from train.runs.versions import package_versions
@@ -75,7 +76,7 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
         learner = build(config, robots)
         run = stack.enter_context(open_run(config))
         training = _Training(config, run, learner, evaluated, stack)
-        with StopRequest(training.announce_stop) as stop:
+        with stop_requests(training.announce_stop) as stop:
             training.until_done(stop)
     return config.folder
 
@@ -126,7 +127,7 @@ class _Training:
     def done(self) -> bool:
         return self.steps >= self.config.total_steps
 
-    def until_done(self, stop: StopRequest) -> None:
+    def until_done(self, stop: Callable[[], bool]) -> None:
         config = self.config
         if self.run.resumes:
             self.display.note(
@@ -138,7 +139,7 @@ class _Training:
                 self.display.note(f"not to the bit: {', '.join(self.run.changes)}")
         elif config.eval.every:
             self.evaluate()
-        while not self.done and not stop.requested:
+        while not self.done and not stop():
             self.iterate()
             if config.eval.every and (self.done or self._crossed(config.eval.every)):
                 self.evaluate()

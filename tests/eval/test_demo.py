@@ -26,7 +26,7 @@ def test_the_table_says_what_the_runs_came_to(tmp_path):
     every = trainings(DemoConfig(out=tmp_path, layers=("base_acceleration",), seeds=(7,)))
     (training,) = every.values()
     training.folder.mkdir()
-    RunFolder(training.folder).evaluations.write_text(
+    RunFolder.of(training.folder).evaluations.write_text(
         "steps,wall_seconds,return_mean,survival\n0,0,20,0\n2048,60.0,50,0.5\n4096,120.0,40,0.25\n"
     )
     console = Console(file=io.StringIO(), width=100)

@@ -30,12 +30,12 @@ def test_curves_hold_every_evaluation(tmp_path):
     first, second, *_ = trainings(SurveyConfig(out=tmp_path))
     for run, height in ((first, 10.0), (second, 20.0)):
         run.folder.mkdir()
-        RunFolder(run.folder).evaluations.write_text(
+        RunFolder.of(run.folder).evaluations.write_text(
             "steps,episodes,return_mean,return_std,return_q25,return_q75,length_mean,survival\n"
             f"0,8,{height},1,{height - 1},{height + 1},50,0.5\n"
             f"1000,8,{2 * height},1,{height - 1},{height + 1},50,1.0\n"
         )
-        RunFolder(run.folder).progress.write_text(
+        RunFolder.of(run.folder).progress.write_text(
             f"steps,return_mean\n400,nan\n800,{height / 2}\n1200,{height}\n"
         )
     rows = list(csv.DictReader(io.StringIO(curves([first, second]))))

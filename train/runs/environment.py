@@ -36,7 +36,7 @@ def changed_meaning(path: Path) -> str | None:
     Raises:
         RunError: a file of the run that is not JSON.
     """
-    folder = RunFolder(path)
+    folder = RunFolder.of(path)
     if not (folder.environment.is_file() and folder.config.is_file()):
         return None
     config = read_json(folder.config)

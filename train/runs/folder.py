@@ -1,72 +1,52 @@
 """Where things lie in a run folder."""
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 
-@dataclass(frozen=True)
-class RunFolder:
-    """The folder of a run; what lies there or not is the reader's to find out."""
+class RunFolder(NamedTuple):
+    """The paths of a run; whether anything is there is the reader's to find out."""
 
     path: Path
+    """The folder itself."""
+    config: Path
+    """The resolved configuration as JSON; makes a folder a run folder. A resume may change it."""
+    versions: Path
+    """Of Python, packages, this repository and the platform, when the run began: JSON."""
+    environment: Path
+    """What the arguments of an environment of ours meant when the run began: JSON."""
+    progress: Path
+    """One row per iteration: CSV."""
+    evaluations: Path
+    """One row per evaluation: CSV."""
+    checkpoint: Path
+    """The latest exact state: a bundle of `fbid_gym.bundles`."""
+    policy: Path
+    """The policy at the latest evaluation, at the end of training the final one: a bundle."""
+    best_policy: Path
+    """The policy of the evaluation with the highest mean return: a bundle."""
+    tensorboard: Path
+    """TensorBoard events."""
+    lock: Path
+    """Held by the process that trains."""
 
-    @property
-    def config(self) -> Path:
-        """The resolved configuration; what makes a folder a run folder."""
-        return self.path / "config.json"
-
-    @property
-    def versions(self) -> Path:
-        """Of Python, packages, this repository and the platform, when the run began."""
-        return self.path / "versions.json"
-
-    @property
-    def environment(self) -> Path:
-        """What the arguments of the environment meant when the run began."""
-        return self.path / "environment.json"
-
-    @property
-    def progress(self) -> Path:
-        """One row per iteration."""
-        return self.path / "progress.csv"
-
-    @property
-    def evaluations(self) -> Path:
-        """One row per evaluation."""
-        return self.path / "evaluations.csv"
-
-    @property
-    def checkpoint(self) -> Path:
-        """The latest exact state."""
-        return self.path / "checkpoint"
-
-    @property
-    def policy(self) -> Path:
-        """The policy at the latest evaluation, at the end of training the final one."""
-        return self.path / "policy"
-
-    @property
-    def best_policy(self) -> Path:
-        """The policy of the evaluation with the highest mean return."""
-        return self.path / "policy_best"
-
-    @property
-    def tensorboard(self) -> Path:
-        """TensorBoard events."""
-        return self.path / "tensorboard"
-
-    @property
-    def lock(self) -> Path:
-        """Held by the process that trains."""
-        return self.path / ".lock"
-
-    @property
-    def results(self) -> tuple[Path, ...]:
-        """All that a run writes but its configuration, with what a killed write may leave."""
-        files = (self.versions, self.environment)
-        bundles = (self.checkpoint, self.policy, self.best_policy)
-        return (
-            *(*files, self.progress, self.evaluations, self.tensorboard, *bundles),
-            *(path.with_name(f"{path.name}.new") for path in (self.config, *files, *bundles)),
-            *(path.with_name(f"{path.name}.old") for path in bundles),
+    @classmethod
+    def of(cls, path: Path) -> "RunFolder":
+        """Return the paths in a folder, there or not."""
+        names = (
+            *("config.json", "versions.json", "environment.json", "progress.csv"),
+            *("evaluations.csv", "checkpoint", "policy", "policy_best", "tensorboard", ".lock"),
         )
+        return cls(path, *(path / name for name in names))
+
+    @property
+    def results(self) -> set[Path]:
+        """All that a run writes beside its configuration, with what a killed write may leave."""
+        bundles = {self.checkpoint, self.policy, self.best_policy}
+        replaced = {self.config, self.versions, self.environment, *bundles}
+        return {
+            *(self.versions, self.environment, self.progress, self.evaluations, self.tensorboard),
+            *bundles,
+            *(path.with_name(f"{path.name}.new") for path in replaced),
+            *(path.with_name(f"{path.name}.old") for path in bundles),
+        }

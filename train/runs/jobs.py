@@ -1,6 +1,6 @@
-"""Programs side by side, one core each: trainings, experiments, or anything that says how far it is.
+"""Programs side by side, one core each.
 
-A job is a command, a log and a way to say how far it is; `run_jobs` starts jobs, shows them, stops them.
+A job is a command, a log and a way to say how far it is: a training, an experiment, a measurement.
 """
 
 import os
@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bars
 
-from train.runs.interrupt import StopRequest
+from train.runs.interrupt import stop_requests
 
 _POLL_SECONDS = 0.3
 _LINE_SECONDS = 15.0
@@ -69,7 +69,7 @@ def run_jobs(
     with (
         _ended_at_last(running),
         _watching(jobs, console) as show,
-        StopRequest(lambda: console.print("Stopping; the same command continues.")) as stop,
+        stop_requests(lambda: console.print("Stopping; the same command continues.")) as stop,
     ):
         while running or (waiting and not stopping):
             while waiting and len(running) < at_once and not stopping:
@@ -87,7 +87,7 @@ def run_jobs(
                         console.print(line, markup=False, highlight=False)
             show(list(running), finished)
             failed = any(ended.values()) and not keep_going
-            if not stopping and (stop.requested or failed):
+            if not stopping and (stop() or failed):
                 stopping = True
                 for process in running.values():
                     process.send_signal(signal.SIGINT)
@@ -136,8 +136,9 @@ def _lines(total: int, console: Console) -> _Show:
 
     def show(running: Sequence[Job], finished: Sequence[Job]) -> None:
         nonlocal last, told
-        for told, job in enumerate(finished[told:], told + 1):
-            console.print(f"{job.name}: done, {told} of {total}", highlight=False)
+        while told < len(finished):
+            told += 1
+            console.print(f"{finished[told - 1].name}: done, {told} of {total}", highlight=False)
         if time.monotonic() - last >= _LINE_SECONDS:
             last = time.monotonic()
             for job in running:

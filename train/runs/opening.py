@@ -61,7 +61,7 @@ def open_run(config: TrainConfig) -> Iterator[OpenRun]:
             a checkpoint that cannot be read, or is in use by another process.
         FbidError: the arguments of the environment are not valid.
     """
-    folder, asked = RunFolder(config.folder), config.to_json()
+    folder, asked = RunFolder.of(config.folder), config.to_json()
     means = meaning(asked)
     _check_same_run(folder, asked, config.overwrite)
     folder.path.mkdir(parents=True, exist_ok=True)
@@ -80,7 +80,7 @@ def _check_same_run(folder: RunFolder, asked: Mapping[str, Any], overwrite: bool
     if not path.is_dir():
         raise RunError(f"{path}: is a file. Expected a run folder or a new one.")
     if not folder.config.exists():
-        foreign = sorted({*path.iterdir()} - {*folder.results, folder.lock})
+        foreign = sorted({*path.iterdir()} - folder.results - {folder.lock})
         if foreign:
             names = ", ".join(entry.name for entry in foreign[:3])
             raise RunError(

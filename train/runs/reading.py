@@ -65,7 +65,7 @@ def load(path: Path) -> Run:
     """
     if not path.is_dir():
         raise RunError(f"{path}: no such folder. Expected a run folder or an exported policy.")
-    folder = RunFolder(path)
+    folder = RunFolder.of(path)
     if not folder.config.is_file():
         policy = Policy.load(path)
         return Run(path, None, policy, None, dict(policy.versions), None)

@@ -20,7 +20,7 @@ def training_job(name: str, config: TrainConfig) -> Job:
 
 def progress(config: TrainConfig) -> Progress:
     """Return how far a training is, with its latest evaluation in words."""
-    folder, total = RunFolder(config.folder), config.total_steps
+    folder, total = RunFolder.of(config.folder), config.total_steps
     rows, evaluations = read_rows(folder.progress), read_rows(folder.evaluations)
     steps = int(rows[-1]["steps"]) if rows else 0
     note = f"{steps} of {total} steps"

@@ -75,12 +75,14 @@ def test_without_a_checkpoint_everything_starts_anew_but_notes_stay(tmp_path):
         run.begin()
         run.folder.progress.write_text("steps\n1\n")
         (tmp_path / "policy.new").mkdir()
-        (tmp_path / "notes.txt").write_text("mine")
+        for name in ("notes.txt", "config.json.old", "progress.csv.new"):
+            (tmp_path / name).write_text("mine")
     with open_run(config) as run:
         run.begin()
         assert not run.resumes and not run.folder.progress.exists()
         assert not (tmp_path / "policy.new").exists()
-    assert (tmp_path / "notes.txt").read_text() == "mine"
+    for name in ("notes.txt", "config.json.old", "progress.csv.new"):
+        assert (tmp_path / name).read_text() == "mine"
 
 
 def test_interrupted_replacement_of_a_checkpoint_resumes(tmp_path):
