@@ -10,11 +10,12 @@ import numpy as np
 
 from eval import statistics as st
 from eval.comparable import check_comparable, group, shared_settings
-from eval.episodes import METRICS, Episodes
 from eval.results import Band, Comparison, Crossing, Estimate, Layer, Pair, RunResult, Settings
-from eval.rollout import Player, make_env, play_player
+from eval.rollout import Player, play_player
 from eval.video import Clip, record
 from eval.wording import number
+from train.environments import make_env
+from train.episodes import METRICS, Episodes
 from train.runs.reading import Run
 
 Say = Callable[[str], None]

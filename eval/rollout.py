@@ -14,18 +14,17 @@ from typing import Annotated, Any
 import gymnasium as gym
 import numpy as np
 import tyro
-from gymnasium.vector import VectorEnv
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from eval.episodes import METRICS, Actor, Episodes, play
 from eval.files import check_output, to_json, write
 from eval.video import record
-from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
-from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
+from fbid_gym.errors import FbidError, InvalidValueError
 from fbid_gym.policy import Policy
-from train.runs.config import cores, parse_object
+from train.environments import make_env, make_envs, step_seconds
+from train.episodes import METRICS, Actor, Episodes, play
+from train.runs.config import parse_object
 from train.runs.environment import changed_meaning
 from train.runs.reading import Run
 from train.runs.tables import to_csv
@@ -70,38 +69,6 @@ class Player:
         return self.policy
 
 
-def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> VectorEnv:
-    """Make a vector environment; what Gymnasium objects to becomes one `FbidError`.
-
-    Raises:
-        UnknownOptionError: no such id.
-        InvalidValueError: arguments the environment does not take.
-    """
-    options = dict(env_args)
-    if env_id in ENVIRONMENTS:
-        options.setdefault("num_threads", min(cores(), num_envs))
-    return _make(lambda: gym.make_vec(env_id, num_envs=num_envs, **options), env_id, env_args)
-
-
-def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
-    """Make one environment that draws itself. Raises as `make_envs`."""
-    options = {**env_args, "render_mode": "rgb_array"}
-    return _make(lambda: gym.make(env_id, **options), env_id, env_args)
-
-
-def _make(build: Any, env_id: str, env_args: Mapping[str, Any]) -> Any:
-    try:
-        return build()
-    except gym.error.UnregisteredEnv as error:
-        raise UnknownOptionError("environment", env_id, ENVIRONMENTS) from error
-    except (TypeError, gym.error.Error) as error:
-        if isinstance(error, TypeError) and "unexpected keyword" not in str(error):
-            raise
-        raise InvalidValueError(
-            "environment arguments", dict(env_args), f"what {env_id} takes ({error})"
-        ) from error
-
-
 def play_player(
     player: Player,
     episodes: int,
@@ -132,11 +99,6 @@ def play_player(
         return play(envs, actor, episodes, seed, step_seconds(envs), on_episode)
     finally:
         envs.close()
-
-
-def step_seconds(envs: VectorEnv | gym.Env[Any, Any]) -> float:
-    """Duration of one policy step, s: pictures are drawn once per step and play in real time."""
-    return 1.0 / float(envs.metadata["render_fps"])
 
 
 def load_player(source: Path, env_args: Mapping[str, Any]) -> Player:

@@ -14,15 +14,16 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
+from gymnasium.vector import VectorEnv
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnv
 
 from fbid_gym import make_sb3
 from fbid_gym.errors import FbidError, RunError
 from fbid_gym.policy import Policy
 from train import checkpoint
 from train.display import Display
+from train.environments import make_envs
 from train.evaluation import evaluate
 from train.learner import MakeEnv, build, export, seeds
 from train.runs.config import TrainConfig, parse
@@ -49,7 +50,7 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
 
     Args:
         config: the run.
-        make_env: makes the environments.
+        make_env: makes the robots that it learns from.
 
     Raises:
         FbidError: an invalid configuration, or a run folder that does not fit it. Nothing of the
@@ -57,22 +58,16 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
         KeyboardInterrupt: after SIGINT or SIGTERM, once the state is saved.
     """
     with ExitStack() as stack:
-
-        def environment(count: int, seed: int) -> VecEnv:
-            env = make_env(
-                config.env,
-                num_envs=count,
-                seed=seed,
-                num_threads=config.threads,
-                **config.make_args(),
-            )
-            stack.callback(env.close)
-            return env
-
-        robots = environment(config.num_envs, seeds(config.seed)["robots"])
+        args = {**config.make_args(), "num_threads": config.threads}
+        seed = seeds(config.seed)["robots"]
+        robots = stack.enter_context(
+            closing(make_env(config.env, num_envs=config.num_envs, seed=seed, **args))
+        )
         evaluated = None
         if config.eval.every:
-            evaluated = environment(config.eval.episodes, config.eval.seed)
+            evaluated = stack.enter_context(
+                closing(make_envs(config.env, args, config.eval.episodes))
+            )
         learner = build(config, robots)
         run = stack.enter_context(open_run(config))
         training = _Training(config, run, learner, evaluated, stack)
@@ -89,7 +84,7 @@ class _Training:
         config: TrainConfig,
         run: OpenRun,
         learner: PPO,
-        evaluated: VecEnv | None,
+        evaluated: VectorEnv | None,
         stack: ExitStack,
     ) -> None:
         self.config, self.run, self.learner, self.evaluated = config, run, learner, evaluated
@@ -192,7 +187,7 @@ class _Training:
         """Evaluate the exported policy, not the learner: what is measured is what is kept."""
         assert self.evaluated is not None
         policy = self.export_policy()
-        result = evaluate(policy, self.evaluated, self.config.eval.seed).summary()
+        result = evaluate(policy, self.evaluated, self.config.eval.seed)
         row = {"steps": self.steps, "wall_seconds": round(self.seconds, 3), **result}
         self.evaluations.append(row)
         self.tensorboard.append("eval", row)

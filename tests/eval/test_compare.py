@@ -13,13 +13,13 @@ import scipy.stats
 
 from eval.compare import main
 from eval.comparison import compare, film
-from eval.episodes import METRICS
 from eval.report import page
 from eval.results import Settings
 from eval.rollout import Player, play_player
 from eval.wording import number
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
+from train.episodes import METRICS
 from train.runs.reading import load
 
 Build = Callable[..., Path]

@@ -20,7 +20,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished training."""
     folder = tmp_path_factory.mktemp("trained") / "run"
     config = stand_in.config(folder, seed=5, layer_options={"stiffness": 2})
-    return main(config, lambda *args, layer_options, **env_args: stand_in.make(*args, **env_args))
+    return main(config, stand_in.make)
 
 
 @pytest.fixture
