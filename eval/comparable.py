@@ -88,7 +88,7 @@ def _origin_warnings(versions: Sequence[Mapping[str, Any]]) -> list[str]:
     """Name the machines, commits and packages that are not the same for all runs."""
     found = []
     for name in sorted({name for its in versions for name in its}):
-        values = sorted({str(its.get(name, "unknown")) for its in versions})
+        values = sorted({str(its.get(name) or "unknown") for its in versions})
         if len(values) > 1:
             what = _ORIGINS.get(name, f"versions of {name}")
             found.append(f"The runs come from different {what}: {', '.join(values)}.")

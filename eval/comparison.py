@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from eval.video import Clip, record
 from eval.wording import number
 from train.environments import make_env
 from train.episodes import METRICS, Episodes
+from train.runs.config import stored_options
 from train.runs.reading import Run
 
 Say = Callable[[str], None]
@@ -115,8 +117,10 @@ def _changed(run: Run, episodes: Episodes) -> list[str]:
     if run.curve is None:
         return []
     last, now = float(run.curve.returns[-1]), float(episodes.returned.mean())
-    counts = (float(run.curve.episodes[-1]), float(len(episodes)))
-    error = float(episodes.returned.std()) * math.sqrt(sum(1.0 / n for n in counts))
+    error = math.hypot(
+        float(run.curve.spread[-1]) / math.sqrt(run.curve.episodes[-1]),
+        float(episodes.returned.std()) / math.sqrt(len(episodes)),
+    )
     if abs(now - last) <= 5.0 * error + 0.01 * abs(last):
         return []
     return [
@@ -176,7 +180,14 @@ def _result(run: Run, episodes: Episodes, sweep: list[float]) -> RunResult:
         wall=[] if curve is None else curve.wall_seconds.tolist(),
         returns=[] if curve is None else curve.returns.tolist(),
         sweep=sweep,
+        command=_command(run),
     )
+
+
+def _command(run: Run) -> str:
+    if run.config is None:
+        return ""
+    return shlex.join(["python", "-m", "train.ppo", *stored_options(run.config)])
 
 
 def _means(episodes: Episodes) -> dict[str, float]:

@@ -2,8 +2,8 @@
 
 import json
 import os
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -195,7 +195,7 @@ class TrainConfig:
 
     def options(self) -> tuple[str, ...]:
         """Return the command line that `parse` reads as this configuration."""
-        return tuple(_options(self, TrainConfig()))
+        return tuple(_options(asdict(self), asdict(TrainConfig())))
 
     def to_json(self) -> dict[str, Any]:
         """Return the resolved configuration as written to `config.json`."""
@@ -205,6 +205,9 @@ class TrainConfig:
         data["num_threads"] = self.threads
         return json.loads(json.dumps(data))
 
+
+# Said twice in the JSON, for readers of the environment's arguments alone.
+_REPEATED = ("action_layer", "layer_options")
 
 _LEAST = {
     "seed": 0, "total_steps": 1, "num_envs": 1, "num_threads": 0, "torch_threads": 1,
@@ -226,17 +229,31 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def _options(config: Any, default: Any, prefix: str = "") -> Iterator[str]:
-    """Yield what differs from the default."""
-    for item in fields(config):
-        value, usual = getattr(config, item.name), getattr(default, item.name)
-        if is_dataclass(value):
-            yield from _options(value, usual, f"{item.name}.")
-        elif value != usual:
-            yield f"--{prefix}{item.name.replace('_', '-')}"
+def stored_options(stored: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the command line that trains again what a `config.json` says, in the usual folder.
+
+    Args:
+        stored: as `TrainConfig.to_json` gives it, of this version of the package or another.
+    """
+    usual = {**TrainConfig().to_json(), "env": TrainConfig.env, "env_args": {}}
+    # How many threads and checkpoints there were is no part of what was trained.
+    for name in ("num_threads", "checkpoint_every", "env_id"):
+        del usual[name]
+    arguments = {k: v for k, v in stored.get("env_args", {}).items() if k not in _REPEATED}
+    data = {**stored, "env": stored["env_id"], "env_args": arguments}
+    return tuple(_options(data, usual))
+
+
+def _options(data: Mapping[str, Any], usual: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """Yield what differs from the usual, of what there usually is."""
+    for name, value in data.items():
+        if name in ("ppo", "eval"):
+            yield from _options(value, usual[name], f"{name}.")
+        elif name in usual and value != usual[name]:
+            yield f"--{prefix}{name.replace('_', '-')}"
             if isinstance(value, dict):
                 yield json.dumps(value)
-            elif isinstance(value, tuple):
+            elif isinstance(value, tuple | list):
                 yield from map(str, value)
             elif value is not True:
                 yield str(value)

@@ -26,6 +26,8 @@ class Curve:
     """Time since training began, s."""
     returns: np.ndarray
     """Mean return."""
+    spread: np.ndarray
+    """Standard deviation of the return over episodes."""
     episodes: np.ndarray
     """Number of episodes it is the mean of."""
 
@@ -99,7 +101,7 @@ def _read_curve(path: Path) -> Curve:
     if not rows:
         raise RunError(f"{path}: holds no evaluation, so there is no learning curve.")
     columns = []
-    for name in ("steps", "wall_seconds", "return_mean", "episodes"):
+    for name in ("steps", "wall_seconds", "return_mean", "return_std", "episodes"):
         if name not in rows[0]:
             raise RunError(f"{path}: column {name!r} is missing.")
         try:

@@ -6,7 +6,7 @@ import pytest
 
 import train.runs.config
 from fbid_gym.errors import InvalidValueError
-from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig, parse
+from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig, parse, stored_options
 
 
 def test_command_line_of_the_readme():
@@ -116,6 +116,8 @@ def test_json_has_everything_a_reader_needs():
 )  # fmt: skip
 def test_options_are_the_command_line_of_the_configuration(config):
     assert parse(list(config.options())) == config
+    again = dataclasses.replace(config, num_threads=0, out=None, overwrite=False)
+    assert parse(list(stored_options(config.to_json()))) == again
 
 
 def test_options_say_only_what_is_not_the_default():
@@ -124,3 +126,10 @@ def test_options_say_only_what_is_not_the_default():
         *("--seed", "3"),
         *("--ppo.gamma", "0.9"),
     )
+
+
+def test_stored_options_of_another_version_are_those_that_there_are():
+    stored = TrainConfig(seed=3).to_json()
+    del stored["torch_threads"]
+    stored["ppo"]["rollouts"] = 7
+    assert stored_options({**stored, "colour": "blue", "checkpoint_every": 5}) == ("--seed", "3")

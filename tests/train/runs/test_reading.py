@@ -39,6 +39,7 @@ def test_a_run_is_read_as_it_was_written(trained: Path) -> None:
     assert run.curve.steps.tolist() == [0, 384, 640, 768]
     rows = read_rows(RunFolder.of(trained).evaluations)
     assert run.curve.returns.tolist() == [float(row["return_mean"]) for row in rows]
+    assert run.curve.spread.tolist() == [float(row["return_std"]) for row in rows]
     assert run.curve.episodes.tolist() == [4] * 4 and (run.curve.wall_seconds[1:] > 0).all()
 
 
@@ -96,7 +97,8 @@ def renamed(folder: Path) -> None:
         ),
         (
             damage(
-                "evaluations.csv", "steps,wall_seconds,return_mean,episodes\n2,2,2,8\n1,3,3,8\n"
+                "evaluations.csv",
+                "steps,wall_seconds,return_mean,return_std,episodes\n2,2,2,1,8\n1,3,3,1,8\n",
             ),
             "the steps do not increase",
         ),
