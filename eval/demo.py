@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from eval.compare import main as compare
+from fbid_gym.errors import FbidError
 from train.runs.config import EvaluationConfig, TrainConfig, cores
 from train.runs.folder import RunFolder
 from train.runs.jobs import run_jobs
@@ -89,6 +90,7 @@ def main(config: DemoConfig) -> int:
     every = trainings(config)
     jobs = [training_job(f"{layer}, seed {seed}", its) for (layer, seed), its in every.items()]
     if run_jobs(jobs, config.jobs, console):
+        console.print("Not every training has finished; the same command continues.")
         return 1
     report = config.out / "report.html"
     status = compare([*(str(its.folder) for its in every.values()), "--out", str(report)])
@@ -100,4 +102,7 @@ def main(config: DemoConfig) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(DemoConfig, prog="python -m eval.demo")))
+    try:
+        sys.exit(main(tyro.cli(DemoConfig, prog="python -m eval.demo")))
+    except FbidError as error:
+        sys.exit(f"error: {error}")

@@ -18,6 +18,7 @@ from eval.files import write
 from eval.plots import Series, panel, sheet
 from eval.wording import steps as steps_text
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.errors import FbidError
 from train.runs.config import EvaluationConfig, TrainConfig, cores
 from train.runs.folder import RunFolder
 from train.runs.jobs import run_jobs
@@ -163,6 +164,7 @@ def main(config: SurveyConfig) -> int:
     console = Console()
     every = trainings(config)
     if run_jobs([training_job(_title(one), one) for one in every], config.jobs, console):
+        console.print("Not every training has finished; the same command continues.")
         return 1
     write(config.figure.with_suffix(".csv"), curves(every))
     write(config.figure, drawn(every))
@@ -179,4 +181,7 @@ def main(config: SurveyConfig) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(SurveyConfig, prog="python -m eval.survey")))
+    try:
+        sys.exit(main(tyro.cli(SurveyConfig, prog="python -m eval.survey")))
+    except FbidError as error:
+        sys.exit(f"error: {error}")

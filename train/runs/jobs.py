@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bars
 
+from fbid_gym.errors import InvalidValueError
 from train.runs.interrupt import stop_requests
 
 _POLL_SECONDS = 0.3
@@ -62,14 +63,19 @@ def run_jobs(
 
     Returns:
         Those that did not run to their end with status 0, in their order.
+
+    Raises:
+        InvalidValueError: none at a time.
     """
+    if at_once < 1:
+        raise InvalidValueError("jobs", at_once, "at least 1 at a time")
     waiting, finished = list(jobs), list[Job]()
     running: dict[Job, subprocess.Popen[bytes]] = {}
     stopping = False
     with (
         _ended_at_last(running),
         _watching(jobs, console) as show,
-        stop_requests(lambda: console.print("Stopping; the same command continues.")) as stop,
+        stop_requests(lambda: console.print("Stopping; once more to stop at once.")) as stop,
     ):
         while running or (waiting and not stopping):
             while waiting and len(running) < at_once and not stopping:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from fbid_gym.errors import InvalidValueError
 from train.runs import jobs
 from train.runs.jobs import Job, Progress, run_jobs
 
@@ -96,3 +97,8 @@ def test_a_stop_is_passed_on_once_and_starts_no_more(tmp_path):
     thread.join()
     assert (tmp_path / "saved").exists() and not second.log.exists()
     assert "Stopping" in _text(console) and "failed" not in _text(console)
+
+
+def test_at_least_one_at_a_time(tmp_path):
+    with pytest.raises(InvalidValueError, match="Invalid jobs: 0. Expected at least 1 at a time"):
+        run_jobs([_job(tmp_path, "a", "pass")], 0, _console())
