@@ -21,8 +21,8 @@ from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, ce
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from fbid_gym.motions import Reference, home_reference
-from fbid_gym.quantities import RobotState
+from fbid_gym.motions import home_reference
+from fbid_gym.quantities import Reference, RobotState
 
 TORQUE_MAPS = {
     "garofalo2015": torque_map_garofalo2015,
