@@ -78,7 +78,7 @@ def test_a_robot_that_is_told_to_stand_stands_still() -> None:
         target = ghost.tick()
         assert target.planted.all() and (target.load == 1.0).all()
         assert (target.com_acceleration**2).sum() < 1e-20 + (GAIT.standing * 0.05) ** 2
-    assert (ghost.terms.foot_position == before).all()
+    assert np.abs(ghost.terms.foot_position - before).max() < 1e-12
     assert not ghost.memory.walking.any() and target.cycle == 0.0
 
 
@@ -106,7 +106,8 @@ def test_starting_walking_and_stopping_are_without_jumps() -> None:
         # A foot lifts, and lands, without load and from where it is.
         assert (last.load[lifted] <= 1.1 * TICK / GAIT.unload).all()
         assert np.abs(target.foot_position - before).max() < 2.0 * TICK
-        assert (np.abs(target.load - last.load)[last.planted & target.planted] < 0.06).all()
+        change = np.abs(target.load - last.load)[last.planted & target.planted]
+        assert (change <= 1.001 * TICK / GAIT.unload).all()
         assert np.abs(target.com_acceleration - last.com_acceleration).max() < 1.0
         walked |= bool(lifted.any())
         last = target

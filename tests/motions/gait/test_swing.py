@@ -36,7 +36,7 @@ def test_rates_are_derivatives_and_acceleration_is_continuous(
     step = SPAN / (len(motion.value) - 1)
     for whole, rate in ((motion.value, motion.rate), (motion.rate, motion.acceleration)):
         slope = (whole[2:] - whole[:-2]) / (2.0 * step)
-        assert np.abs(slope - rate[1:-1]).max() < 1e-3 * np.abs(rate).max()
+        assert np.abs(slope - rate[1:-1]).max() < 5e-3 * np.abs(rate).max()
     # A jump would not shrink with the step; the greatest jerk of these quintics is 60 way / half^3.
     jerk = 60.0 * (np.ptp(ends) + LIFT) / (0.5 * SPAN) ** 3
     assert np.abs(np.diff(motion.acceleration)).max() < jerk * step
@@ -58,6 +58,6 @@ def test_a_foot_that_finds_no_ground_reaches_down_from_rest_and_then_evenly() ->
     assert motion.value[0] == motion.rate[0] == motion.acceleration[0] == 0.0
     for whole, rate in ((motion.value, motion.rate), (motion.rate, motion.acceleration)):
         slope = (whole[2:] - whole[:-2]) / (2.0 * step)
-        assert np.abs(slope - rate[1:-1]).max() < 1e-3 * np.abs(rate).max()
+        assert np.abs(slope - rate[1:-1]).max() < 5e-3 * np.abs(rate).max()
     assert (np.diff(motion.value) > 0.0).all()
     assert motion.rate[clock > ramp] == pytest.approx(speed)
