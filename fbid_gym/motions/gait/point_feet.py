@@ -124,7 +124,8 @@ class GaitTarget(NamedTuple):
         load: (N, F) share of its greatest force that a foot may take: 0 in the air, and on the way
             to 0 or 1 before it lifts and after it lands.
         foothold: (N, F, 3) m, where a foot in the air shall land; that of a foot that stands.
-        clipped: (N, F) bool, the foothold would have to be farther away than the leg reaches.
+        clipped: (N, F) bool, the foothold would have to be where the leg does not reach it when it
+            lands, or no longer reaches it when it lifts.
         velocity: (N, 2) m/s, of the base.
         com_acceleration: (N, 2) m/s^2, horizontal, of the centre of mass.
         heading: (N,) rad, of the body.
@@ -438,11 +439,16 @@ def _find_foothold(
     ground = command.ground[i, foot]
     if math.isnan(ground):
         ground = memory.ground[i]
-    hip = turned(heading + turning * left, gait.hip[foot, 0], gait.hip[foot, 1])
+    # Within reach when the foot lands, and, as far as that allows, until it lifts.
     height = terms.base_position[i, 2] + gait.hip[foot, 2] - ground
     radius = math.sqrt(max(gait.reach[foot] ** 2 - height**2, 0.0))
-    over: Pair = (base[0] + hip[0], base[1] + hip[1])
-    x, y, target.clipped[i, foot] = within_reach(over, radius, x, y)
+    hip = turned(heading + turning * left, gait.hip[foot, 0], gait.hip[foot, 1])
+    lands: Pair = (base[0] + hip[0], base[1] + hip[1])
+    hip = turned(heading + turning * (left + stance), gait.hip[foot, 0], gait.hip[foot, 1])
+    lifts: Pair = (base[0] + hip[0] + wanted[0] * stance, base[1] + hip[1] + wanted[1] * stance)
+    x, y, trails = within_reach(lifts, radius, x, y)
+    x, y, far = within_reach(lands, radius, x, y)
+    target.clipped[i, foot] = trails or far
     target.foothold[i, foot, 0], target.foothold[i, foot, 1] = x, y
     target.foothold[i, foot, 2] = ground
 

@@ -45,7 +45,7 @@ class Pattern(NamedTuple):
 
 
 PATTERNS = {
-    "trot": Pattern(2.9, 0.55, (0.0, 0.5, 0.5, 0.0)),
+    "trot": Pattern(2.5, 0.55, (0.0, 0.5, 0.5, 0.0)),
     "walk": Pattern(4.0, 0.78, (0.25, 0.75, 0.0, 0.5)),
     "pace": Pattern(2.3, 0.6, (0.0, 0.5, 0.0, 0.5)),
     "bound": Pattern(2.3, 0.6, (0.0, 0.0, 0.5, 0.5)),
