@@ -38,7 +38,13 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _PLACES = folders(Path(__file__).parent)
 # Division by zero gives infinity, as in NumPy. Sums may be taken in any order, and so side by side.
-_OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"reassoc", "contract"}}
+# Nobody calls from C: without a wrapper for that, there is less to compile.
+_OPTIONS = {
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"reassoc", "contract"},
+    "no_cfunc_wrapper": True,
+}
 
 
 def compiled(function: Function) -> Function:
@@ -59,7 +65,8 @@ def kernel(function: Function) -> Function:
     kinds = get_type_hints(function)
     result = kinds.pop("return")
     names = ", ".join(kinds)
-    scope: dict[str, Any] = {"body": njit(**_OPTIONS)(function)}
+    # Only the entry calls the body, and no Python: taking named tuples apart is long to compile.
+    scope: dict[str, Any] = {"body": njit(no_cpython_wrapper=True, **_OPTIONS)(function)}
     fields: list[str] = []
     leaves: list[str] = []
     built = ", ".join(_built(kind, name, scope, fields) for name, kind in kinds.items())
