@@ -393,7 +393,7 @@ class Reference(NamedTuple):
     stepping: bool
 
 
-def rows_of(reference: Reference, rows: np.ndarray) -> Reference:
+def rows_of(reference: Reference, rows: np.ndarray | slice) -> Reference:
     """Return the reference of some robots; a single row goes on to stand for all."""
     if len(reference.qpos) == 1:
         return reference

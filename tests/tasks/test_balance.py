@@ -178,10 +178,11 @@ def test_standing_perfectly_earns_everything(task):
     plan = plans(task, 1)
     plan["command"][:] = task.body.home_height
     rewards, metrics = task.reward(outcome_at(task, *at_home(task)), plan)
+    weights = REWARD_WEIGHTS._asdict()
     assert sum(REWARD_WEIGHTS) == pytest.approx(1.0)
-    assert rewards.keys() == REWARD_WEIGHTS.keys()
+    assert rewards.keys() == weights.keys()
     for name, value in rewards.items():
-        assert value == pytest.approx(REWARD_WEIGHTS[name]), name
+        assert value == pytest.approx(weights[name]), name
     assert metrics["height"] == pytest.approx(task.body.home_height)
     assert metrics["height_error"] == pytest.approx(0.0, abs=1e-12)
     assert metrics["slip"] == metrics["power"] == metrics["torque_rms"] == 0.0
@@ -217,9 +218,9 @@ def test_rewards_are_their_formulas(task, rng):
             "torque": np.exp(-((effort / 0.3) ** 2)),
         }
         for name, share in expected.items():
-            value = rewards[name][row]
-            assert value == pytest.approx(REWARD_WEIGHTS[name] * share, rel=1e-9), name
-            assert 0.0 <= value <= REWARD_WEIGHTS[name]
+            value, weight = rewards[name][row], getattr(REWARD_WEIGHTS, name)
+            assert value == pytest.approx(weight * share, rel=1e-9), name
+            assert 0.0 <= value <= weight
         assert metrics["height"][row] == pytest.approx(base[2])
         assert metrics["height_command"][row] == command
         assert metrics["height_error"][row] == pytest.approx(base[2] - command)
