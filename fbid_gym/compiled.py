@@ -75,6 +75,7 @@ def kernel(function: Function) -> Function:
     names = ", ".join(kinds)
     scope: dict[str, Any] = {"body": njit(**_OPTIONS)(function)}
     fields: list[str] = []
+    leaves: list[str] = []
     built = ", ".join(_built(kind, name, scope, fields) for name, kind in kinds.items())
     passed = ", ".join(part for name, kind in kinds.items() for part in _parts(kind, name))
 
@@ -82,7 +83,7 @@ def kernel(function: Function) -> Function:
     if _is_tuple(result):
         # Numba takes longer to make a named tuple for Python than a plain one.
         source += f"    return {', '.join(_leaves(result, 'found'))},\n"
-        returned = _built(result, "found", scope, leaves := [])
+        returned = _built(result, "found", scope, leaves)
         door = f"    {', '.join(leaves)}, = entry({passed})\n    return {returned}\n"
     else:
         source += "    return found\n"

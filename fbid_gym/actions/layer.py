@@ -5,9 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.motions import Reference
+from fbid_gym.quantities import DynamicsTerms, Reference, RobotState
 
 Memory = dict[str, np.ndarray]
 """What a layer remembers from tick to tick, one row per robot: warm starts and diagnostics."""

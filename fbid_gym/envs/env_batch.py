@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import kernel
-from fbid_gym.dynamics.state import Outcome, RobotState
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots.terrain import Terrain
+from fbid_gym.tasks.outcome import Outcome
 
 _ACTION_TOLERANCE = 1e-6
 _LOW = 2**64 - 1
@@ -93,8 +94,8 @@ class EnvBatch:
         self.simulation.place(ids, self._plan["qpos"][ids], self._plan["qvel"][ids])
         self._tick[ids], self._torque[ids] = 0, 0.0
         self._forget(ids)
-        zeros = np.zeros(self.num_envs)
-        outcome = self._outcome(self._torque, zeros, zeros)
+        rest = Effort.none(self.num_envs, self.robot.num_joints)
+        outcome = self._outcome(rest._replace(torque=self._torque))
         self._observation[ids] = self._observe(outcome)[ids]
 
     def observation(self) -> np.ndarray:
@@ -122,56 +123,58 @@ class EnvBatch:
 
     def step(self, action: np.ndarray) -> Step:
         """Hold the checked actions (N, A) for one policy step."""
-        ticks, state, torque_of = self.rates.ticks, self._look(), self.layer.torque
-        effort = Effort.none(self.num_envs, self.robot.num_joints)
+        effort, push = self._act(action)
+        lost = effort.lost | self.simulation.diverged()
+        if lost.any():
+            self._retire(np.flatnonzero(lost))
+        outcome = self._outcome(effort)
+        rewards, metrics = self.task.reward(outcome, self._plan)
+        rewards = {f"reward_{name}": np.where(lost, 0.0, x) for name, x in rewards.items()}
+        # A diverged robot has no state worth observing: its last observation stands.
+        self._observation = np.where(lost[:, None], self._observation, self._observe(outcome))
+        fallen = self.task.fallen(outcome)
+        terminated = fallen | lost
+        truncated = (self._tick >= self.num_steps * self.rates.ticks) & ~terminated
+        info = rewards | metrics | self._report(effort, push, fallen, lost)
+        reward = sum(rewards.values(), np.zeros(self.num_envs))
+        return Step(self.observation(), reward, terminated, truncated, info)
+
+    def _act(self, action: np.ndarray) -> tuple[Effort, np.ndarray]:
+        """Run the control ticks of a policy step; what the motors did, and the last push."""
+        state, effort = self._look(), Effort.none(self.num_envs, self.robot.num_joints)
         pushes = self.task.push(self._plan, self._tick + self._all_ticks)
         for push in pushes:
             reference = self.task.reference(self._plan, self._tick)
-            torque = torque_of(action, state, reference, self.plant.terms, self._memory)
+            torque = self.layer.torque(action, state, reference, self.plant.terms, self._memory)
             self.simulation.tick(torque, push, effort, state)
-        lost = effort.lost | self.simulation.diverged()
-        some_lost = bool(lost.any())
-        if some_lost:
-            self._retire(np.flatnonzero(lost))
-
-        outcome = self._outcome(
-            effort.torque,
-            effort.torque_square / (ticks * self.robot.num_joints),
-            effort.power / ticks,
-        )
         self._torque = effort.torque
-        terms, metrics = self.task.reward(outcome, self._plan)
-        fallen, observation = self.task.fallen(outcome), self._observe(outcome)
+        return effort, pushes[-1]
+
+    def _report(
+        self, effort: Effort, push: np.ndarray, fallen: np.ndarray, lost: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """What a step's info says beside rewards and metrics."""
         termination = np.full(self.num_envs, "", object)
-        termination[fallen] = "fall"
-        if some_lost:
-            # A diverged robot has no state worth observing: its last observation stands.
-            observation[lost] = self._observation[lost]
-            termination[lost] = "diverged"
-            for value in terms.values():
-                value[lost] = 0.0
-        self._observation = observation
-        terminated = fallen | lost
-        truncated = (self._tick >= self.num_steps * ticks) & ~terminated
-        info = {f"reward_{name}": value for name, value in terms.items()} | metrics
-        info["push"] = pushes[-1]
-        info["torque"] = effort.torque.copy()
-        info["contact_force"] = state.contact_force.copy()
-        info["layer_saturation"] = effort.saturation
-        info |= {f"layer_{name}": self._memory[name].copy() for name in self.layer.diagnostics}
-        info["termination"] = termination
-        reward = sum(terms.values(), np.zeros(self.num_envs))
-        return Step(self.observation(), reward, terminated, truncated, info)
+        termination[fallen], termination[lost] = "fall", "diverged"
+        return {
+            "push": push,
+            "torque": effort.torque.copy(),
+            "contact_force": self._state.contact_force.copy(),
+            "layer_saturation": effort.saturation,
+            **{f"layer_{name}": self._memory[name].copy() for name in self.layer.diagnostics},
+            "termination": termination,
+        }
 
     def _look(self) -> RobotState:
         """Return where the robots are, in arrays of our own."""
         self._state.qpos[:], self._state.qvel[:] = self.simulation.qpos, self.simulation.qvel
         return self._state
 
-    def _outcome(self, torque: np.ndarray, torque_square: np.ndarray, power: np.ndarray) -> Outcome:
-        terms = self.simulation.terms()
-        frame = self.task.support.frame(terms)
-        return Outcome(self._look(), terms, frame, torque, torque_square, power)
+    def _outcome(self, effort: Effort) -> Outcome:
+        ticks, terms = self.rates.ticks, self.simulation.terms()
+        frame = self.task.body.stance.frame(terms)
+        square = effort.torque_square / (ticks * self.robot.num_joints)
+        return Outcome(self._look(), terms, frame, effort.torque, square, effort.power / ticks)
 
     def _observe(self, outcome: Outcome) -> np.ndarray:
         """(N, O) float32, clipped."""

@@ -4,10 +4,9 @@ from typing import Protocol
 
 import numpy as np
 
-from fbid_gym.dynamics.state import Outcome
-from fbid_gym.dynamics.support import Support
-from fbid_gym.motions import Reference
+from fbid_gym.quantities import Reference
 from fbid_gym.tasks.body import Body
+from fbid_gym.tasks.outcome import Outcome
 
 Plan = dict[str, np.ndarray]
 """All that chance decided about the episodes of N robots, one row each: see `Task.draw`."""
@@ -23,11 +22,6 @@ class Task(Protocol):
     @property
     def body(self) -> Body:
         """The robot, and what every task sees of it."""
-        ...
-
-    @property
-    def support(self) -> Support:
-        """The robot's home stance."""
         ...
 
     @property

@@ -7,7 +7,7 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.state import RobotState
+from fbid_gym.quantities import RobotState
 from fbid_gym.motions import Reference, home_reference
 
 

@@ -11,7 +11,7 @@ from fbid_gym.actions import make_layer
 from fbid_gym.control import limited_inverse_dynamics, orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
-from fbid_gym.dynamics.state import RobotState
+from fbid_gym.quantities import RobotState
 from fbid_gym.motions import home_reference
 
 ENV = "fbid_gym/BipedBalance-v0"

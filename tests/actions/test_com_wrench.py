@@ -20,7 +20,7 @@ from fbid_gym.control import (
 from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, centroidal_terms
 from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian, reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix
-from fbid_gym.dynamics.state import RobotState
+from fbid_gym.quantities import RobotState
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.motions import Reference, home_reference
 

@@ -11,7 +11,7 @@ from fbid_gym.actions import make_layer
 from fbid_gym.actions.smooth_target import SmoothTarget
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import point_jacobian
-from fbid_gym.dynamics.state import RobotState
+from fbid_gym.quantities import RobotState
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import home_reference, periodic_squat

@@ -6,7 +6,7 @@ import pytest
 from fbid_gym.actions import LAYERS, layer_options, make_layer
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian
-from fbid_gym.dynamics.state import RobotState
+from fbid_gym.quantities import RobotState
 from fbid_gym.motions import home_reference
 
 OPTIONS = [

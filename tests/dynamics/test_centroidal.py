@@ -29,7 +29,7 @@ from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian, point_po
 from fbid_gym.dynamics.coriolis import CoriolisMatrix
 from fbid_gym.dynamics.pinocchio_coriolis import pinocchio_coriolis
 from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
-from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.quantities import DynamicsTerms
 
 EXACT = 1e-9
 COUNT = 6
