@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from fbid_gym.dynamics.contacts import ContactGeometry
-from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.flat_feet import FlatFootGait
 from fbid_gym.robots import Robot
@@ -38,12 +37,13 @@ def biped_gait(robot: Robot) -> FlatFootGait:
             f"Robot {robot.name!r} has {robot.num_feet} feet. "
             "Expected two flat feet to walk like a biped."
         )
-    home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
+    stance = Stance.of(robot)
+    home = stance.terms
     forward = home.base_rotation[0, :2, 0] / np.linalg.norm(home.base_rotation[0, :2, 0])
     upright = np.array([[*forward, 0.0], [-forward[1], forward[0], 0.0], [0.0, 0.0, 1.0]])
     feet, turn = home.foot_position[0] @ upright.T, upright @ home.foot_rotation[0]
     width = abs(feet[0, 1] - feet[1, 1])
-    geometry = ContactGeometry.of(robot)
+    geometry = stance.geometry
     points = np.matvec(turn[geometry.foot_of_point], geometry.offset)[:, :2]
     sole = np.abs(points).max(axis=0)
     ground = feet[:, 2].mean()

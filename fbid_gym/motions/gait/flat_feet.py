@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.motions.gait.divergent import (
     StepTiming,
     error_to_come,
