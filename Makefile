@@ -27,7 +27,7 @@ endif
 help:  ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-setup: $(VENV)/.installed $(VENV)/mujoco_gl  ## Install everything into .venv (done once).
+setup: $(VENV)/.installed $(VENV)/mujoco_gl $(VENV)/.compiled  ## Install into .venv and compile, once.
 	@:
 
 demo: setup  ## Train two action layers on BipedBalance, compare them, write runs/demo/report.html.
@@ -73,6 +73,11 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing into $(VENV) ..."
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 		--constraint constraints.txt --editable ".[dev]"
+	@touch $@
+
+# Done once; after a change of the sources, what runs is compiled as it is used.
+$(VENV)/.compiled: $(VENV)/.installed | $(VENV)/mujoco_gl
+	@$(HEADLESS) $(BIN)/python -m fbid_gym.compile_all
 	@touch $@
 
 # Which off-screen backend works: EGL, else OSMesa. Missing libraries are installed where that is

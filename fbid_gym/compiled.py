@@ -19,40 +19,26 @@ Inside compiled code a named tuple costs nothing. On the way in from Python, Num
 microsecond for each: so `kernel` makes a door. It compiles an entry that takes the fields one by
 one and builds the tuples inside, and gives Python a function that passes the fields on.
 
-Entries are compiled on first use and then kept on disk, in a folder named after the sources of all
-of them: an entry contains what it calls, whichever file that lies in. Python's lock is released
-while they run.
+Entries are compiled on first use and then kept on disk (`fbid_gym.compile_cache`). Python's lock is
+released while they run.
 """
 
-import hashlib
 import inspect
 from collections.abc import Callable
 from functools import update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
-import numba
 from numba import njit
 from numba.extending import overload
 
+from fbid_gym.compile_cache import folders, kept
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_PACKAGE = Path(__file__).parent
+_PLACES = folders(Path(__file__).parent)
 # Division by zero gives infinity, as in NumPy. Sums may be taken in any order, and so side by side.
 _OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"reassoc", "contract"}}
-
-
-def _fingerprint() -> str:
-    """Of all files that hold compiled functions or the tuples that they take."""
-    digest = hashlib.sha256()
-    for path in sorted(_PACKAGE.rglob("*.py")):
-        source = path.read_bytes()
-        if any(word in source for word in (b"@compiled", b"@kernel", b"NamedTuple")):
-            digest.update(source)
-    return digest.hexdigest()[:16]
-
-
-_FOLDER = f"compiled-{_fingerprint()}"
 
 
 def compiled(function: Function) -> Function:
@@ -88,12 +74,12 @@ def kernel(function: Function) -> Function:
     else:
         source += "    return found\n"
         door = f"    return entry({passed})\n"
-    # Under the function's own file name, which is where Numba's cache looks for changes.
+    # Under the function's own file name, so that errors show its lines.
     file = function.__code__.co_filename
     exec(compile(source, file, "exec"), scope)
     entry = scope["entry"]
     entry.__qualname__, entry.__module__ = function.__qualname__, function.__module__
-    scope["entry"] = _kept(entry)
+    scope["entry"] = kept(njit(**_OPTIONS)(entry), _PLACES)
     exec(compile(f"def door({names}):\n{door}", file, "exec"), scope)
     exec(f"def implementation({names}):\n    return function", {"function": function}, scope)
     own, implementation = scope["door"], scope["implementation"]
@@ -102,16 +88,6 @@ def kernel(function: Function) -> Function:
     implementation.__signature__ = inspect.signature(function)
     overload(own, jit_options=_OPTIONS)(implementation)
     return own
-
-
-def _kept(entry: Callable[..., Any]) -> Any:
-    """Compile a function of plain arguments, and keep it on disk."""
-    given = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(Path(given or _PACKAGE / "__pycache__") / _FOLDER)
-    try:
-        return njit(cache=True, **_OPTIONS)(entry)
-    finally:
-        numba.config.CACHE_DIR = given
 
 
 def _is_tuple(kind: Any) -> bool:

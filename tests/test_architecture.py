@@ -20,6 +20,7 @@ PACKAGES = ("fbid_gym", "train", "eval")
 # "fbid_gym" stands for fbid_gym/__init__.py, which gathers the public names.
 RANK = {
     "errors": 0,
+    "compile_cache": 0,
     "bundles": 1,
     "compiled": 1,
     "policy": 2,
@@ -31,6 +32,7 @@ RANK = {
     "actions": 6,
     "tasks": 6,
     "envs": 7,
+    "compile_all": 8,
     "fbid_gym": 8,
     "eval": 9,
     "train": 9,
@@ -41,7 +43,7 @@ FRIENDS = {"eval", "train"}
 # Where a library may be imported: units, or single modules.
 ONLY_IN = {
     "pinocchio": {"dynamics"},
-    "numba": {"compiled"},
+    "numba": {"compiled", "compile_cache"},
     "torch": {"train", "eval", "fbid_gym.envs.sb3"},
     "stable_baselines3": {"train", "eval", "fbid_gym.envs.sb3"},
 }

@@ -25,14 +25,12 @@ class _Gains(NamedTuple):
     """Of the stabiliser.
 
     Attributes:
-        scale: (6,) m/s^2 and rad/s^2 at action 1.
         stiffness: (6,) w^2 of the base, 1/s^2.
         damping: (6,) 2 zeta w of the base, 1/s.
         posture_stiffness: w^2 of the joints, 1/s^2.
         posture_damping: 2 zeta w of the joints, 1/s.
     """
 
-    scale: np.ndarray
     stiffness: np.ndarray
     damping: np.ndarray
     posture_stiffness: float
@@ -63,12 +61,14 @@ class BaseAcceleration:
     Attributes:
         law: from acceleration to torque.
         stance: the home stance.
-        gains: of the stabiliser, and the scale of the action.
+        gains: of the stabiliser.
+        scale: (6,) m/s^2 and rad/s^2 at action 1.
     """
 
     law: AccelerationLaw
     stance: Stance
     gains: _Gains
+    scale: np.ndarray
 
     @classmethod
     def of(
@@ -117,13 +117,12 @@ class BaseAcceleration:
         )
         posture = 2.0 * np.pi * posture_frequency
         gains = _Gains(
-            scale=_scale(robot, stance, contact.friction),
             stiffness=omega**2,
             damping=2.0 * damping_ratio * omega,
             posture_stiffness=posture**2,
             posture_damping=2.0 * damping_ratio * posture,
         )
-        return cls(law, stance, gains)
+        return cls(law, stance, gains, _scale(robot, stance, contact.friction))
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -133,7 +132,7 @@ class BaseAcceleration:
         units = ["m/s^2"] * 3 + ["rad/s^2"] * 3
         return tuple(
             f"{name} (x {scale:.3g} {unit})"
-            for name, scale, unit in zip(names, self.gains.scale, units, strict=True)
+            for name, scale, unit in zip(names, self.scale, units, strict=True)
         )
 
     @property
@@ -167,19 +166,19 @@ class BaseAcceleration:
     ) -> np.ndarray:
         """Return the desired acceleration (N, nv)."""
         frame = self.stance.frame(terms)
-        return _stabilise(self.gains, action, state, reference, frame, terms)
+        return _stabilise(self.gains, self.scale * action, state, reference, frame, terms)
 
 
 @kernel
 def _stabilise(
     gains: _Gains,
-    action: np.ndarray,
+    added: np.ndarray,
     state: RobotState,
     reference: Reference,
     frame: SupportFrame,
     terms: DynamicsTerms,
 ) -> np.ndarray:
-    """Return what `BaseAcceleration.acceleration` does, for actions (N, 6)."""
+    """Return what `BaseAcceleration.acceleration` does, for accelerations (N, 6) to add."""
     count, size = state.qvel.shape
     result = np.empty((count, size))
     target, level, turn = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -201,7 +200,7 @@ def _stabilise(
             of_com = k < 2  # horizontally the centre of mass is controlled, else the base
             velocity = reference.com_velocity[row, k] if of_com else reference.qvel[row, k]
             lead[k] = reference.com_acceleration[row, k] if of_com else reference.qacc[row, k]
-            lead[k] += gains.scale[k] * action[i, k] + damping[k] * velocity
+            lead[k] += added[i, k] + damping[k] * velocity
             if k < 3:
                 place = reference.com[row, k] if of_com else reference.qpos[row, k]
                 lead[k] += stiffness[k] * place

@@ -24,12 +24,10 @@ class _Gains(NamedTuple):
     Attributes:
         stiffness: w^2, 1/s^2.
         damping: 2 zeta w, 1/s.
-        scale: rad/s^2 (m/s^2 for slides) at action 1.
     """
 
     stiffness: float
     damping: float
-    scale: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +39,13 @@ class JointAcceleration:
 
     Attributes:
         law: from acceleration to torque.
-        gains: of the joints, and the scale of the action.
+        gains: of the joints.
+        scale: rad/s^2 (m/s^2 for slides) at action 1.
     """
 
     law: AccelerationLaw
     gains: _Gains
+    scale: float
 
     @classmethod
     def of(
@@ -73,15 +73,13 @@ class JointAcceleration:
         )
         omega = 2.0 * np.pi * natural_frequency
         law = AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST)
-        return cls(law, _Gains(omega**2, 2.0 * damping_ratio * omega, float(scale)))
+        return cls(law, _Gains(omega**2, 2.0 * damping_ratio * omega), float(scale))
 
     @property
     def action_names(self) -> tuple[str, ...]:
         """One acceleration a joint."""
         joints = self.law.robot.joint_names
-        return tuple(
-            f"acceleration of {joint} (x {self.gains.scale:g} rad/s^2)" for joint in joints
-        )
+        return tuple(f"acceleration of {joint} (x {self.scale:g} rad/s^2)" for joint in joints)
 
     @property
     def diagnostics(self) -> tuple[str, ...]:
@@ -101,15 +99,15 @@ class JointAcceleration:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        desired = _stabilise(self.gains, action, state, reference)
+        desired = _stabilise(self.gains, self.scale * action, state, reference)
         return self.law.torque(desired, state, reference, terms(), memory)
 
 
 @kernel
 def _stabilise(
-    gains: _Gains, action: np.ndarray, state: RobotState, reference: Reference
+    gains: _Gains, added: np.ndarray, state: RobotState, reference: Reference
 ) -> np.ndarray:
-    """Desired accelerations (N, nv) for actions (N, n); zero for the base."""
+    """Desired accelerations (N, nv) with accelerations (N, n) to add; zero for the base."""
     count, size = state.qvel.shape
     desired = np.zeros((count, size))
     for i in range(count):
@@ -119,6 +117,6 @@ def _stabilise(
                 reference.qacc[row, k]
                 + gains.stiffness * (reference.qpos[row, k + 1] - state.qpos[i, k + 1])
                 + gains.damping * (reference.qvel[row, k] - state.qvel[i, k])
-                + gains.scale * action[i, k - 6]
+                + added[i, k - 6]
             )
     return desired

@@ -42,7 +42,7 @@ class Forces(NamedTuple):
     dual: np.ndarray  # (6,) the next start
 
 
-class _Points(NamedTuple):
+class Points(NamedTuple):
     """The problem, point by point."""
 
     wrenches: np.ndarray  # (P, 3, 6): of unit forces of the points, G^T
@@ -89,7 +89,7 @@ def nearest_force(
 
 
 @compiled
-def evaluate(problem: _Points, regularisation: float, point: Point) -> float:
+def evaluate(problem: Points, regularisation: float, point: Point) -> float:
     """Update a point from its dual; returns the norm of the gradient."""
     missing = point.missing
     for row in range(6):
@@ -110,9 +110,7 @@ def evaluate(problem: _Points, regularisation: float, point: Point) -> float:
 
 
 @compiled
-def jacobian_at(
-    problem: _Points, regularisation: float, point: Point, jacobian: np.ndarray
-) -> None:
+def jacobian_at(problem: Points, regularisation: float, point: Point, jacobian: np.ndarray) -> None:
     """Write a generalised Jacobian of the gradient, sum G_i D_i G_i^T + eps, to `jacobian` (6, 6).
 
     A sticking point passes its force on unchanged, but not a normal force at its bounds. A sliding
@@ -173,7 +171,7 @@ def _copy(point: Point, to: Point) -> None:
 
 @compiled
 def _slope(
-    problem: _Points, point: Point, trial: Point, offset: float, growth: float, step: float
+    problem: Points, point: Point, trial: Point, offset: float, growth: float, step: float
 ) -> float:
     """Slope of the dual function at a share `step` of the way from `point` to `trial`.
 
@@ -192,7 +190,7 @@ def _slope(
 
 @compiled
 def _line_search(
-    problem: _Points, regularisation: float, point: Point, trial: Point, change: np.ndarray
+    problem: Points, regularisation: float, point: Point, trial: Point, change: np.ndarray
 ) -> float:
     """Return a better share of a Newton step `change` whose full length, `trial`, is not good.
 
@@ -232,7 +230,7 @@ def _line_search(
 
 @compiled
 def _newton(
-    problem: _Points,
+    problem: Points,
     regularisation: float,
     tolerance: float,
     budget: int,
@@ -265,7 +263,7 @@ def _newton(
 
 @compiled
 def _persist(
-    problem: _Points,
+    problem: Points,
     regularisation: float,
     tolerance: float,
     budget: int,
@@ -339,7 +337,7 @@ def deliver(
         for axis in range(3):
             for row in range(6):
                 wrenches[i, axis, row] = problem.maps[row, 3 * i + axis]
-    points = _Points(wrenches, problem.wrench, problem.limits)
+    points = Points(wrenches, problem.wrench, problem.limits)
     point = Point(np.empty(6), np.empty((count, 3)), found.force, found.missing, np.empty(6))
     trial = Point(np.empty(6), np.empty((count, 3)), np.empty((count, 3)), np.empty(6), np.empty(6))
     point.dual[:] = start

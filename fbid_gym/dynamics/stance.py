@@ -61,9 +61,7 @@ class Stance:
 
         From below the centre of mass until it leaves the contact points, the shorter way.
         """
-        ahead = self.layout.max(axis=0) - self.home_com[:2]
-        behind = self.home_com[:2] - self.layout.min(axis=0)
-        return np.maximum(np.minimum(ahead, behind), 0.0)
+        return np.array([_margin(self.layout - self.home_com[:2], axis) for axis in range(2)])
 
     @property
     def radius(self) -> float:
@@ -118,3 +116,16 @@ class Stance:
     def frame(self, terms: DynamicsTerms) -> SupportFrame:
         """Return the level frame of the feet of N robots."""
         return support_frame(self.heading, terms)
+
+
+def _margin(points: np.ndarray, axis: int) -> float:
+    """How far the origin can move along an axis, either way, within the hull of points (P, 2).
+
+    The hull's edges join two points each, and no other two are joined farther out: the line along
+    the axis leaves the hull at the outermost of its crossings with what joins any two points.
+    """
+    along, across = points[:, axis], points[:, 1 - axis]
+    i, j = np.nonzero(across[:, None] * across < 0.0)
+    between = (across[j] * along[i] - across[i] * along[j]) / (across[j] - across[i])
+    met = np.concatenate([along[across == 0.0], between])
+    return max(float(min(met.max(), -met.min())), 0.0) if met.size else 0.0

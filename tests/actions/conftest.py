@@ -7,8 +7,8 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.quantities import RobotState
 from fbid_gym.motions import Reference, home_reference
+from fbid_gym.quantities import RobotState
 
 
 @pytest.fixture(scope="module", params=robots.ROBOTS)

@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian, point_velocities
+from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, point_velocities
 from fbid_gym.dynamics.frames import skew
 from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
-from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions import MotionTable
 
 
@@ -18,7 +18,7 @@ def hold_laws(motion: MotionTable, rows: np.ndarray) -> None:
     Planted feet neither move nor accelerate; the origin is the feet's centre and x their forward
     direction; the centre of mass moves as the posture says.
     """
-    robot, geometry = motion.robot, ContactGeometry.of(motion.robot)
+    robot, geometry = motion.robot, contact_geometry(motion.robot)
     qpos, qvel, qacc = motion.qpos[rows], motion.qvel[rows], motion.qacc[rows]
     terms = PinocchioDynamics(robot).terms(qpos, qvel)
     planted = np.ones((len(rows), robot.num_feet), bool)
@@ -32,7 +32,7 @@ def hold_laws(motion: MotionTable, rows: np.ndarray) -> None:
     acceleration = (np.matvec(jacobian, qacc) + bias).reshape(len(rows), -1, 3)[active]
     assert np.abs(acceleration).max() < 1e-7
 
-    frame = Support.of(robot).frame(terms)
+    frame = Stance.of(robot).frame(terms)
     np.testing.assert_allclose(frame.centre, 0.0, atol=1e-9)
     np.testing.assert_allclose(frame.rotation, np.tile(np.eye(3), (len(rows), 1, 1)), atol=1e-9)
 

@@ -6,10 +6,11 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.state import Outcome, RobotState
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.quantities import RobotState
 from fbid_gym.tasks import Pushes, Start
 from fbid_gym.tasks.balance import REWARD_WEIGHTS, Balance
+from fbid_gym.tasks.outcome import Outcome
 
 HZ = 500
 
@@ -47,7 +48,7 @@ def outcome_at(task, qpos, qvel, *, contact=None, tick=None, torque=None):
     return Outcome(
         RobotState(qpos, qvel, contact, tick),
         terms,
-        task.support.frame(terms),
+        task.body.stance.frame(terms),
         torque,
         np.square(torque).mean(axis=1),
         np.abs(torque * qvel[:, 6:]).sum(axis=1),
@@ -177,7 +178,7 @@ def test_standing_perfectly_earns_everything(task):
     plan = plans(task, 1)
     plan["command"][:] = task.body.home_height
     rewards, metrics = task.reward(outcome_at(task, *at_home(task)), plan)
-    assert sum(REWARD_WEIGHTS.values()) == pytest.approx(1.0)
+    assert sum(REWARD_WEIGHTS) == pytest.approx(1.0)
     assert rewards.keys() == REWARD_WEIGHTS.keys()
     for name, value in rewards.items():
         assert value == pytest.approx(REWARD_WEIGHTS[name]), name
