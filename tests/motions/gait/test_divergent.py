@@ -61,7 +61,7 @@ def test_error_to_come_where_pressure_yields_or_not(error: float) -> None:
     found = error_to_come(omega, gain, error, reach, left)
     held, beyond = (1.0 + gain) * abs(error) <= reach, abs(error) > reach
     if held or beyond:
-        assert found == pytest.approx(now, abs=1e-5)
+        assert found == pytest.approx(now, abs=1e-4)
     else:  # saturated at first, then not
         assert abs(now) <= reach
         assert abs(found) <= reach

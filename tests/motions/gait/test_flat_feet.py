@@ -192,7 +192,7 @@ def test_it_steps_to_catch_a_fall(gait: FlatFootGait) -> None:
     walkers = Pendulums(gait, np.zeros(16))
     angle = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     # Where it falls to is beyond the soles: standing cannot hold it.
-    far = gait.omega * np.array([1.3 * gait.sole[0] / 0.8, 0.8 * gait.width])
+    far = gait.omega * np.array([1.3 * gait.sole[0] / 0.8, 0.6 * gait.width])
     walkers.velocity[:, :2] = far * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     stepped = np.zeros(16, bool)
     for _ in range(ticks(gait, 14)):
