@@ -36,6 +36,7 @@ STAND, DOUBLE, SWING = 0, 1, 2
 _LOST_HEADING = 0.3  # rad that the robot may be turned from its heading before that follows
 _EARLIEST = 0.6  # share of a swing before which a loaded foot has not left the ground yet
 _ARRIVED = 0.95  # share of a swing at which the foot is above its foothold
+_FASTEST = 2.0  # times as fast as planned that a foot hurries to a foothold out of reach
 _BESIDE = 0.15  # of the sole's length, or of the width: feet that stand beside each other
 
 Pair = tuple[float, float]
@@ -89,7 +90,7 @@ class GaitCommand(NamedTuple):
     Attributes:
         velocity: (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand.
         shift: (N, 2) m ahead and to the left that the next foothold is moved by.
-        rate: (N,) steps per planned step, 1 for the planned frequency.
+        rate: (N,) steps per planned step, 1 for the planned frequency; from the next step on.
     """
 
     velocity: np.ndarray
@@ -107,6 +108,9 @@ class GaitMemory(NamedTuple):
         span: (N,) s that it takes.
         heading: (N,) rad, integral of the commanded rate.
         velocity: (N, 2) m/s, commanded when the step began.
+        rate: (N,) of steps, commanded then.
+        progress: (N,) s of the planned swing that have passed.
+        hurry: (N,) times as fast as planned that the foot swings.
         xi: (N, 2) m, when the feet that stand last changed.
         begun: (N, 2) m, centre of pressure then.
         pressure: (N, 2) m, that of the last tick.
@@ -120,6 +124,9 @@ class GaitMemory(NamedTuple):
     span: np.ndarray
     heading: np.ndarray
     velocity: np.ndarray
+    rate: np.ndarray
+    progress: np.ndarray
+    hurry: np.ndarray
     xi: np.ndarray
     begun: np.ndarray
     pressure: np.ndarray
@@ -172,6 +179,9 @@ def standing(heading: np.ndarray) -> GaitMemory:
         span=np.ones(count),
         heading=np.array(heading, dtype=float),
         velocity=flat[0],
+        rate=np.ones(count),
+        progress=np.zeros(count),
+        hurry=np.ones(count),
         xi=flat[1],
         begun=flat[2],
         pressure=flat[3],
@@ -222,8 +232,9 @@ def walk(
         memory.heading[i] = body + min(max(ahead, -_LOST_HEADING), _LOST_HEADING)
         axes = (math.cos(memory.heading[i]), math.sin(memory.heading[i]))
         memory.clock[i] += tick
+        memory.progress[i] += tick * memory.hurry[i]
 
-        pace = command.rate[i]
+        pace = memory.rate[i]
         timing = StepTiming(gait.omega, gait.double / pace, gait.single / pace)
         xi = (
             terms.com[i, 0] + terms.com_velocity[i, 0] / gait.omega,
@@ -235,7 +246,7 @@ def walk(
         for axis in range(3):
             target.foothold[i, axis] = terms.foot_position[i, carrier, axis]
         if memory.phase[i] == SWING:
-            _find_foothold(gait, timing, command, axes, error, memory, target, i)
+            _find_foothold(gait, timing, command, axes, xi, error, memory, target, i)
             _swing(gait, timing, command.velocity[i, 2], memory, target, i)
         target.heading[i] = memory.heading[i]
         target.cycle[i] = _cycle(gait, timing, memory, i)
@@ -299,14 +310,15 @@ def _change_phase(
             side = y if falls else -velocity[1] if velocity[1] != 0.0 else -velocity[2]
             memory.carrier[i] = 0 if side * gait.left[0] > 0.0 else 1
             span = 0.5 * timing.double if falls else gait.settle
-            _set_out(span, DOUBLE, velocity, xi, memory, i)
+            _set_out(span, DOUBLE, command, xi, memory, i)
     elif memory.phase[i] == DOUBLE and memory.clock[i] >= memory.span[i]:
         foot = 1 - memory.carrier[i]
         memory.phase[i], memory.clock[i], memory.span[i] = SWING, 0.0, timing.single
+        memory.progress[i], memory.hurry[i] = 0.0, 1.0
         for axis in range(3):
             memory.lifted[i, axis] = feet[foot, axis]
         memory.lifted_heading[i] = _foot_heading(gait, terms, i, foot)
-    elif memory.phase[i] == SWING and memory.clock[i] > _EARLIEST * timing.single:
+    elif memory.phase[i] == SWING and memory.progress[i] > _EARLIEST * timing.single:
         foot = 1 - memory.carrier[i]
         load = 0.0
         for point in range(len(gait.foot_of_point)):
@@ -318,20 +330,21 @@ def _change_phase(
             near &= abs(y * gait.left[foot] - gait.width) < _BESIDE * gait.width
             memory.carrier[i] = foot
             if still and near:
-                _set_out(gait.settle, STAND, velocity, xi, memory, i)
+                _set_out(gait.settle, STAND, command, xi, memory, i)
             else:
-                _set_out(timing.double, DOUBLE, velocity, xi, memory, i)
+                _set_out(timing.double, DOUBLE, command, xi, memory, i)
 
 
 @compiled
 def _set_out(
-    span: float, phase: int, velocity: np.ndarray, xi: Pair, memory: GaitMemory, i: int
+    span: float, phase: int, command: GaitCommand, xi: Pair, memory: GaitMemory, i: int
 ) -> None:
     """Begin a double support, or to stand, from what is."""
     first = memory.clock[i] == np.inf
     memory.phase[i], memory.clock[i], memory.span[i] = phase, 0.0, span
+    memory.rate[i] = command.rate[i]
     for axis in range(2):
-        memory.velocity[i, axis] = velocity[axis]
+        memory.velocity[i, axis] = command.velocity[i, axis]
         memory.xi[i, axis] = xi[axis]
         memory.begun[i, axis] = xi[axis] if first else memory.pressure[i, axis]
 
@@ -416,6 +429,7 @@ def _find_foothold(
     timing: StepTiming,
     command: GaitCommand,
     axes: Pair,
+    xi: Pair,
     error: Pair,
     memory: GaitMemory,
     target: GaitTarget,
@@ -424,19 +438,24 @@ def _find_foothold(
     """Where the foot in the air shall land."""
     carrier = memory.carrier[i]
     foot = 1 - carrier
-    left = max(timing.single - memory.clock[i], 0.0)
-    grown = math.exp(gait.omega * timing.single)
-    offset = _offset(gait, timing, (memory.velocity[i, 0], memory.velocity[i, 1]), carrier)
-    wanted = _offset(gait, timing, (command.velocity[i, 0], command.velocity[i, 1]), foot)
+    # Of s left, those of the pace that it has had.
+    left = max(timing.single - memory.progress[i], 0.0) / memory.hurry[i]
+    grown = math.exp(gait.omega * left)
+    x, y = xi[0] - target.foothold[i, 0], xi[1] - target.foothold[i, 1]
+    x, y = _ahead(axes, x, y)
+    x, y = (x - error[0]) * grown, (y - error[1]) * grown
     # The feedback counts on half of the sole.
-    x = offset[0] * grown + error_to_come(gait.omega, gait.gain, error[0], 0.5 * gait.sole[0], left)
-    y = offset[1] * grown + error_to_come(gait.omega, gait.gain, error[1], 0.5 * gait.sole[1], left)
+    x += error_to_come(gait.omega, gait.gain, error[0], 0.5 * gait.sole[0], left)
+    y += error_to_come(gait.omega, gait.gain, error[1], 0.5 * gait.sole[1], left)
+    wanted = _offset(gait, timing, (command.velocity[i, 0], command.velocity[i, 1]), foot)
     x = stride_to_catch(timing, x, wanted[0]) + command.shift[i, 0]
     y = stride_to_catch(timing, y, wanted[1]) + command.shift[i, 1]
     apart = gait.left[foot] * y
     near_x = min(max(x, -gait.longest), gait.longest)
     near = min(max(apart, gait.least_apart), gait.most_apart)
-    target.clipped[i] = near_x != x or near != apart
+    missed = abs(x - near_x) + abs(apart - near)
+    target.clipped[i] = missed > 0.0
+    memory.hurry[i] = min(1.0 + missed / gait.width, _FASTEST)
     x, y = _world(axes, near_x, gait.left[foot] * near)
     target.foothold[i, 0] += x
     target.foothold[i, 1] += y
@@ -452,7 +471,7 @@ def _swing(
     i: int,
 ) -> None:
     """How the foot in the air moves."""
-    foot, clock, span = 1 - memory.carrier[i], memory.clock[i], timing.single
+    foot, clock, span = 1 - memory.carrier[i], memory.progress[i], timing.single
     share, rate, acceleration = rise(clock / (_ARRIVED * span), _ARRIVED * span)
     for axis in range(2):
         begin = memory.lifted[i, axis]
@@ -468,7 +487,7 @@ def _swing(
     target.foot_velocity[i, foot, 2], target.foot_acceleration[i, foot, 2] = fall, pull
 
     # It lands turned to where the robot will head in the middle of the next step.
-    left = max(span - clock, 0.0) + 0.5 * (timing.double + span)
+    left = max(span - clock, 0.0) / memory.hurry[i] + 0.5 * (timing.double + span)
     turn = _wrapped(memory.heading[i] + turning * left - memory.lifted_heading[i])
     angle = memory.lifted_heading[i] + turn * share
     cosine, sine = math.cos(angle), math.sin(angle)
@@ -479,6 +498,9 @@ def _swing(
         target.foot_rotation[i, foot, 2, axis] = gait.level[foot, 2, axis]
     target.foot_velocity[i, foot, 5] = turn * rate
     target.foot_acceleration[i, foot, 5] = turn * acceleration
+    for axis in range(6):
+        target.foot_velocity[i, foot, axis] *= memory.hurry[i]
+        target.foot_acceleration[i, foot, axis] *= memory.hurry[i] ** 2
 
 
 @compiled
@@ -489,6 +511,6 @@ def _cycle(gait: FlatFootGait, timing: StepTiming, memory: GaitMemory, i: int) -
     period = timing.double + timing.single
     passed = min(memory.clock[i], memory.span[i])
     if memory.phase[i] == SWING:
-        passed += timing.double
+        passed = timing.double + min(memory.progress[i], timing.single)
     first = 0.0 if gait.left[memory.carrier[i]] > 0.0 else 0.5
     return first + 0.5 * min(passed / period, 1.0)
