@@ -11,7 +11,7 @@ from fbid_gym.robots import Robot
 
 # In units of the robot: of the pendulum time sqrt(h / g), the leg's length (hips or base above the
 # soles), its speed sqrt(g l), its weight and its soles.
-_PERIOD = 2.0  # pendulum times a step
+_PERIOD = 1.7  # pendulum times a step
 _DOUBLE = 0.25  # of a step in double support
 _SETTLE = 1.25  # pendulum times to shift the weight
 _GAIN = 2.0
