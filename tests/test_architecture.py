@@ -25,6 +25,8 @@ RANK = {
     "errors": 0,
     "compile_cache": 0,
     "bundles": 1,
+    "checks": 1,
+    "quantities": 1,
     "compiled": 1,
     "policy": 2,
     "small_matrices": 2,

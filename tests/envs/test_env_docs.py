@@ -149,7 +149,7 @@ def test_observation_table(env):
 def test_reward_table():
     """The formulas themselves are held against the code by the task's tests."""
     rows = table("Rewards", "Term")
-    assert {names_in(row[0])[0]: float(row[1]) for row in rows} == REWARD_WEIGHTS
+    assert {names_in(row[0])[0]: float(row[1]) for row in rows} == REWARD_WEIGHTS._asdict()
     assert f"{100 * TOUCHING_LOAD:g} %" in SECTIONS["Rewards"]
 
 
@@ -227,7 +227,7 @@ def test_following_observation_table(follower):
 def test_following_reward_table(follower):
     rows = table("Rewards", "Term", TRACKING)
     weights = {names_in(row[0])[0]: float(row[1]) for row in rows}
-    assert weights == tracking.REWARD_WEIGHTS
+    assert weights == tracking.REWARD_WEIGHTS._asdict()
 
 
 def test_following_arguments():
