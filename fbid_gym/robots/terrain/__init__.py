@@ -1,0 +1,154 @@
+"""Ground that is not level, laid around a robot's world.
+
+One model serves all robots of a batch: the ground is large and random, so a robot that starts at a
+random place with a random heading meets a terrain of its own. Places to start from are level. All
+lengths follow the robot's size, but for the height of obstacles and rocks.
+"""
+
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.robots.robot import Robot
+from fbid_gym.robots.terrain.flat import Flat
+from fbid_gym.robots.terrain.grid import HeightGrid, heights, heights_below, plane
+from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, Tiles, make_levels
+from fbid_gym.robots.terrain.obstacles import random_obstacles
+from fbid_gym.robots.terrain.patches import PATCHES
+from fbid_gym.robots.terrain.rocks import random_rocks
+from fbid_gym.robots.terrain.sizes import START_SPACING
+
+__all__ = [
+    "LEVELLED",
+    "NUM_LEVELS",
+    "TERRAINS",
+    "HeightGrid",
+    "Terrain",
+    "Tiles",
+    "compile_world",
+    "heights",
+    "heights_below",
+    "make_terrain",
+    "plane",
+]
+
+LEVELLED = (*PATCHES, "mixed")
+"""Names of the terrains that have a difficulty."""
+
+TERRAINS = ("flat", "obstacles", "rocks", *LEVELLED)
+"""Names of the terrains."""
+
+# Share of the height of the centre of mass that feet clear with ease: on points, and on soles.
+_REACH = {True: 1.0, False: 0.2}
+
+
+class Terrain(Protocol):
+    """Ground on top of the plane z = 0."""
+
+    @property
+    def starts(self) -> np.ndarray:
+        """(K, 2) m, centres of level places; equally many on each tile, those of a tile in turn."""
+        ...
+
+    @property
+    def clearing(self) -> float:
+        """Radius of these places, m."""
+        ...
+
+    @property
+    def tiles(self) -> Tiles:
+        """Where robots belong."""
+        ...
+
+    @property
+    def grid(self) -> HeightGrid:
+        """Its heights, for look-up in compiled code."""
+        ...
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Add the ground to a robot's world."""
+        ...
+
+    def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return how high the ground is, in m, at places x and y, of any one shape, in m."""
+        ...
+
+
+def make_terrain(
+    name: str,
+    robot: Robot,
+    *,
+    height: float = 0.04,
+    difficulty: float | None = 0.5,
+    seed: int = 0,
+) -> Terrain:
+    """Make a terrain for a robot.
+
+    Args:
+        name: "flat"; "obstacles", planks lying about, from half of `height` to `height` tall;
+            "rocks", a board of rounded stones of up to `height`; or one of `LEVELLED`: "slopes",
+            "roughness", "stairs", "planks", "gaps", and "mixed", patches of all of these.
+        robot: for whose size.
+        height: m, of the highest point of obstacles or rocks. 0 is flat.
+        difficulty: of a levelled terrain, from 0, which is flat, to 1. None: `NUM_LEVELS` levels
+            from 0 to 1, side by side.
+        seed: decides where everything lies.
+
+    Raises:
+        UnknownOptionError: no terrain of this name.
+        InvalidValueError: `height` is negative or more than the height of the robot's base;
+            `difficulty` is not within 0 and 1.
+    """
+    if name not in TERRAINS:
+        raise UnknownOptionError("terrain", name, TERRAINS)
+    base = float(robot.home_qpos[2])
+    if not 0.0 <= height <= base:
+        raise InvalidValueError(
+            "terrain height",
+            height,
+            f"metres from 0 to {base:.3g}, where {robot.name!r} has its base",
+        )
+    if difficulty is not None and not 0.0 <= difficulty <= 1.0:
+        raise InvalidValueError("difficulty", difficulty, "a number from 0 to 1")
+    if name in LEVELLED:
+        levels = np.linspace(0.0, 1.0, NUM_LEVELS) if difficulty is None else np.array([difficulty])
+        return make_levels(name, _scale(robot), levels, seed)
+    reach, rng = _reach(robot), np.random.default_rng(seed)
+    if name == "flat" or height == 0.0:
+        return Flat(np.zeros((1, 2)), np.inf)
+    line = START_SPACING * reach * np.array([-1.0, 0.0, 1.0])
+    starts = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    if name == "obstacles":
+        return random_obstacles(reach, height, starts, rng)
+    return random_rocks(reach, height, starts, rng)
+
+
+def compile_world(robot: Robot, terrain: Terrain) -> mujoco.MjModel:
+    """Compile the robot's world with a terrain in it; the robot keeps its coordinates."""
+    spec = robot.spec.copy()
+    terrain.add_to(spec)
+    return spec.compile()
+
+
+def _scale(robot: Robot) -> Scale:
+    """The height of its centre of mass, and what its feet clear."""
+    on_points = all(foot.num_points == 1 for foot in robot.feet)
+    return Scale(float(_at_home(robot).subtree_com[robot.base_body][2]), _REACH[on_points])
+
+
+def _reach(robot: Robot) -> float:
+    """Largest horizontal distance of a contact point from the base at home, m."""
+    data = _at_home(robot)
+    points = [data.xpos[f.body] + f.points @ data.xmat[f.body].reshape(3, 3).T for f in robot.feet]
+    offset = (np.concatenate(points) - data.xpos[robot.base_body])[:, :2]
+    return float(np.linalg.norm(offset, axis=1).max())
+
+
+def _at_home(robot: Robot) -> mujoco.MjData:
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos
+    mujoco.mj_kinematics(robot.model, data)
+    mujoco.mj_comPos(robot.model, data)
+    return data

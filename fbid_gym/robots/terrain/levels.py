@@ -1,0 +1,122 @@
+"""Ground of a chosen difficulty, or of several levels of it side by side: patches on square tiles.
+
+One model serves all robots and all levels, so that a robot moves to harder ground by starting its
+next episode in another place.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from fbid_gym.robots.terrain.grid import HeightGrid, add_height_field, heights, settled
+from fbid_gym.robots.terrain.patches import CLEARING, EDGE, PATCHES, Places
+
+NUM_LEVELS = 11
+"""Levels of a curriculum: difficulties 0, 0.1, … 1."""
+
+_PATCHES = 5  # along a tile's edge; robots start on the inner ones
+_CELL = 0.14  # heights of the centre of mass
+_COLOUR = (0.66, 0.62, 0.55)
+
+
+class Scale(NamedTuple):
+    """What a terrain's lengths are relative to.
+
+    Attributes:
+        length: m, height of the robot's centre of mass at home.
+        reach: share of it that the feet clear with ease.
+    """
+
+    length: float
+    reach: float
+
+
+class Tiles(NamedTuple):
+    """Where robots belong: square tiles side by side along x, one for each level.
+
+    Attributes:
+        count: of the tiles.
+        edge: m; infinite where the ground never ends.
+    """
+
+    count: int
+    edge: float
+
+    def left(self, level: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return which robots, (N,) bool, at places (N, 2) m, have left the tile of their level."""
+        if self.edge == np.inf:
+            return np.zeros(len(places), bool)
+        x = places[:, 0] - level * self.edge
+        return np.maximum(abs(x), abs(places[:, 1])) > 0.5 * self.edge
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Tiles of patches; a `Terrain`.
+
+    Attributes:
+        starts: see `Terrain`; those of the first level first.
+        clearing: see `Terrain`.
+        tiles: see `Terrain`.
+        grid: see `Terrain`.
+    """
+
+    starts: np.ndarray
+    clearing: float
+    tiles: Tiles
+    grid: HeightGrid
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """See `Terrain`."""
+        add_height_field(spec, self.grid, "fbid_patches", _COLOUR)
+
+    def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """See `Terrain`."""
+        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        return heights(self.grid, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+
+
+def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) -> Levels:
+    """Make a terrain.
+
+    Args:
+        kind: one of `PATCHES`, or "mixed": patches of all of them.
+        scale: of the robot.
+        difficulties: (L,) of the levels, each from 0 to 1.
+        seed: decides what is random. What it decides is the same for all levels.
+    """
+    nodes = round(EDGE / _CELL)
+    line = (np.arange(nodes + 1) / nodes - 0.5) * EDGE
+    places = Places(*np.meshgrid(line, line), scale.reach)
+    whole = np.zeros((_PATCHES * nodes + 1, len(difficulties) * _PATCHES * nodes + 1))
+    for level, difficulty in enumerate(difficulties):
+        rng = np.random.default_rng(seed)
+        kinds = _kinds(kind, rng)
+        for row in range(_PATCHES):
+            for column in range(_PATCHES):
+                first = row * nodes, (level * _PATCHES + column) * nodes
+                part = PATCHES[kinds[row, column]](places, float(difficulty), rng)
+                block = tuple(slice(start, start + nodes + 1) for start in first)
+                whole[block] = np.maximum(whole[block], part)
+    cell, edge = EDGE / nodes * scale.length, _PATCHES * EDGE * scale.length
+    elevation = settled(whole * scale.length)
+    grid = HeightGrid(np.array([-0.5 * edge, -0.5 * edge]), cell, elevation)
+    inner = (np.arange(1, _PATCHES - 1) - 0.5 * (_PATCHES - 1)) * EDGE * scale.length
+    y, x = (part.ravel() for part in np.meshgrid(inner, inner, indexing="ij"))
+    first = np.stack([x, y], axis=1)
+    starts = np.concatenate([first + [level * edge, 0.0] for level in range(len(difficulties))])
+    return Levels(starts, CLEARING * scale.length, Tiles(len(difficulties), edge), grid)
+
+
+def _kinds(kind: str, rng: np.random.Generator) -> np.ndarray:
+    """Names of the patches of a tile: of all kinds, equally many but for one, if mixed."""
+    if kind != "mixed":
+        return np.full((_PATCHES, _PATCHES), kind)
+    inner, every = _PATCHES - 2, list(PATCHES)
+    kinds = rng.choice(every, (_PATCHES, _PATCHES))
+    # Robots start on the inner patches: all kinds are among these.
+    order = rng.permutation(np.resize(every, inner**2))
+    kinds[1:-1, 1:-1] = order.reshape(inner, inner)
+    return kinds

@@ -1,0 +1,129 @@
+"""Planks lying about on level ground, [M10] IV.E."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import mujoco
+import numpy as np
+
+from fbid_gym.robots.terrain.grid import HeightGrid
+from fbid_gym.robots.terrain.levels import Tiles
+from fbid_gym.robots.terrain.sizes import CLEARING, HALF_SIZE
+
+_GEOM = mujoco.mjtGeom
+
+# In units of the robot's reach.
+_PLANKS_PER_AREA = 0.13
+_PLANK_LENGTH, _PLANK_WIDTH = (1.0, 4.0), (0.5, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """Planks lying on the plane, one across the other at times; a `Terrain`.
+
+    Attributes:
+        starts: see `Terrain`.
+        clearing: see `Terrain`.
+        centre: (B, 2) m.
+        heading: (B,) rad, of the long side.
+        half: (B, 2) m, half length and half width.
+        top: (B,) m, height.
+        cell: m, edge of the square cells of `near`.
+        near: (R, R, L) planks that touch a cell, B where there are fewer than L.
+    """
+
+    tiles: ClassVar[Tiles] = Tiles(1, np.inf)
+
+    starts: np.ndarray
+    clearing: float
+    centre: np.ndarray
+    heading: np.ndarray
+    half: np.ndarray
+    top: np.ndarray
+    cell: float
+    near: np.ndarray
+
+    @cached_property
+    def grid(self) -> HeightGrid:
+        """See `Terrain`; the planks' sides are less steep in it."""
+        half, cell = float(abs(self.centre).max() + self.half.max()), 0.25 * self.half.min()
+        line = np.arange(-half, half + cell, cell)
+        return HeightGrid(line[[0, 0]], cell, self.height(*np.meshgrid(line, line)))
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """See `Terrain`."""
+        spec.add_material(name="fbid_plank", rgba=[0.72, 0.58, 0.42, 1.0], specular=0.1)
+        for (x, y), turn, half, top in zip(
+            self.centre, self.heading, self.half, self.top, strict=True
+        ):
+            spec.worldbody.add_geom(
+                type=_GEOM.mjGEOM_BOX,
+                size=[*half, 0.5 * top],
+                pos=[x, y, 0.5 * top],
+                quat=[np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)],
+                contype=1,
+                conaffinity=1,
+                material="fbid_plank",
+            )
+
+    def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """See `Terrain`."""
+        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        size = len(self.near)
+        row, column = (np.floor(v / self.cell).astype(int) + size // 2 for v in (y, x))
+        outside = (np.minimum(row, column) < 0) | (np.maximum(row, column) >= size)
+        plank = self.near[np.where(outside, 0, row), np.where(outside, 0, column)]
+        known = np.minimum(plank, len(self.top) - 1)
+        dx, dy = x[..., None] - self.centre[known, 0], y[..., None] - self.centre[known, 1]
+        cosine, sine = np.cos(self.heading[known]), np.sin(self.heading[known])
+        along, across = cosine * dx + sine * dy, cosine * dy - sine * dx
+        half = self.half[known]
+        on = (np.abs(along) <= half[..., 0]) & (np.abs(across) <= half[..., 1])
+        on &= (plank < len(self.top)) & ~outside[..., None]
+        return np.where(on, self.top[known], 0.0).max(axis=-1)
+
+
+def random_obstacles(
+    reach: float, height: float, starts: np.ndarray, rng: np.random.Generator
+) -> Obstacles:
+    """Lay planks about.
+
+    Args:
+        reach: m, of the robot.
+        height: m, of the tallest; the lowest has half of it.
+        starts: (K, 2) m, places to keep free.
+        rng: decides where they lie.
+    """
+    size, clearing = HALF_SIZE * reach, CLEARING * reach
+    count = round(_PLANKS_PER_AREA * (2 * HALF_SIZE) ** 2)
+    centre = rng.uniform(-size, size, (count, 2))
+    heading = rng.uniform(-np.pi, np.pi, count)
+    half = (
+        0.5
+        * reach
+        * np.stack([rng.uniform(*_PLANK_LENGTH, count), rng.uniform(*_PLANK_WIDTH, count)], axis=1)
+    )
+    top = rng.uniform(0.5 * height, height, count)
+
+    # Away with planks that reach into a clearing.
+    offset = starts[:, None] - centre
+    cosine, sine = np.cos(heading), np.sin(heading)
+    along = np.abs(cosine * offset[..., 0] + sine * offset[..., 1]) - half[:, 0]
+    across = np.abs(cosine * offset[..., 1] - sine * offset[..., 0]) - half[:, 1]
+    gap = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
+    kept = (gap > clearing).all(axis=0)
+    centre, heading, half, top = (part[kept] for part in (centre, heading, half, top))
+
+    cell = 2.0 * reach
+    around = np.hypot(*half.T)  # radius of the circle about a plank
+    edge = int(np.ceil((size + around.max()) / cell))
+    middles = cell * (np.arange(-edge, edge) + 0.5)
+    apart = np.abs(middles[:, None] - centre.T[:, None])  # (2, 2 edge, B)
+    close = apart <= 0.5 * cell + around
+    touching = close[1][:, None] & close[0]
+    most = int(touching.sum(axis=-1).max())
+    # Stable sorting puts the planks of a cell first, in order.
+    order = np.argsort(~touching, axis=-1, kind="stable")[..., :most]
+    near = np.where(np.take_along_axis(touching, order, axis=-1), order, len(top))
+    return Obstacles(starts, clearing, centre, heading, half, top, cell, near)

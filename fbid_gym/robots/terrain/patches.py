@@ -1,0 +1,115 @@
+"""Kinds of ground to walk on: what one square patch of each looks like, in units of the robot.
+
+A patch is level in its middle, where robots start, and comes down to the plane at its edge, so that
+patches of any kind and difficulty lie side by side. Its difficulty, from 0 to 1, scales heights,
+angles and the width of gaps; 0 is level.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+EDGE = 14.0
+"""Length of a patch's edge."""
+
+CLEARING = 1.5
+"""Radius of the level place in its middle."""
+
+# The robot's unit of length is the height of its centre of mass; of heights, what its feet clear.
+_RIM = 0.8  # width of the level strip along the edge
+_TOP = 2.0  # half the edge of the level top of a hill
+_STEEPEST = np.tan(np.radians(25.0))
+_BUMP, _BUMP_SPACING = 0.35, 0.6
+_STEP, _TREAD = 0.45, 1.0
+_PLANK, _PLANKS_PER_AREA = 0.4, 0.16
+_PLANK_LENGTH, _PLANK_WIDTH = (2.0, 6.0), (0.5, 1.0)
+_DEPTH, _GAP, _ISLAND = 1.0, 0.7, 2.0
+
+
+class Places(NamedTuple):
+    """The nodes of a patch, (R, R) each, from its middle, in heights of the centre of mass.
+
+    Attributes:
+        x: ahead.
+        y: to the left.
+        reach: height that this robot's feet clear with ease, in the same unit.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    reach: float
+
+    @property
+    def ring(self) -> np.ndarray:
+        """How far out: the larger of |x| and |y|."""
+        return np.maximum(abs(self.x), abs(self.y))
+
+
+def _slopes(places: Places, difficulty: float, rng: np.random.Generator) -> np.ndarray:
+    """A hill with four even sides."""
+    run = 0.5 * EDGE - _RIM - np.maximum(places.ring, _TOP)
+    return places.reach * _STEEPEST * difficulty * np.maximum(run, 0.0)
+
+
+def _roughness(places: Places, difficulty: float, rng: np.random.Generator) -> np.ndarray:
+    """Random heights, evenly joined."""
+    count = int(np.ceil(EDGE / _BUMP_SPACING)) + 2
+    bumps = rng.uniform(0.0, 1.0, (count, count))
+    u, v = (np.clip((w + 0.5 * EDGE) / _BUMP_SPACING, 0.0, count - 1.001) for w in places[:2])
+    column, row = u.astype(int), v.astype(int)
+    s, t = u - column, v - row
+    near = (1.0 - s) * bumps[row, column] + s * bumps[row, column + 1]
+    far = (1.0 - s) * bumps[row + 1, column] + s * bumps[row + 1, column + 1]
+    even = np.clip(0.5 * EDGE - places.ring, 0.0, 1.0) * _beyond_clearing(places)
+    return places.reach * _BUMP * difficulty * ((1.0 - t) * near + t * far) * even
+
+
+def _stairs(places: Places, difficulty: float, rng: np.random.Generator) -> np.ndarray:
+    """Steps up to a level top from all four sides."""
+    run = np.maximum(0.5 * EDGE - _RIM - np.maximum(places.ring, _TOP), 0.0)
+    return places.reach * _STEP * difficulty * np.ceil(run / _TREAD - 1e-9)
+
+
+def _planks(places: Places, difficulty: float, rng: np.random.Generator) -> np.ndarray:
+    """Low obstacles lying about."""
+    count = round(_PLANKS_PER_AREA * EDGE**2)
+    centre = rng.uniform(-0.5 * EDGE, 0.5 * EDGE, (count, 2))
+    heading = rng.uniform(-np.pi, np.pi, count)
+    length, width = rng.uniform(*_PLANK_LENGTH, count), rng.uniform(*_PLANK_WIDTH, count)
+    top = rng.uniform(0.5, 1.0, count)
+    elevation = np.zeros_like(places.x)
+    for k in range(count):
+        x, y = places.x - centre[k, 0], places.y - centre[k, 1]
+        along = np.cos(heading[k]) * x + np.sin(heading[k]) * y
+        across = np.cos(heading[k]) * y - np.sin(heading[k]) * x
+        on = (abs(along) <= 0.5 * length[k]) & (abs(across) <= 0.5 * width[k])
+        elevation = np.where(on, np.maximum(elevation, top[k]), elevation)
+    free = (0.5 * EDGE - places.ring > 0.2) & (_beyond_clearing(places) > 0.0)
+    return places.reach * _PLANK * difficulty * elevation * free
+
+
+def _gaps(places: Places, difficulty: float, rng: np.random.Generator) -> np.ndarray:
+    """Square rings of raised ground with gaps between them, reached by a ramp from the edge."""
+    outside = 0.5 * EDGE - places.ring
+    ramp = np.clip((outside - _RIM) / 2.0, 0.0, 1.0)
+    phase = np.mod(places.ring - CLEARING - 0.5, _ISLAND)
+    gap = (phase < _GAP * difficulty) & (places.ring > CLEARING + 0.5) & (outside > _RIM + 2.0)
+    return places.reach * _DEPTH * difficulty * np.where(gap, 0.0, ramp)
+
+
+def _beyond_clearing(places: Places) -> np.ndarray:
+    """0 in the middle, 1 half a unit beyond the clearing."""
+    return np.clip(2.0 * (np.hypot(places.x, places.y) - CLEARING - 0.2), 0.0, 1.0)
+
+
+Patch = Callable[[Places, float, np.random.Generator], np.ndarray]
+
+PATCHES: dict[str, Patch] = {
+    "slopes": _slopes,
+    "roughness": _roughness,
+    "stairs": _stairs,
+    "planks": _planks,
+    "gaps": _gaps,
+}
+"""Name of a kind -> (places, difficulty, generator) -> elevation (R, R) in heights of the CoM."""
