@@ -142,7 +142,7 @@ def test_feet_land_where_they_were_told_and_stand_as_long_as_planned() -> None:
 def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands() -> None:
     ghost = commanded(Ghost(GAIT, home()), 0.1, 0.0, 0.0)
     ghost.tick()
-    ghost.floor = -0.03
+    ghost.floor = -0.02
     ghost.force[:] = 0.0
     reached, lowest = False, 0.0
     for _ in range(int(GAIT.schedule.period / TICK)):
