@@ -190,3 +190,40 @@ def reduce_contacts(
                 if active.switching:
                     bias[i, k] += dot(force, centripetal)
     return ReducedContacts(jacobian, bias, point_map)
+
+
+@kernel
+def led_feet(
+    geometry: ContactGeometry,
+    terms: DynamicsTerms,
+    contacts: ReducedContacts,
+    acceleration: np.ndarray,
+) -> ReducedContacts:
+    """Return contacts in whose rows each foot accelerates as it is told to.
+
+    So a law serves swinging feet as it serves those that stand, J a + bias = 0, and forces on them
+    are for the limits to forbid.
+
+    Args:
+        geometry: of the robot.
+        terms: of the robots.
+        contacts: of all points, for ever on the ground (`active_points` of no mask).
+        acceleration: (N, F, 6) m/s^2 and rad/s^2 of the foot references, world axes; zero for feet
+            that stand.
+    """
+    num_feet, _, rows, _ = geometry.motion.shape
+    sizes = np.zeros(num_feet, np.int64)
+    for foot in geometry.foot_of_point:
+        sizes[foot] += 1
+    bias = contacts.bias.copy()
+    for i in range(len(bias)):
+        for foot in range(num_feet):
+            rotation = matrix(terms.foot_rotation, (i, foot))
+            linear = vector(acceleration, (i, foot))
+            angular = vector(acceleration, (i, foot), 3)
+            for row in range(rows):
+                factor = (foot, (1 << sizes[foot]) - 1, row)
+                along = turn(rotation, vector(geometry.motion, factor))
+                about = turn(rotation, vector(geometry.motion, factor, 3))
+                bias[i, foot * rows + row] -= dot(along, linear) + dot(about, angular)
+    return ReducedContacts(contacts.jacobian, bias, contacts.point_map)
