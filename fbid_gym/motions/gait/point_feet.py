@@ -119,8 +119,8 @@ class GaitTarget(NamedTuple):
         planted: (N, F) bool, feet that shall stand. For these the following three say where they
             are, at rest.
         foot_position: (N, F, 3) m.
-        foot_velocity: (N, F, 3) m/s.
-        foot_acceleration: (N, F, 3) m/s^2.
+        foot_velocity: (N, F, 6) m/s, rad/s; points do not turn.
+        foot_acceleration: (N, F, 6) m/s^2, rad/s^2.
         load: (N, F) share of its greatest force that a foot may take: 0 in the air, and on the way
             to 0 or 1 before it lifts and after it lands.
         foothold: (N, F, 3) m, where a foot in the air shall land; that of a foot that stands.
@@ -200,8 +200,8 @@ def walk(
     target = GaitTarget(
         planted=np.empty((count, feet), np.bool_),
         foot_position=terms.foot_position.copy(),
-        foot_velocity=np.zeros((count, feet, 3)),
-        foot_acceleration=np.zeros((count, feet, 3)),
+        foot_velocity=np.zeros((count, feet, 6)),
+        foot_acceleration=np.zeros((count, feet, 6)),
         load=np.empty((count, feet)),
         foothold=terms.foot_position.copy(),
         clipped=np.zeros((count, feet), np.bool_),

@@ -249,7 +249,9 @@ def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> N
     for name in ("foot_position", "foothold"):
         assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T + moved)
     for name in ("foot_velocity", "foot_acceleration"):
-        assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T)
+        assert getattr(turned, name)[..., :3] == pytest.approx(
+            getattr(here, name)[..., :3] @ turn.T
+        )
     for name in ("velocity", "com_acceleration"):
         assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn[:2, :2].T)
     assert turned.heading - here.heading == pytest.approx(np.full(9, angle))
