@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.motions.gait.divergent import (
     StepTiming,
     error_to_come,
@@ -29,6 +28,7 @@ from fbid_gym.motions.gait.divergent import (
 )
 from fbid_gym.motions.gait.hull import nearest_in_hull
 from fbid_gym.motions.gait.step_curve import lift_and_land, rise
+from fbid_gym.quantities import DynamicsTerms
 
 STAND, DOUBLE, SWING = 0, 1, 2
 """Phases: on both feet; on the way to the foot that will carry; the other one in the air."""
@@ -325,7 +325,9 @@ def _change_phase(
             if gait.foot_of_point[point] == foot:
                 load += contact_force[i, point, 2]
         if load > gait.load:
-            x, y = _ahead(axes, feet[foot, 0] - feet[1 - foot, 0], feet[foot, 1] - feet[1 - foot, 1])
+            x, y = _ahead(
+                axes, feet[foot, 0] - feet[1 - foot, 0], feet[foot, 1] - feet[1 - foot, 1]
+            )
             near = abs(x) < _BESIDE * gait.sole[0] * 2.0
             near &= abs(y * gait.left[foot] - gait.width) < _BESIDE * gait.width
             memory.carrier[i] = foot
