@@ -8,7 +8,6 @@ from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import (
     contact_geometry,
-    led_feet,
     point_jacobian,
     point_positions,
     point_velocities,
@@ -133,26 +132,6 @@ def test_reduced_bias_is_the_part_of_the_point_bias_that_rows_can_see(geometry, 
     active, terms, _, bias = subsets
     reduced = reduced_contacts(geometry, terms, active)
     np.testing.assert_allclose(reduced.bias, np.matvec(reduced.point_map, bias), atol=1e-9)
-
-
-def test_led_feet_accelerate_as_they_are_told(robot, geometry, random_states, rng):
-    terms = MuJoCoDynamics(robot).terms(*random_states(robot.model, 5, seed=4))
-    wanted = rng.normal(size=terms.foot_velocity.shape)
-    still = reduced_contacts(geometry, terms)
-    led = led_feet(geometry, terms, still, wanted)
-    # Told to stand, they are contacts like any other.
-    np.testing.assert_array_equal(led_feet(geometry, terms, still, 0.0 * wanted).bias, still.bias)
-    used = (np.abs(led.jacobian[0]).max(axis=1) > 1e-9).sum()
-    if np.linalg.matrix_rank(led.jacobian[0], rtol=1e-6) < used:
-        pytest.skip("feet of one leg cannot be led apart")
-    motion = -np.matvec(np.linalg.pinv(led.jacobian, rcond=1e-9), led.bias)
-    found = np.matvec(terms.foot_jacobian, motion[:, None]) + terms.foot_bias
-    for foot in range(robot.num_feet):
-        size = (geometry.foot_of_point == foot).sum()
-        if size == 1:
-            np.testing.assert_allclose(found[:, foot, :3], wanted[:, foot, :3], atol=1e-8)
-        elif size > 2:
-            np.testing.assert_allclose(found[:, foot], wanted[:, foot], atol=1e-8)
 
 
 def test_all_points_at_once_is_the_full_subset(robot, geometry, random_states):

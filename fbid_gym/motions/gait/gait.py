@@ -102,24 +102,7 @@ class PointFeet:
         own = point_feet.GaitMemory(*(memory[name] for name in point_feet.GaitMemory._fields))
         level = np.full(terms.foot_position.shape[:2], math.nan)
         command = point_feet.GaitCommand(velocity, steering.shift, steering.rate, level)
-        found = point_feet.walk(self.gait, command, terms, contact_force, self.tick, own)
-        still = np.zeros_like(found.foot_velocity)
-        return GaitTarget(
-            planted=found.planted,
-            foot_position=found.foot_position,
-            foot_rotation=terms.foot_rotation,
-            foot_velocity=np.concatenate([found.foot_velocity, still], axis=2),
-            foot_acceleration=np.concatenate([found.foot_acceleration, still], axis=2),
-            load=found.load,
-            foothold=found.foothold,
-            clipped=found.clipped,
-            velocity=found.velocity,
-            com_acceleration=found.com_acceleration,
-            height=found.height,
-            heading=found.heading,
-            turning=found.turning,
-            cycle=found.cycle,
-        )
+        return point_feet.walk(self.gait, command, terms, contact_force, self.tick, own)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from fbid_gym.motions.gait.footholds import Leap, Pair, point_ahead, turned, wit
 from fbid_gym.motions.gait.schedule import Schedule, since_lift
 from fbid_gym.motions.gait.swing import Motion, across, below, over
 from fbid_gym.motions.gait.touchdown import REACH, STANCE, SWING, next_mode
-from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.quantities import DynamicsTerms, GaitTarget
 
 _LOST_HEADING = 0.3  # rad that the robot may be turned from its heading before that follows
 
@@ -112,43 +112,6 @@ class GaitMemory(NamedTuple):
     load: np.ndarray
 
 
-class GaitTarget(NamedTuple):
-    """What the robots shall do now; world axes.
-
-    Attributes:
-        planted: (N, F) bool, feet that shall stand. For these the following three say where they
-            are, at rest.
-        foot_position: (N, F, 3) m.
-        foot_velocity: (N, F, 6) m/s, rad/s; points do not turn.
-        foot_acceleration: (N, F, 6) m/s^2, rad/s^2.
-        load: (N, F) share of its greatest force that a foot may take: 0 in the air, and on the way
-            to 0 or 1 before it lifts and after it lands.
-        foothold: (N, F, 3) m, where a foot in the air shall land; that of a foot that stands.
-        clipped: (N, F) bool, the foothold would have to be where the leg does not reach it when it
-            lands, or no longer reaches it when it lifts.
-        velocity: (N, 2) m/s, of the base.
-        com_acceleration: (N, 2) m/s^2, horizontal, of the centre of mass.
-        heading: (N,) rad, of the body.
-        turning: (N,) rad/s, of the heading.
-        height: (N,) m, of the base, world.
-        cycle: (N,) share of the cycle that has passed.
-    """
-
-    planted: np.ndarray
-    foot_position: np.ndarray
-    foot_velocity: np.ndarray
-    foot_acceleration: np.ndarray
-    load: np.ndarray
-    foothold: np.ndarray
-    clipped: np.ndarray
-    velocity: np.ndarray
-    com_acceleration: np.ndarray
-    heading: np.ndarray
-    turning: np.ndarray
-    height: np.ndarray
-    cycle: np.ndarray
-
-
 def no_command(num_robots: int, num_feet: int) -> GaitCommand:
     """Return the command to stand, with no wish about the footholds."""
     feet = num_robots, num_feet
@@ -200,6 +163,7 @@ def walk(
     target = GaitTarget(
         planted=np.empty((count, feet), np.bool_),
         foot_position=terms.foot_position.copy(),
+        foot_rotation=terms.foot_rotation.copy(),
         foot_velocity=np.zeros((count, feet, 6)),
         foot_acceleration=np.zeros((count, feet, 6)),
         load=np.empty((count, feet)),

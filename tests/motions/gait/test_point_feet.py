@@ -11,14 +11,13 @@ from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.point_feet import (
     GaitCommand,
     GaitMemory,
-    GaitTarget,
     PointFootGait,
     no_command,
     standing,
     walk,
 )
 from fbid_gym.motions.gait.quadruped import quadruped_gait
-from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.quantities import DynamicsTerms, GaitTarget
 from fbid_gym.robots import Robot, load
 
 TICK = 0.002
