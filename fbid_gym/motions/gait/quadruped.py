@@ -25,7 +25,7 @@ _SINK = 0.5
 _TOUCH = 0.01
 _UNLOAD = 0.14  # pendulum times
 _REACH = 0.95  # of the stretched leg
-_BENT = 0.75  # of the stretched leg: a robot that walks has its hips no higher
+_BENT = 0.7  # of the stretched leg: a robot that walks has its hips no higher
 
 _SAMPLES = 2000
 
