@@ -11,7 +11,7 @@ from eval.papers.mistry2010.identified import feedforward, feedforward_of, held_
 from eval.papers.mistry2010.measuring import Filter, believing, measured, wrong_model
 from eval.papers.trial import RATES
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.regressor import InertialRegressor
+from fbid_gym.dynamics.identification import InertialRegressor
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import load
 

@@ -23,7 +23,7 @@ from eval.papers.mistry2010.measuring import believing, wrong_model
 from eval.papers.parts import Finding, judged
 from eval.papers.trial import Trial, simulate
 from eval.wording import number
-from fbid_gym.dynamics.regressor import InertialRegressor
+from fbid_gym.dynamics.identification import InertialRegressor
 from fbid_gym.motions import periodic_squat
 from fbid_gym.robots import Robot, load
 

@@ -11,18 +11,19 @@ from eval.papers.mistry2010.measuring import measured
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
-from fbid_gym.dynamics.excitation import by_steps, natural_steps
 from fbid_gym.dynamics.identification import (
     RESOLUTION,
     Identification,
+    InertialRegressor,
     Regression,
     Samples,
+    by_steps,
+    consistency,
     estimate,
     free_motions,
+    natural_steps,
     regression,
 )
-from fbid_gym.dynamics.inertia import consistency
-from fbid_gym.dynamics.regressor import InertialRegressor
 from fbid_gym.motions import MotionTable, periodic_squat, squat_bow
 from fbid_gym.motions.stepping import Steps, stepping
 from fbid_gym.robots import Robot

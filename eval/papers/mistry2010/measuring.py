@@ -10,8 +10,8 @@ import numpy as np
 from eval.papers.log import Log
 from eval.papers.trial import RATES
 from fbid_gym.dynamics.contacts import ContactGeometry
-from fbid_gym.dynamics.identification import Samples
-from fbid_gym.dynamics.inertia import (
+from fbid_gym.dynamics.identification import (
+    Samples,
     body_parameters,
     parameters_of_pseudo_inertia,
     pseudo_inertia,
