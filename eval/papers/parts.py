@@ -39,6 +39,11 @@ def judged(what: str, paper: str, ours: str, target: str, holds: bool) -> Findin
     return Finding(what, paper, ours, "met" if holds else "missed", target)
 
 
+def fate(fell: float | None) -> str:
+    """Say whether a robot stayed up; `fell` is when it fell, s."""
+    return "stays up" if fell is None else f"falls at {fell:.1f} s"
+
+
 def findings_table(findings: Sequence[Finding]) -> str:
     """The paper's numbers beside ours."""
     rows = [

@@ -6,27 +6,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.control.balance import (
-    TABLE_1,
+from eval.papers.garofalo2015.bout import Goal
+from eval.papers.trial import Memory
+from fbid_gym.control import (
     BalanceGains,
     BalanceTarget,
+    ContactLimits,
+    TorqueMap,
     desired_wrench_garofalo2015,
     desired_wrench_ott2011,
-)
-from fbid_gym.control.balancers import (
+    distribute,
     torque_map_garofalo2015,
     torque_map_inverse_dynamics,
     torque_map_ott2011,
 )
-from fbid_gym.control.contact_forces import ContactLimits
-from fbid_gym.control.torque_map import TorqueMap
-from fbid_gym.control.wrench_distribution import distribute
-from fbid_gym.dynamics.centroidal import CentroidalTerms, centroidal_terms
-from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts, reduced_contacts
-from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
+from fbid_gym.control.balance import TABLE_1
+from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, centroidal_terms
+from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
-from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.robots import Robot
 
 OTT, GAROFALO, INVERSE = "Ott 2011", "Garofalo 2015", "inverse dynamics"
@@ -47,41 +45,17 @@ _FRICTION = 0.7
 POSTURE_HERTZ = 1.5
 """Hz, of the joints' return to the posture where neither contacts nor momentum are moved by it."""
 
-Memory = dict[str, Any]
 
-
-class Outcome(NamedTuple):
+class BalancerCommand(NamedTuple):
     """What a balancer wants and what it does on one tick.
 
     Attributes:
-        torque: (N, n) N m, within the limits.
-        desired: (N, 6) N and N m, wrench at the centre of mass.
-        delivered: (N, 6) by the contact forces it counts on.
-        residual: (N,) of the two, per weight.
+        torque: (N, n) N·m, within the limits.
+        desired: (N, 6) N and N·m, wrench at the centre of mass.
     """
 
     torque: np.ndarray
     desired: np.ndarray
-    delivered: np.ndarray
-    residual: np.ndarray
-
-
-class Goal(NamedTuple):
-    """What the robots shall do on one tick.
-
-    Attributes:
-        target: of centre of mass and base.
-        posture: (n,) or (N, n) rad, of the joints.
-        posture_rate: the same, rad/s.
-        posture_acceleration: the same, rad/s^2.
-        contact_rotation: (N, P, 3, 3) world from contact axes; None for level ground.
-    """
-
-    target: BalanceTarget
-    posture: np.ndarray
-    posture_rate: np.ndarray | float = 0.0
-    posture_acceleration: np.ndarray | float = 0.0
-    contact_rotation: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,14 +102,13 @@ class Balancer:
 
     def __call__(
         self, state: RobotState, terms: DynamicsTerms, goal: Goal, memory: Memory
-    ) -> Outcome:
+    ) -> BalancerCommand:
         """Return the torques for one control tick."""
         robot, rate = self.robot, state.qvel[:, 6:]
         body = centroidal_terms(terms, state.qvel)
         contacts = reduced_contacts(self.geometry, terms)
         omega = 2.0 * np.pi * self.posture_hertz
-        posture = omega**2 * (goal.posture - state.qpos[:, 7:])
-        posture += 2.0 * omega * (goal.posture_rate - rate) + goal.posture_acceleration
+        posture = omega**2 * (goal.posture - state.qpos[:, 7:]) - 2.0 * omega * rate
         torque_map = _TORQUE_MAP[self.torque_map](terms, body, contacts, posture)
         damping = robot.joint_damping * rate
         if self.compensate_damping:
@@ -154,7 +127,7 @@ class Balancer:
         )
         memory["warm_start"] = found.warm_start
         torque = np.clip(found.torque, -robot.torque_limit, robot.torque_limit)
-        return Outcome(torque, found.wrench_desired, found.wrench, found.residual)
+        return BalancerCommand(torque, found.wrench_desired)
 
     def desired(
         self,
@@ -163,7 +136,7 @@ class Balancer:
         body: CentroidalTerms,
         target: BalanceTarget,
     ) -> np.ndarray:
-        """Return the desired wrench at the centre of mass, (N, 6) N and N m, world."""
+        """Return the desired wrench at the centre of mass, (N, 6) N and N·m, world."""
         if self.wrench == ON_VELOCITY:
             return np.asarray(
                 desired_wrench_ott2011(
@@ -206,7 +179,7 @@ def stance_angular_momentum(robot: Robot) -> np.ndarray:
     rest = np.zeros((1, robot.nv))
     terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], rest)
     body = centroidal_terms(terms, rest)
-    contacts: ReducedContacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
     spin = np.zeros((3, robot.nv))
     spin[:, 3:6] = terms.base_rotation[0]
     given = np.concatenate([contacts.jacobian[0], body.matrix[0, :3] / robot.mass, spin])

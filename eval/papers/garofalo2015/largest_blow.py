@@ -1,19 +1,18 @@
 """What [G15] leaves open: the largest blow that each balancer survives, by direction."""
 
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
 from eval.papers.experiment import Experiment, Progress, Result, Setting, main
 from eval.papers.garofalo2015.balancer import BALANCERS, GAROFALO, Balancer, balancer
-from eval.papers.garofalo2015.bout import Blow, Bout
-from eval.papers.garofalo2015.bout import run as fight
+from eval.papers.garofalo2015.bout import Blow, bout
 from eval.papers.garofalo2015.fig2_push import COLOUR
-from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
+from eval.papers.garofalo2015.pendulum import Pendulum
 from eval.papers.garofalo2015.polar import Ring, polar
 from eval.papers.parts import Finding, figure, judged, table, text
+from eval.papers.trial import simulate
 from eval.wording import number
 from fbid_gym.robots import load
 
@@ -42,13 +41,10 @@ def survives(
     Returns:
         (N,) bool.
     """
-    robot, pendulum = controller.robot, Pendulum()
     direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
-    bout = Bout(
-        robot, SECONDS, len(angle), world_with_pendulum(robot, pendulum), pendulum=pendulum,
-        blow=Blow(START, direction, energy), every=100,
-    )  # fmt: skip
-    return fight(bout, controller, progress).survived
+    blow = Blow(START, direction, energy)
+    trial = bout(controller.robot, Pendulum(), blow, SECONDS, every=100)
+    return simulate(trial, controller, progress).survived
 
 
 def largest(
@@ -88,18 +84,18 @@ def run(setting: Setting) -> Result:
     angle = np.radians(np.linspace(0.0, 180.0, setting.pick(9, 3)))
     refined = setting.pick(REFINED, 2)
     survived, lost = {}, {}
-    for name, part in zip(BALANCERS, setting.progress.parts(list(BALANCERS)), strict=True):
+    for name, part in setting.progress.each(BALANCERS):
         controller = balancer(robot, name)
-        rounds = part.parts([f"{name}, coarse", f"{name}, fine"])
+        rounds = part.each(("coarse", "fine"))
 
         def test(
             who: np.ndarray,
             energy: np.ndarray,
             turn: int,
             controller: Balancer = controller,
-            rounds: list[Progress] = rounds,
+            rounds: Iterator[tuple[str, Progress]] = rounds,
         ) -> np.ndarray:
-            return survives(controller, who, energy, rounds[turn])
+            return survives(controller, who, energy, next(rounds)[1])
 
         survived[name], lost[name] = largest(test, angle, refined)
     rows = [
@@ -135,7 +131,7 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
     ]
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     numbers = result.numbers
     half = numbers["degrees"]
@@ -158,24 +154,22 @@ def show(result: Result) -> str:
         degrees, rings, "Largest energy survived, by direction of the blow", "J", LABELS,
         mark=(90.0, 17.4, "[G15]"),
     )  # fmt: skip
-    return "".join(
-        (
-            figure(
-                [chart],
-                "In the direction of the push. The robot is its own mirror image, so "
-                "the right half is the left one's; [G15]'s blow is marked.",
-                1,
-            ),
-            table(["J, last survived – first not", *(f"{d:g}°" for d in half)], rows),
-            text(
-                "The robot may not step, so what can be survived is bounded by the soles: the "
-                "momentum of the blow moves the capture point, and beyond the edge of the feet no "
-                "balancer that keeps them in place brings it back. Sideways the two feet reach "
-                "farther than forward. Within that, what counts is how much of the wanted wrench "
-                "the torques produce."
-            ),
-        )
-    )
+    return [
+        figure(
+            [chart],
+            "In the direction of the push. The robot is its own mirror image, so "
+            "the right half is the left one's; [G15]'s blow is marked.",
+            1,
+        ),
+        table(["J, last survived – first not", *(f"{d:g}°" for d in half)], rows),
+        text(
+            "The robot may not step, so what can be survived is bounded by the soles: the "
+            "momentum of the blow moves the capture point, and beyond the edge of the feet no "
+            "balancer that keeps them in place brings it back. Sideways the two feet reach "
+            "farther than forward. Within that, what counts is how much of the wanted wrench "
+            "the torques produce."
+        ),
+    ]
 
 
 EXPERIMENT = Experiment(
@@ -191,4 +185,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

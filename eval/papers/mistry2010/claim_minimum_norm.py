@@ -1,6 +1,5 @@
 """[M10] III-B.3: eq. (15) gives the least torque, and what limits on the forces add to it."""
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -8,8 +7,9 @@ from scipy.optimize import nnls
 
 from eval.papers.charts import lines, traces
 from eval.papers.experiment import Experiment, Result, Setting, main
+from eval.papers.mistry2010.controllers import contact_points
+from eval.papers.mistry2010.laws import equation
 from eval.papers.parts import Finding, figure, judged, text
-from eval.papers.trial import contact_points
 from eval.wording import number, percent
 from fbid_gym.control import (
     ContactLimits,
@@ -21,8 +21,7 @@ from fbid_gym.control import (
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
 from fbid_gym.dynamics.support import Support
-from fbid_gym.motions import MotionTable, periodic_squat, squat_bow
-from fbid_gym.motions.stepping import stepping
+from fbid_gym.motions import MotionTable, periodic_squat, squat_bow, stepping
 from fbid_gym.robots import Robot, load
 
 FRICTION = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0)
@@ -47,10 +46,8 @@ def run(setting: Setting) -> Result:
     }
     rows: list[dict[str, Any]] = []
     arrays: dict[str, np.ndarray] = {}
-    for progress, (name, motion) in zip(
-        setting.progress.parts(list(motions)), motions.items(), strict=True
-    ):
-        progress(0.1)
+    for name, _ in setting.progress.each(motions):
+        motion = motions[name]
         problems = {size: _Problem.along(robot, motion, every, size) for size in SIZES}
         least = {size: problem.least() for size, problem in problems.items()}
         by_size = [_compared(problems[size], least[size], ASSUMED) for size in SIZES]
@@ -107,10 +104,8 @@ class _Problem:
         angle = np.random.default_rng(1).uniform(-np.pi, np.pi, len(rows))
         command = reference.qacc.copy()
         command[:, :2] += size * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        arguments = (
-            terms.mass_matrix, terms.bias, contacts.jacobian, command, contacts.bias,
-        )  # fmt: skip
-        return cls(robot, arguments, (contacts, active, Support.of(robot).radius))
+        rest = contacts, active, Support.of(robot).radius
+        return cls(robot, equation(terms, contacts, command), rest)
 
     def least(self) -> np.ndarray:
         """Eq. (15)."""
@@ -238,7 +233,7 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
     ]
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     numbers, arrays = result.numbers, result.arrays
     rows = numbers["rows"]
@@ -248,53 +243,49 @@ def show(result: Result) -> str:
         return [(row["name"], k, [cell[what] for cell in row[sweep]]) for k, row in enumerate(rows)]
 
     asked, sizes, friction = "base acceleration added, m/s²", numbers["sizes"], numbers["friction"]
-    return "".join(
-        (
-            figure(
-                [
-                    lines(
-                        sizes,
-                        curves("by_size", "impossible"),
-                        "Ticks at which eq. (15) pulls or slips",
-                        asked,
-                        y_range=(0.0, 1.02),
-                        y_format=percent,
-                    ),
-                    lines(
-                        sizes, curves("by_size", "missed"), "Wrench missed, of the weight", asked
-                    ),
-                    lines(sizes, curves("by_size", "ratio"), "|τ| limited, of eq. (15)'s", asked),
-                    lines(
-                        friction,
-                        curves("by_friction", "ratio"),
-                        f"The same at {ADDED:g} m/s²",
-                        "friction",
-                    ),
-                    traces(
-                        arrays[f"{name}.time"],
-                        [
-                            ("eq. (15)", 0, arrays[f"{name}.least"]),
-                            ("limited", 2, arrays[f"{name}.limited"]),
-                        ],
-                        f"|τ|, {name} with {ADDED:g} m/s², N·m",
-                    ),
-                    traces(
-                        arrays[f"{name}.time"],
-                        [("limited", 2, arrays[f"{name}.residual"])],
-                        "Wrench missed by the same, of the weight",
-                    ),
-                ],
-                "At the references' states, with horizontal accelerations of the base in random "
-                "directions added, as a balance controller would after a push.",
-            ),
-            text(
-                "Two things move the limited form away from the least torque. Where no limit is "
-                "felt it takes the least contact forces, not the least torques; in a squat, the "
-                "same on both sides, these are the same. Where a limit is felt, the forces deliver "
-                "less than is asked for, the motion gives way, and the torque is smaller, too."
-            ),
-        )
-    )
+    return [
+        figure(
+            [
+                lines(
+                    sizes,
+                    curves("by_size", "impossible"),
+                    "Ticks at which eq. (15) pulls or slips",
+                    asked,
+                    y_range=(0.0, 1.02),
+                    y_format=percent,
+                ),
+                lines(sizes, curves("by_size", "missed"), "Wrench missed, of the weight", asked),
+                lines(sizes, curves("by_size", "ratio"), "|τ| limited, of eq. (15)'s", asked),
+                lines(
+                    friction,
+                    curves("by_friction", "ratio"),
+                    f"The same at {ADDED:g} m/s²",
+                    "friction",
+                ),
+                traces(
+                    arrays[f"{name}.time"],
+                    [
+                        ("eq. (15)", 0, arrays[f"{name}.least"]),
+                        ("limited", 2, arrays[f"{name}.limited"]),
+                    ],
+                    f"|τ|, {name} with {ADDED:g} m/s², N·m",
+                ),
+                traces(
+                    arrays[f"{name}.time"],
+                    [("limited", 2, arrays[f"{name}.residual"])],
+                    "Wrench missed by the same, of the weight",
+                ),
+            ],
+            "At the references' states, with horizontal accelerations of the base in random "
+            "directions added, as a balance controller would after a push.",
+        ),
+        text(
+            "Two things move the limited form away from the least torque. Where no limit is "
+            "felt it takes the least contact forces, not the least torques; in a squat, the "
+            "same on both sides, these are the same. Where a limit is felt, the forces deliver "
+            "less than is asked for, the motion gives way, and the torque is smaller, too."
+        ),
+    ]
 
 
 EXPERIMENT = Experiment(
@@ -311,4 +302,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

@@ -19,9 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from eval.papers.mistry2010.controllers import SplitTorque
 from eval.papers.mistry2010.footwork import Footwork, swing
 from eval.papers.mistry2010.polygon import Polygon
-from eval.papers.trial import Command, Memory
+from eval.papers.trial import Memory
 from fbid_gym.control import (
     ContactLimits,
     limited_inverse_dynamics,
@@ -37,7 +38,6 @@ from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.motions import MotionTable, Reference, Steps, stepping
 from fbid_gym.robots import Robot
 
-_GRAVITY = 9.81
 _SIDE = np.array([1.0, -1.0])  # left, right
 _LOWEST = 0.1  # m, height of the centre of mass; less is a robot that lies
 
@@ -87,7 +87,7 @@ class StepperGains(NamedTuple):
     reach: tuple[float, float] = (0.35, 0.25)
 
 
-class Stance(NamedTuple):
+class Footing(NamedTuple):
     """Where N robots stand.
 
     Attributes:
@@ -109,7 +109,7 @@ class Stance(NamedTuple):
     on: np.ndarray
 
 
-class Balance(NamedTuple):
+class Capture(NamedTuple):
     """Where N robots fall, and what is done about it.
 
     Attributes:
@@ -175,31 +175,31 @@ class Stepper:
         return standing | {"begun": False, "warm_start": np.zeros((num_robots, 6))}
 
     def __call__(
-        self, state: RobotState, terms: DynamicsTerms, reference: Reference, memory: Memory
-    ) -> Command:
-        """See `Controller`. The reference is not used: `plan` is it, without the lifted legs."""
+        self, state: RobotState, terms: DynamicsTerms, goal: Reference, memory: Memory
+    ) -> SplitTorque:
+        """See `Controller`. The goal is not used: `plan` is it, without the lifted legs."""
         plan = self.plan.reference(state.tick)
         if not memory["begun"]:
             memory.update(self.footwork.memory(_planted(plan)), begun=True)
-        stance = self.stance(terms, memory["swings"])
-        balance = self.balance(stance, terms, plan)
-        self._step(stance, balance, state, terms, plan, memory)
+        footing = self.footing(terms, memory["swings"])
+        capture = self.capture(footing, terms, plan)
+        self._step(footing, capture, state, terms, plan, memory)
         swings = memory["swings"]
         on = ~swings[:, self.geometry.foot_of_point]
-        feet = self._feet(stance, balance, terms, memory)
+        feet = self._feet(footing, capture, terms, memory)
         # Eq. (19)'s constraints; the feet in the air are to move.
         held = (
             terms.foot_jacobian.reshape(len(on), 12, -1),
             (terms.foot_bias - feet).reshape(len(on), 12),
         )
-        acceleration = self._acceleration(stance, balance, held, state, terms, plan)
-        torque = self._torque(stance, on, held, acceleration, terms, memory)
-        base = np.vecmat(terms.base_position[:, :2] - stance.middle, stance.heading)
+        acceleration = self._acceleration(footing, capture, held, state, terms, plan)
+        torque = self._torque(footing, on, held, acceleration, terms, memory)
+        base = np.vecmat(terms.base_position[:, :2] - footing.middle, footing.heading)
         memory["base"], memory["base_target"] = base, plan.qpos[:, :2]
         friction = self.robot.joint_damping * state.qvel[:, 6:]
-        return Command(torque + friction, np.zeros_like(torque))
+        return SplitTorque(torque + friction, np.zeros_like(torque))
 
-    def stance(self, terms: DynamicsTerms, swings: np.ndarray) -> Stance:
+    def footing(self, terms: DynamicsTerms, swings: np.ndarray) -> Footing:
         """Look at the feet; `swings` (N, 2) bool are those in the air."""
         foot, turn, owner = terms.foot_position, terms.foot_rotation, self.geometry.foot_of_point
         share = ~swings / (~swings).sum(axis=1, keepdims=True)
@@ -208,7 +208,7 @@ class Stepper:
         aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
         beside = foot[:, ::-1, :2] + 2.0 * self.width * _SIDE[:, None] * aside[:, None]
         arms = np.matvec(turn[:, owner], self.gains.sole * self.geometry.offset)
-        return Stance(
+        return Footing(
             heading=np.stack([ahead, aside], axis=2),
             ground=np.vecdot(share, foot[..., 2]),
             beside=beside,
@@ -218,29 +218,30 @@ class Stepper:
             on=~swings[:, owner],
         )
 
-    def balance(self, stance: Stance, terms: DynamicsTerms, plan: Reference) -> Balance:
+    def capture(self, footing: Footing, terms: DynamicsTerms, plan: Reference) -> Capture:
         """Choose the centre of pressure, and with it how the centre of mass accelerates."""
-        height = np.maximum(terms.com[:, 2] - stance.ground, _LOWEST)
-        omega = np.sqrt((_GRAVITY + plan.qacc[:, 2]) / height)[:, None]
+        height = np.maximum(terms.com[:, 2] - footing.ground, _LOWEST)
+        gravity = -self.robot.model.opt.gravity[2]
+        omega = np.sqrt((gravity + plan.qacc[:, 2]) / height)[:, None]
         com = terms.com[:, :2]
         xi = com + terms.com_velocity[:, :2] / omega
         ahead = plan.com[:, :2] + plan.com_velocity[:, :2] / omega
         below = plan.com[:, :2] - plan.com_acceleration[:, :2] / omega**2
-        xi_plan = stance.middle + np.matvec(stance.heading, ahead)
-        p_plan = stance.middle + np.matvec(stance.heading, below)
+        xi_plan = footing.middle + np.matvec(footing.heading, ahead)
+        p_plan = footing.middle + np.matvec(footing.heading, below)
 
-        hull = Polygon.around(stance.points, stance.on)
+        hull = Polygon.around(footing.points, footing.on)
         wanted = p_plan + (1.0 + self.gains.balance) * (xi - xi_plan)
         pressure = hull.nearest(wanted)
         beyond = wanted - pressure
         size = np.linalg.norm(beyond, axis=1, keepdims=True)
         lunge = beyond * np.minimum(1.0, self.gains.lunge / np.maximum(size, 1e-9))
-        return Balance(omega, xi, xi_plan, hull, pressure, omega**2 * (com - pressure - lunge))
+        return Capture(omega, xi, xi_plan, hull, pressure, omega**2 * (com - pressure - lunge))
 
     def _step(
         self,
-        stance: Stance,
-        balance: Balance,
+        footing: Footing,
+        capture: Capture,
         state: RobotState,
         terms: DynamicsTerms,
         plan: Reference,
@@ -250,46 +251,47 @@ class Stepper:
         gains, foot = self.gains, terms.foot_position[..., :2]
         owner = self.geometry.foot_of_point == np.arange(2)[:, None]
         load = state.contact_force[..., 2] @ owner.T
-        error = np.vecmat(balance.xi - balance.xi_plan, stance.heading)
+        error = np.vecmat(capture.xi - capture.xi_plan, footing.heading)
         calm = (np.abs(error) < gains.calm).all(axis=1)
         # Sideways no foot can step without crossing the other: only ahead and behind count.
-        forward = np.vecdot(stance.points - stance.middle[:, None], stance.heading[:, None, :, 0])
-        place = np.vecdot(balance.xi - stance.middle, stance.heading[:, :, 0])
-        front = np.where(stance.on, forward, -np.inf).max(axis=1) - gains.edge
-        back = np.where(stance.on, forward, np.inf).min(axis=1) + gains.edge
-        apart = np.abs(np.vecdot(foot[:, 0] - foot[:, 1], stance.heading[:, :, 0])) > gains.apart
-        lost = (place > front) | (place < back) | (apart & (balance.hull.margin(balance.xi) < 0.0))
+        ahead = footing.heading[:, :, 0]
+        forward = np.vecdot(footing.points - footing.middle[:, None], ahead[:, None])
+        place = np.vecdot(capture.xi - footing.middle, ahead)
+        front = np.where(footing.on, forward, -np.inf).max(axis=1) - gains.edge
+        back = np.where(footing.on, forward, np.inf).min(axis=1) + gains.edge
+        apart = np.abs(np.vecdot(foot[:, 0] - foot[:, 1], ahead)) > gains.apart
+        lost = (place > front) | (place < back) | (apart & (capture.hull.margin(capture.xi) < 0.0))
         # The robot stays on the foot that is nearer to where it falls.
-        far = np.linalg.norm(foot - balance.xi[:, None], axis=2)
+        far = np.linalg.norm(foot - capture.xi[:, None], axis=2)
         farther = far == far.max(axis=1, keepdims=True)
         self.footwork.advance(_planted(plan), load, calm, lost[:, None] & farther, memory)
 
     def _feet(
-        self, stance: Stance, balance: Balance, terms: DynamicsTerms, memory: Memory
+        self, footing: Footing, capture: Capture, terms: DynamicsTerms, memory: Memory
     ) -> np.ndarray:
         """Wanted accelerations of the feet: (N, 2, 6) m/s^2 and rad/s^2, world axes."""
-        gains, rows = self.gains, np.arange(len(stance.ground))
+        gains, rows = self.gains, np.arange(len(footing.ground))
         swings, clock, span = memory["swings"], memory["clock"], memory["span"]
         air, which = swings.any(axis=1), swings.argmax(axis=1)
         upright = np.zeros((len(rows), 1, 3, 3))
-        upright[:, 0, :2, :2], upright[:, 0, 2, 2] = stance.heading, 1.0
+        upright[:, 0, :2, :2], upright[:, 0, 2, 2] = footing.heading, 1.0
         tilted = rotation_vector(upright @ terms.foot_rotation.mT)
         feet = -gains.grip * terms.foot_velocity
         feet[..., 3:5] += (0.5 * gains.grip) ** 2 * tilted[..., :2]
 
         # Where the robot will fall when the foot lands, the pressure held where it is.
         left = np.maximum(span - clock, 0.0)[:, None]
-        xi = balance.pressure + (balance.xi - balance.pressure) * np.exp(balance.omega * left)
-        shift = np.vecmat(xi - balance.xi_plan, stance.heading)
+        xi = capture.pressure + (capture.xi - capture.pressure) * np.exp(capture.omega * left)
+        shift = np.vecmat(xi - capture.xi_plan, footing.heading)
         shift = np.sign(shift) * np.maximum(np.abs(shift) - gains.dead, 0.0)
-        outward = np.vecdot(xi - stance.middle, stance.heading[:, :, 1]) * _SIDE[which]
+        outward = np.vecdot(xi - footing.middle, footing.heading[:, :, 1]) * _SIDE[which]
         shift[:, 0] = np.clip(shift[:, 0], -gains.reach[0], gains.reach[0])
         shift[:, 1] = _SIDE[which] * np.clip(
             outward + gains.cover - self.width, 0.0, gains.reach[1]
         )
         target = np.empty((len(rows), 3))
-        target[:, :2] = stance.beside[rows, which] + np.matvec(stance.heading, shift)
-        target[:, 2] = stance.ground
+        target[:, :2] = footing.beside[rows, which] + np.matvec(footing.heading, shift)
+        target[:, 2] = footing.ground
         velocity = terms.foot_velocity[rows, which]
         fly = swing(
             terms.foot_position[rows, which], velocity[:, :3], target, clock, span,
@@ -301,8 +303,8 @@ class Stepper:
 
     def _acceleration(
         self,
-        stance: Stance,
-        balance: Balance,
+        footing: Footing,
+        capture: Capture,
         held: tuple[np.ndarray, np.ndarray],
         state: RobotState,
         terms: DynamicsTerms,
@@ -317,12 +319,12 @@ class Stepper:
         bias[:, :2] = terms.bias[:, :2] / self.robot.mass
 
         upright = np.zeros((count, 3, 3))
-        upright[:, :2, :2], upright[:, 2, 2] = stance.heading, 1.0
+        upright[:, :2, :2], upright[:, 2, 2] = footing.heading, 1.0
         facing = upright @ quaternion_to_matrix(plan.qpos[:, 3:7])
         lean = rotation_vector(terms.base_rotation.mT @ facing)
-        height = terms.base_position[:, 2] - stance.ground
+        height = terms.base_position[:, 2] - footing.ground
         task = np.empty((count, 6))
-        task[:, :2] = balance.pull
+        task[:, :2] = capture.pull
         task[:, 2:3] = _returning(
             gains.height,
             (plan.qpos[:, 2:3], plan.qvel[:, 2:3], plan.qacc[:, 2:3]),
@@ -344,7 +346,7 @@ class Stepper:
 
     def _torque(
         self,
-        stance: Stance,
+        footing: Footing,
         on: np.ndarray,
         held: tuple[np.ndarray, np.ndarray],
         acceleration: np.ndarray,
@@ -356,7 +358,7 @@ class Stepper:
         rows = np.arange(points)
         spread = np.zeros((count, 2, 6, points, 3))
         spread[:, owner, :3, rows] = np.eye(3)
-        spread[:, owner, 3:, rows] = skew(stance.arms).swapaxes(0, 1)
+        spread[:, owner, 3:, rows] = skew(footing.arms).swapaxes(0, 1)
         spread *= on[:, None, None, :, None]
         cost = self.gains.moment
         law = limited_inverse_dynamics(

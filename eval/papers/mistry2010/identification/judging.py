@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eval.papers.log import Log
-from eval.papers.mistry2010.exciting import STANCES
-from eval.papers.mistry2010.measuring import measured
+from eval.papers.mistry2010.identification.exciting import STANCES
+from eval.papers.mistry2010.identification.measuring import measured
+from eval.papers.mistry2010.laws import equation
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
@@ -24,8 +25,7 @@ from fbid_gym.dynamics.identification import (
     natural_steps,
     regression,
 )
-from fbid_gym.motions import MotionTable, periodic_squat, squat_bow
-from fbid_gym.motions.stepping import Steps, stepping
+from fbid_gym.motions import MotionTable, Steps, periodic_squat, squat_bow, stepping
 from fbid_gym.robots import Robot
 
 METHODS = ("nominal", "identified", "weighed", "plain")
@@ -78,10 +78,7 @@ def feedforward(model: Robot, motion: HeldOut) -> np.ndarray:
     """Torques (T, n) N·m of eq. (15) along a motion, by a model."""
     terms = MuJoCoDynamics(model).terms(motion.qpos, motion.qvel)
     contacts = reduced_contacts(ContactGeometry.of(model), terms, motion.active)
-    found = orthogonal_inverse_dynamics(
-        terms.mass_matrix, terms.bias, contacts.jacobian, motion.qacc, contacts.bias
-    )
-    return np.asarray(found.torque)
+    return orthogonal_inverse_dynamics(*equation(terms, contacts, motion.qacc)).torque
 
 
 def feedforward_of(

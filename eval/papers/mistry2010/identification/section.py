@@ -7,16 +7,16 @@ import numpy as np
 
 from eval.papers.charts import lines, traces
 from eval.papers.experiment import Result
-from eval.papers.mistry2010.identified import METHODS, rms
-from eval.papers.mistry2010.measuring import Noise
-from eval.papers.parts import figure, folded, table, text
+from eval.papers.mistry2010.identification.judging import METHODS, rms
+from eval.papers.mistry2010.identification.measuring import Noise
+from eval.papers.parts import fate, figure, folded, table, text
 from eval.papers.trial import RATES
 from eval.plots import Series, panel
 from eval.wording import number
 from fbid_gym.robots import load
 
 
-def gains(numbers: dict[str, Any], level: float, method: str = "identified") -> np.ndarray:
+def improvements(numbers: dict[str, Any], level: float, method: str = "identified") -> np.ndarray:
     """How many times the torque error falls: every model and motion at one noise."""
     rows = [row["error"] for row in numbers["rows"] if row["level"] == level]
     return np.array(
@@ -30,7 +30,7 @@ def average(numbers: dict[str, Any], level: float, method: str) -> float:
     return rms(np.array([list(row.values()) for row in rows]))
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     numbers, arrays = result.numbers, result.arrays
     true = arrays["true model"]
@@ -45,47 +45,45 @@ def show(result: Result) -> str:
     ]
     noisiest = numbers["levels"][-1]
     masses = [row["mass"] for row in numbers["rows"] if row["level"] == noisiest]
-    return "".join(
-        (
-            figure(
-                charts,
-                "Left: error of eq. (15) on the fast squat/bow, of one nominal model and of what "
-                "noisy data (level 1) made of it. Middle: what sensor noise leaves of the gain, "
-                "all models and motions. Right: what unit steps of the parameters do to the data, "
-                "in the order of their effect; what is below 0.00001 of the torque counts as not "
-                "told.",
-                3,
-            ),
-            text(
-                "Nominal masses are off by up to 30&nbsp;%, and with them the inertias; the "
-                "centres of mass by up to 30&nbsp;% of the link's half-length along every axis. "
-                "The robot moves under the wrong model: sums of sinusoids at all joints, "
-                f"{number(numbers['seconds'], 2)} s each on both feet, on the left and on the "
-                "right one. No contact force is measured. Accelerations are derivatives of the "
-                "noisy velocities through the same filter that the torques pass."
-            ),
-            sweep_table(numbers),
-            text(
-                "Noise of the measured motion does not average out as noise of the torque does: "
-                "it is in the regressor, and biases the estimate however much data there are. At "
-                f"{number(noisiest)} times the noise of the table below, the total mass comes out "
-                f"as {number(float(np.mean(masses)))} kg instead of "
-                f"{number(load('biped').mass)} kg, and little of the gain is left. Least squares "
-                "without regard for what can exist predicts torques about as well without noise "
-                "and somewhat worse with it, by bodies that no simulator takes."
-            ),
-            excitation_table(numbers["told"]),
-            text(
-                "Feet that stand flat take whatever wrench the ground gives, so nothing tells "
-                "their own parameters; a foot in the air tells them. Single parameters that only "
-                "count in combinations, as the masses of neighbouring links, stay near their "
-                "nominal values, and the torque does not depend on how they share."
-            ),
-            tracking_table(numbers["tracking"]),
-            folded("Sensor noise at level 1", noise_table()),
-            folded("Masses and centres of mass of one model", body_table(result)),
-        )
-    )
+    return [
+        figure(
+            charts,
+            "Left: error of eq. (15) on the fast squat/bow, of one nominal model and of what "
+            "noisy data (level 1) made of it. Middle: what sensor noise leaves of the gain, "
+            "all models and motions. Right: what unit steps of the parameters do to the data, "
+            "in the order of their effect; what is below 0.00001 of the torque counts as not "
+            "told.",
+            3,
+        ),
+        text(
+            "Nominal masses are off by up to 30&nbsp;%, and with them the inertias; the "
+            "centres of mass by up to 30&nbsp;% of the link's half-length along every axis. "
+            "The robot moves under the wrong model: sums of sinusoids at all joints, "
+            f"{number(numbers['seconds'], 2)} s each on both feet, on the left and on the "
+            "right one. No contact force is measured. Accelerations are derivatives of the "
+            "noisy velocities through the same filter that the torques pass."
+        ),
+        sweep_table(numbers),
+        text(
+            "Noise of the measured motion does not average out as noise of the torque does: "
+            "it is in the regressor, and biases the estimate however much data there are. At "
+            f"{number(noisiest)} times the noise of the table below, the total mass comes out "
+            f"as {number(float(np.mean(masses)))} kg instead of "
+            f"{number(load('biped').mass)} kg, and little of the gain is left. Least squares "
+            "without regard for what can exist predicts torques about as well without noise "
+            "and somewhat worse with it, by bodies that no simulator takes."
+        ),
+        excitation_table(numbers["told"]),
+        text(
+            "Feet that stand flat take whatever wrench the ground gives, so nothing tells "
+            "their own parameters; a foot in the air tells them. Single parameters that only "
+            "count in combinations, as the masses of neighbouring links, stay near their "
+            "nominal values, and the torque does not depend on how they share."
+        ),
+        tracking_table(numbers["tracking"]),
+        folded("Sensor noise at level 1", noise_table()),
+        folded("Masses and centres of mass of one model", body_table(result)),
+    ]
 
 
 def noise_chart(numbers: dict[str, Any]) -> str:
@@ -122,7 +120,7 @@ def sweep_table(numbers: dict[str, Any]) -> str:
     rows = []
     for level in numbers["levels"]:
         at = [row for row in numbers["rows"] if row["level"] == level]
-        every = gains(numbers, level)
+        every = improvements(numbers, level)
         rows.append(
             [
                 number(level),
@@ -179,7 +177,7 @@ def tracking_table(rows: Sequence[dict[str, Any]]) -> str:
             row["model"],
             number(1e3 * row["error"], 2),
             number(row["feedback"], 2),
-            "stays up" if row["fell"] is None else f"falls at {row['fell']:.1f} s",
+            fate(row["fell"]),
         ]
         for row in rows
     ]
