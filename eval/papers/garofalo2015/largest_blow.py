@@ -1,6 +1,7 @@
 """What [G15] leaves open: the largest blow that each balancer survives, by direction."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,15 +29,18 @@ LABELS = {0.0: "forward", 90.0: "to the left", 180.0: "backward", 270.0: "to the
 
 
 def survives(
-    controller: Balancer, angle: np.ndarray, energy: np.ndarray, progress: Progress
+    controller: Balancer,
+    rounds: Iterator[tuple[str, Progress]],
+    angle: np.ndarray,
+    energy: np.ndarray,
 ) -> np.ndarray:
     """Hit one robot for each direction and energy.
 
     Args:
         controller: of all of them.
+        rounds: progress of this round and of those that follow.
         angle: (N,) rad, direction in which the bob flies: 0 forward, pi/2 to the robot's left.
         energy: (N,) J.
-        progress: of this round.
 
     Returns:
         (N,) bool.
@@ -44,16 +48,16 @@ def survives(
     direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     blow = Blow(START, direction, energy)
     trial = bout(controller.robot, Pendulum(), blow, SECONDS, every=100)
-    return simulate(trial, controller, progress).survived
+    return simulate(trial, controller, next(rounds)[1]).survived
 
 
 def largest(
-    test: Callable[[np.ndarray, np.ndarray, int], np.ndarray], angle: np.ndarray, refined: int
+    test: Callable[[np.ndarray, np.ndarray], np.ndarray], angle: np.ndarray, refined: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the largest energy that is survived in each direction.
 
     Args:
-        test: from angles (N,), energies (N,) and the round (0 or 1) to who survives (N,).
+        test: from angles (N,) and energies (N,) to who survives (N,); called once a round.
         angle: (K,) rad.
         refined: energies of the second round.
 
@@ -63,9 +67,9 @@ def largest(
     """
     low, high = np.zeros(len(angle)), np.full(len(angle), np.inf)
     grid = np.tile(FIRST, (len(angle), 1))
-    for turn in range(2):
+    for _ in range(2):
         who = np.repeat(angle, grid.shape[1])
-        stood = test(who, grid.ravel(), turn).reshape(grid.shape)
+        stood = test(who, grid.ravel()).reshape(grid.shape)
         for k, row in enumerate(stood):
             # Below the first fall: a lucky stand above it does not count.
             fallen = np.flatnonzero(~row)
@@ -85,18 +89,7 @@ def run(setting: Setting) -> Result:
     refined = setting.pick(REFINED, 2)
     survived, lost = {}, {}
     for name, part in setting.progress.each(BALANCERS):
-        controller = balancer(robot, name)
-        rounds = part.each(("coarse", "fine"))
-
-        def test(
-            who: np.ndarray,
-            energy: np.ndarray,
-            turn: int,
-            controller: Balancer = controller,
-            rounds: Iterator[tuple[str, Progress]] = rounds,
-        ) -> np.ndarray:
-            return survives(controller, who, energy, next(rounds)[1])
-
+        test = partial(survives, balancer(robot, name), part.each(("coarse", "fine")))
         survived[name], lost[name] = largest(test, angle, refined)
     rows = [
         {"name": name, "survived": survived[name].tolist(), "lost": _plain(lost[name])}

@@ -20,6 +20,7 @@ from fbid_gym.control import (
 )
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.identification import free_motions
 from fbid_gym.dynamics.support import Support
 from fbid_gym.motions import MotionTable, periodic_squat, squat_bow, stepping
 from fbid_gym.robots import Robot, load
@@ -116,30 +117,19 @@ class _Problem:
     def literal(self) -> np.ndarray:
         """Eq. (15) by its formula, with an orthonormal basis of the null space of J."""
         mass, bias, jacobian, _, _ = self._arguments
-        torque = []
-        for m, h, j, a in zip(mass, bias, jacobian, self._achieved, strict=True):
-            _, sizes, right = np.linalg.svd(j)
-            free = right[(sizes > 1e-5 * sizes[0]).sum() :]
-            torque.append(np.linalg.pinv(free[:, 6:], rcond=1e-9) @ (free @ (m @ a + h)))
-        return np.array(torque)
+        rows, _ = free_motions(jacobian)
+        return _of_free_motions(rows, np.matvec(rows, np.matvec(mass, self._achieved) + bias))
 
     def others(self, rng: np.random.Generator, least: np.ndarray) -> list[np.ndarray]:
         """Torques with the same accelerations, away from the least in random directions."""
+        rows, _ = free_motions(self._arguments[2])
         found = []
         for scale in (1e-3, 1e-1, 10.0):
             guess = rng.normal(size=least.shape) * scale
-            found.append(least + guess - self._moving(guess))
+            # Less the part that the constrained dynamics can feel.
+            felt = _of_free_motions(rows, np.matvec(rows[:, :, 6:], guess))
+            found.append(least + guess - felt)
         return found
-
-    def _moving(self, torque: np.ndarray) -> np.ndarray:
-        """The part of torques that the constrained dynamics can feel."""
-        jacobian = self._arguments[2]
-        moving = []
-        for j, t in zip(jacobian, torque, strict=True):
-            _, sizes, right = np.linalg.svd(j)
-            free = right[(sizes > 1e-5 * sizes[0]).sum() :][:, 6:]
-            moving.append(np.linalg.pinv(free, rcond=1e-9) @ (free @ t))
-        return np.array(moving)
 
     def projected(self) -> np.ndarray:
         """Eq. (7)'s least torque for the same accelerations."""
@@ -189,6 +179,11 @@ class _Problem:
         spread = spread.reshape(*points.shape[:2], -1)
         missed = [nnls(s, f)[1] for s, f in zip(spread, load, strict=True)]
         return np.array(missed) > 1e-3 * self._robot.weight
+
+
+def _of_free_motions(rows: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Least torques (T, n) whose part along the free motions, `rows` (T, k, nv), is `force`."""
+    return np.matvec(np.linalg.pinv(rows[:, :, 6:], rcond=1e-9), force)
 
 
 def findings(numbers: dict[str, Any]) -> list[Finding]:

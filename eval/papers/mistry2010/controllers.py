@@ -2,17 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from eval.papers.mistry2010.laws import Asked, Law
+from eval.papers.mistry2010.laws import Law, Tick
 from eval.papers.trial import RATES, Memory
 from fbid_gym.actions.contact_belief import TOUCH
 from fbid_gym.actions.stance import holding_torque, own_inertia, stance_inertia
 from fbid_gym.control import operational_space_acceleration, task_acceleration
 from fbid_gym.dynamics import DynamicsTerms
-from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts, reduced_contacts
+from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
 from fbid_gym.motions import Reference
@@ -90,34 +90,18 @@ def measured_contacts(robot: Robot) -> ContactBelief:
     return lambda state, reference: np.linalg.norm(state.contact_force, axis=2) > least
 
 
-class Desire(Protocol):
-    """Which acceleration the robots shall have: what the inverse dynamics is given."""
-
-    def __call__(
-        self,
-        state: RobotState,
-        terms: DynamicsTerms,
-        reference: Reference,
-        contacts: ReducedContacts,
-        memory: Memory,
-    ) -> np.ndarray:
-        """Return (N, nv) m/s^2 and rad/s^2; may note in `memory` what the log shall have."""
-        ...
+Desire = Callable[[Tick, Memory], np.ndarray]
+"""Which acceleration the robots shall have, (N, nv) m/s^2 and rad/s^2: what the inverse dynamics is
+given. It may note in the memory what the log shall have."""
 
 
 def as_planned(robot: Robot) -> Desire:
     """Desire the reference's acceleration, its linear part turned into the world."""
     support = Support.of(robot)
 
-    def desire(
-        state: RobotState,
-        terms: DynamicsTerms,
-        reference: Reference,
-        contacts: ReducedContacts,
-        memory: Memory,
-    ) -> np.ndarray:
-        acceleration = reference.qacc.copy()
-        rotation = support.frame(terms).rotation
+    def desire(tick: Tick, memory: Memory) -> np.ndarray:
+        acceleration = tick.reference.qacc.copy()
+        rotation = support.frame(tick.terms).rotation
         acceleration[:, :3] = np.matvec(rotation, acceleration[:, :3])
         return acceleration
 
@@ -136,19 +120,14 @@ def base_returning(robot: Robot, hertz: float) -> Desire:
     """
     support, omega = Support.of(robot), 2.0 * np.pi * hertz
 
-    def desire(
-        state: RobotState,
-        terms: DynamicsTerms,
-        reference: Reference,
-        contacts: ReducedContacts,
-        memory: Memory,
-    ) -> np.ndarray:
+    def desire(tick: Tick, memory: Memory) -> np.ndarray:
+        terms, reference, contacts = tick.terms, tick.reference, tick.contacts
         frame = support.frame(terms)
         base = np.vecmat(terms.base_position - frame.centre, frame.rotation)
         memory["base"], memory["base_target"] = base[:, :2], reference.qpos[:, :2]
         there = frame.centre + np.matvec(frame.rotation, reference.qpos[:, :3])
         task = task_acceleration(
-            there[:, :2], terms.base_position[:, :2], state.qvel[:, :2], omega**2, 2.0 * omega
+            there[:, :2], terms.base_position[:, :2], tick.state.qvel[:, :2], omega**2, 2.0 * omega
         )
         xy = np.eye(robot.nv)[:2]
         return operational_space_acceleration(
@@ -203,8 +182,8 @@ class JointController:
             return SplitTorque(np.zeros_like(feedback), feedback)
         active = self.belief(state, goal)
         contacts = reduced_contacts(self.geometry, terms, active)
-        desired = self.desire(state, terms, goal, contacts, memory)
-        torque = self.law(Asked(desired, contacts, active, state, terms), memory)
+        tick = Tick(state, terms, goal, active, contacts)
+        torque = self.law(tick, self.desire(tick, memory), memory)
         limit, friction = self.robot.torque_limit, self.robot.joint_damping * state.qvel[:, 6:]
         # What acts on the robot's rigid bodies: the motors' torque less the joints' friction.
         memory["applied"] = np.clip(torque + friction + feedback, -limit, limit) - friction

@@ -21,6 +21,7 @@ from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts, reduced_contacts
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
+from fbid_gym.motions import Reference
 from fbid_gym.robots import Robot
 
 JOINTS_FIRST = 1e-3
@@ -31,27 +32,26 @@ Equation = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """M, h, J, desired acceleration and Jdot v: what every law of `fbid_gym.control` begins with."""
 
 
-class Asked(NamedTuple):
-    """What a law is asked for on one tick.
+class Tick(NamedTuple):
+    """What a controller knows on one tick.
 
     Attributes:
-        acceleration: (N, nv) m/s^2 and rad/s^2, desired.
-        contacts: that the controller counts on.
-        active: (N, P) bool, their points; None for all.
         state: of the robots.
         terms: their dynamics.
+        reference: that they shall follow.
+        active: (N, P) bool, the contact points that it counts on; None for all.
+        contacts: of these points.
     """
 
-    acceleration: np.ndarray
-    contacts: ReducedContacts
-    active: np.ndarray | None
     state: RobotState
     terms: DynamicsTerms
+    reference: Reference
+    active: np.ndarray | None
+    contacts: ReducedContacts
 
-    @property
-    def equation(self) -> Equation:
-        """The equation of motion."""
-        return equation(self.terms, self.contacts, self.acceleration)
+    def equation(self, acceleration: np.ndarray) -> Equation:
+        """Return the equation of motion for accelerations (N, nv)."""
+        return equation(self.terms, self.contacts, acceleration)
 
 
 def equation(terms: DynamicsTerms, contacts: ReducedContacts, acceleration: np.ndarray) -> Equation:
@@ -60,13 +60,13 @@ def equation(terms: DynamicsTerms, contacts: ReducedContacts, acceleration: np.n
 
 
 class Law(Protocol):
-    """From what is asked for to torques (N, n) N·m; it keeps what it remembers in `memory`."""
+    """From a desired acceleration (N, nv) to torques (N, n) N·m; it may remember in `memory`."""
 
     def memory(self, num_robots: int) -> Memory:
         """Return what the law remembers, for robots that have not moved yet."""
         ...
 
-    def __call__(self, asked: Asked, memory: Memory) -> np.ndarray:
+    def __call__(self, tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
         """Return the torques for one control tick."""
         ...
 
@@ -76,18 +76,18 @@ class Memoryless:
     """A law that remembers nothing.
 
     Attributes:
-        torque: (N, n) N·m for what is asked.
+        torque: its torques, (N, n) N·m.
     """
 
-    torque: Callable[[Asked], np.ndarray]
+    torque: Callable[[Tick, np.ndarray], np.ndarray]
 
     def memory(self, num_robots: int) -> Memory:
         """Nothing to remember."""
         return {}
 
-    def __call__(self, asked: Asked, memory: Memory) -> np.ndarray:
+    def __call__(self, tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
         """See `Law`."""
-        return self.torque(asked)
+        return self.torque(tick, acceleration)
 
 
 def orthogonal(torque_cost: np.ndarray | None = None) -> Law:
@@ -97,9 +97,9 @@ def orthogonal(torque_cost: np.ndarray | None = None) -> Law:
         torque_cost: (n,) diagonal of W of eq. (16); None for the identity.
     """
     return Memoryless(
-        lambda asked: (
+        lambda tick, desired: (
             orthogonal_inverse_dynamics(
-                *asked.equation, torque_cost=torque_cost, base_priority=JOINTS_FIRST
+                *tick.equation(desired), torque_cost=torque_cost, base_priority=JOINTS_FIRST
             ).torque
         )
     )
@@ -107,13 +107,17 @@ def orthogonal(torque_cost: np.ndarray | None = None) -> Law:
 
 def inertia_weighted() -> Law:
     """The least torques by the inertia-weighted projection of eq. (7)."""
-    return Memoryless(lambda asked: inertia_weighted_inverse_dynamics(*asked.equation).torque)
+    return Memoryless(
+        lambda tick, desired: inertia_weighted_inverse_dynamics(*tick.equation(desired)).torque
+    )
 
 
 def inertia_metric() -> Law:
     """Eq. (15) decomposed in the metric of the kinetic energy: inertia chooses among torques."""
     return Memoryless(
-        lambda asked: metric_inverse_dynamics(*asked.equation, asked.terms.mass_matrix).torque
+        lambda tick, desired: (
+            metric_inverse_dynamics(*tick.equation(desired), tick.terms.mass_matrix).torque
+        )
     )
 
 
@@ -142,13 +146,13 @@ class Limited:
         """The warm start of the contact forces."""
         return {"warm_start": np.zeros((num_robots, 6))}
 
-    def __call__(self, asked: Asked, memory: Memory) -> np.ndarray:
+    def __call__(self, tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
         """See `Law`."""
         found = limited_inverse_dynamics(
-            *asked.equation,
+            *tick.equation(acceleration),
             self.limits,
-            point_map=asked.contacts.point_map,
-            active=asked.active,
+            point_map=tick.contacts.point_map,
+            active=tick.active,
             base_priority=self.base_priority,
             length=self.length,
             warm_start=memory["warm_start"],
@@ -184,13 +188,13 @@ class MeasuredForce:
         start = self.sensor.start(np.zeros((num_robots, 3 * self.geometry.num_points)))
         return {"sensor": start, "noise": np.random.default_rng(self.seed)}
 
-    def __call__(self, asked: Asked, memory: Memory) -> np.ndarray:
+    def __call__(self, tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
         """See `Law`."""
-        force = asked.state.contact_force.reshape(len(asked.acceleration), -1)
+        force = tick.state.contact_force.reshape(len(acceleration), -1)
         force, memory["sensor"] = self.sensor.measure(force, memory["sensor"], memory["noise"])
-        touching = reduced_contacts(self.geometry, asked.terms)
+        touching = reduced_contacts(self.geometry, tick.terms)
         return force_feedback_inverse_dynamics(
-            *equation(asked.terms, touching, asked.acceleration),
+            *equation(tick.terms, touching, acceleration),
             np.matvec(touching.point_map, force),
         ).torque
 
@@ -203,9 +207,11 @@ class EstimatedForce:
         """Nothing of its own; the controller keeps what it "applied"."""
         return {}
 
-    def __call__(self, asked: Asked, memory: Memory) -> np.ndarray:
+    def __call__(self, tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
         """See `Law`."""
-        return estimated_force_inverse_dynamics(*asked.equation, memory["applied"]).torque
+        return estimated_force_inverse_dynamics(
+            *tick.equation(acceleration), memory["applied"]
+        ).torque
 
 
 def rivals(robot: Robot) -> dict[str, Law]:

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from eval.papers.mistry2010.controllers import Desire
+from eval.papers.mistry2010.laws import Tick
 from eval.papers.trial import RATES, Memory
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts
+from fbid_gym.dynamics.contacts import ContactGeometry
 from fbid_gym.dynamics.frames import quaternion_to_matrix, rotation_vector
-from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
-from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.motions import Reference
 from fbid_gym.motions.curves import Curve
 from fbid_gym.motions.kinematics import (
@@ -191,16 +190,11 @@ def carrying_out(robot: Robot, base_hertz: float, joint_hertz: float) -> Desire:
     """
     omega = 2.0 * np.pi * np.repeat([base_hertz, joint_hertz], [6, robot.num_joints])
 
-    def desire(
-        state: RobotState,
-        terms: DynamicsTerms,
-        reference: Reference,
-        contacts: ReducedContacts,
-        memory: Memory,
-    ) -> np.ndarray:
+    def desire(tick: Tick, memory: Memory) -> np.ndarray:
+        state, reference = tick.state, tick.reference
         # Where the motion's world lies.
         origin = memory.setdefault("origin", state.qpos[:, :3] - reference.qpos[:, :3])
-        turned = terms.base_rotation.mT @ quaternion_to_matrix(reference.qpos[:, 3:7])
+        turned = tick.terms.base_rotation.mT @ quaternion_to_matrix(reference.qpos[:, 3:7])
         position = reference.qpos[:, :3] + origin - state.qpos[:, :3]
         joints = reference.qpos[:, 7:] - state.qpos[:, 7:]
         error = np.concatenate([position, rotation_vector(turned), joints], axis=1)

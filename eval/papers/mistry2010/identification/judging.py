@@ -156,11 +156,8 @@ def fitted(
         "consistent": found.consistent and weighed.consistent,
         "impossible": int((consistency(plain) <= 0.0).sum()),
         "residual": found.residual,
-        "nominal_residual": found.nominal_residual,
-        "torque_scale": found.torque_scale,
         "mass": found.mass,
         "dimension": found.excitation.dimension,
-        "divergence": float(found.divergence.sum()),
     }, found
 
 

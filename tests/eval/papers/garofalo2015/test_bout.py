@@ -110,12 +110,12 @@ def test_the_largest_blow_is_found_between_what_was_tried():
     limit = np.array([40.0, 100.0, 1.0, 1e9])  # the third survives nothing, the last everything
     calls = []
 
-    def test(who, energy, turn):
-        calls.append((turn, len(who)))
+    def test(who, energy):
+        calls.append(len(who))
         return energy <= limit[who.astype(int)]
 
     low, high = largest(test, angle, refined=9)
-    assert calls == [(0, 4 * len(FIRST)), (1, 36)]
+    assert calls == [4 * len(FIRST), 36]
     for k in (0, 1):
         assert low[k] <= limit[k] < high[k] and high[k] - low[k] < 0.1 * limit[k]
     assert 0.0 <= low[2] < 1.0 and low[3] == FIRST[-1] and high[3] == np.inf
@@ -124,7 +124,7 @@ def test_the_largest_blow_is_found_between_what_was_tried():
 def test_a_stand_above_a_fall_does_not_count():
     lucky = FIRST[4]
 
-    def test(who, energy, turn):
+    def test(who, energy):
         return (energy < FIRST[2]) | (energy == lucky)
 
     low, high = largest(test, np.zeros(1), refined=3)
