@@ -2,14 +2,15 @@
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from PIL import Image
 
+Row = TypeVar("Row")
 Verdict = Literal["met", "missed", "shown"]
 
 _MARK = {"met": "✓ met", "missed": "✗ missed", "shown": "shown"}
@@ -77,6 +78,13 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], wrap: bool = Fals
         f'<div class="scroll wide"><table{kind}><thead><tr>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"
     )
+
+
+def columns(
+    rows: Iterable[Row], cells: Sequence[tuple[str, Callable[[Row], str]]], wrap: bool = False
+) -> str:
+    """A table of rows, from the heading of each column and what stands in it."""
+    return table([head for head, _ in cells], [[of(row) for _, of in cells] for row in rows], wrap)
 
 
 def text(*paragraphs: str) -> str:

@@ -21,7 +21,7 @@ from eval.papers.garofalo2015.bout import Blow, bout
 from eval.papers.garofalo2015.measures import blow_numbers
 from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
 from eval.papers.log import Log
-from eval.papers.parts import Finding, fate, figure, folded, heading, judged, table, text
+from eval.papers.parts import Finding, columns, fate, figure, folded, heading, judged, table, text
 from eval.papers.trial import simulate
 from eval.wording import number
 from fbid_gym.robots import load
@@ -209,24 +209,17 @@ def law_charts(logs: dict[str, Log]) -> list[str]:
 
 def numbers_table(rows: list[dict[str, Any]], what: str) -> str:
     """Peaks and settling times."""
-    heads = [
-        what, "centre of mass, y, mm", "settled, s", "hip about x, rad", "settled, s",
-        "linear momentum, kg m/s", "angular, kg m²/s", "",
-    ]  # fmt: skip
-    cells = [
-        [
-            row["name"],
-            f"{1e3 * row['com'][1]:.0f}",
-            f"{row['com_settled']:.1f}",
-            f"{row['rotation'][0]:.3f}",
-            f"{row['rotation_settled']:.1f}",
-            number(row["linear"]),
-            number(row["angular"], 2),
-            fate(row["fell"]),
-        ]
-        for row in rows
-    ]
-    return table(heads, cells)
+    cells = (
+        (what, lambda row: row["name"]),
+        ("centre of mass, y, mm", lambda row: f"{1e3 * row['com'][1]:.0f}"),
+        ("settled, s", lambda row: f"{row['com_settled']:.1f}"),
+        ("hip about x, rad", lambda row: f"{row['rotation'][0]:.3f}"),
+        ("settled, s", lambda row: f"{row['rotation_settled']:.1f}"),
+        ("linear momentum, kg m/s", lambda row: number(row["linear"])),
+        ("angular, kg m²/s", lambda row: number(row["angular"], 2)),
+        ("", lambda row: fate(row["fell"])),
+    )
+    return columns(rows, cells)
 
 
 def pairs_table(rows: list[dict[str, Any]]) -> str:

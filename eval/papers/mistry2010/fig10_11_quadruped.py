@@ -14,7 +14,7 @@ from eval.papers.mistry2010.controllers import JointController, PdGains, measure
 from eval.papers.mistry2010.following import following
 from eval.papers.mistry2010.laws import Limited, orthogonal
 from eval.papers.mistry2010.laws import rivals as rival_laws
-from eval.papers.parts import Finding, figure, heading, judged, table, text
+from eval.papers.parts import Finding, columns, figure, heading, judged, text
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.motions import Crawl, crawl
@@ -315,26 +315,18 @@ def _strip(arrays: dict[str, np.ndarray], label: str, name: str, robot: Robot, c
 
 
 def _table(numbers: dict[str, Any]) -> str:
-    rows = [
-        [
-            f"{r['ground']}: {r['name']}",
-            percent(r["success"]),
-            percent(r["up"]),
-            number(r["way"], 2),
-            number(1e3 * r["error"]),
-            number(r["torque"]),
-            percent(r["feedforward"]),
-            percent(r["feedback"]),
-        ]
-        for ground in numbers["grounds"]
-        for r in numbers["rows"]
-        if r["ground"] == ground
-    ]
-    heads = [
-        "", "success", "stays up", "way, m", "error, mrad", "torque, N·m", "feedforward",
-        "feedback",
-    ]  # fmt: skip
-    return table(heads, rows)
+    cells = (
+        ("", lambda r: f"{r['ground']}: {r['name']}"),
+        ("success", lambda r: percent(r["success"])),
+        ("stays up", lambda r: percent(r["up"])),
+        ("way, m", lambda r: number(r["way"], 2)),
+        ("error, mrad", lambda r: number(1e3 * r["error"])),
+        ("torque, N·m", lambda r: number(r["torque"])),
+        ("feedforward", lambda r: percent(r["feedforward"])),
+        ("feedback", lambda r: percent(r["feedback"])),
+    )
+    order = numbers["grounds"].index
+    return columns(sorted(numbers["rows"], key=lambda r: order(r["ground"])), cells)
 
 
 EXPERIMENT = Experiment(

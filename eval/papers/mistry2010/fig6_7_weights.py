@@ -11,7 +11,7 @@ from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains
 from eval.papers.mistry2010.following import following
 from eval.papers.mistry2010.laws import Law, orthogonal, rivals
-from eval.papers.parts import Finding, fate, figure, judged, table, text
+from eval.papers.parts import Finding, columns, fate, figure, judged, text
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.dynamics import MuJoCoDynamics
@@ -167,25 +167,20 @@ def show(result: Result) -> list[str]:
 
 
 def _table(rows: dict[str, Any]) -> str:
-    cells = []
-    for name, row in rows.items():
-        title = name.replace("cost 1e+05", f"cost {COST:,.0f}").replace("cost", "eq. (16), cost")
-        cells.append(
-            [
-                escape("eq. (15)" if name == "cost 1" else title),
-                number(row["torque"][1]),
-                number(row["norm"]),
-                number(1e3 * float(np.linalg.norm(row["error"]))),
-                number(1e3 * row["slip"], 2),
-                percent(row["lifted"]),
-                fate(row["fell"]),
-            ]
-        )
-    heads = [
-        "", "left knee, N·m", "all joints, N·m", "error, mrad", "slip, mm",
-        "points off the ground", "",
-    ]  # fmt: skip
-    return table(heads, cells)
+    def title(name: str) -> str:
+        name = name.replace("cost 1e+05", f"cost {COST:,.0f}").replace("cost", "eq. (16), cost")
+        return escape("eq. (15)" if name == "eq. (16), cost 1" else name)
+
+    cells = (
+        ("", lambda row: title(row["name"])),
+        ("left knee, N·m", lambda row: number(row["torque"][1])),
+        ("all joints, N·m", lambda row: number(row["norm"])),
+        ("error, mrad", lambda row: number(1e3 * float(np.linalg.norm(row["error"])))),
+        ("slip, mm", lambda row: number(1e3 * row["slip"], 2)),
+        ("points off the ground", lambda row: percent(row["lifted"])),
+        ("", lambda row: fate(row["fell"])),
+    )
+    return columns([{"name": name} | row for name, row in rows.items()], cells)
 
 
 EXPERIMENT = Experiment(

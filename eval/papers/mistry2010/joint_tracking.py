@@ -14,7 +14,7 @@ from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains
 from eval.papers.mistry2010.following import following
 from eval.papers.mistry2010.laws import Law, Limited, MeasuredForce, orthogonal, rivals
-from eval.papers.parts import fate, folded, table
+from eval.papers.parts import columns, fate, folded
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.motions import Reference, squat_bow
@@ -143,35 +143,29 @@ def error(value: float) -> str:
 
 def controllers_table(numbers: dict[str, Any]) -> str:
     """All controllers: errors, effort, fate."""
-    rows = [
-        [
-            escape(found["name"]),
-            *(error(value) for value in found["rms"]),
-            number(found["torque"]),
-            percent(found["feedback"]),
-            fate(found["fell"]),
-        ]
-        for found in numbers["rows"]
-    ]
-    heads = ["", *(f"{label}, rad" for label in LABELS)]
-    return table([*heads, "torque, N·m", "feedback's share", ""], rows)
+    cells = (
+        ("", lambda row: escape(row["name"])),
+        ("hip, rad", lambda row: error(row["rms"][0])),
+        ("knee, rad", lambda row: error(row["rms"][1])),
+        ("ankle, rad", lambda row: error(row["rms"][2])),
+        ("torque, N·m", lambda row: number(row["torque"])),
+        ("feedback's share", lambda row: percent(row["feedback"])),
+        ("", lambda row: fate(row["fell"])),
+    )
+    return columns(numbers["rows"], cells)
 
 
 def gains_table(numbers: dict[str, Any]) -> str:
     """The whole sweep, folded away."""
-    rows = []
-    for alone, both in zip(numbers["alone"], numbers["both"], strict=True):
-        rows.append(
-            [
-                f"{alone['hertz']:g} Hz, ζ {alone['zeta']:g}",
-                triple(alone["rms"]),
-                fate(alone["fell"]),
-                triple(both["rms"]),
-                fate(both["fell"]),
-            ]
-        )
-    heads = ["gains", "PD: hip, knee, ankle", "", "PD+FF: hip, knee, ankle", ""]
-    return folded("The sweep of the gains", table(heads, rows))
+    cells = (
+        ("gains", lambda both: f"{both[0]['hertz']:g} Hz, ζ {both[0]['zeta']:g}"),
+        ("PD: hip, knee, ankle", lambda both: triple(both[0]["rms"])),
+        ("", lambda both: fate(both[0]["fell"])),
+        ("PD+FF: hip, knee, ankle", lambda both: triple(both[1]["rms"])),
+        ("", lambda both: fate(both[1]["fell"])),
+    )
+    pairs = zip(numbers["alone"], numbers["both"], strict=True)
+    return folded("The sweep of the gains", columns(pairs, cells))
 
 
 def gains_chart(numbers: dict[str, Any], zeta: float = 0.5) -> str:

@@ -19,7 +19,7 @@ from eval.papers.mistry2010.stepping_cases import (
     UPRIGHT,
     first_fall,
 )
-from eval.papers.parts import figure, heading, table, text
+from eval.papers.parts import columns, figure, heading, text
 from eval.wording import number, percent
 from fbid_gym.robots import load
 
@@ -151,39 +151,29 @@ def _detail(result: Result, push: float) -> list[str]:
     ]
 
 
+_HOLDS = (
+    ("base, cm", lambda r: number(100 * r["base"], 2)),
+    ("joints, mrad", lambda r: number(1e3 * r["error"])),
+    ("torque, N·m", lambda r: number(r["torque"])),
+)
+
+
 def _table(numbers: dict[str, Any]) -> str:
-    rows = [
-        [
-            f"{r['motion']}: {escape(r['name'])}",
-            percent(r["up"]),
-            first_fall(r),
-            number(100 * r["base"], 2),
-            number(1e3 * r["error"]),
-            number(r["torque"]),
-        ]
-        for r in numbers["long"]
-    ]
-    heads = [
-        f"{FORCE:.0f} N every {numbers['every']:g} s",
-        "stay up",
-        "first fall",
-        "base, cm",
-        "joints, mrad",
-        "torque, N·m",
-    ]
-    return table(heads, rows)
+    head = f"{FORCE:.0f} N every {numbers['every']:g} s"
+    cells = (
+        (head, lambda r: f"{r['motion']}: {escape(r['name'])}"),
+        ("stay up", lambda r: percent(r["up"])),
+        ("first fall", first_fall),
+        *_HOLDS,
+    )
+    return columns(numbers["long"], cells)
 
 
 def _rivals_table(numbers: dict[str, Any]) -> str:
-    rows = [
-        [
-            escape(r["name"]),
-            f"{r['force']:.0f} N",
-            percent(r["up"]),
-            number(100 * r["base"], 2),
-            number(1e3 * r["error"]),
-            number(r["torque"]),
-        ]
-        for r in numbers["rivals"]
-    ]
-    return table(["", "pushes", "stay up", "base, cm", "joints, mrad", "torque, N·m"], rows)
+    cells = (
+        ("", lambda r: escape(r["name"])),
+        ("pushes", lambda r: f"{r['force']:.0f} N"),
+        ("stay up", lambda r: percent(r["up"])),
+        *_HOLDS,
+    )
+    return columns(numbers["rivals"], cells)

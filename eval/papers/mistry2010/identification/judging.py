@@ -28,9 +28,6 @@ from fbid_gym.dynamics.identification import (
 from fbid_gym.motions import MotionTable, Steps, periodic_squat, squat_bow, stepping
 from fbid_gym.robots import Robot
 
-METHODS = ("nominal", "identified", "weighed", "plain")
-"""The model before; the estimate; the estimate with known total mass; ordinary least squares."""
-
 _EVERY = 5
 
 

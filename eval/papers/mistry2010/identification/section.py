@@ -1,15 +1,15 @@
 """The section of the identification: its numbers in charts and tables."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from eval.papers.charts import lines, traces
 from eval.papers.experiment import Result
-from eval.papers.mistry2010.identification.judging import METHODS, rms
+from eval.papers.mistry2010.identification.judging import rms
 from eval.papers.mistry2010.identification.measuring import Noise
-from eval.papers.parts import fate, figure, folded, table, text
+from eval.papers.parts import columns, fate, figure, folded, table, text
 from eval.papers.trial import RATES
 from eval.plots import Series, panel
 from eval.wording import number
@@ -117,45 +117,42 @@ def _power(exponent: float) -> str:
 
 def sweep_table(numbers: dict[str, Any]) -> str:
     """The sweep over sensor noise."""
-    rows = []
-    for level in numbers["levels"]:
-        at = [row for row in numbers["rows"] if row["level"] == level]
+
+    def times_less(level: float) -> str:
         every = improvements(numbers, level)
-        rows.append(
-            [
-                number(level),
-                *(number(average(numbers, level, method), 2) for method in METHODS),
-                f"{number(every.min(), 2)} to {number(every.max(), 2)}",
-                f"{sum(row['impossible'] for row in at) / len(at):.1f}",
-                number(float(np.mean([row["residual"] for row in at])), 2),
-            ]
-        )
-    heads = [
-        "noise", "nominal, N·m", "identified", "total mass known", "least squares",
-        "times less", "impossible bodies by least squares", "residual",
-    ]  # fmt: skip
-    return table(heads, rows)
+        return f"{number(every.min(), 2)} to {number(every.max(), 2)}"
+
+    def mean(level: float, what: str) -> float:
+        return float(np.mean([row[what] for row in numbers["rows"] if row["level"] == level]))
+
+    def error(method: str) -> Callable[[float], str]:
+        return lambda level: number(average(numbers, level, method), 2)
+
+    cells = (
+        ("noise", number),
+        ("nominal, N·m", error("nominal")),
+        ("identified", error("identified")),
+        ("total mass known", error("weighed")),
+        ("least squares", error("plain")),
+        ("times less", times_less),
+        ("impossible bodies by least squares", lambda x: f"{mean(x, 'impossible'):.1f}"),
+        ("residual", lambda x: number(mean(x, "residual"), 2)),
+    )
+    return columns(numbers["levels"], cells)
 
 
 def excitation_table(told: Sequence[dict[str, Any]]) -> str:
     """What the data tell, by stance."""
-    rows = [
-        [
-            row["stance"],
-            f"{row['dimension']} of {row['attainable']}",
-            number(row["condition"], 2),
-            str(len(row["told"])),
-            str(len(row["combined"])),
-            str(len(row["untold"])),
-            ", ".join(_grouped(row["untold"])) or "–",
-        ]
-        for row in told
-    ]
-    heads = [
-        "data", "base parameters", "condition", "told by themselves", "in combinations",
-        "not told", "which",
-    ]  # fmt: skip
-    return table(heads, rows, wrap=True)
+    cells = (
+        ("data", lambda row: row["stance"]),
+        ("base parameters", lambda row: f"{row['dimension']} of {row['attainable']}"),
+        ("condition", lambda row: number(row["condition"], 2)),
+        ("told by themselves", lambda row: str(len(row["told"]))),
+        ("in combinations", lambda row: str(len(row["combined"]))),
+        ("not told", lambda row: str(len(row["untold"]))),
+        ("which", lambda row: ", ".join(_grouped(row["untold"])) or "–"),
+    )
+    return columns(told, cells, wrap=True)
 
 
 def _grouped(names: Sequence[str]) -> list[str]:
@@ -172,16 +169,13 @@ def _grouped(names: Sequence[str]) -> list[str]:
 
 def tracking_table(rows: Sequence[dict[str, Any]]) -> str:
     """Tracking of the 2 Hz squat by model."""
-    cells = [
-        [
-            row["model"],
-            number(1e3 * row["error"], 2),
-            number(row["feedback"], 2),
-            fate(row["fell"]),
-        ]
-        for row in rows
-    ]
-    return table(["2 Hz squat, PD+FF", "joint error, mrad RMS", "feedback, N·m RMS", ""], cells)
+    cells = (
+        ("2 Hz squat, PD+FF", lambda row: row["model"]),
+        ("joint error, mrad RMS", lambda row: number(1e3 * row["error"], 2)),
+        ("feedback, N·m RMS", lambda row: number(row["feedback"], 2)),
+        ("", lambda row: fate(row["fell"])),
+    )
+    return columns(rows, cells)
 
 
 def noise_table() -> str:
