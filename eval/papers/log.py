@@ -78,6 +78,10 @@ class Log:
         signals = {name: value[:, robots] for name, value in self.signals.items()}
         return Log(self.time, self.fell[robots], signals)
 
+    def groups(self, size: int) -> "list[Log]":
+        """Return the logs of the first `size` robots, of the next, and so on."""
+        return [self.of(slice(k, k + size)) for k in range(0, len(self.fell), size)]
+
     def at(self, moments: Sequence[float] | np.ndarray) -> np.ndarray:
         """Return the rows of the first ticks from each of these s on, or of the last tick."""
         late = np.searchsorted(self.time, np.asarray(moments) - _SAME)

@@ -1,7 +1,6 @@
 """The three balancers of the experiments, alike in everything but the laws themselves."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +8,6 @@ import numpy as np
 from eval.papers.garofalo2015.bout import Goal
 from eval.papers.trial import Memory
 from fbid_gym.control import (
-    BalanceGains,
     BalanceTarget,
     ContactLimits,
     TorqueMap,
@@ -41,7 +39,7 @@ _TORQUE_MAP: dict[str, Callable[..., TorqueMap]] = {
     GAROFALO: torque_map_garofalo2015,
     INVERSE: torque_map_inverse_dynamics,
 }
-_FRICTION = 0.7
+_LIMITS = ContactLimits(friction=0.7)
 POSTURE_HERTZ = 1.5
 """Hz, of the joints' return to the posture where neither contacts nor momentum are moved by it."""
 
@@ -58,43 +56,32 @@ class BalancerCommand(NamedTuple):
     desired: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
 class Balancer:
-    """A law for the wrench with a map to the torques; `balancer` builds the three.
+    """A law for the wrench with a map to the torques; `balancer` builds the three."""
 
-    Attributes:
-        robot: that it believes to control.
-        wrench: which law, "(36)" or "(38)" of [G15].
-        torque_map: which map from contact forces to joint torques, by the name of its balancer.
-        gains: of (38). The gains of (36) are those that damp a rigid body alike.
-        friction: assumed of the contacts.
-        posture_hertz: Hz, of the posture.
-        compensate_damping: add what the joints' viscous damping takes away.
-    """
+    def __init__(
+        self,
+        robot: Robot,
+        wrench: str,
+        torque_map: str,
+        posture_hertz: float = POSTURE_HERTZ,
+        compensate_damping: bool = False,
+    ) -> None:
+        """Measure the robot.
 
-    robot: Robot
-    wrench: str = ON_MOMENTUM
-    torque_map: str = GAROFALO
-    gains: BalanceGains = TABLE_1
-    friction: float = _FRICTION
-    posture_hertz: float = POSTURE_HERTZ
-    compensate_damping: bool = False
-    limits: ContactLimits = field(init=False)
-    geometry: ContactGeometry = field(init=False)
-    length: float = field(init=False)
-    on_velocity: BalanceGains = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Measure the robot."""
-        support = Support.of(self.robot)
-        on_velocity = self.gains.on_velocity(self.robot.mass, stance_rotation_inertia(self.robot))
-        for name, value in (
-            ("limits", ContactLimits(self.friction)),
-            ("geometry", ContactGeometry.of(self.robot)),
-            ("length", support.radius),
-            ("on_velocity", on_velocity),
-        ):
-            object.__setattr__(self, name, value)
+        Args:
+            robot: that it believes to control.
+            wrench: which law, "(36)" or "(38)" of [G15]. (38) has the gains of [G15]'s table 1,
+                (36) those that damp a rigid body alike.
+            torque_map: which map from contact forces to joint torques, by its balancer's name.
+            posture_hertz: Hz, of the posture.
+            compensate_damping: add what the joints' viscous damping takes away.
+        """
+        self.robot, self.wrench, self.torque_map = robot, wrench, _TORQUE_MAP[torque_map]
+        self.posture_rate = 2.0 * np.pi * posture_hertz
+        self.compensated = robot.joint_damping * compensate_damping
+        self.geometry, self.length = ContactGeometry.of(robot), Support.of(robot).radius
+        self.on_velocity = TABLE_1.on_velocity(robot.mass, stance_rotation_inertia(robot))
 
     def memory(self, num_robots: int) -> Memory:
         """Return the memory of robots that have not moved yet."""
@@ -107,16 +94,14 @@ class Balancer:
         robot, rate = self.robot, state.qvel[:, 6:]
         body = centroidal_terms(terms, state.qvel)
         contacts = reduced_contacts(self.geometry, terms)
-        omega = 2.0 * np.pi * self.posture_hertz
+        omega = self.posture_rate
         posture = omega**2 * (goal.posture - state.qpos[:, 7:]) - 2.0 * omega * rate
-        torque_map = _TORQUE_MAP[self.torque_map](terms, body, contacts, posture)
-        damping = robot.joint_damping * rate
-        if self.compensate_damping:
-            torque_map = torque_map._replace(offset=torque_map.offset + damping)
+        torque_map = self.torque_map(terms, body, contacts, posture)
+        torque_map = torque_map._replace(offset=torque_map.offset + self.compensated * rate)
         found = distribute(
             torque_map,
             self.desired(state, terms, body, goal.target),
-            self.limits,
+            _LIMITS,
             to_com=body.to_com,
             point_map=contacts.point_map,
             weight=robot.weight,
@@ -130,34 +115,18 @@ class Balancer:
         return BalancerCommand(torque, found.wrench_desired)
 
     def desired(
-        self,
-        state: RobotState,
-        terms: DynamicsTerms,
-        body: CentroidalTerms,
-        target: BalanceTarget,
+        self, state: RobotState, terms: DynamicsTerms, body: CentroidalTerms, target: BalanceTarget
     ) -> np.ndarray:
         """Return the desired wrench at the centre of mass, (N, 6) N and N·m, world."""
-        if self.wrench == ON_VELOCITY:
-            return np.asarray(
-                desired_wrench_ott2011(
-                    self.on_velocity,
-                    target,
-                    com=terms.com,
-                    com_velocity=terms.com_velocity,
-                    rotation=terms.base_rotation,
-                    angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
-                    mass=body.mass,
-                )
-            )
-        return np.asarray(
-            desired_wrench_garofalo2015(
-                self.gains,
-                target,
-                com=terms.com,
-                rotation=terms.base_rotation,
-                momentum=body.momentum,
-                mass=body.mass,
-            )
+        seen = {"com": terms.com, "rotation": terms.base_rotation, "mass": body.mass}
+        if self.wrench == ON_MOMENTUM:
+            return desired_wrench_garofalo2015(TABLE_1, target, momentum=body.momentum, **seen)
+        return desired_wrench_ott2011(
+            self.on_velocity,
+            target,
+            com_velocity=terms.com_velocity,
+            angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
+            **seen,
         )
 
 

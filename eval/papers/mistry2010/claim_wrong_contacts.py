@@ -120,8 +120,7 @@ def run(setting: Setting) -> Result:
                 robot, plan, seconds, count, np.resize(starts, count), prepare=prepare, every=5
             )
             log = simulate(trial, _controller(robot, chosen[name], belief), part)
-            for k, label in enumerate(labels):
-                some = log.of(slice(k * each, (k + 1) * each))
+            for label, some in zip(labels, log.groups(each), strict=True):
                 rows.append({"law": name, "belief": label, **_summary(some, robot)})
     numbers = {
         "rows": rows, "late": list(late), "friction": list(friction), "fixed": list(fixed),

@@ -161,16 +161,14 @@ def _sweep(
     """Success against gains over the middle obstacles, with and without inverse dynamics."""
     each, seconds = setting.pick(16, 4), setting.pick(SECONDS, 4.0)
     world, starts = on(robot, next(g for g in GROUNDS if g.label == MIDDLE))
-    pose = np.tile(courses(starts, each), (len(hertz), 1))
+    course = courses(starts, each)
+    pose = np.tile(course, (len(hertz), 1))
     gains = PdGains.of(world, np.repeat(hertz, each), np.full(len(pose), LOW[1]))
     trial = Trial(world, following(motion, SPEED, pose), seconds, len(pose), every=EVERY)
     laws, found = {"PD+FF": orthogonal(), "PD": None}, {}
     for name, part in progress.each(laws):
         log = simulate(trial, JointController(world, gains, laws[name]), part)
-        found[name] = [
-            _summary(log.of(some), pose[some], seconds)
-            for some in (slice(k * each, (k + 1) * each) for k in range(len(hertz)))
-        ]
+        found[name] = [_summary(some, course, seconds) for some in log.groups(each)]
     return found
 
 
