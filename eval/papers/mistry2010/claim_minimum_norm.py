@@ -1,6 +1,6 @@
 """[M10] III-B.3: eq. (15) gives the least torque, and what limits on the forces add to it."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -8,18 +8,18 @@ from scipy.optimize import nnls
 from eval.papers.charts import lines, traces
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.mistry2010.controllers import contact_points
-from eval.papers.mistry2010.laws import equation
+from eval.papers.mistry2010.laws import Equation, equation
 from eval.papers.parts import Finding, figure, judged, text
 from eval.wording import number, percent
 from fbid_gym.control import (
     ContactLimits,
+    LimitedInverseDynamics,
     inertia_weighted_inverse_dynamics,
     limited_inverse_dynamics,
-    metric_inverse_dynamics,
     orthogonal_inverse_dynamics,
 )
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts, reduced_contacts
 from fbid_gym.dynamics.identification import free_motions
 from fbid_gym.dynamics.support import Support
 from fbid_gym.motions import MotionTable, periodic_squat, squat_bow, stepping
@@ -49,136 +49,126 @@ def run(setting: Setting) -> Result:
     arrays: dict[str, np.ndarray] = {}
     for name, _ in setting.progress.each(motions):
         motion = motions[name]
-        problems = {size: _Problem.along(robot, motion, every, size) for size in SIZES}
-        least = {size: problem.least() for size, problem in problems.items()}
-        by_size = [_compared(problems[size], least[size], ASSUMED) for size in SIZES]
-        by_friction = [_compared(problems[ADDED], least[ADDED], mu) for mu in FRICTION]
-        problem, tau = problems[ADDED], least[ADDED]
-        size = np.linalg.norm(tau, axis=1)
-        others = problem.others(np.random.default_rng(0), tau)
-        torque, residual = problem.limited(ASSUMED)
+        problems = {size: _problem(robot, motion, every, size) for size in SIZES}
+        problem = problems[ADDED]
+        size = np.linalg.norm(problem.least, axis=1)
+        others = _others(problem, np.random.default_rng(0))
+        limited = _limited(problem, ASSUMED)
         arrays[f"{name}.time"] = np.arange(0, motion.period, every) / motion.hz
         arrays[f"{name}.least"] = size
-        arrays[f"{name}.limited"] = np.linalg.norm(torque, axis=1)
-        arrays[f"{name}.residual"] = residual
+        arrays[f"{name}.limited"] = np.linalg.norm(limited.torque, axis=1)
+        arrays[f"{name}.residual"] = limited.residual
+        projected = inertia_weighted_inverse_dynamics(*problem.achieved).torque
         rows.append(
             {
                 "name": name,
                 "below": float(min((np.linalg.norm(t, axis=1) - size).min() for t in others)),
-                "literal": float(np.abs(problem.literal() - tau).max()),
-                "projected": float(np.abs(problem.projected() - tau).max()),
-                "weighted": float((np.linalg.norm(problem.metric(), axis=1) / size).mean()),
-                "by_size": by_size,
-                "by_friction": by_friction,
+                "literal": float(np.abs(_literal(problem) - problem.least).max()),
+                "projected": float(np.abs(projected - problem.least).max()),
+                "by_size": [_compared(problems[size], ASSUMED) for size in SIZES],
+                "by_friction": [_compared(problem, mu) for mu in FRICTION],
             }
         )
     numbers = {"rows": rows, "friction": list(FRICTION), "sizes": list(SIZES)}
     return Result(findings(numbers), numbers, arrays)
 
 
-def _compared(problem: "_Problem", least: np.ndarray, friction: float) -> dict[str, float]:
+class _Problem(NamedTuple):
+    """Accelerations that are asked for at T states of a motion.
+
+    Attributes:
+        robot: whose motion.
+        asked: equation of motion with these accelerations.
+        achieved: the same with the nearest that the contacts allow.
+        least: (T, n) N·m of eq. (15).
+        contacts: planned.
+        active: (T, P) bool, their points; None for all.
+    """
+
+    robot: Robot
+    asked: Equation
+    achieved: Equation
+    least: np.ndarray
+    contacts: ReducedContacts
+    active: np.ndarray | None
+
+
+def _problem(robot: Robot, motion: MotionTable, every: int, size: float) -> _Problem:
+    """The reference's accelerations and `size` m/s^2 of the base in random directions."""
+    rows = np.arange(0, motion.period, every)
+    reference = motion.reference(rows, np.zeros(len(rows)))
+    terms = MuJoCoDynamics(robot).terms(reference.qpos, reference.qvel)
+    geometry = ContactGeometry.of(robot)
+    active = contact_points(geometry, reference.planted)
+    contacts = reduced_contacts(geometry, terms, active)
+    angle = np.random.default_rng(1).uniform(-np.pi, np.pi, len(rows))
+    command = reference.qacc.copy()
+    command[:, :2] += size * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    asked = equation(terms, contacts, command)
+    found = orthogonal_inverse_dynamics(*asked, base_priority=_BASE_FIRST)
+    achieved = equation(terms, contacts, found.acceleration)
+    return _Problem(robot, asked, achieved, found.torque, contacts, active)
+
+
+def _compared(problem: _Problem, friction: float) -> dict[str, float]:
     """The limited form beside eq. (15): norm, wrench that is missed, forces that are at fault."""
-    torque, residual = problem.limited(friction)
+    limited = _limited(problem, friction)
+    sizes = (np.linalg.norm(torque, axis=1) for torque in (limited.torque, problem.least))
     return {
-        "ratio": float((np.linalg.norm(torque, axis=1) / np.linalg.norm(least, axis=1)).mean()),
-        "missed": float(residual.mean()),
-        "impossible": float(problem.impossible(least, friction).mean()),
+        "ratio": float(np.divide(*sizes).mean()),
+        "missed": float(limited.residual.mean()),
+        "impossible": float(_impossible(problem, friction).mean()),
     }
 
 
-class _Problem:
-    """The dynamics at T states of a motion, and torques for its accelerations there."""
+def _limited(problem: _Problem, friction: float) -> LimitedInverseDynamics:
+    """Torques with limited forces, and the share of the weight that these miss."""
+    return limited_inverse_dynamics(
+        *problem.asked,
+        ContactLimits(friction),
+        point_map=problem.contacts.point_map,
+        active=problem.active,
+        base_priority=_BASE_FIRST,
+        length=Support.of(problem.robot).radius,
+        max_iterations=50,
+    )
 
-    def __init__(self, robot: Robot, arguments: tuple[np.ndarray, ...], rest: Any) -> None:
-        self._arguments, self._robot = arguments, robot
-        self._contacts, self._active, self._length = rest
 
-    @classmethod
-    def along(cls, robot: Robot, motion: MotionTable, every: int, size: float) -> "_Problem":
-        """The reference's accelerations and `size` m/s^2 of the base in random directions."""
-        rows = np.arange(0, motion.period, every)
-        reference = motion.reference(rows, np.zeros(len(rows)))
-        terms = MuJoCoDynamics(robot).terms(reference.qpos, reference.qvel)
-        geometry = ContactGeometry.of(robot)
-        active = contact_points(geometry, reference.planted)
-        contacts = reduced_contacts(geometry, terms, active)
-        angle = np.random.default_rng(1).uniform(-np.pi, np.pi, len(rows))
-        command = reference.qacc.copy()
-        command[:, :2] += size * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        rest = contacts, active, Support.of(robot).radius
-        return cls(robot, equation(terms, contacts, command), rest)
+def _literal(problem: _Problem) -> np.ndarray:
+    """Eq. (15) by its formula, with an orthonormal basis of the null space of J."""
+    mass, bias, jacobian, acceleration, _ = problem.achieved
+    rows, _ = free_motions(jacobian)
+    return _of_free_motions(rows, np.matvec(rows, np.matvec(mass, acceleration) + bias))
 
-    def least(self) -> np.ndarray:
-        """Eq. (15)."""
-        found = orthogonal_inverse_dynamics(*self._arguments, base_priority=_BASE_FIRST)
-        self._achieved = found.acceleration
-        return np.asarray(found.torque)
 
-    def literal(self) -> np.ndarray:
-        """Eq. (15) by its formula, with an orthonormal basis of the null space of J."""
-        mass, bias, jacobian, _, _ = self._arguments
-        rows, _ = free_motions(jacobian)
-        return _of_free_motions(rows, np.matvec(rows, np.matvec(mass, self._achieved) + bias))
+def _others(problem: _Problem, rng: np.random.Generator) -> list[np.ndarray]:
+    """Torques with the same accelerations, away from the least in random directions."""
+    rows, _ = free_motions(problem.achieved[2])
+    found = []
+    for scale in (1e-3, 1e-1, 10.0):
+        guess = rng.normal(size=problem.least.shape) * scale
+        # Less the part that the constrained dynamics can feel.
+        felt = _of_free_motions(rows, np.matvec(rows[:, :, 6:], guess))
+        found.append(problem.least + guess - felt)
+    return found
 
-    def others(self, rng: np.random.Generator, least: np.ndarray) -> list[np.ndarray]:
-        """Torques with the same accelerations, away from the least in random directions."""
-        rows, _ = free_motions(self._arguments[2])
-        found = []
-        for scale in (1e-3, 1e-1, 10.0):
-            guess = rng.normal(size=least.shape) * scale
-            # Less the part that the constrained dynamics can feel.
-            felt = _of_free_motions(rows, np.matvec(rows[:, :, 6:], guess))
-            found.append(least + guess - felt)
-        return found
 
-    def projected(self) -> np.ndarray:
-        """Eq. (7)'s least torque for the same accelerations."""
-        mass, bias, jacobian, _, drift = self._arguments
-        return np.asarray(
-            inertia_weighted_inverse_dynamics(mass, bias, jacobian, self._achieved, drift).torque
-        )
+def _impossible(problem: _Problem, friction: float) -> np.ndarray:
+    """Whether the forces that belong to eq. (15), by eq. (17), need a pull or a slip: (T,) bool.
 
-    def metric(self) -> np.ndarray:
-        """The torque that is least in the metric of the kinetic energy."""
-        mass, bias, jacobian, _, drift = self._arguments
-        return np.asarray(
-            metric_inverse_dynamics(mass, bias, jacobian, self._achieved, drift, mass).torque
-        )
-
-    def limited(self, friction: float) -> tuple[np.ndarray, np.ndarray]:
-        """Torques with limited forces, and the share of the weight that these miss."""
-        mass, bias, jacobian, command, drift = self._arguments
-        found = limited_inverse_dynamics(
-            mass,
-            bias,
-            jacobian,
-            command,
-            drift,
-            ContactLimits(friction),
-            point_map=self._contacts.point_map,
-            active=self._active,
-            base_priority=_BASE_FIRST,
-            length=self._length,
-            max_iterations=50,
-        )
-        return np.asarray(found.torque), np.asarray(found.residual)
-
-    def impossible(self, torque: np.ndarray, friction: float) -> np.ndarray:
-        """Whether the forces that belong to torques, by eq. (17), need a pull or a slip: (T,) bool.
-
-        A sole's four points can share its wrench in many ways. It counts as possible if any of them
-        keeps every point's force within its friction cone, here a pyramid of 12 edges.
-        """
-        mass, bias, jacobian, _, _ = self._arguments
-        load = np.matvec(mass, self._achieved) + bias
-        load[:, 6:] -= torque
-        points = jacobian.swapaxes(1, 2) @ self._contacts.point_map
-        angle = np.arange(_EDGES) * 2 * np.pi / _EDGES
-        edges = np.stack([friction * np.cos(angle), friction * np.sin(angle), np.ones(_EDGES)])
-        spread = np.einsum("tvpk,ke->tvpe", points.reshape(*points.shape[:2], -1, 3), edges)
-        spread = spread.reshape(*points.shape[:2], -1)
-        missed = [nnls(s, f)[1] for s, f in zip(spread, load, strict=True)]
-        return np.array(missed) > 1e-3 * self._robot.weight
+    A sole's four points can share its wrench in many ways. It counts as possible if any of them
+    keeps every point's force within its friction cone, here a pyramid of 12 edges.
+    """
+    mass, bias, jacobian, acceleration, _ = problem.achieved
+    load = np.matvec(mass, acceleration) + bias
+    load[:, 6:] -= problem.least
+    points = jacobian.mT @ problem.contacts.point_map
+    angle = np.arange(_EDGES) * 2 * np.pi / _EDGES
+    edges = np.stack([friction * np.cos(angle), friction * np.sin(angle), np.ones(_EDGES)])
+    spread = points.reshape(*points.shape[:2], -1, 3) @ edges
+    spread = spread.reshape(*points.shape[:2], -1)
+    missed = [nnls(s, f)[1] for s, f in zip(spread, load, strict=True)]
+    return np.array(missed) > 1e-3 * problem.robot.weight
 
 
 def _of_free_motions(rows: np.ndarray, force: np.ndarray) -> np.ndarray:
