@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -65,19 +64,16 @@ class _Job:
     def log(self) -> Path:
         return self.folder / "log.txt"
 
-    def run(self) -> bool:
-        """Run its script to the end; return whether it got there."""
+    def start(self) -> "subprocess.Popen[bytes]":
+        """Start its script."""
         self.folder.mkdir(parents=True, exist_ok=True)
         for stale in ("progress.json", "section.html"):
             (self.folder / stale).unlink(missing_ok=True)
         command = [sys.executable, "-m", self.experiment.module, "--out", str(self.config.out)]
         command += ["--quick"] if self.config.quick else []
-        one_core = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        env = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         with self.log.open("wb") as log:
-            ended = subprocess.run(
-                command, stdout=log, stderr=subprocess.STDOUT, env={**os.environ, **one_core}
-            )
-        return ended.returncode == 0
+            return subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=env)
 
     def progress(self) -> tuple[float, str]:
         """Return the share that is done, and what is being done."""
@@ -114,30 +110,39 @@ def run(jobs: Sequence[_Job], at_once: int, console: Console) -> bool:
         *(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %")),
         TextColumn("{task.fields[note]}"),
     )
-    whole = True
-    with (
-        Progress(*columns, console=console, disable=not console.is_terminal) as bars,
-        ThreadPoolExecutor(at_once) as pool,
-    ):
+    waiting, running, whole = list(jobs), dict[_Job, subprocess.Popen[bytes]](), True
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
         bar = {job: bars.add_task(job.experiment.name, total=1.0, note="") for job in jobs}
-        waiting = {pool.submit(job.run): job for job in jobs}
-        while waiting:
-            ended, _ = wait(waiting, _POLL_SECONDS, FIRST_COMPLETED)
-            for job in waiting.values():
-                share, note = job.progress()
-                bars.update(bar[job], completed=share, note=note)
-            for future in ended:
-                job = waiting.pop(future)
-                if not console.is_terminal:
-                    count = len(jobs) - len(waiting)
-                    console.print(f"{job.experiment.name}: done, {count} of {len(jobs)}")
-                bars.update(bar[job], completed=1.0, note="")
-                if not future.result():
-                    whole = False
-                    console.print(f"{job.experiment.name} failed; {job.log} ends:")
-                    for line in job.log.read_text().splitlines()[-_LOG_LINES:]:
-                        console.print(line, markup=False, highlight=False)
+        try:
+            while waiting or running:
+                while waiting and len(running) < at_once:
+                    job = waiting.pop(0)
+                    running[job] = job.start()
+                time.sleep(_POLL_SECONDS)
+                for job, process in list(running.items()):
+                    share, note = job.progress()
+                    bars.update(bar[job], completed=share, note=note)
+                    if process.poll() is not None:
+                        del running[job]
+                        bars.update(bar[job], completed=1.0, note="")
+                        count = len(jobs) - len(waiting) - len(running)
+                        whole &= _went_well(job, process, f"{count} of {len(jobs)}", console)
+        finally:
+            for process in running.values():
+                process.terminate()
     return whole
+
+
+def _went_well(job: _Job, process: "subprocess.Popen[bytes]", which: str, console: Console) -> bool:
+    """Say that an experiment has ended, and how, if badly."""
+    if process.returncode == 0:
+        if not console.is_terminal:
+            console.print(f"{job.experiment.name}: done, {which}")
+        return True
+    console.print(f"{job.experiment.name} failed; {job.log} ends:")
+    for line in job.log.read_text().splitlines()[-_LOG_LINES:]:
+        console.print(line, markup=False, highlight=False)
+    return False
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -29,12 +29,11 @@ from fbid_gym.control import (
     operational_space_acceleration,
     task_acceleration,
 )
+from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics
 from fbid_gym.dynamics.contacts import ContactGeometry
 from fbid_gym.dynamics.frames import quaternion_to_matrix, rotation_vector, skew
-from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
-from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.motions import MotionTable, Reference, Steps, stepping
 from fbid_gym.robots import Robot
 

@@ -25,7 +25,6 @@ from fbid_gym.motions.kinematics import (
     home_points,
     joints_on_feet,
 )
-from fbid_gym.motions.squat import joint_columns
 from fbid_gym.robots import Robot
 
 STANCES = {"both feet": (True, True), "left foot": (True, False), "right foot": (False, True)}
@@ -96,7 +95,7 @@ def _plan(
     standing, points = np.array(planted), home_points(robot)
     both = bool(standing.all())
     names = robot.joint_names
-    legs = joint_columns(robot, [f"{side}_{name}" for side in robot.foot_names for name in _LEG])
+    legs = [names.index(f"{side}_{name}") for side in robot.foot_names for name in _LEG]
 
     def waves(*sizes: float, hertz: float) -> np.ndarray:
         return np.stack([_wave(rng, ticks, hz, size, hertz) for size in sizes], axis=1)
