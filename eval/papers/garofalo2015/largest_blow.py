@@ -92,15 +92,11 @@ def run(setting: Setting) -> Result:
         test = partial(survives, balancer(robot, name), part.each(("coarse", "fine")))
         survived[name], lost[name] = largest(test, angle, refined)
     rows = [
-        {"name": name, "survived": survived[name].tolist(), "lost": _plain(lost[name])}
+        {"name": name, "survived": survived[name].tolist(), "lost": lost[name].tolist()}
         for name in BALANCERS
     ]
     numbers = {"degrees": np.degrees(angle).round(6).tolist(), "rows": rows}
     return Result(findings(numbers), numbers, {"angle": angle})
-
-
-def _plain(values: np.ndarray) -> list[float | None]:
-    return [float(v) if np.isfinite(v) else None for v in values]
 
 
 def findings(numbers: dict[str, Any]) -> list[Finding]:

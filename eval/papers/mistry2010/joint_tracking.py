@@ -105,7 +105,7 @@ def run(speed: float, setting: Setting) -> tuple[dict[str, Any], dict[str, np.nd
     motion = squat_bow(robot, speed=speed)
     seconds = motion.seconds * setting.pick(1.0, 0.2 if speed < 2 else 0.4)
     trial = Trial(robot, following(motion), seconds, every=EVERY)
-    columns, progress = joint_columns(robot), setting.progress
+    joints, progress = joint_columns(robot), setting.progress
     alone = sweep(trial, setting, None, progress.part(0.0, 0.2, "gains of PD"))
     both = sweep(trial, setting, orthogonal(), progress.part(0.2, 0.45, "gains of PD+FF"))
     chosen = best(alone)
@@ -117,7 +117,7 @@ def run(speed: float, setting: Setting) -> tuple[dict[str, Any], dict[str, np.nd
         rows.append(
             {
                 "name": name,
-                "rms": log.rms(log.error)[0, columns].tolist(),
+                "rms": log.rms(log.error)[0, joints].tolist(),
                 "torque": float(log.rms(log["torque"]).mean()),
                 "feedback": float(log.rms(log["feedback"]).mean() / log.rms(log["torque"]).mean()),
                 "fell": log.fall(),
