@@ -14,7 +14,6 @@ What the paper does not have:
   backward, it takes a step that was not planned.
 """
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,7 +33,7 @@ from fbid_gym.dynamics.contacts import ContactGeometry
 from fbid_gym.dynamics.frames import quaternion_to_matrix, rotation_vector, skew
 from fbid_gym.dynamics.state import RobotState
 from fbid_gym.dynamics.support import Support
-from fbid_gym.motions import MotionTable, Reference, Steps, stepping
+from fbid_gym.motions import Reference, Steps, stepping
 from fbid_gym.robots import Robot
 
 _SIDE = np.array([1.0, -1.0])  # left, right
@@ -90,7 +89,7 @@ class Footing(NamedTuple):
     """Where N robots stand.
 
     Attributes:
-        heading: (N, 2, 2) world from the level axes ahead and to the left.
+        upright: (N, 3, 3) world from the level axes ahead, to the left and up.
         ground: (N,) m, height of the feet that stand.
         beside: (N, 2, 2) m, where each foot belongs beside the other.
         middle: (N, 2) m, between the feet; one in the air counts as where it belongs.
@@ -99,13 +98,18 @@ class Footing(NamedTuple):
         on: (N, P) bool, points of feet that stand.
     """
 
-    heading: np.ndarray
+    upright: np.ndarray
     ground: np.ndarray
     beside: np.ndarray
     middle: np.ndarray
     arms: np.ndarray
     points: np.ndarray
     on: np.ndarray
+
+    @property
+    def heading(self) -> np.ndarray:
+        """(N, 2, 2) world from the level axes ahead and to the left."""
+        return self.upright[:, :2, :2]
 
 
 class Capture(NamedTuple):
@@ -128,7 +132,24 @@ class Capture(NamedTuple):
     pull: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
+class Seen(NamedTuple):
+    """What the controller knows on one tick.
+
+    Attributes:
+        state: of the robots.
+        terms: their dynamics.
+        plan: what trunk and squat shall do.
+        footing: where they stand.
+        capture: where they fall.
+    """
+
+    state: RobotState
+    terms: DynamicsTerms
+    plan: Reference
+    footing: Footing
+    capture: Capture
+
+
 class Stepper:
     """Squat and step, and stay up. A `Controller` for bipeds with a left and a right foot.
 
@@ -136,41 +157,22 @@ class Stepper:
     `Footwork`.
 
     Attributes:
-        robot: the biped.
         plan: the motion with its feet on the ground throughout: what trunk and squat shall do.
-        footwork: when feet lift and land.
-        width: m, of each foot from the middle.
-        geometry: of the soles.
-        length: m, lever arm that makes moments comparable to forces.
-        gains: numbers.
     """
 
-    robot: Robot
-    plan: MotionTable
-    footwork: Footwork
-    width: float
-    geometry: ContactGeometry
-    length: float
-    gains: StepperGains
-
-    @classmethod
-    def of(cls, robot: Robot, steps: Steps, gains: StepperGains | None = None) -> "Stepper":
+    def __init__(self, robot: Robot, steps: Steps) -> None:
         """For the motion `stepping(robot, steps)`."""
-        plan = stepping(robot, steps._replace(lift=(0.0, 0.0, 0.0), ramp=0.0))
         home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
-        return cls(
-            robot,
-            plan,
-            Footwork(1.0 / plan.hz, steps.single * steps.period),
-            float(home.foot_position[0, 0, 1]) + steps.spread,
-            ContactGeometry.of(robot),
-            Support.of(robot).radius,
-            StepperGains() if gains is None else gains,
-        )
+        self.robot, self.gains, self.geometry = robot, StepperGains(), ContactGeometry.of(robot)
+        self.plan = stepping(robot, steps._replace(lift=(0.0, 0.0, 0.0), ramp=0.0))
+        self._footwork = Footwork(1.0 / self.plan.hz, steps.single * steps.period)
+        # m, of each foot from the middle; lever arm that makes moments comparable to forces.
+        self._width = float(home.foot_position[0, 0, 1]) + steps.spread
+        self._length = Support.of(robot).radius
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""
-        standing = self.footwork.memory(np.ones((num_robots, 2), bool))
+        standing = self._footwork.memory(np.ones((num_robots, 2), bool))
         return standing | {"begun": False, "warm_start": np.zeros((num_robots, 6))}
 
     def __call__(
@@ -179,36 +181,36 @@ class Stepper:
         """See `Controller`. The goal is not used: `plan` is it, without the lifted legs."""
         plan = self.plan.reference(state.tick)
         if not memory["begun"]:
-            memory.update(self.footwork.memory(_planted(plan)), begun=True)
-        footing = self.footing(terms, memory["swings"])
-        capture = self.capture(footing, terms, plan)
-        self._step(footing, capture, state, terms, plan, memory)
-        swings = memory["swings"]
-        on = ~swings[:, self.geometry.foot_of_point]
-        feet = self._feet(footing, capture, terms, memory)
+            memory.update(self._footwork.memory(_planted(plan)), begun=True)
+        footing = self._footing(terms, memory["swings"])
+        seen = Seen(state, terms, plan, footing, self._capture(footing, terms, plan))
+        self._step(seen, memory)
+        on = ~memory["swings"][:, self.geometry.foot_of_point]
+        feet = self._feet(seen, memory)
         # Eq. (19)'s constraints; the feet in the air are to move.
         held = (
             terms.foot_jacobian.reshape(len(on), 12, -1),
             (terms.foot_bias - feet).reshape(len(on), 12),
         )
-        acceleration = self._acceleration(footing, capture, held, state, terms, plan)
-        torque = self._torque(footing, on, held, acceleration, terms, memory)
+        torque = self._torque(seen, on, held, self._acceleration(seen, held), memory)
         base = np.vecmat(terms.base_position[:, :2] - footing.middle, footing.heading)
         memory["base"], memory["base_target"] = base, plan.qpos[:, :2]
         friction = self.robot.joint_damping * state.qvel[:, 6:]
         return SplitTorque(torque + friction, np.zeros_like(torque))
 
-    def footing(self, terms: DynamicsTerms, swings: np.ndarray) -> Footing:
+    def _footing(self, terms: DynamicsTerms, swings: np.ndarray) -> Footing:
         """Look at the feet; `swings` (N, 2) bool are those in the air."""
         foot, turn, owner = terms.foot_position, terms.foot_rotation, self.geometry.foot_of_point
         share = ~swings / (~swings).sum(axis=1, keepdims=True)
         ahead = np.vecmat(share, turn[:, :, :2, 0])
         ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
         aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-        beside = foot[:, ::-1, :2] + 2.0 * self.width * _SIDE[:, None] * aside[:, None]
+        beside = foot[:, ::-1, :2] + 2.0 * self._width * _SIDE[:, None] * aside[:, None]
+        upright = np.zeros((len(foot), 3, 3))
+        upright[:, :2, 0], upright[:, :2, 1], upright[:, 2, 2] = ahead, aside, 1.0
         arms = np.matvec(turn[:, owner], self.gains.sole * self.geometry.offset)
         return Footing(
-            heading=np.stack([ahead, aside], axis=2),
+            upright=upright,
             ground=np.vecdot(share, foot[..., 2]),
             beside=beside,
             middle=np.where(swings[..., None], beside, foot[..., :2]).mean(axis=1),
@@ -217,7 +219,7 @@ class Stepper:
             on=~swings[:, owner],
         )
 
-    def capture(self, footing: Footing, terms: DynamicsTerms, plan: Reference) -> Capture:
+    def _capture(self, footing: Footing, terms: DynamicsTerms, plan: Reference) -> Capture:
         """Choose the centre of pressure, and with it how the centre of mass accelerates."""
         height = np.maximum(terms.com[:, 2] - footing.ground, _LOWEST)
         gravity = -self.robot.model.opt.gravity[2]
@@ -237,16 +239,9 @@ class Stepper:
         lunge = beyond * np.minimum(1.0, self.gains.lunge / np.maximum(size, 1e-9))
         return Capture(omega, xi, xi_plan, hull, pressure, omega**2 * (com - pressure - lunge))
 
-    def _step(
-        self,
-        footing: Footing,
-        capture: Capture,
-        state: RobotState,
-        terms: DynamicsTerms,
-        plan: Reference,
-        memory: Memory,
-    ) -> None:
+    def _step(self, seen: Seen, memory: Memory) -> None:
         """Lift and land."""
+        state, terms, plan, footing, capture = seen
         gains, foot = self.gains, terms.foot_position[..., :2]
         owner = self.geometry.foot_of_point == np.arange(2)[:, None]
         load = state.contact_force[..., 2] @ owner.T
@@ -263,18 +258,15 @@ class Stepper:
         # The robot stays on the foot that is nearer to where it falls.
         far = np.linalg.norm(foot - capture.xi[:, None], axis=2)
         farther = far == far.max(axis=1, keepdims=True)
-        self.footwork.advance(_planted(plan), load, calm, lost[:, None] & farther, memory)
+        self._footwork.advance(_planted(plan), load, calm, lost[:, None] & farther, memory)
 
-    def _feet(
-        self, footing: Footing, capture: Capture, terms: DynamicsTerms, memory: Memory
-    ) -> np.ndarray:
+    def _feet(self, seen: Seen, memory: Memory) -> np.ndarray:
         """Wanted accelerations of the feet: (N, 2, 6) m/s^2 and rad/s^2, world axes."""
+        _, terms, _, footing, capture = seen
         gains, rows = self.gains, np.arange(len(footing.ground))
         swings, clock, span = memory["swings"], memory["clock"], memory["span"]
         air, which = swings.any(axis=1), swings.argmax(axis=1)
-        upright = np.zeros((len(rows), 1, 3, 3))
-        upright[:, 0, :2, :2], upright[:, 0, 2, 2] = footing.heading, 1.0
-        tilted = rotation_vector(upright @ terms.foot_rotation.mT)
+        tilted = rotation_vector(footing.upright[:, None] @ terms.foot_rotation.mT)
         feet = -gains.grip * terms.foot_velocity
         feet[..., 3:5] += (0.5 * gains.grip) ** 2 * tilted[..., :2]
 
@@ -286,7 +278,7 @@ class Stepper:
         outward = np.vecdot(xi - footing.middle, footing.heading[:, :, 1]) * _SIDE[which]
         shift[:, 0] = np.clip(shift[:, 0], -gains.reach[0], gains.reach[0])
         shift[:, 1] = _SIDE[which] * np.clip(
-            outward + gains.cover - self.width, 0.0, gains.reach[1]
+            outward + gains.cover - self._width, 0.0, gains.reach[1]
         )
         target = np.empty((len(rows), 3))
         target[:, :2] = footing.beside[rows, which] + np.matvec(footing.heading, shift)
@@ -300,16 +292,9 @@ class Stepper:
         feet[rows[air], which[air]] = np.concatenate([fly, turn], axis=1)[air]
         return feet
 
-    def _acceleration(
-        self,
-        footing: Footing,
-        capture: Capture,
-        held: tuple[np.ndarray, np.ndarray],
-        state: RobotState,
-        terms: DynamicsTerms,
-        plan: Reference,
-    ) -> np.ndarray:
+    def _acceleration(self, seen: Seen, held: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
         """Eq. (19) with feet that may move, a task of six rows and a posture: (N, nv)."""
+        state, terms, plan, footing, capture = seen
         gains, (count, size) = self.gains, state.qvel.shape
         # The linear rows of M are the mass times the centre of mass's Jacobian.
         jacobian, bias = np.zeros((count, 6, size)), np.zeros((count, 6))
@@ -317,9 +302,7 @@ class Stepper:
         jacobian[:, 2:, 2:6] = np.eye(4)
         bias[:, :2] = terms.bias[:, :2] / self.robot.mass
 
-        upright = np.zeros((count, 3, 3))
-        upright[:, :2, :2], upright[:, 2, 2] = footing.heading, 1.0
-        facing = upright @ quaternion_to_matrix(plan.qpos[:, 3:7])
+        facing = footing.upright @ quaternion_to_matrix(plan.qpos[:, 3:7])
         lean = rotation_vector(terms.base_rotation.mT @ facing)
         height = terms.base_position[:, 2] - footing.ground
         task = np.empty((count, 6))
@@ -341,15 +324,14 @@ class Stepper:
             (state.qpos[:, 7:], state.qvel[:, 6:]),
         )
         found = operational_space_acceleration(*held, jacobian, bias, task, posture)
-        return np.asarray(found.motion)
+        return found.motion
 
     def _torque(
         self,
-        footing: Footing,
+        seen: Seen,
         on: np.ndarray,
         held: tuple[np.ndarray, np.ndarray],
         acceleration: np.ndarray,
-        terms: DynamicsTerms,
         memory: Memory,
     ) -> np.ndarray:
         """Inverse dynamics with limited forces; feet in the air move as told and carry nothing."""
@@ -357,24 +339,24 @@ class Stepper:
         rows = np.arange(points)
         spread = np.zeros((count, 2, 6, points, 3))
         spread[:, owner, :3, rows] = np.eye(3)
-        spread[:, owner, 3:, rows] = skew(footing.arms).swapaxes(0, 1)
+        spread[:, owner, 3:, rows] = skew(seen.footing.arms).swapaxes(0, 1)
         spread *= on[:, None, None, :, None]
         cost = self.gains.moment
         law = limited_inverse_dynamics(
-            terms.mass_matrix,
-            terms.bias,
+            seen.terms.mass_matrix,
+            seen.terms.bias,
             held[0],
             acceleration,
             held[1],
             ContactLimits(self.gains.friction),
             point_map=spread.reshape(count, 12, -1),
             active=on,
-            length=self.length,
+            length=self._length,
             wrench_cost=(1.0, 1.0, 1.0, cost, cost, cost),
             warm_start=memory["warm_start"],
         )
         memory["warm_start"] = law.warm_start
-        return np.asarray(law.torque)
+        return law.torque
 
 
 def _planted(plan: Reference) -> np.ndarray:

@@ -40,7 +40,7 @@ EVERY = 10
 def controller(robot: Robot, motion: str, name: str) -> Controller[Reference]:
     """Return the paper's controller, the same with limited forces, or ours."""
     if name == OURS:
-        return Stepper.of(robot, MOTIONS[motion])
+        return Stepper(robot, MOTIONS[motion])
     return _papers(robot, orthogonal() if name == PAPER else Limited.of(robot, base_priority=1e3))
 
 

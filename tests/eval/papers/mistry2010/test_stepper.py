@@ -24,7 +24,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def stepper(robot):
-    return Stepper.of(robot, CROUCHED)
+    return Stepper(robot, CROUCHED)
 
 
 def soles(rng, count):
