@@ -39,7 +39,8 @@ class Log:
     @property
     def error(self) -> np.ndarray:
         """(T, N, n) rad, joint angle minus target."""
-        return self["qpos"][:, :, 7:] - self["target"]
+        target = self["target"]
+        return self["qpos"][:, :, 7 : 7 + target.shape[2]] - target
 
     @property
     def up(self) -> np.ndarray:
