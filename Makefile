@@ -27,14 +27,14 @@ endif
 help:  ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-setup: $(VENV)/.installed $(VENV)/mujoco_gl  ## Install everything into .venv (done once).
+setup: $(VENV)/.installed $(VENV)/mujoco_gl $(VENV)/.compiled  ## Install into .venv and compile, once.
 	@:
 
 demo: setup  ## Train two action layers on BipedBalance, compare them, write runs/demo/report.html.
-	@$(HEADLESS) $(BIN)/python -m train.demo $(ARGS)
+	@$(HEADLESS) $(BIN)/python -m eval.demo $(ARGS)
 
 survey: setup  ## Train once on every environment, draw docs/learning.svg.
-	@$(HEADLESS) $(BIN)/python -m train.survey $(ARGS)
+	@$(HEADLESS) $(BIN)/python -m eval.survey $(ARGS)
 
 test: setup  ## Run every test.
 	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) $(ARGS)
@@ -73,6 +73,11 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing into $(VENV) ..."
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 		--constraint constraints.txt --editable ".[dev]"
+	@touch $@
+
+# Done once; after a change of the sources, what runs is compiled as it is used.
+$(VENV)/.compiled: $(VENV)/.installed | $(VENV)/mujoco_gl
+	@$(HEADLESS) $(BIN)/python -m fbid_gym.compile_all
 	@touch $@
 
 # Which off-screen backend works: EGL, else OSMesa. Missing libraries are installed where that is

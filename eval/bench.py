@@ -16,11 +16,11 @@ import tyro
 from eval.benchmark import controllers, environments, laws, learning, memory
 from eval.benchmark.figures import Section
 from eval.files import to_json, write
-from eval.readme import BENCH, README, splice, spliced
+from eval.pages import BENCHMARK_PAGE, splice, spliced
 from fbid_gym.actions import LAYERS
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import ROBOTS
-from train.versions import versions
+from train.runs.versions import versions
 
 SectionName = Literal["laws", "controllers", "layers", "threads", "single", "ppo", "memory"]
 
@@ -42,8 +42,8 @@ class BenchConfig:
     """Rounds; every figure is the median over them."""
     out: Path = Path("runs/bench")
     """Folder for bench.json and bench.md."""
-    write_readme: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Put the tables into the README, between its marks."""
+    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Put the tables into docs/benchmark.md."""
 
 
 def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Section]:
@@ -70,8 +70,8 @@ def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Sectio
 
 def main(config: BenchConfig) -> None:
     """Measure, print, write."""
-    if config.write_readme:
-        spliced(README.read_text(), BENCH, "")  # before minutes of measuring
+    if config.write_docs:
+        spliced(BENCHMARK_PAGE, "")  # before minutes of measuring
     load = os.getloadavg()[0]
     if load > 0.5:
         print(f"Load average {load:.1f}: what else runs here distorts the ratios.", file=sys.stderr)
@@ -86,8 +86,8 @@ def main(config: BenchConfig) -> None:
     }
     write(config.out / "bench.json", to_json(data))
     write(config.out / "bench.md", tables + "\n")
-    if config.write_readme:
-        splice(BENCH, tables)
+    if config.write_docs:
+        splice(BENCHMARK_PAGE, tables)
 
 
 if __name__ == "__main__":

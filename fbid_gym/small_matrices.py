@@ -137,22 +137,31 @@ def pseudo_inverse(matrix: np.ndarray, rtol: float, inverse: np.ndarray) -> int:
 
     Eigenvalues at or below `rtol` times the largest count as zero. The lower half is read, the
     upper one is filled. A matrix that is not finite gets NaN and rank 0.
+
+    Most matrices are regular but for rows of zeros: they are inverted without those, and certified
+    by a bound on the condition number. Only those that fail are decomposed.
     """
     rows, lower = len(matrix), np.empty_like(matrix)
-    size, inverse_size = 0.0, 0.0
+    size, inverse_size, rank = 0.0, 0.0, 0
     for i in range(rows):
         for j in range(rows):
             matrix[i, j] = matrix[max(i, j), min(i, j)]
             lower[i, j] = matrix[i, j]
             inverse[i, j] = 1.0 if i == j else 0.0
+        if matrix[i, i] == 0.0:
+            lower[i, i] = 1.0
+        else:
+            rank += 1
     factor(lower)
     solve_factored_columns(lower, inverse)
     for i in range(rows):
+        if matrix[i, i] == 0.0:
+            inverse[i, i] -= 1.0
         size += dot(matrix[i], matrix[i])
         inverse_size += dot(inverse[i], inverse[i])
-    # |A| |A^-1| bounds the condition number: most are certified so to be regular.
+    # |A| |A^-1| bounds the condition number.
     if size * inverse_size < rtol**-2:
-        return rows
+        return rank
     if not np.isfinite(size):
         inverse[:] = np.nan
         return 0

@@ -19,12 +19,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from eval.files import read_json, write
+from eval.pages import PAPERS_PAGE, splice, spliced
 from eval.papers.experiment import OUT, Experiment, load
 from eval.papers.page import Paper, Section, page
 from eval.papers.registry import PAPERS, experiments
 from eval.papers.summary import summary
-from eval.readme import PAPERS as PAPERS_MARKS
-from eval.readme import README, splice, spliced
 from fbid_gym.errors import FbidError, RunError
 
 _POLL_SECONDS = 0.3
@@ -45,8 +44,8 @@ class PapersConfig:
     """Experiments at the same time, one core each."""
     page_only: bool = False
     """Put the page together from the sections that are there."""
-    write_readme: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Put the papers' numbers beside ours into the README, between its marks."""
+    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Put the papers' numbers beside ours into docs/papers.md."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +155,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except FbidError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    if config.write_readme:
-        spliced(README.read_text(), PAPERS_MARKS, "")  # before minutes of experiments
+    if config.write_docs:
+        spliced(PAPERS_PAGE, "")  # before minutes of experiments
     every = {entry: [_Job(e, config) for e in es] for entry, es in chosen.items()}
     jobs = [job for some in every.values() for job in some]
     whole = True
@@ -173,8 +172,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command = shlex.join(["python", "-m", "eval.papers", *given])
     report = config.out / "report.html"
     write(report, page(papers, command, seconds, config.quick))
-    if config.write_readme:
-        splice(PAPERS_MARKS, summary(papers))
+    if config.write_docs:
+        splice(PAPERS_PAGE, summary(papers))
     console.print(f"{seconds / 60:.1f} minutes. Page: {report}", highlight=False)
     return 0 if whole else 1
 

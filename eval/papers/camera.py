@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 from eval.papers.log import Log
 from eval.papers.parts import frames, video
 from eval.video import Clip
-from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot
 
@@ -49,7 +49,7 @@ class Camera:
         """
         self._robot, self._model = robot, robot.model if model is None else model
         self._data = mujoco.MjData(self._model)
-        support = Support.of(robot)
+        support = Stance.of(robot)
         self._distance = (2.3 * support.home_base[2] + 3.5 * support.radius) / nearer
         try:
             self._renderer = mujoco.Renderer(self._model, height=height, width=width)

@@ -1,4 +1,4 @@
-"""The papers' numbers beside ours as Markdown, for the README."""
+"""The papers' numbers beside ours as Markdown, for docs/papers.md."""
 
 from collections.abc import Sequence
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from eval.papers.log import Log, single
 from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics
-from fbid_gym.dynamics.state import RobotState
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 
 RATES = Rates(physics=1000, control=500)
@@ -146,7 +146,8 @@ def simulate(
     for step in range(steps):
         tick = start + step
         wanted = wanted_at(tick)
-        state = RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, tick)
+        qpos, qvel = simulation.qpos.copy(), simulation.qvel.copy()
+        state = RobotState(qpos, qvel, simulation.contact_force, tick)
         command = controller(state, believed(), wanted.goal, memory)
         torque = np.clip(command.torque, -limit, limit)
         broken = simulation.diverged() | ~np.isfinite(torque).all(axis=1)

@@ -5,25 +5,49 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.balance_tick import balance_tick
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.contact_ramp import ContactRamp
-from fbid_gym.actions.desired_wrench import Feedback
-from fbid_gym.actions.layer import Memory
+from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
+from fbid_gym.actions.law_memory import LawMemory
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
-from fbid_gym.control.arrays import as_flags
-from fbid_gym.control.contact_forces import limit_rows, wrench_scale
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.motions import Reference
+from fbid_gym.control.balance import balance_target, balance_wrench, body_motion
+from fbid_gym.control.balancers import RIDGE, map_torques
+from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
+from fbid_gym.control.underactuation import underactuation
+from fbid_gym.control.wrench_distribution import share_freely, share_within_limits
+from fbid_gym.dynamics.centroidal import centroidal_terms
+from fbid_gym.dynamics.contacts import reduce_contacts
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.dynamics.support import support_frame
+from fbid_gym.quantities import (
+    ActivePoints,
+    CentroidalTerms,
+    Constraint,
+    ContactGeometry,
+    DynamicsTerms,
+    EquationOfMotion,
+    ForcePath,
+    Heading,
+    Limits,
+    Memory,
+    PointLimits,
+    PostureCommand,
+    Reference,
+    RobotState,
+    SupportFrame,
+    WrenchGains,
+    rows_of,
+)
 from fbid_gym.robots import Robot
+from fbid_gym.small_matrices import dot
+
+# A swinging leg follows its own command; the other joints make up for what that does to contacts
+# and momentum.
+_SWING_MOBILITY = 1e-3
 
 
-class JointGains(NamedTuple):
+class PostureGains(NamedTuple):
     """Of the joints: w^2 (1/s^2) and 2 zeta w (1/s), while their foot stands and while it swings.
 
     Attributes:
@@ -39,10 +63,45 @@ class JointGains(NamedTuple):
     swing_damping: float
 
     @classmethod
-    def of(cls, posture: float, swing: float, ratio: float) -> "JointGains":
+    def of(cls, posture: float, swing: float, ratio: float) -> "PostureGains":
         """From natural frequencies in Hz and a damping ratio."""
         rates = 2.0 * np.pi * posture, 2.0 * np.pi * swing
         return cls(rates[0] ** 2, 2.0 * ratio * rates[0], rates[1] ** 2, 2.0 * ratio * rates[1])
+
+
+class _Constants(NamedTuple):
+    """Of the law on one robot, see `BalanceLaw`.
+
+    Attributes:
+        balancer: one of those in `fbid_gym.control.balancers`.
+        wrench: gains of the desired wrench.
+        posture: gains of the joints.
+        gravity: m/s².
+        geometry: of the contact points.
+        heading: of the feet.
+        legs: (F, n) bool, joints that move this foot and no other.
+        limited: whether contact forces and torques have limits; contacts without can pull and never
+            slip.
+        limits: (1, P, 3) on the contact forces, see `limit_rows`.
+        torque_limit: (1, n) N·m.
+        weight: (1,) N, of the robot.
+        scale: (6,) turns errors of the wrench into N whose squares are comparable.
+        damping: (n,) N·m·s/rad of the joints, to be compensated; zero for none.
+    """
+
+    balancer: int
+    wrench: WrenchGains
+    posture: PostureGains
+    gravity: float
+    geometry: ContactGeometry
+    heading: Heading
+    legs: np.ndarray
+    limited: bool
+    limits: np.ndarray
+    torque_limit: np.ndarray
+    weight: np.ndarray
+    scale: np.ndarray
+    damping: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,37 +109,14 @@ class BalanceLaw:
     """A balancer on a robot's feet; F feet, P points.
 
     Attributes:
-        balancer: one of those in `fbid_gym.control.balancers`.
-        gains: of the joints.
-        geometry: of the contact points.
-        support: the home stance.
         belief: which points are taken to be in contact.
-        limited: whether contact forces and torques have limits; contacts without can pull and never
-            slip.
-        limits: (1, P, 3) on the contact forces, see `limit_rows`.
-        torque_limit: (1, n) N·m.
         ramp: leads from one set of contacts to the next; None where the torque may jump.
-        damping: (n,) N·m·s/rad of the joints, to be compensated; zero for none.
-        gravity: m/s².
-        weight: (1,) N, of the robot.
-        scale: (6,) turns errors of the wrench into N whose squares are comparable.
-        legs: (F, n) joints that move this foot and no other, 0 or 1.
+        constants: of the law.
     """
 
-    balancer: int
-    gains: JointGains
-    geometry: ContactGeometry
-    support: Support
     belief: ContactBelief
-    limited: bool
-    limits: np.ndarray
-    torque_limit: np.ndarray
     ramp: ContactRamp | None
-    damping: np.ndarray
-    gravity: float
-    weight: np.ndarray
-    scale: np.ndarray
-    legs: np.ndarray
+    constants: _Constants
 
     @classmethod
     def of(
@@ -89,50 +125,39 @@ class BalanceLaw:
         control_hz: int,
         contact: ContactOptions,
         balancer: int,
-        gains: JointGains,
+        gains: tuple[WrenchGains, PostureGains],
         moment_priority: float,
     ) -> "BalanceLaw":
         """Build the law on what `contact` says of the contacts."""
-        geometry, support, limits = (
-            ContactGeometry.of(robot),
-            Support.of(robot),
-            contact.limits(robot),
-        )
-        terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
-        moves = np.abs(terms.foot_jacobian[0, :, :, 6:]).max(axis=1) > 0.0
-        length, cost = support.radius or 1.0, (1.0,) * 3 + (moment_priority,) * 3
-        return cls(
-            balancer=balancer,
-            gains=gains,
-            geometry=geometry,
-            support=support,
-            belief=contact.belief(robot, control_hz),
+        stance, limits = Stance.of(robot), contact.limits(robot)
+        cost = (1.0,) * 3 + (moment_priority,) * 3
+        constants = _Constants(
+            balancer,
+            *gains,
+            gravity=robot.gravity,
+            geometry=stance.geometry,
+            heading=stance.heading,
+            legs=stance.legs,
             limited=limits is not None,
             limits=limit_rows(limits or ContactLimits(), robot.num_points),
             torque_limit=robot.torque_limit[None].copy(),
-            ramp=contact.ramp(control_hz),
-            damping=contact.damping(robot),
-            gravity=robot.weight / robot.mass,
             weight=np.array([robot.weight]),
-            scale=wrench_scale(length, cost if limits is not None else None),
-            legs=(moves & (moves.sum(axis=0) == 1)).astype(float),
+            scale=wrench_scale(stance.length, cost if limits is not None else None),
+            damping=contact.damping(robot),
         )
+        return cls(contact.belief(robot, control_hz), contact.ramp(control_hz), constants)
 
     def memory(self, num_robots: int) -> Memory:
         """Warm start of the contact forces, the diagnostics, and a ramp's state."""
-        memory = {
-            "warm_start": np.zeros((num_robots, 6)),
-            "residual": np.zeros(num_robots),
-            "underactuation": np.zeros(num_robots),
-        }
+        memory = LawMemory.fresh(num_robots)._asdict()
         if self.ramp is not None:
-            memory |= self.ramp.memory(num_robots, self.geometry.num_points, len(self.damping))
+            points, joints = self.constants.limits.shape[1], len(self.constants.damping)
+            memory |= self.ramp.memory(num_robots, points, joints)
         return memory
 
     def torque(
         self,
         push: np.ndarray,
-        feedback: Feedback,
         state: RobotState,
         reference: Reference,
         terms: DynamicsTerms,
@@ -142,7 +167,6 @@ class BalanceLaw:
 
         Args:
             push: (N, 6) N and N·m, added to the desired wrench in the frame of the feet.
-            feedback: what else the wrench is made of.
             state: of the robots.
             reference: what they shall do.
             terms: of the robots.
@@ -151,96 +175,126 @@ class BalanceLaw:
         Returns:
             (N, n) N·m.
         """
-        active, start = self.belief(state, reference), memory["warm_start"]
-        torque, found = self._solve(feedback, push, state, reference, terms, start, active)
-        memory.update(found)
-        if self.ramp is None or active is None:
-            return torque
+        active, own = self.belief(state, reference), LawMemory.of(memory)
+        torque = _balance(self.constants, active, push, state, reference, terms, own)
 
-        def of_contacts(rows: np.ndarray, contacts: np.ndarray) -> np.ndarray:
-            return self._solve(
-                feedback,
+        def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
+            return _balance(
+                self.constants,
+                active,
                 push[rows],
                 RobotState(*(value[rows] for value in state)),
-                _rows_of(reference, rows),
+                rows_of(reference, rows),
                 DynamicsTerms(*(value[rows] for value in terms)),
-                start[rows],
-                contacts,
-            )[0]
+                own.copy(rows),
+            )
 
-        return self.ramp.torque(torque, active, of_contacts, memory)
+        return through_contact_switches(self.ramp, active, torque, of_contacts, memory)
 
-    def _solve(
-        self,
-        feedback: Feedback,
-        push: np.ndarray,
-        state: RobotState,
-        reference: Reference,
-        terms: DynamicsTerms,
-        start: np.ndarray,
-        active: np.ndarray | None,
-    ) -> tuple[np.ndarray, Memory]:
-        """Torques (N, n) with one set of contacts, and what goes into the memory."""
-        support, geometry, count = self.support, self.geometry, len(push)
-        torque, residual = np.empty((count, len(self.damping))), np.empty(count)
-        warm_start, missing = np.empty((count, 6)), np.empty(count)
-        balance_tick(
-            *feedback,
-            self.gravity,
-            np.ascontiguousarray(push),
-            np.ascontiguousarray(state.qpos),
-            np.ascontiguousarray(state.qvel),
-            np.ascontiguousarray(reference.qpos),
-            np.ascontiguousarray(reference.qvel),
-            np.ascontiguousarray(reference.qacc),
-            np.ascontiguousarray(reference.com),
-            np.ascontiguousarray(reference.com_velocity),
-            np.ascontiguousarray(reference.com_acceleration),
-            terms.mass_matrix,
-            terms.bias,
-            terms.base_position,
-            terms.base_rotation,
-            terms.com,
-            terms.com_velocity,
-            terms.foot_position,
-            terms.foot_rotation,
-            terms.foot_velocity,
-            terms.foot_jacobian,
-            terms.foot_bias,
-            support.centre,
-            support.by_position,
-            support.by_rotation,
-            geometry.foot_of_point,
-            geometry.slot_of_point,
-            geometry.offset,
-            geometry.motion,
-            geometry.spread,
-            active is not None,
-            geometry.every if active is None else as_flags(active),
-            self.legs,
-            *self.gains,
-            self.balancer,
-            self.limited,
-            self.limits,
-            self.torque_limit,
-            self.weight,
-            self.scale,
-            self.damping,
-            start,
-            torque,
-            residual,
-            warm_start,
-            missing,
+
+@kernel
+def _balance(
+    law: _Constants,
+    active: ActivePoints,
+    push: np.ndarray,
+    state: RobotState,
+    reference: Reference,
+    terms: DynamicsTerms,
+    memory: LawMemory,
+) -> np.ndarray:
+    """Torques (N, n) for a push (N, 6) in the frame of the feet; updates the memory."""
+    body = centroidal_terms(terms, state.qvel)
+    frame = support_frame(law.heading, terms)
+    contacts = reduce_contacts(law.geometry, active, terms)
+    constraint = Constraint(contacts.jacobian, contacts.bias)
+    motion = EquationOfMotion(terms.mass_matrix, terms.bias)
+    wrench = desired_wrench(law.wrench, law.gravity, push, state, reference, terms, body, frame)
+    posture = _posture(law, active, state, reference)
+    torque_map = map_torques(law.balancer, motion, body, constraint, posture, RIDGE)
+    path = ForcePath(body.to_com, contacts.point_map, np.empty((0, len(law.geometry.offset), 3, 3)))
+    if law.limited:
+        limits = Limits(PointLimits(law.limits, active.mask), law.torque_limit)
+        found = share_within_limits(
+            torque_map,
+            path,
+            wrench,
+            limits,
+            law.scale,
+            law.weight,
+            DEFAULT_ACCURACY,
+            memory.warm_start,
         )
-        memory = {"warm_start": warm_start, "residual": residual}
-        if active is not None:
-            memory["underactuation"] = missing
-        return torque, memory
+    else:
+        found = share_freely(torque_map, path, wrench, law.scale, law.weight)
+    memory.warm_start[:], memory.residual[:] = found.warm_start, found.residual
+    if active.switching:
+        memory.underactuation[:] = underactuation(contacts.jacobian)
+    torque = found.torque
+    for i in range(len(torque)):
+        for j in range(torque.shape[1]):
+            torque[i, j] += law.damping[j] * state.qvel[i, 6 + j]
+    return torque
 
 
-def _rows_of(reference: Reference, rows: np.ndarray) -> Reference:
-    """The reference of some robots; a single row goes on to stand for all."""
-    parts = reference._asdict().items()
-    return reference._replace(
-        **{name: part[rows] for name, part in parts if part is not None and len(part) > 1}
-    )
+@kernel
+def desired_wrench(
+    gains: WrenchGains,
+    gravity: float,
+    push: np.ndarray,
+    state: RobotState,
+    reference: Reference,
+    terms: DynamicsTerms,
+    body: CentroidalTerms,
+    frame: SupportFrame,
+) -> np.ndarray:
+    """Return the wrench at the centre of mass that leads robots back to their reference.
+
+    Args:
+        gains: of [G15] (36) or (38); all but K_R along the axes of the feet's frame.
+        gravity: m/s^2, along -z.
+        push: (N, 6) N and N·m, to add; in the frame of the feet.
+        state: of the robots.
+        reference: what they shall do.
+        terms: of the robots.
+        body: of the robots.
+        frame: of their feet.
+
+    Returns:
+        (N, 6) N and N·m, world.
+    """
+    target, moving = balance_target(reference, frame, body), body_motion(state, terms, body)
+    wrench = balance_wrench(gains, target, moving, frame.rotation, gravity)
+    for i in range(len(wrench)):
+        for axis in range(3):
+            wrench[i, axis] += dot(frame.rotation[i, axis], push[i, :3])
+            wrench[i, 3 + axis] += dot(frame.rotation[i, axis], push[i, 3:])
+    return wrench
+
+
+@compiled
+def _posture(
+    law: _Constants, active: ActivePoints, state: RobotState, reference: Reference
+) -> PostureCommand:
+    """Desired accelerations of the joints, and how readily each departs from its own."""
+    gains, legs = law.posture, law.legs
+    count, joints = len(state.qpos), legs.shape[1]
+    acceleration, mobility = np.empty((count, joints)), np.empty((count, joints))
+    in_the_air = np.empty(len(legs), np.bool_)
+    for i in range(count):
+        row, contacts = min(i, len(reference.qpos) - 1), active.mask[min(i, len(active.mask) - 1)]
+        in_the_air[:] = True
+        for point in range(len(contacts)):
+            if contacts[point]:
+                in_the_air[law.geometry.foot_of_point[point]] = False
+        for j in range(joints):
+            error = reference.qpos[row, 7 + j] - state.qpos[i, 7 + j]
+            rate = reference.qvel[row, 6 + j] - state.qvel[i, 6 + j]
+            swings = False
+            for foot in range(len(legs)):
+                swings |= in_the_air[foot] and legs[foot, j]
+            pull = gains.swing_stiffness * error + gains.swing_damping * rate
+            if not swings:
+                pull = gains.stiffness * error + gains.damping * rate
+            acceleration[i, j] = reference.qacc[row, 6 + j] + pull
+            mobility[i, j] = _SWING_MOBILITY if swings else 1.0
+    return PostureCommand(acceleration, mobility)

@@ -2,24 +2,38 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.acceleration_law import DIAGNOSTICS, AccelerationLaw
+from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.layer import Memory
-from fbid_gym.actions.options import positive
+from fbid_gym.actions.law_memory import DIAGNOSTICS
+from fbid_gym.checks import check_positive
 from fbid_gym.compiled import kernel
-from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.rotations import rotation_of
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.motions import Reference
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState, SupportFrame
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot, multiply, multiply_transposed
 
 _VERTICAL_SCALE = 0.5  # of gravity: half the weight more, or half less
+
+
+class _Gains(NamedTuple):
+    """Of the stabiliser.
+
+    Attributes:
+        stiffness: (6,) w^2 of the base, 1/s^2.
+        damping: (6,) 2 zeta w of the base, 1/s.
+        posture_stiffness: w^2 of the joints, 1/s^2.
+        posture_damping: 2 zeta w of the joints, 1/s.
+    """
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+    posture_stiffness: float
+    posture_damping: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,20 +59,14 @@ class BaseAcceleration:
 
     Attributes:
         law: from acceleration to torque.
-        support: the home stance.
-        stiffness: (6,) w^2 of the base, 1/s^2.
-        damping: (6,) 2 zeta w of the base, 1/s.
-        posture_stiffness: w^2 of the joints, 1/s^2.
-        posture_damping: 2 zeta w of the joints, 1/s.
+        stance: the home stance.
+        gains: of the stabiliser.
         scale: (6,) m/s^2 and rad/s^2 at action 1.
     """
 
     law: AccelerationLaw
-    support: Support
-    stiffness: np.ndarray
-    damping: np.ndarray
-    posture_stiffness: float
-    posture_damping: float
+    stance: Stance
+    gains: _Gains
     scale: np.ndarray
 
     @classmethod
@@ -91,7 +99,7 @@ class BaseAcceleration:
                 up more often.
             contact: what it assumes of contacts.
         """
-        positive(
+        check_positive(
             balance_frequency=balance_frequency,
             height_frequency=height_frequency,
             rotation_frequency=rotation_frequency,
@@ -100,22 +108,20 @@ class BaseAcceleration:
             base_priority=base_priority,
         )
         law = AccelerationLaw.of(robot, control_hz, contact, base_priority=base_priority)
-        support = Support.of(robot)
+        stance = Stance.of(robot)
         omega = (
             2.0
             * np.pi
             * np.array([balance_frequency] * 2 + [height_frequency] + [rotation_frequency] * 3)
         )
         posture = 2.0 * np.pi * posture_frequency
-        return cls(
-            law=law,
-            support=support,
+        gains = _Gains(
             stiffness=omega**2,
             damping=2.0 * damping_ratio * omega,
             posture_stiffness=posture**2,
             posture_damping=2.0 * damping_ratio * posture,
-            scale=_scale(robot, support, contact.friction),
         )
+        return cls(law, stance, gains, _scale(robot, stance, contact.friction))
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -158,60 +164,31 @@ class BaseAcceleration:
         terms: DynamicsTerms,
     ) -> np.ndarray:
         """Return the desired acceleration (N, nv)."""
-        frame = self.support.frame(terms)
-        qpos, qvel = map(np.ascontiguousarray, state[:2])
-        to_qpos, to_qvel, to_qacc, to_com, to_velocity, to_acceleration = map(
-            np.ascontiguousarray, reference[:6]
-        )
-        result = np.empty(qvel.shape)
-        _accelerate(
-            *(action, self.scale, self.stiffness, self.damping),
-            *(self.posture_stiffness, self.posture_damping, qpos, qvel),
-            *(to_qpos, to_qvel, to_qacc, to_com, to_velocity, to_acceleration),
-            *frame,
-            *(terms.base_position, terms.base_rotation, terms.com, terms.com_velocity),
-            result,
-        )
-        return result
+        frame = self.stance.frame(terms)
+        return _stabilise(self.gains, self.scale * action, state, reference, frame, terms)
 
 
 @kernel
-def _accelerate(
-    action: np.ndarray,
-    scale: np.ndarray,
-    stiffness: np.ndarray,
-    damping: np.ndarray,
-    posture_stiffness: float,
-    posture_damping: float,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    wanted_qpos: np.ndarray,
-    wanted_qvel: np.ndarray,
-    wanted_qacc: np.ndarray,
-    wanted_com: np.ndarray,
-    wanted_com_velocity: np.ndarray,
-    wanted_com_acceleration: np.ndarray,
-    centre: np.ndarray,
-    heading: np.ndarray,
-    base_position: np.ndarray,
-    base_rotation: np.ndarray,
-    com: np.ndarray,
-    com_velocity: np.ndarray,
-    result: np.ndarray,
-) -> None:
-    """Write what `BaseAcceleration.acceleration` returns to result (N, nv).
-
-    The arguments are those of the layer, of `RobotState`, `Reference` (N rows or one),
-    `SupportFrame` and `DynamicsTerms`.
-    """
+def _stabilise(
+    gains: _Gains,
+    added: np.ndarray,
+    state: RobotState,
+    reference: Reference,
+    frame: SupportFrame,
+    terms: DynamicsTerms,
+) -> np.ndarray:
+    """Return what `BaseAcceleration.acceleration` does, for accelerations (N, 6) to add."""
+    count, size = state.qvel.shape
+    result = np.empty((count, size))
     target, level, turn = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     lead, axial = np.empty(6), np.empty(3)
-    for i in range(len(result)):
-        row = min(i, len(wanted_qpos) - 1)
+    stiffness, damping = gains.stiffness, gains.damping
+    for i in range(count):
+        row, heading = min(i, len(reference.qpos) - 1), frame.rotation[i]
         # The base's orientation error, as the axial vector of the rotation that is left.
-        rotation_of(wanted_qpos[row, 3:7], level)
-        multiply(heading[i], level, target)
-        multiply_transposed(base_rotation[i], target, turn)
+        rotation_of(reference.qpos[row, 3:7], level)
+        multiply(heading, level, target)
+        multiply_transposed(terms.base_rotation[i], target, turn)
         axial[0] = 0.5 * (turn[2, 1] - turn[1, 2])
         axial[1] = 0.5 * (turn[0, 2] - turn[2, 0])
         axial[2] = 0.5 * (turn[1, 0] - turn[0, 1])
@@ -220,34 +197,33 @@ def _accelerate(
         # and y, so they commute with the turn about the vertical from that frame to the world.
         for k in range(6):
             of_com = k < 2  # horizontally the centre of mass is controlled, else the base
-            velocity = wanted_com_velocity[row, k] if of_com else wanted_qvel[row, k]
-            lead[k] = wanted_com_acceleration[row, k] if of_com else wanted_qacc[row, k]
-            lead[k] += scale[k] * action[i, k] + damping[k] * velocity
+            velocity = reference.com_velocity[row, k] if of_com else reference.qvel[row, k]
+            lead[k] = reference.com_acceleration[row, k] if of_com else reference.qacc[row, k]
+            lead[k] += added[i, k] + damping[k] * velocity
             if k < 3:
-                lead[k] += stiffness[k] * (wanted_com[row, k] if of_com else wanted_qpos[row, k])
+                place = reference.com[row, k] if of_com else reference.qpos[row, k]
+                lead[k] += stiffness[k] * place
         for k in range(3):
-            place = com[i, k] if k < 2 else base_position[i, k]
-            rate = com_velocity[i, k] if k < 2 else qvel[i, k]
-            result[i, k] = dot(heading[i, k], lead[:3])
-            result[i, k] -= stiffness[k] * (place - centre[i, k]) + damping[k] * rate
+            place = terms.com[i, k] if k < 2 else terms.base_position[i, k]
+            rate = terms.com_velocity[i, k] if k < 2 else state.qvel[i, k]
+            result[i, k] = dot(heading[k], lead[:3])
+            result[i, k] -= stiffness[k] * (place - frame.centre[i, k]) + damping[k] * rate
         for k in range(3, 6):
-            result[i, k] = lead[k] + stiffness[k] * axial[k - 3] - damping[k] * qvel[i, k]
-        for k in range(6, result.shape[1]):
+            result[i, k] = lead[k] + stiffness[k] * axial[k - 3] - damping[k] * state.qvel[i, k]
+        for k in range(6, size):
             result[i, k] = (
-                wanted_qacc[row, k]
-                + posture_stiffness * (wanted_qpos[row, k + 1] - qpos[i, k + 1])
-                + posture_damping * (wanted_qvel[row, k] - qvel[i, k])
+                reference.qacc[row, k]
+                + gains.posture_stiffness * (reference.qpos[row, k + 1] - state.qpos[i, k + 1])
+                + gains.posture_damping * (reference.qvel[row, k] - state.qvel[i, k])
             )
+    return result
 
 
-def _scale(robot: Robot, support: Support, friction: float) -> np.ndarray:
+def _scale(robot: Robot, stance: Stance, friction: float) -> np.ndarray:
     """What action 1 means, see `BaseAcceleration`: (6,) m/s^2 and rad/s^2."""
-    gravity = robot.weight / robot.mass
-    terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
-    inertia = np.diag(terms.mass_matrix[0])[3:6]
-    margin = support.margin
-    linear = np.minimum(gravity * margin / support.home_com[2], friction * gravity)
+    inertia, margin = np.diag(stance.terms.mass_matrix[0])[3:6], stance.margin
+    linear = robot.gravity * np.minimum(margin / stance.home_com[2], friction)
     tilting = robot.weight * margin[::-1]  # a sideways shift rolls, a forward shift pitches
-    turning = friction * robot.weight * support.radius
+    turning = friction * robot.weight * stance.radius
     moment = np.append(tilting, turning)
-    return np.concatenate([linear, [_VERTICAL_SCALE * gravity], moment / inertia])
+    return np.concatenate([linear, [_VERTICAL_SCALE * robot.gravity], moment / inertia])

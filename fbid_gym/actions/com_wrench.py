@@ -5,21 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fbid_gym.actions.acceleration_law import DIAGNOSTICS
-from fbid_gym.actions.balance_law import BalanceLaw, JointGains
+from fbid_gym.actions.balance_law import BalanceLaw, PostureGains, desired_wrench
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.desired_wrench import Feedback, desired_wrench
-from fbid_gym.actions.layer import Memory
-from fbid_gym.actions.options import positive
+from fbid_gym.actions.law_memory import DIAGNOSTICS
+from fbid_gym.checks import check_positive
 from fbid_gym.control import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, INVERSE_DYNAMICS, OTT2011
-from fbid_gym.dynamics import CentroidalTerms, MuJoCoDynamics, centroidal_terms
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support
-from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.dynamics.centroidal import centroidal_terms
+from fbid_gym.dynamics.contacts import reduced_contacts
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import UnknownOptionError
-from fbid_gym.motions import Reference
+from fbid_gym.quantities import CentroidalTerms, DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
 BALANCERS = {
@@ -56,16 +52,14 @@ class ComWrench:
 
     Attributes:
         law: from wrench to torque.
-        support: the home stance.
+        stance: the home stance.
         gains: of the wrench.
-        feedback: the same, as the law takes them.
         scale: (6,) N and N·m at action 1.
     """
 
     law: BalanceLaw
-    support: Support
+    stance: Stance
     gains: BalanceGains
-    feedback: Feedback
     scale: np.ndarray
 
     @classmethod
@@ -105,7 +99,7 @@ class ComWrench:
         """
         if balancer not in BALANCERS:
             raise UnknownOptionError("balancer", balancer, BALANCERS)
-        positive(
+        check_positive(
             balance_frequency=balance_frequency,
             height_frequency=height_frequency,
             rotation_frequency=rotation_frequency,
@@ -114,7 +108,7 @@ class ComWrench:
             damping_ratio=damping_ratio,
             moment_priority=moment_priority,
         )
-        support = Support.of(robot)
+        stance = Stance.of(robot)
         inertia = turning_inertia(robot, balancer)
         gains = BalanceGains.from_frequencies(
             robot.mass,
@@ -126,15 +120,20 @@ class ComWrench:
         on_velocity = balancer == "ott2011"
         if on_velocity:
             gains = gains.on_velocity(robot.mass, inertia)
-        joints = JointGains.of(posture_frequency, swing_frequency, damping_ratio)
+        on_errors = gains.of_velocity() if on_velocity else gains.of_momentum()
+        on_joints = PostureGains.of(posture_frequency, swing_frequency, damping_ratio)
         return cls(
             law=BalanceLaw.of(
-                robot, control_hz, contact, BALANCERS[balancer], joints, moment_priority
+                robot,
+                control_hz,
+                contact,
+                BALANCERS[balancer],
+                (on_errors, on_joints),
+                moment_priority,
             ),
-            support=support,
+            stance=stance,
             gains=gains,
-            feedback=Feedback.of(gains, on_velocity),
-            scale=_scale(robot, support, contact.friction),
+            scale=_scale(robot, stance, contact.friction),
         )
 
     @property
@@ -166,8 +165,7 @@ class ComWrench:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        push = self.scale * action
-        return self.law.torque(push, self.feedback, state, reference, terms(), memory)
+        return self.law.torque(self.scale * action, state, reference, terms(), memory)
 
     def wrench(
         self,
@@ -179,14 +177,14 @@ class ComWrench:
     ) -> np.ndarray:
         """Return the desired wrench at the centre of mass: (N, 6) N and N·m, world."""
         return desired_wrench(
-            self.feedback,
-            self.law.gravity,
+            self.law.constants.wrench,
+            self.law.constants.gravity,
             self.scale * action,
             state,
             reference,
             terms,
             body,
-            self.support.frame(terms),
+            self.stance.frame(terms),
         )
 
 
@@ -203,13 +201,12 @@ def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:
         robot: the robot.
         balancer: one of `BALANCERS`.
     """
-    rest = np.zeros((1, robot.nv))
-    terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], rest)
-    body = centroidal_terms(terms, rest)
+    stance = Stance.of(robot)
+    terms, body = stance.terms, centroidal_terms(stance.terms, np.zeros((1, robot.nv)))
     locked = body.inertia[0]
     if balancer == "garofalo2015":
         return 0.5 * (locked + locked.T)
-    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    contacts = reduced_contacts(stance.geometry, terms)
     # The metric of the kinetic energy turns least energy into least squares.
     root = np.linalg.inv(np.linalg.cholesky(terms.mass_matrix[0])).T
     held = np.concatenate([contacts.jacobian[0], body.matrix[0, :3]]) @ root
@@ -227,10 +224,10 @@ def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:
     return (vectors * np.maximum(values, least)) @ vectors.T
 
 
-def _scale(robot: Robot, support: Support, friction: float) -> np.ndarray:
+def _scale(robot: Robot, stance: Stance, friction: float) -> np.ndarray:
     """What action 1 means, see `ComWrench`: (6,) N and N·m."""
-    margin = support.margin
-    pressed = np.minimum(margin / support.home_com[2], friction)
+    margin = stance.margin
+    pressed = np.minimum(margin / stance.home_com[2], friction)
     return robot.weight * np.concatenate(
-        [pressed, [_VERTICAL_SCALE], margin[::-1], [friction * support.radius]]
+        [pressed, [_VERTICAL_SCALE], margin[::-1], [friction * stance.radius]]
     )

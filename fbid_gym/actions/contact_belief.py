@@ -4,19 +4,18 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from fbid_gym.dynamics.state import RobotState
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from fbid_gym.motions import Reference
+from fbid_gym.quantities import ActivePoints, Reference, RobotState
 from fbid_gym.robots import Robot
 
-ContactBelief = Callable[[RobotState, Reference], np.ndarray | None]
-"""Returns which points are in contact, (N, P) bool, or None for all of them."""
+ContactBelief = Callable[[RobotState, Reference], ActivePoints]
+"""Returns which points are in contact."""
 
 Schedule = Sequence[tuple[float, Sequence[str]]]
 
 CONTACTS = ("planned", "all", "measured", "a schedule [(seconds, feet), ...]")
 
-TOUCH = 0.005
+MEASURED_LOAD = 0.005
 """Share of the robot's weight that a point must carry to count as measured contact."""
 
 
@@ -33,31 +32,34 @@ def contact_belief(contacts: str | Schedule, robot: Robot, control_hz: int) -> C
     Raises:
         FbidError: not one of these, a foot that does not exist, or a phase without duration.
     """
+    every = ActivePoints(np.ones((1, robot.num_points), bool), False)
     if isinstance(contacts, str):
         if contacts == "all":
-            return lambda state, reference: None
+            return lambda state, reference: every
         if contacts == "planned":
             foot = np.repeat(np.arange(robot.num_feet), [len(foot.points) for foot in robot.feet])
-            return lambda state, reference: _planned(state, reference, foot)
+            return lambda state, reference: (
+                _planned(state, reference, foot) if reference.stepping else every
+            )
         if contacts == "measured":
-            least = TOUCH * robot.weight
+            least = MEASURED_LOAD * robot.weight
             return lambda state, reference: _loaded(state.contact_force, least)
         raise UnknownOptionError("contacts", contacts, CONTACTS)
     table = _schedule_table(contacts, robot, control_hz)
-    return lambda state, reference: table[state.tick % len(table)]
+    return lambda state, reference: ActivePoints(table[state.tick % len(table)], True)
 
 
-def _planned(state: RobotState, reference: Reference, foot: np.ndarray) -> np.ndarray | None:
-    """Points of the feet that stand in the reference, (N, P); None if they always do."""
-    if reference.planted is None:
-        return None
+def _planned(state: RobotState, reference: Reference, foot: np.ndarray) -> ActivePoints:
+    """Points of the feet that stand in the reference."""
     points = reference.planted.take(foot, axis=1)
-    return points if len(points) == len(state.tick) else points.repeat(len(state.tick), axis=0)
+    if len(points) != len(state.tick):
+        points = points.repeat(len(state.tick), axis=0)
+    return ActivePoints(points, True)
 
 
-def _loaded(force: np.ndarray, least: float) -> np.ndarray:
-    """Points that carry more than `least` N, (N, P)."""
-    return np.vecdot(force, force) > least**2
+def _loaded(force: np.ndarray, least: float) -> ActivePoints:
+    """Points that carry more than `least` N."""
+    return ActivePoints(np.vecdot(force, force) > least**2, True)
 
 
 def _schedule_table(schedule: Schedule, robot: Robot, control_hz: int) -> np.ndarray:

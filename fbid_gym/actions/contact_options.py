@@ -6,7 +6,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_belief import ContactBelief, Schedule, contact_belief
 from fbid_gym.actions.contact_ramp import ContactRamp
-from fbid_gym.actions.options import at_least_zero, share
+from fbid_gym.checks import check_at_least_zero, check_share
 from fbid_gym.control import ContactLimits
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.robots import Robot
@@ -44,7 +44,7 @@ class ContactOptions:
         if self.contact_limits not in CONTACT_LIMITS:
             raise UnknownOptionError("contact_limits", self.contact_limits, CONTACT_LIMITS)
         least, most = self.min_normal_force, self.max_normal_force
-        share(min_normal_force=least, max_normal_force=most)
+        check_share(min_normal_force=least, max_normal_force=most)
         limits = ContactLimits(self.friction, least * robot.weight, most * robot.weight)
         return limits if self.contact_limits == "friction" else None
 
@@ -56,7 +56,7 @@ class ContactOptions:
 
     def ramp(self, control_hz: int) -> ContactRamp | None:
         """Return what smooths the switches; None if they are instantaneous."""
-        at_least_zero(contact_ramp=self.contact_ramp)
+        check_at_least_zero(contact_ramp=self.contact_ramp)
         ticks = round(self.contact_ramp * control_hz)
         return ContactRamp(ticks) if ticks > 0 else None
 

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.layer import Memory
 from fbid_gym.compiled import kernel
+from fbid_gym.quantities import ActivePoints, Memory
 
 _UNKNOWN = -1
 
@@ -55,38 +56,70 @@ class ContactRamp:
         Returns:
             (N, n).
         """
-        contacts, left, added = (memory[f"ramp_{key}"] for key in ("contacts", "ticks", "torque"))
-        switched, result = np.empty(len(torque), bool), np.empty(torque.shape)
-        _fade(torque, active, contacts, left, added, switched, result)
+        ramp = _Ramp(*(memory[f"ramp_{name}"] for name in _Ramp._fields))
+        result, switched = _fade(torque, active, ramp)
         if switched.any():
             rows = np.flatnonzero(switched)
-            added[rows] += law(rows, contacts[rows].astype(bool)) - torque[rows]
-            left[rows], contacts[rows] = self.ticks, active[rows]
-            result[rows] = torque[rows] + added[rows]
+            before = ramp.contacts[rows].astype(bool)
+            ramp.torque[rows] += law(rows, before) - torque[rows]
+            ramp.ticks[rows], ramp.contacts[rows] = self.ticks, active[rows]
+            result[rows] = torque[rows] + ramp.torque[rows]
         return result
 
 
-@kernel
-def _fade(
+def through_contact_switches(
+    ramp: ContactRamp | None,
+    active: ActivePoints,
     torque: np.ndarray,
-    active: np.ndarray,
-    contacts: np.ndarray,
-    left: np.ndarray,
-    added: np.ndarray,
-    switched: np.ndarray,
-    result: np.ndarray,
-) -> None:
-    """Go on with the ramps of N robots by a tick, and find where contacts have switched.
+    law: Callable[[np.ndarray, ActivePoints], np.ndarray],
+    memory: Memory,
+) -> np.ndarray:
+    """Return the torques of a law, led from one set of contacts to the next by a ramp if any.
+
+    Args:
+        ramp: None where the torque may jump.
+        active: points in contact now.
+        torque: (N, n) N·m of the law with them.
+        law: returns the torques of some robots, given by their indices, with other contacts.
+        memory: of the robots; updated.
+    """
+    if ramp is None or not active.switching:
+        return torque
+    return ramp.torque(
+        torque, active.mask, lambda rows, mask: law(rows, ActivePoints(mask, True)), memory
+    )
+
+
+class _Ramp(NamedTuple):
+    """What is remembered of N robots, to be updated.
+
+    Attributes:
+        contacts: (N, P) int64, which points were in contact a tick ago, or `_UNKNOWN`.
+        ticks: (N,) int64, left of the ramp.
+        torque: (N, n) N·m, what the ramp adds.
+    """
+
+    contacts: np.ndarray
+    ticks: np.ndarray
+    torque: np.ndarray
+
+
+class _Faded(NamedTuple):
+    torque: np.ndarray
+    switched: np.ndarray
+
+
+@kernel
+def _fade(torque: np.ndarray, active: np.ndarray, ramp: _Ramp) -> _Faded:
+    """Go on with the ramps by a tick, add them, and find where contacts have switched.
 
     Args:
         torque: (N, n) of the law.
         active: (N, P) bool, which points are in contact now.
-        contacts: (N, P) which were a tick ago, or `_UNKNOWN`; then the present ones are taken.
-        left: (N,) ticks of the ramp; updated.
-        added: (N, n) what the ramp adds; updated.
-        switched: (N,) bool, to be found.
-        result: (N, n) the sum of torque and ramp.
+        ramp: of the robots; updated. Unknown contacts become the present ones.
     """
+    contacts, left, added = ramp
+    switched, result = np.empty(len(torque), np.bool_), np.empty(torque.shape)
     for i in range(len(torque)):
         fading = left[i] > 0
         if fading:
@@ -102,3 +135,4 @@ def _fade(
                 contacts[i, j] = active[i, j]
             elif contacts[i, j] != active[i, j]:
                 switched[i] = True
+    return _Faded(result, switched)

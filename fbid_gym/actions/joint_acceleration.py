@@ -2,20 +2,31 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.acceleration_law import DIAGNOSTICS, AccelerationLaw
+from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.layer import Memory
-from fbid_gym.actions.options import positive
+from fbid_gym.actions.law_memory import DIAGNOSTICS
+from fbid_gym.checks import check_positive
 from fbid_gym.compiled import kernel
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.motions import Reference
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
 _JOINTS_FIRST = 1e-3  # base priority: the base follows the joints
+
+
+class _Gains(NamedTuple):
+    """Of every joint.
+
+    Attributes:
+        stiffness: w^2, 1/s^2.
+        damping: 2 zeta w, 1/s.
+    """
+
+    stiffness: float
+    damping: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,14 +38,12 @@ class JointAcceleration:
 
     Attributes:
         law: from acceleration to torque.
-        stiffness: w^2, 1/s^2.
-        damping: 2 zeta w, 1/s.
+        gains: of the joints.
         scale: rad/s^2 (m/s^2 for slides) at action 1.
     """
 
     law: AccelerationLaw
-    stiffness: float
-    damping: float
+    gains: _Gains
     scale: float
 
     @classmethod
@@ -58,10 +67,12 @@ class JointAcceleration:
             scale: rad/s^2 (m/s^2 for slides) at action 1.
             contact: what it assumes of contacts.
         """
-        positive(natural_frequency=natural_frequency, damping_ratio=damping_ratio, scale=scale)
+        check_positive(
+            natural_frequency=natural_frequency, damping_ratio=damping_ratio, scale=scale
+        )
         omega = 2.0 * np.pi * natural_frequency
         law = AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST)
-        return cls(law, omega**2, 2.0 * damping_ratio * omega, scale)
+        return cls(law, _Gains(omega**2, 2.0 * damping_ratio * omega), float(scale))
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -87,36 +98,24 @@ class JointAcceleration:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        qpos, qvel = map(np.ascontiguousarray, state[:2])
-        to_qpos, to_qvel, to_qacc = map(np.ascontiguousarray, reference[:3])
-        acceleration = np.zeros(qvel.shape)
-        _accelerate(
-            *(action, self.scale, self.stiffness, self.damping),
-            *(qpos, qvel, to_qpos, to_qvel, to_qacc, acceleration),
-        )
-        return self.law.torque(acceleration, state, reference, terms(), memory)
+        desired = _stabilise(self.gains, self.scale * action, state, reference)
+        return self.law.torque(desired, state, reference, terms(), memory)
 
 
 @kernel
-def _accelerate(
-    action: np.ndarray,
-    scale: float,
-    stiffness: float,
-    damping: float,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    wanted_qpos: np.ndarray,
-    wanted_qvel: np.ndarray,
-    wanted_qacc: np.ndarray,
-    result: np.ndarray,
-) -> None:
-    """Write the joints' part of result (N, nv); arguments of the layer, its state and reference."""
-    for i in range(len(result)):
-        row = min(i, len(wanted_qpos) - 1)
-        for k in range(6, result.shape[1]):
-            result[i, k] = (
-                wanted_qacc[row, k]
-                + stiffness * (wanted_qpos[row, k + 1] - qpos[i, k + 1])
-                + damping * (wanted_qvel[row, k] - qvel[i, k])
-                + scale * action[i, k - 6]
+def _stabilise(
+    gains: _Gains, added: np.ndarray, state: RobotState, reference: Reference
+) -> np.ndarray:
+    """Desired accelerations (N, nv) with accelerations (N, n) to add; zero for the base."""
+    count, size = state.qvel.shape
+    desired = np.zeros((count, size))
+    for i in range(count):
+        row = min(i, len(reference.qpos) - 1)
+        for k in range(6, size):
+            desired[i, k] = (
+                reference.qacc[row, k]
+                + gains.stiffness * (reference.qpos[row, k + 1] - state.qpos[i, k + 1])
+                + gains.damping * (reference.qvel[row, k] - state.qvel[i, k])
+                + added[i, k - 6]
             )
+    return desired

@@ -1,12 +1,13 @@
-"""Gains of joint PD controllers, from the response that they shall give the home stance."""
+"""Joint PD controllers: gains from the response that they shall give the home stance."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.options import positive
-from fbid_gym.actions.stance import own_inertia, sampled_growth, stance_inertia
-from fbid_gym.dynamics.support import Support
+from fbid_gym.checks import check_positive
+from fbid_gym.control import orthogonal_inverse_dynamics
+from fbid_gym.dynamics.contacts import reduced_contacts
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots import Robot
 
@@ -14,9 +15,9 @@ from fbid_gym.robots import Robot
 class JointGains(NamedTuple):
     """K_P = I (2 pi f)^2 and K_D = 2 zeta I (2 pi f), of every joint.
 
-    I is the inertia that the joint moves while its foot stands (`stance_inertia`). K_D stays below
-    the inertia that the joint moves in the air times the control rate, beyond which sampled damping
-    itself oscillates.
+    I is the inertia that the joint moves while its foot stands (`Stance.standing_inertia`). K_D
+    stays below the inertia that the joint moves in the air times the control rate, beyond which
+    sampled damping itself oscillates.
 
     Attributes:
         stiffness: (n,) N·m/rad.
@@ -51,12 +52,12 @@ class JointGains(NamedTuple):
         Raises:
             InvalidValueError: not positive, or so stiff that the sampled controller oscillates.
         """
-        positive(damping_ratio=damping_ratio)
+        check_positive(damping_ratio=damping_ratio)
         most = _steady_frequency(robot, control_hz, damping_ratio)
         if natural_frequency is None:
-            pendulum = np.sqrt(robot.weight / robot.mass / Support.of(robot).home_com[2])
+            pendulum = np.sqrt(robot.gravity / Stance.of(robot).home_com[2])
             natural_frequency = min(stiffer_than_falling * pendulum / (2.0 * np.pi), most)
-        positive(natural_frequency=natural_frequency)
+        check_positive(natural_frequency=natural_frequency)
         if natural_frequency > most:
             raise InvalidValueError(
                 "natural_frequency",
@@ -64,15 +65,19 @@ class JointGains(NamedTuple):
                 f"at most {most:.3g} Hz at {control_hz} control ticks per second: beyond, "
                 f"{robot.name} oscillates in the air",
             )
-        return cls(*_gains(robot, control_hz, natural_frequency, damping_ratio), natural_frequency)
+        gains = _gains(robot, control_hz, natural_frequency, damping_ratio)
+        return cls(*gains, float(natural_frequency))
 
 
 def _gains(
     robot: Robot, control_hz: int, natural_frequency: float, damping_ratio: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    inertia, omega = stance_inertia(robot), 2.0 * np.pi * natural_frequency
-    damping = 2.0 * damping_ratio * omega * inertia
-    return inertia * omega**2, np.minimum(damping, own_inertia(robot) * control_hz)
+    stance, omega = Stance.of(robot), 2.0 * np.pi * natural_frequency
+    damping = 2.0 * damping_ratio * omega * stance.standing_inertia
+    return (
+        stance.standing_inertia * omega**2,
+        np.minimum(damping, stance.hanging_inertia * control_hz),
+    )
 
 
 def _steady_frequency(robot: Robot, control_hz: int, damping_ratio: float) -> float:
@@ -89,3 +94,40 @@ def _steady_frequency(robot: Robot, control_hz: int, damping_ratio: float) -> fl
         else:
             high = middle
     return low
+
+
+def holding_torque(robot: Robot) -> np.ndarray:
+    """Return the least joint torques that keep the home stance in equilibrium: (n,) N·m."""
+    stance = Stance.of(robot)
+    contacts = reduced_contacts(stance.geometry, stance.terms)
+    rest = np.zeros((1, robot.nv))
+    solution = orthogonal_inverse_dynamics(
+        stance.terms.mass_matrix, stance.terms.bias, contacts.jacobian, rest, contacts.bias
+    )
+    return solution.torque[0]
+
+
+def sampled_growth(
+    robot: Robot, stiffness: np.ndarray, damping: np.ndarray, control_hz: int
+) -> float:
+    """Return how much a joint PD controller's motion grows from tick to tick, at worst.
+
+    The robot hangs in the air in its home posture, and torques are held for a tick: the spectral
+    radius of that linear system, below 1 if every mode decays.
+
+    Args:
+        robot: the robot.
+        stiffness: (n,) N·m/rad.
+        damping: (n,) N·m·s/rad.
+        control_hz: control ticks per second.
+    """
+    mobility = np.linalg.inv(Stance.of(robot).terms.mass_matrix[0])[6:, 6:]
+    tick, one = 1.0 / control_hz, np.eye(robot.num_joints)
+    stiff, damp = mobility * stiffness, mobility * damping
+    step = np.block(
+        [
+            [one - tick**2 / 2 * stiff, tick * one - tick**2 / 2 * damp],
+            [-tick * stiff, one - tick * damp],
+        ]
+    )
+    return float(np.abs(np.linalg.eigvals(step)).max())

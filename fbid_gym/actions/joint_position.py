@@ -5,14 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fbid_gym.actions.joint_gains import JointGains
-from fbid_gym.actions.layer import Memory
-from fbid_gym.actions.options import positive
-from fbid_gym.actions.stance import holding_torque
+from fbid_gym.actions.joint_gains import JointGains, holding_torque
+from fbid_gym.checks import check_positive
 from fbid_gym.compiled import kernel
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.motions import Reference
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
 _STIFFER_THAN_FALLING = 3.4
@@ -25,17 +21,13 @@ class JointPosition:
     Attributes:
         robot: whose joints.
         hold: (n,) N·m that keep the home stance in equilibrium: the zero action rests there.
-        stiffness: (n,) N·m/rad.
-        damping: (n,) N·m·s/rad.
-        natural_frequency: Hz, of the response that the gains give.
+        gains: of the joints.
         scale: rad (m for slides) at action 1.
     """
 
     robot: Robot
     hold: np.ndarray
-    stiffness: np.ndarray
-    damping: np.ndarray
-    natural_frequency: float
+    gains: JointGains
     scale: float
 
     @classmethod
@@ -65,11 +57,16 @@ class JointPosition:
         Raises:
             InvalidValueError: not positive, or so stiff that the sampled controller oscillates.
         """
-        positive(scale=scale)
+        check_positive(scale=scale)
         gains = JointGains.of(
             robot, control_hz, natural_frequency, damping_ratio, _STIFFER_THAN_FALLING
         )
-        return cls(robot, holding_torque(robot), *gains, scale=scale)
+        return cls(robot, holding_torque(robot), gains, float(scale))
+
+    @property
+    def natural_frequency(self) -> float:
+        """Hz, of the response that the gains give."""
+        return self.gains.natural_frequency
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -94,33 +91,24 @@ class JointPosition:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        qpos, qvel = map(np.ascontiguousarray, state[:2])
-        to_qpos, to_qvel = map(np.ascontiguousarray, reference[:2])
-        torque = np.empty((len(qpos), len(self.hold)))
-        _feedback(
-            *(action, self.scale, self.hold, self.stiffness, self.damping),
-            *(qpos, qvel, to_qpos, to_qvel, torque),
-        )
-        return torque
+        return _feedback(self.hold, self.gains, self.scale, action, state, reference)
 
 
 @kernel
 def _feedback(
-    action: np.ndarray,
-    scale: float,
     hold: np.ndarray,
-    stiffness: np.ndarray,
-    damping: np.ndarray,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    wanted_qpos: np.ndarray,
-    wanted_qvel: np.ndarray,
-    torque: np.ndarray,
-) -> None:
-    """Write torque (N, n); arguments of the layer, its state and its reference (N rows or one)."""
+    gains: JointGains,
+    scale: float,
+    action: np.ndarray,
+    state: RobotState,
+    reference: Reference,
+) -> np.ndarray:
+    """Torques (N, n) for actions (N, n)."""
+    torque = np.empty(action.shape)
     for i in range(len(torque)):
-        row = min(i, len(wanted_qpos) - 1)
+        row = min(i, len(reference.qpos) - 1)
         for j in range(len(hold)):
-            error = wanted_qpos[row, 7 + j] + scale * action[i, j] - qpos[i, 7 + j]
-            rate = wanted_qvel[row, 6 + j] - qvel[i, 6 + j]
-            torque[i, j] = hold[j] + stiffness[j] * error + damping[j] * rate
+            error = reference.qpos[row, 7 + j] + scale * action[i, j] - state.qpos[i, 7 + j]
+            rate = reference.qvel[row, 6 + j] - state.qvel[i, 6 + j]
+            torque[i, j] = hold[j] + gains.stiffness[j] * error + gains.damping[j] * rate
+    return torque

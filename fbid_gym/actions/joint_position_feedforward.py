@@ -5,17 +5,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fbid_gym.actions.acceleration_law import DIAGNOSTICS, AccelerationLaw, Task
+from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.joint_gains import JointGains
-from fbid_gym.actions.layer import Memory
-from fbid_gym.actions.options import at_least_zero, positive
-from fbid_gym.actions.smooth_target import SmoothTarget
+from fbid_gym.actions.law_memory import DIAGNOSTICS
+from fbid_gym.actions.smooth_target import Offset, SmoothTarget
+from fbid_gym.checks import check_at_least_zero, check_positive
 from fbid_gym.compiled import kernel
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support, SupportFrame
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.motions import Reference
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.quantities import (
+    DynamicsTerms,
+    Memory,
+    Reference,
+    RobotState,
+    SupportFrame,
+    TaskCommand,
+)
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 
@@ -44,22 +49,18 @@ class JointPositionFeedforward:
 
     Attributes:
         law: InvDyn.
-        support: the home stance.
+        stance: the home stance.
         target: of the offset.
-        stiffness: (n,) K_P, N·m/rad.
-        damping: (n,) K_D, N·m·s/rad.
-        natural_frequency: Hz, of the response that these gains give.
+        gains: K_P and K_D.
         balance_stiffness: w^2, 1/s^2; 0 for eq. (18) without balance.
         balance_damping: 2 w, 1/s.
         scale: rad (m for slides) at action 1.
     """
 
     law: AccelerationLaw
-    support: Support
+    stance: Stance
     target: SmoothTarget
-    stiffness: np.ndarray
-    damping: np.ndarray
-    natural_frequency: float
+    gains: JointGains
     balance_stiffness: float
     balance_damping: float
     scale: float
@@ -94,21 +95,26 @@ class JointPositionFeedforward:
         Raises:
             InvalidValueError: not positive, or so stiff that the sampled controller oscillates.
         """
-        positive(scale=scale, target_frequency=target_frequency)
-        at_least_zero(balance_frequency=balance_frequency)
+        check_positive(scale=scale, target_frequency=target_frequency)
+        check_at_least_zero(balance_frequency=balance_frequency)
         gains = JointGains.of(
             robot, control_hz, natural_frequency, damping_ratio, _STIFFER_THAN_FALLING
         )
         balance = 2.0 * np.pi * balance_frequency
         return cls(
             AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST),
-            Support.of(robot),
+            Stance.of(robot),
             SmoothTarget(2.0 * np.pi * target_frequency, 1.0 / control_hz),
-            *gains,
+            gains,
             balance_stiffness=balance**2,
             balance_damping=2.0 * balance,
             scale=scale,
         )
+
+    @property
+    def natural_frequency(self) -> float:
+        """Hz, of the response that the gains give."""
+        return self.gains.natural_frequency
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -138,111 +144,73 @@ class JointPositionFeedforward:
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known, offset = terms(), self.target.step(self.scale * action, memory)
-        frame = self.support.frame(known)
-        qpos, qvel = map(np.ascontiguousarray, state[:2])
-        to_qpos, to_qvel, to_qacc = map(np.ascontiguousarray, reference[:3])
-        acceleration = np.empty(qvel.shape)
-        _desire(to_qacc, offset.acceleration, frame.rotation, acceleration)
+        frame = self.stance.frame(known)
+        desired = _desire(reference, offset.acceleration, frame)
         balance = None
         if self.balance_stiffness > 0.0:
-            balance = self._balance(reference, frame, known)
-        model = self.law.torque(acceleration, state, reference, known, memory, balance)
-        torque = np.empty(offset.value.shape)
-        _add_feedback(
-            *(model, self.stiffness, self.damping, qpos, qvel),
-            *(to_qpos, to_qvel, offset.value, offset.rate, torque),
-        )
-        return torque
-
-    def _balance(self, reference: Reference, frame: SupportFrame, terms: DynamicsTerms) -> Task:
-        """What the centre of mass shall do in x and y, eq. (20)."""
-        to_com, to_velocity, to_acceleration = map(np.ascontiguousarray, reference[3:6])
-        count, nv = terms.bias.shape
-        task = Task(np.empty((count, 2, nv)), np.empty((count, 2)), np.empty((count, 2)))
-        _steer(
-            *(to_com, to_velocity, to_acceleration),
-            *frame,
-            *(terms.mass_matrix, terms.bias, terms.com, terms.com_velocity),
-            *(self.balance_stiffness, self.balance_damping),
-            *task,
-        )
-        return task
+            gains = self.balance_stiffness, self.balance_damping
+            balance = _steer(*gains, reference, frame, known)
+        model = self.law.torque(desired, state, reference, known, memory, balance)
+        return _add_feedback(model, self.gains, state, reference, offset)
 
 
 @kernel
-def _desire(
-    wanted_qacc: np.ndarray, offset: np.ndarray, heading: np.ndarray, result: np.ndarray
-) -> None:
-    """Write the desired accelerations to result (N, nv).
-
-    Args:
-        wanted_qacc: (N, nv) or (1, nv), of the reference.
-        offset: (N, n), to be added to the joints'.
-        heading: (N, 3, 3) world from support frame.
-        result: m/s^2 and rad/s^2.
-    """
-    for i in range(len(result)):
-        row = min(i, len(wanted_qacc) - 1)
+def _desire(reference: Reference, offset: np.ndarray, frame: SupportFrame) -> np.ndarray:
+    """Desired accelerations (N, nv), with the offset's (N, n) added to the joints'."""
+    count, joints = offset.shape
+    desired = np.empty((count, 6 + joints))
+    for i in range(count):
+        row = min(i, len(reference.qacc) - 1)
         for k in range(3):
-            result[i, k] = dot(heading[i, k], wanted_qacc[row, :3])
-            result[i, k + 3] = wanted_qacc[row, k + 3]
-        for j in range(offset.shape[1]):
-            result[i, 6 + j] = wanted_qacc[row, 6 + j] + offset[i, j]
+            desired[i, k] = dot(frame.rotation[i, k], reference.qacc[row, :3])
+            desired[i, k + 3] = reference.qacc[row, k + 3]
+        for j in range(joints):
+            desired[i, 6 + j] = reference.qacc[row, 6 + j] + offset[i, j]
+    return desired
 
 
 @kernel
 def _steer(
-    wanted_com: np.ndarray,
-    wanted_velocity: np.ndarray,
-    wanted_acceleration: np.ndarray,
-    centre: np.ndarray,
-    heading: np.ndarray,
-    mass_matrix: np.ndarray,
-    bias: np.ndarray,
-    com: np.ndarray,
-    com_velocity: np.ndarray,
     stiffness: float,
     damping: float,
-    jacobian: np.ndarray,
-    jacobian_bias: np.ndarray,
-    acceleration: np.ndarray,
-) -> None:
-    """Write the `Task` of the centres of mass to the last three arguments.
-
-    The others are those of `Reference` (N rows or one), `SupportFrame`, `DynamicsTerms`, and the
-    gains.
-    """
-    for i in range(len(com)):
-        row = min(i, len(wanted_com) - 1)
-        mass = mass_matrix[i, 0, 0]
+    reference: Reference,
+    frame: SupportFrame,
+    terms: DynamicsTerms,
+) -> TaskCommand:
+    """What the centres of mass shall do in x and y, eq. (20)."""
+    count, nv = terms.bias.shape
+    jacobian, bias = np.empty((count, 2, nv)), np.empty((count, 2))
+    acceleration = np.empty((count, 2))
+    for i in range(count):
+        row = min(i, len(reference.com) - 1)
+        mass = terms.mass_matrix[i, 0, 0]
         for k in range(2):
-            for j in range(jacobian.shape[2]):
-                jacobian[i, k, j] = mass_matrix[i, k, j] / mass
-            jacobian_bias[i, k] = bias[i, k] / mass
-            axis = heading[i, k]
-            place = dot(axis, wanted_com[row]) - (com[i, k] - centre[i, k])
-            rate = dot(axis, wanted_velocity[row]) - com_velocity[i, k]
-            acceleration[i, k] = dot(axis, wanted_acceleration[row])
+            for j in range(nv):
+                jacobian[i, k, j] = terms.mass_matrix[i, k, j] / mass
+            bias[i, k] = terms.bias[i, k] / mass
+            axis = frame.rotation[i, k]
+            place = dot(axis, reference.com[row]) - (terms.com[i, k] - frame.centre[i, k])
+            rate = dot(axis, reference.com_velocity[row]) - terms.com_velocity[i, k]
+            acceleration[i, k] = dot(axis, reference.com_acceleration[row])
             acceleration[i, k] += stiffness * place + damping * rate
+    return TaskCommand(jacobian, bias, acceleration)
 
 
 @kernel
 def _add_feedback(
     model: np.ndarray,
-    stiffness: np.ndarray,
-    damping: np.ndarray,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    wanted_qpos: np.ndarray,
-    wanted_qvel: np.ndarray,
-    offset: np.ndarray,
-    offset_rate: np.ndarray,
-    torque: np.ndarray,
-) -> None:
-    """Write torque (N, n): that of the model and that of the feedback, eq. (18)."""
-    for i in range(len(torque)):
-        row = min(i, len(wanted_qpos) - 1)
-        for j in range(len(stiffness)):
-            error = wanted_qpos[row, 7 + j] + offset[i, j] - qpos[i, 7 + j]
-            rate = wanted_qvel[row, 6 + j] + offset_rate[i, j] - qvel[i, 6 + j]
-            torque[i, j] = model[i, j] + stiffness[j] * error + damping[j] * rate
+    gains: JointGains,
+    state: RobotState,
+    reference: Reference,
+    offset: Offset,
+) -> np.ndarray:
+    """Torques (N, n): that of the model (N, n) and that of the feedback, eq. (18)."""
+    count, joints = model.shape
+    torque = np.empty((count, joints))
+    for i in range(count):
+        row = min(i, len(reference.qpos) - 1)
+        for j in range(joints):
+            error = reference.qpos[row, 7 + j] + offset.value[i, j] - state.qpos[i, 7 + j]
+            rate = reference.qvel[row, 6 + j] + offset.rate[i, j] - state.qvel[i, 6 + j]
+            torque[i, j] = model[i, j] + gains.stiffness[j] * error + gains.damping[j] * rate
+    return torque

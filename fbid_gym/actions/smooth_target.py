@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.layer import Memory
 from fbid_gym.compiled import kernel
+from fbid_gym.quantities import Memory
 
 
 class Offset(NamedTuple):
@@ -49,31 +49,27 @@ class SmoothTarget:
             goal: (N, n) u.
             memory: of the robots; updated.
         """
-        value, rate = memory["target"], memory["target_rate"]
-        acceleration, after, rate_after = (np.empty(value.shape) for _ in range(3))
-        _follow(goal, value, rate, self.omega, self.tick, acceleration, after, rate_after)
-        memory["target"], memory["target_rate"] = after, rate_after
-        return Offset(value, rate, acceleration)
+        offset = Offset(memory["target"], memory["target_rate"], np.empty(goal.shape))
+        memory["target"], memory["target_rate"] = _follow(goal, self.omega, self.tick, offset)
+        return offset
+
+
+class _Next(NamedTuple):
+    value: np.ndarray
+    rate: np.ndarray
 
 
 @kernel
-def _follow(
-    goal: np.ndarray,
-    value: np.ndarray,
-    rate: np.ndarray,
-    omega: float,
-    tick: float,
-    acceleration: np.ndarray,
-    value_after: np.ndarray,
-    rate_after: np.ndarray,
-) -> None:
-    """Write the acceleration of targets (N, n), and their values and rates a tick later."""
+def _follow(goal: np.ndarray, omega: float, tick: float, offset: Offset) -> _Next:
+    """Write the acceleration of targets (N, n); return their values and rates a tick later."""
+    value_after, rate_after = np.empty(goal.shape), np.empty(goal.shape)
     decay = np.exp(-omega * tick)
-    for i in range(len(value)):
-        for j in range(value.shape[1]):
-            error = value[i, j] - goal[i, j]
-            slope = rate[i, j] + omega * error
+    for i in range(len(goal)):
+        for j in range(goal.shape[1]):
+            error = offset.value[i, j] - goal[i, j]
+            slope = offset.rate[i, j] + omega * error
             travel = slope * tick
-            acceleration[i, j] = -omega * (slope + rate[i, j])
+            offset.acceleration[i, j] = -omega * (slope + offset.rate[i, j])
             value_after[i, j] = goal[i, j] + (error + travel) * decay
-            rate_after[i, j] = (rate[i, j] - omega * travel) * decay
+            rate_after[i, j] = (offset.rate[i, j] - omega * travel) * decay
+    return _Next(value_after, rate_after)

@@ -5,12 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fbid_gym.actions.layer import Memory
-from fbid_gym.actions.stance import holding_torque
-from fbid_gym.compiled import kernel
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.motions import Reference
+from fbid_gym.actions.joint_gains import holding_torque
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
 
@@ -52,14 +48,4 @@ class Torque:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        torque = np.empty(action.shape)
-        _command(action, self.hold, self.robot.torque_limit, torque)
-        return torque
-
-
-@kernel
-def _command(action: np.ndarray, hold: np.ndarray, limit: np.ndarray, torque: np.ndarray) -> None:
-    """Write torque (N, n) = hold + action * limit."""
-    for i in range(len(torque)):
-        for j in range(len(hold)):
-            torque[i, j] = hold[j] + action[i, j] * limit[j]
+        return self.hold + action * self.robot.torque_limit

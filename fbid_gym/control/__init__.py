@@ -1,13 +1,13 @@
 """Control laws: pure functions from dynamics and a command to torques, on batches of arrays."""
 
 from fbid_gym.control.balance import (
-    BalanceGains,
     BalanceTarget,
     desired_wrench_garofalo2015,
     desired_wrench_ott2011,
     orientation_moment,
     resting_target,
 )
+from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import (
     torque_map_garofalo2015,
     torque_map_inverse_dynamics,
@@ -37,20 +37,21 @@ from fbid_gym.control.operational_space import (
     task_acceleration,
 )
 from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
-from fbid_gym.control.torque_map import TorqueMap
 from fbid_gym.control.underactuation import underactuation
 from fbid_gym.control.wrench_distribution import (
-    Balance,
+    Distribution,
     distribute,
     distribute_freely,
 )
+from fbid_gym.quantities import Accuracy, TorqueMap
 
 __all__ = [
-    "Balance",
+    "Accuracy",
     "BalanceGains",
     "BalanceTarget",
     "ContactForces",
     "ContactLimits",
+    "Distribution",
     "ForceFeedbackDynamics",
     "ForceSensor",
     "ForceSensorState",

@@ -18,104 +18,38 @@ of mass). Where the contacts can deliver the wrench that changes nothing; where 
 error is weighed as a wrench, in N and N m (see `wrench_distribution`).
 """
 
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.control.arrays import Array, matvec, namespace
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.checks import contiguous
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.control.balance_gains import BalanceGains
+from fbid_gym.dynamics.rotations import rotation_of
+from fbid_gym.dynamics.vectors import (
+    Rotation,
+    Vector,
+    add,
+    matrix,
+    product,
+    scale,
+    store,
+    subtract,
+    transposed,
+    turn,
+    vector,
+)
+from fbid_gym.quantities import (
+    BodyMotion,
+    CentroidalTerms,
+    DynamicsTerms,
+    Reference,
+    RobotState,
+    SupportFrame,
+    WrenchGains,
+)
 
 GRAVITY = 9.81
-
-
-@dataclass(frozen=True, eq=False)
-class BalanceGains:
-    """Gains of a balancer, each symmetric and positive semidefinite: zero leaves a direction free.
-
-    Given as a number, a diagonal (3,), or a matrix (3, 3); kept as (3, 3).
-
-    Attributes:
-        stiffness: K_P, N/m, on the position of the centre of mass.
-        damping: K_D on its motion: 1/s on the linear momentum in (38), N s/m on the velocity in
-            (36).
-        rotation_stiffness: K_R, N m/rad, on the base's orientation, in the axes of the desired one.
-        rotation_damping: D: 1/s on the angular momentum in (38), N m s/rad on the base's angular
-            velocity in (36).
-        rotation_map: (3, 9) takes the nine entries of R_d^T R, row by row, to the moment of the
-            rotational spring, in the axes of the desired orientation.
-
-    Raises:
-        InvalidValueError: a gain is not finite, not symmetric, or has a negative eigenvalue.
-    """
-
-    stiffness: Any
-    damping: Any
-    rotation_stiffness: Any
-    rotation_damping: Any
-    rotation_map: np.ndarray = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Check the gains and make them matrices."""
-        for name in ("stiffness", "damping", "rotation_stiffness", "rotation_damping"):
-            object.__setattr__(self, name, _gain(name, getattr(self, name)))
-        object.__setattr__(self, "rotation_map", _rotation_map(self.rotation_stiffness))
-
-    @classmethod
-    def from_frequencies(
-        cls,
-        mass: float,
-        inertia: np.ndarray,
-        *,
-        linear: Any,
-        rotation: Any,
-        damping_ratio: float = 1.0,
-    ) -> "BalanceGains":
-        """Gains of (38) for any robot, from natural frequencies and a damping ratio.
-
-        Args:
-            mass: kg.
-            inertia: (3, 3) kg m^2, symmetric, what resists the base's rotation in stance. Through
-                full inverse dynamics: angular momentum per angular velocity of the base while feet
-                and centre of mass stay, less than the locked robot's because the legs turn less
-                than the base. Through [G15]'s quasi-static map: the locked robot's, because there
-                a moment does its work on the average angular velocity Lambda_l l.
-            linear: Hz, of the centre of mass; a number or one for x, y and z.
-            rotation: Hz, of the base's orientation; likewise.
-            damping_ratio: of all of them.
-
-        Raises:
-            InvalidValueError: one of them is not positive and finite, or `inertia` not symmetric
-                and positive definite.
-        """
-        rates = []
-        for name, value in (("linear", linear), ("rotation", rotation)):
-            rates.append(2.0 * np.pi * np.broadcast_to(_positive(name, value, (1, 3)), (3,)))
-        _positive("mass", mass, (1,))
-        ratio = float(_positive("damping_ratio", damping_ratio, (1,))[0])
-        inertia = _gain("inertia", inertia)
-        return cls(
-            stiffness=mass * rates[0] ** 2,
-            damping=2.0 * ratio * rates[0],
-            rotation_stiffness=rates[1][:, None] * inertia * rates[1],
-            rotation_damping=2.0 * ratio * rates[1],
-        )
-
-    def on_velocity(self, mass: float, inertia: np.ndarray) -> "BalanceGains":
-        """Return gains of (36) that damp a rigid body as these do in (38).
-
-        Args:
-            mass: kg.
-            inertia: (3, 3) kg m^2, angular momentum per angular velocity of the base.
-        """
-        root = _root(self.rotation_damping)
-        return BalanceGains(
-            stiffness=self.stiffness,
-            damping=mass * self.damping,
-            rotation_stiffness=self.rotation_stiffness,
-            # D I where the two commute, and symmetric where they do not
-            rotation_damping=root @ _gain("inertia", inertia) @ root,
-        )
 
 
 class BalanceTarget(NamedTuple):
@@ -130,22 +64,104 @@ class BalanceTarget(NamedTuple):
         momentum_rate: (N, 6) N and N m, feedforward.
     """
 
-    com: Array
-    rotation: Array
-    com_velocity: Array
-    angular_velocity: Array
-    angular_momentum: Array
-    momentum_rate: Array
+    com: np.ndarray
+    rotation: np.ndarray
+    com_velocity: np.ndarray
+    angular_velocity: np.ndarray
+    angular_momentum: np.ndarray
+    momentum_rate: np.ndarray
 
 
-def resting_target(com: Array, rotation: Array) -> BalanceTarget:
+def resting_target(com: np.ndarray, rotation: np.ndarray) -> BalanceTarget:
     """Return the target of robots that shall stand still at com (N, 3), rotation (N, 3, 3)."""
-    still = namespace(com).zeros_like(com)
-    rate = namespace(com).concat((still, still), axis=-1)
-    return BalanceTarget(com, rotation, still, still, still, rate)
+    still = np.zeros_like(com)
+    return BalanceTarget(com, rotation, still, still, still, np.zeros((len(com), 6)))
 
 
-def orientation_moment(gains: BalanceGains, rotation: Array, desired: Array) -> Array:
+@kernel
+def balance_target(
+    reference: Reference, frame: SupportFrame, body: CentroidalTerms
+) -> BalanceTarget:
+    """Return what a reference, seen from the robots' own feet, asks of each.
+
+    Its momentum is that of the robot as it stands moving at the reference's velocities.
+
+    Args:
+        reference: (N or 1) rows.
+        frame: of the feet.
+        body: of the robots.
+    """
+    count = len(frame.centre)
+    com, rotation, com_velocity = (
+        np.empty((count, 3)),
+        np.empty((count, 3, 3)),
+        np.empty((count, 3)),
+    )
+    angular_velocity, angular_momentum = np.empty((count, 3)), np.empty((count, 3))
+    momentum_rate, upright = np.empty((count, 6)), np.empty((3, 3))
+    for i in range(count):
+        row = (min(i, len(reference.qpos) - 1),)
+        to_world = matrix(frame.rotation, (i,))
+        place = turn(to_world, vector(reference.com, row))
+        store(add(vector(frame.centre, (i,)), place), com, (i,))
+        store(turn(to_world, vector(reference.com_velocity, row)), com_velocity, (i,))
+        push = turn(to_world, vector(reference.com_acceleration, row))
+        store(scale(body.mass[i], push), momentum_rate, (i,))
+
+        rotation_of(reference.qpos[row[0], 3:7], upright)
+        target = product(to_world, matrix(upright, ()))
+        for axis in range(3):
+            store(target[axis], rotation, (i, axis))
+        store(turn(target, vector(reference.qvel, row, 3)), angular_velocity, (i,))
+        spin = _angular_momentum(body.matrix, i, to_world, reference.qvel)
+        store(spin, angular_momentum, (i,))
+        change = _angular_momentum(body.matrix, i, to_world, reference.qacc)
+        store(change, momentum_rate, (i,), 3)
+    return BalanceTarget(
+        com, rotation, com_velocity, angular_velocity, angular_momentum, momentum_rate
+    )
+
+
+@compiled
+def _angular_momentum(
+    momentum_matrix: np.ndarray, robot: int, to_world: Rotation, rates: np.ndarray
+) -> Vector:
+    """Of the robot as it stands, at generalized rates (nv,) whose linear part is seen from feet."""
+    row = min(robot, len(rates) - 1)
+    linear = turn(to_world, vector(rates, (row,)))
+    total = (0.0, 0.0, 0.0)
+    for j in range(rates.shape[1]):
+        rate = linear[j] if j < 3 else rates[row, j]
+        column = (
+            momentum_matrix[robot, 3, j],
+            momentum_matrix[robot, 4, j],
+            momentum_matrix[robot, 5, j],
+        )
+        total = add(total, scale(rate, column))
+    return total
+
+
+@kernel
+def body_motion(state: RobotState, terms: DynamicsTerms, body: CentroidalTerms) -> BodyMotion:
+    """Return how the robots move as a whole."""
+    count = len(terms.com)
+    angular_velocity = np.empty((count, 3))
+    for i in range(count):
+        spin = turn(matrix(terms.base_rotation, (i,)), vector(state.qvel, (i,), 3))
+        store(spin, angular_velocity, (i,))
+    return BodyMotion(
+        terms.com,
+        terms.com_velocity,
+        terms.base_rotation,
+        angular_velocity,
+        body.momentum,
+        body.mass,
+    )
+
+
+def orientation_moment(
+    gains: BalanceGains, rotation: np.ndarray, desired: np.ndarray
+) -> np.ndarray:
     """Return the moment of the rotational spring between the base and where it should be.
 
     It pulls towards `desired` from every orientation but those 180 degrees away, where it may
@@ -161,22 +177,21 @@ def orientation_moment(gains: BalanceGains, rotation: Array, desired: Array) -> 
         (N, 3) N m, world axes.
     """
     error = desired.mT @ rotation
-    flat = error.reshape(error.shape[0], 9)
-    return matvec(desired, matvec(_like(gains.rotation_map, flat), flat))
+    return np.matvec(desired, np.matvec(gains.rotation_map, error.reshape(len(error), 9)))
 
 
 def desired_wrench_ott2011(
     gains: BalanceGains,
     target: BalanceTarget,
     *,
-    com: Array,
-    com_velocity: Array,
-    rotation: Array,
-    angular_velocity: Array,
-    mass: Array,
-    axes: Array | None = None,
+    com: np.ndarray,
+    com_velocity: np.ndarray,
+    rotation: np.ndarray,
+    angular_velocity: np.ndarray,
+    mass: np.ndarray,
+    axes: np.ndarray | None = None,
     gravity: float = GRAVITY,
-) -> Array:
+) -> np.ndarray:
     """Return the desired wrench at the centre of mass, [G15] eq. (36).
 
     Args:
@@ -193,25 +208,22 @@ def desired_wrench_ott2011(
     Returns:
         (N, 6) N and N m, world axes, what the contacts shall do to the robot.
     """
-    force = _apply(gains.stiffness, axes, target.com - com)
-    force = force + _apply(gains.damping, axes, target.com_velocity - com_velocity)
-    moment = orientation_moment(gains, rotation, target.rotation)
-    spin = target.angular_velocity - angular_velocity
-    moment = moment + _apply(gains.rotation_damping, axes, spin)
-    return _with_weight(force, moment, target, mass, gravity)
+    momentum = np.zeros((len(com), 6))  # (36) does not look at it
+    motion = BodyMotion(com, com_velocity, rotation, angular_velocity, momentum, mass)
+    return _wrench(gains.of_velocity(), target, motion, axes, gravity)
 
 
 def desired_wrench_garofalo2015(
     gains: BalanceGains,
     target: BalanceTarget,
     *,
-    com: Array,
-    rotation: Array,
-    momentum: Array,
-    mass: Array,
-    axes: Array | None = None,
+    com: np.ndarray,
+    rotation: np.ndarray,
+    momentum: np.ndarray,
+    mass: np.ndarray,
+    axes: np.ndarray | None = None,
     gravity: float = GRAVITY,
-) -> Array:
+) -> np.ndarray:
     """Return the desired wrench at the centre of mass, [G15] eqs. (38), (39).
 
     That is w_CoM - blkdiag(K_D, D) h, the right side of (38) without the factor Lambda_h.
@@ -229,111 +241,82 @@ def desired_wrench_garofalo2015(
     Returns:
         (N, 6) N and N m, world axes, what the contacts shall do to the robot.
     """
-    force = _apply(gains.stiffness, axes, target.com - com)
-    excess = mass[:, None] * target.com_velocity - momentum[:, :3]
-    force = force + _apply(gains.damping, axes, excess)
-    moment = orientation_moment(gains, rotation, target.rotation)
-    spin = target.angular_momentum - momentum[:, 3:]
-    moment = moment + _apply(gains.rotation_damping, axes, spin)
-    return _with_weight(force, moment, target, mass, gravity)
+    still = np.zeros(com.shape)  # (38) does not look at velocities
+    motion = BodyMotion(com, still, rotation, still, momentum, mass)
+    return _wrench(gains.of_momentum(), target, motion, axes, gravity)
 
 
-def _with_weight(
-    force: Array, moment: Array, target: BalanceTarget, mass: Array, gravity: float
-) -> Array:
-    """Feedback, feedforward, and what carries the weight."""
-    wrench = namespace(force).concat((force, moment), axis=-1) + target.momentum_rate
-    wrench[:, 2] += gravity * mass
+def _wrench(
+    gains: WrenchGains,
+    target: BalanceTarget,
+    motion: BodyMotion,
+    axes: np.ndarray | None,
+    gravity: float,
+) -> np.ndarray:
+    """Bring arrays into order, and compute."""
+    own_axes = np.broadcast_to(np.eye(3) if axes is None else axes, motion.rotation.shape)
+    return balance_wrench(
+        gains,
+        BalanceTarget(*map(contiguous, target)),
+        BodyMotion(*map(contiguous, motion)),
+        contiguous(own_axes),
+        gravity,
+    )
+
+
+@kernel
+def balance_wrench(
+    gains: WrenchGains,
+    target: BalanceTarget,
+    motion: BodyMotion,
+    axes: np.ndarray,
+    gravity: float,
+) -> np.ndarray:
+    """Return the desired wrench at the centre of mass, (36) or (38): (N, 6) N and N m, world.
+
+    Args:
+        gains: of velocities or of momenta.
+        target: of the robots.
+        motion: of the robots.
+        axes: (N, 3, 3) world from the axes of all gains but K_R.
+        gravity: m/s^2, along -z.
+    """
+    count = len(motion.com)
+    wrench = np.empty((count, 6))
+    stiffness, damping = matrix(gains.stiffness, ()), matrix(gains.damping, ())
+    rotation_damping = matrix(gains.rotation_damping, ())
+    for i in range(count):
+        to_world, mass = matrix(axes, (i,)), motion.mass[i]
+        to_axes = transposed(to_world)
+        error = subtract(vector(target.com, (i,)), vector(motion.com, (i,)))
+        rate = vector(target.com_velocity, (i,))
+        if gains.on_velocity:
+            rate = subtract(rate, vector(motion.com_velocity, (i,)))
+            spin = vector(target.angular_velocity, (i,))
+            spin = subtract(spin, vector(motion.angular_velocity, (i,)))
+        else:
+            rate = subtract(scale(mass, rate), vector(motion.momentum, (i,)))
+            spin = vector(target.angular_momentum, (i,))
+            spin = subtract(spin, vector(motion.momentum, (i,), 3))
+        force = add(turn(stiffness, turn(to_axes, error)), turn(damping, turn(to_axes, rate)))
+        force = add(turn(to_world, force), vector(target.momentum_rate, (i,)))
+        store((force[0], force[1], force[2] + gravity * mass), wrench, (i,))
+
+        desired, base = matrix(target.rotation, (i,)), matrix(motion.rotation, (i,))
+        spring = _spring(gains.rotation_map, product(transposed(desired), base))
+        moment = turn(to_world, turn(rotation_damping, turn(to_axes, spin)))
+        moment = add(add(turn(desired, spring), moment), vector(target.momentum_rate, (i,), 3))
+        store(moment, wrench, (i,), 3)
     return wrench
 
 
-def _apply(gain: np.ndarray, axes: Array | None, error: Array) -> Array:
-    """Gain times error (N, 3), the gain in its own axes."""
-    matrix = _like(gain, error)
-    if axes is None:
-        return matvec(matrix, error)
-    return matvec(axes, matvec(matrix, matvec(axes.mT, error)))
-
-
-def _like(value: np.ndarray, array: Array) -> Array:
-    """A constant in the namespace, type and device of an array."""
-    if isinstance(array, np.ndarray):
-        return value
-    return namespace(array).asarray(value, dtype=array.dtype, device=array.device)
-
-
-def _rotation_map(stiffness: np.ndarray) -> np.ndarray:
-    """The linear map of `BalanceGains.rotation_map`.
-
-    With E = R_d^T R and its quaternion, 2 delta eps is the axial vector of E, and eps eps^T is half
-    the symmetric part of E up to a multiple of the identity, which has no part in eps x K eps.
-    """
-    result = np.zeros((3, 9))
-    for entry in range(9):
-        error = np.zeros((3, 3))
-        error[entry // 3, entry % 3] = 1.0
-        twice_sine = -0.5 * _antisymmetric(error)
-        product = _antisymmetric(0.5 * (error + error.T) @ stiffness)
-        result[:, entry] = -(stiffness @ twice_sine + product)
-    return result
-
-
-def _antisymmetric(matrix: np.ndarray) -> np.ndarray:
-    """The vector e_ijk X_jk: minus twice the axial vector."""
-    return np.array(
-        [
-            matrix[1, 2] - matrix[2, 1],
-            matrix[2, 0] - matrix[0, 2],
-            matrix[0, 1] - matrix[1, 0],
-        ]
-    )
-
-
-def _gain(name: str, given: Any) -> np.ndarray:
-    """A symmetric positive semidefinite (3, 3), or the error that says why not."""
-    expected = (
-        "a number, a diagonal (3,) or a matrix (3, 3), symmetric, without negative eigenvalue"
-    )
-    try:
-        value: np.ndarray = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidValueError(name, given, expected) from None
-    if value.shape not in ((), (3,), (3, 3)) or not np.isfinite(value).all():
-        raise InvalidValueError(name, given, expected)
-    if value.ndim < 2:
-        value = value * np.eye(3)
-    size = np.abs(value).max()
-    if np.abs(value - value.T).max() > 1e-9 * size:
-        raise InvalidValueError(name, given, expected)
-    value = 0.5 * (value + value.T)
-    if np.linalg.eigvalsh(value)[0] < -1e-12 * size:
-        raise InvalidValueError(name, given, expected)
-    return value
-
-
-def _positive(name: str, given: Any, sizes: tuple[int, ...]) -> np.ndarray:
-    """Positive finite numbers, as many as one of `sizes`, or the error that says why not."""
-    expected = " or ".join(str(size) for size in sizes) + " positive finite numbers"
-    try:
-        value: np.ndarray = np.atleast_1d(np.asarray(given, dtype=float))
-    except (TypeError, ValueError):
-        raise InvalidValueError(name, given, expected) from None
-    if value.ndim != 1 or len(value) not in sizes or not ((value > 0) & (value < np.inf)).all():
-        raise InvalidValueError(name, given, expected)
-    return value
-
-
-def _root(matrix: np.ndarray) -> np.ndarray:
-    """The symmetric square root of a symmetric positive semidefinite matrix."""
-    values, vectors = np.linalg.eigh(matrix)
-    return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-
-
-TABLE_1 = BalanceGains(
-    stiffness=(6000.0, 2000.0, 4000.0),
-    damping=(7.0, 1.0, 0.05),
-    rotation_stiffness=(500.0, 400.0, 100.0),
-    rotation_damping=(20.0, 20.0, 2.0),
-)
-"""Gains of [G15], table 1, for TORO, with (38). Its damping is printed in N s/(kg m): it multiplies
-momentum, and the unit is 1/s."""
+@compiled
+def _spring(rotation_map: np.ndarray, error: Rotation) -> Vector:
+    """The moment of the rotational spring, see `BalanceGains.rotation_map`."""
+    moment = (0.0, 0.0, 0.0)
+    for k in range(3):
+        for j in range(3):
+            entry = 3 * k + j
+            column = rotation_map[0, entry], rotation_map[1, entry], rotation_map[2, entry]
+            moment = add(moment, scale(error[k][j], column))
+    return moment

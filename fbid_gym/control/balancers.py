@@ -31,27 +31,20 @@ least in the sum of qddot_j^2 / mobility_j: little mobility makes a joint follow
 such as a swinging leg's, while the others make up for it.
 """
 
-from functools import lru_cache
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from fbid_gym.checks import check_shape, contiguous
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.arrays import Array, as_numpy, check_shape, from_numpy, on_host
-from fbid_gym.control.torque_map import TorqueMap
-from fbid_gym.small_matrices import (
-    dot,
-    factor,
-    gram,
-    multiply,
-    solve_factored,
-    times,
+from fbid_gym.quantities import (
+    CentroidalTerms,
+    Constraint,
+    DynamicsTerms,
+    EquationOfMotion,
+    PostureCommand,
+    ReducedContacts,
+    TorqueMap,
 )
-
-if TYPE_CHECKING:
-    from fbid_gym.dynamics.centroidal import CentroidalTerms
-    from fbid_gym.dynamics.contacts import ReducedContacts
-    from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.small_matrices import dot, factor, gram, multiply, solve_factored, times
 
 # Relative to the mean squared singular value of Jbar_q. Near a straight knee the joints cannot move
 # the contacts as they should, and this bounds what they do instead. At home it lets the contacts'
@@ -62,16 +55,16 @@ OTT2011, GAROFALO2015, INVERSE_DYNAMICS = range(3)
 
 
 def torque_map_ott2011(
-    terms: "DynamicsTerms",
-    body: "CentroidalTerms",
-    contacts: "ReducedContacts",
-    posture: Array | None = None,
-    mobility: Array | None = None,
+    terms: DynamicsTerms,
+    body: CentroidalTerms,
+    contacts: ReducedContacts,
+    posture: np.ndarray | None = None,
+    mobility: np.ndarray | None = None,
 ) -> TorqueMap:
     """Return tau = -Jcheck_q^T lambda of Ott, Roa, Hirzinger 2011, [G15] after eq. (37).
 
     Args:
-        terms: of the robots. Torch tensors are computed on the host, in all three maps.
+        terms: of the robots.
         body: `centroidal_terms` of the same.
         contacts: `reduced_contacts` of the same.
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
@@ -81,11 +74,11 @@ def torque_map_ott2011(
 
 
 def torque_map_garofalo2015(
-    terms: "DynamicsTerms",
-    body: "CentroidalTerms",
-    contacts: "ReducedContacts",
-    posture: Array | None = None,
-    mobility: Array | None = None,
+    terms: DynamicsTerms,
+    body: CentroidalTerms,
+    contacts: ReducedContacts,
+    posture: np.ndarray | None = None,
+    mobility: np.ndarray | None = None,
 ) -> TorqueMap:
     """Return tau = -Jbar_q^T lambda of [G15], after eq. (39).
 
@@ -100,11 +93,11 @@ def torque_map_garofalo2015(
 
 
 def torque_map_inverse_dynamics(
-    terms: "DynamicsTerms",
-    body: "CentroidalTerms",
-    contacts: "ReducedContacts",
-    posture: Array | None = None,
-    mobility: Array | None = None,
+    terms: DynamicsTerms,
+    body: CentroidalTerms,
+    contacts: ReducedContacts,
+    posture: np.ndarray | None = None,
+    mobility: np.ndarray | None = None,
 ) -> TorqueMap:
     """Return the torques of full inverse dynamics, see the module.
 
@@ -123,97 +116,67 @@ def torque_map_inverse_dynamics(
 
 def _torque_map(
     balancer: int,
-    terms: "DynamicsTerms",
-    body: "CentroidalTerms",
-    contacts: "ReducedContacts",
-    posture: Array | None,
-    mobility: Array | None,
+    terms: DynamicsTerms,
+    body: CentroidalTerms,
+    contacts: ReducedContacts,
+    posture: np.ndarray | None,
+    mobility: np.ndarray | None,
 ) -> TorqueMap:
     """One of the three."""
     count, joints = terms.bias.shape[0], terms.bias.shape[1] - 6
-    for name, given in (("posture", posture), ("mobility", mobility)):
-        if given is not None and given.shape != (count, joints):
-            check_shape(name, given, (count, joints), "(N, n)")
-    like: Array = terms.bias
-    jacobian = contacts.jacobian
-    if not isinstance(like, np.ndarray):
-        terms, body, contacts = on_host(terms), on_host(body), on_host(contacts)
-    offset, per_wrench = np.empty((count, joints)), np.empty((count, joints, 6))
-    fill_torque_map(
-        balancer,
-        RIDGE,
-        body.matrix,
-        body.to_com,
-        body.mass,
-        body.inverse_inertia,
-        body.wrench_map,
-        terms.mass_matrix,
-        terms.bias,
-        contacts.jacobian,
-        contacts.bias,
-        _row(joints, 0.0) if posture is None else as_numpy(posture),
-        _row(joints, 1.0) if mobility is None else as_numpy(mobility),
-        offset,
-        per_wrench,
+    command = PostureCommand(
+        np.zeros((1, joints)) if posture is None else contiguous(posture),
+        np.ones((1, joints)) if mobility is None else contiguous(mobility),
     )
-    if isinstance(like, np.ndarray):
-        return TorqueMap(offset, jacobian, per_wrench)
-    return TorqueMap(from_numpy(offset, like), jacobian, from_numpy(per_wrench, like))
-
-
-@lru_cache(maxsize=256)
-def _row(joints: int, value: float) -> np.ndarray:
-    """The same number for all joints, in a row that stands for all robots: (1, n)."""
-    return np.full((1, joints), value)
+    for name, given, own in zip(("posture", "mobility"), (posture, mobility), command, strict=True):
+        if given is not None:
+            check_shape(name, own, (count, joints), "(N, n)")
+    motion = EquationOfMotion(terms.mass_matrix, terms.bias)
+    constraint = Constraint(contacts.jacobian, contacts.bias)
+    return map_torques(balancer, motion, body, constraint, command, RIDGE)
 
 
 @kernel
-def fill_torque_map(
+def map_torques(
     balancer: int,
+    motion: EquationOfMotion,
+    body: CentroidalTerms,
+    constraint: Constraint,
+    posture: PostureCommand,
     ridge: float,
-    matrix: np.ndarray,
-    to_com: np.ndarray,
-    mass: np.ndarray,
-    inverse_inertia: np.ndarray,
-    wrench_map: np.ndarray,
-    mass_matrix: np.ndarray,
-    bias: np.ndarray,
-    jacobian: np.ndarray,
-    contact_bias: np.ndarray,
-    posture: np.ndarray,
-    mobility: np.ndarray,
-    offset: np.ndarray,
-    per_wrench: np.ndarray,
-) -> None:
-    """Write offset and per_wrench of a `TorqueMap`, as one of the three balancers has them.
+) -> TorqueMap:
+    """Return the torques as a function of contact forces, as one of the three balancers has them.
 
     Joint accelerations are affine in the wrench. The first column is what they are without one,
     and only inverse dynamics has six others. Columns are rows here.
     """
-    count, rows, joints = jacobian.shape[0], jacobian.shape[1], offset.shape[1]
+    jacobian, bias = constraint.jacobian, motion.bias
+    count, rows, joints = jacobian.shape[0], jacobian.shape[1], jacobian.shape[2] - 6
+    offset, per_wrench = np.empty((count, joints)), np.empty((count, joints, 6))
     dynamic = balancer == INVERSE_DYNAMICS
     columns = 7 if dynamic else 1
     of_momentum, momentum_part = np.empty((6, 6)), np.empty((rows, 6))
     joint_part, moving = np.empty((rows, joints)), np.empty((rows, joints))
     lower, base = np.empty((rows, rows)), np.empty(6)
-    motion, acceleration = np.empty((columns, rows)), np.empty((columns, joints))
+    moved, acceleration = np.empty((columns, rows)), np.empty((columns, joints))
     full, force = np.empty((columns, 6 + joints)), np.empty((columns, 6 + joints))
     for robot in range(count):
-        wanted = posture[min(robot, len(posture) - 1)]
-        readiness = mobility[min(robot, len(mobility) - 1)]
-        ours, lift, rate = matrix[robot], wrench_map[robot, 6:], motion[0]
-        _base_of_momentum(to_com[robot], mass[robot], inverse_inertia[robot], of_momentum)
+        wanted = posture.acceleration[min(robot, len(posture.acceleration) - 1)]
+        readiness = posture.mobility[min(robot, len(posture.mobility) - 1)]
+        to_com, ours, lift = body.to_com[robot], body.matrix[robot], body.wrench_map[robot, 6:]
+        rate = moved[0]
+        _base_of_momentum(to_com, body.mass[robot], body.inverse_inertia[robot], of_momentum)
         _split_jacobian(jacobian[robot], of_momentum, ours, momentum_part, joint_part)
 
         # Least joint accelerations that move the contacts as they should.
         for i in range(rows):
             rate[i] = -dot(joint_part[i], wanted)
         if dynamic:
-            times(to_com[robot], bias[robot, :6], base)
+            times(to_com, bias[robot, :6], base)
             for i in range(rows):
-                rate[i] += dot(momentum_part[i], base) - contact_bias[robot, i]
+                rate[i] += dot(momentum_part[i], base) - constraint.bias[robot, i]
                 for k in range(6):
-                    motion[1 + k, i] = -momentum_part[i, k]
+                    moved[1 + k, i] = -momentum_part[i, k]
         for i in range(rows):
             for j in range(joints):
                 moving[i, j] = joint_part[i, j] * readiness[j]
@@ -225,8 +188,8 @@ def fill_torque_map(
             lower[i, i] += ridge / rows * trace + ridge**3
         factor(lower)
         for k in range(columns):
-            solve_factored(lower, motion[k])
-        multiply(motion, moving, acceleration)
+            solve_factored(lower, moved[k])
+        multiply(moved, moving, acceleration)
         for j in range(joints):
             acceleration[0, j] += wanted[j]
 
@@ -234,7 +197,7 @@ def fill_torque_map(
         # stays.
         for k in range(columns):
             _with_base(acceleration[k], of_momentum, ours, full[k])
-        multiply(full, mass_matrix[robot], force)
+        multiply(full, motion.mass_matrix[robot], force)
         for j in range(joints):
             offset[robot, j] = force[0, 6 + j]
             for k in range(6):
@@ -245,6 +208,7 @@ def fill_torque_map(
                 offset[robot, j] += bias[robot, 6 + j] - dot(lift[j], base)
                 for k in range(6):
                     per_wrench[robot, j, k] += force[1 + k, 6 + j]
+    return TorqueMap(offset, jacobian, per_wrench)
 
 
 @compiled

@@ -22,24 +22,17 @@ and not at all while they stick.
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from fbid_gym.checks import check_shape, contiguous, positive_numbers
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.arrays import (
-    Array,
-    as_flags,
-    as_numpy,
-    check_shape,
-    from_numpy,
-)
-from fbid_gym.control.dual_newton import deliver
+from fbid_gym.control.dual_newton import Forces, Problem, deliver
 from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.quantities import Accuracy, PointLimits
 
-REGULARISATION = 1e-4
-TOLERANCE = 1e-4
-MAX_ITERATIONS = 8
+DEFAULT_ACCURACY = Accuracy(regularisation=1e-4, tolerance=1e-4, max_iterations=8, torque_steps=24)
 _LARGEST = float(np.finfo(np.float64).max)
 
 
@@ -57,9 +50,9 @@ class ContactLimits:
             minimum exceeds the maximum.
     """
 
-    friction: Array = 0.7
-    min_normal_force: Array = 0.0
-    max_normal_force: Array = np.inf
+    friction: Any = 0.7
+    min_normal_force: Any = 0.0
+    max_normal_force: Any = np.inf
 
     def __post_init__(self) -> None:
         """Convert to arrays and validate."""
@@ -91,38 +84,33 @@ class ContactForces(NamedTuple):
         wrench: (N, 6) what they deliver, G f: force in N, moment in N m.
         residual: (N,) weighted distance of the wrench from the desired one, per weight; zero where
             all points stick.
-        iterations: (N,) Newton steps taken, integers.
+        iterations: (N,) int64, Newton steps taken.
         dual: (N, 6) warm start for the next call with the same scales; zero is a cold start.
     """
 
-    force: Array
-    wrench: Array
-    residual: Array
-    iterations: Array
-    dual: Array
+    force: np.ndarray
+    wrench: np.ndarray
+    residual: np.ndarray
+    iterations: np.ndarray
+    dual: np.ndarray
 
 
 def limited_contact_forces(
-    wrench_map: Array,
-    wrench: Array,
+    wrench_map: np.ndarray,
+    wrench: np.ndarray,
     limits: ContactLimits,
     *,
-    weight: float | Array,
+    weight: float | np.ndarray,
     length: float = 1.0,
     wrench_cost: tuple[float, ...] | None = None,
-    active: Array | None = None,
-    warm_start: Array | None = None,
-    regularisation: float = REGULARISATION,
-    tolerance: float = TOLERANCE,
-    max_iterations: int = MAX_ITERATIONS,
+    active: np.ndarray | None = None,
+    warm_start: np.ndarray | None = None,
+    accuracy: Accuracy = DEFAULT_ACCURACY,
 ) -> ContactForces:
     """Contact forces within friction and normal force limits that best deliver a wrench.
 
     The wrench error is measured per weight for forces and per weight * length for moments, squared
-    and weighted by `wrench_cost`. `regularisation` prefers small forces among those that deliver
-    about the same wrench.
-
-    Torch tensors are computed on the host, in double precision, and come back as what they were.
+    and weighted by `wrench_cost`.
 
     Args:
         wrench_map: (N, 6, 3 P), the G of stacked point forces: rows force, then moment.
@@ -133,11 +121,10 @@ def limited_contact_forces(
         wrench_cost: six positive weights of the squared errors. Default: ones.
         active: (N, P) bool, points in contact; the others get zero force. Default: all.
         warm_start: (N, 6) `dual` of an earlier result. Default: zeros.
-        regularisation: eps, dimensionless.
-        tolerance: stop when the optimality condition holds to this share of the weight.
-        max_iterations: Newton steps before a robot is solved anew, cold and by way of stronger
-            regularisations, in four rounds of at most twice as many steps. Forces are feasible, and
-            no worse than those of the warm start, even if that should not suffice.
+        accuracy: its regularisation prefers small forces among those that deliver about the same
+            wrench. After its `max_iterations` Newton steps a robot is solved anew, cold and by way
+            of stronger regularisations, in four rounds of at most twice as many steps. Forces are
+            feasible, and no worse than those of the warm start, even if that should not suffice.
 
     Returns:
         ContactForces; finite, and within the limits, for every finite input.
@@ -151,52 +138,49 @@ def limited_contact_forces(
         raise ShapeError("wrench_map", shape, "(N, 6, 3 P)")
     count, points = shape[0], shape[2] // 3
     check_shape("wrench", wrench, (count, 6), "(N, 6)")
-    check_contact_options(limits, active, warm_start, count, points)
-    start = np.zeros((count, 6)) if warm_start is None else as_numpy(warm_start)
+    own_limits = point_limits(limits, active, count, points)
+    start = warm_start_of(warm_start, count)
     scale = wrench_scale(length, wrench_cost)
-    weights = np.broadcast_to(weight if np.isscalar(weight) else as_numpy(weight), (count,))
-    desired = as_numpy(wrench)
-    force, missing = np.empty((count, points, 3)), np.empty((count, 6))
-    dual, iterations = np.empty((count, 6)), np.empty(count, np.int64)
-    _deliver_all(
-        as_numpy(wrench_map) * scale[:, None],
-        desired * scale,
-        tolerance * weights,
+    return _deliver_all(
+        contiguous(wrench_map),
+        contiguous(wrench),
+        scale,
+        contiguous(np.broadcast_to(weight, (count,))),
+        own_limits,
+        accuracy,
         start,
-        limit_rows(limits, points),
-        all_active(points) if active is None else as_flags(active),
-        regularisation,
-        max_iterations,
-        force,
-        missing,
-        dual,
-        iterations,
     )
-    delivered, residual = desired + missing / scale, np.sqrt(np.vecdot(missing, missing)) / weights
-    found = force, delivered, residual, iterations, dual
-    return ContactForces(*(from_numpy(x, like=wrench) for x in found))
 
 
 @lru_cache(maxsize=256)
 def wrench_scale(length: float, wrench_cost: tuple[float, ...] | None) -> np.ndarray:
     """(6,) factors that turn N and N m into N whose squares are comparable."""
-    cost = (1.0,) * 6 if wrench_cost is None else tuple(wrench_cost)
-    for name, value, size in (("length", (length,), 1), ("wrench_cost", cost, 6)):
-        if len(value) != size or not all(0.0 < x < np.inf for x in value):
-            raise InvalidValueError(name, value, f"{size} positive, finite numbers")
-    arms = np.array([1.0, 1.0, 1.0, length, length, length])
-    return np.sqrt(cost) / arms
+    arm = float(positive_numbers("length", length, 1)[0])
+    cost = positive_numbers("wrench_cost", (1.0,) * 6 if wrench_cost is None else wrench_cost, 6)
+    return np.sqrt(cost) / np.array([1.0, 1.0, 1.0, arm, arm, arm])
 
 
-def check_contact_options(
-    limits: ContactLimits, active: Array | None, warm_start: Array | None, count: int, points: int
-) -> None:
-    """Raise ShapeError unless limits, mask and warm start fit (N, P)."""
+def point_limits(
+    limits: ContactLimits, active: np.ndarray | None, count: int, points: int
+) -> PointLimits:
+    """Return limits as compiled code takes them; active points (N, P), all if None.
+
+    Raises:
+        ShapeError: limits or active points do not fit (N, P).
+    """
     _check_limits(limits, count, points)
-    if active is not None:
-        check_shape("active", active, (count, points), "(N, P)")
-    if warm_start is not None:
-        check_shape("warm_start", warm_start, (count, 6), "(N, 6)")
+    if active is None:
+        return PointLimits(limit_rows(limits, points), _all_active(points))
+    check_shape("active", active, (count, points), "(N, P)")
+    return PointLimits(limit_rows(limits, points), np.ascontiguousarray(active, bool))
+
+
+def warm_start_of(given: np.ndarray | None, count: int) -> np.ndarray:
+    """Return where the iteration of N robots begins: (N, 6), zeros if not given."""
+    if given is None:
+        return np.zeros((count, 6))
+    check_shape("warm_start", given, (count, 6), "(N, 6)")
+    return contiguous(given)
 
 
 @lru_cache(maxsize=256)
@@ -216,57 +200,53 @@ def limit_rows(limits: ContactLimits, points: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=32)
-def all_active(points: int) -> np.ndarray:
-    """(1, P): all points of all robots are in contact."""
+def _all_active(points: int) -> np.ndarray:
     return np.ones((1, points), bool)
 
 
 @kernel
 def _deliver_all(
-    maps: np.ndarray,
+    wrench_map: np.ndarray,
     wrench: np.ndarray,
-    tolerance: np.ndarray,
+    scale: np.ndarray,
+    weight: np.ndarray,
+    limits: PointLimits,
+    accuracy: Accuracy,
     start: np.ndarray,
-    limits: np.ndarray,
-    active: np.ndarray,
-    regularisation: float,
-    budget: int,
-    force: np.ndarray,
-    missing: np.ndarray,
-    dual: np.ndarray,
-    iterations: np.ndarray,
-) -> None:
-    """`deliver` for every robot; the last four are to write to."""
-    values = np.empty((force.shape[1], 3))
-    for i in range(len(force)):
-        limits_in_contact(limits, active, i, values)
-        iterations[i] = deliver(
-            maps[i],
-            wrench[i],
-            values,
-            tolerance[i],
-            regularisation,
-            budget,
-            start[i],
-            force[i],
-            missing[i],
-            dual[i],
-        )
+) -> ContactForces:
+    """`deliver` for every robot."""
+    count, columns = len(wrench), wrench_map.shape[2]
+    force, delivered = np.empty((count, columns // 3, 3)), np.empty((count, 6))
+    residual, iterations = np.empty(count), np.empty(count, np.int64)
+    dual, missing = np.empty((count, 6)), np.empty(6)
+    maps, wanted, own = np.empty((6, columns)), np.empty(6), np.empty((columns // 3, 3))
+    for i in range(count):
+        for row in range(6):
+            wanted[row] = scale[row] * wrench[i, row]
+            for column in range(columns):
+                maps[row, column] = scale[row] * wrench_map[i, row, column]
+        limits_in_contact(limits, i, own)
+        problem, found = Problem(maps, wanted, own), Forces(force[i], missing, dual[i])
+        iterations[i] = deliver(problem, accuracy, weight[i], start[i], found)
+        square = 0.0
+        for row in range(6):
+            delivered[i, row] = wrench[i, row] + missing[row] / scale[row]
+            square += missing[row] ** 2
+        residual[i] = np.sqrt(square) / weight[i]
+    return ContactForces(force, delivered, residual, iterations, dual)
 
 
 @compiled
-def limits_in_contact(
-    limits: np.ndarray, active: np.ndarray, robot: int, values: np.ndarray
-) -> None:
+def limits_in_contact(limits: PointLimits, robot: int, values: np.ndarray) -> None:
     """Write the limits of a robot's points, zero where they are not in contact, to `values` (P, 3).
 
     Args:
-        limits: (N or 1, P, 3) of `limit_rows`.
-        active: (N or 1, P) bool.
+        limits: of all robots.
         robot: which of them.
         values: (P, 3).
     """
-    row, present = limits[min(robot, len(limits) - 1)], active[min(robot, len(active) - 1)]
+    row = limits.rows[min(robot, len(limits.rows) - 1)]
+    present = limits.active[min(robot, len(limits.active) - 1)]
     for i in range(len(values)):
         for axis in range(3):
             values[i, axis] = row[i, axis] if present[i] else 0.0

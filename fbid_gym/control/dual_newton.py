@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled
+from fbid_gym.quantities import Accuracy
 from fbid_gym.small_matrices import add_transposed_times, dot, factor, gram, solve_factored
 
 _SLOPE_REDUCTION = 0.5
@@ -25,8 +26,24 @@ _DELIVERED = 1e-6  # relative error of the wrench below which it counts as deliv
 _TINY = 1e-150  # keeps the direction of a zero tangential force defined
 
 
-class Robot(NamedTuple):
-    """The problem of one robot."""
+class Problem(NamedTuple):
+    """The wrench that the forces of one robot shall deliver, and what they may be."""
+
+    maps: np.ndarray  # (6, 3 P) scaled: G
+    wrench: np.ndarray  # (6,) scaled
+    limits: np.ndarray  # (P, 3) friction coefficient, least and greatest normal force
+
+
+class Forces(NamedTuple):
+    """What solves it; buffers to write to."""
+
+    force: np.ndarray  # (P, 3) N
+    missing: np.ndarray  # (6,) scaled wrench of `force` less the desired one; zero if all stick
+    dual: np.ndarray  # (6,) the next start
+
+
+class Points(NamedTuple):
+    """The problem, point by point."""
 
     wrenches: np.ndarray  # (P, 3, 6): of unit forces of the points, G^T
     wrench: np.ndarray  # (6,)
@@ -72,19 +89,19 @@ def nearest_force(
 
 
 @compiled
-def evaluate(robot: Robot, regularisation: float, point: Point) -> float:
+def evaluate(problem: Points, regularisation: float, point: Point) -> float:
     """Update a point from its dual; returns the norm of the gradient."""
     missing = point.missing
     for row in range(6):
-        missing[row] = -robot.wrench[row]
-    for i in range(len(robot.limits)):
-        wrenches = robot.wrenches[i]
+        missing[row] = -problem.wrench[row]
+    for i in range(len(problem.limits)):
+        wrenches = problem.wrenches[i]
         for axis in range(3):
             total = 0.0
             for row in range(6):
                 total += wrenches[axis, row] * point.dual[row]
             point.free[i, axis] = total
-        nearest_force(point.free[i], robot.limits[i], point.force[i])
+        nearest_force(point.free[i], problem.limits[i], point.force[i])
         for axis in range(3):
             for row in range(6):
                 missing[row] += wrenches[axis, row] * point.force[i, axis]
@@ -93,7 +110,7 @@ def evaluate(robot: Robot, regularisation: float, point: Point) -> float:
 
 
 @compiled
-def jacobian_at(robot: Robot, regularisation: float, point: Point, jacobian: np.ndarray) -> None:
+def jacobian_at(problem: Points, regularisation: float, point: Point, jacobian: np.ndarray) -> None:
     """Write a generalised Jacobian of the gradient, sum G_i D_i G_i^T + eps, to `jacobian` (6, 6).
 
     A sticking point passes its force on unchanged, but not a normal force at its bounds. A sliding
@@ -104,9 +121,9 @@ def jacobian_at(robot: Robot, regularisation: float, point: Point, jacobian: np.
     jacobian[:] = 0.0
     for row in range(6):
         jacobian[row, row] = regularisation
-    for i in range(len(robot.limits)):
-        friction, lowest, highest = robot.limits[i]
-        slide, cone, ratio = nearest_force(point.free[i], robot.limits[i], scratch)
+    for i in range(len(problem.limits)):
+        friction, lowest, highest = problem.limits[i]
+        slide, cone, ratio = nearest_force(point.free[i], problem.limits[i], scratch)
         normal = scratch[2]
         slope[:] = 0.0
         if ratio >= 1.0:
@@ -123,7 +140,7 @@ def jacobian_at(robot: Robot, regularisation: float, point: Point, jacobian: np.
                         slope[a, b] += side[a] * side[b] / (1.0 + friction * friction)
         else:
             continue
-        wrenches = robot.wrenches[i]
+        wrenches = problem.wrenches[i]
         for a in range(3):
             for row in range(6):
                 passed[row] = 0.0
@@ -154,18 +171,18 @@ def _copy(point: Point, to: Point) -> None:
 
 @compiled
 def _slope(
-    robot: Robot, point: Point, trial: Point, offset: float, growth: float, step: float
+    problem: Points, point: Point, trial: Point, offset: float, growth: float, step: float
 ) -> float:
     """Slope of the dual function at a share `step` of the way from `point` to `trial`.
 
     It needs the free forces, which are linear on the way, and no product with the map.
     """
     slope, free, force = offset + growth * step, np.empty(3), np.empty(3)
-    for i in range(len(robot.limits)):
+    for i in range(len(problem.limits)):
         for axis in range(3):
             way = trial.free[i, axis] - point.free[i, axis]
             free[axis] = point.free[i, axis] + step * way
-        nearest_force(free, robot.limits[i], force)
+        nearest_force(free, problem.limits[i], force)
         for axis in range(3):
             slope += force[axis] * (trial.free[i, axis] - point.free[i, axis])
     return slope
@@ -173,7 +190,7 @@ def _slope(
 
 @compiled
 def _line_search(
-    robot: Robot, regularisation: float, point: Point, trial: Point, change: np.ndarray
+    problem: Points, regularisation: float, point: Point, trial: Point, change: np.ndarray
 ) -> float:
     """Return a better share of a Newton step `change` whose full length, `trial`, is not good.
 
@@ -184,7 +201,7 @@ def _line_search(
         first += change[row] * point.gradient[row]
         last += change[row] * trial.gradient[row]
         growth += regularisation * change[row] * change[row]
-        offset += change[row] * (regularisation * point.dual[row] - robot.wrench[row])
+        offset += change[row] * (regularisation * point.dual[row] - problem.wrench[row])
     goal = _SLOPE_REDUCTION * abs(first)
     if not abs(last) > goal:
         return 1.0
@@ -193,7 +210,7 @@ def _line_search(
     high, high_slope = 0.0, first
     for grid_step in _STEPS[1:]:
         low, low_slope = high, high_slope
-        high, high_slope = grid_step, _slope(robot, point, trial, offset, growth, grid_step)
+        high, high_slope = grid_step, _slope(problem, point, trial, offset, growth, grid_step)
         if not high_slope < 0.0:
             break
     # and regula falsi (Illinois) refines it.
@@ -201,7 +218,7 @@ def _line_search(
     for _ in range(_LINE_SEARCH_EVALUATIONS):
         rise = high_slope - low_slope
         step = min(low - (high - low) * low_slope / rise, high) if rise > 0.0 else high
-        slope = _slope(robot, point, trial, offset, growth, step)
+        slope = _slope(problem, point, trial, offset, growth, step)
         if not abs(slope) > goal:
             break
         if slope < 0.0:
@@ -213,27 +230,32 @@ def _line_search(
 
 @compiled
 def _newton(
-    robot: Robot, regularisation: float, tolerance: float, budget: int, point: Point, trial: Point
+    problem: Points,
+    regularisation: float,
+    tolerance: float,
+    budget: int,
+    point: Point,
+    trial: Point,
 ) -> tuple[float, int]:
     """Improve a point until solved or `budget` steps are spent; returns its error, and the steps.
 
     `trial` is a buffer.
     """
     change, jacobian, taken = np.empty(6), np.empty((6, 6)), 0
-    error = evaluate(robot, regularisation, point)
+    error = evaluate(problem, regularisation, point)
     while error > tolerance and taken < budget:
-        jacobian_at(robot, regularisation, point, jacobian)
+        jacobian_at(problem, regularisation, point, jacobian)
         for row in range(6):
             change[row] = -point.gradient[row]
         factor(jacobian)
         solve_factored(jacobian, change)
         _go(point.dual, change, 1.0, trial.dual)
-        error = evaluate(robot, regularisation, trial)
+        error = evaluate(problem, regularisation, trial)
         if error > tolerance:
-            step = _line_search(robot, regularisation, point, trial, change)
+            step = _line_search(problem, regularisation, point, trial, change)
             if step != 1.0:
                 _go(point.dual, change, step, trial.dual)
-                error = evaluate(robot, regularisation, trial)
+                error = evaluate(problem, regularisation, trial)
         _copy(trial, point)
         taken += 1
     return error, taken
@@ -241,7 +263,12 @@ def _newton(
 
 @compiled
 def _persist(
-    robot: Robot, regularisation: float, tolerance: float, budget: int, point: Point, trial: Point
+    problem: Points,
+    regularisation: float,
+    tolerance: float,
+    budget: int,
+    point: Point,
+    trial: Point,
 ) -> int:
     """Solve what Newton's method from a warm start did not; returns the steps.
 
@@ -250,96 +277,81 @@ def _persist(
     """
     taken = 0
     point.dual[:] = 0.0
-    rough = max(tolerance, _ROUGH * np.sqrt(dot(robot.wrench, robot.wrench)))
+    rough = max(tolerance, _ROUGH * np.sqrt(dot(problem.wrench, problem.wrench)))
     for stage in _STAGES:
         if stage > regularisation:
-            taken += _newton(robot, stage, rough, budget, point, trial)[1]
-    return taken + _newton(robot, regularisation, tolerance, budget, point, trial)[1]
+            taken += _newton(problem, stage, rough, budget, point, trial)[1]
+    return taken + _newton(problem, regularisation, tolerance, budget, point, trial)[1]
 
 
 @compiled
-def _stick(
-    maps: np.ndarray, wrench: np.ndarray, limits: np.ndarray, force: np.ndarray, dual: np.ndarray
-) -> bool:
+def _stick(problem: Problem, found: Forces) -> bool:
     """Write the smallest forces that deliver the wrench; whether they do, and are within limits."""
     wrench_gram = np.empty((6, 6))
-    gram(maps, maps, _FAINT, wrench_gram)
+    gram(problem.maps, problem.maps, _FAINT, wrench_gram)
     factor(wrench_gram)
-    dual[:] = wrench
+    dual, force = found.dual, found.force
+    dual[:] = problem.wrench
     solve_factored(wrench_gram, dual)
     flat = force.reshape(force.size)
     flat[:] = 0.0
-    add_transposed_times(maps, dual, flat)
+    add_transposed_times(problem.maps, dual, flat)
     for i in range(len(force)):
-        friction, lowest, highest = limits[i]
+        friction, lowest, highest = problem.limits[i]
         normal = force[i, 2]
         sticks = np.hypot(force[i, 0], force[i, 1]) <= friction * normal
         if not (sticks and lowest <= normal <= highest):
             return False
     # What is missing is _FAINT * dual: all that no force can deliver, else nothing.
-    return dot(dual, dual) <= (_DELIVERED / _FAINT) ** 2 * dot(wrench, wrench)
+    square = dot(problem.wrench, problem.wrench)
+    return dot(dual, dual) <= (_DELIVERED / _FAINT) ** 2 * square
 
 
 @compiled
 def deliver(
-    maps: np.ndarray,
-    wrench: np.ndarray,
-    limits: np.ndarray,
-    tolerance: float,
-    regularisation: float,
-    budget: int,
-    start: np.ndarray,
-    force: np.ndarray,
-    missing: np.ndarray,
-    dual: np.ndarray,
+    problem: Problem, accuracy: Accuracy, weight: float, start: np.ndarray, found: Forces
 ) -> int:
     """Solve the problem of one robot.
 
     The smallest forces are tried first. Newton's method follows where they are not within the
-    limits, and after `budget` steps a cold start by way of stronger regularisations, in four rounds
-    of at most twice as many steps. What that leaves unsolved gets the better of its last forces and
-    those at `start`.
+    limits, and after `max_iterations` steps a cold start by way of stronger regularisations, in
+    four rounds of at most twice as many steps. What that leaves unsolved gets the better of its
+    last forces and those at `start`.
 
     Args:
-        maps: (6, 3 P) scaled.
-        wrench: (6,) scaled.
-        limits: (P, 3) friction coefficient, least and greatest normal force.
-        tolerance: of the norm of the error, N.
-        regularisation: eps.
-        budget: Newton steps before a cold start.
+        problem: of the robot.
+        accuracy: of the solution.
+        weight: N, of the robot, to which the tolerance is relative.
         start: (6,) dual point to begin with.
-        force: (P, 3) N, to write to.
-        missing: (6,) scaled wrench of `force`, less the desired one, to write to; zero if all
-            points stick.
-        dual: (6,) to write to, the next `start`.
+        found: to write to.
 
     Returns:
         The Newton steps taken.
     """
-    if _stick(maps, wrench, limits, force, dual):
-        missing[:] = 0.0
+    if _stick(problem, found):
+        found.missing[:] = 0.0
         return 0
-    points = len(limits)
-    wrenches = np.empty((points, 3, 6))
-    for i in range(points):
+    count = len(problem.limits)
+    wrenches = np.empty((count, 3, 6))
+    for i in range(count):
         for axis in range(3):
             for row in range(6):
-                wrenches[i, axis, row] = maps[row, 3 * i + axis]
-    robot = Robot(wrenches, wrench, limits)
-    point = Point(np.empty(6), np.empty((points, 3)), force, missing, np.empty(6))
-    trial = Point(
-        np.empty(6), np.empty((points, 3)), np.empty((points, 3)), np.empty(6), np.empty(6)
-    )
+                wrenches[i, axis, row] = problem.maps[row, 3 * i + axis]
+    points = Points(wrenches, problem.wrench, problem.limits)
+    point = Point(np.empty(6), np.empty((count, 3)), found.force, found.missing, np.empty(6))
+    trial = Point(np.empty(6), np.empty((count, 3)), np.empty((count, 3)), np.empty(6), np.empty(6))
     point.dual[:] = start
-    error, taken = _newton(robot, regularisation, tolerance, budget, point, trial)
+    eps, tolerance = accuracy.regularisation, accuracy.tolerance * weight
+    budget = accuracy.max_iterations
+    error, taken = _newton(points, eps, tolerance, budget, point, trial)
     if error > tolerance:
-        taken += _persist(robot, regularisation, tolerance, 2 * budget, point, trial)
+        taken += _persist(points, eps, tolerance, 2 * budget, point, trial)
         error = np.sqrt(dot(point.gradient, point.gradient))
-    dual[:] = point.dual
+    found.dual[:] = point.dual
     if error > tolerance:
         # The better of the last forces and those of the warm start.
         trial.dual[:] = start
-        evaluate(robot, regularisation, trial)
-        if dot(trial.missing, trial.missing) < dot(missing, missing):
-            force[:], missing[:] = trial.force, trial.missing
+        evaluate(points, eps, trial)
+        if dot(trial.missing, trial.missing) < dot(found.missing, found.missing):
+            found.force[:], found.missing[:] = trial.force, trial.missing
     return taken

@@ -36,7 +36,10 @@ not). Velocities are base first, v = [base (6), joints (n)], nv = 6 + n; k count
 
 from typing import NamedTuple
 
-from fbid_gym.control.arrays import Array, check_dynamics, check_shape, matvec, namespace
+import numpy as np
+
+from fbid_gym.checks import check_shape
+from fbid_gym.control.equations import checked_equations
 from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
 from fbid_gym.errors import ShapeError
 
@@ -54,9 +57,9 @@ class ForceFeedbackDynamics(NamedTuple):
             and the base acceleration that the forces cause.
     """
 
-    torque: Array
-    contact_force: Array
-    acceleration: Array
+    torque: np.ndarray
+    contact_force: np.ndarray
+    acceleration: np.ndarray
 
 
 class ProjectedDynamics(NamedTuple):
@@ -71,15 +74,19 @@ class ProjectedDynamics(NamedTuple):
             that act on the contacts alone.
     """
 
-    torque: Array
-    contact_force: Array
-    acceleration: Array
-    rank: Array
+    torque: np.ndarray
+    contact_force: np.ndarray
+    acceleration: np.ndarray
+    rank: np.ndarray
 
 
 def contact_force_of_torque(
-    mass_matrix: Array, bias: Array, jacobian: Array, torque: Array, jacobian_bias: Array
-) -> Array:
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    jacobian: np.ndarray,
+    torque: np.ndarray,
+    jacobian_bias: np.ndarray,
+) -> np.ndarray:
     """Contact forces that a torque causes if the contacts hold, [M10] eq. (6).
 
     Args:
@@ -96,25 +103,25 @@ def contact_force_of_torque(
     Raises:
         ShapeError: an array does not fit.
     """
-    count, _, velocities = check_dynamics(mass_matrix, bias, jacobian, bias, jacobian_bias)
+    checked_equations(mass_matrix, bias, jacobian, bias, jacobian_bias)
+    count, _, velocities = jacobian.shape
     check_shape("torque", torque, (count, velocities - 6), "(N, n)")
-    xp = namespace(jacobian)
     load = bias - _joint_rows(torque)
     # M^-1 [J^T, h - S^T tau]
-    response = xp.linalg.solve(mass_matrix, xp.concat([jacobian.mT, load[..., None]], axis=-1))
+    response = np.linalg.solve(mass_matrix, np.concatenate([jacobian.mT, load[..., None]], axis=-1))
     projected = jacobian @ response
     gram = projected[..., :-1]
     inverse, _ = symmetric_pseudo_inverse(0.5 * (gram + gram.mT), _RTOL)
-    return matvec(inverse, projected[..., -1] - jacobian_bias)
+    return np.matvec(inverse, projected[..., -1] - jacobian_bias)
 
 
 def force_feedback_inverse_dynamics(
-    mass_matrix: Array,
-    bias: Array,
-    jacobian: Array,
-    acceleration: Array,
-    jacobian_bias: Array,
-    contact_force: Array,
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    jacobian: np.ndarray,
+    acceleration: np.ndarray,
+    jacobian_bias: np.ndarray,
+    contact_force: np.ndarray,
 ) -> ForceFeedbackDynamics:
     """Torques for desired joint accelerations under given contact forces, [M10] eq. (8).
 
@@ -133,25 +140,24 @@ def force_feedback_inverse_dynamics(
     Raises:
         ShapeError: an array does not fit.
     """
-    count, rows, _ = check_dynamics(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
-    check_shape("contact_force", contact_force, (count, rows), "(N, k)")
-    xp = namespace(jacobian)
-    load = bias - matvec(jacobian.mT, contact_force)
+    checked_equations(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
+    check_shape("contact_force", contact_force, tuple(jacobian.shape[:2]), "(N, k)")
+    load = bias - np.matvec(jacobian.mT, contact_force)
     joints = acceleration[:, 6:]
-    push = load[:, :6] + matvec(mass_matrix[:, :6, 6:], joints)
-    base = xp.linalg.solve(mass_matrix[:, :6, :6], -push[..., None])[..., 0]
-    caused = xp.concat([base, joints], axis=-1)
-    torque = matvec(mass_matrix[:, 6:, :], caused) + load[:, 6:]
+    push = load[:, :6] + np.matvec(mass_matrix[:, :6, 6:], joints)
+    base = np.linalg.solve(mass_matrix[:, :6, :6], -push[..., None])[..., 0]
+    caused = np.concatenate([base, joints], axis=-1)
+    torque = np.matvec(mass_matrix[:, 6:, :], caused) + load[:, 6:]
     return ForceFeedbackDynamics(torque, contact_force, caused)
 
 
 def estimated_force_inverse_dynamics(
-    mass_matrix: Array,
-    bias: Array,
-    jacobian: Array,
-    acceleration: Array,
-    jacobian_bias: Array,
-    previous_torque: Array,
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    jacobian: np.ndarray,
+    acceleration: np.ndarray,
+    jacobian_bias: np.ndarray,
+    previous_torque: np.ndarray,
 ) -> ForceFeedbackDynamics:
     """Torques by eq. (8), with the contact forces that eq. (6) ascribes to the previous torque.
 
@@ -178,7 +184,9 @@ def estimated_force_inverse_dynamics(
     )
 
 
-def actuated_projection(mass_matrix: Array, jacobian: Array) -> tuple[Array, Array]:
+def actuated_projection(
+    mass_matrix: np.ndarray, jacobian: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The operator O = Sbar^T (1 - J^T Jbar^T) S^T of [M10] eq. (7), and its rank.
 
     Args:
@@ -198,15 +206,15 @@ def actuated_projection(mass_matrix: Array, jacobian: Array) -> tuple[Array, Arr
     inverse, response, _, _ = _projector(mass_matrix, jacobian)
     compliance = response[:, 6:, 6:]
     _, rank = symmetric_pseudo_inverse(compliance, _RTOL)
-    return namespace(jacobian).linalg.solve(inverse[:, 6:, 6:], compliance), rank
+    return np.linalg.solve(inverse[:, 6:, 6:], compliance), rank
 
 
 def inertia_weighted_inverse_dynamics(
-    mass_matrix: Array,
-    bias: Array,
-    jacobian: Array,
-    acceleration: Array,
-    jacobian_bias: Array,
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    jacobian: np.ndarray,
+    acceleration: np.ndarray,
+    jacobian_bias: np.ndarray,
 ) -> ProjectedDynamics:
     """Least torques for desired joint accelerations by the projection of [M10] eq. (7).
 
@@ -227,21 +235,23 @@ def inertia_weighted_inverse_dynamics(
     Raises:
         ShapeError: an array does not fit.
     """
-    check_dynamics(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
+    checked_equations(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
     _, response, through, inertia = _projector(mass_matrix, jacobian)
     # Jbar = M^-1 J^T (J M^-1 J^T)^+
-    drift = -matvec(response, bias) - matvec(through.mT, matvec(inertia, jacobian_bias))
+    drift = -np.matvec(response, bias) - np.matvec(through.mT, np.matvec(inertia, jacobian_bias))
     compliance_inverse, rank = symmetric_pseudo_inverse(response[:, 6:, 6:], _RTOL)
-    torque = matvec(compliance_inverse, acceleration[:, 6:] - drift[:, 6:])
-    achieved = matvec(response[:, :, 6:], torque) + drift
+    torque = np.matvec(compliance_inverse, acceleration[:, 6:] - drift[:, 6:])
+    achieved = np.matvec(response[:, :, 6:], torque) + drift
     load = bias - _joint_rows(torque)
-    contact_force = matvec(inertia, matvec(through, load) - jacobian_bias)
+    contact_force = np.matvec(inertia, np.matvec(through, load) - jacobian_bias)
     return ProjectedDynamics(torque, contact_force, achieved, rank)
 
 
-def _projector(mass_matrix: Array, jacobian: Array) -> tuple[Array, Array, Array, Array]:
+def _projector(
+    mass_matrix: np.ndarray, jacobian: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """M^-1, P, J M^-1 and (J M^-1 J^T)^+."""
-    inverse = namespace(jacobian).linalg.inv(mass_matrix)
+    inverse = np.linalg.inv(mass_matrix)
     through = jacobian @ inverse
     gram = through @ jacobian.mT
     inertia, _ = symmetric_pseudo_inverse(0.5 * (gram + gram.mT), _RTOL)
@@ -249,8 +259,7 @@ def _projector(mass_matrix: Array, jacobian: Array) -> tuple[Array, Array, Array
     return inverse, 0.5 * (response + response.mT), through, inertia
 
 
-def _joint_rows(torque: Array) -> Array:
+def _joint_rows(torque: np.ndarray) -> np.ndarray:
     """S^T tau: (N, nv)."""
-    xp = namespace(torque)
-    base = xp.zeros((torque.shape[0], 6), dtype=torque.dtype, device=torque.device)
-    return xp.concat([base, torque], axis=-1)
+    base = np.zeros((len(torque), 6))
+    return np.concatenate([base, torque], axis=-1)

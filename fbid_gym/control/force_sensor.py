@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.control.arrays import Array, check_shape, namespace
+from fbid_gym.checks import check_shape
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 
@@ -25,9 +25,9 @@ class ForceSensorState(NamedTuple):
         started: (N,) bool, whether the sensor has measured yet.
     """
 
-    filtered: Array
-    delayed: Array
-    started: Array
+    filtered: np.ndarray
+    delayed: np.ndarray
+    started: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -74,22 +74,20 @@ class ForceSensor:
         """Share of its last output in the filter's next one, a in [0, 1)."""
         return math.exp(-2.0 * math.pi * self.cutoff_hz / self.control_hz)
 
-    def start(self, like: Array) -> ForceSensorState:
+    def start(self, like: np.ndarray) -> ForceSensorState:
         """Return the state of sensors that have not measured yet, for forces like (N, k) `like`."""
         if like.ndim != 2:
             raise ShapeError("force", tuple(like.shape), "(N, k)")
-        xp = namespace(like)
         count, forces = like.shape
-        kind = {"dtype": like.dtype, "device": like.device}
         return ForceSensorState(
-            filtered=xp.zeros((count, forces), **kind),
-            delayed=xp.zeros((count, self.delay, forces), **kind),
-            started=xp.zeros((count,), dtype=xp.bool, device=like.device),
+            filtered=np.zeros((count, forces)),
+            delayed=np.zeros((count, self.delay, forces)),
+            started=np.zeros(count, bool),
         )
 
     def measure(
-        self, force: Array, state: ForceSensorState, generator: np.random.Generator
-    ) -> tuple[Array, ForceSensorState]:
+        self, force: np.ndarray, state: ForceSensorState, generator: np.random.Generator
+    ) -> tuple[np.ndarray, ForceSensorState]:
         """Return what the sensors report at this tick.
 
         Args:
@@ -104,14 +102,12 @@ class ForceSensor:
             ShapeError: the force does not fit the state.
         """
         check_shape("force", force, tuple(state.filtered.shape), "(N, k)")
-        xp = namespace(force)
         if self.noise > 0.0:
-            sample = generator.normal(0.0, self.noise, tuple(force.shape))
-            force = force + xp.asarray(sample, dtype=force.dtype, device=force.device)
+            force = force + generator.normal(0.0, self.noise, force.shape)
         started = state.started[:, None]
         held = self.memory * (state.filtered - force)
-        filtered = xp.where(started, force + held, force)
-        delayed = xp.where(started[..., None], state.delayed, filtered[:, None])
-        queue = xp.concat([delayed, filtered[:, None]], axis=1)
-        following = ForceSensorState(filtered, queue[:, 1:], xp.ones_like(state.started))
+        filtered = np.where(started, force + held, force)
+        delayed = np.where(started[..., None], state.delayed, filtered[:, None])
+        queue = np.concatenate([delayed, filtered[:, None]], axis=1)
+        following = ForceSensorState(filtered, queue[:, 1:], np.ones_like(state.started))
         return queue[:, 0], following

@@ -21,26 +21,30 @@ Velocities are base first, v = [base (6), joints (n)], nv = 6 + n; M, h, J and a
 the same coordinates. k counts the rows of J; all-zero rows and k = 0 are fine (flight).
 """
 
-from functools import lru_cache
-from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from fbid_gym.control.arrays import (
-    Array,
-    check_dynamics,
-    check_shape,
-    identity,
-    matvec,
-    namespace,
+import numpy as np
+
+from fbid_gym.checks import check_positive, check_shape, contiguous
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.control.equations import checked_equations
+from fbid_gym.quantities import Constraint, EquationOfMotion
+from fbid_gym.small_matrices import (
+    add_transposed_times,
+    dot,
+    gram,
+    multiply,
+    multiply_transposed,
+    pseudo_inverse,
+    times,
 )
-from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
-from fbid_gym.errors import InvalidValueError
 
 # Singular values of J at or below 1e-5 of the largest are treated as absent.
 _CONTACT_RTOL = 1e-10
 # Contacts whose shortest lever arm is below a thousandth of the longest count as a line or a point:
 # taking them for more would buy a moment with a thousandfold force.
 _BASE_RTOL = 1e-6
+_REGULAR_RTOL = 1e-13  # of a matrix that is regular but for rounding
 
 
 class InverseDynamics(NamedTuple):
@@ -52,25 +56,25 @@ class InverseDynamics(NamedTuple):
             in norm where rows are redundant.
         acceleration: (N, nv) the robot will really have: the command, made consistent with the
             contacts and, if underactuated, achievable.
-        rank: (N,) rank of J, integers.
-        underactuation: (N,) base directions out of six that no contact force can push, integers.
+        rank: (N,) int64, of J.
+        underactuation: (N,) int64, base directions out of six that no contact force can push.
     """
 
-    torque: Array
-    contact_force: Array
-    acceleration: Array
-    rank: Array
-    underactuation: Array
+    torque: np.ndarray
+    contact_force: np.ndarray
+    acceleration: np.ndarray
+    rank: np.ndarray
+    underactuation: np.ndarray
 
 
 def orthogonal_inverse_dynamics(
-    mass_matrix: Array,
-    bias: Array,
-    jacobian: Array,
-    acceleration: Array,
-    jacobian_bias: Array,
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    jacobian: np.ndarray,
+    acceleration: np.ndarray,
+    jacobian_bias: np.ndarray,
     *,
-    torque_cost: Array | None = None,
+    torque_cost: np.ndarray | None = None,
     base_priority: float = 1.0,
 ) -> InverseDynamics:
     """Torques that realise a desired acceleration with the least torque, [M10] eq. (15).
@@ -98,126 +102,166 @@ def orthogonal_inverse_dynamics(
         ShapeError: an array does not fit.
         InvalidValueError: `base_priority` is not positive and finite.
     """
-    count, _, velocities = check_dynamics(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
-    inverse_metric = _inverse_metric(base_priority, velocities, jacobian)
-    weighted = jacobian if inverse_metric is None else jacobian * inverse_metric
-    inverse, rank = symmetric_pseudo_inverse(weighted @ jacobian.mT, _CONTACT_RTOL)
-    acceleration = consistent_acceleration(
-        acceleration, weighted, matvec(jacobian, acceleration) + jacobian_bias, inverse
+    motion, constraint, desired = checked_equations(
+        mass_matrix, bias, jacobian, acceleration, jacobian_bias
     )
-
-    gram = inverse  # X, shared with the projection unless the torque cost differs from its metric
-    xp = namespace(jacobian)
+    check_positive(base_priority=base_priority)
+    count, joints = len(desired), desired.shape[1] - 6
+    cost = np.empty((0, joints))
     if torque_cost is not None:
-        check_shape(
-            "torque_cost", torque_cost, (count, velocities - 6)[2 - torque_cost.ndim :], "(N, n)"
-        )
-        torque_cost = xp.broadcast_to(torque_cost, (count, velocities - 6))
-        scale = xp.mean(torque_cost, axis=-1, keepdims=True)
-        cost = xp.concat([xp.broadcast_to(scale, (count, 6)), torque_cost], axis=-1)
-        weighted_by_cost = jacobian * cost[:, None, :]
-        gram, _ = symmetric_pseudo_inverse(weighted_by_cost @ jacobian.mT, _CONTACT_RTOL)
-    else:
-        weighted_by_cost = weighted
-    base = jacobian[:, :, :6]
-    spread = gram @ base
-    push = base.mT @ spread
-    push_inverse, push_rank = symmetric_pseudo_inverse(push, _BASE_RTOL / max(1.0, base_priority))
-    underactuation = 6 - push_rank
-    if underactuation.any():
-        rows = xp.nonzero(underactuation)[0]
-        beyond = identity(6, push) - push[rows] @ push_inverse[rows]
-        acceleration[rows] = achievable_acceleration(
-            acceleration[rows],
-            mass_matrix[rows],
-            bias[rows],
-            free_response(mass_matrix[rows, :6, :], weighted[rows], inverse[rows], inverse_metric),
-            beyond,
-        )
+        if torque_cost.shape != (joints,):
+            check_shape("torque_cost", torque_cost, (count, joints), "(N, n)")
+        cost = contiguous(np.atleast_2d(torque_cost))
+    return invert_dynamics(motion, constraint, desired, cost, 1.0 / base_priority)
 
-    force = matvec(mass_matrix, acceleration) + bias
-    projected = matvec(weighted_by_cost, force)
-    missing = force[:, :6] - matvec(spread.mT, projected)
-    contact_force = matvec(gram, projected) + matvec(spread, matvec(push_inverse, missing))
-    torque = (force - matvec(jacobian.mT, contact_force))[:, 6:]
+
+@kernel
+def invert_dynamics(
+    motion: EquationOfMotion,
+    constraint: Constraint,
+    desired: np.ndarray,
+    torque_cost: np.ndarray,
+    base_mobility: float,
+) -> InverseDynamics:
+    """The law of the module, robot by robot.
+
+    Args:
+        motion: M and h.
+        constraint: of the contacts.
+        desired: (N, nv) acceleration.
+        torque_cost: (N, n) or (1, n) diagonal of W; (0, n) for ones.
+        base_mobility: one over the weight of base accelerations.
+    """
+    count, rows, velocities = constraint.jacobian.shape
+    joints = velocities - 6
+    torque, contact_force = np.empty((count, joints)), np.empty((count, rows))
+    acceleration = desired.copy()
+    rank, underactuation = np.empty(count, np.int64), np.empty(count, np.int64)
+
+    weighted, by_cost = np.empty((rows, velocities)), np.empty((rows, velocities))
+    product, inverse = np.empty((rows, rows)), np.empty((rows, rows))
+    cost_inverse, error = np.empty((rows, rows)), np.empty(rows)
+    base, spread, given = np.empty((rows, 6)), np.empty((rows, 6)), np.empty(6)
+    push, push_inverse, missing = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
+    force = np.empty(velocities)
+    push_rtol = _BASE_RTOL * min(1.0, base_mobility)
+    for i in range(count):
+        jacobian, own = constraint.jacobian[i], acceleration[i]
+        for k in range(rows):
+            for j in range(velocities):
+                weighted[k, j] = jacobian[k, j] * (base_mobility if j < 6 else 1.0)
+        gram(weighted, jacobian, 0.0, product)
+        rank[i] = pseudo_inverse(product, _CONTACT_RTOL, inverse)
+
+        # The nearest acceleration with J a + Jdot v = 0, [M10] eq. (4).
+        for k in range(rows):
+            error[k] = -(dot(jacobian[k], own) + constraint.bias[i, k])
+        times(inverse, error, contact_force[i])
+        add_transposed_times(weighted, contact_force[i], own)
+
+        # X of the module: shared with the projection unless the torque cost differs from its
+        # metric.
+        least, cost = inverse, weighted
+        if len(torque_cost) > 0:
+            entries = torque_cost[min(i, len(torque_cost) - 1)]
+            mean = entries.mean()
+            for k in range(rows):
+                for j in range(velocities):
+                    by_cost[k, j] = jacobian[k, j] * (mean if j < 6 else entries[j - 6])
+            gram(by_cost, jacobian, 0.0, product)
+            pseudo_inverse(product, _CONTACT_RTOL, cost_inverse)
+            least, cost = cost_inverse, by_cost
+        for k in range(rows):
+            for row in range(6):
+                base[k, row] = jacobian[k, row]
+        multiply(least, base, spread)
+        multiply_transposed(base, spread, push)
+        underactuation[i] = 6 - pseudo_inverse(push, push_rtol, push_inverse)
+        if underactuation[i] > 0:
+            _make_achievable(
+                EquationOfMotion(motion.mass_matrix[i], motion.bias[i]),
+                weighted,
+                inverse,
+                push,
+                push_inverse,
+                base_mobility,
+                own,
+            )
+
+        times(motion.mass_matrix[i], own, force)
+        force += motion.bias[i]
+        times(cost, force, error)
+        missing[:] = force[:6]
+        for k in range(rows):
+            for row in range(6):
+                missing[row] -= spread[k, row] * error[k]
+        times(least, error, contact_force[i])
+        times(push_inverse, missing, given)
+        for k in range(rows):
+            contact_force[i, k] += dot(spread[k], given)
+        for k in range(rows):
+            for j in range(velocities):
+                force[j] -= contact_force[i, k] * jacobian[k, j]
+        torque[i] = force[6:]
     return InverseDynamics(torque, contact_force, acceleration, rank, underactuation)
 
 
-def consistent_acceleration(
-    acceleration: Array, weighted_jacobian: Array, error: Array, gram_inverse: Array
-) -> Array:
-    """Nearest acceleration with J a + Jdot v = 0 ([M10] eq. (4)).
+@compiled
+def _make_achievable(
+    motion: EquationOfMotion,
+    weighted: np.ndarray,
+    inverse: np.ndarray,
+    push: np.ndarray,
+    push_inverse: np.ndarray,
+    base_mobility: float,
+    acceleration: np.ndarray,
+) -> None:
+    """Change an acceleration (nv,) as little as it takes to need no wrench beyond the contacts.
+
+    It keeps the contacts: with P = A^-1 - A^-1 J^T (J A^-1 J^T)^+ J A^-1 the change is P M_b^T u,
+    M_b the base rows of M.
 
     Args:
-        acceleration: (N, nv) desired.
-        weighted_jacobian: (N, k, nv) J A^-1, A the diagonal metric of "nearest".
-        error: (N, k) J a + Jdot v of the desired acceleration.
-        gram_inverse: (N, k, k) (J A^-1 J^T)^+.
-
-    Returns:
-        (N, nv).
+        motion: M and h of the robot.
+        weighted: (k, nv) J A^-1.
+        inverse: (k, k) (J A^-1 J^T)^+.
+        push: (6, 6) and
+        push_inverse: (6, 6), whose product projects onto the base directions that contacts can
+            push.
+        base_mobility: of A^-1.
+        acceleration: (nv,) consistent with the contacts; overwritten.
     """
-    return acceleration - matvec(weighted_jacobian.mT, matvec(gram_inverse, error))
+    rows, velocities = weighted.shape
+    beyond, through = np.empty((6, 6)), np.empty((6, 6))
+    multiply(push, push_inverse, beyond)
+    for i in range(6):
+        for j in range(6):
+            beyond[i, j] = (1.0 if i == j else 0.0) - beyond[i, j]
+    wanted, change = np.empty(6), np.empty(6)
+    for row in range(6):
+        change[row] = dot(motion.mass_matrix[row], acceleration) + motion.bias[row]
+    times(beyond, change, wanted)
 
-
-def free_response(
-    base_rows: Array, weighted_jacobian: Array, gram_inverse: Array, inverse_metric: Array | None
-) -> Array:
-    """Contact-consistent accelerations P M_b^T that change the base wrench.
-
-    P = A^-1 - A^-1 J^T (J A^-1 J^T)^+ J A^-1 projects onto the null space of J in the metric A.
-
-    Args:
-        base_rows: (N, 6, nv) M_b, the first six rows of M.
-        weighted_jacobian: (N, k, nv) J A^-1.
-        gram_inverse: (N, k, k) (J A^-1 J^T)^+.
-        inverse_metric: (nv,) diagonal of A^-1, None for ones.
-
-    Returns:
-        (N, nv, 6).
-    """
-    columns = base_rows.mT
-    held = weighted_jacobian.mT @ (gram_inverse @ (weighted_jacobian @ columns))
-    return (columns if inverse_metric is None else inverse_metric[:, None] * columns) - held
-
-
-def achievable_acceleration(
-    acceleration: Array, mass_matrix: Array, bias: Array, response: Array, beyond: Array
-) -> Array:
-    """Nearest contact-consistent acceleration that needs no wrench the contacts cannot deliver.
-
-    Args:
-        acceleration: (N, nv) consistent with the contacts.
-        mass_matrix: (N, nv, nv).
-        bias: (N, nv).
-        response: (N, nv, 6) of `free_response`.
-        beyond: (N, 6, 6) orthogonal projector onto the base directions no contact can push.
-
-    Returns:
-        (N, nv), with beyond (M a + h)_base = 0.
-    """
-    base_rows = mass_matrix[:, :6, :]
-    wanted = matvec(base_rows, acceleration) + bias[:, :6]
-    inertia = base_rows @ response
+    columns, response = np.empty((velocities, 6)), np.empty((velocities, 6))
+    for j in range(velocities):
+        for row in range(6):
+            columns[j, row] = motion.mass_matrix[row, j]
+            response[j, row] = columns[j, row] * (base_mobility if j < 6 else 1.0)
+    moved, held, back = np.empty((rows, 6)), np.empty((rows, 6)), np.empty((velocities, 6))
+    multiply(weighted, columns, moved)
+    multiply(inverse, moved, held)
+    multiply_transposed(weighted, held, back)
+    response -= back
+    inertia, regular = np.empty((6, 6)), np.empty((6, 6))
+    multiply(motion.mass_matrix[:6], response, inertia)
+    multiply(beyond, inertia, through)
+    multiply(through, beyond, regular)
     # Regular although `beyond` is not: the identity stands in for the directions left out.
-    regular = beyond @ inertia @ beyond + (identity(6, beyond) - beyond)
-    xp = namespace(acceleration)
-    change = xp.linalg.solve(regular, matvec(beyond, wanted)[..., None])
-    return acceleration - (response @ (beyond @ change))[..., 0]
-
-
-def _inverse_metric(base_priority: float, velocities: int, like: Array) -> Array | None:
-    """(nv,) diagonal of the inverse metric of accelerations; None stands for ones."""
-    if base_priority == 1.0:
-        return None
-    return _metric_array(base_priority, velocities, namespace(like), like.dtype, like.device)
-
-
-@lru_cache(maxsize=64)
-def _metric_array(
-    base_priority: float, velocities: int, xp: ModuleType, dtype: Any, device: Any
-) -> Array:
-    if not 0.0 < base_priority < float("inf"):
-        raise InvalidValueError("base_priority", base_priority, "a positive, finite number")
-    entries = [1.0 / base_priority] * 6 + [1.0] * (velocities - 6)
-    return xp.asarray(entries, dtype=dtype, device=device)
+    for i in range(6):
+        for j in range(6):
+            regular[i, j] += (1.0 if i == j else 0.0) - beyond[i, j]
+    pseudo_inverse(regular, _REGULAR_RTOL, inertia)
+    times(inertia, wanted, change)
+    times(beyond, change, wanted)
+    for j in range(velocities):
+        acceleration[j] -= dot(response[j], wanted)

@@ -17,28 +17,26 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.checks import check_positive, check_shape, contiguous
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.arrays import (
-    Array,
-    as_flags,
-    as_numpy,
-    check_dynamics,
-    check_shape,
-    from_numpy,
-)
 from fbid_gym.control.contact_forces import (
-    MAX_ITERATIONS,
-    REGULARISATION,
-    TOLERANCE,
+    DEFAULT_ACCURACY,
     ContactLimits,
-    all_active,
-    check_contact_options,
-    limit_rows,
     limits_in_contact,
+    point_limits,
+    warm_start_of,
     wrench_scale,
 )
-from fbid_gym.control.dual_newton import deliver
-from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.control.dual_newton import Forces, Problem, deliver
+from fbid_gym.control.equations import checked_equations
+from fbid_gym.errors import ShapeError
+from fbid_gym.quantities import (
+    Accuracy,
+    EquationOfMotion,
+    Nearness,
+    PointLimits,
+    ReducedContacts,
+)
 from fbid_gym.small_matrices import (
     add_transposed_times,
     dot,
@@ -56,7 +54,6 @@ from fbid_gym.small_matrices import (
 _RIDGE = 1e-11
 # The same for the response of the base wrench, in units of the robot's squared mass.
 _RESPONSE_RIDGE = 1e-9
-_GRAVITY = 9.81
 
 
 class LimitedInverseDynamics(NamedTuple):
@@ -68,36 +65,35 @@ class LimitedInverseDynamics(NamedTuple):
         acceleration: (N, nv) the robot will have with these torques and contact forces.
         point_force: (N, P, 3) N, per contact point: two tangential components, then the normal one.
         residual: (N,) how far the base wrench is from the one the command asks for, per weight.
-        iterations: (N,) Newton steps the contact forces took, integers.
+        iterations: (N,) int64, Newton steps the contact forces took.
         warm_start: (N, 6) to pass to the next call. Zero the rows of robots that were reset.
     """
 
-    torque: Array
-    contact_force: Array
-    acceleration: Array
-    point_force: Array
-    residual: Array
-    iterations: Array
-    warm_start: Array
+    torque: np.ndarray
+    contact_force: np.ndarray
+    acceleration: np.ndarray
+    point_force: np.ndarray
+    residual: np.ndarray
+    iterations: np.ndarray
+    warm_start: np.ndarray
 
 
 def limited_inverse_dynamics(
-    mass_matrix: Array,
-    bias: Array,
-    jacobian: Array,
-    acceleration: Array,
-    jacobian_bias: Array,
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    jacobian: np.ndarray,
+    acceleration: np.ndarray,
+    jacobian_bias: np.ndarray,
     limits: ContactLimits,
     *,
-    point_map: Array | None = None,
-    active: Array | None = None,
+    point_map: np.ndarray | None = None,
+    active: np.ndarray | None = None,
     base_priority: float = 1.0,
     length: float = 1.0,
     wrench_cost: tuple[float, ...] | None = None,
-    warm_start: Array | None = None,
-    regularisation: float = REGULARISATION,
-    tolerance: float = TOLERANCE,
-    max_iterations: int = MAX_ITERATIONS,
+    warm_start: np.ndarray | None = None,
+    accuracy: Accuracy = DEFAULT_ACCURACY,
+    gravity: float = 9.81,
 ) -> LimitedInverseDynamics:
     """Torques for a desired acceleration, with contact forces that friction and normal force allow.
 
@@ -106,8 +102,6 @@ def limited_inverse_dynamics(
     deliver its base wrench (M a + h)_base, the nearest consistent acceleration that needs just the
     wrench they deliver, and the torques from the joint rows of the dynamics. With too few contacts,
     down to none, the wrench and with it the momentum is what remains possible.
-
-    Torch tensors are computed on the host, in double precision, and come back as what they were.
 
     Args:
         mass_matrix: (N, nv, nv) M, symmetric positive definite.
@@ -123,138 +117,100 @@ def limited_inverse_dynamics(
         length: m, lever arm that makes base moments comparable to forces.
         wrench_cost: six positive weights of the squared base wrench errors. Default: ones.
         warm_start: (N, 6) `warm_start` of the previous result. Default: zeros.
-        regularisation: see `limited_contact_forces`.
-        tolerance: see `limited_contact_forces`.
-        max_iterations: see `limited_contact_forces`.
+        accuracy: of the contact forces, see `limited_contact_forces`.
+        gravity: m/s^2, makes a weight of the mass, to which tolerance and residual are relative.
 
     Returns:
         LimitedInverseDynamics.
 
     Raises:
         ShapeError: an array does not fit.
-        InvalidValueError: `base_priority`, `length` or `wrench_cost` is not positive and finite.
+        InvalidValueError: `base_priority`, `length`, `gravity` or `wrench_cost` is not positive and
+            finite.
     """
-    count, rows, velocities = check_dynamics(
+    motion, constraint, desired = checked_equations(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
     )
-    if not 0.0 < base_priority < np.inf:
-        raise InvalidValueError("base_priority", base_priority, "a positive, finite number")
+    check_positive(base_priority=base_priority, gravity=gravity)
+    count, rows, _ = jacobian.shape
     if point_map is None:
         if rows % 3:
             raise ShapeError("jacobian", tuple(jacobian.shape), "k = 3 P rows without a point_map")
-        columns, spread = rows, np.eye(rows)[None]
+        point_map = np.eye(rows)[None]
     else:
         columns = point_map.shape[-1]
         if columns % 3:
             raise ShapeError("point_map", tuple(point_map.shape), "3 P columns")
         check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
-        spread = as_numpy(point_map)
-    points = columns // 3
-    check_contact_options(limits, active, warm_start, count, points)
-
-    found = LimitedInverseDynamics(
-        torque=np.empty((count, velocities - 6)),
-        contact_force=np.empty((count, rows)),
-        acceleration=np.empty((count, velocities)),
-        point_force=np.empty((count, points, 3)),
-        residual=np.empty(count),
-        iterations=np.empty(count, np.int64),
-        warm_start=np.empty((count, 6)),
+    return limit_dynamics(
+        motion,
+        ReducedContacts(*constraint, contiguous(point_map)),
+        desired,
+        point_limits(limits, active, count, point_map.shape[-1] // 3),
+        Nearness(1.0 / base_priority, length, wrench_scale(length, wrench_cost)),
+        accuracy,
+        gravity,
+        warm_start_of(warm_start, count),
     )
-    fill_limited(
-        as_numpy(mass_matrix),
-        as_numpy(bias),
-        as_numpy(jacobian),
-        as_numpy(acceleration),
-        as_numpy(jacobian_bias),
-        spread,
-        limit_rows(limits, points),
-        all_active(points) if active is None else as_flags(active),
-        np.zeros((count, 6)) if warm_start is None else as_numpy(warm_start),
-        wrench_scale(length, wrench_cost),
-        1.0 / base_priority,
-        length,
-        regularisation,
-        tolerance,
-        max_iterations,
-        *found,
-    )
-    if isinstance(acceleration, np.ndarray):
-        return found
-    return LimitedInverseDynamics(*(from_numpy(x, like=acceleration) for x in found))
 
 
 @kernel
-def fill_limited(
-    mass_matrix: np.ndarray,
-    bias: np.ndarray,
-    jacobian: np.ndarray,
+def limit_dynamics(
+    motion: EquationOfMotion,
+    contacts: ReducedContacts,
     desired: np.ndarray,
-    jacobian_bias: np.ndarray,
-    point_map: np.ndarray,
-    limits: np.ndarray,
-    active: np.ndarray,
+    limits: PointLimits,
+    nearness: Nearness,
+    accuracy: Accuracy,
+    gravity: float,
     start: np.ndarray,
-    scale: np.ndarray,
-    base_mobility: float,
-    length: float,
-    regularisation: float,
-    tolerance: float,
-    budget: int,
-    torque: np.ndarray,
-    contact_force: np.ndarray,
-    acceleration: np.ndarray,
-    point_force: np.ndarray,
-    residual: np.ndarray,
-    iterations: np.ndarray,
-    dual: np.ndarray,
-) -> None:
-    """The law of the module, robot by robot; the last seven arguments are to write to."""
-    count, rows, velocities = jacobian.shape
-    values, maps = np.empty(point_force.shape[1:]), np.empty((6, point_map.shape[2]))
+) -> LimitedInverseDynamics:
+    """The law of the module, robot by robot; `contacts.point_map` may have one row for all."""
+    count, rows, velocities = contacts.jacobian.shape
+    columns = contacts.point_map.shape[2]
+    torque, contact_force = np.empty((count, velocities - 6)), np.empty((count, rows))
+    acceleration, point_force = np.empty((count, velocities)), np.empty((count, columns // 3, 3))
+    residual, iterations = np.empty(count), np.empty(count, np.int64)
+    warm_start = np.empty((count, 6))
+
+    values, maps = np.empty((columns // 3, 3)), np.empty((6, columns))
     base_rows, delivered = np.empty((6, rows)), np.empty(6)
     force, wrench, missing = np.empty(velocities), np.empty(6), np.empty(6)
     held = _Held(np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows))
     for i in range(count):
-        own_map, constraint = point_map[min(i, len(point_map) - 1)], jacobian[i]
-        _hold(constraint, base_mobility, held)
+        own_map = contacts.point_map[min(i, len(contacts.point_map) - 1)]
+        jacobian, mass_matrix = contacts.jacobian[i], motion.mass_matrix[i]
+        _hold(jacobian, nearness.base_mobility, held)
         acceleration[i] = desired[i]
-        _make_consistent(held, constraint, jacobian_bias[i], acceleration[i])
+        _make_consistent(held, jacobian, contacts.bias[i], acceleration[i])
 
-        times(mass_matrix[i], acceleration[i], force)
-        force += bias[i]
+        times(mass_matrix, acceleration[i], force)
+        force += motion.bias[i]
         for row in range(6):
-            wrench[row] = scale[row] * force[row]
+            wrench[row] = nearness.scale[row] * force[row]
             for k in range(rows):
-                base_rows[row, k] = scale[row] * constraint[k, row]
+                base_rows[row, k] = nearness.scale[row] * jacobian[k, row]
         multiply(base_rows, own_map, maps)
-        limits_in_contact(limits, active, i, values)
-        weight = _GRAVITY * mass_matrix[i, 0, 0]
-        iterations[i] = deliver(
-            maps,
-            wrench,
-            values,
-            tolerance * weight,
-            regularisation,
-            budget,
-            start[i],
-            point_force[i],
-            missing,
-            dual[i],
-        )
+        limits_in_contact(limits, i, values)
+        weight = gravity * mass_matrix[0, 0]
+        found = Forces(point_force[i], missing, warm_start[i])
+        iterations[i] = deliver(Problem(maps, wrench, values), accuracy, weight, start[i], found)
         residual[i] = np.sqrt(dot(missing, missing)) / weight
         if residual[i] != 0.0:
-            delivered[:] = missing / scale
-            _yield_to(mass_matrix[i], constraint, base_mobility, held, length, delivered, force)
+            delivered[:] = missing / nearness.scale
+            _yield_to(mass_matrix, jacobian, held, nearness, delivered, force)
             acceleration[i] += force
-            times(mass_matrix[i], acceleration[i], force)
-            force += bias[i]
+            times(mass_matrix, acceleration[i], force)
+            force += motion.bias[i]
 
-        times(own_map, point_force[i].reshape(own_map.shape[1]), contact_force[i])
+        times(own_map, point_force[i].reshape(columns), contact_force[i])
         contact_force[i] *= -1.0
-        add_transposed_times(constraint, contact_force[i], force)
+        add_transposed_times(jacobian, contact_force[i], force)
         contact_force[i] *= -1.0
         torque[i] = force[6:]
+    return LimitedInverseDynamics(
+        torque, contact_force, acceleration, point_force, residual, iterations, warm_start
+    )
 
 
 class _Held(NamedTuple):
@@ -291,9 +247,8 @@ def _make_consistent(
 def _yield_to(
     mass_matrix: np.ndarray,
     jacobian: np.ndarray,
-    base_mobility: float,
     held: _Held,
-    length: float,
+    nearness: Nearness,
     wrench: np.ndarray,
     change: np.ndarray,
 ) -> None:
@@ -304,9 +259,8 @@ def _yield_to(
     Args:
         mass_matrix: (nv, nv).
         jacobian: (k, nv).
-        base_mobility: of A^-1.
         held: of the Jacobian.
-        length: m, lever arm that makes moments comparable to forces.
+        nearness: of accelerations, and the lever arm that makes moments comparable to forces.
         wrench: (6,) N, N m; overwritten.
         change: (nv,) to write to.
     """
@@ -315,7 +269,7 @@ def _yield_to(
     back, inertia = np.empty((velocities, 6)), np.empty((6, 6))
     for j in range(velocities):
         for row in range(6):
-            response[j, row] = mass_matrix[row, j] * (base_mobility if j < 6 else 1.0)
+            response[j, row] = mass_matrix[row, j] * (nearness.base_mobility if j < 6 else 1.0)
     multiply(jacobian, response, moved)
     solve_factored_columns(held.factor, moved)
     multiply_transposed(held.weighted, moved, back)
@@ -323,7 +277,7 @@ def _yield_to(
     multiply(mass_matrix[:6], response, inertia)
     ridge = _RESPONSE_RIDGE * mass_matrix[0, 0] ** 2
     for row in range(6):
-        inertia[row, row] += ridge if row < 3 else ridge * length**2
+        inertia[row, row] += ridge if row < 3 else ridge * nearness.length**2
     factor(inertia)
     solve_factored(inertia, wrench)
     times(response, wrench, change)

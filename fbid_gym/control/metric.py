@@ -16,13 +16,12 @@ characteristic length, and M itself, the kinetic energy, which needs no such cho
 inertia, and its errors, back into the choice among torques ([M10], footnote 1).
 """
 
-import math
 from collections.abc import Sequence
-from types import ModuleType
 
 import numpy as np
 
-from fbid_gym.control.arrays import Array, check_dynamics, check_shape, matvec, namespace
+from fbid_gym.checks import check_positive, check_shape
+from fbid_gym.control.equations import checked_equations
 from fbid_gym.control.inverse_dynamics import InverseDynamics, orthogonal_inverse_dynamics
 from fbid_gym.errors import InvalidValueError, ShapeError
 
@@ -41,13 +40,12 @@ def length_metric(rotary: Sequence[bool] | np.ndarray, length: float) -> np.ndar
     Raises:
         InvalidValueError: `length` is not positive and finite.
     """
-    if not 0.0 < length < math.inf:
-        raise InvalidValueError("length", length, "a positive, finite number")
+    check_positive(length=length)
     turns = np.concatenate([[False] * 3, [True] * 3, np.asarray(rotary, dtype=bool)])
     return np.where(turns, length * length, 1.0)
 
 
-def metric_torque_cost(metric: Array) -> Array:
+def metric_torque_cost(metric: np.ndarray) -> np.ndarray:
     """The torque cost W = S B^-1 S^T of a diagonal metric, for the laws that take eq. (16)'s W.
 
     Args:
@@ -60,17 +58,17 @@ def metric_torque_cost(metric: Array) -> Array:
         ShapeError: not a diagonal.
         InvalidValueError: an entry is not positive and finite.
     """
-    _check_diagonal(metric, namespace(metric))
+    _check_diagonal(metric)
     return 1.0 / metric[6:]
 
 
 def metric_inverse_dynamics(
-    mass_matrix: Array,
-    bias: Array,
-    jacobian: Array,
-    acceleration: Array,
-    jacobian_bias: Array,
-    metric: Array,
+    mass_matrix: np.ndarray,
+    bias: np.ndarray,
+    jacobian: np.ndarray,
+    acceleration: np.ndarray,
+    jacobian_bias: np.ndarray,
+    metric: np.ndarray,
 ) -> InverseDynamics:
     """Torques of [M10] eq. (15), the orthogonal decomposition taken in a homogeneous metric.
 
@@ -90,12 +88,12 @@ def metric_inverse_dynamics(
         ShapeError: an array does not fit.
         InvalidValueError: the metric is not positive definite.
     """
-    count, _, velocities = check_dynamics(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
-    xp = namespace(jacobian)
+    checked_equations(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
+    count, _, velocities = jacobian.shape
     if metric.ndim == 1:
         check_shape("metric", metric, (velocities,), "(nv,)")
-        _check_diagonal(metric, xp)
-        scale = xp.sqrt(metric)
+        _check_diagonal(metric)
+        scale = np.sqrt(metric)
         solution = orthogonal_inverse_dynamics(
             mass_matrix / (scale[:, None] * scale),
             bias / scale,
@@ -108,42 +106,42 @@ def metric_inverse_dynamics(
         )
 
     check_shape("metric", metric, (count, velocities, velocities), "(nv,) or (N, nv, nv)")
-    factor = _cholesky(metric, xp)
-    inverse = xp.linalg.inv(factor)
+    factor = _cholesky(metric)
+    inverse = np.linalg.inv(factor)
     solution = orthogonal_inverse_dynamics(
         inverse @ mass_matrix @ inverse.mT,
-        matvec(inverse, bias),
+        np.matvec(inverse, bias),
         jacobian @ inverse.mT,
-        matvec(factor.mT, acceleration),
+        np.matvec(factor.mT, acceleration),
         jacobian_bias,
     )
     return solution._replace(
-        torque=matvec(factor[:, 6:, 6:], solution.torque),
-        acceleration=matvec(inverse.mT, solution.acceleration),
+        torque=np.matvec(factor[:, 6:, 6:], solution.torque),
+        acceleration=np.matvec(inverse.mT, solution.acceleration),
     )
 
 
-def _check_diagonal(metric: Array, xp: ModuleType) -> None:
+def _check_diagonal(metric: np.ndarray) -> None:
     """Raise unless the metric is a diagonal of positive, finite numbers."""
     if metric.ndim != 1 or metric.shape[0] < 6:
         raise ShapeError("metric", tuple(metric.shape), "(nv,) with nv of at least 6")
-    valid = (metric > 0.0) & xp.isfinite(metric)
-    if not xp.all(valid):
-        entry = int(xp.nonzero(~valid)[0][0])
+    valid = (metric > 0.0) & np.isfinite(metric)
+    if not np.all(valid):
+        entry = int(np.flatnonzero(~valid)[0])
         raise InvalidValueError(
             f"metric[{entry}]", float(metric[entry]), "a positive, finite number"
         )
 
 
-def _cholesky(metric: Array, xp: ModuleType) -> Array:
+def _cholesky(metric: np.ndarray) -> np.ndarray:
     """Lower Cholesky factors; NaN for matrices that are not finite, so that they harm no other."""
-    finite = xp.all(xp.isfinite(metric), axis=(-2, -1))[:, None, None]
-    stand_in = xp.eye(metric.shape[-1], dtype=metric.dtype, device=metric.device)
+    finite = np.all(np.isfinite(metric), axis=(-2, -1))[:, None, None]
+    stand_in = np.eye(metric.shape[-1])
     try:
-        factor = xp.linalg.cholesky(xp.where(finite, metric, stand_in))
-    except (np.linalg.LinAlgError, RuntimeError):
-        smallest = xp.min(xp.linalg.eigvalsh(xp.where(finite, metric, stand_in)))
+        factor = np.linalg.cholesky(np.where(finite, metric, stand_in))
+    except np.linalg.LinAlgError:
+        smallest = np.min(np.linalg.eigvalsh(np.where(finite, metric, stand_in)))
         raise InvalidValueError(
             "smallest eigenvalue of metric", float(smallest), "a positive number"
         ) from None
-    return xp.where(finite, factor, xp.nan)
+    return np.where(finite, factor, np.nan)

@@ -21,18 +21,16 @@ less than `least_gain` per unit of motion is damped: with y = gain / least_gain 
 share y^2 / (1 - y^2 + y^4), continuous with its derivative at y = 1, and no unit of task error asks
 for a motion greater than 1.07 / least_gain. Tasks with all gains above `least_gain` are met
 exactly.
-
-Torch tensors are computed on the host, in double precision, and come back as what they were.
 """
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.checks import check_positive, check_shape, contiguous
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.arrays import Array, as_numpy, check_shape, from_numpy
-from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.errors import ShapeError
+from fbid_gym.quantities import Constraint, TaskCommand
 from fbid_gym.small_matrices import (
     add_transposed_times,
     dot,
@@ -59,20 +57,20 @@ class TaskMotion(NamedTuple):
             unless the robot is near a singularity of the task.
     """
 
-    motion: Array
-    task_error: Array
+    motion: np.ndarray
+    task_error: np.ndarray
 
 
 def task_acceleration(
-    desired: Array,
-    position: Array,
-    velocity: Array,
-    stiffness: float | Array,
-    damping: float | Array,
+    desired: np.ndarray,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    stiffness: float | np.ndarray,
+    damping: float | np.ndarray,
     *,
-    desired_velocity: Array | None = None,
-    desired_acceleration: Array | None = None,
-) -> Array:
+    desired_velocity: np.ndarray | None = None,
+    desired_acceleration: np.ndarray | None = None,
+) -> np.ndarray:
     """Acceleration that returns a task's position to where it shall be, [M10] eq. (20).
 
     xdd = desired_acceleration + K_P (desired - position) + K_D (desired_velocity - velocity). The
@@ -96,14 +94,14 @@ def task_acceleration(
 
 
 def operational_space_acceleration(
-    jacobian: Array,
-    jacobian_bias: Array,
-    task_jacobian: Array,
-    task_bias: Array | None,
-    task: Array,
-    reference: Array | None = None,
+    jacobian: np.ndarray,
+    jacobian_bias: np.ndarray,
+    task_jacobian: np.ndarray,
+    task_bias: np.ndarray | None,
+    task: np.ndarray,
+    reference: np.ndarray | None = None,
     *,
-    motion_cost: Array | None = None,
+    motion_cost: np.ndarray | None = None,
     least_gain: float = LEAST_GAIN,
 ) -> TaskMotion:
     """Accelerations that keep the contacts, serve a task and stay near a reference, eq. (19).
@@ -129,21 +127,25 @@ def operational_space_acceleration(
         ShapeError: an array does not fit.
         InvalidValueError: `least_gain` is not positive and finite.
     """
-    if task_bias is not None:
-        check_shape("task_bias", task_bias, tuple(task.shape), "(N, m)")
-        task = task - task_bias
+    if task_bias is None:
+        task_bias = np.zeros(task.shape)
+    check_shape("task_bias", task_bias, tuple(task.shape), "(N, m)")
     return _nearest(
-        jacobian, jacobian_bias, task_jacobian, task, reference, motion_cost, least_gain
+        Constraint(jacobian, jacobian_bias),
+        TaskCommand(task_jacobian, task_bias, task),
+        reference,
+        motion_cost,
+        least_gain,
     )
 
 
 def floating_base_inverse_kinematics(
-    jacobian: Array,
-    task_jacobian: Array,
-    task: Array,
-    reference: Array | None = None,
+    jacobian: np.ndarray,
+    task_jacobian: np.ndarray,
+    task: np.ndarray,
+    reference: np.ndarray | None = None,
     *,
-    motion_cost: Array | None = None,
+    motion_cost: np.ndarray | None = None,
     least_gain: float = LEAST_GAIN,
 ) -> TaskMotion:
     """Velocities that keep the contacts, serve a task and stay near a reference, [M10]'s [11].
@@ -166,89 +168,75 @@ def floating_base_inverse_kinematics(
         ShapeError: an array does not fit.
         InvalidValueError: `least_gain` is not positive and finite.
     """
-    still = np.zeros(tuple(jacobian.shape)[:2])
-    return _nearest(jacobian, still, task_jacobian, task, reference, motion_cost, least_gain)
+    return _nearest(
+        Constraint(jacobian, np.zeros(jacobian.shape[:2])),
+        TaskCommand(task_jacobian, np.zeros(task.shape), task),
+        reference,
+        motion_cost,
+        least_gain,
+    )
 
 
 def _nearest(
-    jacobian: Array,
-    jacobian_bias: Array,
-    task_jacobian: Array,
-    task: Array,
-    reference: Array | None,
-    motion_cost: Array | None,
+    constraint: Constraint,
+    task: TaskCommand,
+    reference: np.ndarray | None,
+    motion_cost: np.ndarray | None,
     least_gain: float,
 ) -> TaskMotion:
-    """The motion u nearest to the reference with J_C u + bias = 0, and J_t u = task if it can be.
-
-    Args:
-        jacobian: (N, k, nv).
-        jacobian_bias: (N, k).
-        task_jacobian: (N, m, nv) or (m, nv).
-        task: (N, m).
-        reference: (N, nv); None for zeros.
-        motion_cost: (nv,); None for ones.
-        least_gain: see there.
-    """
-    shape = tuple(jacobian.shape)
+    """Check the arguments of both laws, and compute."""
+    shape = tuple(constraint.jacobian.shape)
     if len(shape) != 3:
         raise ShapeError("jacobian", shape, "(N, k, nv)")
     count, rows, velocities = shape
-    robots = count
-    if task_jacobian.ndim == 2:
-        task_jacobian, robots = task_jacobian[None], 1
-    sizes = (robots, task_jacobian.shape[-2], velocities)
-    check_shape("task_jacobian", task_jacobian, sizes, "(N, m, nv)")
-    size = task_jacobian.shape[1]
-    check_shape("task", task, (count, size), "(N, m)")
-    check_shape("jacobian_bias", jacobian_bias, (count, rows), "(N, k)")
-    if reference is not None:
+    part, robots = task.jacobian, count
+    if part.ndim == 2:
+        part, robots = part[None], 1
+    check_shape("task_jacobian", part, (robots, part.shape[-2], velocities), "(N, m, nv)")
+    check_shape("task", task.acceleration, (count, part.shape[1]), "(N, m)")
+    check_shape("jacobian_bias", constraint.bias, (count, rows), "(N, k)")
+    if reference is None:
+        reference = np.zeros((1, velocities))
+    else:
         check_shape("reference", reference, (count, velocities), "(N, nv)")
-    if motion_cost is not None:
-        check_shape("motion_cost", motion_cost, (velocities,), "(nv,)")
-    if not 0.0 < least_gain < np.inf:
-        raise InvalidValueError("least_gain", least_gain, "a positive, finite number")
-    found = TaskMotion(np.empty((count, velocities)), np.empty((count, size)))
-    fill_motion(
-        as_numpy(jacobian),
-        as_numpy(jacobian_bias),
-        as_numpy(task_jacobian),
-        as_numpy(task),
-        np.zeros((1, velocities)) if reference is None else as_numpy(reference),
-        _all_alike(velocities) if motion_cost is None else 1.0 / as_numpy(motion_cost),
+    if motion_cost is None:
+        motion_cost = np.ones(velocities)
+    check_shape("motion_cost", motion_cost, (velocities,), "(nv,)")
+    check_positive(least_gain=least_gain)
+    return serve_task(
+        Constraint(*map(contiguous, constraint)),
+        TaskCommand(*map(contiguous, (part, task.bias, task.acceleration))),
+        contiguous(reference),
+        1.0 / contiguous(motion_cost),
         least_gain,
-        *found,
     )
-    if isinstance(task, np.ndarray):
-        return found
-    return TaskMotion(*(from_numpy(x, like=task) for x in found))
-
-
-@lru_cache(maxsize=32)
-def _all_alike(velocities: int) -> np.ndarray:
-    return np.ones(velocities)
 
 
 @kernel
-def fill_motion(
-    jacobian: np.ndarray,
-    jacobian_bias: np.ndarray,
-    task_jacobian: np.ndarray,
-    task: np.ndarray,
+def serve_task(
+    constraint: Constraint,
+    task: TaskCommand,
     reference: np.ndarray,
     mobility: np.ndarray,
     least_gain: float,
-    motion: np.ndarray,
-    task_error: np.ndarray,
-) -> None:
-    """`_nearest` robot by robot; the last two arguments are to write to."""
-    count, rows, velocities = jacobian.shape
-    size = task.shape[1]
+) -> TaskMotion:
+    """The law of the module, robot by robot.
+
+    Args:
+        constraint: of the contacts.
+        task: what goes before the reference.
+        reference: (N, nv) or (1, nv) motion to stay near to.
+        mobility: (nv,) how readily each coordinate departs from it.
+        least_gain: see the module.
+    """
+    count, rows, velocities = constraint.jacobian.shape
+    size = task.acceleration.shape[1]
+    motion, task_error = np.empty((count, velocities)), np.empty((count, size))
     weighted, held, push = np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows)
     moved, free = np.empty((rows, size)), np.empty((size, velocities))
     gains, inverse, share = np.empty((size, size)), np.empty((size, size)), np.empty(size)
     for i in range(count):
-        contact, part = jacobian[i], task_jacobian[min(i, len(task_jacobian) - 1)]
+        contact, part = constraint.jacobian[i], task.jacobian[min(i, len(task.jacobian) - 1)]
         weighted[:] = contact * mobility
         gram(weighted, contact, _RIDGE, held)
         factor(held)
@@ -256,7 +244,7 @@ def fill_motion(
         # A second pass takes out what the ridge left.
         for _ in range(2):
             times(contact, motion[i], push)
-            push += jacobian_bias[i]
+            push += constraint.bias[i]
             solve_factored(held, push)
             push *= -1.0
             add_transposed_times(weighted, push, motion[i])
@@ -273,13 +261,15 @@ def fill_motion(
                         free[m, j] += moved[k, m] * weighted[k, j]
         multiply_by_transpose(part, free, gains)
         times(part, motion[i], share)
-        error = task_error[i]
-        error[:] = task[i] - share
+        error, drift = task_error[i], task.bias[min(i, len(task.bias) - 1)]
+        for m in range(size):
+            error[m] = task.acceleration[i, m] - drift[m] - share[m]
         _invert_damped(gains, least_gain, inverse)
         times(inverse, error, share)
         add_transposed_times(free, share, motion[i])
         for m in range(size):
             error[m] -= dot(gains[m], share)
+    return TaskMotion(motion, task_error)
 
 
 @compiled

@@ -12,10 +12,13 @@ a few hundredths of their limits (medians and worst cases in the tests); more st
 cones and limits contradict each other, the result is a compromise between both.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fbid_gym.compiled import compiled
-from fbid_gym.control.dual_newton import nearest_force
+from fbid_gym.control.dual_newton import Problem, nearest_force
+from fbid_gym.quantities import Accuracy
 from fbid_gym.small_matrices import (
     add_transposed_times,
     dot,
@@ -25,7 +28,6 @@ from fbid_gym.small_matrices import (
     times,
 )
 
-STEPS = 24
 # Penalties on forces (per weight) that leave the cones, and torques (per weight, rows of A at unit
 # length) that leave the box; found by trial on all built-in robots.
 _FORCE_PENALTY = 1.0
@@ -34,48 +36,42 @@ _OVERRELAXATION = 1.6
 _FAINT = 1e-9
 
 
+class AffineTorque(NamedTuple):
+    """Torques of one robot as a function of its point forces, and their limits."""
+
+    slope: np.ndarray  # (n, 3 P) A, N m per N
+    offset: np.ndarray  # (n,) N m
+    limit: np.ndarray  # (n,) N m, symmetric
+
+
 @compiled
 def forces_within_torque_limits(
-    maps: np.ndarray,
-    wrench: np.ndarray,
-    limits: np.ndarray,
-    slope: np.ndarray,
-    offset: np.ndarray,
-    torque_limit: np.ndarray,
-    weight: float,
-    regularisation: float,
-    steps: int,
-    force: np.ndarray,
+    problem: Problem, motors: AffineTorque, weight: float, accuracy: Accuracy, force: np.ndarray
 ) -> None:
     """Overwrite contact forces of one robot with those that best deliver a wrench within limits.
 
     Args:
-        maps: (6, 3 P) scaled.
-        wrench: (6,) scaled.
-        limits: (P, 3) friction coefficient, least and greatest normal force.
-        slope: (n, 3 P) A of the torques, N m per N.
-        offset: (n,) N m of the torques.
-        torque_limit: (n,) N m, symmetric.
+        problem: the wrench and the limits of the points.
+        motors: the torques that go with the forces.
         weight: N.
-        regularisation: see `limited_contact_forces`.
-        steps: of the iteration.
+        accuracy: its `regularisation` and `torque_steps`.
         force: (3 P,) N, where to start: the solution without torque limits.
     """
-    joints, columns = slope.shape
-    rows, lowest, highest = np.empty_like(slope), np.empty(joints), np.empty(joints)
+    joints, columns = motors.slope.shape
+    rows, lowest, highest = np.empty((joints, columns)), np.empty(joints), np.empty(joints)
     for j in range(joints):
-        size = np.sqrt(dot(slope[j], slope[j])) + _FAINT
+        size = np.sqrt(dot(motors.slope[j], motors.slope[j])) + _FAINT
         for i in range(columns):
-            rows[j, i] = slope[j, i] / size
-        lowest[j] = (-torque_limit[j] - offset[j]) / size / weight
-        highest[j] = (torque_limit[j] - offset[j]) / size / weight
-    cones = limits.copy()
+            rows[j, i] = motors.slope[j, i] / size
+        lowest[j] = (-motors.limit[j] - motors.offset[j]) / size / weight
+        highest[j] = (motors.limit[j] - motors.offset[j]) / size / weight
+    cones = problem.limits.copy()
     cones[:, 1:] /= weight
     target = np.zeros(columns)
-    add_transposed_times(maps, wrench, target)
-    inverse = _inverse(maps, rows, regularisation)
+    add_transposed_times(problem.maps, problem.wrench, target)
+    inverse = _inverse(problem.maps, rows, accuracy.regularisation)
     force /= weight
-    _split(inverse, rows, target / weight, lowest, highest, cones, force, steps)
+    _split(inverse, rows, target / weight, lowest, highest, cones, force, accuracy.torque_steps)
     force *= weight
 
 

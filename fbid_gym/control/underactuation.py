@@ -9,21 +9,15 @@ from fbid_gym.small_matrices import gram, pseudo_inverse
 _RTOL = 1e-6
 
 
+@kernel
 def underactuation(jacobian: np.ndarray) -> np.ndarray:
     """Six less the rank of the base columns of J: (N,), whole numbers; six if not finite.
 
     Args:
         jacobian: (N, k, nv) of the contacts.
     """
-    missing = np.empty(len(jacobian))
-    fill_underactuation(jacobian, missing)
-    return missing
-
-
-@kernel
-def fill_underactuation(jacobian: np.ndarray, missing: np.ndarray) -> None:
-    """Robot by robot; `missing` (N,) is to write to."""
     count, rows, _ = jacobian.shape
+    missing = np.empty(count)
     base, push, inverse = np.empty((6, rows)), np.empty((6, 6)), np.empty((6, 6))
     for i in range(count):
         for row in range(6):
@@ -31,3 +25,4 @@ def fill_underactuation(jacobian: np.ndarray, missing: np.ndarray) -> None:
                 base[row, k] = jacobian[i, k, row]
         gram(base, base, 0.0, push)
         missing[i] = 6.0 - pseudo_inverse(push, _RTOL, inverse)
+    return missing

@@ -3,14 +3,13 @@
 from typing import TYPE_CHECKING, Any
 
 from fbid_gym.dynamics.centroidal import (
-    CentroidalTerms,
     DecoupledDynamics,
     centroidal_terms,
     decoupled_dynamics,
 )
 from fbid_gym.dynamics.coriolis import CoriolisMatrix
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.quantities import CentroidalTerms, DynamicsTerms
 
 if TYPE_CHECKING:
     from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics

@@ -20,52 +20,20 @@ v is MuJoCo's here (see `DynamicsTerms`), and xi, h, Lambda and Gamma do not dep
 The joints' armature is part of Lambda_q. Armature on the free joint has no place in the theory: it
 makes M unlike that of any rigid bodies, and none of the propositions hold.
 
-All functions work on batches in the array-API namespace of their arguments. N robots, nv = 6 + n.
-`centroidal_terms`, which runs at every control tick, is compiled for NumPy.
+N robots, nv = 6 + n. `centroidal_terms`, which runs at every control tick, is compiled.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import array_api_compat
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.frames import skew
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.errors import ShapeError
+from fbid_gym.quantities import CentroidalTerms, DynamicsTerms
 from fbid_gym.small_matrices import multiply, multiply_by_transpose, times
-
-Array = Any
-"""An array of any array-API namespace; shapes are in the docstrings."""
 
 GRAVITY = (0.0, 0.0, -9.81)
 """m/s^2, world."""
-
-
-class CentroidalTerms(NamedTuple):
-    """What the first six rows of M say about a robot's momentum.
-
-    Attributes:
-        matrix: (N, 6, nv) A of [G15] eq. (2), the centroidal momentum matrix.
-        momentum: (N, 6) h = A v: linear (kg m/s), angular about the centre of mass (kg m^2/s),
-            world axes.
-        mass: (N,) kg.
-        inertia: (N, 3, 3) kg m^2, of the robot with locked joints about its centre of mass, world
-            axes; the inverse of Lambda_l.
-        inverse_inertia: (N, 3, 3) Lambda_l of [G15] eq. (24).
-        to_com: (N, 6, 6) P, see the module.
-        wrench_map: (N, nv, 6) T^T = A^T Lambda_h of [G15] eqs. (30), (32). It takes a wrench at the
-            centre of mass (N, N m, world axes) to the generalized force that does the same to the
-            momentum and nothing else.
-    """
-
-    matrix: Array
-    momentum: Array
-    mass: Array
-    inertia: Array
-    inverse_inertia: Array
-    to_com: Array
-    wrench_map: Array
 
 
 class DecoupledDynamics(NamedTuple):
@@ -79,14 +47,15 @@ class DecoupledDynamics(NamedTuple):
         coriolis: (N, nv, nv) Gamma of eqs. (15), (18), (25).
     """
 
-    transform: Array
-    inverse_transform: Array
-    transform_rate: Array
-    inertia: Array
-    coriolis: Array
+    transform: np.ndarray
+    inverse_transform: np.ndarray
+    transform_rate: np.ndarray
+    inertia: np.ndarray
+    coriolis: np.ndarray
 
 
-def centroidal_terms(terms: DynamicsTerms, velocity: Array) -> CentroidalTerms:
+@kernel
+def centroidal_terms(terms: DynamicsTerms, velocity: np.ndarray) -> CentroidalTerms:
     """Return the centroidal momentum and the matrices around it.
 
     This is all that a control tick needs of [G15].
@@ -95,89 +64,35 @@ def centroidal_terms(terms: DynamicsTerms, velocity: Array) -> CentroidalTerms:
         terms: the dynamics of N robots without armature on their free joints.
         velocity: (N, nv) their generalized velocities.
     """
-    if isinstance(velocity, np.ndarray):
-        return _compiled_terms(terms, velocity)
-    to_com = base_force_to_com(terms)
-    matrix = to_com @ terms.mass_matrix[:, :6]
-    inertia = matrix[:, 3:, :6] @ to_com[:, 3:].mT
-    xp = _namespace(inertia)
-    inverse_inertia = xp.linalg.inv(inertia)
-    mass = terms.mass_matrix[:, 0, 0]
-    linear = matrix[:, :3].mT / mass[:, None, None]
-    return CentroidalTerms(
-        matrix=matrix,
-        momentum=_times(matrix, velocity),
-        mass=mass,
-        inertia=inertia,
-        inverse_inertia=inverse_inertia,
-        to_com=to_com,
-        wrench_map=xp.concat((linear, matrix[:, 3:].mT @ inverse_inertia), axis=-1),
-    )
-
-
-def _compiled_terms(terms: DynamicsTerms, velocity: np.ndarray) -> CentroidalTerms:
-    """The same of NumPy arrays."""
     count, size = velocity.shape
-    if terms.mass_matrix.shape != (count, size, size):
-        raise ShapeError("mass_matrix", terms.mass_matrix.shape, f"(N, nv, nv) of {velocity.shape}")
-    body = CentroidalTerms(
-        np.empty((count, 6, size)),
-        np.empty((count, 6)),
-        np.empty(count),
-        np.empty((count, 3, 3)),
-        np.empty((count, 3, 3)),
-        np.empty((count, 6, 6)),
-        np.empty((count, size, 6)),
-    )
-    fill_centroidal_terms(
-        np.ascontiguousarray(terms.mass_matrix),
-        np.ascontiguousarray(terms.base_position),
-        np.ascontiguousarray(terms.base_rotation),
-        np.ascontiguousarray(terms.com),
-        np.ascontiguousarray(velocity),
-        *body,
-    )
-    return body
-
-
-@kernel
-def fill_centroidal_terms(
-    mass_matrix: np.ndarray,
-    position: np.ndarray,
-    rotation: np.ndarray,
-    com: np.ndarray,
-    velocity: np.ndarray,
-    matrix: np.ndarray,
-    momentum: np.ndarray,
-    mass: np.ndarray,
-    inertia: np.ndarray,
-    inverse_inertia: np.ndarray,
-    to_com: np.ndarray,
-    wrench_map: np.ndarray,
-) -> None:
-    """Fill the fields of `CentroidalTerms`, the last seven arguments."""
-    for robot in range(len(velocity)):
+    matrix, momentum, mass = np.empty((count, 6, size)), np.empty((count, 6)), np.empty(count)
+    inertia, inverse_inertia = np.empty((count, 3, 3)), np.empty((count, 3, 3))
+    to_com, wrench_map = np.empty((count, 6, 6)), np.empty((count, size, 6))
+    for robot in range(count):
         change, ours, inverse = to_com[robot], matrix[robot], inverse_inertia[robot]
-        _fill_base_force_to_com(position[robot], rotation[robot], com[robot], change)
-        multiply(change, mass_matrix[robot, :6], ours)
+        _fill_base_force_to_com(
+            terms.base_position[robot], terms.base_rotation[robot], terms.com[robot], change
+        )
+        multiply(change, terms.mass_matrix[robot, :6], ours)
         multiply_by_transpose(ours[3:, :6], change[3:], inertia[robot])
         _invert(inertia[robot], inverse)
-        mass[robot] = mass_matrix[robot, 0, 0]
+        mass[robot] = terms.mass_matrix[robot, 0, 0]
         times(ours, velocity[robot], momentum[robot])
-        for column in range(ours.shape[1]):
+        for column in range(size):
             row = wrench_map[robot, column]
             for axis in range(3):
                 row[axis] = ours[axis, column] / mass[robot]
                 row[3 + axis] = 0.0
                 for other in range(3):
                     row[3 + axis] += ours[3 + other, column] * inverse[other, axis]
+    return CentroidalTerms(matrix, momentum, mass, inertia, inverse_inertia, to_com, wrench_map)
 
 
 @compiled
 def _fill_base_force_to_com(
     position: np.ndarray, rotation: np.ndarray, com: np.ndarray, result: np.ndarray
 ) -> None:
-    """`base_force_to_com` of one robot."""
+    """Write the matrix P of the module to `result` (6, 6)."""
     result[:] = 0.0
     for axis in range(3):
         after, last = (axis + 1) % 3, (axis + 2) % 3
@@ -202,20 +117,9 @@ def _invert(matrix: np.ndarray, result: np.ndarray) -> None:
             result[i, j] /= determinant
 
 
-def base_force_to_com(terms: DynamicsTerms) -> Array:
-    """Return the matrix P of the module: (N, 6, 6)."""
-    rotation = terms.base_rotation
-    xp = _namespace(rotation)
-    result = xp.zeros((rotation.shape[0], 6, 6), dtype=rotation.dtype, device=rotation.device)
-    result[:, 0, 0] = result[:, 1, 1] = result[:, 2, 2] = 1.0
-    result[:, 3:, :3] = skew(terms.base_position - terms.com)
-    result[:, 3:, 3:] = rotation
-    return result
-
-
 def momentum_rate_bias(
-    body: CentroidalTerms, bias: Array, gravity: tuple[float, float, float] = GRAVITY
-) -> Array:
+    body: CentroidalTerms, bias: np.ndarray, gravity: tuple[float, float, float] = GRAVITY
+) -> np.ndarray:
     """Return the rate of the momentum at vdot = 0, Adot v: (N, 6) N and N m.
 
     By [G15] eq. (6) the momentum's rate A vdot + Adot v is the sum of the external wrenches,
@@ -227,31 +131,25 @@ def momentum_rate_bias(
         bias: (N, nv) `DynamicsTerms.bias`.
         gravity: m/s^2, world, the one in `bias`.
     """
-    result = _times(body.to_com, bias[:, :6])
-    xp = _namespace(result)
-    weight = xp.asarray(gravity, dtype=result.dtype, device=result.device) * body.mass[:, None]
-    result[:, :3] += weight
+    result = np.matvec(body.to_com, bias[:, :6])
+    result[:, :3] += np.array(gravity) * body.mass[:, None]
     return result
 
 
-def momentum_inertia(body: CentroidalTerms) -> Array:
+def momentum_inertia(body: CentroidalTerms) -> np.ndarray:
     """Return Lambda_h = blkdiag(E / m, Lambda_l) of [G15] eqs. (16), (22), (28): (N, 6, 6)."""
     inverse = body.inverse_inertia
-    xp = _namespace(inverse)
-    result = xp.zeros((inverse.shape[0], 6, 6), dtype=inverse.dtype, device=inverse.device)
+    result = np.zeros((len(inverse), 6, 6))
     result[:, 0, 0] = result[:, 1, 1] = result[:, 2, 2] = 1.0 / body.mass
     result[:, 3:, 3:] = inverse
     return result
 
 
-def transform(body: CentroidalTerms) -> tuple[Array, Array]:
+def transform(body: CentroidalTerms) -> tuple[np.ndarray, np.ndarray]:
     """Return A_Q and its inverse, [G15] eqs. (12), (13): (N, nv, nv) each."""
     matrix = body.matrix
-    xp = _namespace(matrix)
-    count, size = matrix.shape[0], matrix.shape[2]
-    eye = xp.eye(size, dtype=matrix.dtype, device=matrix.device)
-    forward = xp.tile(eye[None], (count, 1, 1))
-    inverse = xp.tile(eye[None], (count, 1, 1))
+    count, _, size = matrix.shape
+    forward, inverse = np.tile(np.eye(size), (2, count, 1, 1))
     forward[:, :6] = matrix
     base = body.to_com.mT @ momentum_inertia(body)
     inverse[:, :6, :6] = base
@@ -259,7 +157,7 @@ def transform(body: CentroidalTerms) -> tuple[Array, Array]:
     return forward, inverse
 
 
-def transformed_jacobian(body: CentroidalTerms, jacobian: Array) -> Array:
+def transformed_jacobian(body: CentroidalTerms, jacobian: np.ndarray) -> np.ndarray:
     """Return Jbar = J A_Q^-1 of [G15] eq. (25).
 
     Its first six columns act on the momentum (Jbar_b), the others on the joints (Jbar_q).
@@ -273,10 +171,10 @@ def transformed_jacobian(body: CentroidalTerms, jacobian: Array) -> Array:
     """
     base = jacobian[:, :, :6] @ body.to_com.mT @ momentum_inertia(body)
     joints = jacobian[:, :, 6:] - base @ body.matrix[:, :, 6:]
-    return _namespace(joints).concat((base, joints), axis=-1)
+    return np.concatenate((base, joints), axis=-1)
 
 
-def generalized_jacobian(mass_matrix: Array, jacobian: Array) -> Array:
+def generalized_jacobian(mass_matrix: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     """Return the generalized Jacobian of a free-floating robot, [G15] eq. (33).
 
     At zero momentum the velocity of the end effector is this times qdot (Umetani and Yoshida 1987).
@@ -289,12 +187,11 @@ def generalized_jacobian(mass_matrix: Array, jacobian: Array) -> Array:
     Returns:
         (N, k, n).
     """
-    xp = _namespace(jacobian)
-    base = xp.linalg.solve(mass_matrix[:, :6, :6], mass_matrix[:, :6, 6:])
+    base = np.linalg.solve(mass_matrix[:, :6, :6], mass_matrix[:, :6, 6:])
     return jacobian[:, :, 6:] - jacobian[:, :, :6] @ base
 
 
-def joint_inertia(body: CentroidalTerms, mass_matrix: Array) -> Array:
+def joint_inertia(body: CentroidalTerms, mass_matrix: np.ndarray) -> np.ndarray:
     """Return Lambda_q = M_qq - A_q^T Lambda_h A_q of [G15] eq. (17): (N, n, n).
 
     The inertia that motor torques feel on a robot in flight.
@@ -303,26 +200,27 @@ def joint_inertia(body: CentroidalTerms, mass_matrix: Array) -> Array:
     return mass_matrix[:, 6:, 6:] - body.wrench_map[:, 6:] @ joints
 
 
-def kinetic_energy(body: CentroidalTerms, mass_matrix: Array, velocity: Array) -> Array:
+def kinetic_energy(
+    body: CentroidalTerms, mass_matrix: np.ndarray, velocity: np.ndarray
+) -> np.ndarray:
     """Return the kinetic energy of linear momentum, angular momentum and joints, [G15] eq. (34).
 
     Returns:
         (N, 3) J.
     """
-    xp = _namespace(velocity)
     linear, angular = body.momentum[:, :3], body.momentum[:, 3:]
     joints = velocity[:, 6:]
     parts = (
-        xp.vecdot(linear, linear) / body.mass,
-        xp.vecdot(angular, _times(body.inverse_inertia, angular)),
-        xp.vecdot(joints, _times(joint_inertia(body, mass_matrix), joints)),
+        np.vecdot(linear, linear) / body.mass,
+        np.vecdot(angular, np.matvec(body.inverse_inertia, angular)),
+        np.vecdot(joints, np.matvec(joint_inertia(body, mass_matrix), joints)),
     )
-    return 0.5 * xp.stack(parts, axis=-1)
+    return 0.5 * np.stack(parts, axis=-1)
 
 
 def momentum_matrix_rate(
-    body: CentroidalTerms, terms: DynamicsTerms, velocity: Array, coriolis: Array
-) -> Array:
+    body: CentroidalTerms, terms: DynamicsTerms, velocity: np.ndarray, coriolis: np.ndarray
+) -> np.ndarray:
     """Return the time derivative of A: (N, 6, nv).
 
     Args:
@@ -332,14 +230,14 @@ def momentum_matrix_rate(
         coriolis: (N, nv, nv) any C with Mdot - 2 C skew, so that Mdot = C + C^T.
     """
     mass_rate = coriolis[:, :6] + coriolis[:, :, :6].mT
-    turn = _namespace(velocity).zeros_like(body.to_com)
+    turn = np.zeros_like(body.to_com)
     turn[:, 3:, :3] = skew(velocity[:, :3] - terms.com_velocity)
     turn[:, 3:, 3:] = terms.base_rotation @ skew(velocity[:, 3:6])
     return turn @ terms.mass_matrix[:, :6] + body.to_com @ mass_rate
 
 
 def decoupled_dynamics(
-    body: CentroidalTerms, terms: DynamicsTerms, velocity: Array, coriolis: Array
+    body: CentroidalTerms, terms: DynamicsTerms, velocity: np.ndarray, coriolis: np.ndarray
 ) -> DecoupledDynamics:
     """Return the equations of motion in the coordinates xi, [G15] eqs. (12)-(25).
 
@@ -351,20 +249,10 @@ def decoupled_dynamics(
             `fbid_gym.dynamics.coriolis`.
     """
     forward, inverse = transform(body)
-    rate = _namespace(forward).zeros_like(forward)
+    rate = np.zeros_like(forward)
     rate[:, :6] = momentum_matrix_rate(body, terms, velocity, coriolis)
-    inertia = _namespace(forward).zeros_like(forward)
+    inertia = np.zeros_like(forward)
     inertia[:, :6, :6] = momentum_inertia(body)
     inertia[:, 6:, 6:] = joint_inertia(body, terms.mass_matrix)
     gamma = (inverse.mT @ coriolis - inertia @ rate) @ inverse
     return DecoupledDynamics(forward, inverse, rate, inertia, gamma)
-
-
-def _namespace(array: Array) -> Any:
-    """Array-API namespace; short cut for NumPy, where the look-up would show."""
-    return np if isinstance(array, np.ndarray) else array_api_compat.array_namespace(array)
-
-
-def _times(matrix: Array, vector: Array) -> Array:
-    """Batched matrix-vector product."""
-    return (matrix @ vector[..., None])[..., 0]

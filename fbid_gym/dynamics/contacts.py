@@ -11,90 +11,38 @@ points in every equation of [M10]: same rank, same null space, same minimum-norm
 point force f acts through U^T f. Four corner points become 6 rows instead of 12.
 """
 
-from dataclasses import dataclass
-from typing import NamedTuple
-
 import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.frames import skew
-from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.dynamics.vectors import add, cross, dot, matrix, store, turn, vector
 from fbid_gym.errors import ShapeError
+from fbid_gym.quantities import ActivePoints, ContactGeometry, DynamicsTerms, ReducedContacts
 from fbid_gym.robots import Robot
 
 _RANK_TOLERANCE = 1e-6
 
 
-class ReducedContacts(NamedTuple):
-    """The active contact points of N robots in k rows; P points.
-
-    Attributes:
-        jacobian: (N, k, nv). Zero rows where a foot has fewer active directions than k allows.
-        bias: (N, k) m/s^2, "Jdot v" of the same rows.
-        point_map: (N, k, 3P) takes stacked point forces (world axes) to the rows, so that
-            J_points^T f = jacobian^T (point_map f). Zero columns for inactive points.
-    """
-
-    jacobian: np.ndarray
-    bias: np.ndarray
-    point_map: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class ContactGeometry:
-    """The constant part of a robot's contacts; F feet, P points, at most p of them on one foot.
-
-    Attributes:
-        foot_of_point: (P,) which foot a point belongs to.
-        slot_of_point: (P,) its place among the foot's points, in 0 … p - 1.
-        offset: (P, 3) m from the foot's reference, in the foot's axes.
-        motion: (F, 2^p, r, 6) the matrix S for every subset of active points.
-        spread: (F, 2^p, r, 3p) the matrix U^T; columns of inactive points are zero.
-        every: (1, P) all points active.
-    """
-
-    foot_of_point: np.ndarray
-    slot_of_point: np.ndarray
-    offset: np.ndarray
-    motion: np.ndarray
-    spread: np.ndarray
-    every: np.ndarray
-
-    @classmethod
-    def of(cls, robot: Robot) -> "ContactGeometry":
-        """Factor the contact geometry of a robot."""
-        sizes = [len(foot.points) for foot in robot.feet]
-        most = max(sizes)
-        offsets = [foot.points - foot.points.mean(axis=0) for foot in robot.feet]
-        factors = [
-            [_factor(offset, subset, most) for subset in range(2**most)] for offset in offsets
-        ]
-        rows = max(len(motion) for foot in factors for motion, _ in foot)
-        motion = np.zeros((len(sizes), 2**most, rows, 6))
-        spread = np.zeros((len(sizes), 2**most, rows, 3 * most))
-        for foot, subsets in enumerate(factors):
-            for subset, (motion_rows, spread_rows) in enumerate(subsets):
-                motion[foot, subset, : len(motion_rows)] = motion_rows
-                spread[foot, subset, : len(spread_rows)] = spread_rows
-        return cls(
-            foot_of_point=np.repeat(np.arange(len(sizes)), sizes),
-            slot_of_point=np.concatenate([np.arange(size) for size in sizes]),
-            offset=np.concatenate(offsets),
-            motion=motion,
-            spread=spread,
-            every=np.ones((1, sum(sizes)), bool),
-        )
-
-    @property
-    def num_points(self) -> int:
-        """Number of contact points P."""
-        return len(self.offset)
-
-    @property
-    def num_rows(self) -> int:
-        """Number of rows k of the reduced contacts."""
-        return self.motion.shape[0] * self.motion.shape[2]
+def contact_geometry(robot: Robot) -> ContactGeometry:
+    """Factor the contact geometry of a robot."""
+    sizes = [len(foot.points) for foot in robot.feet]
+    most = max(sizes)
+    offsets = [foot.points - foot.points.mean(axis=0) for foot in robot.feet]
+    factors = [[_factor(offset, subset, most) for subset in range(2**most)] for offset in offsets]
+    rows = max(len(motion) for foot in factors for motion, _ in foot)
+    motion = np.zeros((len(sizes), 2**most, rows, 6))
+    spread = np.zeros((len(sizes), 2**most, rows, 3 * most))
+    for foot, subsets in enumerate(factors):
+        for subset, (motion_rows, spread_rows) in enumerate(subsets):
+            motion[foot, subset, : len(motion_rows)] = motion_rows
+            spread[foot, subset, : len(spread_rows)] = spread_rows
+    return ContactGeometry(
+        foot_of_point=np.repeat(np.arange(len(sizes)), sizes),
+        slot_of_point=np.concatenate([np.arange(size) for size in sizes]),
+        offset=np.concatenate(offsets),
+        motion=motion,
+        spread=spread,
+    )
 
 
 def _factor(offset: np.ndarray, subset: int, most: int) -> tuple[np.ndarray, np.ndarray]:
@@ -109,63 +57,39 @@ def _factor(offset: np.ndarray, subset: int, most: int) -> tuple[np.ndarray, np.
     return sizes[:rank, None] * right[:rank], left[:, :rank].T
 
 
+def active_points(geometry: ContactGeometry, mask: np.ndarray | None) -> ActivePoints:
+    """Return the points of a mask (N, P) bool; all of them, for ever, if None."""
+    if mask is None:
+        return ActivePoints(np.ones((1, geometry.num_points), bool), False)
+    return ActivePoints(np.ascontiguousarray(mask, bool), True)
+
+
+@kernel
 def point_positions(geometry: ContactGeometry, terms: DynamicsTerms) -> np.ndarray:
     """Return where the contact points are: (N, P, 3) m, world."""
-    positions = np.empty((len(terms.foot_position), geometry.num_points, 3))
-    _place(
-        geometry.foot_of_point,
-        geometry.offset,
-        terms.foot_position,
-        terms.foot_rotation,
-        positions,
-    )
+    count, points = len(terms.foot_position), len(geometry.offset)
+    positions = np.empty((count, points, 3))
+    for i in range(count):
+        for point in range(points):
+            foot = geometry.foot_of_point[point]
+            arm = turn(matrix(terms.foot_rotation, (i, foot)), vector(geometry.offset, (point,)))
+            store(add(vector(terms.foot_position, (i, foot)), arm), positions, (i, point))
     return positions
 
 
 @kernel
-def _place(
-    foot_of_point: np.ndarray,
-    offset: np.ndarray,
-    foot_position: np.ndarray,
-    foot_rotation: np.ndarray,
-    positions: np.ndarray,
-) -> None:
-    """Fill positions (N, P, 3)."""
-    for i in range(len(positions)):
-        for point in range(len(offset)):
-            foot = foot_of_point[point]
-            arm = turn(matrix(foot_rotation, (i, foot)), vector(offset, (point,)))
-            store(add(vector(foot_position, (i, foot)), arm), positions, (i, point))
-
-
 def point_velocities(geometry: ContactGeometry, terms: DynamicsTerms) -> np.ndarray:
     """Return how fast the contact points move: (N, P, 3) m/s, world."""
-    velocities = np.empty((len(terms.foot_velocity), geometry.num_points, 3))
-    _move(
-        geometry.foot_of_point,
-        geometry.offset,
-        terms.foot_rotation,
-        terms.foot_velocity,
-        velocities,
-    )
-    return velocities
-
-
-@kernel
-def _move(
-    foot_of_point: np.ndarray,
-    offset: np.ndarray,
-    foot_rotation: np.ndarray,
-    foot_velocity: np.ndarray,
-    velocities: np.ndarray,
-) -> None:
-    """Fill velocities (N, P, 3)."""
-    for i in range(len(velocities)):
-        for point in range(len(offset)):
-            foot = foot_of_point[point]
-            arm = turn(matrix(foot_rotation, (i, foot)), vector(offset, (point,)))
-            linear, omega = vector(foot_velocity, (i, foot)), vector(foot_velocity, (i, foot), 3)
+    count, points = len(terms.foot_velocity), len(geometry.offset)
+    velocities = np.empty((count, points, 3))
+    for i in range(count):
+        for point in range(points):
+            foot = geometry.foot_of_point[point]
+            arm = turn(matrix(terms.foot_rotation, (i, foot)), vector(geometry.offset, (point,)))
+            linear = vector(terms.foot_velocity, (i, foot))
+            omega = vector(terms.foot_velocity, (i, foot), 3)
             store(add(linear, cross(omega, arm)), velocities, (i, point))
+    return velocities
 
 
 def point_jacobian(
@@ -202,99 +126,67 @@ def reduced_contacts(
     Raises:
         ShapeError: `active` has another shape.
     """
-    num_robots, _, _, nv = terms.foot_jacobian.shape
-    if active is None:
-        turning, points = False, geometry.every
-    else:
-        if active.shape != (num_robots, geometry.num_points):
-            raise ShapeError("active", active.shape, f"({num_robots}, {geometry.num_points})")
-        turning, points = True, np.ascontiguousarray(active, bool)
-    rows = geometry.num_rows
-    contacts = ReducedContacts(
-        np.empty((num_robots, rows, nv)),
-        np.empty((num_robots, rows)),
-        np.empty((num_robots, rows, 3 * geometry.num_points)),
-    )
-    fill_contacts(
-        geometry.foot_of_point,
-        geometry.slot_of_point,
-        geometry.offset,
-        geometry.motion,
-        geometry.spread,
-        turning,
-        points,
-        terms.foot_rotation,
-        terms.foot_velocity,
-        terms.foot_jacobian,
-        terms.foot_bias,
-        *contacts,
-    )
-    return contacts
+    expected = (len(terms.foot_jacobian), geometry.num_points)
+    if active is not None and active.shape != expected:
+        raise ShapeError("active", active.shape, f"{expected}")
+    return reduce_contacts(geometry, active_points(geometry, active), terms)
 
 
 @kernel
-def fill_contacts(
-    foot_of_point: np.ndarray,
-    slot_of_point: np.ndarray,
-    offset: np.ndarray,
-    motion: np.ndarray,
-    spread: np.ndarray,
-    turning: bool,
-    active: np.ndarray,
-    foot_rotation: np.ndarray,
-    foot_velocity: np.ndarray,
-    foot_jacobian: np.ndarray,
-    foot_bias: np.ndarray,
-    jacobian: np.ndarray,
-    bias: np.ndarray,
-    point_map: np.ndarray,
-) -> None:
-    """Fill the reduced contacts; `turning`: feet may turn about some of their points."""
-    num_feet, _, rows, _ = motion.shape
+def reduce_contacts(
+    geometry: ContactGeometry, active: ActivePoints, terms: DynamicsTerms
+) -> ReducedContacts:
+    """Return the active points in as few rows as the feet's geometry allows."""
+    count, _, _, nv = terms.foot_jacobian.shape
+    num_feet, _, rows, _ = geometry.motion.shape
+    points = len(geometry.offset)
+    jacobian, bias = np.empty((count, num_feet * rows, nv)), np.empty((count, num_feet * rows))
+    point_map = np.empty((count, num_feet * rows, 3 * points))
     subset = np.empty(num_feet, np.int64)
-    for i in range(len(jacobian)):
+    for i in range(count):
         subset[:] = 0
-        for point in range(len(offset)):
-            if active[min(i, len(active) - 1), point]:
-                subset[foot_of_point[point]] |= 1 << slot_of_point[point]
+        for point in range(points):
+            if active.mask[min(i, len(active.mask) - 1), point]:
+                subset[geometry.foot_of_point[point]] |= 1 << geometry.slot_of_point[point]
 
         # Both factors act on vectors in the foot's axes: bring them to the world's.
         for foot in range(num_feet):
-            rotation = matrix(foot_rotation, (i, foot))
-            rate, spin = vector(foot_bias, (i, foot)), vector(foot_bias, (i, foot), 3)
+            rotation = matrix(terms.foot_rotation, (i, foot))
+            rate, spin = vector(terms.foot_bias, (i, foot)), vector(terms.foot_bias, (i, foot), 3)
             for row in range(rows):
                 factor = (foot, subset[foot], row)
-                linear = turn(rotation, vector(motion, factor))
-                angular = turn(rotation, vector(motion, factor, 3))
+                linear = turn(rotation, vector(geometry.motion, factor))
+                angular = turn(rotation, vector(geometry.motion, factor, 3))
                 k = foot * rows + row
-                for j in range(jacobian.shape[2]):
+                for j in range(nv):
                     jacobian[i, k, j] = (
-                        linear[0] * foot_jacobian[i, foot, 0, j]
-                        + linear[1] * foot_jacobian[i, foot, 1, j]
-                        + linear[2] * foot_jacobian[i, foot, 2, j]
-                        + angular[0] * foot_jacobian[i, foot, 3, j]
-                        + angular[1] * foot_jacobian[i, foot, 4, j]
-                        + angular[2] * foot_jacobian[i, foot, 5, j]
+                        linear[0] * terms.foot_jacobian[i, foot, 0, j]
+                        + linear[1] * terms.foot_jacobian[i, foot, 1, j]
+                        + linear[2] * terms.foot_jacobian[i, foot, 2, j]
+                        + angular[0] * terms.foot_jacobian[i, foot, 3, j]
+                        + angular[1] * terms.foot_jacobian[i, foot, 4, j]
+                        + angular[2] * terms.foot_jacobian[i, foot, 5, j]
                     )
                 bias[i, k] = dot(linear, rate) + dot(angular, spin)
 
         for k in range(point_map.shape[1]):
             for column in range(point_map.shape[2]):
                 point_map[i, k, column] = 0.0
-        for point in range(len(offset)):
-            foot = foot_of_point[point]
-            rotation = matrix(foot_rotation, (i, foot))
-            # With all of a foot's points on the ground, their acceleration about its reference
-            # vanishes or the rows cannot see it.
-            arm, omega = (
-                turn(rotation, vector(offset, (point,))),
-                vector(foot_velocity, (i, foot), 3),
-            )
+        for point in range(points):
+            foot = geometry.foot_of_point[point]
+            rotation = matrix(terms.foot_rotation, (i, foot))
+            arm = turn(rotation, vector(geometry.offset, (point,)))
+            omega = vector(terms.foot_velocity, (i, foot), 3)
             centripetal = cross(omega, cross(omega, arm))
             for row in range(rows):
                 factor = (foot, subset[foot], row)
-                force = turn(rotation, vector(spread, factor, 3 * slot_of_point[point]))
+                force = turn(
+                    rotation, vector(geometry.spread, factor, 3 * geometry.slot_of_point[point])
+                )
                 k = foot * rows + row
                 store(force, point_map, (i, k), 3 * point)
-                if turning:
+                # With all of a foot's points on the ground, their acceleration about its reference
+                # vanishes or the rows cannot see it.
+                if active.switching:
                     bias[i, k] += dot(force, centripetal)
+    return ReducedContacts(jacobian, bias, point_map)

@@ -23,13 +23,7 @@ their first argument (NumPy, torch). Rotations are written as one constant linea
 product because at small batches the number of array calls, not of operations, sets the cost.
 """
 
-from typing import Any
-
-import array_api_compat
 import numpy as np
-
-Array = Any
-"""An array of any array-API namespace; shapes are in the docstrings."""
 
 
 def _quaternion_map() -> np.ndarray:
@@ -69,23 +63,10 @@ _SKEW_MAP = np.zeros((3, 9))
 _SKEW_MAP[[0, 0, 1, 1, 2, 2], [7, 5, 2, 6, 3, 1]] = [1, -1, 1, -1, 1, -1]
 
 
-def _namespace(array: Array) -> Any:
-    """The array-API namespace of an array; short cut for NumPy, where the look-up would show."""
-    return np if isinstance(array, np.ndarray) else array_api_compat.array_namespace(array)
-
-
-def _constant(value: np.ndarray, like: Array) -> Array:
-    """A constant in the namespace, type and device of another array."""
-    if isinstance(like, np.ndarray):
-        return value if like.dtype == value.dtype else value.astype(like.dtype)
-    xp = array_api_compat.array_namespace(like)
-    return xp.asarray(value, dtype=like.dtype, device=array_api_compat.device(like))
-
-
 # --- rotations -------------------------------------------------------------------------------
 
 
-def quaternion_to_matrix(quaternion: Array) -> Array:
+def quaternion_to_matrix(quaternion: np.ndarray) -> np.ndarray:
     """Rotation matrix of a quaternion.
 
     Args:
@@ -94,28 +75,26 @@ def quaternion_to_matrix(quaternion: Array) -> Array:
     Returns:
         (..., 3, 3) rotation R with x_world = R x_body if the quaternion is the body's.
     """
-    xp = _namespace(quaternion)
     batch = quaternion.shape[:-1]
-    products = xp.reshape(quaternion[..., :, None] * quaternion[..., None, :], (*batch, 16))
-    entries = products @ _constant(_QUATERNION_MAP, quaternion)
-    return xp.reshape(entries[..., :9] / entries[..., 9:], (*batch, 3, 3))
+    products = np.reshape(quaternion[..., :, None] * quaternion[..., None, :], (*batch, 16))
+    entries = products @ _QUATERNION_MAP
+    return np.reshape(entries[..., :9] / entries[..., 9:], (*batch, 3, 3))
 
 
-def _scaled_quaternion(rotation: Array) -> Array:
+def _scaled_quaternion(rotation: np.ndarray) -> np.ndarray:
     """Quaternion of a rotation matrix (..., 3, 3), of any sign and a length between 2 and 4.
 
     Forms 4 q qᵀ, which is linear in R, and takes its column of largest diagonal entry (Shepperd's
     choice), so that no angle is special and nothing cancels.
     """
-    xp = _namespace(rotation)
-    outer = xp.reshape(rotation, (-1, 9)) @ _constant(_OUTER_QUATERNION_MAP, rotation)
-    outer = outer + _constant(_IDENTITY, rotation)
-    largest = xp.argmax(outer[:, ::5], axis=-1)
-    column = xp.reshape(outer, (-1, 4, 4))[xp.arange(outer.shape[0]), largest]
-    return xp.reshape(column, (*rotation.shape[:-2], 4))
+    outer = np.reshape(rotation, (-1, 9)) @ _OUTER_QUATERNION_MAP
+    outer = outer + _IDENTITY
+    largest = np.argmax(outer[:, ::5], axis=-1)
+    column = np.reshape(outer, (-1, 4, 4))[np.arange(outer.shape[0]), largest]
+    return np.reshape(column, (*rotation.shape[:-2], 4))
 
 
-def matrix_to_quaternion(rotation: Array) -> Array:
+def matrix_to_quaternion(rotation: np.ndarray) -> np.ndarray:
     """Unit quaternion of a rotation matrix, with w ≥ 0.
 
     Args:
@@ -124,13 +103,12 @@ def matrix_to_quaternion(rotation: Array) -> Array:
     Returns:
         (..., 4) w, x, y, z.
     """
-    xp = _namespace(rotation)
     quaternion = _scaled_quaternion(rotation)
-    quaternion = quaternion / xp.sqrt(xp.vecdot(quaternion, quaternion))[..., None]
-    return xp.where(quaternion[..., :1] < 0, -quaternion, quaternion)
+    quaternion = quaternion / np.sqrt(np.vecdot(quaternion, quaternion))[..., None]
+    return np.where(quaternion[..., :1] < 0, -quaternion, quaternion)
 
 
-def quaternion_rotation_vector(quaternion: Array) -> Array:
+def quaternion_rotation_vector(quaternion: np.ndarray) -> np.ndarray:
     """Rotation vector (axis times angle) of a quaternion: the logarithm of the rotation.
 
     Args:
@@ -139,15 +117,14 @@ def quaternion_rotation_vector(quaternion: Array) -> Array:
     Returns:
         (..., 3) rad, of length at most π.
     """
-    xp = _namespace(quaternion)
     w, vector = quaternion[..., 0], quaternion[..., 1:]
-    sine = xp.sqrt(xp.vecdot(vector, vector))
-    half_angle = xp.copysign(xp.atan2(sine, xp.abs(w)), w)
+    sine = np.sqrt(np.vecdot(vector, vector))
+    half_angle = np.copysign(np.arctan2(sine, np.abs(w)), w)
     # The summand only meets sine = 0, where the vector is zero as well.
     return vector * (2 * half_angle / (sine + 1e-30))[..., None]
 
 
-def rotation_vector(rotation: Array) -> Array:
+def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     """Rotation vector (axis times angle) of a rotation matrix: its logarithm.
 
     The orientation error that turns R into R_desired is `rotation_vector(R_desired Rᵀ)` in world
@@ -163,7 +140,7 @@ def rotation_vector(rotation: Array) -> Array:
     return quaternion_rotation_vector(_scaled_quaternion(rotation))
 
 
-def skew(vector: Array) -> Array:
+def skew(vector: np.ndarray) -> np.ndarray:
     """Matrix of the cross product, with `skew(a) @ b` = a × b.
 
     Args:
@@ -172,19 +149,13 @@ def skew(vector: Array) -> Array:
     Returns:
         (..., 3, 3).
     """
-    xp = _namespace(vector)
-    return xp.reshape(vector @ _constant(_SKEW_MAP, vector), (*vector.shape[:-1], 3, 3))
-
-
-def _rotate(rotation: Array, vector: Array) -> Array:
-    """R x for (..., 3, 3) and (..., 3)."""
-    return (rotation @ vector[..., None])[..., 0]
+    return np.reshape(vector @ _SKEW_MAP, (*vector.shape[:-1], 3, 3))
 
 
 # --- from MuJoCo to Pinocchio ------------------------------------------------------------------
 
 
-def configuration_to_pinocchio(qpos: Array, qpos0: Array) -> Array:
+def configuration_to_pinocchio(qpos: np.ndarray, qpos0: np.ndarray) -> np.ndarray:
     """Pinocchio's configuration of a MuJoCo one.
 
     Args:
@@ -196,14 +167,13 @@ def configuration_to_pinocchio(qpos: Array, qpos0: Array) -> Array:
     Returns:
         (..., 7 + n) base position, unit quaternion x, y, z, w, joint displacements.
     """
-    xp = _namespace(qpos)
     quaternion = qpos[..., 3:7]
-    quaternion = quaternion / xp.sqrt(xp.vecdot(quaternion, quaternion))[..., None]
+    quaternion = quaternion / np.sqrt(np.vecdot(quaternion, quaternion))[..., None]
     parts = (qpos[..., :3], quaternion[..., 1:], quaternion[..., :1], qpos[..., 7:] - qpos0[7:])
-    return xp.concat(parts, axis=-1)
+    return np.concatenate(parts, axis=-1)
 
 
-def velocity_to_pinocchio(velocity: Array, rotation: Array) -> Array:
+def velocity_to_pinocchio(velocity: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Generalized velocity in Pinocchio's coordinates: v_pin = X v.
 
     Args:
@@ -213,12 +183,11 @@ def velocity_to_pinocchio(velocity: Array, rotation: Array) -> Array:
     Returns:
         (..., 6 + n).
     """
-    xp = _namespace(velocity)
-    linear = _rotate(rotation.mT, velocity[..., :3])
-    return xp.concat((linear, velocity[..., 3:]), axis=-1)
+    linear = np.matvec(rotation.mT, velocity[..., :3])
+    return np.concatenate((linear, velocity[..., 3:]), axis=-1)
 
 
-def velocity_product(velocity: Array, rotation: Array) -> Array:
+def velocity_product(velocity: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Acceleration Ẋ v, which Pinocchio's is when MuJoCo's is zero.
 
     Args:
@@ -228,13 +197,14 @@ def velocity_product(velocity: Array, rotation: Array) -> Array:
     Returns:
         (..., 6 + n) (−ω × Rᵀ ṗ, 0, 0), with ω in the base frame.
     """
-    xp = _namespace(velocity)
-    linear = _rotate(rotation.mT, velocity[..., :3])
-    cross = _rotate(skew(linear), velocity[..., 3:6])  # a × b = −b × a
-    return xp.concat((cross, xp.zeros_like(velocity[..., 3:])), axis=-1)
+    linear = np.matvec(rotation.mT, velocity[..., :3])
+    cross = np.matvec(skew(linear), velocity[..., 3:6])  # a × b = −b × a
+    return np.concatenate((cross, np.zeros_like(velocity[..., 3:])), axis=-1)
 
 
-def acceleration_to_pinocchio(acceleration: Array, velocity: Array, rotation: Array) -> Array:
+def acceleration_to_pinocchio(
+    acceleration: np.ndarray, velocity: np.ndarray, rotation: np.ndarray
+) -> np.ndarray:
     """Generalized acceleration in Pinocchio's coordinates: a_pin = X a + Ẋ v.
 
     Args:
@@ -248,7 +218,7 @@ def acceleration_to_pinocchio(acceleration: Array, velocity: Array, rotation: Ar
     return velocity_to_pinocchio(acceleration, rotation) + velocity_product(velocity, rotation)
 
 
-def force_to_pinocchio(force: Array, rotation: Array) -> Array:
+def force_to_pinocchio(force: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Generalized force in Pinocchio's coordinates, X⁻ᵀ f: of equal power, v · f = v_pin · f_pin.
 
     Args:
@@ -265,7 +235,7 @@ def force_to_pinocchio(force: Array, rotation: Array) -> Array:
 # --- from Pinocchio to MuJoCo ------------------------------------------------------------------
 
 
-def configuration_from_pinocchio(q: Array, qpos0: Array) -> Array:
+def configuration_from_pinocchio(q: np.ndarray, qpos0: np.ndarray) -> np.ndarray:
     """MuJoCo's configuration of a Pinocchio one: the inverse of `configuration_to_pinocchio`.
 
     Args:
@@ -275,11 +245,10 @@ def configuration_from_pinocchio(q: Array, qpos0: Array) -> Array:
     Returns:
         (..., 7 + n).
     """
-    xp = _namespace(q)
-    return xp.concat((q[..., :3], q[..., 6:7], q[..., 3:6], q[..., 7:] + qpos0[7:]), axis=-1)
+    return np.concatenate((q[..., :3], q[..., 6:7], q[..., 3:6], q[..., 7:] + qpos0[7:]), axis=-1)
 
 
-def velocity_from_pinocchio(velocity: Array, rotation: Array) -> Array:
+def velocity_from_pinocchio(velocity: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Generalized velocity in MuJoCo's coordinates: v = X⁻¹ v_pin.
 
     Args:
@@ -292,7 +261,9 @@ def velocity_from_pinocchio(velocity: Array, rotation: Array) -> Array:
     return velocity_to_pinocchio(velocity, rotation.mT)
 
 
-def acceleration_from_pinocchio(acceleration: Array, velocity: Array, rotation: Array) -> Array:
+def acceleration_from_pinocchio(
+    acceleration: np.ndarray, velocity: np.ndarray, rotation: np.ndarray
+) -> np.ndarray:
     """Generalized acceleration in MuJoCo's coordinates: a = X⁻¹ (a_pin − Ẋ v).
 
     Args:
@@ -306,7 +277,7 @@ def acceleration_from_pinocchio(acceleration: Array, velocity: Array, rotation: 
     return velocity_from_pinocchio(acceleration - velocity_product(velocity, rotation), rotation)
 
 
-def jacobian_from_pinocchio(jacobian: Array, rotation: Array) -> Array:
+def jacobian_from_pinocchio(jacobian: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Jacobian with respect to MuJoCo's generalized velocity: J = J_pin X.
 
     Args:
@@ -316,11 +287,10 @@ def jacobian_from_pinocchio(jacobian: Array, rotation: Array) -> Array:
     Returns:
         (..., m, 6 + n).
     """
-    xp = _namespace(jacobian)
-    return xp.concat((jacobian[..., :3] @ rotation.mT, jacobian[..., 3:]), axis=-1)
+    return np.concatenate((jacobian[..., :3] @ rotation.mT, jacobian[..., 3:]), axis=-1)
 
 
-def mass_matrix_from_pinocchio(mass_matrix: Array, rotation: Array) -> Array:
+def mass_matrix_from_pinocchio(mass_matrix: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Mass matrix in MuJoCo's coordinates: M = Xᵀ M_pin X.
 
     Args:
@@ -335,7 +305,9 @@ def mass_matrix_from_pinocchio(mass_matrix: Array, rotation: Array) -> Array:
     return jacobian_from_pinocchio(right.mT, rotation).mT
 
 
-def bias_from_pinocchio(bias: Array, mass_matrix: Array, velocity: Array, rotation: Array) -> Array:
+def bias_from_pinocchio(
+    bias: np.ndarray, mass_matrix: np.ndarray, velocity: np.ndarray, rotation: np.ndarray
+) -> np.ndarray:
     """Bias force in MuJoCo's coordinates: h = Xᵀ (h_pin + M_pin Ẋ v).
 
     Args:
@@ -347,5 +319,5 @@ def bias_from_pinocchio(bias: Array, mass_matrix: Array, velocity: Array, rotati
     Returns:
         (..., 6 + n).
     """
-    moved = bias + _rotate(mass_matrix, velocity_product(velocity, rotation))
+    moved = bias + np.matvec(mass_matrix, velocity_product(velocity, rotation))
     return velocity_from_pinocchio(moved, rotation)

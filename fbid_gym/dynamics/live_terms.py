@@ -1,23 +1,18 @@
 """Dynamics terms read from MuJoCo's own buffers, for a whole batch at once."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
-from functools import partial
+from typing import NamedTuple
 
 import mujoco
 import mujoco.batch
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.dynamics.vectors import add, cross, scale, store, subtract, turn, vector
+from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots import Robot
 
-_BUFFERS = ("M", "qfrc_bias", "cdof", "cdof_dot", "cvel", "subtree_com", "xpos", "xmat")
 
-
-@dataclass(frozen=True)
-class _Layout:
+class _Layout(NamedTuple):
     """Where a robot's quantities lie in MuJoCo's buffers; F feet, nv coordinates, B bodies."""
 
     base: int
@@ -31,21 +26,34 @@ class _Layout:
     column: np.ndarray  # columns of its entries, which are those of the lower half
     base_armature: np.ndarray  # (3,) kg, armature on the base's translation
 
-    @classmethod
-    def of(cls, robot: Robot) -> "_Layout":
-        model = robot.model
-        return cls(
-            base=robot.base_body,
-            members=np.flatnonzero(model.body_rootid == robot.base_body),
-            feet=np.array([foot.body for foot in robot.feet], np.int64),
-            centre=np.array([foot.points.mean(axis=0) for foot in robot.feet]),
-            drop=np.array([foot.radius for foot in robot.feet]),
-            last=np.array([_last_dof(model, foot.body) for foot in robot.feet], np.int64),
-            parent=model.dof_parentid.astype(np.int64),
-            row=np.append(model.M_rowadr, model.M_rowadr[-1] + model.M_rownnz[-1]).astype(np.int64),
-            column=model.M_colind.astype(np.int64),
-            base_armature=model.dof_armature[:3].copy(),
-        )
+
+class _Buffers(NamedTuple):
+    """What MuJoCo has computed for N robots, under its own names."""
+
+    M: np.ndarray
+    qfrc_bias: np.ndarray
+    cdof: np.ndarray
+    cdof_dot: np.ndarray
+    cvel: np.ndarray
+    subtree_com: np.ndarray
+    xpos: np.ndarray
+    xmat: np.ndarray
+
+
+def _layout_of(robot: Robot) -> _Layout:
+    model = robot.model
+    return _Layout(
+        base=robot.base_body,
+        members=np.flatnonzero(model.body_rootid == robot.base_body),
+        feet=np.array([foot.body for foot in robot.feet], np.int64),
+        centre=np.array([foot.points.mean(axis=0) for foot in robot.feet]),
+        drop=np.array([foot.radius for foot in robot.feet]),
+        last=np.array([_last_dof(model, foot.body) for foot in robot.feet], np.int64),
+        parent=model.dof_parentid.astype(np.int64),
+        row=np.append(model.M_rowadr, model.M_rowadr[-1] + model.M_rownnz[-1]).astype(np.int64),
+        column=model.M_colind.astype(np.int64),
+        base_armature=model.dof_armature[:3].copy(),
+    )
 
 
 def _last_dof(model: mujoco.MjModel, body: int) -> int:
@@ -65,12 +73,10 @@ class LiveTerms:
 
     def __init__(self, robot: Robot, batch: mujoco.batch.Batch) -> None:
         """Bind the buffers of `batch`, which simulates `robot`."""
-        layout = _Layout.of(robot)
-        constants = [getattr(layout, field.name) for field in fields(layout)]
-        buffers = [batch.bind(name) for name in _BUFFERS]
-        if not all(buffer.flags.c_contiguous for buffer in buffers):
+        self._layout = _layout_of(robot)
+        self._buffers = _Buffers(*(batch.bind(name) for name in _Buffers._fields))
+        if not all(buffer.flags.c_contiguous for buffer in self._buffers):
             raise AssertionError("what a persistent batch derives from its state is contiguous")
-        self._read: Callable[..., None] = partial(_read, *constants, *buffers)
         self._qvel = batch.bind("qvel")
         self._body_mass = robot.model.body_mass[None].copy()
         # As the batch's are where robots differ: to a kernel that is another type of array.
@@ -98,104 +104,80 @@ class LiveTerms:
         terms = DynamicsTerms(*map(np.empty, self._shapes))
         # The velocities are parts of the batch's state: one robot's do not follow another's.
         qvel = np.ascontiguousarray(self._qvel)
-        self._read(qvel, self._body_mass if masses is None else masses, *terms)
+        body_mass = self._body_mass if masses is None else masses
+        _read(self._layout, self._buffers, qvel, body_mass, terms)
         return terms
 
 
 @kernel
 def _read(
-    base: int,
-    members: np.ndarray,
-    feet: np.ndarray,
-    centre: np.ndarray,
-    drop: np.ndarray,
-    last: np.ndarray,
-    parent: np.ndarray,
-    row: np.ndarray,
-    column: np.ndarray,
-    base_armature: np.ndarray,
-    sparse_matrix: np.ndarray,
-    qfrc_bias: np.ndarray,
-    cdof: np.ndarray,
-    cdof_dot: np.ndarray,
-    cvel: np.ndarray,
-    subtree_com: np.ndarray,
-    xpos: np.ndarray,
-    xmat: np.ndarray,
+    layout: _Layout,
+    buffers: _Buffers,
     qvel: np.ndarray,
     body_mass: np.ndarray,
-    mass_matrix: np.ndarray,
-    bias: np.ndarray,
-    base_position: np.ndarray,
-    base_rotation: np.ndarray,
-    com: np.ndarray,
-    com_velocity: np.ndarray,
-    foot_position: np.ndarray,
-    foot_rotation: np.ndarray,
-    foot_velocity: np.ndarray,
-    foot_jacobian: np.ndarray,
-    foot_bias: np.ndarray,
+    terms: DynamicsTerms,
 ) -> None:
-    """Fill the terms of all robots; arguments as in `_Layout`, MuJoCo and `DynamicsTerms`."""
-    nv = len(parent)
+    """Write the terms of all robots to `terms`; `body_mass` (N, B) or (1, B) kg."""
+    nv = len(layout.parent)
+    xpos, xmat = buffers.xpos, buffers.xmat
     for i in range(len(qvel)):
-        _unpack(i, sparse_matrix, row, column, mass_matrix)
+        _unpack(i, buffers.M, layout.row, layout.column, terms.mass_matrix)
         for j in range(nv):
-            bias[i, j] = qfrc_bias[i, j]
-        store(vector(xpos, (i, base)), base_position, (i,))
+            terms.bias[i, j] = buffers.qfrc_bias[i, j]
+        store(vector(xpos, (i, layout.base)), terms.base_position, (i,))
         for axis in range(3):
-            store(vector(xmat, (i, base), 3 * axis), base_rotation, (i, axis))
-        origin = vector(subtree_com, (i, base))
-        store(origin, com, (i,))
+            store(vector(xmat, (i, layout.base), 3 * axis), terms.base_rotation, (i, axis))
+        origin = vector(buffers.subtree_com, (i, layout.base))
+        store(origin, terms.com, (i,))
 
         mass = 0.0
-        for body in members:
+        for body in layout.members:
             mass += body_mass[min(i, len(body_mass) - 1), body]
         for axis in range(3):
-            momentum = -base_armature[axis] * qvel[i, axis]
+            momentum = -layout.base_armature[axis] * qvel[i, axis]
             for j in range(nv):
-                momentum += mass_matrix[i, axis, j] * qvel[i, j]
-            com_velocity[i, axis] = momentum / mass
+                momentum += terms.mass_matrix[i, axis, j] * qvel[i, j]
+            terms.com_velocity[i, axis] = momentum / mass
 
-        for foot in range(len(feet)):
-            body, lowered = feet[foot], (0.0, 0.0, drop[foot])
+        for foot in range(len(layout.feet)):
+            body, lowered = layout.feet[foot], (0.0, 0.0, layout.drop[foot])
             rotation = (
                 vector(xmat, (i, body), 0),
                 vector(xmat, (i, body), 3),
                 vector(xmat, (i, body), 6),
             )
             for axis in range(3):
-                store(rotation[axis], foot_rotation, (i, foot, axis))
-            middle = add(vector(xpos, (i, body)), turn(rotation, vector(centre, (foot,))))
+                store(rotation[axis], terms.foot_rotation, (i, foot, axis))
+            middle = add(vector(xpos, (i, body)), turn(rotation, vector(layout.centre, (foot,))))
             reference = subtract(middle, lowered)
-            store(reference, foot_position, (i, foot))
+            store(reference, terms.foot_position, (i, foot))
 
             # MuJoCo's spatial velocities are [angular; linear at the centre of mass].
             arm = subtract(reference, origin)
-            angular = vector(cvel, (i, body))
-            linear = add(vector(cvel, (i, body), 3), cross(angular, arm))
-            store(linear, foot_velocity, (i, foot))
-            store(angular, foot_velocity, (i, foot), 3)
+            angular = vector(buffers.cvel, (i, body))
+            linear = add(vector(buffers.cvel, (i, body), 3), cross(angular, arm))
+            store(linear, terms.foot_velocity, (i, foot))
+            store(angular, terms.foot_velocity, (i, foot), 3)
 
             for axis in range(6):
                 for j in range(nv):
-                    foot_jacobian[i, foot, axis, j] = 0.0
+                    terms.foot_jacobian[i, foot, axis, j] = 0.0
             spin, rate = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-            dof = last[foot]
+            dof = layout.last[foot]
             while dof >= 0:
-                axes = vector(cdof, (i, dof))
-                along = add(vector(cdof, (i, dof), 3), cross(axes, arm))
+                axes = vector(buffers.cdof, (i, dof))
+                along = add(vector(buffers.cdof, (i, dof), 3), cross(axes, arm))
                 for axis in range(3):
-                    foot_jacobian[i, foot, axis, dof] = along[axis]
-                    foot_jacobian[i, foot, 3 + axis, dof] = axes[axis]
-                spin = add(spin, scale(qvel[i, dof], vector(cdof_dot, (i, dof))))
-                rate = add(rate, scale(qvel[i, dof], vector(cdof_dot, (i, dof), 3)))
-                dof = parent[dof]
+                    terms.foot_jacobian[i, foot, axis, dof] = along[axis]
+                    terms.foot_jacobian[i, foot, 3 + axis, dof] = axes[axis]
+                spin = add(spin, scale(qvel[i, dof], vector(buffers.cdof_dot, (i, dof))))
+                rate = add(rate, scale(qvel[i, dof], vector(buffers.cdof_dot, (i, dof), 3)))
+                dof = layout.parent[dof]
             # omega × (velocity of the centre): the part of a point's acceleration that its spatial
             # acceleration leaves out.
             rest = cross(angular, add(linear, cross(angular, lowered)))
-            store(add(add(rate, cross(spin, arm)), rest), foot_bias, (i, foot))
-            store(spin, foot_bias, (i, foot), 3)
+            store(add(add(rate, cross(spin, arm)), rest), terms.foot_bias, (i, foot))
+            store(spin, terms.foot_bias, (i, foot), 3)
 
 
 @compiled

@@ -5,8 +5,8 @@ import mujoco.batch
 import numpy as np
 
 from fbid_gym.dynamics.live_terms import LiveTerms
-from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.errors import NonFiniteError, ShapeError
+from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots import Robot
 
 

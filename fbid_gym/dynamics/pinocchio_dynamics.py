@@ -11,8 +11,8 @@ import pinocchio as pin
 from fbid_gym.dynamics import frames
 from fbid_gym.dynamics.mujoco_dynamics import check_states
 from fbid_gym.dynamics.pinocchio_model import armature_of_base, pinocchio_model
-from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.errors import InvalidValueError, ShapeError, UnknownOptionError
+from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots import Robot
 
 _AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

@@ -8,6 +8,7 @@ import numpy as np
 from fbid_gym.compiled import compiled
 
 Vector = tuple[float, float, float]
+Rotation = tuple[Vector, Vector, Vector]
 
 
 @compiled
@@ -17,7 +18,7 @@ def vector(array: np.ndarray, row: tuple[int, ...], first: int = 0) -> Vector:
 
 
 @compiled
-def matrix(array: np.ndarray, row: tuple[int, ...]) -> tuple[Vector, Vector, Vector]:
+def matrix(array: np.ndarray, row: tuple[int, ...]) -> Rotation:
     """Read array[*row], 3 × 3, row by row."""
     return vector(array, row + (0,)), vector(array, row + (1,)), vector(array, row + (2,))
 
@@ -59,6 +60,23 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 @compiled
-def turn(rotation: tuple[Vector, Vector, Vector], a: Vector) -> Vector:
+def turn(rotation: Rotation, a: Vector) -> Vector:
     """Rotation times a, with the rows of the rotation."""
     return dot(rotation[0], a), dot(rotation[1], a), dot(rotation[2], a)
+
+
+@compiled
+def transposed(rows: Rotation) -> Rotation:
+    """The rows of the transposed matrix."""
+    return (
+        (rows[0][0], rows[1][0], rows[2][0]),
+        (rows[0][1], rows[1][1], rows[2][1]),
+        (rows[0][2], rows[1][2], rows[2][2]),
+    )
+
+
+@compiled
+def product(left: Rotation, right: Rotation) -> Rotation:
+    """Left times right, row by row."""
+    columns = transposed(right)
+    return turn(columns, left[0]), turn(columns, left[1]), turn(columns, left[2])

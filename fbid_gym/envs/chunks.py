@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from fbid_gym.checks import whole_number
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch, Step
-from fbid_gym.envs.options import whole_number
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 

@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 
 from fbid_gym.actions import LAYERS, ActionLayer, layer_options, make_layer
-from fbid_gym.envs.options import by_name, non_negative, number, pair
+from fbid_gym.actions.footholds import Footholds
+from fbid_gym.checks import by_name, count, number, pair
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
@@ -100,6 +101,10 @@ class EnvConfig:
         options = by_name("layer_options", self.layer_options)
         return make_layer(self.action_layer, robot, self.rates().control, options)
 
+    def footholds(self, robot: Robot) -> Footholds:
+        """Return what of an action steers a gait."""
+        return Footholds.none(robot)
+
     def make_task(self, robot: Robot) -> Task:
         """Return the task."""
         rates, defaults = self.rates(), task_options(_known_task(self.task))
@@ -128,7 +133,7 @@ class EnvConfig:
         height = number("terrain_height", self.terrain_height)
         if not isinstance(self.terrain, str):
             raise UnknownOptionError("terrain", self.terrain, TERRAINS)
-        seed = non_negative("terrain_seed", self.terrain_seed)
+        seed = count("terrain_seed", self.terrain_seed)
         return _ground(self.terrain, robot, height, seed)
 
     def randomisations(self) -> Randomisation:

@@ -7,9 +7,9 @@ import mujoco.batch
 import numpy as np
 
 from fbid_gym.dynamics.live_terms import LiveTerms
-from fbid_gym.dynamics.terms import DynamicsTerms
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.simulation import Simulation
+from fbid_gym.quantities import DynamicsTerms
 
 
 class Plant(Protocol):

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from typing import Any
 
-from fbid_gym.envs.options import number, pair
+from fbid_gym.checks import number, pair
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 
 

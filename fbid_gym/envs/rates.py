@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from fbid_gym.envs.options import whole_number
+from fbid_gym.checks import whole_number
 from fbid_gym.errors import InvalidValueError
 
 

@@ -27,8 +27,8 @@ class RobotRenderer:
         self._batch, self._mode = batch, mode
         self._model = batch.simulation.model
         self._data = mujoco.MjData(self._model)
-        support = batch.task.support
-        self._distance = 2.3 * support.home_base[2] + 3.5 * support.radius
+        stance = batch.task.body.stance
+        self._distance = 2.3 * stance.home_base[2] + 3.5 * stance.radius
         self._renderer: mujoco.Renderer | None = None
         self._viewer: mujoco.viewer.Handle | None = None
 

@@ -6,13 +6,13 @@ import mujoco
 import mujoco.batch
 import numpy as np
 
-from fbid_gym.dynamics.contacts import ContactGeometry, point_positions
+from fbid_gym.dynamics.contacts import point_positions
 from fbid_gym.dynamics.live_terms import LiveTerms
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.rates import Rates
-from fbid_gym.envs.tick import Effort, drive, find_diverged, read, write_controls
+from fbid_gym.envs.tick import Effort, Wiring, drive, find_diverged, read, write_controls
 from fbid_gym.errors import RobotError
+from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots import Robot
 
 MAX_SPEED = 500.0
@@ -63,19 +63,27 @@ class Simulation:
         self.batch = mujoco.batch.Batch(model, num_robots, 1, persistent=True)
         self.qpos = self.batch.bind("qpos")[:, : robot.nq]
         self.qvel = self.batch.bind("qvel")[:, : robot.nv]
-        self._substeps, self._geometry = rates.substeps, ContactGeometry.of(robot)
+        self._substeps, self._geometry = rates.substeps, Stance.of(robot).geometry
         self._push = self.batch.bind("xfrc_applied")[:, robot.base_body, :3]
-        self._rows, self._shape = self.batch.state, (num_robots, robot.num_joints)
-        self._controls = self._column(self.batch.bind("ctrl")) + robot.actuator
-        self._position, self._velocity = self._column(self.qpos), self._column(self.qvel)
-        self._pushed = self._column(self._push)
+        self._shape = num_robots, robot.num_joints
         first = robot.contact_sensor.min()
         columns = slice(first, first + robot.contact_sensor.size)
         if not np.array_equal(np.r_[columns], robot.contact_sensor.ravel()):
             raise AssertionError("the contact sensors of a Robot are consecutive")
-        self._sensor_rows, self._contact = self.batch.bind("sensordata"), int(first)
-        sensors = self._sensor_rows[:, columns]
-        self._sensors = sensors.reshape(num_robots, robot.num_points, 3)
+        sensors = self.batch.bind("sensordata")
+        self._wiring = Wiring(
+            rows=self.batch.state,
+            sensors=sensors,
+            warning=self.batch.warning,
+            position=self._column(self.qpos),
+            velocity=self._column(self.qvel),
+            push=self._column(self._push),
+            controls=self._column(self.batch.bind("ctrl")) + robot.actuator,
+            contact=int(first),
+            gear=robot.gear,
+            torque_limit=robot.torque_limit,
+        )
+        self._sensors = sensors[:, columns].reshape(num_robots, robot.num_points, 3)
         self.contact_force = np.zeros(self._sensors.shape)
         self._live = LiveTerms(robot, self.batch)
         self._terms: DynamicsTerms | None = None
@@ -85,7 +93,8 @@ class Simulation:
 
     def _column(self, part: np.ndarray) -> int:
         """The column of the batch's rows at which a view of them begins."""
-        return int(part.ctypes.data - self._rows.ctypes.data) // self._rows.itemsize
+        rows = self.batch.state
+        return int(part.ctypes.data - rows.ctypes.data) // rows.itemsize
 
     @property
     def num_robots(self) -> int:
@@ -134,7 +143,7 @@ class Simulation:
         if torque.shape != self._shape:
             torque = np.broadcast_to(torque, self._shape)
         torque = np.ascontiguousarray(torque, dtype=float)
-        write_controls(torque, self.robot.gear, self._controls, self._rows)
+        write_controls(self._wiring, torque)
         self._advance(ids)
         self.contact_force[:] = self._sensors
 
@@ -149,12 +158,9 @@ class Simulation:
             state: of all robots, in arrays of its own but for `contact_force`, which is the
                 simulation's; updated.
         """
-        robot, rows = self.robot, self._rows
-        limits = robot.torque_limit, robot.gear, self._controls
-        drive(torque, *limits, push, self._pushed, rows, *effort[:4])
+        drive(self._wiring, torque, push, effort)
         self._advance(None)
-        places = rows, self._position, self._velocity, self._sensor_rows, self._contact
-        read(*places, effort.torque, effort.power, *state)
+        read(self._wiring, effort, state)
 
     def _advance(self, ids: np.ndarray | None) -> None:
         self.batch.step(ids, nstep=self._substeps, stage=_VELOCITY)
@@ -166,10 +172,7 @@ class Simulation:
         MuJoCo restarts a simulation whose state is no longer finite; one that merely moves
         absurdly fast is about to get there.
         """
-        found = np.empty(self.num_robots, bool)
-        speeds = self._velocity, self.robot.nv, MAX_SPEED
-        find_diverged(self.batch.warning, _DIVERGENCE, *speeds, self._rows, found)
-        return found
+        return find_diverged(self._wiring, _DIVERGENCE, self.robot.nv, MAX_SPEED)
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return copies of all that the future depends on."""

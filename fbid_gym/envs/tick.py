@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import kernel
+from fbid_gym.quantities import RobotState
 
 
 class Effort(NamedTuple):
@@ -36,55 +37,56 @@ class Effort(NamedTuple):
         return cls(torque, saturation, torque_square, lost, power)
 
 
-@kernel
-def write_controls(
-    torque: np.ndarray, gear: np.ndarray, controls: np.ndarray, rows: np.ndarray
-) -> None:
-    """Let the motors of N robots give torques (N, n), or (1, n) all of them the same.
+class Wiring(NamedTuple):
+    """Where a robot's quantities lie in the batch.
 
-    Args:
-        torque: N·m.
+    Attributes:
+        rows: (N, S) of the batch, live.
+        sensors: (N, R) of the batch, live.
+        warning: (N, W, 2) of the batch, live; the count of each kind comes second.
+        position: first column of qpos in the rows.
+        velocity: first column of qvel.
+        push: first of the three columns of the force on the base.
+        controls: (n,) column of each joint's control.
+        contact: first column of the contact forces among the sensors.
         gear: (n,) torque per unit of control.
-        controls: (n,) the column of each joint's control.
-        rows: (N, S) of the batch.
+        torque_limit: (n,) N·m.
     """
-    for i in range(len(rows)):
-        wanted = torque[min(i, len(torque) - 1)]
-        for j in range(len(gear)):
-            rows[i, controls[j]] = wanted[j] / gear[j]
+
+    rows: np.ndarray
+    sensors: np.ndarray
+    warning: np.ndarray
+    position: int
+    velocity: int
+    push: int
+    controls: np.ndarray
+    contact: int
+    gear: np.ndarray
+    torque_limit: np.ndarray
 
 
 @kernel
-def drive(
-    wanted: np.ndarray,
-    limit: np.ndarray,
-    gear: np.ndarray,
-    controls: np.ndarray,
-    push: np.ndarray,
-    pushed: int,
-    rows: np.ndarray,
-    torque: np.ndarray,
-    saturation: np.ndarray,
-    torque_square: np.ndarray,
-    lost: np.ndarray,
-) -> None:
+def write_controls(wiring: Wiring, torque: np.ndarray) -> None:
+    """Let the motors of N robots give torques (N, n) N·m, or (1, n) all of them the same."""
+    for i in range(len(wiring.rows)):
+        wanted = torque[min(i, len(torque) - 1)]
+        for j in range(len(wiring.gear)):
+            wiring.rows[i, wiring.controls[j]] = wanted[j] / wiring.gear[j]
+
+
+@kernel
+def drive(wiring: Wiring, wanted: np.ndarray, push: np.ndarray, effort: Effort) -> None:
     """Limit the torques of N robots, and write them and the pushes into the batch.
 
     A robot whose torques are no numbers gets none, and is lost.
 
     Args:
+        wiring: of the robots.
         wanted: (N, n) N·m, of the action layer.
-        limit: (n,) N·m.
-        gear: (n,) torque per unit of control.
-        controls: (n,) the column of each joint's control.
         push: (N, 3) N.
-        pushed: the first of the three columns of the force on the base.
-        rows: (N, S) of the batch.
-        torque: (N, n) N·m, and the rest: see `Effort`.
-        saturation: see there.
-        torque_square: see there.
-        lost: see there.
+        effort: updated, but for the power.
     """
+    limit, rows = wiring.torque_limit, wiring.rows
     joints = len(limit)
     for i in range(len(rows)):
         broken = False
@@ -93,87 +95,53 @@ def drive(
         square, full = 0.0, 0
         for j in range(joints):
             given = 0.0 if broken else min(max(wanted[i, j], -limit[j]), limit[j])
-            torque[i, j] = given
-            rows[i, controls[j]] = given / gear[j]
+            effort.torque[i, j] = given
+            rows[i, wiring.controls[j]] = given / wiring.gear[j]
             square += given * given
             full += abs(given) >= limit[j]
         for axis in range(3):
-            rows[i, pushed + axis] = push[i, axis]
-        saturation[i] = full / joints
-        torque_square[i] += square
-        lost[i] |= broken
+            rows[i, wiring.push + axis] = push[i, axis]
+        effort.saturation[i] = full / joints
+        effort.torque_square[i] += square
+        effort.lost[i] |= broken
 
 
 @kernel
-def read(
-    rows: np.ndarray,
-    position: int,
-    velocity: int,
-    sensors: np.ndarray,
-    contact: int,
-    torque: np.ndarray,
-    power: np.ndarray,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    contact_force: np.ndarray,
-    tick: np.ndarray,
-) -> None:
-    """Read what a control tick did to N robots.
-
-    Args:
-        rows: (N, S) of the batch.
-        position: the first column of the robots' qpos.
-        velocity: the first column of their qvel.
-        sensors: (N, R) of the batch.
-        contact: the first of its columns with contact forces.
-        torque: (N, n) N·m, as applied.
-        power: (N,) W, to which that of these torques is added.
-        qpos: (N, nq) to be read.
-        qvel: (N, nv) to be read.
-        contact_force: (N, P, 3) N, to be read.
-        tick: (N,) control ticks, one more now.
-    """
-    points = contact_force.shape[1]
+def read(wiring: Wiring, effort: Effort, state: RobotState) -> None:
+    """Read what a control tick did to N robots; updates their state, and the effort's power."""
+    rows = wiring.rows
     for i in range(len(rows)):
-        for j in range(qpos.shape[1]):
-            qpos[i, j] = rows[i, position + j]
-        for j in range(qvel.shape[1]):
-            qvel[i, j] = rows[i, velocity + j]
-        for j in range(points):
+        for j in range(state.qpos.shape[1]):
+            state.qpos[i, j] = rows[i, wiring.position + j]
+        for j in range(state.qvel.shape[1]):
+            state.qvel[i, j] = rows[i, wiring.velocity + j]
+        for j in range(state.contact_force.shape[1]):
             for axis in range(3):
-                contact_force[i, j, axis] = sensors[i, contact + 3 * j + axis]
+                column = wiring.contact + 3 * j + axis
+                state.contact_force[i, j, axis] = wiring.sensors[i, column]
         total = 0.0
-        for j in range(torque.shape[1]):
-            total += abs(torque[i, j] * qvel[i, 6 + j])
-        power[i] += total
-        tick[i] += 1
+        for j in range(effort.torque.shape[1]):
+            total += abs(effort.torque[i, j] * state.qvel[i, 6 + j])
+        effort.power[i] += total
+        state.tick[i] += 1
 
 
 @kernel
-def find_diverged(
-    warning: np.ndarray,
-    kinds: np.ndarray,
-    velocity: int,
-    size: int,
-    fastest: float,
-    rows: np.ndarray,
-    diverged: np.ndarray,
-) -> None:
-    """Find the robots whose states can no longer be trusted.
+def find_diverged(wiring: Wiring, kinds: np.ndarray, size: int, fastest: float) -> np.ndarray:
+    """Return which robots' states can no longer be trusted: (N,) bool.
 
     Args:
-        warning: (N, W, 2) the batch's warnings; the count of each kind comes second.
-        kinds: (K,) those of a restart, which were set to 1 beforehand.
-        velocity: the first column of the robots' qvel.
+        wiring: of the robots.
+        kinds: (K,) the warnings of a restart, which were set to 1 beforehand.
         size: nv.
         fastest: m/s and rad/s, largest speed that is trusted.
-        rows: (N, S) of the batch.
-        diverged: (N,) bool.
     """
-    for i in range(len(rows)):
+    diverged = np.empty(len(wiring.rows), np.bool_)
+    for i in range(len(wiring.rows)):
         trusted = True
         for kind in kinds:
-            trusted &= warning[i, kind, 1] == 1
+            trusted &= wiring.warning[i, kind, 1] == 1
         for j in range(size):
-            trusted &= abs(rows[i, velocity + j]) < fastest
+            trusted &= abs(wiring.rows[i, wiring.velocity + j]) < fastest
         diverged[i] = not trusted
+    return diverged

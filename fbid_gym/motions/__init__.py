@@ -1,7 +1,7 @@
 """Motions: what a robot's joints, base and feet shall do over time."""
 
 from fbid_gym.motions.crawl import Crawl, Gait, crawl
-from fbid_gym.motions.reference import Reference, home_reference
+from fbid_gym.motions.reference import home_reference
 from fbid_gym.motions.squat import periodic_squat, squat_bow
 from fbid_gym.motions.stepping import Steps, stepping
 from fbid_gym.motions.table import MotionTable
@@ -10,7 +10,6 @@ __all__ = [
     "Crawl",
     "Gait",
     "MotionTable",
-    "Reference",
     "Steps",
     "crawl",
     "home_reference",

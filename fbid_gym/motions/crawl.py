@@ -21,9 +21,9 @@ from fbid_gym.motions.kinematics import (
     joints_on_feet,
     seen_from_feet,
 )
-from fbid_gym.motions.reference import Reference, empty_parts
 from fbid_gym.motions.squat import period_ticks
-from fbid_gym.motions.table import MotionTable
+from fbid_gym.motions.table import MotionTable, empty_reference, side_by_side
+from fbid_gym.quantities import Reference
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 
@@ -115,28 +115,20 @@ class Crawl:
             worst = float(speed[np.argmax(np.abs(speed - 0.5 * (slow + fast)))])
             raise InvalidValueError("speed", worst, f"a speed in [{slow:g}, {fast:g}] m/s")
         table, share = self.tables[0], (speed - slow) / max(fast - slow, 1e-12)
-        parts = empty_parts(len(tick), table.robot)
-        assert table.planted is not None  # and the same at every speed
-        _blend(self.rows, table.planted, np.ascontiguousarray(tick), share, *parts)
-        return Reference(*parts)
+        return _blend(self.rows, table.own_rows, np.ascontiguousarray(tick), share)
 
 
 @kernel
-def _blend(
-    rows: np.ndarray,
-    feet: np.ndarray,
-    tick: np.ndarray,
-    share: np.ndarray,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    qacc: np.ndarray,
-    com: np.ndarray,
-    com_velocity: np.ndarray,
-    com_acceleration: np.ndarray,
-    planted: np.ndarray,
-) -> None:
-    """Fill a `Reference` of N robots: polynomials in the share of the speed, and planted feet."""
-    numbers = np.empty(rows.shape[2])
+def _blend(rows: np.ndarray, like: Reference, tick: np.ndarray, share: np.ndarray) -> Reference:
+    """Return the rows of N robots: polynomials in the share of the speed, and planted feet.
+
+    Args:
+        rows: (T, K, D), see `Crawl`.
+        like: the walk at one speed, whose planted feet are those at all.
+        tick: (N,) since the motion began.
+        share: (N,) of the speed.
+    """
+    numbers, found = np.empty(rows.shape[2]), empty_reference(like, len(tick))
     for i in range(len(tick)):
         row, power = tick[i] % len(rows), 1.0
         numbers[:] = 0.0
@@ -145,15 +137,22 @@ def _blend(
                 numbers[k] += power * rows[row, degree, k]
             power *= share[i]
         first = 0
-        for part in (qpos, qvel, qacc, com, com_velocity, com_acceleration):
+        for part in (
+            found.qpos,
+            found.qvel,
+            found.qacc,
+            found.com,
+            found.com_velocity,
+            found.com_acceleration,
+        ):
             for k in range(part.shape[1]):
                 part[i, k] = numbers[first + k]
             first += part.shape[1]
-        length = np.sqrt(dot(qpos[i, 3:7], qpos[i, 3:7]))
+        length = np.sqrt(dot(found.qpos[i, 3:7], found.qpos[i, 3:7]))
         for k in range(3, 7):
-            qpos[i, k] /= length
-        for foot in range(feet.shape[1]):
-            planted[i, foot] = feet[row, foot]
+            found.qpos[i, k] /= length
+        found.planted[i] = like.planted[row]
+    return found
 
 
 def crawl(robot: Robot, gait: Gait = LITTLEDOG, *, hz: int = 500) -> Crawl:
@@ -182,11 +181,8 @@ def crawl(robot: Robot, gait: Gait = LITTLEDOG, *, hz: int = 500) -> Crawl:
     guess = np.tile(robot.home_qpos[7:], (ticks, 1))
     for speed in speeds:
         tables.append(_table(robot, gait, ticks, hz, float(speed), guess))
-        guess = tables[-1].qpos[:, 7:]
-    rows = [
-        np.concatenate([getattr(table, name) for name in Reference._fields[:6]], axis=1)
-        for table in tables
-    ]
+        guess = tables[-1].rows.qpos[:, 7:]
+    rows = [side_by_side(table.rows) for table in tables]
     powers = np.linspace(0.0, 1.0, gait.tables)[:, None] ** np.arange(gait.tables)
     coefficients = np.linalg.inv(powers) @ np.stack(rows, axis=1)
     return Crawl(speeds, tuple(tables), coefficients)
@@ -281,7 +277,7 @@ def _table(
         return places
 
     states = joints_on_feet(robot, base, centres, standing, range(robot.num_joints), guess)
-    return MotionTable(robot, *seen_from_feet(robot, states, planted), hz, periodic=True)
+    return MotionTable(robot, seen_from_feet(robot, states, planted), hz, periodic=True)
 
 
 def _across(turn: np.ndarray) -> np.ndarray:

@@ -5,14 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.frames import matrix_to_quaternion, rotation_vector, skew
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.support import Support
-from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.curves import Curve
-from fbid_gym.motions.reference import Reference
+from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Reference
 from fbid_gym.robots import Robot
 
 CHUNK = 125
@@ -64,10 +63,9 @@ def home_points(robot: Robot) -> np.ndarray:
 
     A sphere's point is its centre. z counts from the ground, a radius below that.
     """
-    qpos = robot.home_qpos[None]
-    terms = MuJoCoDynamics(robot).terms(qpos, np.zeros((1, robot.nv)))
-    points = sphere_centres(robot, ContactGeometry.of(robot), terms)[0]
-    radius = foot_radius(robot)[ContactGeometry.of(robot).foot_of_point]
+    stance = Stance.of(robot)
+    points = sphere_centres(robot, stance.geometry, stance.terms)[0]
+    radius = foot_radius(robot)[stance.geometry.foot_of_point]
     centre = (points - radius[:, None] * [0, 0, 1]).mean(axis=0)
     return points - centre
 
@@ -108,7 +106,7 @@ def base_on_feet(
         InvalidValueError: the joints would move planted feet against each other, or too few points
             are planted to tell where the base is.
     """
-    geometry = ContactGeometry.of(robot)
+    geometry = Stance.of(robot).geometry
     steps = len(joints.value)
     if planted is None:
         planted = np.ones((steps, robot.num_feet), bool)
@@ -303,12 +301,12 @@ def seen_from_feet(robot: Robot, states: States, planted: np.ndarray | None = No
     Returns:
         T rows.
     """
-    support = Support.of(robot)
+    stance = Stance.of(robot)
     gravity, armature = robot.model.opt.gravity, robot.model.dof_armature[:3]
     qpos, qvel, qacc = (part.copy() for part in states)
     com = np.zeros((3, len(qpos), 3))
     for rows, terms in Chunked(robot).terms(states.qpos, states.qvel):
-        frame = support.frame(terms)
+        frame = stance.frame(terms)
         to_frame = frame.rotation.mT
         force = np.matvec(terms.mass_matrix[:, :3], states.qacc[rows]) + terms.bias[:, :3]
         force -= armature * states.qacc[rows, :3]
@@ -319,4 +317,7 @@ def seen_from_feet(robot: Robot, states: States, planted: np.ndarray | None = No
         com[0, rows] = np.matvec(to_frame, terms.com - frame.centre)
         com[1, rows] = np.matvec(to_frame, terms.com_velocity)
         com[2, rows] = np.matvec(to_frame, force / robot.mass + gravity)
-    return Reference(qpos, qvel, qacc, com[0], com[1], com[2], planted)
+    stepping = planted is not None
+    if planted is None:
+        planted = np.ones((len(qpos), robot.num_feet), bool)
+    return Reference(qpos, qvel, qacc, com[0], com[1], com[2], planted, stepping)

@@ -151,4 +151,4 @@ def joint_columns(robot: Robot, names: Sequence[str]) -> list[int]:
 
 def _on_flat_feet(robot: Robot, joints: Curve, hz: int, *, periodic: bool) -> MotionTable:
     states = base_on_feet(robot, joints, home_points(robot))
-    return MotionTable(robot, *seen_from_feet(robot, states), hz, periodic)
+    return MotionTable(robot, seen_from_feet(robot, states), hz, periodic)

@@ -101,7 +101,7 @@ def stepping(robot: Robot, steps: Steps = PAPER, *, hz: int = 500) -> MotionTabl
             whole[:, columns] += part[:, None] * steps.lift
     states = base_on_feet(robot, joints, points, planted)
     return MotionTable(
-        robot, *seen_from_feet(robot, states, planted), hz, periodic=True, jumps=jumps
+        robot, seen_from_feet(robot, states, planted), hz, periodic=True, jumps=jumps
     )
 
 

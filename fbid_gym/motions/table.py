@@ -5,9 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
-from fbid_gym.motions.reference import Reference, empty_parts
+from fbid_gym.quantities import Reference
 from fbid_gym.robots import Robot
 
 _RANGE_TOLERANCE = 1e-9  # rad
@@ -23,13 +23,7 @@ class MotionTable:
 
     Attributes:
         robot: whose motion it is.
-        qpos: (T, nq) and
-        qvel: (T, nv) and
-        qacc: (T, nv) and
-        com: (T, 3) and
-        com_velocity: (T, 3) and
-        com_acceleration: (T, 3), as in `Reference`.
-        planted: (T, F) bool, which feet are planned to stand; None for all of them.
+        rows: T of them.
         hz: ticks per second.
         periodic: whether the first row follows the last one. Else the last posture is held.
         jumps: (T,) bool, rows whose posture does not continue that of the row before: instant
@@ -37,13 +31,7 @@ class MotionTable:
     """
 
     robot: Robot
-    qpos: np.ndarray
-    qvel: np.ndarray
-    qacc: np.ndarray
-    com: np.ndarray
-    com_velocity: np.ndarray
-    com_acceleration: np.ndarray
-    planted: np.ndarray | None
+    rows: Reference
     hz: int
     periodic: bool
     jumps: np.ndarray | None = None
@@ -57,16 +45,16 @@ class MotionTable:
             InvalidValueError: a joint leaves its range, or the rates are not those of the postures.
         """
         _check_shapes(self)
-        _check_ranges(self.robot, self.qpos)
+        _check_ranges(self.robot, self.rows.qpos)
         _check_rates(self)
-        for array in vars(self).values():
+        for array in (*self.rows, self.jumps):
             if isinstance(array, np.ndarray):
                 array.setflags(write=False)
 
     @property
     def period(self) -> int:
         """Length in ticks: of one period, or of the whole motion."""
-        return len(self.qpos)
+        return len(self.rows.qpos)
 
     @property
     def seconds(self) -> float:
@@ -80,96 +68,95 @@ class MotionTable:
             tick: (N,) int control ticks since the motion began, not negative.
             speed: not used: this motion takes no command.
         """
-        numbers, feet = self._rows
-        parts = empty_parts(len(tick), self.robot)
-        _look_up(numbers, feet, np.ascontiguousarray(tick), self.periodic, *parts)
-        reference = Reference(*parts)
-        return reference._replace(planted=None) if self.planted is None else reference
+        ticks = np.ascontiguousarray(tick)
+        return _look_up(self._numbers, self.own_rows, ticks, self.periodic)
 
     @cached_property
-    def _rows(self) -> tuple[np.ndarray, np.ndarray]:
-        """The numbers of `Reference` side by side, in its order, (T, D); and `planted`, (T, F)."""
-        parts = [getattr(self, name) for name in Reference._fields[:6]]
-        every = np.ones((self.period, self.robot.num_feet), bool)
-        planted = every if self.planted is None else self.planted
-        return np.concatenate(parts, axis=1), np.array(planted, order="C")
+    def own_rows(self) -> Reference:
+        """The rows as compiled code takes them: in arrays that are not read-only."""
+        names = Reference._fields[:-1]
+        return self.rows._replace(**{name: getattr(self.rows, name).copy() for name in names})
+
+    @cached_property
+    def _numbers(self) -> np.ndarray:
+        return side_by_side(self.rows)
+
+
+def side_by_side(rows: Reference) -> np.ndarray:
+    """Return the numbers of a reference side by side, in its order: (T, D)."""
+    return np.concatenate(rows[:6], axis=1)
 
 
 @kernel
-def _look_up(
-    numbers: np.ndarray,
-    feet: np.ndarray,
-    tick: np.ndarray,
-    periodic: bool,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    qacc: np.ndarray,
-    com: np.ndarray,
-    com_velocity: np.ndarray,
-    com_acceleration: np.ndarray,
-    planted: np.ndarray,
-) -> None:
-    """Fill a `Reference` of N robots.
+def _look_up(numbers: np.ndarray, rows: Reference, tick: np.ndarray, periodic: bool) -> Reference:
+    """Return the rows of N robots at ticks (N,) since the motion began.
 
-    Args:
-        numbers: (T, D) those of all ticks, side by side in the order of `Reference`.
-        feet: (T, F) planted feet.
-        tick: (N,) since the motion began.
-        periodic: whether it begins again; else it rests when it is over.
-        qpos: (N, nq), and the rest: see `Reference`.
-        qvel: see there.
-        qacc: see there.
-        com: see there.
-        com_velocity: see there.
-        com_acceleration: see there.
-        planted: see there.
+    Where it is not periodic it rests when it is over.
     """
-    for i in range(len(tick)):
+    count = len(tick)
+    found = empty_reference(rows, count)
+    for i in range(count):
         over = not periodic and tick[i] >= len(numbers)
         row = len(numbers) - 1 if over else tick[i] % len(numbers)
         first = 0
         for part, is_rate in (
-            (qpos, False),
-            (qvel, True),
-            (qacc, True),
-            (com, False),
-            (com_velocity, True),
-            (com_acceleration, True),
+            (found.qpos, False),
+            (found.qvel, True),
+            (found.qacc, True),
+            (found.com, False),
+            (found.com_velocity, True),
+            (found.com_acceleration, True),
         ):
             for k in range(part.shape[1]):
                 part[i, k] = 0.0 if over and is_rate else numbers[row, first + k]
             first += part.shape[1]
-        for foot in range(feet.shape[1]):
-            planted[i, foot] = feet[row, foot]
+        found.planted[i] = rows.planted[row]
+    return found
+
+
+@compiled
+def empty_reference(rows: Reference, count: int) -> Reference:
+    """A reference of N robots to write to, of the same robot as `rows`."""
+    return Reference(
+        np.empty((count, rows.qpos.shape[1])),
+        np.empty((count, rows.qvel.shape[1])),
+        np.empty((count, rows.qacc.shape[1])),
+        np.empty((count, 3)),
+        np.empty((count, 3)),
+        np.empty((count, 3)),
+        np.empty((count, rows.planted.shape[1]), np.bool_),
+        rows.stepping,
+    )
 
 
 def _check_shapes(motion: MotionTable) -> None:
-    robot, steps = motion.robot, len(motion.qpos)
+    robot, steps = motion.robot, len(motion.rows.qpos)
     for name, array, width, text in (
-        ("qpos", motion.qpos, robot.nq, f"(T, {robot.nq}): {robot.name} has nq = {robot.nq}"),
-        ("qvel", motion.qvel, robot.nv, f"({steps}, {robot.nv}), one row per row of qpos"),
-        ("qacc", motion.qacc, robot.nv, f"({steps}, {robot.nv}), one row per row of qpos"),
-        ("com", motion.com, 3, f"({steps}, 3)"),
-        ("com_velocity", motion.com_velocity, 3, f"({steps}, 3)"),
-        ("com_acceleration", motion.com_acceleration, 3, f"({steps}, 3)"),
+        ("qpos", motion.rows.qpos, robot.nq, f"(T, {robot.nq}): {robot.name} has nq = {robot.nq}"),
+        ("qvel", motion.rows.qvel, robot.nv, f"({steps}, {robot.nv}), one row per row of qpos"),
+        ("qacc", motion.rows.qacc, robot.nv, f"({steps}, {robot.nv}), one row per row of qpos"),
+        ("com", motion.rows.com, 3, f"({steps}, 3)"),
+        ("com_velocity", motion.rows.com_velocity, 3, f"({steps}, 3)"),
+        ("com_acceleration", motion.rows.com_acceleration, 3, f"({steps}, 3)"),
     ):
         if array.shape != (steps, width) or steps == 0:
             raise ShapeError(f"{name} of the motion", array.shape, text)
         if not np.isfinite(array).all():
             where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
             raise NonFiniteError(f"{name} of the motion", where)
-    if motion.planted is not None and motion.planted.shape != (steps, robot.num_feet):
+    planted = motion.rows.planted
+    if planted.shape != (steps, robot.num_feet):
         raise ShapeError(
-            "planted", motion.planted.shape, f"({steps}, {robot.num_feet}), one column per foot"
+            "planted", planted.shape, f"({steps}, {robot.num_feet}), one column per foot"
         )
     if motion.jumps is not None and motion.jumps.shape != (steps,):
         raise ShapeError("jumps", motion.jumps.shape, f"({steps},)")
-    length = np.linalg.norm(motion.qpos[:, 3:7], axis=1)
+    length = np.linalg.norm(motion.rows.qpos[:, 3:7], axis=1)
     if np.abs(length - 1.0).max() > _UNIT_TOLERANCE:
         tick = int(np.abs(length - 1.0).argmax())
         raise InvalidValueError(
             f"base quaternion of the motion at tick {tick}",
-            motion.qpos[tick, 3:7].tolist(),
+            motion.rows.qpos[tick, 3:7].tolist(),
             "unit length",
         )
 
@@ -199,8 +186,18 @@ def _check_rates(motion: MotionTable) -> None:
         following[0] = False
     step = 1.0 / motion.hz
     for name, values, rates, most in (
-        ("qvel", motion.qpos[:, 7:], motion.qvel[:, 6:], np.abs(motion.qvel[:, 6:]).max()),
-        ("qacc", motion.qvel[:, 6:], motion.qacc[:, 6:], np.abs(motion.qacc[:, 6:]).max()),
+        (
+            "qvel",
+            motion.rows.qpos[:, 7:],
+            motion.rows.qvel[:, 6:],
+            np.abs(motion.rows.qvel[:, 6:]).max(),
+        ),
+        (
+            "qacc",
+            motion.rows.qvel[:, 6:],
+            motion.rows.qacc[:, 6:],
+            np.abs(motion.rows.qacc[:, 6:]).max(),
+        ),
     ):
         # The trapezoidal rule, from the row before.
         made = step * 0.5 * (rates + np.roll(rates, 1, axis=0))

@@ -3,14 +3,20 @@
 import functools
 
 from fbid_gym.errors import UnknownOptionError
-from fbid_gym.robots import biped, humanoid, quadruped
+from fbid_gym.robots import biped, g1, go1, humanoid, quadruped
 from fbid_gym.robots.assets import asset_path
 from fbid_gym.robots.feet import Foot
 from fbid_gym.robots.robot import Robot
 
 __all__ = ["ROBOTS", "Foot", "Robot", "load"]
 
-_CONSTANTS = {"biped": biped, "quadruped": quadruped, "humanoid": humanoid}
+_CONSTANTS = {
+    "biped": biped,
+    "quadruped": quadruped,
+    "humanoid": humanoid,
+    "go1": go1,
+    "g1": g1,
+}
 
 ROBOTS = tuple(_CONSTANTS)
 """Names of the built-in robots."""

@@ -96,7 +96,12 @@ class Robot:
     @property
     def weight(self) -> float:
         """Weight in N."""
-        return self.mass * float(np.linalg.norm(self.model.opt.gravity))
+        return self.mass * self.gravity
+
+    @property
+    def gravity(self) -> float:
+        """Size of the gravity that its model lives in, m/s²."""
+        return float(np.linalg.norm(self.model.opt.gravity))
 
     @property
     def joint_damping(self) -> np.ndarray:

@@ -1,28 +1,47 @@
 """Balance: stand on all feet, follow a commanded base height, survive random pushes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fbid_gym.compiled import kernel
-from fbid_gym.dynamics.state import Outcome
-from fbid_gym.dynamics.support import Support
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions import Reference, home_reference
+from fbid_gym.motions import home_reference
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState, Steering
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, bell, level, weighted
+from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, Posture, bell, level, weighted
+from fbid_gym.tasks.outcome import Outcome
+from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 
-REWARD_WEIGHTS = {
-    "height": 0.25,
-    "upright": 0.15,
-    "position": 0.15,
-    "stillness": 0.15,
-    "contact": 0.15,
-    "torque": 0.15,
-}
+
+class BalanceReward(NamedTuple):
+    """The terms of the reward: the share (N,) of each in [0, 1], or its weight.
+
+    Attributes:
+        height: base at the commanded height.
+        upright: base upright.
+        position: base above its place at home, seen from the feet.
+        stillness: base at rest.
+        contact: all points on the ground, none slips.
+        torque: small torques.
+    """
+
+    height: Any
+    upright: Any
+    position: Any
+    stillness: Any
+    contact: Any
+    torque: Any
+
+
+REWARD_WEIGHTS = BalanceReward(
+    height=0.25, upright=0.15, position=0.15, stillness=0.15, contact=0.15, torque=0.15
+)
 """Each reward term lies in [0, weight]; they sum to 1."""
 
 
@@ -87,11 +106,6 @@ class Balance:
         return cls(body, seconds, hz, pushes, start, home, height_range, height_interval)
 
     @property
-    def support(self) -> Support:
-        """The home stance."""
-        return self.body.support
-
-    @property
     def observation_names(self) -> tuple[str, ...]:
         """One name per entry of the observation."""
         return ("commanded height - home height (m)", *self.body.observation_names)
@@ -101,7 +115,7 @@ class Balance:
         """Largest size of each entry of the observation, (O,); observations are clipped to it."""
         return np.concatenate([[10.0], self.body.observation_bound])
 
-    def draw(self, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    def draw(self, rng: np.random.Generator) -> Plan:
         """Draw all that chance decides about one episode."""
         robot = self.body.robot
         qpos, qvel = self.start.draw(robot, robot.home_qpos, np.zeros(robot.nv), rng)
@@ -117,30 +131,39 @@ class Balance:
             "command": self.body.home_height * rng.uniform(*self.height_range, size=count),
         }
 
-    def push(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> np.ndarray:
+    def push(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
         return self.pushes.at(plan["push_start"], plan["push_force"], tick, self.hz)
 
-    def reference(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> Reference:
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """Nothing: the motion is planned ahead."""
+        return {}
+
+    def reference(
+        self,
+        plan: Plan,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        steering: Steering,
+        memory: Memory,
+    ) -> Reference:
         """Return the motion that the action layers follow: the home stance.
 
         The commanded height is not among it: to follow that is the policy's part.
         """
         return self.home
 
-    def command(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> np.ndarray:
+    def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the commanded height of each base above its feet: (N,) m."""
-        command = np.empty(len(tick))
-        _find_command(plan["command_start"], plan["command"], tick, command)
-        return command
+        return _find_command(plan["command_start"], plan["command"], tick)
 
-    def observe(self, outcome: Outcome, plan: dict[str, np.ndarray]) -> np.ndarray:
+    def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
         command = self.command(plan, outcome.state.tick)[:, None] - self.body.home_height
         return np.concatenate([command, self.body.observe(outcome)], axis=1)
 
     def reward(
-        self, outcome: Outcome, plan: dict[str, np.ndarray]
+        self, outcome: Outcome, plan: Plan, memory: Memory
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step.
 
@@ -150,13 +173,8 @@ class Balance:
         """
         body = self.body
         posture, command = body.posture(outcome), self.command(plan, outcome.state.tick)
-        qvel = np.ascontiguousarray(outcome.state.qvel)
-        share = np.empty((len(REWARD_WEIGHTS), len(command)))
-        _judge(
-            *(posture.base, posture.upright, posture.touching, posture.slip),
-            *(qvel, outcome.torque_square, command),
-            *(body.support.home_base, body.mean_torque_limit, share),
-        )
+        scales = _Scales(body.stance.home_base, body.mean_torque_limit)
+        shares = _judge(scales, posture, outcome, command)
         height = posture.base[:, 2]
         metrics = {
             "height": height,
@@ -166,50 +184,56 @@ class Balance:
             "power": outcome.power,
             "slip": posture.slip,
         }
-        return weighted(share, REWARD_WEIGHTS), metrics
+        return weighted(shares, REWARD_WEIGHTS), metrics
 
     def fallen(self, outcome: Outcome) -> np.ndarray:
         """Return which robots lie: (N,) bool."""
         return self.body.fallen(outcome)
 
 
+class _Scales(NamedTuple):
+    """What the reward measures by."""
+
+    home_base: np.ndarray  # (3,) m, support frame
+    torque_limit: float  # N·m, mean of the joints
+
+
 @kernel
-def _find_command(
-    start: np.ndarray, command: np.ndarray, tick: np.ndarray, found: np.ndarray
-) -> None:
-    """Write the commands (N,) at a tick (N,), of those (N, K) that start at ticks (N, K)."""
+def _find_command(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.ndarray:
+    """Return the commands (N,) at ticks (N,), of those (N, K) that start at ticks (N, K)."""
+    found = np.empty(len(tick))
     for i in range(len(tick)):
         index = -1
         for k in range(start.shape[1]):
             index += start[i, k] <= tick[i]
         found[i] = command[i, index]
+    return found
 
 
 @kernel
 def _judge(
-    base: np.ndarray,
-    upright: np.ndarray,
-    touching: np.ndarray,
-    slip: np.ndarray,
-    qvel: np.ndarray,
-    torque_square: np.ndarray,
-    command: np.ndarray,
-    home_base: np.ndarray,
-    torque_limit: float,
-    share: np.ndarray,
-) -> None:
-    """Write the shares (6, N) of the terms of the reward, in the order of their weights.
-
-    The other arguments are those of `Posture`, the velocities and the mean squares of the torques
-    of N robots, their commanded heights, the base at home and the mean torque limit.
-    """
-    size = home_base[2]  # lengths scale with the robot
-    for i in range(len(base)):
-        drift = np.hypot(base[i, 0] - home_base[0], base[i, 1] - home_base[1])
-        motion = np.sqrt(dot(qvel[i, :6], qvel[i, :6]))
-        share[0, i] = bell(base[i, 2] - command[i], 0.03 * size)
-        share[1, i] = level(upright[i])
-        share[2, i] = bell(drift, 0.06 * size)
-        share[3, i] = bell(motion, 0.5)
-        share[4, i] = touching[i].mean() * bell(slip[i], 0.1)
-        share[5, i] = bell(np.sqrt(torque_square[i]) / torque_limit, 0.3)
+    scales: _Scales, posture: Posture, outcome: Outcome, command: np.ndarray
+) -> BalanceReward:
+    """Return the shares of the terms of the reward; commanded heights (N,) m."""
+    count = len(command)
+    share = BalanceReward(
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+    )
+    home = scales.home_base
+    size = home[2]  # lengths scale with the robot
+    for i in range(count):
+        base, qvel = posture.base[i], outcome.state.qvel[i]
+        drift = np.hypot(base[0] - home[0], base[1] - home[1])
+        torque = np.sqrt(outcome.torque_square[i])
+        share.height[i] = bell(base[2] - command[i], 0.03 * size)
+        share.upright[i] = level(posture.upright[i])
+        share.position[i] = bell(drift, 0.06 * size)
+        share.stillness[i] = bell(np.sqrt(dot(qvel[:6], qvel[:6])), 0.5)
+        share.contact[i] = posture.touching[i].mean() * bell(posture.slip[i], 0.1)
+        share.torque[i] = bell(torque / scales.torque_limit, 0.3)
+    return share

@@ -1,18 +1,18 @@
 """What every task sees of a robot, and when it takes it for fallen."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.dynamics.contacts import ContactGeometry, point_velocities
-from fbid_gym.dynamics.state import Outcome
-from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.contacts import point_velocities
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.quantities import ContactGeometry
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
+from fbid_gym.tasks.outcome import Outcome
 
 FALLEN_HEIGHT = 0.6
 """Share of the home height below which the robot counts as fallen."""
@@ -20,20 +20,10 @@ FALLEN_HEIGHT = 0.6
 FALLEN_TILT = 60.0
 """Tilt of the base (degrees) beyond which the robot counts as fallen."""
 
-TOUCH = 0.01
+TOUCHING_LOAD = 0.01
 """Share of the robot's weight that a point must carry to count as in contact."""
 
 _LEAST_UPRIGHT = np.cos(np.radians(FALLEN_TILT))
-
-# Names of the entries that come before the joints, by their largest size.
-_BASE = {
-    10.0: tuple(f"base {axis} from home (m, support frame)" for axis in "xyz"),
-    1.0: tuple(f"up direction {axis} (base frame)" for axis in "xyz"),
-    100.0: (
-        *(f"base velocity {axis} (m/s, support frame)" for axis in "xyz"),
-        *(f"base angular velocity {axis} (rad/s, base frame)" for axis in "xyz"),
-    ),
-}
 
 
 class Posture(NamedTuple):
@@ -55,51 +45,75 @@ class Posture(NamedTuple):
     slip: np.ndarray
 
 
+class _Seen(NamedTuple):
+    """What every task sees of N robots, in the order of the observation."""
+
+    base: np.ndarray  # (N, 3) m, from home, support frame
+    up: np.ndarray  # (N, 3) the vertical, base frame
+    velocity: np.ndarray  # (N, 3) m/s, of the base, support frame
+    angular_velocity: np.ndarray  # (N, 3) rad/s, base frame
+    joint_position: np.ndarray  # (N, n) rad, from home
+    joint_velocity: np.ndarray  # (N, n) rad/s
+    torque: np.ndarray  # (N, n) last one, share of its limit
+    load: np.ndarray  # (N, P) normal force, share of the weight
+
+
+class _Constants(NamedTuple):
+    """What posture, observation and fall are measured by, see `Body`."""
+
+    geometry: ContactGeometry
+    home_base: np.ndarray
+    home_up: np.ndarray
+    home_qpos: np.ndarray
+    torque_limit: np.ndarray
+    weight: float
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
     """A robot as its tasks see it.
 
     Attributes:
         robot: the robot.
-        support: its home stance.
-        geometry: of its contact points.
+        stance: it at home.
+        home_up: (3,) what points up at home, in the base's axes.
     """
 
     robot: Robot
-    support: Support
-    geometry: ContactGeometry
+    stance: Stance
+    home_up: np.ndarray
 
     @classmethod
     def of(cls, robot: Robot) -> "Body":
         """Measure a robot's home stance."""
-        return cls(robot, Support.of(robot), ContactGeometry.of(robot))
+        stance = Stance.of(robot)
+        return cls(robot, stance, stance.home_base_rotation[2].copy())
 
     @cached_property
     def home_height(self) -> float:
         """Height of the base above its feet at home, m."""
-        return float(self.support.home_base[2])
-
-    @cached_property
-    def home_up(self) -> np.ndarray:
-        """What points up at home, (3,), in the base's axes."""
-        return self.support.home_base_rotation[2].copy()
-
-    @cached_property
-    def weight(self) -> float:
-        """Weight in N."""
-        return self.robot.weight
+        return float(self.stance.home_base[2])
 
     @cached_property
     def mean_torque_limit(self) -> float:
         """Mean of the joints' torque limits, N·m."""
         return float(self.robot.torque_limit.mean())
 
+    @cached_property
+    def _constants(self) -> _Constants:
+        robot, stance = self.robot, self.stance
+        home = stance.home_base, self.home_up, robot.home_qpos
+        return _Constants(stance.geometry, *home, robot.torque_limit, robot.weight)
+
     @property
     def observation_names(self) -> tuple[str, ...]:
         """One name per entry of `observe`."""
-        joints, points = self.robot.joint_names, self.geometry.num_points
+        joints, points = self.robot.joint_names, self.robot.num_points
         return (
-            *(name for names in _BASE.values() for name in names),
+            *(f"base {axis} from home (m, support frame)" for axis in "xyz"),
+            *(f"up direction {axis} (base frame)" for axis in "xyz"),
+            *(f"base velocity {axis} (m/s, support frame)" for axis in "xyz"),
+            *(f"base angular velocity {axis} (rad/s, base frame)" for axis in "xyz"),
             *(f"{joint} position from home (rad)" for joint in joints),
             *(f"{joint} velocity (rad/s)" for joint in joints),
             *(f"{joint} last torque (share of its limit)" for joint in joints),
@@ -109,169 +123,137 @@ class Body:
     @property
     def observation_bound(self) -> np.ndarray:
         """Largest size of each entry of `observe`."""
-        joints, points = self.robot.num_joints, self.geometry.num_points
-        return np.concatenate(
-            [
-                *(np.full(len(names), size) for size, names in _BASE.items()),
-                np.full(joints, 10.0),
-                np.full(joints, 100.0),
-                np.ones(joints),
-                np.full(points, 100.0),
-            ]
+        joints, points = np.ones(self.robot.num_joints), np.ones(self.robot.num_points)
+        axes = np.ones(3)
+        bound = _Seen(
+            base=10.0 * axes,
+            up=axes,
+            velocity=100.0 * axes,
+            angular_velocity=100.0 * axes,
+            joint_position=10.0 * joints,
+            joint_velocity=100.0 * joints,
+            torque=joints,
+            load=100.0 * points,
         )
+        return np.concatenate(bound)
 
     def posture(self, outcome: Outcome) -> Posture:
         """Return how the robots stand."""
-        terms, count = outcome.terms, len(outcome.torque)
-        posture = Posture(
-            base=np.empty((count, 3)),
-            velocity=np.empty((count, 3)),
-            upright=np.empty(count),
-            touching=np.empty((count, self.geometry.num_points), bool),
-            slip=np.empty(count),
-        )
-        qvel, contact_force = map(np.ascontiguousarray, outcome.state[1:3])
-        _measure(
-            *outcome.frame,
-            *(terms.base_position, terms.base_rotation, qvel, self.home_up, contact_force),
-            *(TOUCH * self.weight, point_velocities(self.geometry, terms)),
-            *posture,
-        )
-        return posture
+        return _measure(self._constants, TOUCHING_LOAD, outcome)
 
     def observe(self, outcome: Outcome) -> np.ndarray:
         """Return the posture, its velocity, the last torques and the load on the feet: (N, O)."""
-        robot, terms = self.robot, outcome.terms
-        qpos, qvel, contact_force = map(np.ascontiguousarray, outcome.state[:3])
-        count, joints, points = contact_force.shape[0], robot.num_joints, contact_force.shape[1]
-        seen = np.empty((count, 12 + 3 * joints + points))
-        _observe(
-            *outcome.frame,
-            *(terms.base_position, terms.base_rotation, qpos, qvel, contact_force),
-            *(outcome.torque, self.support.home_base, robot.home_qpos, robot.torque_limit),
-            *(self.weight, seen),
-        )
-        return seen
+        return _observe(self._constants, outcome)
 
     def fallen(self, outcome: Outcome) -> np.ndarray:
         """Return which robots lie: (N,) bool."""
-        terms, lying = outcome.terms, np.empty(len(outcome.torque), bool)
         low = FALLEN_HEIGHT * self.home_height
-        places = terms.base_position, terms.base_rotation, outcome.frame.centre
-        _find_fallen(*places, self.home_up, low, _LEAST_UPRIGHT, lying)
-        return lying
+        return _find_fallen(self._constants, low, _LEAST_UPRIGHT, outcome)
 
 
 @kernel
-def _measure(
-    centre: np.ndarray,
-    heading: np.ndarray,
-    base_position: np.ndarray,
-    base_rotation: np.ndarray,
-    qvel: np.ndarray,
-    home_up: np.ndarray,
-    contact_force: np.ndarray,
-    touch: float,
-    point_velocity: np.ndarray,
-    base: np.ndarray,
-    velocity: np.ndarray,
-    upright: np.ndarray,
-    touching: np.ndarray,
-    slip: np.ndarray,
-) -> None:
-    """Fill the last five, a `Posture`.
-
-    Args:
-        centre: (N, 3) m and
-        heading: (N, 3, 3), of `SupportFrame`.
-        base_position: (N, 3) m and
-        base_rotation: (N, 3, 3), of `DynamicsTerms`.
-        qvel: (N, nv).
-        home_up: (3,) what points up at home, in the base's axes.
-        contact_force: (N, P, 3) N.
-        touch: N that a point must carry to count as in contact.
-        point_velocity: (N, P, 3) m/s.
-        base: (N, 3) m, and the rest: see `Posture`.
-        velocity: see there.
-        upright: see there.
-        touching: see there.
-        slip: see there.
-    """
-    points = touching.shape[1]
-    for i in range(len(base)):
+def _measure(body: _Constants, touch: float, outcome: Outcome) -> Posture:
+    """How the robots stand; a point that carries the share `touch` of the weight is in contact."""
+    state, terms, frame = outcome.state, outcome.terms, outcome.frame
+    count, points = state.contact_force.shape[:2]
+    point_velocity = point_velocities(body.geometry, terms)
+    base, velocity, upright = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
+    touching, slip = np.empty((count, points), np.bool_), np.empty(count)
+    for i in range(count):
         for k in range(3):
             base[i, k], velocity[i, k] = 0.0, 0.0
             for axis in range(3):
-                offset = base_position[i, axis] - centre[i, axis]
-                base[i, k] += heading[i, axis, k] * offset
-                velocity[i, k] += heading[i, axis, k] * qvel[i, axis]
-        upright[i] = dot(base_rotation[i, 2], home_up)
+                offset = terms.base_position[i, axis] - frame.centre[i, axis]
+                base[i, k] += frame.rotation[i, axis, k] * offset
+                velocity[i, k] += frame.rotation[i, axis, k] * state.qvel[i, axis]
+        upright[i] = dot(terms.base_rotation[i, 2], body.home_up)
         total, down = 0.0, 0
         for point in range(points):
-            touching[i, point] = contact_force[i, point, 2] > touch
+            touching[i, point] = state.contact_force[i, point, 2] > touch * body.weight
             if touching[i, point]:
                 moving = point_velocity[i, point]
                 total += np.sqrt(dot(moving, moving))
                 down += 1
         slip[i] = total / max(down, 1)
+    return Posture(base, velocity, upright, touching, slip)
 
 
 @kernel
-def _observe(
-    centre: np.ndarray,
-    heading: np.ndarray,
-    base_position: np.ndarray,
-    base_rotation: np.ndarray,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    contact_force: np.ndarray,
-    torque: np.ndarray,
-    home_base: np.ndarray,
-    home_qpos: np.ndarray,
-    torque_limit: np.ndarray,
-    weight: float,
-    seen: np.ndarray,
-) -> None:
-    """Write what `Body.observe` returns; the arguments are those of outcome, robot and support."""
-    joints = torque.shape[1]
-    for i in range(len(seen)):
+def _observe(body: _Constants, outcome: Outcome) -> np.ndarray:
+    """What `Body.observe` returns."""
+    state, terms, frame = outcome.state, outcome.terms, outcome.frame
+    (count, joints), points = outcome.torque.shape, state.contact_force.shape[1]
+    seen = _Seen(
+        np.empty((count, 3)),
+        np.empty((count, 3)),
+        np.empty((count, 3)),
+        np.empty((count, 3)),
+        np.empty((count, joints)),
+        np.empty((count, joints)),
+        np.empty((count, joints)),
+        np.empty((count, points)),
+    )
+    for i in range(count):
         for k in range(3):
             place, speed = 0.0, 0.0
             for axis in range(3):
-                place += heading[i, axis, k] * (base_position[i, axis] - centre[i, axis])
-                speed += heading[i, axis, k] * qvel[i, axis]
-            seen[i, k] = place - home_base[k]
-            seen[i, 3 + k] = base_rotation[i, 2, k]
-            seen[i, 6 + k] = speed
-            seen[i, 9 + k] = qvel[i, 3 + k]
+                offset = terms.base_position[i, axis] - frame.centre[i, axis]
+                place += frame.rotation[i, axis, k] * offset
+                speed += frame.rotation[i, axis, k] * state.qvel[i, axis]
+            seen.base[i, k] = place - body.home_base[k]
+            seen.up[i, k] = terms.base_rotation[i, 2, k]
+            seen.velocity[i, k] = speed
+            seen.angular_velocity[i, k] = state.qvel[i, 3 + k]
         for j in range(joints):
-            seen[i, 12 + j] = qpos[i, 7 + j] - home_qpos[7 + j]
-            seen[i, 12 + joints + j] = qvel[i, 6 + j]
-            seen[i, 12 + 2 * joints + j] = torque[i, j] / torque_limit[j]
-        for point in range(contact_force.shape[1]):
-            seen[i, 12 + 3 * joints + point] = contact_force[i, point, 2] / weight
+            seen.joint_position[i, j] = state.qpos[i, 7 + j] - body.home_qpos[7 + j]
+            seen.joint_velocity[i, j] = state.qvel[i, 6 + j]
+            seen.torque[i, j] = outcome.torque[i, j] / body.torque_limit[j]
+        for point in range(points):
+            seen.load[i, point] = state.contact_force[i, point, 2] / body.weight
+    return side_by_side(seen)
 
 
 @kernel
 def _find_fallen(
-    base_position: np.ndarray,
-    base_rotation: np.ndarray,
-    centre: np.ndarray,
-    home_up: np.ndarray,
-    low: float,
-    least_upright: float,
-    lying: np.ndarray,
-) -> None:
-    """Find the robots (N,) whose base is lower than `low` m above the feet, or not upright."""
-    for i in range(len(lying)):
-        height = base_position[i, 2] - centre[i, 2]
-        lying[i] = height < low or dot(base_rotation[i, 2], home_up) < least_upright
+    body: _Constants, low: float, least_upright: float, outcome: Outcome
+) -> np.ndarray:
+    """Robots (N,) whose base is lower than `low` m above the feet, or not upright."""
+    terms, count = outcome.terms, len(outcome.torque)
+    lying = np.empty(count, np.bool_)
+    for i in range(count):
+        height = terms.base_position[i, 2] - outcome.frame.centre[i, 2]
+        upright = dot(terms.base_rotation[i, 2], body.home_up)
+        lying[i] = height < low or upright < least_upright
+    return lying
 
 
-def weighted(share: np.ndarray, weights: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """Return the terms of a reward, each (N,) in [0, its weight], from shares (K, N) in [0, 1]."""
-    terms = share * np.fromiter(weights.values(), float, len(weights))[:, None]
-    return dict(zip(weights, terms, strict=True))
+@compiled
+def side_by_side(parts: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Return arrays (N, a), (N, b), ... side by side: (N, a + b + ...)."""
+    width = 0
+    for part in parts:
+        width += part.shape[1]
+    joined, first = np.empty((len(parts[0]), width)), 0
+    for part in parts:
+        for i in range(len(part)):
+            for j in range(part.shape[1]):
+                joined[i, first + j] = part[i, j]
+        first += part.shape[1]
+    return joined
+
+
+Shares = TypeVar("Shares", bound=tuple[Any, ...])
+
+
+def weighted(shares: Shares, weights: Shares) -> dict[str, np.ndarray]:
+    """Return the terms of a reward, each (N,) in [0, its weight], from shares (N,) in [0, 1].
+
+    Shares and weights are of one kind of named tuple.
+    """
+    names = type(weights)._fields  # type: ignore[attr-defined]
+    return {
+        name: weight * share for name, weight, share in zip(names, weights, shares, strict=True)
+    }
 
 
 @compiled

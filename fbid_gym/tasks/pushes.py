@@ -65,20 +65,18 @@ class Pushes:
             (..., N, 3) N, world.
         """
         rows = np.ascontiguousarray(tick).reshape(-1, len(start))
-        applied = np.empty((*rows.shape, 3))
-        _apply(start, force, rows, round(self.duration * hz), applied)
+        applied = _applied(start, force, rows, round(self.duration * hz))
         return applied.reshape(*tick.shape, 3)
 
 
 @kernel
-def _apply(
-    start: np.ndarray, force: np.ndarray, tick: np.ndarray, duration: int, applied: np.ndarray
-) -> None:
-    """Write the forces applied (T, N, 3), see `Pushes.at`, at ticks (T, N)."""
-    applied[:] = 0.0
+def _applied(start: np.ndarray, force: np.ndarray, tick: np.ndarray, duration: int) -> np.ndarray:
+    """Return the forces (T, N, 3) at ticks (T, N), see `Pushes.at`."""
+    applied = np.zeros((len(tick), len(start), 3))
     for row in range(len(tick)):
         for i in range(len(start)):
             for k in range(start.shape[1]):
                 if 0 <= tick[row, i] - start[i, k] < duration:
                     for axis in range(3):
                         applied[row, i, axis] += force[i, k, axis]
+    return applied

@@ -1,30 +1,47 @@
 """Tracking: follow a reference motion, at a commanded speed where it has one, despite pushes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.rotations import rotation_of
-from fbid_gym.dynamics.state import Outcome
-from fbid_gym.dynamics.support import Support
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions import Reference
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState, Steering
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.body import Body, bell, level, weighted
+from fbid_gym.tasks.body import Body, Posture, bell, level, side_by_side, weighted
+from fbid_gym.tasks.outcome import Outcome
+from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 
-REWARD_WEIGHTS = {
-    "joints": 0.3,
-    "base": 0.2,
-    "upright": 0.15,
-    "velocity": 0.15,
-    "contact": 0.1,
-    "torque": 0.1,
-}
+
+class TrackingReward(NamedTuple):
+    """The terms of the reward: the share (N,) of each in [0, 1], or its weight.
+
+    Attributes:
+        joints: joints where the motion has them.
+        base: base where the motion has it, seen from the feet.
+        upright: base level as in the motion; its heading does not count.
+        velocity: base as fast as in the motion.
+        contact: points on the ground as planned, none slips.
+        torque: small torques.
+    """
+
+    joints: Any
+    base: Any
+    upright: Any
+    velocity: Any
+    contact: Any
+    torque: Any
+
+
+REWARD_WEIGHTS = TrackingReward(
+    joints=0.3, base=0.2, upright=0.15, velocity=0.15, contact=0.1, torque=0.1
+)
 """Each reward term lies in [0, weight]; they sum to 1."""
 
 
@@ -80,11 +97,6 @@ class Tracking:
         return cls(Body.of(robot), seconds, hz, pushes, start, motion, speed_range)
 
     @property
-    def support(self) -> Support:
-        """The home stance."""
-        return self.body.support
-
-    @property
     def observation_names(self) -> tuple[str, ...]:
         """One name per entry of the observation."""
         robot = self.body.robot
@@ -105,7 +117,7 @@ class Tracking:
         own = [1.0, 1.0, 10.0, *[1.0] * robot.num_feet, *[10.0] * (3 + robot.num_joints)]
         return np.concatenate([own, self.body.observation_bound])
 
-    def draw(self, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    def draw(self, rng: np.random.Generator) -> Plan:
         """Draw all that chance decides about one episode."""
         robot = self.body.robot
         phase, speed = rng.integers(self.motion.period), rng.uniform(*self.speed_range)
@@ -123,150 +135,165 @@ class Tracking:
             "push_force": force,
         }
 
-    def push(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> np.ndarray:
+    def push(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
         return self.pushes.at(plan["push_start"], plan["push_force"], tick, self.hz)
 
-    def reference(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> Reference:
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """Nothing: the motion is planned ahead."""
+        return {}
+
+    def reference(
+        self,
+        plan: Plan,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        steering: Steering,
+        memory: Memory,
+    ) -> Reference:
         """Return what the robots shall do: the motion at each one's phase and speed."""
+        return self._now(plan, state.tick)
+
+    def _now(self, plan: Plan, tick: np.ndarray) -> Reference:
         return self.motion.reference(plan["phase"] + tick, plan["speed"])
 
-    def observe(self, outcome: Outcome, plan: dict[str, np.ndarray]) -> np.ndarray:
+    def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
-        robot, tick = self.body.robot, outcome.state.tick
-        qpos, planted = self._wanted(self.reference(plan, tick))
-        asked = np.empty((len(tick), 6 + robot.num_feet + robot.num_joints))
-        _ask(
-            *(plan["phase"] + tick, 2.0 * np.pi / self.motion.period, plan["speed"]),
-            *(qpos, planted, self.support.home_base, robot.home_qpos, asked),
-        )
-        return np.concatenate([asked, self.body.observe(outcome)], axis=1)
-
-    def _wanted(self, reference: Reference) -> tuple[np.ndarray, np.ndarray]:
-        """Postures (N, nq) and planted feet (N, F), or one row of them that stands for all."""
-        planted = reference.planted
-        if planted is None:
-            planted = np.ones((1, self.body.robot.num_feet), bool)
-        return np.ascontiguousarray(reference.qpos), planted
+        body, tick = self.body, outcome.state.tick
+        reference = self._now(plan, tick)
+        angle = 2.0 * np.pi / self.motion.period * (plan["phase"] + tick)
+        home = body.stance.home_base, body.robot.home_qpos
+        asked = _ask(angle, plan["speed"], reference, *home)
+        return np.concatenate([asked, body.observe(outcome)], axis=1)
 
     def reward(
-        self, outcome: Outcome, plan: dict[str, np.ndarray]
+        self, outcome: Outcome, plan: Plan, memory: Memory
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step; see `Task.reward`."""
         body, posture = self.body, self.body.posture(outcome)
-        reference = self.reference(plan, outcome.state.tick)
-        wanted, planted = self._wanted(reference)
-        qpos, wanted_qvel = map(np.ascontiguousarray, (outcome.state.qpos, reference.qvel))
-        count = len(posture.slip)
-        joint_rms, share = np.empty(count), np.empty((len(REWARD_WEIGHTS), count))
-        _judge(
-            *(posture.base, posture.velocity, posture.upright, posture.touching, posture.slip),
-            *(outcome.terms.base_rotation, qpos, wanted, wanted_qvel),
-            *(planted, body.geometry.foot_of_point, outcome.torque_square),
-            body.home_height,
-            body.mean_torque_limit,
-            *(joint_rms, share),
+        reference = self._now(plan, outcome.state.tick)
+        scales = _Scales(
+            body.home_height, body.mean_torque_limit, body.stance.geometry.foot_of_point
         )
-        height = posture.base[:, 2]
+        joint_error, shares = _judge(scales, posture, outcome, reference)
+        height, asked = posture.base[:, 2], reference.qpos[:, 2]
         metrics = {
             "height": height,
-            "height_command": np.broadcast_to(wanted[:, 2], len(height)),
-            "height_error": height - wanted[:, 2],
-            "joint_error": joint_rms,
+            "height_command": np.broadcast_to(asked, len(height)),
+            "height_error": height - asked,
+            "joint_error": joint_error,
             "speed": posture.velocity[:, 0],
             "speed_command": plan["speed"].copy(),
             "torque_rms": np.sqrt(outcome.torque_square),
             "power": outcome.power,
             "slip": posture.slip,
         }
-        return weighted(share, REWARD_WEIGHTS), metrics
+        return weighted(shares, REWARD_WEIGHTS), metrics
 
     def fallen(self, outcome: Outcome) -> np.ndarray:
         """Return which robots lie: (N,) bool."""
         return self.body.fallen(outcome)
 
 
+class _Asked(NamedTuple):
+    """What a policy sees of the motion, in the order of the observation."""
+
+    sine: np.ndarray  # (N, 1) of the phase
+    cosine: np.ndarray  # (N, 1)
+    speed: np.ndarray  # (N, 1) m/s
+    planted: np.ndarray  # (N, F)
+    base: np.ndarray  # (N, 3) m, from home, support frame
+    joints: np.ndarray  # (N, n) rad, from home
+
+
 @kernel
 def _ask(
-    phase: np.ndarray,
-    angle: float,
+    angle: np.ndarray,
     speed: np.ndarray,
-    wanted: np.ndarray,
-    planted: np.ndarray,
+    reference: Reference,
     home_base: np.ndarray,
     home_qpos: np.ndarray,
-    asked: np.ndarray,
-) -> None:
-    """Write what the policy sees of the motion, the first columns of `Tracking.observe`.
+) -> np.ndarray:
+    """What the policy sees of the motion, the first columns of `Tracking.observe`.
 
     Args:
-        phase: (N,) ticks since the motion began.
-        angle: rad per tick.
-        speed: (N,) m/s.
-        wanted: (N, nq) or (1, nq), of the reference.
-        planted: (N, F) or (1, F), of the reference.
-        home_base: (3,) m, of the support.
-        home_qpos: (nq,) of the robot.
-        asked: (N, 6 + F + n).
+        angle: (N,) rad, the phase.
+        speed: (N,) m/s, commanded.
+        reference: of the motion.
+        home_base: (3,) m, support frame.
+        home_qpos: (nq,).
     """
-    feet, joints = planted.shape[1], wanted.shape[1] - 7
-    for i in range(len(asked)):
-        row, column = min(i, len(wanted) - 1), min(i, len(planted) - 1)
-        asked[i, 0], asked[i, 1] = np.sin(phase[i] * angle), np.cos(phase[i] * angle)
-        asked[i, 2] = speed[i]
+    count, feet, joints = len(angle), reference.planted.shape[1], len(home_qpos) - 7
+    asked = _Asked(
+        np.empty((count, 1)),
+        np.empty((count, 1)),
+        np.empty((count, 1)),
+        np.empty((count, feet)),
+        np.empty((count, 3)),
+        np.empty((count, joints)),
+    )
+    for i in range(count):
+        row = min(i, len(reference.qpos) - 1)
+        asked.sine[i, 0], asked.cosine[i, 0] = np.sin(angle[i]), np.cos(angle[i])
+        asked.speed[i, 0] = speed[i]
         for foot in range(feet):
-            asked[i, 3 + foot] = planted[column, foot]
+            asked.planted[i, foot] = reference.planted[row, foot]
         for k in range(3):
-            asked[i, 3 + feet + k] = wanted[row, k] - home_base[k]
+            asked.base[i, k] = reference.qpos[row, k] - home_base[k]
         for j in range(joints):
-            asked[i, 6 + feet + j] = wanted[row, 7 + j] - home_qpos[7 + j]
+            asked.joints[i, j] = reference.qpos[row, 7 + j] - home_qpos[7 + j]
+    return side_by_side(asked)
+
+
+class _Scales(NamedTuple):
+    """What the reward measures by."""
+
+    size: float  # m, home height
+    torque_limit: float  # N·m, mean of the joints
+    foot_of_point: np.ndarray  # (P,)
+
+
+class _Judged(NamedTuple):
+    joint_error: np.ndarray  # (N,) rad, root mean square
+    shares: TrackingReward
 
 
 @kernel
-def _judge(
-    base: np.ndarray,
-    velocity: np.ndarray,
-    upright: np.ndarray,
-    touching: np.ndarray,
-    slip: np.ndarray,
-    base_rotation: np.ndarray,
-    qpos: np.ndarray,
-    wanted_qpos: np.ndarray,
-    wanted_qvel: np.ndarray,
-    planted: np.ndarray,
-    foot_of_point: np.ndarray,
-    torque_square: np.ndarray,
-    size: float,
-    torque_limit: float,
-    joint_rms: np.ndarray,
-    share: np.ndarray,
-) -> None:
-    """Write the joints' errors (N,) rad and the shares (6, N) of the terms of the reward.
-
-    The other arguments are those of `Posture`, `RobotState` and `Reference` (N rows or one), the
-    mean squares of the torques, the home height and the mean torque limit.
-    """
-    target, points = np.empty((3, 3)), touching.shape[1]
-    for i in range(len(base)):
-        row = min(i, len(wanted_qpos) - 1)
+def _judge(scales: _Scales, posture: Posture, outcome: Outcome, reference: Reference) -> _Judged:
+    """Return the joints' errors, and the shares of the terms of the reward."""
+    qpos, base_rotation = outcome.state.qpos, outcome.terms.base_rotation
+    (count, width), points = qpos.shape, posture.touching.shape[1]
+    joint_error, target = np.empty(count), np.empty((3, 3))
+    share = TrackingReward(
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+    )
+    for i in range(count):
+        row = min(i, len(reference.qpos) - 1)
         square, drift, rush = 0.0, 0.0, 0.0
-        for j in range(7, qpos.shape[1]):
-            square += (wanted_qpos[row, j] - qpos[i, j]) ** 2
+        for j in range(7, width):
+            square += (reference.qpos[row, j] - qpos[i, j]) ** 2
         for k in range(3):
-            drift += (base[i, k] - wanted_qpos[row, k]) ** 2
+            drift += (posture.base[i, k] - reference.qpos[row, k]) ** 2
         for k in range(2):
-            rush += (velocity[i, k] - wanted_qvel[row, k]) ** 2
-        joint_rms[i] = np.sqrt(square / (qpos.shape[1] - 7))
+            rush += (posture.velocity[i, k] - reference.qvel[row, k]) ** 2
+        joint_error[i] = np.sqrt(square / (width - 7))
         # The angle between the vertical as base and reference see it: heading left out.
-        rotation_of(wanted_qpos[row, 3:7], target)
+        rotation_of(reference.qpos[row, 3:7], target)
         as_planned = 0
         for point in range(points):
-            stands = planted[min(i, len(planted) - 1), foot_of_point[point]]
-            as_planned += touching[i, point] == stands
+            stands = reference.planted[row, scales.foot_of_point[point]]
+            as_planned += posture.touching[i, point] == stands
+        torque = np.sqrt(outcome.torque_square[i])
         # Lengths scale with the robot.
-        share[0, i] = bell(joint_rms[i], 0.1)
-        share[1, i] = bell(np.sqrt(drift), 0.06 * size)
-        share[2, i] = level(dot(target[2], base_rotation[i, 2]))
-        share[3, i] = bell(np.sqrt(rush), 0.3 * size)
-        share[4, i] = as_planned / points * bell(slip[i], 0.1)
-        share[5, i] = bell(np.sqrt(torque_square[i]) / torque_limit, 0.3)
+        share.joints[i] = bell(joint_error[i], 0.1)
+        share.base[i] = bell(np.sqrt(drift), 0.06 * scales.size)
+        share.upright[i] = level(dot(target[2], base_rotation[i, 2]))
+        share.velocity[i] = bell(np.sqrt(rush), 0.3 * scales.size)
+        share.contact[i] = as_planned / points * bell(posture.slip[i], 0.1)
+        share.torque[i] = bell(torque / scales.torque_limit, 0.3)
+    return _Judged(joint_error, share)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from fbid_gym.actions import make_layer
-from fbid_gym.control import limited_inverse_dynamics, orthogonal_inverse_dynamics
+from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
-from fbid_gym.dynamics.state import RobotState
 from fbid_gym.motions import home_reference
+from fbid_gym.quantities import RobotState
 
 ENV = "fbid_gym/BipedBalance-v0"
 LIMITS = ("friction", "none")
@@ -41,7 +41,8 @@ def settled(robot, count, layer="base_acceleration", seconds=4.0, **options):
 
 def promised(layer, acceleration, terms, active=None):
     """What the inverse dynamics say of a desired acceleration: (torque, acceleration, forces)."""
-    law = layer.law
+    law = layer.law.constants
+    priority = 1.0 / law.nearness.base_mobility
     contacts = reduced_contacts(law.geometry, terms, active)
     arguments = (
         terms.mass_matrix,
@@ -50,17 +51,17 @@ def promised(layer, acceleration, terms, active=None):
         acceleration,
         contacts.bias,
     )
-    if law.limits is None:
-        free = orthogonal_inverse_dynamics(*arguments, base_priority=law.base_priority)
+    if not law.limited:
+        free = orthogonal_inverse_dynamics(*arguments, base_priority=priority)
         forces = np.matvec(contacts.point_map.mT, free.contact_force)
         return free.torque, free.acceleration, forces.reshape(len(forces), -1, 3)
     limited = limited_inverse_dynamics(
         *arguments,
-        law.limits,
+        ContactLimits(*law.limits[0].T),
         point_map=contacts.point_map,
         active=active,
-        base_priority=law.base_priority,
-        length=law.length,
+        base_priority=priority,
+        length=law.nearness.length,
     )
     return limited.torque, limited.acceleration, limited.point_force
 
@@ -84,8 +85,8 @@ def test_promised_accelerations_come_true(robot, limits):
     """For 60 ms of each action: the velocity gained is the promised acceleration's integral.
 
     To 3 % in the direction of the action. MuJoCo's contacts are soft and give way a little as their
-    load changes, which turns the feet: the ankles are off by up to 31 % of the largest velocity
-    (the humanoid's, whose soles are narrow; 20 % elsewhere).
+    load changes, which turns the feet: the ankles are off by up to 40 % of the largest velocity
+    (g1's, whose soles are 6 cm narrow; 31 % the humanoid's, 20 % elsewhere).
     """
     batch, state = settled(robot, 6, contact_limits=limits)
     layer, simulation = batch.layer, batch.simulation
@@ -108,7 +109,7 @@ def test_promised_accelerations_come_true(robot, limits):
         along = change[row, :6] @ direction
         assert along == pytest.approx(gained[row, :6] @ direction, rel=0.03) and along > 0.0
         everything = np.abs(change[row]).max()
-        np.testing.assert_allclose(change[row], gained[row], atol=0.32 * everything)
+        np.testing.assert_allclose(change[row], gained[row], atol=0.42 * everything)
 
 
 def test_the_desired_acceleration_is_the_documented_law(robot, states, rng):
@@ -122,7 +123,7 @@ def test_the_desired_acceleration_is_the_documented_law(robot, states, rng):
     found = layer.acceleration(action, state, home_reference(robot), terms)
     w = {key: 2 * np.pi * value for key, value in frequencies.items()}
     home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
-    support = layer.support
+    support = layer.stance
     home_frame = support.frame(home)
     for row in range(10):
         frame = support.frame(terms)
@@ -153,7 +154,7 @@ def test_the_desired_acceleration_is_the_documented_law(robot, states, rng):
 
 def test_the_scale_of_the_action_is_what_the_stance_allows(robot):
     layer = make_layer("base_acceleration", robot, 500, {"friction": 0.5})
-    support, gravity = layer.support, 9.81
+    support, gravity = layer.stance, 9.81
     ahead, sideways = support.margin
     height = support.home_com[2]
     home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
@@ -182,7 +183,7 @@ def test_joint_accelerations_are_springs_to_home(robot, states, rng):
     ours = layer.torque(action, state, home_reference(robot), lambda: terms, layer.memory(6))
     compensated = torque + robot.joint_damping * state.qvel[:, 6:]
     np.testing.assert_allclose(ours, compensated, atol=1e-9 * robot.weight)
-    contacts = reduced_contacts(layer.law.geometry, terms)
+    contacts = reduced_contacts(layer.law.constants.geometry, terms)
     held = np.matvec(contacts.jacobian, acceleration) + contacts.bias
     np.testing.assert_allclose(held, 0.0, atol=1e-7)
 
@@ -224,7 +225,7 @@ def test_measured_contacts_are_the_points_that_carry_weight(robot, states):
     force[2, :, 2] = 0.0
     force[3, 0] = [0.0, 0.0, 1e-3 * robot.weight]
     state = state._replace(contact_force=force)
-    active = layer.law.belief(state, home_reference(robot))
+    active = layer.law.belief(state, home_reference(robot)).mask
     expected = np.ones((4, robot.num_points), bool)
     expected[1, 0] = expected[3, 0] = False
     expected[2] = False
@@ -250,9 +251,10 @@ def test_scheduled_contacts_take_turns(robot, states, limits):
     ticks = np.arange(2 * 90)
     state, _ = states(1)
     counted = RobotState(*(np.repeat(value, len(ticks), axis=0) for value in state[:3]), ticks)
-    active = layer.law.belief(counted, home_reference(robot))
+    active = layer.law.belief(counted, home_reference(robot)).mask
     phase = ticks % 90
-    on_first = np.isin(np.arange(robot.num_points), layer.law.geometry.foot_of_point.nonzero()[0])
+    foot_of_point = layer.law.constants.geometry.foot_of_point
+    on_first = np.isin(np.arange(robot.num_points), foot_of_point.nonzero()[0])
     expected = (phase < 50)[:, None] | ((phase < 75)[:, None] & on_first)
     np.testing.assert_array_equal(active, expected)
 

@@ -18,11 +18,11 @@ from fbid_gym.control import (
     torque_map_ott2011,
 )
 from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, centroidal_terms
-from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix
-from fbid_gym.dynamics.state import RobotState
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from fbid_gym.motions import Reference, home_reference
+from fbid_gym.motions import home_reference
+from fbid_gym.quantities import RobotState, rows_of
 
 TORQUE_MAPS = {
     "garofalo2015": torque_map_garofalo2015,
@@ -57,7 +57,7 @@ def test_the_wrench_is_the_documented_law(robot, states, moving, rng):
     body, reference = centroidal_terms(terms, state.qvel), moving(5)
     action = rng.uniform(-1, 1, (5, 6))
     found = layer.wrench(action, state, reference, terms, body)
-    frame = layer.support.frame(terms)
+    frame = layer.stance.frame(terms)
     omega = 2.0 * np.pi * np.array([balance, balance, height])
     spin = 2.0 * np.pi * 1.1
     inertia = turning_inertia(robot, "garofalo2015")
@@ -96,7 +96,7 @@ def test_the_wrench_is_that_of_the_array_laws(robot, states, moving, balancer, r
     state, terms = states(6)
     body, reference = centroidal_terms(terms, state.qvel), moving(6)
     action = rng.uniform(-1, 1, (6, 6))
-    frame = layer.support.frame(terms)
+    frame = layer.stance.frame(terms)
     level = frame.rotation
     both = np.zeros((6, robot.nv, robot.nv)) + np.eye(robot.nv)
     both[:, :3, :3] = level
@@ -134,7 +134,7 @@ def test_the_wrench_is_that_of_the_array_laws(robot, states, moving, balancer, r
     alone = layer.wrench(
         action[2:3],
         RobotState(*(value[2:3] for value in state)),
-        Reference(*(value[2:3] for value in reference[:-1]), None),
+        rows_of(reference, np.array([2])),
         DynamicsTerms(*(value[2:3] for value in terms)),
         CentroidalTerms(*(value[2:3] for value in body)),
     )
@@ -164,7 +164,7 @@ def test_the_action_adds_to_the_wrench_along_the_feet(robot, states, balancer, r
     action = rng.uniform(-1, 1, (4, 6))
     change = layer.wrench(action, state, home, terms, body)
     change -= layer.wrench(0.0 * action, state, home, terms, body)
-    level = layer.support.frame(terms).rotation
+    level = layer.stance.frame(terms).rotation
     push = layer.scale * action
     expected = np.concatenate(
         [np.matvec(level, push[:, :3]), np.matvec(level, push[:, 3:])], axis=1
@@ -174,7 +174,7 @@ def test_the_action_adds_to_the_wrench_along_the_feet(robot, states, balancer, r
 
 def test_the_scale_is_what_the_stance_allows(robot):
     layer = make_layer("com_wrench", robot, 500, {"friction": 0.5})
-    support, weight = layer.support, robot.weight
+    support, weight = layer.stance, robot.weight
     shift = support.margin / support.home_com[2]
     np.testing.assert_allclose(layer.scale[:2], weight * np.minimum(shift, 0.5))
     assert layer.scale[2] == pytest.approx(0.5 * weight)
@@ -188,7 +188,7 @@ def test_the_zero_action_holds_the_home_stance(robot, balancer):
     layer = make_layer("com_wrench", robot, 500, {"balancer": balancer})
     state, terms = at_rest(robot)
     torque = torque_of(layer, np.zeros((1, 6)), state, home_reference(robot), terms)[0]
-    jacobian = point_jacobian(ContactGeometry.of(robot), terms)[0][0]
+    jacobian = point_jacobian(contact_geometry(robot), terms)[0][0]
     rest = terms.bias[0] - np.concatenate([np.zeros(6), torque])
     forces = np.linalg.lstsq(jacobian.T, rest, rcond=1e-9)[0]
     np.testing.assert_allclose(jacobian.T @ forces, rest, atol=2e-4 * robot.weight)
@@ -228,16 +228,16 @@ def test_the_torque_is_the_wrench_distributed(robot, states, moving, balancer, l
     state, terms = states(5)
     body, reference, action = centroidal_terms(terms, state.qvel), moving(5), np.zeros((5, 6))
     found = torque_of(layer, action, state, reference, terms)
-    gains = layer.law.gains
+    gains = layer.law.constants.posture
     posture = reference.qacc[:, 6:] + gains.stiffness * (reference.qpos - state.qpos)[:, 7:]
     posture += gains.damping * (reference.qvel - state.qvel)[:, 6:]
-    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    contacts = reduced_contacts(contact_geometry(robot), terms)
     torque_map = TORQUE_MAPS[balancer](terms, body, contacts, posture)
     options = {
         "to_com": body.to_com,
         "point_map": contacts.point_map,
         "weight": robot.weight,
-        "length": layer.support.radius or 1.0,
+        "length": layer.stance.radius or 1.0,
     }
     wrench = layer.wrench(action, state, reference, terms, body)
     if limits == "none":
@@ -261,7 +261,7 @@ def test_a_robot_is_the_same_alone(robot, states, moving, balancer):
             layer,
             action[row],
             RobotState(*(value[row] for value in state)),
-            Reference(*(value[row] for value in reference[:-1]), None),
+            rows_of(reference, row),
             DynamicsTerms(*(value[row] for value in terms)),
         )
         np.testing.assert_array_equal(alone, together[row])
@@ -273,7 +273,7 @@ def test_a_robot_is_the_same_alone(robot, states, moving, balancer):
 def lifted(robot, reference, foot):
     planted = np.ones((len(reference.qpos), robot.num_feet), bool)
     planted[:, foot] = False
-    return reference._replace(planted=planted)
+    return reference._replace(planted=planted, stepping=True)
 
 
 @pytest.mark.parametrize("foot", [0, -1])
@@ -286,12 +286,12 @@ def test_a_lifted_leg_follows_its_own_command(robot, states, moving, foot):
     reference = lifted(robot, home_reference(robot), foot)
     torque = torque_of(layer, np.zeros((6, 6)), state, reference, terms)
     torque = torque - robot.joint_damping * state.qvel[:, 6:]
-    geometry = ContactGeometry.of(robot)
+    geometry = contact_geometry(robot)
     jacobian, bias = point_jacobian(geometry, terms)
     stands = np.repeat(geometry.foot_of_point != np.arange(robot.num_feet)[foot], 3)
     jacobian, bias = jacobian[:, stands], bias[:, stands]
-    legs = layer.law.legs[foot] > 0.0
-    gains = layer.law.gains
+    legs = layer.law.constants.legs[foot]
+    gains = layer.law.constants.posture
     assert legs.any() and not legs.all()
     for row in range(6):
         inverse = np.linalg.inv(terms.mass_matrix[row])
@@ -312,7 +312,7 @@ def test_feet_in_the_air_get_no_force(robot, states, balancer):
     state, terms = states(4)
     home, action = home_reference(robot), np.zeros((4, 6))
     memory = layer.memory(4)
-    flying = home._replace(planted=np.zeros((1, robot.num_feet), bool))
+    flying = home._replace(planted=np.zeros((1, robot.num_feet), bool), stepping=True)
     torque = layer.torque(action, state, flying, lambda: terms, memory)
     assert np.isfinite(torque).all()
     np.testing.assert_array_equal(memory["underactuation"], 6.0)
@@ -333,7 +333,7 @@ def test_zero_action_walks(env, layer_options):
     env = gym.make_vec(env, num_envs=1, episode_seconds=3.2, push_force=(0, 0), **options)
     env.reset(seed=0)
     swung = np.zeros(env.unwrapped.chunks.batches[0].simulation.robot.num_feet, bool)
-    foot = ContactGeometry.of(env.unwrapped.chunks.batches[0].simulation.robot).foot_of_point
+    foot = contact_geometry(env.unwrapped.chunks.batches[0].simulation.robot).foot_of_point
     for _ in range(155):
         *_, terminated, _, info = env.step(np.zeros(env.action_space.shape, np.float32))
         assert not terminated.any()
@@ -348,7 +348,8 @@ def test_zero_action_walks(env, layer_options):
 def test_pushed_robots_stay_up(robot):
     """Six robots pushed from random sides with 0.15 of their weight."""
     env = gym.make_vec(
-        f"fbid_gym/{robot.name.capitalize()}Balance-v0",
+        "fbid_gym/BipedBalance-v0",
+        robot=robot.name,
         num_envs=6,
         action_layer="com_wrench",
         push_force=(0.15 * robot.weight, 0.15 * robot.weight),

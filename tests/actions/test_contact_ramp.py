@@ -6,8 +6,8 @@ import pytest
 from fbid_gym.actions import make_layer
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.state import RobotState
 from fbid_gym.motions import home_reference
+from fbid_gym.quantities import RobotState
 
 RAMPED = ("joint_acceleration", "base_acceleration")
 TICKS = 10

@@ -11,10 +11,10 @@ from fbid_gym.actions import make_layer
 from fbid_gym.actions.smooth_target import SmoothTarget
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import point_jacobian
-from fbid_gym.dynamics.state import RobotState
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import home_reference, periodic_squat
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
 
 NAME = "joint_position_feedforward"
@@ -31,7 +31,7 @@ def standing(layer, state, robot):
     """The state and its dynamics without the velocities that would move the feet."""
     qvel = state.qvel.copy()
     jacobian, _ = point_jacobian(
-        layer.law.geometry, MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
+        layer.stance.geometry, MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
     )
     for row, matrix in enumerate(jacobian):
         qvel[row] -= np.linalg.pinv(matrix, rcond=1e-9) @ matrix @ qvel[row]
@@ -92,8 +92,8 @@ def test_the_torque_is_equation_18(robot, states, moving, rng, balance):
     layer = make_layer(NAME, robot, 500, options | UNLIMITED)
     state, terms = standing(layer, states(3)[0], robot)
     reference = moving(3)
-    jacobian, bias = point_jacobian(layer.law.geometry, terms)
-    frame = layer.support.frame(terms)
+    jacobian, bias = point_jacobian(layer.stance.geometry, terms)
+    frame = layer.stance.frame(terms)
     memory, target = layer.memory(3), np.zeros((3, 3, robot.num_joints))
     exact, w = second_order(1.5, 1 / 500), 2 * np.pi * 1.5
     for _ in range(4):
@@ -127,17 +127,19 @@ def test_the_torque_is_equation_18(robot, states, moving, rng, balance):
             expected += robot.joint_damping * state.qvel[row, 6:]
             error = reference.qpos[row, 7:] + target[0, row] - state.qpos[row, 7:]
             rate = reference.qvel[row, 6:] + target[1, row] - state.qvel[row, 6:]
-            expected += layer.stiffness * error + layer.damping * rate
+            expected += layer.gains.stiffness * error + layer.gains.damping * rate
             np.testing.assert_allclose(found[row], expected, atol=1e-5 * robot.weight)
         target = np.einsum("ij,jkl->ikl", exact, target)
 
 
 def test_feedback_is_as_soft_as_the_robot_falls(robot):
     layer = make_layer(NAME, robot, 500)
-    pendulum = np.sqrt(9.81 / layer.support.home_com[2])
+    pendulum = np.sqrt(9.81 / layer.stance.home_com[2])
     assert layer.natural_frequency == pytest.approx(pendulum / (2 * np.pi))
     stiff = make_layer("joint_position", robot, 500, {"natural_frequency": 1.0})
-    np.testing.assert_allclose(layer.stiffness, stiff.stiffness * layer.natural_frequency**2)
+    np.testing.assert_allclose(
+        layer.gains.stiffness, stiff.gains.stiffness * layer.natural_frequency**2
+    )
 
 
 def on_the_motion(motion, ticks, angle=1.1):
@@ -163,8 +165,9 @@ def test_on_the_motion_it_is_equation_15_alone():
     state, reference, qacc = on_the_motion(motion, ticks)
     terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
     layer = make_layer(NAME, robot, 500, UNLIMITED)
-    bare = replace(layer, stiffness=0.0 * layer.stiffness, damping=0.0 * layer.damping)
-    jacobian, _ = point_jacobian(layer.law.geometry, terms)
+    none = np.zeros(robot.num_joints)
+    bare = replace(layer, gains=layer.gains._replace(stiffness=none, damping=none))
+    jacobian, _ = point_jacobian(layer.stance.geometry, terms)
     still = np.zeros((4, robot.num_joints))
     for one in (layer, bare):
         found = one.torque(still, state, reference, lambda: terms, one.memory(4))
@@ -210,10 +213,10 @@ def test_balance_brings_the_centre_of_mass_back(robot):
         simulation.push(0.1 * robot.weight * side * (k < 75))
         simulation.step(layer.torque(still, now, home, simulation.terms, memory))
         terms = simulation.terms()
-        frame = layer.support.frame(terms)
-        shift = np.vecmat(terms.com - frame.centre, frame.rotation) - layer.support.home_com
+        frame = layer.stance.frame(terms)
+        shift = np.vecmat(terms.com - frame.centre, frame.rotation) - layer.stance.home_com
         away.append(np.vecdot(shift[:, :2], side[:, :2]))
-    height = layer.support.home_com[2]
+    height = layer.stance.home_com[2]
     largest = np.max(away, axis=0)
     assert (largest > 0.005 * height).all()
     assert (np.abs(away[-1]) < 0.1 * largest).all()

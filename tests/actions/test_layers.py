@@ -5,9 +5,9 @@ import pytest
 
 from fbid_gym.actions import LAYERS, layer_options, make_layer
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian
-from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian
 from fbid_gym.motions import home_reference
+from fbid_gym.quantities import RobotState
 
 OPTIONS = [
     *((layer, {}) for layer in LAYERS),
@@ -32,7 +32,7 @@ def at_rest(robot, count=1):
 def holding_torque(robot):
     """Least torques of the home stance, from the weight projected off the contacts, [M10] (15)."""
     _, terms = at_rest(robot)
-    jacobian = point_jacobian(ContactGeometry.of(robot), terms)[0][0]
+    jacobian = point_jacobian(contact_geometry(robot), terms)[0][0]
     free = np.eye(robot.nv) - np.linalg.pinv(jacobian, rcond=1e-9) @ jacobian
     return np.linalg.pinv(free[:, 6:], rcond=1e-9) @ free @ terms.bias[0]
 
@@ -125,7 +125,7 @@ def test_with_limited_forces_the_zero_action_at_home_holds_it_too(robot, name):
         lambda: terms,
         layer.memory(1),
     )[0]
-    jacobian = point_jacobian(ContactGeometry.of(robot), terms)[0][0]
+    jacobian = point_jacobian(contact_geometry(robot), terms)[0][0]
     rest = terms.bias[0] - np.concatenate([np.zeros(6), torque])
     forces = np.linalg.lstsq(jacobian.T, rest, rcond=1e-9)[0]
     np.testing.assert_allclose(jacobian.T @ forces, rest, atol=2e-4 * robot.weight)
@@ -143,13 +143,13 @@ def test_torque_adds_to_the_holding_torque(robot, states, rng):
 
 
 def test_joint_position_is_a_pd_controller(robot, states, rng):
-    layer = make_layer("joint_position", robot, 500, {"natural_frequency": 1.5, "scale": 0.2})
-    assert (layer.stiffness > 0.0).all() and (layer.damping > 0.0).all()
+    layer = make_layer("joint_position", robot, 500, {"natural_frequency": 1.2, "scale": 0.2})
+    assert (layer.gains.stiffness > 0.0).all() and (layer.gains.damping > 0.0).all()
     state, terms = states(4)
     action = rng.uniform(-1, 1, (4, robot.num_joints))
     target = robot.home_qpos[7:] + 0.2 * action
-    expected = holding_torque(robot) + layer.stiffness * (target - state.qpos[:, 7:])
-    expected -= layer.damping * state.qvel[:, 6:]
+    expected = holding_torque(robot) + layer.gains.stiffness * (target - state.qpos[:, 7:])
+    expected -= layer.gains.damping * state.qvel[:, 6:]
     torque = layer.torque(action, state, home_reference(robot), lambda: terms, layer.memory(4))
     np.testing.assert_allclose(torque, expected, atol=1e-5 * robot.weight)
 
@@ -173,10 +173,10 @@ def test_joint_position_gains_follow_from_the_inertia_a_joint_moves_in_stance(ro
             inertia = velocity @ matrix @ velocity / robot.num_feet
         else:
             inertia = matrix[6 + joint, 6 + joint]
-        assert layer.stiffness[joint] == pytest.approx(inertia * omega**2)
+        assert layer.gains.stiffness[joint] == pytest.approx(inertia * omega**2)
         alone = 1.0 / np.linalg.inv(matrix)[6 + joint, 6 + joint]
         limit = min(matrix[6 + joint, 6 + joint], 1.5 * alone) * 500
-        assert layer.damping[joint] == pytest.approx(min(2 * ratio * omega * inertia, limit))
+        assert layer.gains.damping[joint] == pytest.approx(min(2 * ratio * omega * inertia, limit))
 
 
 @pytest.mark.parametrize("control_hz", [50, 100, 250, 500, 1000])
@@ -186,7 +186,7 @@ def test_joint_position_does_not_oscillate_in_the_air(robot, control_hz):
     _, terms = at_rest(robot)
     mobility = np.linalg.inv(terms.mass_matrix[0])[6:, 6:]
     tick, one = 1.0 / control_hz, np.eye(robot.num_joints)
-    stiff, damp = mobility * layer.stiffness, mobility * layer.damping
+    stiff, damp = mobility * layer.gains.stiffness, mobility * layer.gains.damping
     step = np.block(
         [
             [one - tick**2 / 2 * stiff, tick * one - tick**2 / 2 * damp],

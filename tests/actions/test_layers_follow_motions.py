@@ -50,7 +50,7 @@ def test_base_acceleration_adds_the_reference_to_its_springs(robot, states, movi
     terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
     reference, action = moving(8), rng.uniform(-1, 1, (8, 6))
     found = layer.acceleration(action, state, reference, terms)
-    frame = layer.support.frame(terms)
+    frame = layer.stance.frame(terms)
     w = {key: 2 * np.pi * value for key, value in frequencies.items()}
 
     def pulled(key, acceleration, position, velocity):
@@ -104,13 +104,13 @@ def test_joint_acceleration_adds_the_reference_to_its_springs(robot, states, mov
     terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
     reference, action = moving(5), rng.uniform(-1, 1, (5, robot.num_joints))
     # Feet that stand: the points of a turning foot move apart, which fewer rows see differently.
-    jacobian, _ = point_jacobian(layer.law.geometry, terms)
+    jacobian, _ = point_jacobian(layer.law.constants.geometry, terms)
     for row in range(5):
         state.qvel[row] -= (
             np.linalg.pinv(jacobian[row], rcond=1e-9) @ jacobian[row] @ state.qvel[row]
         )
     terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
-    jacobian, bias = point_jacobian(layer.law.geometry, terms)
+    jacobian, bias = point_jacobian(layer.law.constants.geometry, terms)
     ours = layer.torque(action, state, reference, lambda: terms, layer.memory(5))
     w = 2 * np.pi * 0.8
     for row in range(5):
@@ -118,7 +118,12 @@ def test_joint_acceleration_adds_the_reference_to_its_springs(robot, states, mov
         wanted[6:] = reference.qacc[row, 6:] + 5.0 * action[row]
         wanted[6:] += w**2 * (reference.qpos[row, 7:] - state.qpos[row, 7:])
         wanted[6:] += 2 * 0.6 * w * (reference.qvel[row, 6:] - state.qvel[row, 6:])
-        weight = np.sqrt(np.r_[np.full(6, layer.law.base_priority), np.ones(robot.num_joints)])
+        weight = np.sqrt(
+            np.r_[
+                np.full(6, 1.0 / layer.law.constants.nearness.base_mobility),
+                np.ones(robot.num_joints),
+            ]
+        )
         error = jacobian[row] @ wanted + bias[row]
         nearest = wanted - np.linalg.pinv(jacobian[row] / weight, rcond=1e-9) @ error / weight
         free = np.eye(robot.nv) - np.linalg.pinv(jacobian[row], rcond=1e-9) @ jacobian[row]

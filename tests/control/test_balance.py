@@ -2,18 +2,16 @@
 
 import numpy as np
 import pytest
-import torch
 from scipy.spatial.transform import Rotation
 
 from fbid_gym.control.balance import (
-    TABLE_1,
-    BalanceGains,
     BalanceTarget,
     desired_wrench_garofalo2015,
     desired_wrench_ott2011,
     orientation_moment,
     resting_target,
 )
+from fbid_gym.control.balance_gains import TABLE_1, BalanceGains
 from fbid_gym.errors import InvalidValueError
 
 COUNT = 20
@@ -246,19 +244,6 @@ def test_both_laws_damp_a_rigid_body_alike(rng, orientations):
         mass=masses,
     )
     np.testing.assert_allclose(ours, theirs, atol=1e-9)
-
-
-def test_torch_gives_the_same(rng, measured):
-    target, state = measured
-    momentum = rng.normal(size=(COUNT, 6))
-    expected = desired_wrench_garofalo2015(TABLE_1, target, momentum=momentum, **state)
-    wrench = desired_wrench_garofalo2015(
-        TABLE_1,
-        BalanceTarget(*map(torch.from_numpy, target)),
-        momentum=torch.from_numpy(momentum),
-        **{name: torch.from_numpy(value) for name, value in state.items()},
-    )
-    np.testing.assert_allclose(wrench.numpy(), expected, atol=1e-9)
 
 
 # --- gains -------------------------------------------------------------------------------------

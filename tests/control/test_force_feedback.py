@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from fbid_gym.control import (
     actuated_projection,
@@ -285,36 +284,6 @@ def test_applied_feedback_is_magnified_and_where_eq_7_is_blind_sums_up(
         )
     assert eigenvalue > 0.05
     assert powers.sum() == pytest.approx(1.0 / eigenvalue, rel=1e-3)
-
-
-def test_force_laws_on_torch_equal_numpy(
-    make_system: Callable[..., Any], torque_of: Callable[[Any], np.ndarray], contacts: str
-) -> None:
-    system = make_system(contacts)
-    torque, force = torque_of(system), np.ones_like(system.jacobian_bias)
-    tensors = [torch.from_numpy(x) for x in system.law]
-    pairs = [
-        (
-            force_feedback_inverse_dynamics(*system.law, force),
-            force_feedback_inverse_dynamics(*tensors, torch.from_numpy(force)),
-        ),
-        (
-            estimated_force_inverse_dynamics(*system.law, torque),
-            estimated_force_inverse_dynamics(*tensors, torch.from_numpy(torque)),
-        ),
-        (
-            inertia_weighted_inverse_dynamics(*system.law),
-            inertia_weighted_inverse_dynamics(*tensors),
-        ),
-        (
-            actuated_projection(system.mass_matrix, system.jacobian),
-            actuated_projection(tensors[0], tensors[2]),
-        ),
-    ]
-    for here, there in pairs:
-        for expected, found in zip(here, there, strict=True):
-            assert isinstance(found, torch.Tensor)
-            np.testing.assert_allclose(found.numpy(), expected, atol=1e-5)
 
 
 def test_a_sick_robot_harms_no_other_in_the_force_laws(

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from fbid_gym.control import ForceSensor, ForceSensorState
 from fbid_gym.errors import InvalidValueError, ShapeError
@@ -104,19 +103,6 @@ def test_measuring_leaves_the_state_alone(rng: np.random.Generator) -> None:
     sensor.measure(rng.normal(size=(2, 3)), state, rng)
     for now, then in zip(state, before, strict=True):
         np.testing.assert_array_equal(now, then)
-
-
-def test_the_sensor_on_torch_equals_numpy() -> None:
-    forces = np.random.default_rng(0).normal(size=(20, 2, 3))
-    sensor = ForceSensor(500.0, noise=1.0, cutoff_hz=30.0, delay=2)
-    expected, _ = record(sensor, forces, np.random.default_rng(1))
-    rng = np.random.default_rng(1)
-    tensors = torch.from_numpy(forces)
-    state = sensor.start(tensors[0])
-    for force, reading in zip(tensors, expected, strict=True):
-        found, state = sensor.measure(force, state, rng)
-        assert isinstance(found, torch.Tensor)
-        np.testing.assert_allclose(found.numpy(), reading, atol=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from fbid_gym.control import InverseDynamics, orthogonal_inverse_dynamics
 from fbid_gym.errors import InvalidValueError, ShapeError
@@ -297,23 +296,6 @@ def test_a_robot_gone_wrong_harms_no_other(make_system: Callable[..., Any]) -> N
     )
     for before, after in zip(healthy, sick, strict=True):
         np.testing.assert_array_equal(np.delete(before, 1, 0), np.delete(after, 1, 0))
-
-
-@pytest.mark.parametrize("weighted", [False, True])
-def test_torch_equals_numpy_for_the_law(
-    make_system: Callable[..., Any], contacts: str, weighted: bool
-) -> None:
-    system = make_system(contacts)
-    cost = np.linspace(0.5, 2.0, system.bias.shape[1] - 6) if weighted else None
-    expected = orthogonal_inverse_dynamics(*system.law, torque_cost=cost, base_priority=10.0)
-    found = orthogonal_inverse_dynamics(
-        *(torch.from_numpy(x) for x in system.law),
-        torque_cost=None if cost is None else torch.from_numpy(cost),
-        base_priority=10.0,
-    )
-    for there, here in zip(found, expected, strict=True):
-        assert isinstance(there, torch.Tensor)
-        np.testing.assert_allclose(there.numpy(), here, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from fbid_gym.control import (
     orthogonal_inverse_dynamics,
 )
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 
 ROBOTS = ("biped", "quadruped")
 
@@ -43,7 +43,7 @@ def states(name: str, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 def law_of(name: str, dynamics: object, qpos: np.ndarray, qvel: np.ndarray, active: np.ndarray):
     """M, h, J and Jdot v at these states."""
     terms = dynamics.terms(qpos, qvel)
-    contacts = reduced_contacts(ContactGeometry.of(robots.load(name)), terms, active)
+    contacts = reduced_contacts(contact_geometry(robots.load(name)), terms, active)
     return terms.mass_matrix, terms.bias, contacts.jacobian, contacts.bias
 
 
@@ -183,7 +183,7 @@ def along_a_path(name: str, steps: int) -> tuple[np.ndarray, ...]:
     qvel[:, 3:6] = 2.0 * np.pi * axis
     qvel[:, 6:] = 2.0 * np.pi * swing * np.cos(2.0 * np.pi * time + phase)
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    contacts = reduced_contacts(contact_geometry(robot), terms)
     command = np.tile(rng.normal(size=robot.nv), (steps, 1))
     return terms.mass_matrix, terms.bias, contacts.jacobian, command, contacts.bias
 

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-import torch
 
 from fbid_gym.control import (
     InverseDynamics,
@@ -17,7 +16,7 @@ from fbid_gym.control import (
     orthogonal_inverse_dynamics,
 )
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.robots import Robot
 
@@ -92,7 +91,7 @@ def describe(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Case]:
         qpos[:, 7:] += rng.normal(0.0, 0.1, (5, 12)) * scale[6:]
         qvel = rng.normal(0.0, 0.5, (5, robot.nv)) * scale
         terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-        contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+        contacts = reduced_contacts(contact_geometry(robot), terms)
         law = [terms.mass_matrix, terms.bias, contacts.jacobian]
         command = rng.normal(0.0, 2.0, qvel.shape) * scale
         if consistent:
@@ -233,20 +232,6 @@ def test_length_metric_says_what_a_radian_counts() -> None:
     metric = length_metric([True, False], 0.5)
     np.testing.assert_array_equal(metric, [1, 1, 1, 0.25, 0.25, 0.25, 0.25, 1])
     np.testing.assert_array_equal(metric_torque_cost(metric), [4.0, 1.0])
-
-
-def test_metrics_on_torch_equal_numpy(
-    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
-) -> None:
-    system = make_system(contacts)
-    count, nv = system.bias.shape
-    tensors = [torch.from_numpy(x) for x in system.law]
-    for metric in (np.exp(rng.normal(size=nv)), random_metrics(rng, count, nv)):
-        expected = metric_inverse_dynamics(*system.law, metric)
-        found = metric_inverse_dynamics(*tensors, torch.from_numpy(metric))
-        for here, there in zip(expected, found, strict=True):
-            assert isinstance(there, torch.Tensor)
-            np.testing.assert_allclose(there.numpy(), here, atol=1e-5)
 
 
 def test_a_sick_robot_harms_no_other_in_its_metric(make_system: Callable[..., Any]) -> None:

@@ -6,7 +6,6 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-import torch
 
 from fbid_gym import robots
 from fbid_gym.control import (
@@ -16,7 +15,7 @@ from fbid_gym.control import (
     task_acceleration,
 )
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, point_positions, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, point_positions, reduced_contacts
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 EXACT = {"least_gain": 1e-4}
@@ -161,7 +160,7 @@ def test_straight_knees_ask_for_no_unbounded_motion() -> None:
     """Lift the base over knees that straighten: the plain pseudo-inverse grows without bound."""
     robot = robots.load("biped")
     qpos, qvel = biped_squatting(np.geomspace(1.0, 1e-5, 200))
-    contacts = reduced_contacts(ContactGeometry.of(robot), MuJoCoDynamics(robot).terms(qpos, qvel))
+    contacts = reduced_contacts(contact_geometry(robot), MuJoCoDynamics(robot).terms(qpos, qvel))
     lift = np.eye(robot.nv)[2:3]
     task, still = np.ones((len(qpos), 1)), np.zeros_like(contacts.bias)
     plain = [np.linalg.pinv(np.concatenate([j, lift]))[:, -1] for j in contacts.jacobian]
@@ -188,7 +187,7 @@ def test_eq_15_realises_the_superposition(name: str) -> None:
     qpos = np.tile(robot.home_qpos, (6, 1))
     qpos[:, 7:] += rng.normal(0.0, 0.1, qpos[:, 7:].shape)
     terms = MuJoCoDynamics(robot).terms(qpos, rng.normal(size=(6, robot.nv)))
-    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    contacts = reduced_contacts(contact_geometry(robot), terms)
     task, reference = rng.normal(size=(6, 2)), rng.normal(size=(6, robot.nv))
     command = operational_space_acceleration(
         contacts.jacobian, contacts.bias, np.eye(robot.nv)[:2], None, task, reference
@@ -208,7 +207,7 @@ FLAT = [r for r in robots.ROBOTS if all(f.num_points > 2 for f in robots.load(r)
 def test_integrated_velocities_move_the_base_over_feet_that_stay(name: str) -> None:
     """The base goes 2 cm aside in its plane; joints follow; contact points drift with the step."""
     robot = robots.load(name)
-    geometry, dynamics = ContactGeometry.of(robot), MuJoCoDynamics(robot)
+    geometry, dynamics = contact_geometry(robot), MuJoCoDynamics(robot)
     drift = []
     for steps in (20, 40):
         qpos = robot.home_qpos[None].copy()
@@ -242,31 +241,6 @@ def test_eq_20_pulls_towards_the_target() -> None:
         desired_acceleration=np.array([[1.0, 1.0]]),
     )
     np.testing.assert_allclose(found, [[5.5, -1.0]])
-
-
-def test_torch_equals_numpy_for_tasks(
-    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
-) -> None:
-    system = make_system(contacts)
-    task_jacobian, task_bias, task = task_of(rng, system, 2)
-    task_jacobian[0, 1] = 1e-3 * task_jacobian[0, 1]  # one robot whose task is damped
-    cost = np.linspace(0.5, 2.0, system.bias.shape[1])
-    arguments = (
-        system.jacobian,
-        system.jacobian_bias,
-        task_jacobian,
-        task_bias,
-        task,
-        system.acceleration,
-    )
-    expected = operational_space_acceleration(*arguments, motion_cost=cost)
-    found = operational_space_acceleration(
-        *(torch.from_numpy(x) for x in arguments), motion_cost=torch.from_numpy(cost)
-    )
-    assert np.abs(expected.task_error[0, 1]) > 1e-3
-    for here, there in zip(expected, found, strict=True):
-        assert isinstance(there, torch.Tensor)
-        np.testing.assert_allclose(there.numpy(), here, atol=1e-7)
 
 
 def test_neighbours_change_no_bit_of_a_task_motion(

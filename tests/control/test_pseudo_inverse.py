@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 
 from fbid_gym.control import symmetric_pseudo_inverse
 from fbid_gym.errors import ShapeError
@@ -94,14 +93,6 @@ def test_empty_matrices_have_rank_zero() -> None:
     inverse, rank = symmetric_pseudo_inverse(np.zeros((3, 0, 0)))
     assert inverse.shape == (3, 0, 0)
     np.testing.assert_array_equal(rank, 0)
-
-
-def test_pinv_on_torch_equals_numpy(rng: np.random.Generator) -> None:
-    matrix = np.concatenate([mixed(rng), np.ones((1, 6, 6))])
-    inverse, rank = symmetric_pseudo_inverse(matrix)
-    torch_inverse, torch_rank = symmetric_pseudo_inverse(torch.from_numpy(matrix))
-    np.testing.assert_allclose(torch_inverse.numpy(), inverse, atol=1e-9 * np.abs(inverse).max())
-    np.testing.assert_array_equal(torch_rank.numpy(), rank)
 
 
 @pytest.mark.parametrize("shape", [(3, 3), (2, 3, 4), (1, 2, 3, 3)])

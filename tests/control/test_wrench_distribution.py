@@ -5,18 +5,18 @@ from typing import Any, NamedTuple
 import clarabel
 import numpy as np
 import pytest
-import torch
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from fbid_gym import robots
 from fbid_gym.control import ContactLimits, TorqueMap, distribute, torque_map_inverse_dynamics
-from fbid_gym.control.contact_forces import REGULARISATION, wrench_scale
-from fbid_gym.control.torque_limits import STEPS
+from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, wrench_scale
 from fbid_gym.dynamics import MuJoCoDynamics, centroidal_terms
-from fbid_gym.dynamics.contacts import ContactGeometry, point_positions, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, point_positions, reduced_contacts
 from fbid_gym.errors import InvalidValueError, ShapeError
 
+EXACT = DEFAULT_ACCURACY._replace(tolerance=1e-9, max_iterations=50)
+STEPS = DEFAULT_ACCURACY.torque_steps
 COUNT = 16
 FRICTION = 0.6
 LIMITS = ContactLimits(FRICTION)
@@ -61,7 +61,7 @@ def scene(name: str, rng: np.random.Generator, push: float = 0.1) -> Scene:
     qpos[:, 7:] += 0.1 * rng.normal(size=(COUNT, robot.num_joints))
     velocity = 0.3 * rng.normal(size=(COUNT, robot.nv))
     terms = MuJoCoDynamics(robot).terms(qpos, velocity)
-    body, geometry = centroidal_terms(terms, velocity), ContactGeometry.of(robot)
+    body, geometry = centroidal_terms(terms, velocity), contact_geometry(robot)
     contacts = reduced_contacts(geometry, terms)
     points = point_positions(geometry, terms)
     centre = points.mean(axis=1)
@@ -98,7 +98,7 @@ def exact(stance, row, *, cost=None, torque_limit=None, active=None):
     weight = stance.robot.weight
     maps = stance.wrench_map[row] * scale[:, None]
     columns = maps.shape[1]
-    quadratic = np.triu(maps.T @ maps + REGULARISATION * np.eye(columns))
+    quadratic = np.triu(maps.T @ maps + DEFAULT_ACCURACY.regularisation * np.eye(columns))
     rows, bounds, cones = [], [], []
     for point in range(columns // 3):
         cone = np.zeros((3, columns))
@@ -142,7 +142,7 @@ def assert_within_friction(force, friction=FRICTION):
 
 @pytest.mark.parametrize("cost", [None, (1.0, 1.0, 25.0, 0.04, 0.04, 1.0)])
 def test_forces_are_clarabels(hard, cost):
-    result = hard.solve(wrench_cost=cost, tolerance=1e-9, max_iterations=50)
+    result = hard.solve(wrench_cost=cost, accuracy=EXACT)
     for row in range(COUNT):
         expected = exact(hard, row, cost=cost)
         wrench = hard.wrench_map[row] @ expected
@@ -158,12 +158,17 @@ def tight_limits(stance):
 
 
 @pytest.mark.parametrize(
-    ("steps", "wrench_error", "excess"), [(STEPS, 0.12, 0.15), (8000, 1e-3, 1e-3)]
+    ("steps", "wrench_error", "excess"),
+    [(STEPS, 0.12, 0.15), (8000, 1e-3, 1e-3)],
 )
 def test_forces_under_torque_limits_are_clarabels(stance, steps, wrench_error, excess):
     """By default roughly, with enough steps exactly."""
     limit = tight_limits(stance)
-    free, result = stance.solve(), stance.solve(torque_limit=limit, torque_steps=steps)
+    accuracy = DEFAULT_ACCURACY._replace(torque_steps=steps)
+    free, result = (
+        stance.solve(),
+        stance.solve(torque_limit=limit, accuracy=accuracy),
+    )
     beyond = (np.abs(free.torque) > limit).any(axis=1)
     assert COUNT / 2 < beyond.sum()
     scale = stance.robot.weight * np.array([1.0] * 3 + [stance.options["length"]] * 3)
@@ -237,7 +242,10 @@ def test_what_costs_more_goes_first(hard):
         cost = [1.0] * 6
         for factor in (0.01, 1.0, 100.0):
             cost[axis] = factor
-            result = hard.solve(wrench_cost=tuple(cost), tolerance=1e-8, max_iterations=50)
+            result = hard.solve(
+                wrench_cost=tuple(cost),
+                accuracy=EXACT,
+            )
             errors[factor] = np.abs(result.wrench - hard.wrench)[:, axis]
         tolerance = 1e-4 * hard.robot.weight
         assert (errors[100.0] <= errors[1.0] + tolerance).all()
@@ -261,24 +269,6 @@ def test_robots_do_not_depend_on_each_other(hard):
     )
     for ours, theirs in zip(alone, together, strict=True):
         np.testing.assert_allclose(ours, theirs[some], atol=1e-9 * hard.robot.weight)
-
-
-def test_torch_gives_the_same(stance):
-    limit = tight_limits(stance)
-    expected = stance.solve(torque_limit=limit)
-    options = {
-        name: torch.from_numpy(value) if isinstance(value, np.ndarray) else value
-        for name, value in stance.options.items()
-    }
-    result = distribute(
-        TorqueMap(*map(torch.from_numpy, stance.torque_map)),
-        torch.from_numpy(stance.wrench),
-        LIMITS,
-        torque_limit=torch.from_numpy(limit),
-        **options,
-    )
-    for ours, theirs in zip(result[:-1], expected[:-1], strict=True):
-        np.testing.assert_allclose(ours.numpy(), theirs, atol=1e-6 * stance.robot.weight)
 
 
 def test_a_slope_is_level_ground_seen_from_aside(stance, rng):

@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-import torch
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics, frames
@@ -25,11 +24,11 @@ from fbid_gym.dynamics.centroidal import (
     transform,
     transformed_jacobian,
 )
-from fbid_gym.dynamics.contacts import ContactGeometry, point_jacobian, point_positions
+from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, point_positions
 from fbid_gym.dynamics.coriolis import CoriolisMatrix
 from fbid_gym.dynamics.pinocchio_coriolis import pinocchio_coriolis
 from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
-from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.quantities import DynamicsTerms
 
 EXACT = 1e-9
 COUNT = 6
@@ -202,7 +201,7 @@ def test_eq_5_linear_rows_are_mass_times_jacobian_of_the_com(case):
 
 def test_eq_6_rate_of_momentum_is_the_external_wrench(case, rng):
     torque = rng.normal(size=(COUNT, case.robot.num_joints))
-    geometry = ContactGeometry.of(case.robot)
+    geometry = contact_geometry(case.robot)
     force = 10.0 * rng.normal(size=(COUNT, geometry.num_points, 3))
     jacobian, _ = point_jacobian(geometry, case.terms)
     generalized = np.matvec(jacobian.mT, force.reshape(COUNT, -1)) - case.terms.bias
@@ -358,7 +357,7 @@ def test_eqs_30_and_32_wrench_at_the_com(case, rng):
 
 
 def test_eq_33_generalized_jacobian(case):
-    jacobian, _ = point_jacobian(ContactGeometry.of(case.robot), case.terms)
+    jacobian, _ = point_jacobian(contact_geometry(case.robot), case.terms)
     transformed = transformed_jacobian(case.body, jacobian)
     assert_close(transformed, jacobian @ case.full.inverse_transform)
     joints = generalized_jacobian(case.terms.mass_matrix, jacobian)
@@ -368,7 +367,7 @@ def test_eq_33_generalized_jacobian(case):
 
 def test_contact_forces_act_on_momentum_through_their_wrench(case, rng):
     # The identity behind eq. (38): Jbar_b^T f = Lambda_h (wrench of f at the centre of mass).
-    geometry = ContactGeometry.of(case.robot)
+    geometry = contact_geometry(case.robot)
     force = rng.normal(size=(COUNT, geometry.num_points, 3))
     jacobian, _ = point_jacobian(geometry, case.terms)
     base = transformed_jacobian(case.body, jacobian)[:, :, :6]
@@ -387,23 +386,6 @@ def test_eq_34_kinetic_energy_in_three_parts(case):
 
 
 # --- array API, simulation ---------------------------------------------------------------------
-
-
-def test_torch_gives_the_same(case):
-    terms = DynamicsTerms(*(torch.from_numpy(np.ascontiguousarray(x)) for x in case.terms))
-    velocity = torch.from_numpy(case.velocity)
-    body = centroidal_terms(terms, velocity)
-    full = decoupled_dynamics(body, terms, velocity, torch.from_numpy(case.coriolis))
-    for ours, theirs in zip((*body, *full), (*case.body, *case.full), strict=True):
-        assert_close(ours.numpy(), theirs)
-    gravity = tuple(case.robot.model.opt.gravity)
-    bias = momentum_rate_bias(body, terms.bias, gravity)
-    assert_close(bias.numpy(), momentum_rate_bias(case.body, case.terms.bias, gravity))
-    energy = kinetic_energy(body, terms.mass_matrix, velocity)
-    assert_close(energy.numpy(), kinetic_energy(case.body, case.terms.mass_matrix, case.velocity))
-    foot = terms.foot_jacobian[:, 0]
-    jacobian = generalized_jacobian(terms.mass_matrix, foot)
-    assert_close(transformed_jacobian(body, foot)[:, :, 6:].numpy(), jacobian.numpy())
 
 
 @pytest.mark.parametrize("name", robots.ROBOTS)

@@ -7,7 +7,7 @@ import pytest
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import (
-    ContactGeometry,
+    contact_geometry,
     point_jacobian,
     point_positions,
     point_velocities,
@@ -32,7 +32,7 @@ def robot(request, tmp_path_factory, random_mjcf):
 
 @pytest.fixture(scope="module")
 def geometry(robot):
-    return ContactGeometry.of(robot)
+    return contact_geometry(robot)
 
 
 def mujoco_points(robot, qpos, qvel):

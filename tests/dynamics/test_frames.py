@@ -262,16 +262,3 @@ def test_any_leading_axes(rng, name):
             np.testing.assert_allclose(function(*one), whole[i, j], rtol=1e-13, atol=1e-14)
     empty = function(*(x[:0, 0] if x.shape[:2] == (2, 3) else x for x in arguments))
     assert empty.shape == (0, *whole.shape[2:])
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_torch_gives_the_same(rng, name):
-    torch = pytest.importorskip("torch")
-    function = getattr(frames, name)
-    arguments = calls(rng, (4,))[name]
-    result = function(*(torch.asarray(x) for x in arguments))
-    assert isinstance(result, torch.Tensor)
-    np.testing.assert_allclose(result.numpy(), function(*arguments), rtol=1e-13, atol=1e-14)
-    single = function(*(torch.asarray(x, dtype=torch.float32) for x in arguments))
-    assert single.dtype == torch.float32
-    np.testing.assert_allclose(single.numpy(), function(*arguments), rtol=1e-3, atol=1e-3)

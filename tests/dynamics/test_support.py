@@ -7,8 +7,8 @@ from scipy.optimize import linprog
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, point_positions
-from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.contacts import contact_geometry, point_positions
+from fbid_gym.dynamics.stance import Stance
 
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, "one point"])
@@ -22,7 +22,7 @@ def robot(request, tmp_path_factory, random_mjcf):
 
 @pytest.fixture(scope="module")
 def support(robot):
-    return Support.of(robot)
+    return Stance.of(robot)
 
 
 def turned(qpos, heading, shift):
@@ -70,7 +70,7 @@ def test_at_home_the_frame_is_below_the_robot_and_not_turned(robot, support):
 def test_the_centre_is_the_mean_of_the_points(robot, support, rng):
     qpos = near_home(robot, rng, 5)
     terms = MuJoCoDynamics(robot).terms(qpos, np.zeros((5, robot.nv)))
-    points = point_positions(ContactGeometry.of(robot), terms)
+    points = point_positions(contact_geometry(robot), terms)
     np.testing.assert_allclose(support.frame(terms).centre, points.mean(axis=1), atol=1e-12)
 
 
@@ -103,7 +103,7 @@ def test_the_frame_goes_with_the_robot(robot, support, rng):
 def test_the_heading_fits_the_points_best(robot, support, rng):
     """Planar Procrustes: no other heading brings the home layout nearer to the points."""
     qpos, _ = turned(near_home(robot, rng, 4, size=0.4), 1.1, np.zeros(3))
-    dynamics, geometry = MuJoCoDynamics(robot), ContactGeometry.of(robot)
+    dynamics, geometry = MuJoCoDynamics(robot), contact_geometry(robot)
     home = point_positions(
         geometry, dynamics.terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
     )[0]
@@ -125,7 +125,7 @@ def test_the_heading_fits_the_points_best(robot, support, rng):
 
 def test_margins_are_how_far_the_centre_of_pressure_can_go(robot, support):
     """A linear programme: how far along an axis some shares of the load on the points reach."""
-    geometry = ContactGeometry.of(robot)
+    geometry = contact_geometry(robot)
     terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
     points = point_positions(geometry, terms)[0]
     layout = (points - points.mean(axis=0))[:, :2] - support.home_com[:2]

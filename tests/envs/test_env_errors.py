@@ -10,6 +10,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError, InvalidValueError, NonFiniteError, ShapeError
 
 BIPED = next(iter(ENVIRONMENTS))
+ALL_ROBOTS = "biped, quadruped, humanoid, go1, g1"
 ALL_LAYERS = (
     "torque, joint_position, joint_position_feedforward, joint_acceleration, base_acceleration, "
     "com_wrench"
@@ -28,8 +29,8 @@ ARGUMENTS = [
     ({"action_layer": ["torque"]}, r"Unknown action layer \['torque'\]. Valid choices: torque,"),
     ({"action_layr": "torque"}, r"\(did you mean 'action_layer'\?\) 'action_layr'. Valid.*push_f"),
     ({"zzz": 1}, "Unknown environment argument 'zzz'. Valid choices: robot, task, action_l"),
-    ({"robot": "horse"}, "Unknown robot 'horse'. Valid choices: biped, quadruped, humanoid."),
-    ({"robot": 3}, "Invalid robot: 3. Expected a Robot or one of biped, quadruped, humanoid."),
+    ({"robot": "horse"}, f"Unknown robot 'horse'. Valid choices: {ALL_ROBOTS}."),
+    ({"robot": 3}, f"Invalid robot: 3. Expected a Robot or one of {ALL_ROBOTS}."),
     # Options of the layers.
     (options("torque", gain=1.0), "option of action layer 'torque' 'gain'. Valid choices: none."),
     (options(gain=1.0), "option of action layer 'base_acceleration' 'gain'. .* contact_limits"),

@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from fbid_gym.dynamics.contacts import ContactGeometry, point_positions
+from fbid_gym.dynamics.contacts import contact_geometry, point_positions
 
 ROUGH = "fbid_gym/QuadrupedRough-v0"
 
@@ -19,7 +19,7 @@ def test_episodes_start_on_level_places_all_over_the_ground(terrain):
     nearest = apart.argmin(axis=1)
     assert (apart.min(axis=1) < batch.terrain.clearing).all()
     assert set(nearest) == set(range(len(starts)))
-    points = point_positions(ContactGeometry.of(batch.robot), simulation.terms())
+    points = point_positions(contact_geometry(batch.robot), simulation.terms())
     np.testing.assert_allclose(points[:, :, 2].min(axis=1), 0.0, atol=1e-9)
     np.testing.assert_array_equal(batch.terrain.height(points[..., 0], points[..., 1]), 0.0)
 
@@ -43,7 +43,7 @@ def test_feet_stand_on_the_terrain_not_in_it(terrain):
     simulation.batch.forward()
     for _ in range(25):
         step = batch.step(np.zeros((32, 12)))
-    points = point_positions(ContactGeometry.of(batch.robot), simulation.terms())
+    points = point_positions(contact_geometry(batch.robot), simulation.terms())
     ground = batch.terrain.height(points[..., 0], points[..., 1])
     # A sphere that leans on an edge touches beside its lowest point.
     assert (points[..., 2] > ground - 0.012)[step.info["termination"] == ""].all()

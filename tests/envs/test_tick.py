@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from fbid_gym.dynamics.state import RobotState
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import MAX_SPEED, Simulation
 from fbid_gym.envs.tick import Effort
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots import ROBOTS, load
 
 COUNT = 4

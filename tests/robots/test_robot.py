@@ -120,13 +120,16 @@ def hold(
 
 
 def standing_stiffness(robot: Robot) -> np.ndarray | float:
-    """N m/rad, enough to stand; the humanoid's light arms and neck would shake with its legs'."""
-    if robot.name == "humanoid":
-        legs = [
-            any(part in joint for part in ("hip", "knee", "ankle")) for joint in robot.joint_names
-        ]
-        return np.where(legs, 2000.0, 100.0)
-    return {"biped": 500.0, "quadruped": 8.0}[robot.name]
+    """N m/rad, enough to stand; light arms and necks would shake with the legs'."""
+    legs, others = {
+        "biped": (500.0, 500.0),
+        "quadruped": (8.0, 8.0),
+        "humanoid": (2000.0, 100.0),
+        "go1": (100.0, 100.0),
+        "g1": (300.0, 30.0),
+    }[robot.name]
+    carries = ("hip", "knee", "ankle", "waist_roll", "waist_pitch")
+    return np.where([any(part in j for part in carries) for j in robot.joint_names], legs, others)
 
 
 # What every robot promises.
@@ -200,17 +203,23 @@ def test_shared_robots_cannot_be_written_to(robot: Robot) -> None:
             array[0] = 1.0
 
 
-# Our own three.
+# Our own.
 
 
 def test_load_returns_the_same_object() -> None:
-    assert ROBOTS == ("biped", "quadruped", "humanoid")
+    assert ROBOTS == ("biped", "quadruped", "humanoid", "go1", "g1")
     assert load("biped") is load("biped")
 
 
 @pytest.mark.parametrize(
     "name, mass, joints",
-    [("biped", 55.52, 16), ("quadruped", 2.7464, 12), ("humanoid", 77.483, 27)],
+    [
+        ("biped", 55.52, 16),
+        ("quadruped", 2.7464, 12),
+        ("humanoid", 77.483, 27),
+        ("go1", 12.7436, 12),
+        ("g1", 33.34, 29),
+    ],
 )
 def test_size_of_the_robot(name: str, mass: float, joints: int) -> None:
     robot = load(name)
@@ -259,6 +268,44 @@ def test_humanoid_follows_the_paper() -> None:
     assert top.max() == pytest.approx(1.7, abs=0.02)
     assert data.body("left_upper_thigh").xpos[2] == pytest.approx(0.87, abs=0.01)  # the hip
     assert 0.93 < data.subtree_com[robot.base_body][2] < 0.98
+
+
+def test_go1_is_as_large_as_published() -> None:
+    """Twelve joints, legs of 0.213 + 0.213 m beside hips 0.376 m and 0.0935 m apart."""
+    robot = load("go1")
+    data = at(robot, robot.home_qpos)
+    hips = np.array([data.body(f"{leg}_hip").xpos for leg in robot.foot_names])
+    np.testing.assert_allclose(np.ptp(hips, axis=0), [0.3762, 0.0935, 0.0], atol=1e-12)
+    assert hips[0, 2] == pytest.approx(0.29, abs=1e-3)
+    for leg in robot.foot_names:
+        upper, lower = data.body(f"{leg}_upper_leg").xpos, data.body(f"{leg}_lower_leg").xpos
+        foot = data.geom(f"{leg}_foot").xpos
+        assert np.linalg.norm(lower - upper) == pytest.approx(0.213)
+        assert np.linalg.norm(foot - lower) == pytest.approx(0.213)
+    limit = dict(zip(robot.joint_names, robot.torque_limit, strict=True))
+    assert {limit[name] for name in limit if "knee" in name} == {35.55}
+    assert {limit[name] for name in limit if "hip" in name} == {23.7}
+
+
+def test_g1_is_as_large_as_published() -> None:
+    """29 joints: six a leg, three in the waist, seven an arm; 1.3 m with straight legs."""
+    robot = load("g1")
+    leg = {"hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll"}
+    arm = {
+        *(f"shoulder_{axis}" for axis in ("pitch", "roll", "yaw")),
+        *("elbow", "wrist_roll", "wrist_pitch", "wrist_yaw"),
+    }
+    both = {f"{side}_{joint}" for side in ("left", "right") for joint in leg | arm}
+    assert set(robot.joint_names) == both | {"waist_yaw", "waist_roll", "waist_pitch"}
+    assert [foot.num_points for foot in robot.feet] == [4, 4]
+    data = at(robot, robot.model.qpos0)
+    solid = robot.model.geom_bodyid > 0
+    top = np.max((data.geom_xpos[:, 2] + robot.model.geom_rbound)[solid])
+    assert top - contact_heights(robot, data).min() == pytest.approx(1.32, abs=0.02)
+    hip, knee, ankle = (data.body(f"left_{link}").xpos for link in ("hip", "shank", "ankle"))
+    # The axes of hip pitch, knee and ankle, seen from the side.
+    assert np.linalg.norm((hip - knee)[[0, 2]]) == pytest.approx(0.337, abs=1e-3)
+    assert np.linalg.norm((knee - ankle)[[0, 2]]) == pytest.approx(0.3, abs=1e-3)
 
 
 def test_feet_are_flat_at_home(own: Robot) -> None:
@@ -316,6 +363,8 @@ def mirror(robot: Robot, pairs: dict[str, str], vector: np.ndarray) -> tuple[np.
         ("humanoid", 1, {"left": "right"}),
         ("quadruped", 1, {"front_left": "front_right", "hind_left": "hind_right"}),
         ("quadruped", 0, {"front": "hind"}),
+        ("go1", 1, {"front_left": "front_right", "hind_left": "hind_right"}),
+        ("g1", 1, {"left": "right"}),
     ],
 )
 def test_the_robot_is_its_own_mirror_image(

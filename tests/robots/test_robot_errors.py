@@ -67,7 +67,7 @@ def test_the_file_the_others_are_spoilt_from_is_good(tmp_path: Path) -> None:
 
 
 def test_unknown_robot() -> None:
-    choices = "biped, quadruped, humanoid"
+    choices = "biped, quadruped, humanoid, go1, g1"
     with fails(UnknownOptionError, f"Unknown robot 'cat'. Valid choices: {choices}."):
         load("cat")
 

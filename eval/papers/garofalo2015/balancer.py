@@ -18,11 +18,11 @@ from fbid_gym.control import (
     torque_map_inverse_dynamics,
     torque_map_ott2011,
 )
-from fbid_gym.control.balance import TABLE_1
+from fbid_gym.control.balance_gains import TABLE_1
 from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, centroidal_terms
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 
 OTT, GAROFALO, INVERSE = "Ott 2011", "Garofalo 2015", "inverse dynamics"
@@ -80,7 +80,7 @@ class Balancer:
         self.robot, self.wrench, self.torque_map = robot, wrench, _TORQUE_MAP[torque_map]
         self.posture_rate = 2.0 * np.pi * posture_hertz
         self.compensated = robot.joint_damping * compensate_damping
-        self.geometry, self.length = ContactGeometry.of(robot), Support.of(robot).radius
+        self.geometry, self.length = contact_geometry(robot), Stance.of(robot).radius
         self.on_velocity = TABLE_1.on_velocity(robot.mass, stance_rotation_inertia(robot))
 
     def memory(self, num_robots: int) -> Memory:
@@ -118,15 +118,23 @@ class Balancer:
         self, state: RobotState, terms: DynamicsTerms, body: CentroidalTerms, target: BalanceTarget
     ) -> np.ndarray:
         """Return the desired wrench at the centre of mass, (N, 6) N and N·m, world."""
-        seen = {"com": terms.com, "rotation": terms.base_rotation, "mass": body.mass}
         if self.wrench == ON_MOMENTUM:
-            return desired_wrench_garofalo2015(TABLE_1, target, momentum=body.momentum, **seen)
+            return desired_wrench_garofalo2015(
+                TABLE_1,
+                target,
+                com=terms.com,
+                rotation=terms.base_rotation,
+                momentum=body.momentum,
+                mass=body.mass,
+            )
         return desired_wrench_ott2011(
             self.on_velocity,
             target,
+            com=terms.com,
             com_velocity=terms.com_velocity,
+            rotation=terms.base_rotation,
             angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
-            **seen,
+            mass=body.mass,
         )
 
 
@@ -148,7 +156,7 @@ def stance_angular_momentum(robot: Robot) -> np.ndarray:
     rest = np.zeros((1, robot.nv))
     terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], rest)
     body = centroidal_terms(terms, rest)
-    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    contacts = reduced_contacts(contact_geometry(robot), terms)
     spin = np.zeros((3, robot.nv))
     spin[:, 3:6] = terms.base_rotation[0]
     given = np.concatenate([contacts.jacobian[0], body.matrix[0, :3] / robot.mass, spin])

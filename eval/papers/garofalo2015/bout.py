@@ -67,7 +67,7 @@ def balancing(start: np.ndarray, goal: GoalAt | None = None) -> Plan[Goal]:
                 return {
                     "com": terms.com - target.com,
                     "rotation": rotation_vector(target.rotation.mT @ terms.base_rotation),
-                    "momentum": centroidal_terms(terms, simulation.qvel).momentum,
+                    "momentum": centroidal_terms(terms, simulation.qvel.copy()).momentum,
                 }
 
             return Wanted(now, height, seen)

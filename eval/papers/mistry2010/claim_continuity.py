@@ -11,7 +11,7 @@ from eval.papers.parts import Finding, figure, judged, text
 from eval.wording import number
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.robots import Robot, load
 
 JUMP = 0.5
@@ -78,7 +78,7 @@ def _laws(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Q by Householder reflections, eq. (15) as printed, and our law: a row for each state."""
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    contacts = reduced_contacts(contact_geometry(robot), terms)
     solution = orthogonal_inverse_dynamics(*equation(terms, contacts, command))
     q, _ = np.linalg.qr(contacts.jacobian.swapaxes(1, 2), mode="complete")
     free = q[:, :, contacts.jacobian.shape[1] :].swapaxes(1, 2)  # S_u Q^T

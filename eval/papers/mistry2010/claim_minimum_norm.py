@@ -18,11 +18,13 @@ from fbid_gym.control import (
     limited_inverse_dynamics,
     orthogonal_inverse_dynamics,
 )
+from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.identification import free_motions
-from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions import MotionTable, periodic_squat, squat_bow, stepping
+from fbid_gym.quantities import ReducedContacts
 from fbid_gym.robots import Robot, load
 
 FRICTION = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0)
@@ -98,8 +100,8 @@ def _problem(robot: Robot, motion: MotionTable, every: int, size: float) -> _Pro
     rows = np.arange(0, motion.period, every)
     reference = motion.reference(rows, np.zeros(len(rows)))
     terms = MuJoCoDynamics(robot).terms(reference.qpos, reference.qvel)
-    geometry = ContactGeometry.of(robot)
-    active = contact_points(geometry, reference.planted)
+    geometry = contact_geometry(robot)
+    active = contact_points(geometry, reference)
     contacts = reduced_contacts(geometry, terms, active)
     angle = np.random.default_rng(1).uniform(-np.pi, np.pi, len(rows))
     command = reference.qacc.copy()
@@ -129,8 +131,8 @@ def _limited(problem: _Problem, friction: float) -> LimitedInverseDynamics:
         point_map=problem.contacts.point_map,
         active=problem.active,
         base_priority=_BASE_FIRST,
-        length=Support.of(problem.robot).radius,
-        max_iterations=50,
+        length=Stance.of(problem.robot).radius,
+        accuracy=DEFAULT_ACCURACY._replace(max_iterations=50),
     )
 
 

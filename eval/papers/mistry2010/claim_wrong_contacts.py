@@ -29,10 +29,10 @@ from eval.papers.trial import RATES, Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
-from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.envs.simulation import Simulation
-from fbid_gym.motions import MotionTable, Reference, stepping
+from fbid_gym.motions import MotionTable, stepping
+from fbid_gym.quantities import ContactGeometry, Reference, RobotState
 from fbid_gym.robots import Robot, load
 
 LATE = (-200, -100, -50, -20, 0, 20, 50, 100, 200)
@@ -66,8 +66,7 @@ def shifted(
     motion: MotionTable, geometry: ContactGeometry, late: np.ndarray, rest: np.ndarray
 ) -> ContactBelief:
     """Believe in the contacts that were planned `late` (N,) ms ago; the last K in `rest` (K, P)."""
-    assert motion.planted is not None
-    points = motion.planted[:, geometry.foot_of_point]
+    points = motion.rows.planted[:, geometry.foot_of_point]
     ticks = np.round(late * RATES.control / 1000).astype(int)
 
     def belief(state: RobotState, reference: Reference) -> np.ndarray:
@@ -92,7 +91,7 @@ def slippery(friction: np.ndarray) -> Callable[[Simulation], None]:
 def run(setting: Setting) -> Result:
     """Step in place with wrong beliefs, on slippery ground; then random states and beliefs."""
     robot = load("biped")
-    motion, geometry = stepping(robot), ContactGeometry.of(robot)
+    motion, geometry = stepping(robot), contact_geometry(robot)
     seconds, each = setting.pick(12.0, 4.0), setting.pick(4, 2)
     starts = np.arange(each) * motion.seconds / each
     late = setting.pick(LATE, (-100, 0, 100))
@@ -158,7 +157,7 @@ def _static(robot: Robot, count: int) -> dict[str, Any]:
     qvel = rng.normal(size=(count, robot.nv))
     terms = MuJoCoDynamics(robot).terms(home, qvel)
     command = 3.0 * rng.normal(size=(count, robot.nv))
-    geometry = ContactGeometry.of(robot)
+    geometry = contact_geometry(robot)
     number_down = rng.integers(0, geometry.num_points + 1, count)
     order = rng.permuted(np.tile(np.arange(geometry.num_points), (count, 1)), axis=1)
     active = order < number_down[:, None]

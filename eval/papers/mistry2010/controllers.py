@@ -8,14 +8,13 @@ import numpy as np
 
 from eval.papers.mistry2010.laws import Law, Tick
 from eval.papers.trial import RATES, Memory
-from fbid_gym.actions.contact_belief import TOUCH
-from fbid_gym.actions.stance import holding_torque, own_inertia, stance_inertia
+from fbid_gym.actions.contact_belief import MEASURED_LOAD
+from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.control import operational_space_acceleration, task_acceleration
 from fbid_gym.dynamics import DynamicsTerms
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support
-from fbid_gym.motions import Reference
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.quantities import ContactGeometry, Reference, RobotState
 from fbid_gym.robots import Robot
 
 
@@ -57,10 +56,11 @@ class PdGains:
         The damping stays below the inertia that a joint moves in the air times the control rate,
         beyond which sampled damping itself oscillates.
         """
-        inertia = stance_inertia(robot)
+        stance = Stance.of(robot)
+        inertia = stance.standing_inertia
         omega = 2.0 * np.pi * np.asarray(hertz, float)[..., None]
         damping = 2.0 * np.asarray(zeta, float)[..., None] * omega * inertia
-        return cls(inertia * omega**2, np.minimum(damping, own_inertia(robot) * RATES.control))
+        return cls(inertia * omega**2, np.minimum(damping, stance.hanging_inertia * RATES.control))
 
     def torque(self, state: RobotState, reference: Reference) -> np.ndarray:
         """K_P (q_d - q) + K_D (qdot_d - qdot): (N, n) N·m."""
@@ -75,18 +75,18 @@ ContactBelief = Callable[[RobotState, Reference], np.ndarray | None]
 
 def planned_contacts(robot: Robot) -> ContactBelief:
     """Believe in the points of the feet that the reference plants."""
-    geometry = ContactGeometry.of(robot)
-    return lambda state, reference: contact_points(geometry, reference.planted)
+    geometry = contact_geometry(robot)
+    return lambda state, reference: contact_points(geometry, reference)
 
 
-def contact_points(geometry: ContactGeometry, planted: np.ndarray | None) -> np.ndarray | None:
+def contact_points(geometry: ContactGeometry, reference: Reference) -> np.ndarray | None:
     """Return which contact points belong to planted feet: (N, P) bool, None for all."""
-    return None if planted is None else planted[:, geometry.foot_of_point]
+    return reference.planted[:, geometry.foot_of_point] if reference.stepping else None
 
 
 def measured_contacts(robot: Robot) -> ContactBelief:
     """Believe in the points that carried weight during the last physics step."""
-    least = TOUCH * robot.weight
+    least = MEASURED_LOAD * robot.weight
     return lambda state, reference: np.linalg.norm(state.contact_force, axis=2) > least
 
 
@@ -97,11 +97,11 @@ given. It may note in the memory what the log shall have."""
 
 def as_planned(robot: Robot) -> Desire:
     """Desire the reference's acceleration, its linear part turned into the world."""
-    support = Support.of(robot)
+    stance = Stance.of(robot)
 
     def desire(tick: Tick, memory: Memory) -> np.ndarray:
         acceleration = tick.reference.qacc.copy()
-        rotation = support.frame(tick.terms).rotation
+        rotation = stance.frame(tick.terms).rotation
         acceleration[:, :3] = np.matvec(rotation, acceleration[:, :3])
         return acceleration
 
@@ -118,11 +118,11 @@ def base_returning(robot: Robot, hertz: float) -> Desire:
         robot: the robot.
         hertz: natural frequency of the return, critically damped.
     """
-    support, omega = Support.of(robot), 2.0 * np.pi * hertz
+    stance, omega = Stance.of(robot), 2.0 * np.pi * hertz
 
     def desire(tick: Tick, memory: Memory) -> np.ndarray:
         terms, reference, contacts = tick.terms, tick.reference, tick.contacts
-        frame = support.frame(terms)
+        frame = stance.frame(terms)
         base = np.vecmat(terms.base_position - frame.centre, frame.rotation)
         memory["base"], memory["base_target"] = base[:, :2], reference.qpos[:, :2]
         there = frame.centre + np.matvec(frame.rotation, reference.qpos[:, :3])
@@ -164,7 +164,7 @@ class JointController:
         self.robot, self.gains, self.law = robot, gains, law
         self.belief = planned_contacts(robot) if belief is None else belief
         self.desire = as_planned(robot) if desire is None else desire
-        self.geometry = ContactGeometry.of(robot)
+        self.geometry = contact_geometry(robot)
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""

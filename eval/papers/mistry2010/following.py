@@ -7,7 +7,7 @@ import numpy as np
 
 from eval.papers.trial import Plan, Wanted
 from fbid_gym.envs.simulation import Simulation
-from fbid_gym.motions import Reference
+from fbid_gym.quantities import Reference
 
 
 class Motion(Protocol):

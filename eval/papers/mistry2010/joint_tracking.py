@@ -17,7 +17,8 @@ from eval.papers.mistry2010.laws import Law, Limited, MeasuredForce, orthogonal,
 from eval.papers.parts import columns, fate, folded
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
-from fbid_gym.motions import Reference, squat_bow
+from fbid_gym.motions import squat_bow
+from fbid_gym.quantities import Reference
 from fbid_gym.robots import Robot, load
 
 JOINTS = ("left_hip_pitch", "left_knee", "left_ankle_pitch")

@@ -18,10 +18,9 @@ from fbid_gym.control import (
     orthogonal_inverse_dynamics,
 )
 from fbid_gym.dynamics import DynamicsTerms
-from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts, reduced_contacts
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support
-from fbid_gym.motions import Reference
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.quantities import ContactGeometry, ReducedContacts, Reference, RobotState
 from fbid_gym.robots import Robot
 
 JOINTS_FIRST = 1e-3
@@ -140,7 +139,7 @@ class Limited:
         cls, robot: Robot, friction: float = 0.7, base_priority: float = JOINTS_FIRST
     ) -> "Limited":
         """Friction cones of the given coefficient."""
-        return cls(ContactLimits(friction), Support.of(robot).radius, base_priority)
+        return cls(ContactLimits(friction), Stance.of(robot).radius, base_priority)
 
     def memory(self, num_robots: int) -> Memory:
         """The warm start of the contact forces."""
@@ -181,7 +180,7 @@ class MeasuredForce:
     ) -> "MeasuredForce":
         """Noise in N, filter in Hz, delay in control ticks."""
         sensor = ForceSensor(RATES.control, noise, cutoff_hz, delay)
-        return cls(ContactGeometry.of(robot), sensor)
+        return cls(contact_geometry(robot), sensor)
 
     def memory(self, num_robots: int) -> Memory:
         """What the sensors remember."""

@@ -29,11 +29,11 @@ from fbid_gym.control import (
     task_acceleration,
 )
 from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry
+from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.dynamics.frames import quaternion_to_matrix, rotation_vector, skew
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support
-from fbid_gym.motions import Reference, Steps, stepping
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.motions import Steps, stepping
+from fbid_gym.quantities import Reference, RobotState
 from fbid_gym.robots import Robot
 
 _SIDE = np.array([1.0, -1.0])  # left, right
@@ -163,12 +163,12 @@ class Stepper:
     def __init__(self, robot: Robot, steps: Steps) -> None:
         """For the motion `stepping(robot, steps)`."""
         home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
-        self.robot, self.gains, self.geometry = robot, StepperGains(), ContactGeometry.of(robot)
+        self.robot, self.gains, self.geometry = robot, StepperGains(), contact_geometry(robot)
         self.plan = stepping(robot, steps._replace(lift=(0.0, 0.0, 0.0), ramp=0.0))
         self._footwork = Footwork(1.0 / self.plan.hz, steps.single * steps.period)
         # m, of each foot from the middle; lever arm that makes moments comparable to forces.
         self._width = float(home.foot_position[0, 0, 1]) + steps.spread
-        self._length = Support.of(robot).radius
+        self._length = Stance.of(robot).radius
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""
@@ -181,7 +181,7 @@ class Stepper:
         """See `Controller`. The goal is not used: `plan` is it, without the lifted legs."""
         plan = self.plan.reference(state.tick)
         if not memory["begun"]:
-            memory.update(self._footwork.memory(_planted(plan)), begun=True)
+            memory.update(self._footwork.memory(plan.planted), begun=True)
         footing = self._footing(terms, memory["swings"])
         seen = Seen(state, terms, plan, footing, self._capture(footing, terms, plan))
         self._step(seen, memory)
@@ -258,7 +258,7 @@ class Stepper:
         # The robot stays on the foot that is nearer to where it falls.
         far = np.linalg.norm(foot - capture.xi[:, None], axis=2)
         farther = far == far.max(axis=1, keepdims=True)
-        self._footwork.advance(_planted(plan), load, calm, lost[:, None] & farther, memory)
+        self._footwork.advance(plan.planted, load, calm, lost[:, None] & farther, memory)
 
     def _feet(self, seen: Seen, memory: Memory) -> np.ndarray:
         """Wanted accelerations of the feet: (N, 2, 6) m/s^2 and rad/s^2, world axes."""
@@ -357,11 +357,6 @@ class Stepper:
         )
         memory["warm_start"] = law.warm_start
         return law.torque
-
-
-def _planted(plan: Reference) -> np.ndarray:
-    """Which feet the motion plants, (N, 2) bool."""
-    return np.ones((len(plan.qpos), 2), bool) if plan.planted is None else plan.planted
 
 
 def _returning(omega: float, plan: tuple[Any, Any, Any], now: tuple[Any, Any]) -> np.ndarray:

@@ -10,8 +10,9 @@ from eval.papers.mistry2010.laws import rivals as rival_laws
 from eval.papers.mistry2010.stepper import Stepper
 from eval.papers.trial import Controller, Push
 from eval.wording import percent
-from fbid_gym.dynamics.contacts import ContactGeometry
-from fbid_gym.motions import Reference, Steps, stepping
+from fbid_gym.dynamics.contacts import contact_geometry
+from fbid_gym.motions import Steps, stepping
+from fbid_gym.quantities import Reference
 from fbid_gym.robots import Robot
 
 FORCE, PUSH_SECONDS, EVERY_SECONDS, SECONDS = 200.0, 0.15, 5.0, 60.0
@@ -70,7 +71,7 @@ def random_pushes(
 
 def half_sole(robot: Robot) -> float:
     """Return how far a sole reaches forward and backward of its middle, m."""
-    return float(np.ptp(ContactGeometry.of(robot).offset[:, 0])) / 2.0
+    return float(np.ptp(contact_geometry(robot).offset[:, 0])) / 2.0
 
 
 def carried(robot: Robot, steps: Steps) -> float:

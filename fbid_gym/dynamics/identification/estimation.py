@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.identification.entropic_fit import (
     Weighed,
     divergence,
@@ -302,7 +302,7 @@ def projected_equations(
     Yields:
         (C, nv, p) and (C, nv), zero rows included, and (C,).
     """
-    dynamics, geometry = MuJoCoDynamics(regressor.robot), ContactGeometry.of(regressor.robot)
+    dynamics, geometry = MuJoCoDynamics(regressor.robot), contact_geometry(regressor.robot)
     for start in range(0, len(samples.qpos), _CHUNK):
         part = samples.rows(start, start + _CHUNK)
         terms = dynamics.terms(part.qpos, part.qvel)

@@ -7,7 +7,7 @@ from scipy import sparse
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.identification import (
     PARAMETERS,
     InertialRegressor,
@@ -61,7 +61,7 @@ def random_samples(robot, count, rng, planted=None, force=300.0):
     qpos[:, 7:] = robot.home_qpos[7:] + 0.4 * rng.normal(size=(count, robot.num_joints))
     qvel = 2.0 * rng.normal(size=(count, robot.nv))
     torque = 0.1 * robot.torque_limit * rng.normal(size=(count, robot.num_joints))
-    geometry = ContactGeometry.of(robot)
+    geometry = contact_geometry(robot)
     if planted is None:
         down = rng.random((count, robot.num_feet)) < 0.6
     else:
@@ -73,7 +73,7 @@ def random_samples(robot, count, rng, planted=None, force=300.0):
 def with_force(robot, qpos, qvel, torque, active, force, rng):
     """Samples of the accelerations that torques and random contact forces cause."""
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    contacts = reduced_contacts(ContactGeometry.of(robot), terms, active)
+    contacts = reduced_contacts(contact_geometry(robot), terms, active)
     total = np.matvec(contacts.jacobian.mT, force * rng.normal(size=contacts.bias.shape))
     total -= terms.bias
     total[:, 6:] += torque
@@ -358,7 +358,7 @@ def test_a_known_mass_is_kept(nominal, true, samples, rng):
 def holding_torque(robot, qpos, qvel, qacc):
     """Least torque for a motion that the feet on the ground allow, eq. (15)."""
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    contacts = reduced_contacts(contact_geometry(robot), terms)
     rows, _ = free_motions(contacts.jacobian)
     force = np.matvec(terms.mass_matrix, qacc) + terms.bias
     inverse = np.linalg.pinv(rows[:, :, 6:], rcond=1e-8)

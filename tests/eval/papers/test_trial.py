@@ -62,10 +62,10 @@ def test_robots_begin_where_and_when_they_shall(robot, motion):
     trial = Trial(robot, following(motion, pose=pose), 0.1, 2, start=start)
     log = simulate(trial, controller)
     ticks = np.round(start * RATES.control).astype(int)
-    np.testing.assert_allclose(log["target"][0], motion.qpos[ticks, 7:], atol=1e-6)
+    np.testing.assert_allclose(log["target"][0], motion.rows.qpos[ticks, 7:], atol=1e-6)
     assert np.abs(log.error).max() < 1e-2
     there = log["qpos"][0, 1, :7]
-    ahead = motion.qpos[ticks[1], :2] @ np.array(
+    ahead = motion.rows.qpos[ticks[1], :2] @ np.array(
         [[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]]
     )
     np.testing.assert_allclose(there[:2], pose[1, :2] + ahead, atol=1e-6)

@@ -13,10 +13,9 @@ from eval.papers.mistry2010.controllers import Desire
 from eval.papers.mistry2010.laws import Tick
 from eval.papers.trial import RATES, Memory
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry
+from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.dynamics.frames import quaternion_to_matrix, rotation_vector
-from fbid_gym.dynamics.support import Support
-from fbid_gym.motions import Reference
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.curves import Curve
 from fbid_gym.motions.kinematics import (
     States,
@@ -25,6 +24,7 @@ from fbid_gym.motions.kinematics import (
     home_points,
     joints_on_feet,
 )
+from fbid_gym.quantities import Reference
 from fbid_gym.robots import Robot
 
 STANCES = {"both feet": (True, True), "left foot": (True, False), "right foot": (False, True)}
@@ -67,7 +67,8 @@ class Exciting:
         stance, row = np.arange(len(tick)) % len(self.planted), tick % self.period
         unknown = np.full((len(tick), 3), np.nan)
         qpos, qvel, qacc = (part[stance, row] for part in self.states)
-        return Reference(qpos, qvel, qacc, unknown, unknown, unknown, self.planted[stance])
+        planted = self.planted[stance]
+        return Reference(qpos, qvel, qacc, unknown, unknown, unknown, planted, True)
 
 
 def exciting(robot: Robot, seconds: int, seed: int, hz: int = RATES.control) -> Exciting:
@@ -116,12 +117,12 @@ def _plan(
                 swing[:, joint] += _wave(rng, ticks, hz, size, _JOINT_HZ)
 
     base = np.zeros((ticks, 7))
-    base[:, :3] = Support.of(robot).home_base - [0.0, 0.0, _LOWER[both]]
+    base[:, :3] = Stance.of(robot).home_base - [0.0, 0.0, _LOWER[both]]
     base[:, 2] += _wave(rng, ticks, hz, _HEIGHT, _BASE_HZ)
     base[:, 3], base[:, 4:] = 1.0, waves(_TURN, _TURN, _TURN, hertz=_BASE_HZ) / 2
     base[:, 3:] /= np.linalg.norm(base[:, 3:], axis=1, keepdims=True)
 
-    foot_of_point = ContactGeometry.of(robot).foot_of_point
+    foot_of_point = contact_geometry(robot).foot_of_point
     over = points[standing[foot_of_point], :2].mean(axis=0)
     wanted = over + waves(*_SWAY[both], hertz=_BASE_HZ)
     dynamics = MuJoCoDynamics(robot)
@@ -144,7 +145,7 @@ def _plan(
 def _on_home_feet(robot: Robot, qpos: np.ndarray, legs: list[int]) -> np.ndarray:
     """Postures (T, nq) whose leg joints put both feet where they are at home."""
     rest, no_spin = np.zeros((len(qpos), robot.nv)), np.zeros((len(qpos), robot.num_feet, 3))
-    home = np.concatenate([Support.of(robot).home_base, robot.home_qpos[3:]])
+    home = np.concatenate([Stance.of(robot).home_base, robot.home_qpos[3:]])
     feet = MuJoCoDynamics(robot).terms(home[None], rest[:1]).foot_position
     feet = feet + foot_radius(robot)[:, None] * [0.0, 0.0, 1.0]
     here = Curve(np.broadcast_to(feet, no_spin.shape), no_spin, no_spin)

@@ -11,7 +11,7 @@ from eval.papers.mistry2010.identification.measuring import measured
 from eval.papers.mistry2010.laws import equation
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.identification import (
     RESOLUTION,
     Identification,
@@ -60,13 +60,10 @@ def held_out(robot: Robot) -> dict[str, HeldOut]:
     for name, motion in motions.items():
         ticks = np.arange(0, motion.period, _EVERY)
         reference = motion.reference(ticks)
-        foot_of_point = ContactGeometry.of(robot).foot_of_point
-        planted = reference.planted
-        if planted is None:
-            planted = np.ones((len(ticks), robot.num_feet), bool)
+        foot_of_point = contact_geometry(robot).foot_of_point
         found[name] = HeldOut(
             reference.qpos, reference.qvel, reference.qacc,
-            planted[:, foot_of_point], ticks / motion.hz,
+            reference.planted[:, foot_of_point], ticks / motion.hz,
         )  # fmt: skip
     return found
 
@@ -74,7 +71,7 @@ def held_out(robot: Robot) -> dict[str, HeldOut]:
 def feedforward(model: Robot, motion: HeldOut) -> np.ndarray:
     """Torques (T, n) N·m of eq. (15) along a motion, by a model."""
     terms = MuJoCoDynamics(model).terms(motion.qpos, motion.qvel)
-    contacts = reduced_contacts(ContactGeometry.of(model), terms, motion.active)
+    contacts = reduced_contacts(contact_geometry(model), terms, motion.active)
     return orthogonal_inverse_dynamics(*equation(terms, contacts, motion.qacc)).torque
 
 
@@ -86,7 +83,7 @@ def feedforward_of(
     The motions are consistent with their contacts, so eq. (15) can be taken at its word.
     """
     terms = MuJoCoDynamics(regressor.robot).terms(motion.qpos, motion.qvel)
-    contacts = reduced_contacts(ContactGeometry.of(regressor.robot), terms, motion.active)
+    contacts = reduced_contacts(contact_geometry(regressor.robot), terms, motion.active)
     rows, _ = free_motions(contacts.jacobian)
     force = regressor.rows(motion.qpos, motion.qvel, motion.qacc) @ parameters.ravel()
     force += regressor.armature * motion.qacc

@@ -6,7 +6,7 @@ import numpy as np
 
 from eval.papers.log import Log
 from eval.papers.trial import RATES
-from fbid_gym.dynamics.contacts import ContactGeometry
+from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.dynamics.identification import Samples
 from fbid_gym.robots import Robot
 
@@ -95,5 +95,5 @@ def measured(
     add(torque, noise.torque)
     torque -= robot.joint_damping * qvel[:, 6:]
     position, velocity = smooth(qpos), smooth(qvel)
-    active = np.tile(planted[ContactGeometry.of(robot).foot_of_point], (len(position), 1))
+    active = np.tile(planted[contact_geometry(robot).foot_of_point], (len(position), 1))
     return Samples(position, velocity, smooth(qvel, 1), smooth(torque), active)

@@ -11,9 +11,9 @@ from eval.papers.mistry2010.stepper import Stepper, StepperGains
 from eval.papers.mistry2010.stepping_cases import CROUCHED, OURS, controller
 from eval.papers.trial import RATES, Push, Trial, pushed, simulate
 from fbid_gym.dynamics.frames import rotation_vector
-from fbid_gym.dynamics.state import RobotState
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import stepping
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
 
 

@@ -1,0 +1,32 @@
+"""Pages of `docs/` whose tables a command writes, between two marks."""
+
+from pathlib import Path
+
+from eval.files import write
+from fbid_gym.errors import RunError
+
+_DOCS = Path(__file__).resolve().parents[1] / "docs"
+BENCHMARK_PAGE = _DOCS / "benchmark.md"
+PAPERS_PAGE = _DOCS / "papers.md"
+
+START, END = "<!-- tables: written by the command above -->", "<!-- end of tables -->"
+
+
+def spliced(page: Path, tables: str) -> str:
+    """Return a page's text with the tables between its marks.
+
+    Raises:
+        RunError: there is no such page, or it does not have the marks, once each and in order.
+    """
+    if not page.is_file():
+        raise RunError(f"There is no page {page} to write tables into.")
+    text = page.read_text()
+    start, end = text.find(START), text.find(END)
+    if not 0 <= start < end or text.count(START) != 1 or text.count(END) != 1:
+        raise RunError(f"{page} needs the lines {START!r} and {END!r}, once each and in order.")
+    return f"{text[: start + len(START)]}\n\n{tables}\n\n{text[end:]}"
+
+
+def splice(page: Path, tables: str) -> None:
+    """Write the tables into a page; raises as `spliced` does."""
+    write(page, spliced(page, tables))

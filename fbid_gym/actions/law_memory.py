@@ -1,0 +1,39 @@
+"""What the laws of the model-based layers remember from tick to tick."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fbid_gym.quantities import Memory
+
+DIAGNOSTICS = ("residual", "underactuation")
+"""Share of the weight by which the base wrench misses the commanded one; and the number of base
+directions that the assumed contacts cannot push."""
+
+
+class LawMemory(NamedTuple):
+    """What a law remembers of N robots; updated by it.
+
+    Attributes:
+        warm_start: (N, 6) of the contact forces.
+        residual: (N,) share of the weight by which the wrench misses the desired one.
+        underactuation: (N,) directions of the base that the contacts cannot push.
+    """
+
+    warm_start: np.ndarray
+    residual: np.ndarray
+    underactuation: np.ndarray
+
+    @classmethod
+    def of(cls, memory: Memory) -> "LawMemory":
+        """Return the law's part of a layer's memory, to be updated in place."""
+        return cls(*(memory[name] for name in cls._fields))
+
+    @classmethod
+    def fresh(cls, num_robots: int) -> "LawMemory":
+        """Return the memory of robots that have not moved yet."""
+        return cls(np.zeros((num_robots, 6)), np.zeros(num_robots), np.zeros(num_robots))
+
+    def copy(self, rows: np.ndarray) -> "LawMemory":
+        """Return what is remembered of some robots, in arrays of its own."""
+        return LawMemory(*(part[rows] for part in self))

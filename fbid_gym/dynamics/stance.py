@@ -1,0 +1,131 @@
+"""A robot's home stance, measured once: what stabilisers, gains and scales are derived from."""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from fbid_gym.dynamics.contacts import contact_geometry, point_positions
+from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.support import heading_of, support_frame
+from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, SupportFrame
+from fbid_gym.robots import Robot
+
+_OTHERS_DAMPED = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """A robot that stands at home, at rest; P points, F feet.
+
+    Attributes:
+        geometry: of its contacts.
+        heading: finds the level frame of its feet.
+        terms: of its dynamics, in one row.
+        home_base: (3,) m, base from the centre of the contact points.
+        home_com: (3,) m, centre of mass from the same.
+        home_base_rotation: (3, 3) of the base.
+        layout: (P, 2) m, contact points from their centre, seen from above.
+    """
+
+    geometry: ContactGeometry
+    heading: Heading
+    terms: DynamicsTerms
+    home_base: np.ndarray
+    home_com: np.ndarray
+    home_base_rotation: np.ndarray
+    layout: np.ndarray
+
+    @staticmethod
+    @lru_cache(maxsize=64)
+    def of(robot: Robot) -> "Stance":
+        """Measure the home stance of a robot; once for each."""
+        geometry = contact_geometry(robot)
+        terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
+        points = point_positions(geometry, terms)[0]
+        centre = points.mean(axis=0)
+        layout = (points - centre)[:, :2]
+        return Stance(
+            geometry=geometry,
+            heading=heading_of(geometry, layout),
+            terms=terms,
+            home_base=terms.base_position[0] - centre,
+            home_com=terms.com[0] - centre,
+            home_base_rotation=terms.base_rotation[0],
+            layout=layout,
+        )
+
+    @property
+    def margin(self) -> np.ndarray:
+        """(2,) m, forward and sideways: how far the centre of pressure can move.
+
+        From below the centre of mass until it leaves the contact points, the shorter way.
+        """
+        return np.array([_margin(self.layout - self.home_com[:2], axis) for axis in range(2)])
+
+    @property
+    def radius(self) -> float:
+        """Mean horizontal distance of the contact points from their centre, m."""
+        return float(np.linalg.norm(self.layout, axis=1).mean())
+
+    @property
+    def length(self) -> float:
+        """m, lever arm that makes moments on the robot comparable to forces."""
+        return self.radius or 1.0
+
+    @cached_property
+    def standing_inertia(self) -> np.ndarray:
+        """Inertia each joint moves while its own foot stays put: (n,) kg·m².
+
+        A leg's joint that turns by itself swings everything beyond it about its axis; with the foot
+        on the ground that is the rest of the robot. The feet share the load, hence the division by
+        their number. A joint that no foot hangs from moves what it carries, its diagonal entry of
+        M.
+        """
+        matrix, feet = self.terms.mass_matrix[0], self.terms.foot_jacobian[0]
+        inertia = np.diag(matrix)[6:].copy()
+        for jacobian in feet:
+            for joint in np.flatnonzero(np.abs(jacobian[:, 6:]).max(axis=0) > 0.0):
+                velocity = np.zeros(len(matrix))
+                velocity[6 + joint] = 1.0
+                # The base moves so that the foot does not.
+                velocity[:6] = np.linalg.solve(jacobian[:, :6], -jacobian[:, 6 + joint])
+                inertia[joint] = velocity @ matrix @ velocity / len(feet)
+        return inertia
+
+    @cached_property
+    def hanging_inertia(self) -> np.ndarray:
+        """Inertia that bounds each joint's damping in the air: (n,) kg·m².
+
+        Damping that is sampled once a tick and held oscillates by itself beyond twice the inertia
+        it acts on, divided by the tick. That inertia lies between two: the diagonal of M, with the
+        base and all other joints held, and the inverse of the diagonal of M^-1, with all of them
+        giving way. The first alone is too much where a heavy shank hangs from a light pelvis. The
+        second counts one and a half times, since the others are damped, too.
+        """
+        matrix = self.terms.mass_matrix[0]
+        giving_way = 1.0 / np.diag(np.linalg.inv(matrix))
+        return np.minimum(np.diag(matrix), _OTHERS_DAMPED * giving_way)[6:]
+
+    @cached_property
+    def legs(self) -> np.ndarray:
+        """(F, n) bool, joints that move this foot and no other."""
+        moves = np.abs(self.terms.foot_jacobian[0, :, :, 6:]).max(axis=1) > 0.0
+        return moves & (moves.sum(axis=0) == 1)
+
+    def frame(self, terms: DynamicsTerms) -> SupportFrame:
+        """Return the level frame of the feet of N robots."""
+        return support_frame(self.heading, terms)
+
+
+def _margin(points: np.ndarray, axis: int) -> float:
+    """How far the origin can move along an axis, either way, within the hull of points (P, 2).
+
+    The hull's edges join two points each, and no other two are joined farther out: the line along
+    the axis leaves the hull at the outermost of its crossings with what joins any two points.
+    """
+    along, across = points[:, axis], points[:, 1 - axis]
+    i, j = np.nonzero(across[:, None] * across < 0.0)
+    between = (across[j] * along[i] - across[i] * along[j]) / (across[j] - across[i])
+    met = np.concatenate([along[across == 0.0], between])
+    return max(float(min(met.max(), -met.min())), 0.0) if met.size else 0.0

@@ -1,0 +1,78 @@
+"""The walking gait of a biped, from what is measured on its model."""
+
+import math
+
+import numpy as np
+
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.flat_feet import FlatFootGait
+from fbid_gym.robots import Robot
+
+# In units of the robot: of the pendulum time sqrt(h / g), the leg's length (hips or base above the
+# soles), its speed sqrt(g l), its weight and its soles.
+_PERIOD = 1.7  # pendulum times a step
+_DOUBLE = 0.25  # of a step in double support
+_SETTLE = 1.25  # pendulum times to shift the weight
+_GAIN = 2.0
+_LIFT = 0.07
+_SINK = 0.03
+_LOAD = 0.05
+_SOLE = 0.8  # of the sole, for the centre of pressure
+_LONGEST = 0.6
+_WIDEST = 0.35  # of the leg, beyond the width
+_GAP = 0.01  # of the leg, between soles side by side
+LOWER = 0.04
+"""Share of the leg's length by which a walking robot's base is lower than at home."""
+
+
+def biped_gait(robot: Robot) -> FlatFootGait:
+    """Return the gait of a robot with two feet, a left one and a right one, on flat soles.
+
+    Raises:
+        RobotError: the robot has not two feet, or not side by side.
+    """
+    if robot.num_feet != 2:
+        raise RobotError(
+            f"Robot {robot.name!r} has {robot.num_feet} feet. "
+            "Expected two flat feet to walk like a biped."
+        )
+    stance = Stance.of(robot)
+    home = stance.terms
+    forward = home.base_rotation[0, :2, 0] / np.linalg.norm(home.base_rotation[0, :2, 0])
+    upright = np.array([[*forward, 0.0], [-forward[1], forward[0], 0.0], [0.0, 0.0, 1.0]])
+    feet, turn = home.foot_position[0] @ upright.T, upright @ home.foot_rotation[0]
+    width = abs(feet[0, 1] - feet[1, 1])
+    geometry = stance.geometry
+    points = np.matvec(turn[geometry.foot_of_point], geometry.offset)[:, :2]
+    sole = np.abs(points).max(axis=0)
+    ground = feet[:, 2].mean()
+    leg = home.base_position[0, 2] - ground
+    if width < 2.0 * sole[1] + _GAP * leg:
+        raise RobotError(
+            f"Feet {robot.foot_names[0]!r} and {robot.foot_names[1]!r} of {robot.name!r} stand "
+            f"{width:.3g} m apart, and their soles are {2.0 * sole[1]:.3g} m wide. "
+            "Expected feet side by side in the home pose."
+        )
+    gravity = robot.weight / robot.mass
+    omega = math.sqrt(gravity / (home.com[0, 2] - ground - LOWER * leg))
+    period = _PERIOD / omega
+    return FlatFootGait(
+        omega=omega,
+        single=(1.0 - _DOUBLE) * period,
+        double=_DOUBLE * period,
+        settle=_SETTLE / omega,
+        gain=_GAIN,
+        width=float(width),
+        least_apart=float(2.0 * sole[1] + _GAP * leg),
+        most_apart=float(width + _WIDEST * leg),
+        longest=_LONGEST * leg,
+        lift=_LIFT * leg,
+        sink=_SINK * math.sqrt(gravity * leg),
+        load=_LOAD * robot.weight,
+        sole=_SOLE * sole,
+        points=_SOLE * points,
+        foot_of_point=geometry.foot_of_point,
+        left=np.sign(feet[:, 1] - feet[:, 1].mean()),
+        level=np.ascontiguousarray(turn),
+    )

@@ -1,0 +1,114 @@
+"""Steps of a linear inverted pendulum: where it falls, and where a foot has to be to catch it.
+
+With the centre of mass c at a constant height h and the ground's force through the centre of
+pressure p, cdd = omega^2 (c - p), omega = sqrt(g / h). Of its two modes one decays: c goes to the
+divergent component of motion xi = c + cd / omega. The other one falls: xid = omega (xi - p)
+(T. Takenaka et al., IROS 2009; J. Englsberger, C. Ott, A. Albu-Schäffer, IEEE T-RO 31(2), 2015).
+
+A step begins with a double support, in which p goes evenly from the foot behind to the foot ahead,
+and goes on with a single support on that foot. All lengths are along one horizontal axis.
+"""
+
+import math
+from typing import NamedTuple
+
+from fbid_gym.compiled import compiled
+
+
+class StepTiming(NamedTuple):
+    """How long a step takes.
+
+    Attributes:
+        omega: 1/s, rate at which the pendulum falls.
+        double: s in double support, positive.
+        single: s in single support, positive.
+    """
+
+    omega: float
+    double: float
+    single: float
+
+
+@compiled
+def _spread(timing: StepTiming) -> float:
+    """How much a double support lengthens what a stride does to xi; 1 for none."""
+    return math.expm1(timing.omega * timing.double) / (timing.omega * timing.double)
+
+
+@compiled
+def offset_ahead(timing: StepTiming, stride: float) -> float:
+    """Return how far xi is ahead of the foot (m) at the end of each double support.
+
+    That of the gait that repeats itself with every step `stride` (m) ahead of the last.
+    """
+    return stride * _spread(timing) / math.expm1(timing.omega * (timing.double + timing.single))
+
+
+@compiled
+def offset_inward(timing: StepTiming, width: float) -> float:
+    """Return how far xi is from the foot towards the other at the end of each double support, m.
+
+    That of the gait that repeats itself with every second step, feet `width` (m) apart.
+    """
+    growth = math.exp(timing.omega * (timing.double + timing.single))
+    return width * _spread(timing) / (growth + 1.0)
+
+
+@compiled
+def stride_to_catch(timing: StepTiming, landing: float, offset: float) -> float:
+    """Return where to put the foot so that the double support ends with xi where it shall be.
+
+    Args:
+        timing: of the steps.
+        landing: m, where xi will be from the standing foot when the other one lands.
+        offset: m, where xi shall be from the landed foot at the end of the double support.
+
+    Returns:
+        m from the standing foot.
+    """
+    decay = math.exp(-timing.omega * timing.double)
+    return (landing - offset * decay) * timing.omega * timing.double / (1.0 - decay)
+
+
+@compiled
+def error_to_come(omega: float, gain: float, error: float, reach: float, left: float) -> float:
+    """Return what remains of an error of xi (m) after `left` s of p = p_plan + (1 + gain) error.
+
+    Args:
+        omega: 1/s.
+        gain: of the feedback; errors decay with gain * omega.
+        error: m, of now.
+        reach: m by which p can depart from its plan. Errors beyond it grow, whatever p does.
+        left: s.
+    """
+    held = abs(error) * math.exp(-gain * omega * left)
+    lost = reach + (abs(error) - reach) * math.exp(omega * left)
+    return math.copysign(max(held, lost), error)
+
+
+@compiled
+def transfer(
+    omega: float, xi: float, pressure: float, xi_end: float, pressure_end: float, span: float,
+    clock: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Return xi and the centre of pressure (m) on the way from one support to the next.
+
+    The cubic that begins and ends as given: both are continuous, and consistent with each other.
+
+    Args:
+        omega: 1/s.
+        xi: m, at the beginning.
+        pressure: m, at the beginning.
+        xi_end: m, at the end.
+        pressure_end: m, at the end.
+        span: s that it takes.
+        clock: s since the beginning.
+    """
+    s = min(max(clock / span, 0.0), 1.0)
+    rate, rate_end = omega * (xi - pressure) * span, omega * (xi_end - pressure_end) * span
+    way = xi_end - xi
+    # xi + rate s + a s^2 + b s^3.
+    a, b = 3.0 * way - 2.0 * rate - rate_end, rate + rate_end - 2.0 * way
+    value = xi + s * (rate + s * (a + s * b))
+    slope = (rate + s * (2.0 * a + 3.0 * s * b)) / span
+    return value, value - slope / omega

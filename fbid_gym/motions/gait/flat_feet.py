@@ -1,0 +1,516 @@
+"""Walking on two flat feet: when they lift and land and where, and how the robot leans over them.
+
+Three phases: standing on both feet, double support on the way to the foot that will carry, and
+swing of the other one. A step begins when the foot in the air touches the ground; in it the centre
+of pressure goes to that foot. Balance is a law for the divergent component of motion xi
+(`divergent`): the centre of pressure departs from its plan by (1 + gain) times the error of xi, as
+far as the soles reach, and the next foothold takes up what is then left. So the robot does not
+follow planned footprints: it steps where it must to go on with the commanded velocity.
+
+What is planned goes on from what is: each double support takes xi and the centre of pressure as it
+finds them, so that starting, stepping and stopping are without jumps. A new velocity counts from
+the next step on.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.motions.gait.divergent import (
+    StepTiming,
+    error_to_come,
+    offset_ahead,
+    offset_inward,
+    stride_to_catch,
+    transfer,
+)
+from fbid_gym.motions.gait.hull import nearest_in_hull
+from fbid_gym.motions.gait.step_curve import lift_and_land, rise
+
+STAND, DOUBLE, SWING = 0, 1, 2
+"""Phases: on both feet; on the way to the foot that will carry; the other one in the air."""
+
+_LOST_HEADING = 0.3  # rad that the robot may be turned from its heading before that follows
+_EARLIEST = 0.6  # share of a swing before which a loaded foot has not left the ground yet
+_ARRIVED = 0.95  # share of a swing at which the foot is above its foothold
+_FASTEST = 2.0  # times as fast as planned that a foot hurries to a foothold out of reach
+_BESIDE = 0.15  # of the sole's length, or of the width: feet that stand beside each other
+
+Pair = tuple[float, float]
+
+
+class FlatFootGait(NamedTuple):
+    """How a robot walks; constants, of which `biped_gait` makes those of a robot.
+
+    Attributes:
+        omega: 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass).
+        single: s in single support.
+        double: s in double support.
+        settle: s in which a robot that stands shifts its weight.
+        gain: of the centre of pressure on errors of xi, which decay with gain * omega.
+        width: m between the feet.
+        least_apart: m between the feet, sideways.
+        most_apart: m between the feet, sideways.
+        longest: m between the feet, ahead.
+        lift: m that a foot is lifted.
+        sink: m/s with which a foot lands.
+        load: N on a foot that count as contact.
+        sole: (2,) m, half the length and half the width that the centre of pressure may use.
+        points: (P, 2) m, of that sole's corners from the foot's reference, ahead and to the left.
+        foot_of_point: (P,) int64.
+        left: (2,) 1 for the left foot, -1 for the right one.
+        level: (2, 3, 3) rotations of the feet when the robot stands with heading 0.
+    """
+
+    omega: float
+    single: float
+    double: float
+    settle: float
+    gain: float
+    width: float
+    least_apart: float
+    most_apart: float
+    longest: float
+    lift: float
+    sink: float
+    load: float
+    sole: np.ndarray
+    points: np.ndarray
+    foot_of_point: np.ndarray
+    left: np.ndarray
+    level: np.ndarray
+
+
+class GaitCommand(NamedTuple):
+    """Where the robots shall go.
+
+    Attributes:
+        velocity: (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand.
+        shift: (N, 2) m ahead and to the left that the next foothold is moved by.
+        rate: (N,) steps per planned step, 1 for the planned frequency; from the next step on.
+    """
+
+    velocity: np.ndarray
+    shift: np.ndarray
+    rate: np.ndarray
+
+
+class GaitMemory(NamedTuple):
+    """What gaits remember from tick to tick, see `standing`.
+
+    Attributes:
+        phase: (N,) int64.
+        carrier: (N,) int64, the foot that stands in the swing, or will.
+        clock: (N,) s since the phase began.
+        span: (N,) s that it takes.
+        heading: (N,) rad, integral of the commanded rate.
+        velocity: (N, 2) m/s, commanded when the step began.
+        rate: (N,) of steps, commanded then.
+        progress: (N,) s of the planned swing that have passed.
+        hurry: (N,) times as fast as planned that the foot swings.
+        xi: (N, 2) m, when the feet that stand last changed.
+        begun: (N, 2) m, centre of pressure then.
+        pressure: (N, 2) m, that of the last tick.
+        lifted: (N, 3) m, where the foot in the air left the ground.
+        lifted_heading: (N,) rad that it had then.
+    """
+
+    phase: np.ndarray
+    carrier: np.ndarray
+    clock: np.ndarray
+    span: np.ndarray
+    heading: np.ndarray
+    velocity: np.ndarray
+    rate: np.ndarray
+    progress: np.ndarray
+    hurry: np.ndarray
+    xi: np.ndarray
+    begun: np.ndarray
+    pressure: np.ndarray
+    lifted: np.ndarray
+    lifted_heading: np.ndarray
+
+
+class GaitTarget(NamedTuple):
+    """What the robots shall do now; world axes.
+
+    Attributes:
+        planted: (N, 2) bool, feet that shall stand. For these the following four say where they
+            are, at rest.
+        foot_position: (N, 2, 3) m.
+        foot_rotation: (N, 2, 3, 3) world from foot.
+        foot_velocity: (N, 2, 6) m/s, rad/s.
+        foot_acceleration: (N, 2, 6) m/s^2, rad/s^2.
+        pressure: (N, 2) m, centre of pressure.
+        com_acceleration: (N, 2) m/s^2, horizontal, of the centre of mass: what `pressure` does.
+        heading: (N,) rad, of the body.
+        ground: (N,) m, height of the ground under the feet that stand.
+        foothold: (N, 3) m, where the foot in the air shall land; that of the carrier otherwise.
+        clipped: (N,) bool, the foothold would have to be farther away than a leg reaches, or
+            across the other foot.
+        cycle: (N,) share of the cycle of two steps that has passed, 0 while standing.
+    """
+
+    planted: np.ndarray
+    foot_position: np.ndarray
+    foot_rotation: np.ndarray
+    foot_velocity: np.ndarray
+    foot_acceleration: np.ndarray
+    pressure: np.ndarray
+    com_acceleration: np.ndarray
+    heading: np.ndarray
+    ground: np.ndarray
+    foothold: np.ndarray
+    clipped: np.ndarray
+    cycle: np.ndarray
+
+
+def standing(heading: np.ndarray) -> GaitMemory:
+    """Return the memory of robots that stand, with headings (N,) rad."""
+    count = len(heading)
+    flat = np.zeros((5, count, 2))
+    return GaitMemory(
+        phase=np.full(count, STAND),
+        carrier=np.zeros(count, np.int64),
+        clock=np.full(count, np.inf),
+        span=np.ones(count),
+        heading=np.array(heading, dtype=float),
+        velocity=flat[0],
+        rate=np.ones(count),
+        progress=np.zeros(count),
+        hurry=np.ones(count),
+        xi=flat[1],
+        begun=flat[2],
+        pressure=flat[3],
+        lifted=np.zeros((count, 3)),
+        lifted_heading=np.zeros(count),
+    )
+
+
+@kernel
+def walk(
+    gait: FlatFootGait,
+    command: GaitCommand,
+    terms: DynamicsTerms,
+    contact_force: np.ndarray,
+    tick: float,
+    memory: GaitMemory,
+) -> GaitTarget:
+    """Go on by one control tick, and say what the robots shall do.
+
+    Args:
+        gait: of the robot.
+        command: where to go.
+        terms: where the robots are.
+        contact_force: (N, P, 3) N, world, on the contact points.
+        tick: s, of the control.
+        memory: of the robots; updated.
+    """
+    count = len(terms.com)
+    target = GaitTarget(
+        np.ones((count, 2), np.bool_),
+        terms.foot_position.copy(),
+        terms.foot_rotation.copy(),
+        np.zeros((count, 2, 6)),
+        np.zeros((count, 2, 6)),
+        np.empty((count, 2)),
+        np.empty((count, 2)),
+        np.empty(count),
+        np.empty(count),
+        np.empty((count, 3)),
+        np.zeros(count, np.bool_),
+        np.zeros(count),
+    )
+    points = np.empty(gait.points.shape)
+    for i in range(count):
+        # cos and sin of the heading, kept near the body's.
+        body = math.atan2(terms.base_rotation[i, 1, 0], terms.base_rotation[i, 0, 0])
+        ahead = _wrapped(memory.heading[i] + command.velocity[i, 2] * tick - body)
+        memory.heading[i] = body + min(max(ahead, -_LOST_HEADING), _LOST_HEADING)
+        axes = (math.cos(memory.heading[i]), math.sin(memory.heading[i]))
+        memory.clock[i] += tick
+        memory.progress[i] += tick * memory.hurry[i]
+
+        pace = memory.rate[i]
+        timing = StepTiming(gait.omega, gait.double / pace, gait.single / pace)
+        xi = (
+            terms.com[i, 0] + terms.com_velocity[i, 0] / gait.omega,
+            terms.com[i, 1] + terms.com_velocity[i, 1] / gait.omega,
+        )
+        _change_phase(gait, timing, command, terms, contact_force, axes, xi, memory, i)
+        error = _balance(gait, timing, terms, axes, xi, points, memory, target, i)
+        carrier = memory.carrier[i]
+        for axis in range(3):
+            target.foothold[i, axis] = terms.foot_position[i, carrier, axis]
+        if memory.phase[i] == SWING:
+            _find_foothold(gait, timing, command, axes, xi, error, memory, target, i)
+            _swing(gait, timing, command.velocity[i, 2], memory, target, i)
+        target.heading[i] = memory.heading[i]
+        target.cycle[i] = _cycle(gait, timing, memory, i)
+    return target
+
+
+@compiled
+def _wrapped(angle: float) -> float:
+    """The same angle in -pi … pi."""
+    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
+
+
+@compiled
+def _ahead(axes: Pair, x: float, y: float) -> Pair:
+    """A vector of the world along the heading: ahead and to the left."""
+    return axes[0] * x + axes[1] * y, -axes[1] * x + axes[0] * y
+
+
+@compiled
+def _world(axes: Pair, x: float, y: float) -> Pair:
+    """A vector along the heading in the world."""
+    return axes[0] * x - axes[1] * y, axes[1] * x + axes[0] * y
+
+
+@compiled
+def _offset(gait: FlatFootGait, timing: StepTiming, velocity: Pair, foot: int) -> Pair:
+    """Where xi shall be from a foot at the end of double support, along the heading."""
+    period = timing.double + timing.single
+    # Sideways every second step is the longer one: the other one shall not come closer.
+    width = gait.width + abs(velocity[1]) * period
+    return (
+        offset_ahead(timing, velocity[0] * period),
+        offset_ahead(timing, velocity[1] * period) - gait.left[foot] * offset_inward(timing, width),
+    )
+
+
+@compiled
+def _change_phase(
+    gait: FlatFootGait,
+    timing: StepTiming,
+    command: GaitCommand,
+    terms: DynamicsTerms,
+    contact_force: np.ndarray,
+    axes: Pair,
+    xi: Pair,
+    memory: GaitMemory,
+    i: int,
+) -> None:
+    """Lift, land, start and stop."""
+    velocity = command.velocity[i]
+    still = velocity[0] == 0.0 and velocity[1] == 0.0 and velocity[2] == 0.0
+    feet = terms.foot_position[i]
+    if memory.phase[i] == STAND:
+        x = xi[0] - 0.5 * (feet[0, 0] + feet[1, 0])
+        y = xi[1] - 0.5 * (feet[0, 1] + feet[1, 1])
+        x, y = _ahead(axes, x, y)
+        falls = abs(x) > gait.sole[0] or abs(y) > 0.5 * gait.width
+        if falls or not still:
+            # The foot on the side where it goes swings first, and a falling robot stays on the
+            # foot that it falls to.
+            side = y if falls else -velocity[1] if velocity[1] != 0.0 else -velocity[2]
+            memory.carrier[i] = 0 if side * gait.left[0] > 0.0 else 1
+            span = 0.5 * timing.double if falls else gait.settle
+            _set_out(span, DOUBLE, command, xi, memory, i)
+    elif memory.phase[i] == DOUBLE and memory.clock[i] >= memory.span[i]:
+        foot = 1 - memory.carrier[i]
+        memory.phase[i], memory.clock[i], memory.span[i] = SWING, 0.0, timing.single
+        memory.progress[i], memory.hurry[i] = 0.0, 1.0
+        for axis in range(3):
+            memory.lifted[i, axis] = feet[foot, axis]
+        memory.lifted_heading[i] = _foot_heading(gait, terms, i, foot)
+    elif memory.phase[i] == SWING and memory.progress[i] > _EARLIEST * timing.single:
+        foot = 1 - memory.carrier[i]
+        load = 0.0
+        for point in range(len(gait.foot_of_point)):
+            if gait.foot_of_point[point] == foot:
+                load += contact_force[i, point, 2]
+        if load > gait.load:
+            x, y = _ahead(axes, feet[foot, 0] - feet[1 - foot, 0], feet[foot, 1] - feet[1 - foot, 1])
+            near = abs(x) < _BESIDE * gait.sole[0] * 2.0
+            near &= abs(y * gait.left[foot] - gait.width) < _BESIDE * gait.width
+            memory.carrier[i] = foot
+            if still and near:
+                _set_out(gait.settle, STAND, command, xi, memory, i)
+            else:
+                _set_out(timing.double, DOUBLE, command, xi, memory, i)
+
+
+@compiled
+def _set_out(
+    span: float, phase: int, command: GaitCommand, xi: Pair, memory: GaitMemory, i: int
+) -> None:
+    """Begin a double support, or to stand, from what is."""
+    first = memory.clock[i] == np.inf
+    memory.phase[i], memory.clock[i], memory.span[i] = phase, 0.0, span
+    memory.rate[i] = command.rate[i]
+    for axis in range(2):
+        memory.velocity[i, axis] = command.velocity[i, axis]
+        memory.xi[i, axis] = xi[axis]
+        memory.begun[i, axis] = xi[axis] if first else memory.pressure[i, axis]
+
+
+@compiled
+def _foot_heading(gait: FlatFootGait, terms: DynamicsTerms, i: int, foot: int) -> float:
+    """Angle by which a foot is turned about the vertical."""
+    # The foot's axis that points ahead at home.
+    x, y = 0.0, 0.0
+    for axis in range(3):
+        x += terms.foot_rotation[i, foot, 0, axis] * gait.level[foot, 0, axis]
+        y += terms.foot_rotation[i, foot, 1, axis] * gait.level[foot, 0, axis]
+    return math.atan2(y, x)
+
+
+@compiled
+def _balance(
+    gait: FlatFootGait,
+    timing: StepTiming,
+    terms: DynamicsTerms,
+    axes: Pair,
+    xi: Pair,
+    points: np.ndarray,
+    memory: GaitMemory,
+    target: GaitTarget,
+    i: int,
+) -> Pair:
+    """Choose the centre of pressure; return the error of xi, along the heading."""
+    feet, carrier, phase = terms.foot_position[i], memory.carrier[i], memory.phase[i]
+    offset = _offset(gait, timing, (memory.velocity[i, 0], memory.velocity[i, 1]), carrier)
+    offset = _world(axes, offset[0], offset[1])
+    error_x, error_y, wanted_x, wanted_y = 0.0, 0.0, 0.0, 0.0
+    for axis in range(2):
+        if phase == SWING:
+            plan = feet[carrier, axis]
+            grown = math.exp(gait.omega * min(memory.clock[i], timing.single))
+            xi_plan = plan + offset[axis] * grown
+        else:
+            if phase == STAND:
+                end = 0.5 * (feet[0, axis] + feet[1, axis])
+                xi_end = end
+            else:
+                end = feet[carrier, axis]
+                xi_end = end + offset[axis]
+            xi_plan, plan = transfer(
+                gait.omega, memory.xi[i, axis], memory.begun[i, axis], xi_end, end,
+                memory.span[i], memory.clock[i],
+            )  # fmt: skip
+        error = xi[axis] - xi_plan
+        wanted = plan + (1.0 + gait.gain) * error
+        if axis == 0:
+            error_x, wanted_x = error, wanted
+        else:
+            error_y, wanted_y = error, wanted
+
+    ground, most, corners = 0.0, 0, 0
+    for foot in range(2):
+        target.planted[i, foot] = phase != SWING or foot == carrier
+        if target.planted[i, foot]:
+            ground += feet[foot, 2]
+            most += 1
+    for point in range(len(gait.points)):
+        foot = gait.foot_of_point[point]
+        if target.planted[i, foot]:
+            angle = _foot_heading(gait, terms, i, foot)
+            x, y = _world(
+                (math.cos(angle), math.sin(angle)), gait.points[point, 0], gait.points[point, 1]
+            )
+            points[corners, 0], points[corners, 1] = feet[foot, 0] + x, feet[foot, 1] + y
+            corners += 1
+    pressure = nearest_in_hull(points[:corners], (wanted_x, wanted_y))
+    for axis in range(2):
+        memory.pressure[i, axis] = target.pressure[i, axis] = pressure[axis]
+        target.com_acceleration[i, axis] = gait.omega**2 * (terms.com[i, axis] - pressure[axis])
+    target.ground[i] = ground / most
+    return _ahead(axes, error_x, error_y)
+
+
+@compiled
+def _find_foothold(
+    gait: FlatFootGait,
+    timing: StepTiming,
+    command: GaitCommand,
+    axes: Pair,
+    xi: Pair,
+    error: Pair,
+    memory: GaitMemory,
+    target: GaitTarget,
+    i: int,
+) -> None:
+    """Where the foot in the air shall land."""
+    carrier = memory.carrier[i]
+    foot = 1 - carrier
+    # Of s left, those of the pace that it has had.
+    left = max(timing.single - memory.progress[i], 0.0) / memory.hurry[i]
+    grown = math.exp(gait.omega * left)
+    x, y = xi[0] - target.foothold[i, 0], xi[1] - target.foothold[i, 1]
+    x, y = _ahead(axes, x, y)
+    x, y = (x - error[0]) * grown, (y - error[1]) * grown
+    # The feedback counts on half of the sole.
+    x += error_to_come(gait.omega, gait.gain, error[0], 0.5 * gait.sole[0], left)
+    y += error_to_come(gait.omega, gait.gain, error[1], 0.5 * gait.sole[1], left)
+    wanted = _offset(gait, timing, (command.velocity[i, 0], command.velocity[i, 1]), foot)
+    x = stride_to_catch(timing, x, wanted[0]) + command.shift[i, 0]
+    y = stride_to_catch(timing, y, wanted[1]) + command.shift[i, 1]
+    apart = gait.left[foot] * y
+    near_x = min(max(x, -gait.longest), gait.longest)
+    near = min(max(apart, gait.least_apart), gait.most_apart)
+    missed = abs(x - near_x) + abs(apart - near)
+    target.clipped[i] = missed > 0.0
+    memory.hurry[i] = min(1.0 + missed / gait.width, _FASTEST)
+    x, y = _world(axes, near_x, gait.left[foot] * near)
+    target.foothold[i, 0] += x
+    target.foothold[i, 1] += y
+
+
+@compiled
+def _swing(
+    gait: FlatFootGait,
+    timing: StepTiming,
+    turning: float,
+    memory: GaitMemory,
+    target: GaitTarget,
+    i: int,
+) -> None:
+    """How the foot in the air moves."""
+    foot, clock, span = 1 - memory.carrier[i], memory.progress[i], timing.single
+    share, rate, acceleration = rise(clock / (_ARRIVED * span), _ARRIVED * span)
+    for axis in range(2):
+        begin = memory.lifted[i, axis]
+        way = target.foothold[i, axis] - begin
+        target.foot_position[i, foot, axis] = begin + way * share
+        target.foot_velocity[i, foot, axis] = way * rate
+        target.foot_acceleration[i, foot, axis] = way * acceleration
+    start, ground = memory.lifted[i, 2], target.foothold[i, 2]
+    height, fall, pull = lift_and_land(
+        clock, span, start, max(start, ground) + gait.lift, ground, gait.sink
+    )
+    target.foot_position[i, foot, 2] = height
+    target.foot_velocity[i, foot, 2], target.foot_acceleration[i, foot, 2] = fall, pull
+
+    # It lands turned to where the robot will head in the middle of the next step.
+    left = max(span - clock, 0.0) / memory.hurry[i] + 0.5 * (timing.double + span)
+    turn = _wrapped(memory.heading[i] + turning * left - memory.lifted_heading[i])
+    angle = memory.lifted_heading[i] + turn * share
+    cosine, sine = math.cos(angle), math.sin(angle)
+    for axis in range(3):
+        x, y = gait.level[foot, 0, axis], gait.level[foot, 1, axis]
+        target.foot_rotation[i, foot, 0, axis] = cosine * x - sine * y
+        target.foot_rotation[i, foot, 1, axis] = sine * x + cosine * y
+        target.foot_rotation[i, foot, 2, axis] = gait.level[foot, 2, axis]
+    target.foot_velocity[i, foot, 5] = turn * rate
+    target.foot_acceleration[i, foot, 5] = turn * acceleration
+    for axis in range(6):
+        target.foot_velocity[i, foot, axis] *= memory.hurry[i]
+        target.foot_acceleration[i, foot, axis] *= memory.hurry[i] ** 2
+
+
+@compiled
+def _cycle(gait: FlatFootGait, timing: StepTiming, memory: GaitMemory, i: int) -> float:
+    """Share of the cycle: each half begins when a foot lands, the left one's first."""
+    if memory.phase[i] == STAND:
+        return 0.0
+    period = timing.double + timing.single
+    passed = min(memory.clock[i], memory.span[i])
+    if memory.phase[i] == SWING:
+        passed = timing.double + min(memory.progress[i], timing.single)
+    first = 0.0 if gait.left[memory.carrier[i]] > 0.0 else 0.5
+    return first + 0.5 * min(passed / period, 1.0)

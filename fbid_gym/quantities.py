@@ -1,0 +1,418 @@
+"""The quantities that laws, motions and layers speak of, for a batch of robots: read this first.
+
+Every array has the batch axis first: N robots. nv = 6 + n coordinates, base first, n joints; nq =
+7 + n; F feet; P contact points; k contact rows. Coordinates are MuJoCo's: v = [base linear velocity
+(world), base angular velocity (base frame), joint velocities]. SI units, radians.
+
+Each tuple passes through compiled code as it is, hence three promises of whoever makes one: arrays
+are C-contiguous, of float64 unless said otherwise; a field is always of one type, never None; and
+where a single row stands for all robots, the type says so ("(N, n) or (1, n)").
+
+Words. The *reference* is what the task plans, seen from the robot's own feet. A *target* is where
+something shall be here and now, in the world. *Desired* quantities are commanded: accelerations,
+wrenches. *Achieved* ones are what limits leave of them. A *warm start* is where an iteration of the
+next tick begins. The *support frame* lies level in the middle of the contact points, x the feet's
+forward direction, z up. A rotation `a_from_b` takes vectors in b to vectors in a.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+Memory = dict[str, np.ndarray]
+"""What is remembered of robots from tick to tick, one row for each: resetting a robot is resetting
+a row."""
+
+
+class RobotState(NamedTuple):
+    """The state of robots and what their sensors read.
+
+    Attributes:
+        qpos: (N, nq) m, unit quaternion wxyz, rad.
+        qvel: (N, nv) m/s, rad/s.
+        contact_force: (N, P, 3) N, world, force of the ground on the robot at each point, during
+            the last physics step.
+        tick: (N,) int64, control ticks since the episode began.
+    """
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    contact_force: np.ndarray
+    tick: np.ndarray
+
+
+class DynamicsTerms(NamedTuple):
+    """The terms of `M vdot + h = S^T tau + J^T lambda` ([M10] eq. (2)) and the frames beside it.
+
+    A foot's *reference* is the centre of its contact points, fixed in the foot's body, lowered
+    along the world's vertical by the radius of its contact spheres (0 for contact sites). For a
+    spherical foot this is the point that touches level ground, and it rolls: its offset from the
+    sphere's centre stays vertical, so `foot_bias` holds that offset fixed in the world.
+
+    Attributes:
+        mass_matrix: (N, nv, nv) M, with the joints' armature.
+        bias: (N, nv) h, Coriolis, centrifugal and gravity forces; no joint damping, no friction.
+        base_position: (N, 3) m, world.
+        base_rotation: (N, 3, 3) world from base.
+        com: (N, 3) m, world.
+        com_velocity: (N, 3) m/s, world.
+        foot_position: (N, F, 3) m, world, of each foot's reference.
+        foot_rotation: (N, F, 3, 3) world from foot body.
+        foot_velocity: (N, F, 6) of the reference: linear (m/s), then angular (rad/s), world axes.
+        foot_jacobian: (N, F, 6, nv) with foot_velocity = foot_jacobian @ v.
+        foot_bias: (N, F, 6) rate of foot_velocity at vdot = 0 (m/s^2, rad/s^2), "Jdot v".
+    """
+
+    mass_matrix: np.ndarray
+    bias: np.ndarray
+    base_position: np.ndarray
+    base_rotation: np.ndarray
+    com: np.ndarray
+    com_velocity: np.ndarray
+    foot_position: np.ndarray
+    foot_rotation: np.ndarray
+    foot_velocity: np.ndarray
+    foot_jacobian: np.ndarray
+    foot_bias: np.ndarray
+
+
+class EquationOfMotion(NamedTuple):
+    """What the laws of [M10] need of the dynamics.
+
+    Attributes:
+        mass_matrix: (N, nv, nv) M, symmetric positive definite.
+        bias: (N, nv) h, Coriolis, centrifugal and gravity forces.
+    """
+
+    mass_matrix: np.ndarray
+    bias: np.ndarray
+
+
+class CentroidalTerms(NamedTuple):
+    """What the first six rows of M say about a robot's momentum, [G15].
+
+    Attributes:
+        matrix: (N, 6, nv) A of [G15] eq. (2), the centroidal momentum matrix.
+        momentum: (N, 6) h = A v: linear (kg m/s), angular about the centre of mass (kg m^2/s),
+            world axes.
+        mass: (N,) kg.
+        inertia: (N, 3, 3) kg m^2, of the robot with locked joints about its centre of mass, world
+            axes; the inverse of Lambda_l.
+        inverse_inertia: (N, 3, 3) Lambda_l of [G15] eq. (24).
+        to_com: (N, 6, 6) P, takes a generalized force on the base to a wrench at the centre of
+            mass, see `fbid_gym.dynamics.centroidal`.
+        wrench_map: (N, nv, 6) T^T = A^T Lambda_h of [G15] eqs. (30), (32). It takes a wrench at the
+            centre of mass (N, N m, world axes) to the generalized force that does the same to the
+            momentum and nothing else.
+    """
+
+    matrix: np.ndarray
+    momentum: np.ndarray
+    mass: np.ndarray
+    inertia: np.ndarray
+    inverse_inertia: np.ndarray
+    to_com: np.ndarray
+    wrench_map: np.ndarray
+
+
+class SupportFrame(NamedTuple):
+    """The level frame of the robots' feet.
+
+    Attributes:
+        centre: (N, 3) m, world, the mean of the contact points.
+        rotation: (N, 3, 3) world from support.
+    """
+
+    centre: np.ndarray
+    rotation: np.ndarray
+
+
+class Heading(NamedTuple):
+    """How a robot's feet make its support frame: constants of its home stance.
+
+    The forward direction of the feet is the heading for which the contact points, seen from above,
+    lie nearest to where they are in the home stance (planar Procrustes).
+
+    Attributes:
+        weight: (F,) of the foot references in the centre of the contact points.
+        by_position: (3F, 2) and
+        by_rotation: (9F, 2): linear maps from the feet's poses to the heading's cosine and sine,
+            up to a common factor.
+    """
+
+    weight: np.ndarray
+    by_position: np.ndarray
+    by_rotation: np.ndarray
+
+
+class ContactGeometry(NamedTuple):
+    """The constant part of a robot's contacts; at most p points on one foot.
+
+    Attributes:
+        foot_of_point: (P,) int64, which foot a point belongs to.
+        slot_of_point: (P,) int64, its place among the foot's points, in 0 … p - 1.
+        offset: (P, 3) m from the foot's reference, in the foot's axes.
+        motion: (F, 2^p, r, 6) the matrix S of `fbid_gym.dynamics.contacts`, for every subset of
+            active points.
+        spread: (F, 2^p, r, 3p) the matrix U^T there; columns of inactive points are zero.
+    """
+
+    foot_of_point: np.ndarray
+    slot_of_point: np.ndarray
+    offset: np.ndarray
+    motion: np.ndarray
+    spread: np.ndarray
+
+    @property
+    def num_points(self) -> int:
+        """Number of contact points P."""
+        return len(self.offset)
+
+    @property
+    def num_rows(self) -> int:
+        """Number of rows k of the reduced contacts."""
+        return self.motion.shape[0] * self.motion.shape[2]
+
+
+class ActivePoints(NamedTuple):
+    """Which contact points are taken to be on the ground.
+
+    Attributes:
+        mask: (N, P) or (1, P) bool.
+        switching: whether points come and go. Else all are on the ground, and stay there.
+    """
+
+    mask: np.ndarray
+    switching: bool
+
+
+class Constraint(NamedTuple):
+    """What the contacts ask of the acceleration: J a + Jdot v = 0, [M10] eq. (4).
+
+    Attributes:
+        jacobian: (N, k, nv) J. Rows may repeat each other, or be zero.
+        bias: (N, k) Jdot v, m/s^2.
+    """
+
+    jacobian: np.ndarray
+    bias: np.ndarray
+
+
+class ReducedContacts(NamedTuple):
+    """The active contact points in k rows.
+
+    Attributes:
+        jacobian: (N, k, nv). Zero rows where a foot has fewer active directions than k allows.
+        bias: (N, k) m/s^2, "Jdot v" of the same rows.
+        point_map: (N, k, 3P) takes stacked point forces (world axes) to the rows, so that
+            J_points^T f = jacobian^T (point_map f). Zero columns for inactive points.
+    """
+
+    jacobian: np.ndarray
+    bias: np.ndarray
+    point_map: np.ndarray
+
+
+class PointLimits(NamedTuple):
+    """What each contact point can transmit.
+
+    Attributes:
+        rows: (N, P, 3) or (1, P, 3): friction coefficient, least and greatest normal force (N).
+        active: (N, P) or (1, P) bool; the others transmit nothing.
+    """
+
+    rows: np.ndarray
+    active: np.ndarray
+
+
+class Limits(NamedTuple):
+    """What contacts and motors can do.
+
+    Attributes:
+        points: of the contacts.
+        torque: (N, n) or (1, n) N m, of the motors.
+    """
+
+    points: PointLimits
+    torque: np.ndarray
+
+
+class ForcePath(NamedTuple):
+    """How forces on contact points act: on the contact rows, and on the centre of mass.
+
+    Attributes:
+        to_com: (N, 6, 6) of `CentroidalTerms`.
+        point_map: (N, k, 3P) of `ReducedContacts`.
+        rotation: (N, P, 3, 3) world from contact axes, whose third is the ground's normal;
+            (0, P, 3, 3) on level ground.
+    """
+
+    to_com: np.ndarray
+    point_map: np.ndarray
+    rotation: np.ndarray
+
+
+class Nearness(NamedTuple):
+    """What "nearest" means where not all that is desired can be had.
+
+    Attributes:
+        base_mobility: of accelerations: how much more readily the base departs from its desired one
+            than the joints do, 1 / base_priority.
+        length: m, lever arm that makes moments comparable to forces.
+        scale: (6,) of wrenches: turns N and N m into N whose squares are comparable.
+    """
+
+    base_mobility: float
+    length: float
+    scale: np.ndarray
+
+
+class Accuracy(NamedTuple):
+    """How well the contact forces are solved for, see `fbid_gym.control.contact_forces`.
+
+    Attributes:
+        regularisation: eps, dimensionless, on the squared forces.
+        tolerance: share of the weight, of the optimality condition.
+        max_iterations: Newton steps before a cold start.
+        torque_steps: steps of the iteration that brings in torque limits, where they bind.
+    """
+
+    regularisation: float
+    tolerance: float
+    max_iterations: int
+    torque_steps: int
+
+
+class TaskCommand(NamedTuple):
+    """What a part of the robots shall do before the joints do theirs, [M10] eq. (19).
+
+    Attributes:
+        jacobian: (N, m, nv) or (1, m, nv) J_t, of the part's velocity.
+        bias: (N, m) or (1, m) Jdot_t v.
+        acceleration: (N, m) desired.
+    """
+
+    jacobian: np.ndarray
+    bias: np.ndarray
+    acceleration: np.ndarray
+
+
+class PostureCommand(NamedTuple):
+    """Desired accelerations of the joints, and how firmly they are held.
+
+    Attributes:
+        acceleration: (N, n) or (1, n) rad/s^2.
+        mobility: (N, n) or (1, n) positive, how readily each joint departs from its own.
+    """
+
+    acceleration: np.ndarray
+    mobility: np.ndarray
+
+
+class TorqueMap(NamedTuple):
+    """Joint torques as a function of contact forces: tau = offset - J_q^T lambda + W w.
+
+    Attributes:
+        offset: (N, n) N m.
+        jacobian: (N, k, nv) of the contact rows, whose joint columns are J_q.
+        per_wrench: (N, n, 6) W, of the wrench w at the centre of mass.
+    """
+
+    offset: np.ndarray
+    jacobian: np.ndarray
+    per_wrench: np.ndarray
+
+    def torque(self, row_force: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+        """Return torques (N, n) from lambda (N, k) and w (N, 6)."""
+        contact = np.vecmat(row_force, self.jacobian[:, :, 6:])
+        return self.offset - contact + np.matvec(self.per_wrench, wrench)
+
+
+class BodyMotion(NamedTuple):
+    """How robots move as a whole; world axes.
+
+    Attributes:
+        com: (N, 3) m.
+        com_velocity: (N, 3) m/s.
+        rotation: (N, 3, 3) world from base.
+        angular_velocity: (N, 3) rad/s, of the base.
+        momentum: (N, 6) kg m/s, and kg m^2/s about the centre of mass.
+        mass: (N,) kg.
+    """
+
+    com: np.ndarray
+    com_velocity: np.ndarray
+    rotation: np.ndarray
+    angular_velocity: np.ndarray
+    momentum: np.ndarray
+    mass: np.ndarray
+
+
+class WrenchGains(NamedTuple):
+    """What makes a wrench of errors, see `fbid_gym.control.BalanceGains`.
+
+    Attributes:
+        stiffness: (3, 3).
+        damping: (3, 3).
+        rotation_damping: (3, 3).
+        rotation_map: (3, 9).
+        on_velocity: whether velocities are damped, [G15] (36), and not momenta, (38).
+    """
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+    rotation_damping: np.ndarray
+    rotation_map: np.ndarray
+    on_velocity: bool
+
+
+class Reference(NamedTuple):
+    """The motion that robots shall follow, at one control tick.
+
+    All arrays may have a single row, N = 1, that stands for all robots.
+
+    The base is seen from the reference's own feet, in the support frame of the reference posture.
+    Velocities and accelerations are those of a motion whose planted feet stand still in the world,
+    expressed along the axes of that frame: the base's linear part is not relative to the moving
+    centre of the feet.
+
+    Attributes:
+        qpos: (N, nq) m, unit quaternion wxyz, rad.
+        qvel: (N, nv) m/s, rad/s; the angular part in the base's frame.
+        qacc: (N, nv) m/s^2, rad/s^2, rate of qvel.
+        com: (N, 3) m, centre of mass.
+        com_velocity: (N, 3) m/s.
+        com_acceleration: (N, 3) m/s^2.
+        planted: (N, F) bool, which feet are planned to stand.
+        stepping: whether feet are ever planned to leave the ground.
+    """
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    qacc: np.ndarray
+    com: np.ndarray
+    com_velocity: np.ndarray
+    com_acceleration: np.ndarray
+    planted: np.ndarray
+    stepping: bool
+
+
+class Steering(NamedTuple):
+    """What a policy changes of a gait.
+
+    Attributes:
+        shift: (N, F, 2) m ahead and to the left, by which each next foothold is moved.
+        rate: (N,) positive, cycles of the gait per planned cycle.
+    """
+
+    shift: np.ndarray
+    rate: np.ndarray
+
+
+def rows_of(reference: Reference, rows: np.ndarray | slice) -> Reference:
+    """Return the reference of some robots; a single row goes on to stand for all."""
+    if len(reference.qpos) == 1:
+        return reference
+    return reference._replace(
+        **{name: getattr(reference, name)[rows] for name in Reference._fields[:-1]}
+    )

@@ -1,0 +1,51 @@
+"""Tables in the pages of docs/, between marks."""
+
+from pathlib import Path
+
+import pytest
+
+from eval.pages import BENCHMARK_PAGE, END, PAPERS_PAGE, START, splice, spliced
+from eval.papers.page import Paper, Section
+from eval.papers.parts import Finding, judged
+from eval.papers.summary import summary
+from fbid_gym.errors import RunError
+
+
+def test_tables_replace_what_is_between_the_marks(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{START}\nold\n{END}\nafter\n")
+    for _ in range(2):
+        splice(page, "new")
+        assert page.read_text() == f"before\n{START}\n\nnew\n\n{END}\nafter\n"
+
+
+@pytest.mark.parametrize("text", ["", START, f"{END} {START}", f"{START}{END}" * 2])
+def test_missing_or_doubled_marks_are_refused(tmp_path: Path, text: str) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(text)
+    with pytest.raises(RunError, match="page.md needs .* once each"):
+        splice(page, "new")
+    assert page.read_text() == text
+
+
+def test_a_page_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="no page .*missing.md"):
+        spliced(tmp_path / "missing.md", "new")
+
+
+@pytest.mark.parametrize("page", [BENCHMARK_PAGE, PAPERS_PAGE])
+def test_the_pages_have_the_marks(page: Path) -> None:
+    assert "tables" in spliced(page, "tables")
+
+
+def test_the_summary_holds_every_number_that_the_paper_has() -> None:
+    findings = [
+        judged("hip | knee", "0.1 rad", "0.2 rad", "at most 0.1 rad", False),
+        Finding("something of ours", "", "3"),
+    ]
+    section = Section("fig1", "Figure 1", "", findings, "", "python -m x", 75.0)
+    broken = Section("fig2", "Figure 2", "", (), "", "python -m y", 0.0, failed=True)
+    text = summary([Paper("A paper", "", [section, broken])])
+    assert "| Figure 1 | hip \\| knee | 0.1 rad | **0.2 rad** | at most 0.1 rad (missed) |" in text
+    assert "something of ours" not in text
+    assert "| Figure 2 | did not run to the end |" in text

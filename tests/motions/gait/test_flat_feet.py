@@ -1,0 +1,290 @@
+"""The gait on the pendulum that it thinks it walks: a point mass over feet that go where told."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from fbid_gym import robots
+from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.biped import biped_gait
+from fbid_gym.motions.gait.flat_feet import (
+    STAND,
+    FlatFootGait,
+    GaitCommand,
+    GaitMemory,
+    GaitTarget,
+    standing,
+    walk,
+)
+from fbid_gym.quantities import DynamicsTerms
+
+TICK = 0.004
+FLAT = ("biped", "humanoid")
+
+
+def turned(angle: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) rotations about the vertical."""
+    rotation = np.zeros((len(angle), 3, 3))
+    rotation[:, 0, 0] = rotation[:, 1, 1] = np.cos(angle)
+    rotation[:, 1, 0], rotation[:, 0, 1] = np.sin(angle), -np.sin(angle)
+    rotation[:, 2, 2] = 1.0
+    return rotation
+
+
+@dataclass
+class Pendulums:
+    """N pendulums that walk."""
+
+    gait: FlatFootGait
+    heading: np.ndarray
+    tick: float = TICK
+    com: np.ndarray = field(init=False)
+    velocity: np.ndarray = field(init=False)
+    feet: np.ndarray = field(init=False)
+    rotation: np.ndarray = field(init=False)
+    body: np.ndarray = field(init=False)
+    memory: GaitMemory = field(init=False)
+
+    def __post_init__(self) -> None:
+        count, upright = len(self.heading), turned(self.heading)
+        beside = np.zeros((2, 3))
+        beside[:, 1] = 0.5 * self.gait.width * self.gait.left
+        self.com, self.velocity = np.zeros((count, 3)), np.zeros((count, 3))
+        self.feet = np.matvec(upright[:, None], beside)
+        self.rotation = upright[:, None] @ self.gait.level
+        self.body, self.memory = self.heading.copy(), standing(self.heading)
+
+    def step(
+        self, velocity: np.ndarray, shift: np.ndarray | None = None, rate: np.ndarray | None = None
+    ) -> GaitTarget:
+        """Go on by a tick with commanded velocities (N, 3)."""
+        count = len(self.com)
+        zero = np.zeros((count, 0))
+        terms = DynamicsTerms(
+            mass_matrix=zero[None],
+            bias=zero,
+            base_position=self.com,
+            base_rotation=turned(self.body),
+            com=self.com,
+            com_velocity=self.velocity,
+            foot_position=self.feet,
+            foot_rotation=self.rotation,
+            foot_velocity=np.zeros((count, 2, 6)),
+            foot_jacobian=np.zeros((count, 2, 6, 0)),
+            foot_bias=np.zeros((count, 2, 6)),
+        )
+        force = np.zeros((count, len(self.gait.points), 3))
+        touches = self.feet[:, self.gait.foot_of_point, 2] <= 0.0
+        force[..., 2] = np.where(touches, 2.0 * self.gait.load, 0.0)
+        command = GaitCommand(
+            np.tile(np.asarray(velocity, float), (count, 1)) if np.ndim(velocity) == 1 else velocity,
+            np.zeros((count, 2)) if shift is None else shift,
+            np.ones(count) if rate is None else rate,
+        )
+        target = walk(self.gait, command, terms, force, self.tick, self.memory)
+        omega = self.gait.omega
+        cosine, sine = np.cosh(omega * self.tick), np.sinh(omega * self.tick)
+        away = self.com[:, :2] - target.pressure
+        com = target.pressure + away * cosine + self.velocity[:, :2] / omega * sine
+        self.velocity[:, :2] = away * omega * sine + self.velocity[:, :2] * cosine
+        self.com[:, :2] = com
+        self.feet, self.rotation = target.foot_position.copy(), target.foot_rotation.copy()
+        self.feet[..., 2] = np.maximum(self.feet[..., 2], 0.0)
+        self.body = target.heading.copy()
+        return target
+
+    def ahead(self, vectors: np.ndarray) -> np.ndarray:
+        """Vectors (N, 2) along the bodies' headings."""
+        return np.vecmat(vectors, turned(self.body)[:, :2, :2])
+
+
+@pytest.fixture(params=FLAT)
+def gait(request: pytest.FixtureRequest) -> FlatFootGait:
+    return biped_gait(robots.load(request.param))
+
+
+def commands(gait: FlatFootGait, count: int, seed: int = 0) -> np.ndarray:
+    """(count, 3) velocities, in the gait's own units: widths of the feet per pendulum time."""
+    rng = np.random.default_rng(seed)
+    unit = gait.width * gait.omega
+    return rng.uniform(-1.0, 1.0, (count, 3)) * [0.5 * unit, 0.2 * unit, 0.1 * gait.omega]
+
+
+def ticks(gait: FlatFootGait, steps: int, tick: float = TICK) -> int:
+    return round(steps * (gait.single + gait.double) / tick)
+
+
+def test_it_walks_with_the_commanded_velocity(gait: FlatFootGait) -> None:
+    velocity = commands(gait, 12)
+    velocity[:, 2] = 0.0
+    walkers = Pendulums(gait, np.linspace(-3.0, 3.0, 12))
+    for _ in range(ticks(gait, 12)):
+        walkers.step(velocity)
+    total, count = np.zeros((12, 2)), ticks(gait, 20)
+    for _ in range(count):
+        walkers.step(velocity)
+        total += walkers.ahead(walkers.velocity[:, :2])
+    np.testing.assert_allclose(total / count, velocity[:, :2], atol=0.03 * gait.width * gait.omega)
+
+
+def test_it_turns_with_the_commanded_rate(gait: FlatFootGait) -> None:
+    velocity = commands(gait, 6)
+    walkers = Pendulums(gait, np.zeros(6))
+    count = ticks(gait, 10)
+    for _ in range(count):
+        target = walkers.step(velocity)
+    turn = velocity[:, 2] * count * TICK
+    np.testing.assert_allclose(target.heading, turn, atol=1e-9)
+    feet = np.arctan2(walkers.rotation[:, :, 1, 0], walkers.rotation[:, :, 0, 0])
+    assert np.abs(feet - turn[:, None]).max() < 2.0 * np.abs(velocity[:, 2]).max()
+
+
+def test_centre_of_pressure_stays_in_the_soles(gait: FlatFootGait) -> None:
+    velocity = commands(gait, 16, seed=1)
+    walkers = Pendulums(gait, np.linspace(-3.0, 3.0, 16))
+    walkers.velocity[:, :2] = 0.1 * gait.width * gait.omega
+    for tick in range(ticks(gait, 8)):
+        feet, rotation = walkers.feet.copy(), walkers.rotation.copy()
+        target = walkers.step(velocity if tick > 30 else 0.0 * velocity)
+        for i in range(16):
+            stands = target.planted[i]
+            frame = rotation[i] @ gait.level.mT
+            corners = np.concatenate(
+                [
+                    feet[i, f, :2] + gait.points[gait.foot_of_point == f] @ frame[f, :2, :2].T
+                    for f in range(2)
+                    if stands[f]
+                ]
+            )
+            # Every direction in which the centre of pressure is farther out than all corners
+            # would show that it has left the hull.
+            angles = np.linspace(0.0, 2.0 * np.pi, 90)
+            out = np.stack([np.cos(angles), np.sin(angles)])
+            assert (target.pressure[i] @ out <= (corners @ out).max(axis=0) + 1e-9).all()
+
+
+def test_centre_of_pressure_does_not_jump_but_for_new_feet(gait: FlatFootGait) -> None:
+    velocity = commands(gait, 8, seed=2)
+    walkers = Pendulums(gait, np.zeros(8))
+    last, fastest = walkers.step(0.0 * velocity).pressure, 0.0
+    for tick in range(ticks(gait, 16)):
+        moving = ticks(gait, 2) < tick < ticks(gait, 10)
+        pressure = walkers.step(velocity if moving else 0.0 * velocity).pressure
+        fastest = max(fastest, np.linalg.norm(pressure - last, axis=1).max())
+        last = pressure
+    # A whole stride in a tenth of the double support would be ten times as much as it takes.
+    assert fastest < 5.0 * gait.width * TICK / gait.double
+
+
+def test_it_stops_and_stands(gait: FlatFootGait) -> None:
+    velocity = commands(gait, 8, seed=3)
+    walkers = Pendulums(gait, np.zeros(8))
+    for tick in range(ticks(gait, 24)):
+        target = walkers.step(velocity if tick < ticks(gait, 10) else 0.0 * velocity)
+    assert (walkers.memory.phase == STAND).all()
+    assert target.planted.all()
+    assert (target.cycle == 0.0).all()
+    np.testing.assert_allclose(walkers.velocity, 0.0, atol=0.01 * gait.width * gait.omega)
+
+
+def test_it_steps_to_catch_a_fall(gait: FlatFootGait) -> None:
+    walkers = Pendulums(gait, np.zeros(16))
+    angle = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+    # Where it falls to is beyond the soles: standing cannot hold it.
+    far = gait.omega * np.array([1.3 * gait.sole[0] / 0.8, 0.6 * gait.width])
+    walkers.velocity[:, :2] = far * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    stepped = np.zeros(16, bool)
+    for _ in range(ticks(gait, 14)):
+        stepped |= walkers.step(np.zeros(3)).planted.sum(axis=1) == 1
+    assert stepped[np.abs(np.cos(angle)) > 0.9].all()
+    np.testing.assert_allclose(walkers.velocity, 0.0, atol=0.01 * gait.width * gait.omega)
+
+
+def test_feet_neither_cross_nor_overreach(gait: FlatFootGait) -> None:
+    walkers = Pendulums(gait, np.zeros(32))
+    rng = np.random.default_rng(4)
+    walkers.velocity[:, :2] = rng.normal(size=(32, 2)) * gait.omega * gait.width
+    clipped = False
+    for _ in range(ticks(gait, 4)):
+        target = walkers.step(np.array([0.1, 0.0, 0.0]))
+        carrier = walkers.memory.carrier
+        way = target.foothold[:, :2] - walkers.feet[np.arange(32), carrier, :2]
+        way = np.vecmat(way, turned(target.heading)[:, :2, :2])[~target.planted.all(axis=1)]
+        side = -gait.left[carrier][~target.planted.all(axis=1)]
+        assert (np.abs(way[:, 0]) <= gait.longest + 1e-9).all()
+        assert (side * way[:, 1] >= gait.least_apart - 1e-9).all()
+        assert (side * way[:, 1] <= gait.most_apart + 1e-9).all()
+        clipped |= target.clipped.any()
+    assert clipped
+
+
+def test_heading_does_not_matter(gait: FlatFootGait) -> None:
+    velocity, angle = commands(gait, 5), 1.9
+    here, there = Pendulums(gait, np.zeros(5)), Pendulums(gait, np.full(5, angle))
+    rotation = turned(np.array([angle]))[0]
+    for _ in range(ticks(gait, 5)):
+        a, b = here.step(velocity), there.step(velocity)
+    np.testing.assert_allclose(a.pressure @ rotation[:2, :2].T, b.pressure, atol=1e-8)
+    np.testing.assert_allclose(a.foot_position @ rotation.T, b.foot_position, atol=1e-8)
+    np.testing.assert_allclose(rotation @ a.foot_rotation, b.foot_rotation, atol=1e-8)
+    np.testing.assert_allclose(a.cycle, b.cycle, atol=1e-12)
+
+
+def test_a_robot_four_times_as_long_walks_half_as_fast(gait: FlatFootGait) -> None:
+    lengths = ("width", "least_apart", "most_apart", "longest", "lift", "sole", "points")
+    times = ("single", "double", "settle")
+    large = gait._replace(
+        omega=gait.omega / 2.0,
+        sink=2.0 * gait.sink,
+        **{name: 4.0 * getattr(gait, name) for name in lengths},
+        **{name: 2.0 * getattr(gait, name) for name in times},
+    )
+    velocity = commands(gait, 5)
+    small, tall = Pendulums(gait, np.zeros(5)), Pendulums(large, np.zeros(5), tick=2.0 * TICK)
+    for _ in range(ticks(gait, 5)):
+        a, b = small.step(velocity), tall.step(velocity * [2.0, 2.0, 0.5])
+    np.testing.assert_allclose(4.0 * a.pressure, b.pressure, atol=1e-8)
+    np.testing.assert_allclose(4.0 * a.foothold, b.foothold, atol=1e-8)
+    np.testing.assert_allclose(a.com_acceleration, b.com_acceleration, atol=1e-7)
+
+
+def test_each_robot_walks_alone(gait: FlatFootGait) -> None:
+    velocity = commands(gait, 4)
+    together = Pendulums(gait, np.linspace(0.0, 1.0, 4))
+    alone = [Pendulums(gait, np.linspace(0.0, 1.0, 4)[[i]]) for i in range(4)]
+    for _ in range(ticks(gait, 3)):
+        all_of_them = together.step(velocity)
+        each = [walker.step(velocity[[i]]) for i, walker in enumerate(alone)]
+    for name in GaitTarget._fields:
+        found = np.concatenate([getattr(target, name) for target in each])
+        np.testing.assert_array_equal(getattr(all_of_them, name), found)
+
+
+def test_steps_come_as_often_as_asked(gait: FlatFootGait) -> None:
+    rate = np.array([0.8, 1.0, 1.25])
+    walkers = Pendulums(gait, np.zeros(3))
+    velocity = np.array([0.2 * gait.width * gait.omega, 0.0, 0.0])
+    landed, before = np.zeros(3), walkers.memory.carrier.copy()
+    count = ticks(gait, 40)
+    for _ in range(count):
+        walkers.step(velocity, rate=rate)
+        landed += walkers.memory.carrier != before
+        before = walkers.memory.carrier.copy()
+    period = (gait.single + gait.double) / rate
+    np.testing.assert_allclose(landed, count * TICK / period, rtol=0.08)
+
+
+def test_a_shifted_foothold_lands_there(gait: FlatFootGait) -> None:
+    shift = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.05]]) * gait.width
+    walkers = Pendulums(gait, np.zeros(3))
+    velocity = np.array([0.2 * gait.width * gait.omega, 0.0, 0.0])
+    while (target := walkers.step(velocity, shift=shift)).planted.all():
+        pass
+    moved = target.foothold[:, :2] - target.foothold[0, :2]
+    np.testing.assert_allclose(moved, shift, atol=1e-9)
+
+
+def test_four_feet_are_refused() -> None:
+    with pytest.raises(RobotError, match="'quadruped' has 4 feet. Expected two flat feet"):
+        biped_gait(robots.load("quadruped"))

@@ -1,0 +1,109 @@
+"""The zoo's robots are what they were drawn to be, and stand."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.robots import Robot
+from tests.robots import zoo
+
+SEEDS = range(40)
+
+
+@pytest.fixture(params=SEEDS)
+def animal(request: pytest.FixtureRequest) -> zoo.Morphology:
+    return zoo.draw(request.param)
+
+
+def in_reference_pose(animal: zoo.Morphology) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    model = mujoco.MjModel.from_xml_string(zoo.mjcf(animal))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def lowest_points(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:
+    """(P, 3) m, world: where a foot's shape touches level ground."""
+    size, rotation = model.geom_size[geom], data.geom_xmat[geom].reshape(3, 3)
+    kind = mujoco.mjtGeom(model.geom_type[geom])
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        corners = np.array([[x, y, -1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)]) * size
+        return data.geom_xpos[geom] + corners @ rotation.T
+    half = size[1] if kind == mujoco.mjtGeom.mjGEOM_CAPSULE else 0.0
+    ends = np.array([[0.0, 0.0, half], [0.0, 0.0, -half]]) @ rotation.T
+    return data.geom_xpos[geom] + ends - [0.0, 0.0, size[0]]
+
+
+def test_the_same_seed_draws_the_same_robot() -> None:
+    assert zoo.zoo(3) == zoo.zoo(3) != zoo.zoo(4)
+
+
+def test_the_zoo_is_diverse() -> None:
+    animals = [zoo.draw(seed) for seed in SEEDS]
+    assert {animal.legs for animal in animals} == {2, 4, 6}
+    assert {animal.joints for animal in animals} == {3, 4, 5, 6, 7}
+    assert {animal.foot for animal in animals} == set(zoo.FEET)
+    assert {animal.actuators for animal in animals} == set(zoo.ACTUATORS)
+    assert {animal.ground for animal in animals} == {True, False}
+    masses = [animal.mass for animal in animals]
+    assert 1.0 <= min(masses) < 3.0 and 80.0 < max(masses) <= 200.0
+
+
+def test_mass_joints_and_feet_are_as_drawn(animal: zoo.Morphology) -> None:
+    model, _ = in_reference_pose(animal)
+    assert model.body_mass.sum() == pytest.approx(animal.mass)
+    assert model.nv == 6 + animal.legs * animal.joints
+    assert model.nu == (0 if animal.actuators == "none" else model.nv - 6)
+    assert [model.body(name).geomnum[0] for name in animal.foot_names] == [1] * animal.legs
+
+
+def test_inertias_are_physical(animal: zoo.Morphology) -> None:
+    """Positive, and no moment larger than the two others together."""
+    model, data = in_reference_pose(animal)
+    moments = np.sort(model.body_inertia[1:], axis=1)
+    assert np.all(model.body_mass[1:] > 0.0) and np.all(moments > 0.0)
+    assert np.all(moments[:, 0] + moments[:, 1] >= moments[:, 2] * (1.0 - 1e-9))
+    matrix = np.empty((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    assert np.linalg.eigvalsh(matrix)[0] > 0.0
+    np.testing.assert_allclose(matrix[:3, :3], animal.mass * np.eye(3), atol=1e-9 * animal.mass)
+
+
+def test_it_stands_in_its_reference_pose(animal: zoo.Morphology) -> None:
+    """Feet level on z = 0, nothing else lower, the centre of mass within their bounds."""
+    model, data = in_reference_pose(animal)
+    feet = [int(model.body(name).geomadr[0]) for name in animal.foot_names]
+    points = np.concatenate([lowest_points(model, data, foot) for foot in feet])
+    np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-9)
+    bodies = set(range(1, model.nbody)) - {int(model.geom_bodyid[foot]) for foot in feet}
+    assert data.xpos[list(bodies), 2].min() > 0.05 * animal.leg
+    low, high, com = points.min(axis=0), points.max(axis=0), data.subtree_com[1]
+    spare = 0.1 * (high - low)
+    assert np.all(low[:2] + spare[:2] < com[:2]) and np.all(com[:2] < high[:2] - spare[:2])
+
+
+def test_feet_and_nothing_else_meet_a_floor_that_is_there(animal: zoo.Morphology) -> None:
+    model, data = in_reference_pose(animal)
+    data.qpos[2] -= 0.01 * animal.leg
+    mujoco.mj_forward(model, data)
+    feet = {model.body(name).id for name in animal.foot_names} if animal.ground else set()
+    assert set(model.geom_bodyid[data.contact.geom].max(axis=1)) == feet
+
+
+def test_robots_on_spheres_with_motors_load_as_they_are(tmp_path) -> None:
+    loaded = 0
+    for animal in map(zoo.draw, range(120)):
+        if (animal.foot, animal.actuators) == ("sphere", "motor"):
+            text = zoo.mjcf(animal)
+            for number in range(animal.legs):  # today's loader takes shapes by their names
+                body = text.index(f'name="foot{number}"')
+                geom = text.index("<geom ", body) + len("<geom ")
+                text = f'{text[:geom]}name="tip{number}" {text[geom:]}'
+            path = tmp_path / f"{animal.seed}.xml"
+            path.write_text(text)
+            robot = Robot.from_mjcf(path, [f"tip{number}" for number in range(animal.legs)])
+            assert robot.mass == pytest.approx(animal.mass)
+            np.testing.assert_allclose(robot.torque_limit, zoo.torque_limit(animal))
+            assert robot.home_qpos[2] == pytest.approx(robot.model.qpos0[2], abs=1e-9)
+            loaded += 1
+    assert loaded >= 5

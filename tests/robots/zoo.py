@@ -1,0 +1,235 @@
+"""Robots that nobody has seen: legged morphologies drawn from a seed, as MJCF.
+
+Every robot stands in its reference pose: knees bent, feet level on the ground z = 0, the centre of
+mass above them. Masses follow from the shapes' own, so inertias agree with what one sees. Bodies
+`foot0`, `foot1`, … carry one geometry each, a sphere, a box or a capsule that lies lengthwise; legs
+come in pairs, left (even) and right (odd), front to back.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+JOINTS = {
+    3: "hip_roll hip_pitch knee",
+    4: "hip_roll hip_pitch knee ankle_pitch",
+    5: "hip_roll hip_pitch knee ankle_pitch ankle_roll",
+    6: "hip_yaw hip_roll hip_pitch knee ankle_pitch ankle_roll",
+    7: "hip_yaw hip_roll hip_pitch knee shank_yaw ankle_pitch ankle_roll",
+}
+"""A leg's joints, hip to foot, by their number."""
+
+FEET = ("sphere", "box", "capsule")
+ACTUATORS = ("motor", "servo", "none")
+_AXES = {"roll": "1 0 0", "pitch": "0 1 0", "knee": "0 1 0", "yaw": "0 0 1"}
+
+
+@dataclass(frozen=True)
+class Morphology:
+    """What a robot is; lengths in m.
+
+    Attributes:
+        seed: what it was drawn from; its name.
+        mass: kg.
+        legs: 2, 4 or 6.
+        joints: of each leg, 3 to 7.
+        foot: one of FEET.
+        actuators: one of ACTUATORS: torque motors, position servos, or none in the file.
+        ground: whether the file has a floor.
+        leg: length of a straight leg, hip to ankle.
+        upper: the upper leg's share of it.
+        bend: rad, by which upper and lower leg lean, one this way and one that, on average.
+        knees: sign of each pair's knees: 1 ahead of the leg, -1 behind it.
+        trunk: (3,) half sizes.
+        trunk_share: of the mass.
+    """
+
+    seed: int
+    mass: float
+    legs: int
+    joints: int
+    foot: str
+    actuators: str
+    ground: bool
+    leg: float
+    upper: float
+    bend: float
+    knees: tuple[int, ...]
+    trunk: tuple[float, float, float]
+    trunk_share: float
+
+    @property
+    def foot_names(self) -> tuple[str, ...]:
+        """Names of the feet's bodies."""
+        return tuple(f"foot{leg}" for leg in range(self.legs))
+
+
+def draw(seed: int) -> Morphology:
+    """Draw a robot: sizes follow from the mass as in robots and animals alike, give or take."""
+    rng = np.random.default_rng(seed)
+    mass = float(np.exp(rng.uniform(np.log(1.0), np.log(200.0))))
+    legs = int(rng.choice([2, 4, 6]))
+    # 12 kg go with legs of 0.43 m on four legs (a Go1), 55 kg with 0.77 m on two.
+    leg = (0.42 if legs == 2 else 0.35) * (mass / 8.0) ** (1 / 3) * float(rng.uniform(0.8, 1.25))
+    length = leg * float(rng.uniform(0.5, 0.8)) if legs > 2 else leg * 0.2
+    return Morphology(
+        seed=seed,
+        mass=mass,
+        legs=legs,
+        # A biped stands on soles, and puts them level with an ankle.
+        joints=int(rng.integers(4 if legs == 2 else 3, 8)),
+        foot="box" if legs == 2 else str(rng.choice(FEET)),
+        actuators=str(rng.choice(ACTUATORS)),
+        ground=bool(rng.random() < 0.5),
+        leg=leg,
+        upper=float(rng.uniform(0.45, 0.55)),
+        bend=float(rng.uniform(0.25, 0.6)),
+        knees=tuple(1 if legs == 2 else int(rng.choice([-1, 1])) for _ in range(legs // 2)),
+        trunk=(length, leg * float(rng.uniform(0.15, 0.25)), leg * float(rng.uniform(0.1, 0.3))),
+        trunk_share=float(rng.uniform(0.4, 0.7)),
+    )
+
+
+def mjcf(robot: Morphology) -> str:
+    """Write a robot's MJCF."""
+    leg_mass = robot.mass * (1.0 - robot.trunk_share) / robot.legs
+    trunk = _numbers(robot.trunk)
+    legs = [_leg(robot, number, leg_mass) for number in range(robot.legs)]
+    floor = '<geom name="floor" type="plane" size="0 0 1" contype="1"/>' if robot.ground else ""
+    height = -_ankle(robot, 0)[2] + _sole(robot)
+    actuators = "".join(_actuator(robot, name) for name in _joint_names(robot))
+    return f"""
+    <mujoco model="zoo{robot.seed}">
+      <compiler angle="radian" autolimits="true"/>
+      <default>
+        <joint armature="{_armature(robot):.9g}" damping="{_damping(robot):.9g}"/>
+        <geom contype="0" conaffinity="1"/>
+      </default>
+      <worldbody>
+        {floor}
+        <body name="trunk" pos="0 0 {height:.17g}">
+          <freejoint/>
+          <geom type="box" size="{trunk}" mass="{robot.mass * robot.trunk_share:.17g}"/>
+          {"".join(legs)}
+        </body>
+      </worldbody>
+      <actuator>{actuators}</actuator>
+    </mujoco>"""
+
+
+def zoo(seed: int) -> str:
+    """Draw a robot and write its MJCF."""
+    return mjcf(draw(seed))
+
+
+def torque_limit(robot: Morphology) -> float:
+    """N·m, of every joint: twice what holds a leg's part of the weight at the leg's length."""
+    return 2.0 * robot.mass * 9.81 * robot.leg / robot.legs
+
+
+def _armature(robot: Morphology) -> float:
+    return 0.004 * robot.mass * robot.leg**2 / robot.legs
+
+
+def _damping(robot: Morphology) -> float:
+    """1 % of the torque limit at the rate that the leg swings like a pendulum."""
+    return 0.01 * torque_limit(robot) * np.sqrt(robot.leg / 9.81)
+
+
+def _hip(robot: Morphology, number: int) -> np.ndarray:
+    """(3,) m, in the trunk."""
+    pairs = robot.legs // 2
+    along = 1.0 - 2.0 * (number // 2) / (pairs - 1) if pairs > 1 else 0.0
+    side = 1.0 if number % 2 == 0 else -1.0
+    return np.array([0.9 * robot.trunk[0] * along, side * robot.trunk[1], -robot.trunk[2]])
+
+
+def _knee(robot: Morphology, number: int) -> np.ndarray:
+    """(3,) m, from the hip."""
+    lean = robot.knees[number // 2] * robot.bend
+    return robot.upper * robot.leg * np.array([np.sin(lean), 0.0, -np.cos(lean)])
+
+
+def _shank(robot: Morphology, number: int) -> np.ndarray:
+    """(3,) m, from the knee to the ankle, which lies below the hip."""
+    ahead, lower = _knee(robot, number)[0], (1.0 - robot.upper) * robot.leg
+    return np.array([-ahead, 0.0, -np.sqrt(lower**2 - ahead**2)])
+
+
+def _ankle(robot: Morphology, number: int) -> np.ndarray:
+    """(3,) m, in the trunk."""
+    return _hip(robot, number) + _knee(robot, number) + _shank(robot, number)
+
+
+def _sole(robot: Morphology) -> float:
+    """m, from the ankle down to the ground."""
+    return 0.1 * robot.leg
+
+
+def _joint_names(robot: Morphology) -> list[str]:
+    return [
+        f"leg{number}_{joint}"
+        for number in range(robot.legs)
+        for joint in JOINTS[robot.joints].split()
+    ]
+
+
+def _leg(robot: Morphology, number: int, mass: float) -> str:
+    """A leg's bodies: hip, upper leg, shank and foot, each with the joints at its upper end."""
+    joints: dict[str, str] = {"hip": "", "knee": "", "ankle": ""}
+    for name in JOINTS[robot.joints].split():
+        # A yawing shank turns what is below it, at its lower end.
+        place = "ankle" if name == "shank_yaw" else name.split("_")[0]
+        axis = _AXES[name.split("_")[-1]]
+        joints[place] += f'<joint name="leg{number}_{name}" axis="{axis}" range="-1.2 1.2"/>'
+    knee, shank, thick = _knee(robot, number), _shank(robot, number), 0.04 * robot.leg
+    return f"""
+      <body name="leg{number}_upper" pos="{_numbers(_hip(robot, number))}">
+        {joints["hip"]}
+        {_link(knee, thick, 0.6 * mass)}
+        <body name="leg{number}_lower" pos="{_numbers(knee)}">
+          {joints["knee"]}
+          {_link(shank, 0.8 * thick, 0.3 * mass)}
+          <body name="foot{number}" pos="{_numbers(shank)}">
+            {joints["ankle"]}
+            {_foot(robot, 0.1 * mass)}
+          </body>
+        </body>
+      </body>"""
+
+
+def _link(end: np.ndarray, radius: float, mass: float) -> str:
+    """A capsule that stays clear of the joints at its ends."""
+    ends = _numbers(np.concatenate([0.1 * end, 0.9 * end]))
+    return f'<geom type="capsule" fromto="{ends}" size="{radius:.9g}" mass="{mass:.17g}"/>'
+
+
+def _foot(robot: Morphology, mass: float) -> str:
+    """Below the ankle, its lowest points `_sole` below it."""
+    down, size = _sole(robot), 0.05 * robot.leg
+    shape = {
+        "sphere": f'type="sphere" size="{size:.9g}" pos="0 0 {size - down:.17g}"',
+        "capsule": (
+            f'type="capsule" size="{size:.9g} {2 * size:.9g}" pos="0 0 {size - down:.17g}" '
+            'euler="0 1.57079632679489662 0"'
+        ),
+        "box": (
+            f'type="box" size="{0.14 * robot.leg:.9g} {0.07 * robot.leg:.9g} {0.4 * size:.9g}" '
+            f'pos="0 0 {0.4 * size - down:.17g}"'
+        ),
+    }[robot.foot]
+    return f'<geom {shape} mass="{mass:.17g}" friction="0.8 0.01 0.001" priority="1"/>'
+
+
+def _actuator(robot: Morphology, joint: str) -> str:
+    limit = torque_limit(robot)
+    if robot.actuators == "motor":
+        return f'<motor joint="{joint}" ctrlrange="{-limit:.9g} {limit:.9g}"/>'
+    if robot.actuators == "servo":
+        force = f'forcerange="{-limit:.9g} {limit:.9g}"'
+        return f'<position joint="{joint}" kp="{4 * limit:.9g}" {force} ctrlrange="-1.2 1.2"/>'
+    return ""
+
+
+def _numbers(values: np.ndarray | tuple[float, ...]) -> str:
+    return " ".join(f"{value:.17g}" for value in values)

@@ -1,0 +1,59 @@
+"""What `make setup` compiles is what the environments run."""
+
+import sys
+
+import pytest
+
+from fbid_gym.actions import LAYERS, layer_options
+from fbid_gym.compile_all import Trial, run, trials
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.vector_env import RobotVectorEnv
+
+
+def test_every_environment_meets_every_layer() -> None:
+    met = {(trial.env, trial.arguments["action_layer"]) for trial in trials()}
+    assert met == {(env, layer) for env in ENVIRONMENTS for layer in LAYERS}
+
+
+@pytest.mark.parametrize("layer", [name for name in LAYERS if "contacts" in layer_options(name)])
+def test_every_layer_with_contacts_meets_both_forms_with_and_without_ramp(layer: str) -> None:
+    options = [
+        trial.arguments.get("layer_options", {})
+        for trial in trials()
+        if trial.arguments["action_layer"] == layer
+    ]
+    forms = {(o.get("contact_limits", "friction"), "contact_ramp" in o) for o in options}
+    assert forms == {(limits, ramp) for limits in ("friction", "none") for ramp in (False, True)}
+
+
+def test_trials_are_environments() -> None:
+    for trial in trials():
+        config = EnvConfig.of(ENVIRONMENTS[trial.env] | trial.arguments)
+        assert config.layer(config.load_robot()).action_names, trial
+
+
+def compiled_forms() -> set[tuple[str, str]]:
+    """Each compiled function with each combination of argument types that it has met."""
+    modules = [module for name, module in sys.modules.items() if name.startswith("fbid_gym")]
+    functions = [value for module in modules for value in vars(module).values()]
+    entries = {entry.py_func.__qualname__ + entry.py_func.__module__: entry
+               for entry in (getattr(f, "entry", None) for f in functions)
+               if hasattr(entry, "signatures")}  # fmt: skip
+    return {(name, str(form)) for name, entry in entries.items() for form in entry.signatures}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("layer", LAYERS)
+def test_other_numbers_of_robots_threads_and_options_compile_nothing_new(layer: str) -> None:
+    for env in ("fbid_gym/BipedBalance-v0", "fbid_gym/QuadrupedCrawl-v0"):
+        run(Trial(env, {"action_layer": layer}))
+    before = compiled_forms()
+    assert before
+    for task, robot in (("balance", "humanoid"), ("crawl", "quadruped")):
+        envs = RobotVectorEnv(5, robot, task=task, action_layer=layer, num_threads=2)
+        envs.reset(seed=3)
+        for _ in range(30):
+            envs.step(envs.action_space.sample())
+        envs.close()
+    assert compiled_forms() == before

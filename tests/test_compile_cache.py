@@ -1,0 +1,156 @@
+"""What is compiled is kept on disk, found again, and never used once any of its sources changed."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+KERNELS = """
+import numpy as np
+from fbid_gym.compiled import kernel
+from probe.inner import factor
+
+@kernel
+def scale(x: np.ndarray) -> None:
+    for i in range(len(x)):
+        x[i] *= factor()
+
+@kernel
+def shift(x: np.ndarray) -> None:
+    for i in range(len(x)):
+        x[i] += 1.0
+"""
+INNER = """
+from fbid_gym.compiled import compiled
+
+@compiled
+def factor() -> float:
+    return {factor}
+"""
+RUN = """
+import sys
+from pathlib import Path
+from types import ModuleType
+import numpy as np
+# Without the environments and all that they import.
+sys.modules["fbid_gym"] = package = ModuleType("fbid_gym")
+package.__path__ = [{package!r}]
+from fbid_gym import compile_cache, compiled
+compile_cache._MOMENT = {moment}
+compiled._PLACES = compile_cache.folders(Path("probe").resolve())
+from probe.outer import scale, shift
+x = np.ones(3)
+scale(x)
+shift(x)
+print(x[0] - 1.0, *(sum(f.entry.stats.cache_hits.values()) for f in (scale, shift)))
+"""
+PACKAGE = str(Path(__file__).parents[1] / "fbid_gym")
+COLD, WARM = ["2.0", "0", "0"], ["2.0", "1", "1"]
+AT_ONCE, NEVER = 0.0, 1e9
+"""When to say that something is compiled, s."""
+
+
+@pytest.fixture
+def probe(tmp_path: Path) -> Path:
+    """A package with two kernels, one of which calls a function of another file."""
+    folder = tmp_path / "probe"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "outer.py").write_text(KERNELS)
+    (folder / "inner.py").write_text(INNER.format(factor=2.0))
+    return folder
+
+
+def run(probe: Path, moment: float = NEVER, **environment: str) -> tuple[list[str], list[str]]:
+    """What a fresh process computes and whether it found each kernel on disk, and what it says."""
+    inherited = {
+        k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
+    }
+    own = {"XDG_CACHE_HOME": str(probe.parent / "cache")}
+    result = subprocess.run(
+        [sys.executable, "-c", RUN.format(moment=moment, package=PACKAGE)],
+        cwd=probe.parent,
+        env=inherited | own | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return result.stdout.split(), result.stderr.splitlines()
+
+
+def forbid(folder: Path) -> str:
+    """Make a folder that nobody can write to, the superuser included, and return its name."""
+    folder.write_text("a file")
+    return str(folder)
+
+
+def test_kernels_are_kept_until_what_they_call_changes(probe: Path) -> None:
+    assert run(probe) == (COLD, [])
+    assert run(probe) == (WARM, [])
+    # Another file, of the same size: the kernel's own is as it was.
+    (probe / "inner.py").write_text(INNER.format(factor=3.0))
+    assert run(probe) == (["3.0", "0", "0"], [])
+    assert run(probe) == (["3.0", "1", "1"], [])
+    assert not (probe.parent / "cache").exists()
+
+
+def test_an_installation_that_cannot_be_written_keeps_them_in_the_users_cache(probe: Path) -> None:
+    forbid(probe / "__pycache__")
+    assert run(probe) == (COLD, [])
+    assert run(probe) == (WARM, [])
+    assert len(list((probe.parent / "cache" / "fbid_gym").glob("compiled-*"))) == 1
+    (probe / "inner.py").write_text(INNER.format(factor=3.0))
+    assert run(probe) == (["3.0", "0", "0"], [])
+
+
+def test_the_users_cache_is_below_home_unless_said_otherwise(probe: Path) -> None:
+    forbid(probe / "__pycache__")
+    home = probe.parent / "home"
+    assert run(probe, HOME=str(home), XDG_CACHE_HOME="not/absolute") == (COLD, [])
+    assert len(list((home / ".cache" / "fbid_gym").glob("compiled-*"))) == 1
+
+
+def test_what_an_installation_brings_is_read_where_nothing_can_be_written(probe: Path) -> None:
+    assert run(probe) == (COLD, [])
+    assert run(probe, XDG_CACHE_HOME=forbid(probe.parent / "cache")) == (WARM, [])
+
+
+def test_a_folder_that_is_named_is_the_only_one(probe: Path) -> None:
+    named = probe.parent / "named"
+    assert run(probe, NUMBA_CACHE_DIR=str(named)) == (COLD, [])
+    assert run(probe, NUMBA_CACHE_DIR=str(named)) == (WARM, [])
+    assert not list(probe.glob("__pycache__/compiled-*"))
+
+
+def test_where_nothing_can_be_written_one_line_says_so(probe: Path) -> None:
+    forbid(probe / "__pycache__")
+    cache = forbid(probe.parent / "cache")
+    for _ in range(2):
+        found, said = run(probe, XDG_CACHE_HOME=cache)
+        assert found == COLD
+        assert len(said) == 1
+        assert "cannot be kept" in said[0]
+        assert str(probe / "__pycache__") in said[0] and cache in said[0]
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_truncated_files_are_made_anew(probe: Path, kind: str, share: float) -> None:
+    assert run(probe) == (COLD, [])
+    files = list(probe.glob(f"__pycache__/compiled-*/*.{kind}"))
+    assert len(files) == 2
+    for file in files:
+        data = file.read_bytes()
+        file.write_bytes(data[: int(share * len(data))])
+    assert run(probe) == (COLD, [])
+    assert run(probe) == (WARM, [])
+
+
+def test_one_line_says_that_something_is_compiled_and_only_then(probe: Path) -> None:
+    found, said = run(probe, AT_ONCE)
+    assert found == COLD
+    assert len(said) == 1
+    assert "compiling" in said[0]
+    assert run(probe, AT_ONCE) == (WARM, [])

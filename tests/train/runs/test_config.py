@@ -1,0 +1,135 @@
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+import train.runs.config
+from fbid_gym.errors import InvalidValueError
+from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig, parse, stored_options
+
+
+def test_command_line_of_the_readme():
+    config = parse(
+        "--env fbid_gym/BipedBalance-v0 --action-layer base_acceleration --seed 3".split()
+    )
+    assert config == TrainConfig(seed=3)
+    assert config.folder == Path("runs/BipedBalance-v0-base_acceleration-s3")
+    assert config.make_args() == {"action_layer": "base_acceleration"}
+
+
+def test_command_line_reaches_every_level():
+    config = parse(
+        [
+            *("--layer-options", '{"contact_limits": "none"}'),
+            *("--env-args", '{"push_force": [50, 150]}'),
+            *("--eval.every", "0"),
+            *("--ppo.hidden", "32", "16"),
+            *("--ppo.activation", "elu"),
+            *("--out", "somewhere"),
+            "--overwrite",
+        ]
+    )
+    assert config.make_args() == {
+        "action_layer": "base_acceleration",
+        "layer_options": {"contact_limits": "none"},
+        "push_force": [50, 150],
+    }
+    assert config.eval == EvaluationConfig(every=0)
+    assert config.ppo == PPOConfig(hidden=(32, 16), activation="elu")
+    assert config.folder == Path("somewhere") and config.overwrite
+
+
+@pytest.mark.parametrize("text", ["{", "[1]", "3", "{'a': 1}"])
+def test_command_line_refuses_what_is_not_a_json_object(text, capsys):
+    with pytest.raises(SystemExit):
+        parse(["--env-args", text])
+    assert "--env-args" in capsys.readouterr().err
+
+
+def test_every_option_is_explained():
+    """The docstring under each field is its help; without one tyro shows nothing."""
+    for kind in (TrainConfig, PPOConfig, EvaluationConfig):
+        source = Path(train.runs.config.__file__).read_text()
+        body = source.split(f"class {kind.__name__}:")[1].split("\n    def ")[0]
+        for field in dataclasses.fields(kind):
+            assert f"\n    {field.name}: " in body
+            assert '    """' in body.split(f"\n    {field.name}: ")[1].split("\n", 2)[1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"seed": -1}, "Invalid seed: -1. Expected an integer of at least 0"),
+        ({"num_envs": 0}, "Invalid num_envs: 0"),
+        ({"total_steps": 0.5}, "Invalid total_steps: 0.5. Expected an integer"),
+        ({"eval": EvaluationConfig(episodes=0)}, r"Invalid eval\.episodes: 0"),
+        ({"ppo": PPOConfig(gamma=1.5)}, r"Invalid ppo\.gamma: 1\.5. Expected a number from 0"),
+        ({"ppo": PPOConfig(learning_rate=float("nan"))}, r"Invalid ppo\.learning_rate: nan"),
+        ({"ppo": PPOConfig(target_kl=0.0)}, r"Invalid ppo\.target_kl: 0\.0"),
+        ({"ppo": PPOConfig(hidden=(64, 0))}, r"Invalid ppo\.hidden"),
+        ({"ppo": PPOConfig(batch_size=1000)}, r"Invalid ppo\.batch_size: 1000.*= 4096"),
+        ({"num_envs": 1, "ppo": PPOConfig(n_steps=1)}, r"Invalid ppo\.n_steps: 1"),
+        ({"env_args": {"seed": 3}}, "no 'seed', which has an option of its own"),
+        ({"env_args": {"x": object()}}, "Invalid env_args.*values JSON can hold"),
+        ({"layer_options": {"x": float("nan")}}, "Invalid layer_options.*values JSON can hold"),
+    ],
+)
+def test_invalid_values_are_named(changes, message):
+    with pytest.raises(InvalidValueError, match=message):
+        TrainConfig(**changes)
+
+
+def test_large_batches_mean_the_whole_iteration():
+    config = TrainConfig(num_envs=4, ppo=PPOConfig(n_steps=8))
+    assert config.batch_size == config.iteration_steps == 32
+
+
+def test_json_has_everything_a_reader_needs():
+    data = TrainConfig(layer_options={"contact_limits": "none"}, num_threads=2).to_json()
+    assert json.loads(json.dumps(data)) == data
+    assert data["env_id"] == "fbid_gym/BipedBalance-v0"
+    assert data["action_layer"] == data["env_args"]["action_layer"] == "base_acceleration"
+    assert data["env_args"]["layer_options"] == {"contact_limits": "none"}
+    assert data["ppo"]["hidden"] == [64, 64] and data["eval"]["seed"] == 10_000
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        TrainConfig(),
+        TrainConfig(
+            env="fbid_gym/BipedSquat-v0",
+            action_layer="com_wrench",
+            layer_options={"contact_limits": "none"},
+            env_args={"push_force": [50, 150], "terrain": "a 'name' with \"quotes\""},
+            seed=7,
+            total_steps=1234,
+            num_threads=1,
+            out=Path("some where/run"),
+            overwrite=True,
+            ppo=PPOConfig(learning_rate=1e-5, target_kl=None, hidden=(32, 16),
+                          normalise_reward=True, activation="elu"),
+            eval=EvaluationConfig(every=10, episodes=3),
+        ),
+    ],
+)  # fmt: skip
+def test_options_are_the_command_line_of_the_configuration(config):
+    assert parse(list(config.options())) == config
+    again = dataclasses.replace(config, num_threads=0, out=None, overwrite=False)
+    assert parse(list(stored_options(config.to_json()))) == again
+
+
+def test_options_say_only_what_is_not_the_default():
+    assert TrainConfig().options() == ()
+    assert TrainConfig(seed=3, ppo=PPOConfig(gamma=0.9)).options() == (
+        *("--seed", "3"),
+        *("--ppo.gamma", "0.9"),
+    )
+
+
+def test_stored_options_of_another_version_are_those_that_there_are():
+    stored = TrainConfig(seed=3).to_json()
+    del stored["torch_threads"]
+    stored["ppo"]["rollouts"] = 7
+    assert stored_options({**stored, "colour": "blue", "checkpoint_every": 5}) == ("--seed", "3")
