@@ -78,7 +78,9 @@ class Pendulums:
         touches = self.feet[:, self.gait.foot_of_point, 2] <= 0.0
         force[..., 2] = np.where(touches, 2.0 * self.gait.load, 0.0)
         command = GaitCommand(
-            np.tile(np.asarray(velocity, float), (count, 1)) if np.ndim(velocity) == 1 else velocity,
+            np.tile(np.asarray(velocity, float), (count, 1))
+            if np.ndim(velocity) == 1
+            else velocity,
             np.zeros((count, 2)) if shift is None else shift,
             np.ones(count) if rate is None else rate,
         )
