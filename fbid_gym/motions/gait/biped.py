@@ -6,7 +6,7 @@ import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
-from fbid_gym.motions.gait.flat_feet import FlatFootGait
+from fbid_gym.motions.gait.walking import FlatFootGait
 from fbid_gym.robots import Robot
 
 # In units of the robot: of the pendulum time sqrt(h / g), the leg's length (hips or base above the

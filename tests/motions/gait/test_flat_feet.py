@@ -8,14 +8,14 @@ import pytest
 from fbid_gym import robots
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.biped import biped_gait
-from fbid_gym.motions.gait.flat_feet import (
+from fbid_gym.motions.gait.flat_feet import walk
+from fbid_gym.motions.gait.walking import (
     STAND,
     FlatFootGait,
     GaitCommand,
     GaitMemory,
     GaitTarget,
     standing,
-    walk,
 )
 from fbid_gym.quantities import DynamicsTerms
 
@@ -78,7 +78,9 @@ class Pendulums:
         touches = self.feet[:, self.gait.foot_of_point, 2] <= 0.0
         force[..., 2] = np.where(touches, 2.0 * self.gait.load, 0.0)
         command = GaitCommand(
-            np.tile(np.asarray(velocity, float), (count, 1)) if np.ndim(velocity) == 1 else velocity,
+            np.tile(np.asarray(velocity, float), (count, 1))
+            if np.ndim(velocity) == 1
+            else velocity,
             np.zeros((count, 2)) if shift is None else shift,
             np.ones(count) if rate is None else rate,
         )
