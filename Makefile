@@ -31,10 +31,10 @@ setup: $(VENV)/.installed $(VENV)/mujoco_gl $(VENV)/.compiled  ## Install into .
 	@:
 
 demo: setup  ## Train two action layers on BipedBalance, compare them, write runs/demo/report.html.
-	@$(HEADLESS) $(BIN)/python -m train.demo $(ARGS)
+	@$(HEADLESS) $(BIN)/python -m eval.demo $(ARGS)
 
 survey: setup  ## Train once on every environment, draw docs/learning.svg.
-	@$(HEADLESS) $(BIN)/python -m train.survey $(ARGS)
+	@$(HEADLESS) $(BIN)/python -m eval.survey $(ARGS)
 
 test: setup  ## Run every test.
 	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) $(ARGS)

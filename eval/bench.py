@@ -20,7 +20,7 @@ from eval.pages import BENCHMARK_PAGE, splice, spliced
 from fbid_gym.actions import LAYERS
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import ROBOTS
-from train.versions import versions
+from train.runs.versions import versions
 
 SectionName = Literal["laws", "controllers", "layers", "threads", "single", "ppo", "memory"]
 

@@ -15,9 +15,9 @@ from eval.comparison import compare, film
 from eval.files import check_output, to_json, write
 from eval.report import page
 from eval.results import Comparison, Settings
-from eval.runs import load
 from eval.wording import headline
 from fbid_gym.errors import FbidError, InvalidValueError
+from train.runs.reading import load
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,12 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from eval import statistics as st
-from eval.episodes import METRICS, Episodes
+from eval.comparable import check_comparable, group, shared_settings
 from eval.results import Band, Comparison, Crossing, Estimate, Layer, Pair, RunResult, Settings
-from eval.rollout import Player, make_env, play_player
-from eval.runs import Run, check_comparable, group, shared_settings
+from eval.rollout import Player, play_player
 from eval.video import Clip, record
 from eval.wording import number
+from train.environments import make_env
+from train.episodes import METRICS, Episodes
+from train.runs.config import stored_options
+from train.runs.reading import Run
 
 Say = Callable[[str], None]
 
@@ -49,7 +53,7 @@ def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: Non
     played: dict[Path, Episodes] = {}
     for run in runs:
         say(f"{run.layer}: {run.path.name}")
-        played[run.path] = play_player(run.player(), settings.episodes, settings.seed)
+        played[run.path] = play_player(Player.of(run), settings.episodes, settings.seed)
         warnings += _changed(run, played[run.path])
     strongest = max(float(episodes.strongest_push.max()) for episodes in played.values())
     hardest = _round_up(strongest)
@@ -60,12 +64,12 @@ def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: Non
     layers = []
     for name, members in groups.items():
         say(f"{name}: zero action")
-        zero = members[0].player(trained=False)
+        zero = Player.of(members[0], trained=False)
         zero_action = _means(play_player(zero, settings.episodes, settings.seed))
         if sweep:
             say(f"{name}: pushes of up to {max(sweep):.0f} N")
         results = [
-            _result(run, played[run.path], _survival(run.player(), sweep, settings))
+            _result(run, played[run.path], _survival(Player.of(run), sweep, settings))
             for run in members
         ]
         layers.append(
@@ -113,8 +117,10 @@ def _changed(run: Run, episodes: Episodes) -> list[str]:
     if run.curve is None:
         return []
     last, now = float(run.curve.returns[-1]), float(episodes.returned.mean())
-    counts = (float(run.curve.episodes[-1]), float(len(episodes)))
-    error = float(episodes.returned.std()) * math.sqrt(sum(1.0 / n for n in counts))
+    error = math.hypot(
+        float(run.curve.spread[-1]) / math.sqrt(run.curve.episodes[-1]),
+        float(episodes.returned.std()) / math.sqrt(len(episodes)),
+    )
     if abs(now - last) <= 5.0 * error + 0.01 * abs(last):
         return []
     return [
@@ -174,7 +180,14 @@ def _result(run: Run, episodes: Episodes, sweep: list[float]) -> RunResult:
         wall=[] if curve is None else curve.wall_seconds.tolist(),
         returns=[] if curve is None else curve.returns.tolist(),
         sweep=sweep,
+        command=_command(run),
     )
+
+
+def _command(run: Run) -> str:
+    if run.config is None:
+        return ""
+    return shlex.join(["python", "-m", "train.ppo", *stored_options(run.config)])
 
 
 def _means(episodes: Episodes) -> dict[str, float]:
@@ -271,7 +284,7 @@ def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: No
         chosen = ranked[(len(ranked) - 1) // 2]
         say(f"{layer.name}: clip of {chosen.name}")
         run = next(run for run in runs if str(run.path) == chosen.path)
-        player = run.player(push_force=[push, push])
+        player = Player.of(run, push_force=[push, push])
         env = make_env(player.env_id, player.env_args)
         try:
             actor = player.actor(env.observation_space, env.action_space)

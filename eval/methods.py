@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Sequence
 from html import escape
 
-from eval.results import Comparison, Layer
+from eval.results import Comparison
 
 
 def methods(c: Comparison) -> str:
@@ -38,24 +38,10 @@ def reproduction(c: Comparison, command: Sequence[str]) -> str:
     if c.versions:
         parts.append("<details><summary>Versions</summary>")
         parts.append(f"<pre>{escape(json.dumps(c.versions, indent=1))}</pre></details>")
-    lines = [_training_command(c, layer, run.seed) for layer in c.layers for run in layer.runs
-             if run.seed is not None]  # fmt: skip
+    lines = [run.command for layer in c.layers for run in layer.runs if run.command]
     if command:
         lines.append(shlex.join(command))
     if lines:
         text = escape("\n".join(lines))
         parts.append(f"<details><summary>Commands</summary><pre>{text}</pre></details>")
     return "\n".join(parts)
-
-
-def _training_command(c: Comparison, layer: Layer, seed: int) -> str:
-    args = ["python", "-m", "train.ppo", "--env", c.env_id, "--seed", str(seed)]
-    args += ["--action-layer", str(layer.env_args.get("action_layer"))]
-    if layer.env_args.get("layer_options"):
-        args += ["--layer-options", json.dumps(layer.env_args["layer_options"])]
-    if c.env_args:
-        args += ["--env-args", json.dumps(c.env_args)]
-    for name in ("total_steps", "num_envs"):
-        if name in c.shared:
-            args += [f"--{name.replace('_', '-')}", str(c.shared[name])]
-    return shlex.join(args)

@@ -6,7 +6,6 @@ from html import escape
 from pathlib import Path
 
 from eval.comparison import Clips
-from eval.episodes import METRICS, Metric
 from eval.methods import methods, reproduction
 from eval.plots import Series, Strip, panel, strips
 from eval.results import Comparison, Layer
@@ -24,6 +23,7 @@ from eval.wording import (
     percent,
     steps,
 )
+from train.episodes import METRICS, Metric
 
 COLOURS = (
     "base acceleration",

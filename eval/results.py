@@ -94,6 +94,8 @@ class RunResult:
     returns: list[float]
     sweep: list[float]
     """Share of episodes survived at each size of push."""
+    command: str = ""
+    """The command line that trains it again; empty for an exported policy."""
 
 
 @dataclass(frozen=True)

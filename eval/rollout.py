@@ -5,10 +5,6 @@ python -m eval.rollout --env fbid_gym/BipedBalance-v0 --action-layer base_accele
     --zero-action --episodes 100 --env-args '{"push_force": [100, 100]}'
 """
 
-import csv
-import io
-import json
-import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,18 +14,20 @@ from typing import Annotated, Any
 import gymnasium as gym
 import numpy as np
 import tyro
-from gymnasium.vector import VectorEnv
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from eval.environment import changed_meaning
-from eval.episodes import METRICS, Actor, Episodes, play
 from eval.files import check_output, to_json, write
 from eval.video import record
-from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
-from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
+from fbid_gym.errors import FbidError, InvalidValueError
 from fbid_gym.policy import Policy
+from train.environments import make_env, make_envs, step_seconds
+from train.episodes import METRICS, Actor, Episodes, play
+from train.runs.config import parse_object
+from train.runs.environment import changed_meaning
+from train.runs.reading import Run
+from train.runs.tables import to_csv
 
 
 @dataclass(frozen=True)
@@ -45,6 +43,19 @@ class Player:
     policy: Policy | None
     """None: the zero action, which asks the layer to hold the home posture."""
 
+    @classmethod
+    def of(cls, run: Run, *, trained: bool = True, **env_args: Any) -> "Player":
+        """Return the player of a run, or of the zero action in its environment.
+
+        Args:
+            run: the run, or exported policy.
+            trained: False for the zero action.
+            **env_args: replace those the policy was trained with.
+        """
+        policy = run.policy
+        arguments = {**policy.env_args, **env_args}
+        return cls(run.layer, policy.env_id, arguments, policy if trained else None)
+
     def actor(self, observations: gym.Space[Any], actions: gym.Space[Any]) -> Actor:
         """Map observations (N, O) to actions (N, A).
 
@@ -56,38 +67,6 @@ class Player:
             return lambda observation: np.zeros((len(observation), action_size), dtype=np.float32)
         self.policy.check(observation_size=observation_size, action_size=action_size)
         return self.policy
-
-
-def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> VectorEnv:
-    """Make a vector environment; what Gymnasium objects to becomes one `FbidError`.
-
-    Raises:
-        UnknownOptionError: no such id.
-        InvalidValueError: arguments the environment does not take.
-    """
-    options = dict(env_args)
-    if env_id in ENVIRONMENTS:
-        options.setdefault("num_threads", min(len(os.sched_getaffinity(0)), num_envs))
-    return _make(lambda: gym.make_vec(env_id, num_envs=num_envs, **options), env_id, env_args)
-
-
-def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
-    """Make one environment that draws itself. Raises as `make_envs`."""
-    options = {**env_args, "render_mode": "rgb_array"}
-    return _make(lambda: gym.make(env_id, **options), env_id, env_args)
-
-
-def _make(build: Any, env_id: str, env_args: Mapping[str, Any]) -> Any:
-    try:
-        return build()
-    except gym.error.UnregisteredEnv as error:
-        raise UnknownOptionError("environment", env_id, ENVIRONMENTS) from error
-    except (TypeError, gym.error.Error) as error:
-        if isinstance(error, TypeError) and "unexpected keyword" not in str(error):
-            raise
-        raise InvalidValueError(
-            "environment arguments", dict(env_args), f"what {env_id} takes ({error})"
-        ) from error
 
 
 def play_player(
@@ -122,11 +101,6 @@ def play_player(
         envs.close()
 
 
-def step_seconds(envs: VectorEnv | gym.Env[Any, Any]) -> float:
-    """Duration of one policy step, s: pictures are drawn once per step and play in real time."""
-    return 1.0 / float(envs.metadata["render_fps"])
-
-
 def load_player(source: Path, env_args: Mapping[str, Any]) -> Player:
     """Load a run folder or an exported policy.
 
@@ -141,12 +115,10 @@ def load_player(source: Path, env_args: Mapping[str, Any]) -> Player:
 def parse_env_args(text: str) -> dict[str, Any]:
     """Read environment arguments given as a JSON object."""
     try:
-        value = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InvalidValueError("env_args", text, f"a JSON object ({error})") from error
-    if not isinstance(value, dict):
-        raise InvalidValueError("env_args", text, 'a JSON object such as {"push_force": [80, 80]}')
-    return value
+        return parse_object(text)
+    except ValueError as error:
+        expected = f'a JSON object such as {{"push_force": [80, 80]}} ({error})'
+        raise InvalidValueError("env_args", text, expected) from error
 
 
 @dataclass(frozen=True)
@@ -249,11 +221,7 @@ def metrics_json(player: Player, episodes: Episodes, seed: int) -> str:
 def metrics_csv(episodes: Episodes) -> str:
     """One row per episode."""
     rows = episodes.rows()
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    return to_csv(list(rows[0]), rows)
 
 
 def run(config: RolloutConfig, console: Console) -> Episodes:

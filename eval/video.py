@@ -10,8 +10,8 @@ import imageio_ffmpeg
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from eval.episodes import Actor
 from fbid_gym.errors import InvalidValueError
+from train.episodes import Actor
 
 WIDTH, HEIGHT = 640, 480
 

@@ -23,7 +23,9 @@ Entries are compiled on first use and then kept on disk (`fbid_gym.compile_cache
 released while they run.
 """
 
+import ast
 import inspect
+import textwrap
 from collections.abc import Callable
 from functools import update_wrapper
 from pathlib import Path
@@ -38,7 +40,13 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _PLACES = folders(Path(__file__).parent)
 # Division by zero gives infinity, as in NumPy. Sums may be taken in any order, and so side by side.
-_OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"reassoc", "contract"}}
+# Nobody calls from C: without a wrapper for that, there is less to compile.
+_OPTIONS = {
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"reassoc", "contract"},
+    "no_cfunc_wrapper": True,
+}
 
 
 def compiled(function: Function) -> Function:
@@ -58,51 +66,97 @@ def kernel(function: Function) -> Function:
     """
     kinds = get_type_hints(function)
     result = kinds.pop("return")
-    names = ", ".join(kinds)
-    scope: dict[str, Any] = {"body": njit(**_OPTIONS)(function)}
+    names, tuples = list(kinds), dict[str, Any]()
     fields: list[str] = []
-    leaves: list[str] = []
-    built = ", ".join(_built(kind, name, scope, fields) for name, kind in kinds.items())
-    passed = ", ".join(part for name, kind in kinds.items() for part in _parts(kind, name))
+    built = {name: _built(kind, name, tuples, fields) for name, kind in kinds.items()}
+    made = [f"{name} = {value}" for name, value in built.items() if value != name]
+    entry = kept(njit(**_OPTIONS)(_entry(function, fields, made, result, tuples)), _PLACES)
 
-    source = f"def entry({', '.join(fields)}):\n    found = body({built})\n"
+    passed = ", ".join(part for name, kind in kinds.items() for part in _parts(kind, name))
+    scope, leaves = {"entry": entry, "function": function}, list[str]()
+    body = f"    return entry({passed})\n"
+    if _is_tuple(result):
+        returned = _built(result, "found", scope, leaves)
+        body = f"    {', '.join(leaves)}, = entry({passed})\n    return {returned}\n"
+    exec(f"def door({', '.join(names)}):\n{body}", scope)
+    exec(f"def implementation({', '.join(names)}):\n    return function", scope)
+    door, implementation = scope["door"], scope["implementation"]
+    update_wrapper(door, function)
+    door.entry = entry
+    implementation.__signature__ = inspect.signature(function)
+    overload(door, jit_options=_OPTIONS)(implementation)
+    return door
+
+
+def _entry(
+    function: Callable[..., Any],
+    fields: list[str],
+    made: list[str],
+    result: Any,
+    tuples: dict[str, Any],
+) -> Callable[..., Any]:
+    """The function with the fields of its arguments for arguments, and those of its result.
+
+    It is rewritten and not called, which would compile it twice: as itself, and in the entry.
+
+    Args:
+        function: to be rewritten.
+        fields: names of the new arguments.
+        made: assignments that make the old ones of them.
+        result: what it returns.
+        tuples: name in those assignments -> named tuple.
+    """
+    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    node = tree.body[0]
+    assert isinstance(node, ast.FunctionDef)
+    node.decorator_list, node.returns = [], None
+    node.args = ast.arguments([], [ast.arg(field) for field in fields], None, [], [], None, [])
     if _is_tuple(result):
         # Numba takes longer to make a named tuple for Python than a plain one.
-        source += f"    return {', '.join(_leaves(result, 'found'))},\n"
-        returned = _built(result, "found", scope, leaves)
-        door = f"    {', '.join(leaves)}, = entry({passed})\n    return {returned}\n"
-    else:
-        source += "    return found\n"
-        door = f"    return entry({passed})\n"
-    # Under the function's own file name, so that errors show its lines.
-    file = function.__code__.co_filename
-    exec(compile(source, file, "exec"), scope)
-    entry = scope["entry"]
-    entry.__qualname__, entry.__module__ = function.__qualname__, function.__module__
-    scope["entry"] = kept(njit(**_OPTIONS)(entry), _PLACES)
-    exec(compile(f"def door({names}):\n{door}", file, "exec"), scope)
-    exec(f"def implementation({names}):\n    return function", {"function": function}, scope)
-    own, implementation = scope["door"], scope["implementation"]
-    update_wrapper(own, function)
-    own.entry = scope["entry"]
-    implementation.__signature__ = inspect.signature(function)
-    overload(own, jit_options=_OPTIONS)(implementation)
-    return own
+        node = _Flattened(_leaves(result, "found")).visit(node)
+    node.body[:0] = ast.parse("\n".join(made)).body
+    maker = ast.parse(f"def maker({', '.join(tuples)}):\n    return {node.name}")
+    assert isinstance(maker.body[0], ast.FunctionDef)
+    maker.body[0].body.insert(0, node)
+    # Errors show the lines of the function itself.
+    ast.increment_lineno(node, function.__code__.co_firstlineno - 1)
+    code = compile(ast.fix_missing_locations(maker), function.__code__.co_filename, "exec")
+    scope: dict[str, Any] = {}
+    exec(code, function.__globals__, scope)
+    entry: Callable[..., Any] = scope["maker"](**tuples)
+    entry.__qualname__ = function.__qualname__
+    return entry
+
+
+class _Flattened(ast.NodeTransformer):
+    """Returns the fields of a named tuple one by one."""
+
+    def __init__(self, leaves: list[str]) -> None:
+        self._source = f"return {', '.join(leaves)},"
+
+    def visit_Return(self, node: ast.Return) -> list[ast.stmt]:  # noqa: N802
+        assert node.value is not None
+        keep = ast.Assign([ast.Name("found", ast.Store())], node.value)
+        return [ast.copy_location(x, node) for x in (keep, *ast.parse(self._source).body)]
 
 
 def _is_tuple(kind: Any) -> bool:
     return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")
 
 
-def _built(kind: Any, name: str, scope: dict[str, Any], fields: list[str]) -> str:
-    """An expression that makes an argument of its fields, whose names join `fields`."""
+def _built(kind: Any, name: str, tuples: dict[str, Any], fields: list[str]) -> str:
+    """An expression that makes a value of its fields, whose names join `fields`.
+
+    The named tuples that it calls join `tuples`, under names of their own.
+    """
     if not _is_tuple(kind):
         fields.append(name)
         return name
-    scope[kind.__name__] = kind
+    own = f"{kind.__name__}_{name}"
+    tuples[own] = kind
     hints = get_type_hints(kind)
-    parts = (_built(hints[field], f"{name}_{field}", scope, fields) for field in kind._fields)
-    return f"{kind.__name__}({', '.join(parts)})"
+    parts = [_built(hints[field], f"{name}_{field}", tuples, fields) for field in kind._fields]
+    return f"{own}({', '.join(parts)})"
 
 
 def _parts(kind: Any, value: str) -> list[str]:

@@ -19,6 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+Memory = dict[str, np.ndarray]
+"""What is remembered of robots from tick to tick, one row for each: resetting a robot is resetting
+a row."""
+
 
 class RobotState(NamedTuple):
     """The state of robots and what their sensors read.
@@ -393,7 +397,19 @@ class Reference(NamedTuple):
     stepping: bool
 
 
-def rows_of(reference: Reference, rows: np.ndarray) -> Reference:
+class Steering(NamedTuple):
+    """What a policy changes of a gait.
+
+    Attributes:
+        shift: (N, F, 2) m ahead and to the left, by which each next foothold is moved.
+        rate: (N,) positive, cycles of the gait per planned cycle.
+    """
+
+    shift: np.ndarray
+    rate: np.ndarray
+
+
+def rows_of(reference: Reference, rows: np.ndarray | slice) -> Reference:
     """Return the reference of some robots; a single row goes on to stand for all."""
     if len(reference.qpos) == 1:
         return reference

@@ -12,7 +12,7 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from fbid_gym.policy import Policy
-from train.config import TrainConfig
+from train.runs.config import TrainConfig
 
 MakeEnv = Callable[..., VecEnv]
 """`fbid_gym.make_sb3`, or what stands in for it: (env_id, num_envs=, seed=, **env_args)."""

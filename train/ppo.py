@@ -9,26 +9,29 @@ those of a training that was never interrupted.
 import math
 import sys
 import time
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
+from gymnasium.vector import VectorEnv
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnv
 
 from fbid_gym import make_sb3
 from fbid_gym.errors import FbidError, RunError
 from fbid_gym.policy import Policy
 from train import checkpoint
-from train.config import TrainConfig, parse
 from train.display import Display
+from train.environments import make_envs
 from train.evaluation import evaluate
-from train.interrupt import StopRequest
 from train.learner import MakeEnv, build, export, seeds
-from train.logs import CsvLog, TensorBoardLog
-from train.run_folder import RunFolder, open_run
-from train.versions import package_versions
+from train.runs.config import TrainConfig, parse
+from train.runs.interrupt import stop_requests
+from train.runs.opening import OpenRun, open_run
+from train.runs.tables import EVALUATIONS, PROGRESS, TableWriter, check_kept
+from train.runs.versions import package_versions
+from train.tensorboard import TensorBoardLog
 
 _LEARNER_METRICS = {
     "policy_loss": "train/policy_gradient_loss",
@@ -39,11 +42,7 @@ _LEARNER_METRICS = {
     "explained_variance": "train/explained_variance",
     "action_std": "train/std",
 }
-_PROGRESS = ("steps", "wall_seconds", "fps", "return_mean", "length_mean", *_LEARNER_METRICS)
-_EVALUATIONS = (
-    "steps", "wall_seconds", "episodes", "return_mean", "return_std", "return_q25", "return_q75",
-    "length_mean", "survival",
-)  # fmt: skip
+_COLUMNS = {"progress": (*PROGRESS, *_LEARNER_METRICS), "evaluations": EVALUATIONS}
 
 
 def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
@@ -51,36 +50,30 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
 
     Args:
         config: the run.
-        make_env: makes the environments.
+        make_env: makes the robots that it learns from.
 
     Raises:
-        FbidError: an invalid configuration, or a run folder that does not fit it. Nothing is
-            written then.
+        FbidError: an invalid configuration, or a run folder that does not fit it. Nothing of the
+            run is written then.
         KeyboardInterrupt: after SIGINT or SIGTERM, once the state is saved.
     """
     with ExitStack() as stack:
-
-        def environment(count: int, seed: int) -> VecEnv:
-            env = make_env(
-                config.env,
-                num_envs=count,
-                seed=seed,
-                num_threads=config.threads,
-                **config.make_args(),
-            )
-            stack.callback(env.close)
-            return env
-
-        robots = environment(config.num_envs, seeds(config.seed)["robots"])
+        args = {**config.make_args(), "num_threads": config.threads}
+        seed = seeds(config.seed)["robots"]
+        robots = stack.enter_context(
+            closing(make_env(config.env, num_envs=config.num_envs, seed=seed, **args))
+        )
         evaluated = None
         if config.eval.every:
-            evaluated = environment(config.eval.episodes, config.eval.seed)
+            evaluated = stack.enter_context(
+                closing(make_envs(config.env, args, config.eval.episodes))
+            )
         learner = build(config, robots)
         run = stack.enter_context(open_run(config))
         training = _Training(config, run, learner, evaluated, stack)
-        with StopRequest(training.announce_stop) as stop:
+        with stop_requests(training.announce_stop) as stop:
             training.until_done(stop)
-    return run.path
+    return config.folder
 
 
 class _Training:
@@ -89,31 +82,37 @@ class _Training:
     def __init__(
         self,
         config: TrainConfig,
-        run: RunFolder,
+        run: OpenRun,
         learner: PPO,
-        evaluated: VecEnv | None,
+        evaluated: VectorEnv | None,
         stack: ExitStack,
     ) -> None:
         self.config, self.run, self.learner, self.evaluated = config, run, learner, evaluated
+        self.folder = folder = run.folder
         # Resets the robots and prepares the buffers; a checkpoint then replaces their state.
         _, self.callback = learner._setup_learn(config.total_steps)
         assert isinstance(self.callback, BaseCallback)
         self.seconds, self.best_return = 0.0, -math.inf
+        tables = {"progress": folder.progress, "evaluations": folder.evaluations}
         sizes: dict[str, int] = {}
         if run.resumes:
-            counters = checkpoint.restore(run.checkpoint, learner)
+            counters = checkpoint.restore(folder.checkpoint, learner)
             self.seconds = counters["wall_seconds"]
             if counters["best_return"] is not None:
                 self.best_return = counters["best_return"]
             sizes = counters["bytes"]
+            for name, path in tables.items():
+                check_kept(path, _COLUMNS[name], sizes[name])
+        # All that can be refused has been.
+        run.begin()
         self.saved_steps = self.steps if run.resumes else -1
         opened = stack.enter_context
-        self.progress = opened(closing(CsvLog(run.progress, _PROGRESS, sizes.get("progress"))))
-        self.evaluations = opened(
-            closing(CsvLog(run.evaluations, _EVALUATIONS, sizes.get("evaluations")))
+        self.progress, self.evaluations = (
+            opened(closing(TableWriter(path, _COLUMNS[name], sizes.get(name))))
+            for name, path in tables.items()
         )
-        self.tensorboard = opened(closing(TensorBoardLog(run.tensorboard, self.steps)))
-        self.display = opened(closing(Display(run.path.name, config.total_steps, self.steps)))
+        self.tensorboard = opened(closing(TensorBoardLog(folder.tensorboard, self.steps)))
+        self.display = opened(closing(Display(folder.path.name, config.total_steps, self.steps)))
 
     @property
     def steps(self) -> int:
@@ -123,7 +122,7 @@ class _Training:
     def done(self) -> bool:
         return self.steps >= self.config.total_steps
 
-    def until_done(self, stop: StopRequest) -> None:
+    def until_done(self, stop: Callable[[], bool]) -> None:
         config = self.config
         if self.run.resumes:
             self.display.note(
@@ -135,7 +134,7 @@ class _Training:
                 self.display.note(f"not to the bit: {', '.join(self.run.changes)}")
         elif config.eval.every:
             self.evaluate()
-        while not self.done and not stop.requested:
+        while not self.done and not stop():
             self.iterate()
             if config.eval.every and (self.done or self._crossed(config.eval.every)):
                 self.evaluate()
@@ -145,8 +144,8 @@ class _Training:
             self.checkpoint()
         if not self.done:
             self.display.note(
-                f"stopped at step {self.steps} of {config.total_steps}, saved in {self.run.path}. "
-                "The same command continues it."
+                f"stopped at step {self.steps} of {config.total_steps}, saved in "
+                f"{self.folder.path}. The same command continues it."
             )
             raise KeyboardInterrupt
 
@@ -188,13 +187,13 @@ class _Training:
         """Evaluate the exported policy, not the learner: what is measured is what is kept."""
         assert self.evaluated is not None
         policy = self.export_policy()
-        result = evaluate(policy, self.evaluated, self.config.eval.seed).summary()
+        result = evaluate(policy, self.evaluated, self.config.eval.seed)
         row = {"steps": self.steps, "wall_seconds": round(self.seconds, 3), **result}
         self.evaluations.append(row)
         self.tensorboard.append("eval", row)
         if row["return_mean"] > self.best_return:
             self.best_return = row["return_mean"]
-            policy.save(self.run.best_policy)
+            policy.save(self.folder.best_policy)
         self.display.note(
             f"step {self.steps}: evaluation return {row['return_mean']:.1f} "
             f"± {row['return_std']:.1f}, survival {row['survival']:.0%}"
@@ -203,7 +202,7 @@ class _Training:
     def export_policy(self) -> Policy:
         """Write the policy as it is now, and return it."""
         policy = export(self.learner, self.config, package_versions())
-        policy.save(self.run.policy)
+        policy.save(self.folder.policy)
         return policy
 
     def checkpoint(self) -> None:
@@ -212,7 +211,7 @@ class _Training:
         for log in (self.progress, self.evaluations, self.tensorboard):
             log.sync()
         checkpoint.save(
-            self.run.checkpoint,
+            self.folder.checkpoint,
             self.learner,
             {
                 "wall_seconds": self.seconds,
@@ -235,7 +234,7 @@ class _Training:
             else "There is no checkpoint yet"
         )
         return RunError(
-            f"{self.run.path}: training diverged by step {self.steps}: the network holds NaN or "
+            f"{self.folder.path}: training diverged by step {self.steps}: the network holds NaN or "
             f"infinity. {kept}; try a smaller --ppo.learning-rate in another --out."
         )
 

@@ -10,7 +10,7 @@ from gymnasium.vector import VectorEnv
 
 from eval.benchmark.figures import Figure, Limit, Section, interleave
 from eval.benchmark.physics import TimedBatch
-from fbid_gym.actions.stance import holding_torque
+from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.envs.simulation import Simulation

@@ -10,10 +10,10 @@ from eval.benchmark.figures import Figure, Limit, Section
 from eval.benchmark.physics import TimedBatch
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.quantities import RobotState
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import home_reference
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
 
 SETTLE, TICKS = 25, 50

@@ -10,9 +10,9 @@ from stable_baselines3.common.vec_env import SubprocVecEnv
 import fbid_gym
 from eval.benchmark.environments import STEPS, PhysicsStretch
 from eval.benchmark.figures import Figure, Limit, Section, interleave
-from train.config import TrainConfig
 from train.learner import build
 from train.learner import robots as robots_of
+from train.runs.config import TrainConfig
 
 WORKERS = 8
 ITERATIONS = 2

@@ -10,12 +10,12 @@ from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.joint_acceleration import JointAcceleration
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
-from fbid_gym.actions.layer import ActionLayer, Memory
+from fbid_gym.actions.layer import ActionLayer
 from fbid_gym.actions.torque import Torque
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.robots import Robot
 
-__all__ = ["LAYERS", "ActionLayer", "Memory", "layer_options", "make_layer"]
+__all__ = ["LAYERS", "ActionLayer", "layer_options", "make_layer"]
 
 LAYERS: dict[str, Callable[..., ActionLayer]] = {
     "torque": Torque.of,

@@ -9,7 +9,6 @@ from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
 from fbid_gym.actions.law_memory import LawMemory
-from fbid_gym.actions.layer import Memory
 from fbid_gym.compiled import kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
@@ -25,6 +24,7 @@ from fbid_gym.quantities import (
     ContactGeometry,
     DynamicsTerms,
     EquationOfMotion,
+    Memory,
     Nearness,
     PointLimits,
     Reference,

@@ -9,11 +9,10 @@ from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
 from fbid_gym.actions.law_memory import LawMemory
-from fbid_gym.actions.layer import Memory
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.balance import balance_target, balance_wrench, body_motion
-from fbid_gym.control.balancers import map_torques
+from fbid_gym.control.balancers import RIDGE, map_torques
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
 from fbid_gym.control.underactuation import underactuation
 from fbid_gym.control.wrench_distribution import share_freely, share_within_limits
@@ -31,6 +30,7 @@ from fbid_gym.quantities import (
     ForcePath,
     Heading,
     Limits,
+    Memory,
     PointLimits,
     PostureCommand,
     Reference,
@@ -210,7 +210,7 @@ def _balance(
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
     wrench = desired_wrench(law.wrench, law.gravity, push, state, reference, terms, body, frame)
     posture = _posture(law, active, state, reference)
-    torque_map = map_torques(law.balancer, motion, body, constraint, posture)
+    torque_map = map_torques(law.balancer, motion, body, constraint, posture, RIDGE)
     path = ForcePath(body.to_com, contacts.point_map, np.empty((0, len(law.geometry.offset), 3, 3)))
     if law.limited:
         limits = Limits(PointLimits(law.limits, active.mask), law.torque_limit)

@@ -9,12 +9,11 @@ import numpy as np
 from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.law_memory import DIAGNOSTICS
-from fbid_gym.actions.layer import Memory
 from fbid_gym.checks import check_positive
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.quantities import DynamicsTerms, Reference, RobotState, SupportFrame
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState, SupportFrame
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot, multiply, multiply_transposed
 

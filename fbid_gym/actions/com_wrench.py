@@ -8,7 +8,6 @@ import numpy as np
 from fbid_gym.actions.balance_law import BalanceLaw, PostureGains, desired_wrench
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.law_memory import DIAGNOSTICS
-from fbid_gym.actions.layer import Memory
 from fbid_gym.checks import check_positive
 from fbid_gym.control import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, INVERSE_DYNAMICS, OTT2011
@@ -16,7 +15,7 @@ from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import UnknownOptionError
-from fbid_gym.quantities import CentroidalTerms, DynamicsTerms, Reference, RobotState
+from fbid_gym.quantities import CentroidalTerms, DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
 BALANCERS = {

@@ -15,7 +15,7 @@ Schedule = Sequence[tuple[float, Sequence[str]]]
 
 CONTACTS = ("planned", "all", "measured", "a schedule [(seconds, feet), ...]")
 
-TOUCH = 0.005
+MEASURED_LOAD = 0.005
 """Share of the robot's weight that a point must carry to count as measured contact."""
 
 
@@ -42,7 +42,7 @@ def contact_belief(contacts: str | Schedule, robot: Robot, control_hz: int) -> C
                 _planned(state, reference, foot) if reference.stepping else every
             )
         if contacts == "measured":
-            least = TOUCH * robot.weight
+            least = MEASURED_LOAD * robot.weight
             return lambda state, reference: _loaded(state.contact_force, least)
         raise UnknownOptionError("contacts", contacts, CONTACTS)
     table = _schedule_table(contacts, robot, control_hz)

@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.layer import Memory
 from fbid_gym.compiled import kernel
-from fbid_gym.quantities import ActivePoints
+from fbid_gym.quantities import ActivePoints, Memory
 
 _UNKNOWN = -1
 

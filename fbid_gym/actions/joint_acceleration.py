@@ -9,10 +9,9 @@ import numpy as np
 from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.law_memory import DIAGNOSTICS
-from fbid_gym.actions.layer import Memory
 from fbid_gym.checks import check_positive
 from fbid_gym.compiled import kernel
-from fbid_gym.quantities import DynamicsTerms, Reference, RobotState
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
 _JOINTS_FIRST = 1e-3  # base priority: the base follows the joints

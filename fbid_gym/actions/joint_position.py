@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.actions.joint_gains import JointGains, holding_torque
-from fbid_gym.actions.layer import Memory
 from fbid_gym.checks import check_positive
 from fbid_gym.compiled import kernel
-from fbid_gym.quantities import DynamicsTerms, Reference, RobotState
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
 _STIFFER_THAN_FALLING = 3.4

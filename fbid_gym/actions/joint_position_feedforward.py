@@ -9,13 +9,13 @@ from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.joint_gains import JointGains
 from fbid_gym.actions.law_memory import DIAGNOSTICS
-from fbid_gym.actions.layer import Memory
 from fbid_gym.actions.smooth_target import Offset, SmoothTarget
 from fbid_gym.checks import check_at_least_zero, check_positive
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.quantities import (
     DynamicsTerms,
+    Memory,
     Reference,
     RobotState,
     SupportFrame,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.layer import Memory
+from fbid_gym.quantities import Memory
 
 DIAGNOSTICS = ("residual", "underactuation")
 """Share of the weight by which the base wrench misses the commanded one; and the number of base

@@ -1,14 +1,11 @@
 """What every action layer is: a map from a policy's action to joint torques, tick by tick."""
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from fbid_gym.quantities import DynamicsTerms, Reference, RobotState
-
-Memory = dict[str, np.ndarray]
-"""What a layer remembers from tick to tick, one row per robot: warm starts and diagnostics."""
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
 
 
 class ActionLayer(Protocol):
@@ -38,7 +35,7 @@ class ActionLayer(Protocol):
         self,
         action: np.ndarray,
         state: RobotState,
-        reference: Reference,
+        reference: Any,
         terms: Callable[[], DynamicsTerms],
         memory: Memory,
     ) -> np.ndarray:
@@ -47,7 +44,7 @@ class ActionLayer(Protocol):
         Args:
             action: (N, A) in [-1, 1].
             state: of the robots, now.
-            reference: the motion that the task asks for, now.
+            reference: what the task asks for, now: a `Reference`, or the target of a gait.
             terms: returns the dynamics at this state; not called by layers that need no model.
             memory: of the robots; updated.
 

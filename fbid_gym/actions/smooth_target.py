@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.layer import Memory
 from fbid_gym.compiled import kernel
+from fbid_gym.quantities import Memory
 
 
 class Offset(NamedTuple):

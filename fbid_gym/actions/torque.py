@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.actions.joint_gains import holding_torque
-from fbid_gym.actions.layer import Memory
-from fbid_gym.quantities import DynamicsTerms, Reference, RobotState
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
 

@@ -49,7 +49,7 @@ from fbid_gym.small_matrices import dot, factor, gram, multiply, solve_factored,
 # Relative to the mean squared singular value of Jbar_q. Near a straight knee the joints cannot move
 # the contacts as they should, and this bounds what they do instead. At home it lets the contacts'
 # acceleration be off by at most a hundredth.
-_RIDGE = 1e-4
+RIDGE = 1e-4
 
 OTT2011, GAROFALO2015, INVERSE_DYNAMICS = range(3)
 
@@ -133,7 +133,7 @@ def _torque_map(
             check_shape(name, own, (count, joints), "(N, n)")
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
     constraint = Constraint(contacts.jacobian, contacts.bias)
-    return map_torques(balancer, motion, body, constraint, command)
+    return map_torques(balancer, motion, body, constraint, command, RIDGE)
 
 
 @kernel
@@ -143,6 +143,7 @@ def map_torques(
     body: CentroidalTerms,
     constraint: Constraint,
     posture: PostureCommand,
+    ridge: float,
 ) -> TorqueMap:
     """Return the torques as a function of contact forces, as one of the three balancers has them.
 
@@ -184,7 +185,7 @@ def map_torques(
         for i in range(rows):
             trace += lower[i, i]
         for i in range(rows):
-            lower[i, i] += _RIDGE / rows * trace + _RIDGE**3
+            lower[i, i] += ridge / rows * trace + ridge**3
         factor(lower)
         for k in range(columns):
             solve_factored(lower, moved[k])

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.actions import LAYERS, ActionLayer, layer_options, make_layer
+from fbid_gym.actions.footholds import Footholds
 from fbid_gym.checks import by_name, count, number, pair
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
@@ -99,6 +100,10 @@ class EnvConfig:
             raise UnknownOptionError("action layer", self.action_layer, LAYERS)
         options = by_name("layer_options", self.layer_options)
         return make_layer(self.action_layer, robot, self.rates().control, options)
+
+    def footholds(self, robot: Robot) -> Footholds:
+        """Return what of an action steers a gait."""
+        return Footholds.none(robot)
 
     def make_task(self, robot: Robot) -> Task:
         """Return the task."""

@@ -1,6 +1,6 @@
 """N environments stepped together on one thread: the one code path of scalar and vector envs."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
-from fbid_gym.quantities import RobotState
+from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots.terrain import Terrain
 from fbid_gym.tasks.outcome import Outcome
 
@@ -45,6 +45,7 @@ class EnvBatch:
         robot: the robot.
         task: the task.
         layer: the action layer.
+        footholds: what of an action steers a gait, after what is the layer's.
         terrain: the ground.
         simulation: the physics.
     """
@@ -55,7 +56,7 @@ class EnvBatch:
         self.rates = config.rates()
         self.robot = config.load_robot()
         self.task = config.make_task(self.robot)
-        self.layer = config.layer(self.robot)
+        self.layer, self.footholds = config.layer(self.robot), config.footholds(self.robot)
         self.terrain, world = config.ground(self.robot)
         self.simulation = Simulation(self.robot, num_envs, self.rates, world)
         self.plant = plant_of(self.simulation, config.randomisations())
@@ -76,8 +77,15 @@ class EnvBatch:
         self._state = RobotState(*own, simulation.contact_force, self._tick)
         self._bound = self.task.observation_bound
         self._observation = np.zeros((num_envs, len(self._bound)), np.float32)
-        self._num_actions = len(self.layer.action_names)
+        self._num_own = len(self.layer.action_names)
+        self._num_actions = len(self.action_names)
+        self._planned = self.task.memory(simulation.terms())
         self._all_ticks = np.arange(self.rates.ticks)[:, None]
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """What each entry of the action commands: of the layer, then of the footholds."""
+        return (*self.layer.action_names, *self.footholds.action_names)
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
         """Give one environment a random generator of its own."""
@@ -94,6 +102,7 @@ class EnvBatch:
         self.simulation.place(ids, self._plan["qpos"][ids], self._plan["qvel"][ids])
         self._tick[ids], self._torque[ids] = 0, 0.0
         self._forget(ids)
+        self._plan_anew(ids)
         rest = Effort.none(self.num_envs, self.robot.num_joints)
         outcome = self._outcome(rest._replace(torque=self._torque))
         self._observation[ids] = self._observe(outcome)[ids]
@@ -128,7 +137,7 @@ class EnvBatch:
         if lost.any():
             self._retire(np.flatnonzero(lost))
         outcome = self._outcome(effort)
-        rewards, metrics = self.task.reward(outcome, self._plan)
+        rewards, metrics = self.task.reward(outcome, self._plan, self._planned)
         rewards = {f"reward_{name}": np.where(lost, 0.0, x) for name, x in rewards.items()}
         # A diverged robot has no state worth observing: its last observation stands.
         self._observation = np.where(lost[:, None], self._observation, self._observe(outcome))
@@ -142,10 +151,13 @@ class EnvBatch:
     def _act(self, action: np.ndarray) -> tuple[Effort, np.ndarray]:
         """Run the control ticks of a policy step; what the motors did, and the last push."""
         state, effort = self._look(), Effort.none(self.num_envs, self.robot.num_joints)
+        own = np.ascontiguousarray(action[:, : self._num_own])
+        steering = self.footholds.steering(action[:, self._num_own :])
         pushes = self.task.push(self._plan, self._tick + self._all_ticks)
         for push in pushes:
-            reference = self.task.reference(self._plan, self._tick)
-            torque = self.layer.torque(action, state, reference, self.plant.terms, self._memory)
+            terms = _once(self.plant.terms)
+            reference = self.task.reference(self._plan, state, terms, steering, self._planned)
+            torque = self.layer.torque(own, state, reference, terms, self._memory)
             self.simulation.tick(torque, push, effort, state)
         self._torque = effort.torque
         return effort, pushes[-1]
@@ -178,18 +190,23 @@ class EnvBatch:
 
     def _observe(self, outcome: Outcome) -> np.ndarray:
         """(N, O) float32, clipped."""
-        seen = self.task.observe(outcome, self._plan)
+        seen = self.task.observe(outcome, self._plan, self._planned)
         return np.minimum(np.maximum(seen, -self._bound), self._bound).astype(np.float32)
 
     def _forget(self, ids: np.ndarray) -> None:
         for name, value in self._fresh_memory.items():
             self._memory[name][ids] = value[ids]
 
+    def _plan_anew(self, ids: np.ndarray) -> None:
+        for name, value in self.task.memory(self.plant.terms()).items():
+            self._planned[name][ids] = value[ids]
+
     def _retire(self, ids: np.ndarray) -> None:
         """Stand diverged robots back in the home pose, where they harm nobody until reset."""
         home = np.tile(self.robot.home_qpos, (len(ids), 1))
         self.simulation.place(ids, home, np.zeros((len(ids), self.robot.nv)))
         self._forget(ids)
+        self._plan_anew(ids)
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return all that the future depends on: physics, task, layer, generators.
@@ -200,6 +217,7 @@ class EnvBatch:
         state |= {f"plant.{k}": v for k, v in self.plant.state_dict().items()}
         state |= {f"plan.{k}": v.copy() for k, v in self._plan.items()}
         state |= {f"memory.{k}": v.copy() for k, v in self._memory.items()}
+        state |= {f"planned.{k}": v.copy() for k, v in self._planned.items()}
         state |= {"tick": self._tick.copy(), "torque": self._torque.copy()}
         state["observation"] = self.observation()
         state["generator"] = np.array([_packed(rng) for rng in self._rngs], np.uint64)
@@ -211,9 +229,22 @@ class EnvBatch:
         self.simulation.load_state_dict(_under("simulation", state))
         self._plan = {k: v.copy() for k, v in _under("plan", state).items()}
         self._memory = {k: v.copy() for k, v in _under("memory", state).items()}
+        self._planned = {k: v.copy() for k, v in _under("planned", state).items()}
         self._tick[:], self._torque = state["tick"], state["torque"].copy()
         self._observation = state["observation"].copy()
         self._rngs = [_unpacked(row) for row in state["generator"]]
+
+
+def _once(compute: Callable[[], DynamicsTerms]) -> Callable[[], DynamicsTerms]:
+    """Return what computes at most once."""
+    found: list[DynamicsTerms] = []
+
+    def look() -> DynamicsTerms:
+        if not found:
+            found.append(compute())
+        return found[0]
+
+    return look
 
 
 @kernel

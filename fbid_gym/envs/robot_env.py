@@ -28,7 +28,7 @@ class RobotEnv(gym.Env):
         self.config = EnvConfig.of({"robot": robot} | arguments)
         self.batch = EnvBatch(self.config, 1)
         self.metadata = self.metadata | {"render_fps": self.config.rates().policy}
-        self.observation_space, self.action_space = spaces(self.batch.task, self.batch.layer)
+        self.observation_space, self.action_space = spaces(self.batch)
         self.render_mode = render_mode
         self._renderer: RobotRenderer | None = None
         self._only = np.zeros(1, int)

@@ -41,7 +41,7 @@ class SB3VecEnv(VecEnv):
             "render_fps": config.rates().policy,
         }
         first = self.chunks.batches[0]
-        super().__init__(num_envs, *spaces(first.task, first.layer))
+        super().__init__(num_envs, *spaces(first))
         self.last_info: dict[str, np.ndarray] = {}
         self._seeded = False
         self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)

@@ -10,6 +10,7 @@ from gymnasium.vector.utils import batch_space
 
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
 
@@ -46,7 +47,7 @@ class RobotVectorEnv(VectorEnv):
         self.chunks = Chunks(self.config, num_envs, num_threads)
         first = self.chunks.batches[0]
         self.num_envs, self.render_mode = num_envs, render_mode
-        self.single_observation_space, self.single_action_space = spaces(first.task, first.layer)
+        self.single_observation_space, self.single_action_space = spaces(first)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata = {
@@ -149,11 +150,11 @@ class RobotVectorEnv(VectorEnv):
             renderer.close()
 
 
-def spaces(task: Any, layer: Any) -> tuple[gym.spaces.Box, gym.spaces.Box]:
+def spaces(batch: EnvBatch) -> tuple[gym.spaces.Box, gym.spaces.Box]:
     """Return the observation and the action space of one environment."""
-    bound = task.observation_bound.astype(np.float32)
+    bound = batch.task.observation_bound.astype(np.float32)
     observation = gym.spaces.Box(-bound, bound, dtype=np.float32)
-    action = gym.spaces.Box(-1.0, 1.0, (len(layer.action_names),), dtype=np.float32)
+    action = gym.spaces.Box(-1.0, 1.0, (len(batch.action_names),), dtype=np.float32)
     return observation, action
 
 

@@ -8,11 +8,12 @@ from fbid_gym.errors import UnknownOptionError
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.balance import Balance
 from fbid_gym.tasks.crawl import crawl
+from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.squat import squat
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.step import step
-from fbid_gym.tasks.task import Plan, Task
+from fbid_gym.tasks.task import Task
 
 __all__ = ["TASKS", "Plan", "Pushes", "Start", "Task", "make_task", "task_options"]
 

@@ -1,5 +1,6 @@
 """Balance: stand on all feet, follow a commanded base height, survive random pushes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -8,11 +9,12 @@ import numpy as np
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions import home_reference
-from fbid_gym.quantities import Reference
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState, Steering
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, Posture, bell, level, weighted
 from fbid_gym.tasks.outcome import Outcome
+from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 
@@ -113,7 +115,7 @@ class Balance:
         """Largest size of each entry of the observation, (O,); observations are clipped to it."""
         return np.concatenate([[10.0], self.body.observation_bound])
 
-    def draw(self, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    def draw(self, rng: np.random.Generator) -> Plan:
         """Draw all that chance decides about one episode."""
         robot = self.body.robot
         qpos, qvel = self.start.draw(robot, robot.home_qpos, np.zeros(robot.nv), rng)
@@ -129,28 +131,39 @@ class Balance:
             "command": self.body.home_height * rng.uniform(*self.height_range, size=count),
         }
 
-    def push(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> np.ndarray:
+    def push(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
         return self.pushes.at(plan["push_start"], plan["push_force"], tick, self.hz)
 
-    def reference(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> Reference:
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """Nothing: the motion is planned ahead."""
+        return {}
+
+    def reference(
+        self,
+        plan: Plan,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        steering: Steering,
+        memory: Memory,
+    ) -> Reference:
         """Return the motion that the action layers follow: the home stance.
 
         The commanded height is not among it: to follow that is the policy's part.
         """
         return self.home
 
-    def command(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> np.ndarray:
+    def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the commanded height of each base above its feet: (N,) m."""
         return _find_command(plan["command_start"], plan["command"], tick)
 
-    def observe(self, outcome: Outcome, plan: dict[str, np.ndarray]) -> np.ndarray:
+    def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
         command = self.command(plan, outcome.state.tick)[:, None] - self.body.home_height
         return np.concatenate([command, self.body.observe(outcome)], axis=1)
 
     def reward(
-        self, outcome: Outcome, plan: dict[str, np.ndarray]
+        self, outcome: Outcome, plan: Plan, memory: Memory
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step.
 

@@ -20,7 +20,7 @@ FALLEN_HEIGHT = 0.6
 FALLEN_TILT = 60.0
 """Tilt of the base (degrees) beyond which the robot counts as fallen."""
 
-TOUCH = 0.01
+TOUCHING_LOAD = 0.01
 """Share of the robot's weight that a point must carry to count as in contact."""
 
 _LEAST_UPRIGHT = np.cos(np.radians(FALLEN_TILT))
@@ -139,7 +139,7 @@ class Body:
 
     def posture(self, outcome: Outcome) -> Posture:
         """Return how the robots stand."""
-        return _measure(self._constants, TOUCH, outcome)
+        return _measure(self._constants, TOUCHING_LOAD, outcome)
 
     def observe(self, outcome: Outcome) -> np.ndarray:
         """Return the posture, its velocity, the last torques and the load on the feet: (N, O)."""

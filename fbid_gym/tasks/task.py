@@ -1,15 +1,14 @@
 """What every task is: what chance decides, what is asked, how it is judged."""
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 
-from fbid_gym.quantities import Reference
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Steering
 from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.outcome import Outcome
-
-Plan = dict[str, np.ndarray]
-"""All that chance decided about the episodes of N robots, one row each: see `Task.draw`."""
+from fbid_gym.tasks.plan import Plan
 
 
 class Task(Protocol):
@@ -47,16 +46,38 @@ class Task(Protocol):
         """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
         ...
 
-    def reference(self, plan: Plan, tick: np.ndarray) -> Reference:
-        """Return the motion that the action layers follow, for ticks (N,)."""
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """Return what is remembered of robots that begin an episode where they are."""
         ...
 
-    def observe(self, outcome: Outcome, plan: Plan) -> np.ndarray:
+    def reference(
+        self,
+        plan: Plan,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        steering: Steering,
+        memory: Memory,
+    ) -> Any:
+        """Return what the action layers follow at this control tick, and go on by it.
+
+        Args:
+            plan: of the robots.
+            state: of the robots, now.
+            terms: returns the dynamics at this state.
+            steering: what the policy changes of it, where it is a gait.
+            memory: of the robots; updated.
+
+        Returns:
+            A `Reference`, or the target of a gait.
+        """
+        ...
+
+    def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
         ...
 
     def reward(
-        self, outcome: Outcome, plan: Plan
+        self, outcome: Outcome, plan: Plan, memory: Memory
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step.
 

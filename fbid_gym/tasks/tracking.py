@@ -1,5 +1,6 @@
 """Tracking: follow a reference motion, at a commanded speed where it has one, despite pushes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -8,11 +9,12 @@ import numpy as np
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.quantities import Reference
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState, Steering
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.body import Body, Posture, bell, level, side_by_side, weighted
 from fbid_gym.tasks.outcome import Outcome
+from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 
@@ -115,7 +117,7 @@ class Tracking:
         own = [1.0, 1.0, 10.0, *[1.0] * robot.num_feet, *[10.0] * (3 + robot.num_joints)]
         return np.concatenate([own, self.body.observation_bound])
 
-    def draw(self, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    def draw(self, rng: np.random.Generator) -> Plan:
         """Draw all that chance decides about one episode."""
         robot = self.body.robot
         phase, speed = rng.integers(self.motion.period), rng.uniform(*self.speed_range)
@@ -133,29 +135,43 @@ class Tracking:
             "push_force": force,
         }
 
-    def push(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> np.ndarray:
+    def push(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
         return self.pushes.at(plan["push_start"], plan["push_force"], tick, self.hz)
 
-    def reference(self, plan: dict[str, np.ndarray], tick: np.ndarray) -> Reference:
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """Nothing: the motion is planned ahead."""
+        return {}
+
+    def reference(
+        self,
+        plan: Plan,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        steering: Steering,
+        memory: Memory,
+    ) -> Reference:
         """Return what the robots shall do: the motion at each one's phase and speed."""
+        return self._now(plan, state.tick)
+
+    def _now(self, plan: Plan, tick: np.ndarray) -> Reference:
         return self.motion.reference(plan["phase"] + tick, plan["speed"])
 
-    def observe(self, outcome: Outcome, plan: dict[str, np.ndarray]) -> np.ndarray:
+    def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
         body, tick = self.body, outcome.state.tick
-        reference = self.reference(plan, tick)
+        reference = self._now(plan, tick)
         angle = 2.0 * np.pi / self.motion.period * (plan["phase"] + tick)
         home = body.stance.home_base, body.robot.home_qpos
         asked = _ask(angle, plan["speed"], reference, *home)
         return np.concatenate([asked, body.observe(outcome)], axis=1)
 
     def reward(
-        self, outcome: Outcome, plan: dict[str, np.ndarray]
+        self, outcome: Outcome, plan: Plan, memory: Memory
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step; see `Task.reward`."""
         body, posture = self.body, self.body.posture(outcome)
-        reference = self.reference(plan, outcome.state.tick)
+        reference = self._now(plan, outcome.state.tick)
         scales = _Scales(
             body.home_height, body.mean_torque_limit, body.stance.geometry.foot_of_point
         )

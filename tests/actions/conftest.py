@@ -7,8 +7,8 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.motions import Reference, home_reference
-from fbid_gym.quantities import RobotState
+from fbid_gym.motions import home_reference
+from fbid_gym.quantities import Reference, RobotState
 
 
 @pytest.fixture(scope="module", params=robots.ROBOTS)
@@ -47,6 +47,7 @@ def moving(robot: robots.Robot, rng: np.random.Generator) -> Callable[[int], Ref
         qvel, qacc = rng.normal(size=(2, count, robot.nv))
         velocity, acceleration = rng.normal(size=(2, count, 3))
         com = home.com + 0.05 * rng.normal(size=(count, 3))
-        return Reference(qpos, qvel, qacc, com, velocity, acceleration, None)
+        planted = np.ones((count, robot.num_feet), bool)
+        return Reference(qpos, qvel, qacc, com, velocity, acceleration, planted, False)
 
     return make

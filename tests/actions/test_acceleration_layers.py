@@ -225,7 +225,7 @@ def test_measured_contacts_are_the_points_that_carry_weight(robot, states):
     force[2, :, 2] = 0.0
     force[3, 0] = [0.0, 0.0, 1e-3 * robot.weight]
     state = state._replace(contact_force=force)
-    active = layer.law.belief(state, home_reference(robot))
+    active = layer.law.belief(state, home_reference(robot)).mask
     expected = np.ones((4, robot.num_points), bool)
     expected[1, 0] = expected[3, 0] = False
     expected[2] = False
@@ -251,7 +251,7 @@ def test_scheduled_contacts_take_turns(robot, states, limits):
     ticks = np.arange(2 * 90)
     state, _ = states(1)
     counted = RobotState(*(np.repeat(value, len(ticks), axis=0) for value in state[:3]), ticks)
-    active = layer.law.belief(counted, home_reference(robot))
+    active = layer.law.belief(counted, home_reference(robot)).mask
     phase = ticks % 90
     foot_of_point = layer.law.constants.geometry.foot_of_point
     on_first = np.isin(np.arange(robot.num_points), foot_of_point.nonzero()[0])

@@ -17,7 +17,7 @@ from fbid_gym.envs.simulation import MAX_SPEED
 from fbid_gym.envs.tracking_env import TrackingEnv
 from fbid_gym.tasks import TASKS, task_options, tracking
 from fbid_gym.tasks.balance import REWARD_WEIGHTS
-from fbid_gym.tasks.body import FALLEN_HEIGHT, FALLEN_TILT, TOUCH
+from fbid_gym.tasks.body import FALLEN_HEIGHT, FALLEN_TILT, TOUCHING_LOAD
 
 BALANCE = [name for name, arguments in ENVIRONMENTS.items() if arguments["task"] == "balance"]
 MODEL_FREE = ("torque", "joint_position")
@@ -149,8 +149,8 @@ def test_observation_table(env):
 def test_reward_table():
     """The formulas themselves are held against the code by the task's tests."""
     rows = table("Rewards", "Term")
-    assert {names_in(row[0])[0]: float(row[1]) for row in rows} == REWARD_WEIGHTS
-    assert f"{100 * TOUCH:g} %" in SECTIONS["Rewards"]
+    assert {names_in(row[0])[0]: float(row[1]) for row in rows} == REWARD_WEIGHTS._asdict()
+    assert f"{100 * TOUCHING_LOAD:g} %" in SECTIONS["Rewards"]
 
 
 def test_episode_end():
@@ -227,7 +227,7 @@ def test_following_observation_table(follower):
 def test_following_reward_table(follower):
     rows = table("Rewards", "Term", TRACKING)
     weights = {names_in(row[0])[0]: float(row[1]) for row in rows}
-    assert weights == tracking.REWARD_WEIGHTS
+    assert weights == tracking.REWARD_WEIGHTS._asdict()
 
 
 def test_following_arguments():

@@ -1,7 +1,5 @@
 """A stand-in environment with known outcomes, and run folders that hold policies for it."""
 
-import csv
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +9,9 @@ import numpy as np
 import pytest
 
 from fbid_gym.policy import Policy
+from train.runs.config import TrainConfig
+from train.runs.opening import open_run
+from train.runs.tables import EVALUATIONS, TableWriter
 
 ENV_ID = "eval_tests/StandIn-v0"
 LAYERS = {"base_acceleration": 1.0, "joint_position": 0.4}
@@ -109,38 +110,27 @@ def typical_return(strength: float, layer: str) -> float:
 
 
 def write_run(folder: Path, layer: str, seed: int, **changes: Any) -> Path:
-    """Write a run folder as training does. `changes` go into the configuration."""
+    """Write a run folder with the code that training writes it with, learning curve made up.
+
+    `changes` go into the configuration.
+    """
     rng = np.random.default_rng([seed, len(layer)])
-    env_args = {"action_layer": layer, **changes.pop("env_args", {})}
-    if "layer_options" in changes:
-        env_args["layer_options"] = changes["layer_options"]
-    config = {
-        "env_id": ENV_ID,
-        "action_layer": layer,
-        "layer_options": {},
-        "env_args": env_args,
-        "seed": seed,
-        "total_steps": 1_000_000,
-        "num_envs": 64,
-        "ppo": {"learning_rate": 3e-4, "hidden": [64, 64]},
-    }
-    config.update(changes)
-    folder.mkdir(parents=True)
-    (folder / "config.json").write_text(json.dumps(config))
-    versions = {"python": "3.11", "platform": "a test", "commit": "0" * 40}
-    (folder / "versions.json").write_text(json.dumps(versions))
-    steps = np.linspace(0, config["total_steps"], 21)
+    config = TrainConfig(env=ENV_ID, action_layer=layer, seed=seed, out=folder, **changes)
+    steps = np.linspace(0, config.total_steps, 21)
     skill = (0.9 if layer == "base_acceleration" else 0.8) + rng.normal(0, 0.05)
     level = typical_return(skill, layer)
     speed = (6.0 if layer == "base_acceleration" else 3.0) * rng.uniform(0.8, 1.25)
     returns = level * (1 - 0.7 * np.exp(-speed * steps / 1e6)) + rng.normal(0, 0.6, 21)
     returns[-1] = level
     wall = steps / (5000 if layer == "base_acceleration" else 9000)
-    with (folder / "evaluations.csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["steps", "wall_seconds", "episodes", "return_mean"])
-        writer.writerows(zip(steps, wall, [32] * 21, returns, strict=True))
-    make_policy(skill, **env_args).save(folder / "policy")
+    with open_run(config) as run:
+        run.begin()
+        table = TableWriter(run.folder.evaluations, EVALUATIONS, None)
+        for row in zip(steps, wall, returns, strict=True):
+            known = dict(zip(("steps", "wall_seconds", "return_mean"), row, strict=True))
+            table.append(dict.fromkeys(EVALUATIONS, 0.0) | known | {"episodes": 32})
+        table.close()
+        make_policy(skill, **config.make_args()).save(run.folder.policy)
     return folder
 
 

@@ -2,8 +2,10 @@
 
 import json
 import re
+import shlex
 from collections.abc import Callable
 from dataclasses import asdict
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,16 +15,19 @@ import scipy.stats
 
 from eval.compare import main
 from eval.comparison import compare, film
-from eval.episodes import METRICS
 from eval.report import page
 from eval.results import Settings
-from eval.rollout import play_player
-from eval.runs import load
+from eval.rollout import Player, play_player
 from eval.wording import number
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
+from train.episodes import METRICS
+from train.runs.config import PPOConfig, TrainConfig, parse
+from train.runs.reading import load
+from train.runs.tables import EVALUATIONS, read_rows, to_csv
 
 Build = Callable[..., Path]
+ENV_ID = "eval_tests/StandIn-v0"
 QUICK = Settings(episodes=6, samples=300, sweep=(1.0,), sweep_episodes=4, sweep_seconds=2.0)
 QUICK_ARGS = ["--episodes", "6", "--samples", "300", "--sweep", "1.0", "--sweep-episodes", "4"]
 
@@ -78,7 +83,7 @@ def test_the_numbers_are_those_of_the_rollouts(four_runs: list[Path]) -> None:
     assert [layer.name for layer in result.layers] == ["base acceleration", "joint position"]
     for layer in result.layers:
         members = [run for run in runs if run.layer == layer.name]
-        played = [play_player(run.player(), QUICK.episodes, QUICK.seed) for run in members]
+        played = [play_player(Player.of(run), QUICK.episodes, QUICK.seed) for run in members]
         for metric in METRICS:
             means = np.array([getattr(episodes, metric.name).mean() for episodes in played])
             np.testing.assert_allclose(layer.values(metric.name), means)
@@ -195,12 +200,29 @@ def test_the_sweep_and_the_zero_action_are_played(four_runs: list[Path]) -> None
 def test_an_environment_that_has_changed_since_training_is_noticed(run_folder: Build) -> None:
     folder = run_folder()
     assert compare([load(folder)], QUICK).warnings == []
-    lines = (folder / "evaluations.csv").read_text().splitlines()
-    steps, wall, episodes, last = lines[-1].split(",")
-    lines[-1] = ",".join([steps, wall, episodes, str(0.7 * float(last))])
-    (folder / "evaluations.csv").write_text("\n".join(lines) + "\n")
+    rows = read_rows(folder / "evaluations.csv")
+    rows[-1]["return_mean"] = str(0.7 * float(rows[-1]["return_mean"]))
+    (folder / "evaluations.csv").write_text(to_csv(EVALUATIONS, rows))
     (warning,) = compare([load(folder)], QUICK).warnings
     assert "base_acceleration-s0 returns" in warning and "is not what it was" in warning
+
+
+def test_few_scattered_evaluations_are_no_sign_of_a_change(run_folder: Build) -> None:
+    """The last evaluation's own scatter counts: fresh episodes that all survive have little."""
+    folder = run_folder()
+    rows = read_rows(folder / "evaluations.csv")
+    mean = float(rows[-1]["return_mean"])
+    rows[-1] |= {"return_mean": str(0.7 * mean), "return_std": str(0.4 * mean), "episodes": "6"}
+    (folder / "evaluations.csv").write_text(to_csv(EVALUATIONS, rows))
+    assert compare([load(folder)], QUICK).warnings == []
+
+
+def test_the_page_says_how_each_run_is_trained_again(run_folder: Build) -> None:
+    config = TrainConfig(env=ENV_ID, seed=3, ppo=PPOConfig(gamma=0.9, hidden=(8, 8)))
+    folder = run_folder(seed=3, ppo=config.ppo)
+    html = page(compare([load(folder)], QUICK), None)
+    (command,) = re.findall("python -m train.ppo (.*?)</pre>", html)
+    assert parse(shlex.split(unescape(command))) == config
 
 
 def test_names_from_files_are_escaped(run_folder: Build) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from eval.episodes import METRICS, play, shares
 from fbid_gym.errors import InvalidValueError
+from train.episodes import METRICS, play, shares
 
 MODES = [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
 

@@ -9,9 +9,10 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from eval.rollout import main, make_envs
+from eval.rollout import main
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy
+from train.environments import make_envs
 
 ENV_ID = "eval_tests/StandIn-v0"
 

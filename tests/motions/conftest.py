@@ -19,11 +19,9 @@ def hold_laws(motion: MotionTable, rows: np.ndarray) -> None:
     direction; the centre of mass moves as the posture says.
     """
     robot, geometry = motion.robot, contact_geometry(motion.robot)
-    qpos, qvel, qacc = motion.qpos[rows], motion.qvel[rows], motion.qacc[rows]
+    qpos, qvel, qacc = motion.rows.qpos[rows], motion.rows.qvel[rows], motion.rows.qacc[rows]
     terms = PinocchioDynamics(robot).terms(qpos, qvel)
-    planted = np.ones((len(rows), robot.num_feet), bool)
-    if motion.planted is not None:
-        planted = motion.planted[rows]
+    planted = motion.rows.planted[rows]
     active = planted[:, geometry.foot_of_point]
 
     velocity = point_velocities(geometry, terms)[active]
@@ -36,20 +34,20 @@ def hold_laws(motion: MotionTable, rows: np.ndarray) -> None:
     np.testing.assert_allclose(frame.centre, 0.0, atol=1e-9)
     np.testing.assert_allclose(frame.rotation, np.tile(np.eye(3), (len(rows), 1, 1)), atol=1e-9)
 
-    np.testing.assert_allclose(motion.com[rows], terms.com, atol=1e-9)
-    np.testing.assert_allclose(motion.com_velocity[rows], terms.com_velocity, atol=1e-9)
+    np.testing.assert_allclose(motion.rows.com[rows], terms.com, atol=1e-9)
+    np.testing.assert_allclose(motion.rows.com_velocity[rows], terms.com_velocity, atol=1e-9)
     # Newton: the wrench that the motion needs is mass times the acceleration of its centre.
     force = np.matvec(terms.mass_matrix[:, :3], qacc) + terms.bias[:, :3]
     weight = -robot.mass * robot.model.opt.gravity
     np.testing.assert_allclose(
-        force - weight, robot.mass * motion.com_acceleration[rows], atol=1e-7
+        force - weight, robot.mass * motion.rows.com_acceleration[rows], atol=1e-7
     )
 
 
 def centre_of_pressure(motion: MotionTable, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where (K, 2), in m, the ground must push for the motion, and how (K, 3)."""
-    terms = PinocchioDynamics(motion.robot).terms(motion.qpos[rows], motion.qvel[rows])
-    wrench = np.matvec(terms.mass_matrix[:, :6], motion.qacc[rows]) + terms.bias[:, :6]
+    terms = PinocchioDynamics(motion.robot).terms(motion.rows.qpos[rows], motion.rows.qvel[rows])
+    wrench = np.matvec(terms.mass_matrix[:, :6], motion.rows.qacc[rows]) + terms.bias[:, :6]
     force = wrench[:, :3]
     moment = np.matvec(terms.base_rotation, wrench[:, 3:])
     moment = moment + np.matvec(skew(terms.base_position), force)

@@ -18,7 +18,7 @@ def walk() -> Crawl:
 
 
 def feet_of(motion: MotionTable, rows: np.ndarray) -> np.ndarray:
-    terms = PinocchioDynamics(motion.robot).terms(motion.qpos[rows], motion.qvel[rows])
+    terms = PinocchioDynamics(motion.robot).terms(motion.rows.qpos[rows], motion.rows.qvel[rows])
     return terms.foot_position
 
 
@@ -46,10 +46,9 @@ def test_planted_feet_neither_move_nor_accelerate(walk: Crawl, laws) -> None:
 
 
 def test_one_foot_swings_at_a_time_and_each_once(walk: Crawl) -> None:
-    planted = walk.tables[0].planted
-    assert planted is not None
+    planted = walk.tables[0].rows.planted
     for table in walk.tables:
-        assert np.array_equal(table.planted, planted)
+        assert np.array_equal(table.rows.planted, planted)
     assert planted.sum(axis=1).min() == 3
     assert ((~planted).sum(axis=0) == 120).all()
     first = [int(np.flatnonzero(~column)[0]) for column in planted.T]
@@ -63,10 +62,9 @@ def test_the_walk_could_stop_anywhere(walk: Crawl, pressure) -> None:
     order = [robot.foot_names.index(name) for name in CLOCKWISE]
     rows = np.arange(0, walk.period, 6)
     for table in walk.tables:
-        assert table.planted is not None
         feet = feet_of(table, rows)[:, order, :2]
-        planted = table.planted[rows][:, order]
-        assert margins(feet, planted, table.com[rows, :2]).min() > 0.02
+        planted = table.rows.planted[rows][:, order]
+        assert margins(feet, planted, table.rows.com[rows, :2]).min() > 0.02
         # On the ground, that is, above which the frame's origin is while a foot is up.
         wrench_at, force = pressure(table, rows)
         ground = feet_of(table, rows)[:, :, 2].min(axis=1)[:, None]
@@ -78,24 +76,25 @@ def test_the_walk_could_stop_anywhere(walk: Crawl, pressure) -> None:
 def test_it_moves_as_fast_as_commanded(walk: Crawl) -> None:
     for speed, table in zip(walk.speeds, walk.tables, strict=True):
         # The base does not turn, but the feet's heading does, so its own axes are what to look at.
-        quaternion = table.qpos[:, 3:7]
+        quaternion = table.rows.qpos[:, 3:7]
         yaw = 2 * np.arctan2(quaternion[:, 3], quaternion[:, 0])
-        ahead = np.cos(yaw) * table.qvel[:, 0] + np.sin(yaw) * table.qvel[:, 1]
+        ahead = np.cos(yaw) * table.rows.qvel[:, 0] + np.sin(yaw) * table.rows.qvel[:, 1]
         assert ahead.mean() == pytest.approx(speed, abs=1e-9)
-        assert not table.qvel[:, 3:6].any() and np.abs(quaternion[:, 1:3]).max() < 1e-12
+        assert not table.rows.qvel[:, 3:6].any() and np.abs(quaternion[:, 1:3]).max() < 1e-12
 
 
 def test_feet_lift_as_high_as_told_and_come_down_gently(walk: Crawl) -> None:
     table = walk.tables[-1]
     rows = np.arange(table.period)
-    terms = PinocchioDynamics(table.robot).terms(table.qpos, table.qvel)
+    terms = PinocchioDynamics(table.robot).terms(table.rows.qpos, table.rows.qvel)
     height = terms.foot_position[:, :, 2]
     height = height - height.min(axis=1)[:, None]
-    assert table.planted is not None
-    assert height[table.planted].max() < 1e-9
+    assert height[table.rows.planted].max() < 1e-9
     np.testing.assert_allclose(height.max(axis=0), 0.05, atol=1e-3)
     for foot in range(4):
-        touch = np.flatnonzero(table.planted[:, foot] & ~np.roll(table.planted[:, foot], 1))
+        touch = np.flatnonzero(
+            table.rows.planted[:, foot] & ~np.roll(table.rows.planted[:, foot], 1)
+        )
         before = rows[touch] - 2
         assert np.abs(terms.foot_velocity[before, foot, :3]).max() < 0.02
 
@@ -103,7 +102,7 @@ def test_feet_lift_as_high_as_told_and_come_down_gently(walk: Crawl) -> None:
 def test_left_and_right_take_turns_in_the_same_motion(walk: Crawl) -> None:
     table = walk.tables[2]
     names = table.robot.joint_names
-    joints, mirrored = table.qpos[:, 7:], np.empty_like(table.qpos[:, 7:])
+    joints, mirrored = table.rows.qpos[:, 7:], np.empty_like(table.rows.qpos[:, 7:])
     for column, name in enumerate(names):
         other = name.replace("left", "?").replace("right", "left").replace("?", "right")
         sign = -1.0 if "roll" in name else 1.0
@@ -117,7 +116,7 @@ def test_between_planned_speeds_it_is_nearly_what_would_be_planned(walk: Crawl) 
     tick = np.arange(0, walk.period, 3)
     found = walk.reference(tick, np.full(len(tick), speed))
     wanted = exact.reference(tick, np.full(len(tick), speed))
-    assert found.planted is not None and np.array_equal(found.planted, wanted.planted)
+    assert np.array_equal(found.planted, wanted.planted)
     assert np.abs(found.qpos - wanted.qpos).max() < 1e-3
     assert np.abs(found.com - wanted.com).max() < 1e-4
     assert np.abs(found.qvel - wanted.qvel).max() < 2e-3 * np.abs(wanted.qvel).max()
@@ -129,8 +128,8 @@ def test_planned_speeds_are_gathered_and_robots_differ(walk: Crawl) -> None:
     tick = np.array([0, 100, walk.period + 100, 333])
     reference = walk.reference(tick, walk.speeds[[0, 2, 2, 3]])
     assert np.array_equal(reference.qpos[1], reference.qpos[2])
-    np.testing.assert_allclose(reference.qpos[1], walk.tables[2].qpos[100], atol=1e-12)
-    np.testing.assert_allclose(reference.qacc[3], walk.tables[3].qacc[333], atol=1e-9)
+    np.testing.assert_allclose(reference.qpos[1], walk.tables[2].rows.qpos[100], atol=1e-12)
+    np.testing.assert_allclose(reference.qacc[3], walk.tables[3].rows.qacc[333], atol=1e-9)
 
 
 @pytest.mark.parametrize("speed", [-0.01, 0.2, float("nan")])
@@ -165,7 +164,7 @@ def test_a_robot_on_two_feet_is_refused() -> None:
 def test_the_base_keeps_its_heading_while_the_feets_changes(walk: Crawl) -> None:
     """The support frame turns with the feet's layout; the base does not turn in the world."""
     table = walk.tables[-1]
-    terms = PinocchioDynamics(table.robot).terms(table.qpos, table.qvel)
+    terms = PinocchioDynamics(table.robot).terms(table.rows.qpos, table.rows.qvel)
     heading = rotation_vector(terms.base_rotation)[:, 2]
     assert 0.01 < np.ptp(heading) < 0.4
     assert abs(heading.mean()) < 1e-9

@@ -16,7 +16,7 @@ def bow(request: pytest.FixtureRequest) -> MotionTable:
 
 
 def joint(motion: MotionTable, name: str) -> np.ndarray:
-    return motion.qpos[:, 7 + motion.robot.joint_names.index(name)]
+    return motion.rows.qpos[:, 7 + motion.robot.joint_names.index(name)]
 
 
 def some(motion: MotionTable) -> np.ndarray:
@@ -33,7 +33,7 @@ def test_the_squat_keeps_its_feet_in_place(laws) -> None:
     knee = joint(motion, "left_knee")
     assert motion.period == 250 and motion.periodic
     assert knee.max() - knee.min() == pytest.approx(0.3, abs=1e-3)
-    assert not motion.qvel[0].any()
+    assert not motion.rows.qvel[0].any()
 
 
 def test_the_knees_extend_to_their_limit_and_not_beyond(bow: MotionTable) -> None:
@@ -43,19 +43,19 @@ def test_the_knees_extend_to_their_limit_and_not_beyond(bow: MotionTable) -> Non
     assert knee[top] == 0.0 and knee[: top - bow.hz // 10].min() > 0.0
     assert np.array_equal(knee, joint(bow, "right_knee"))
     # At rest at the ends, so that it can be started from and held after.
-    assert np.abs(bow.qvel[[0, -1]]).max() < 1e-12
+    assert np.abs(bow.rows.qvel[[0, -1]]).max() < 1e-12
 
 
 def test_each_joint_moves_visibly_and_the_trunk_bows(bow: MotionTable) -> None:
     for name in ("left_hip_pitch", "left_knee", "left_ankle_pitch"):
         assert np.ptp(joint(bow, name)) > 0.4
-    pitch = 2 * np.arctan2(bow.qpos[:, 5], bow.qpos[:, 3])
+    pitch = 2 * np.arctan2(bow.rows.qpos[:, 5], bow.rows.qpos[:, 3])
     assert pitch.max() == pytest.approx(0.6, abs=1e-6) and pitch.min() > -1e-9
 
 
 def test_the_centre_of_mass_stays_over_the_soles(bow: MotionTable, pressure) -> None:
-    assert np.abs(bow.com[:, 0]).max() < 0.012
-    assert np.abs(bow.com[:, 1]).max() < 1e-9
+    assert np.abs(bow.rows.com[:, 0]).max() < 0.012
+    assert np.abs(bow.rows.com[:, 1]).max() < 1e-9
     point, force = pressure(bow, some(bow))
     slow = bow.seconds > 20
     assert np.abs(point[:, 0]).max() < (0.015 if slow else 0.75 * TOE)

@@ -23,7 +23,7 @@ def test_planted_feet_stay_in_place(motion: MotionTable, laws) -> None:
 def test_feet_take_turns_with_both_down_between(motion: MotionTable) -> None:
     assert motion.period == 1500 and motion.periodic
     assert motion.robot.foot_names == ("left", "right")
-    down = motion.planted
+    down = motion.rows.planted
     switches = np.flatnonzero((down != np.roll(down, 1, axis=0)).any(axis=1))
     # Both, right, both, left, both: each foot is in the air for a quarter of 3 s.
     assert switches.tolist() == [188, 562, 938, 1312]
@@ -37,7 +37,9 @@ def test_feet_take_turns_with_both_down_between(motion: MotionTable) -> None:
 
 
 def test_postures_jump_only_where_feet_switch_and_only_without_ramp(motion: MotionTable) -> None:
-    change = np.abs(motion.qpos[:, 7:] - np.roll(motion.qpos[:, 7:], 1, axis=0)).max(axis=1)
+    change = np.abs(motion.rows.qpos[:, 7:] - np.roll(motion.rows.qpos[:, 7:], 1, axis=0)).max(
+        axis=1
+    )
     jumps = np.flatnonzero(change > 0.05).tolist()
     assert motion.jumps is not None
     assert jumps == np.flatnonzero(motion.jumps).tolist()
@@ -45,9 +47,9 @@ def test_postures_jump_only_where_feet_switch_and_only_without_ramp(motion: Moti
 
 
 def test_the_foot_in_the_air_clears_the_ground(motion: MotionTable) -> None:
-    terms = PinocchioDynamics(motion.robot).terms(motion.qpos, motion.qvel)
+    terms = PinocchioDynamics(motion.robot).terms(motion.rows.qpos, motion.rows.qvel)
     height = terms.foot_position[:, :, 2] - terms.foot_position[:, :, 2].min(axis=1)[:, None]
-    assert height[motion.planted].max() < 1e-9
+    assert height[motion.rows.planted].max() < 1e-9
     for middle, foot in ((375, 0), (1125, 1)):
         assert 0.02 < height[middle, foot] < 0.06
     # Level, and beside the other foot.
@@ -57,28 +59,32 @@ def test_the_foot_in_the_air_clears_the_ground(motion: MotionTable) -> None:
 
 
 def test_it_squats_and_sways(motion: MotionTable) -> None:
-    knee = motion.qpos[:, 7 + motion.robot.joint_names.index("torso_pitch")]
+    knee = motion.rows.qpos[:, 7 + motion.robot.joint_names.index("torso_pitch")]
     assert not knee.any()
-    both = motion.planted.all(axis=1)
-    height = motion.qpos[both, 2]
+    both = motion.rows.planted.all(axis=1)
+    height = motion.rows.qpos[both, 2]
     assert 0.01 < np.ptp(height) < 0.05
-    terms = PinocchioDynamics(motion.robot).terms(motion.qpos, motion.qvel)
+    terms = PinocchioDynamics(motion.robot).terms(motion.rows.qpos, motion.rows.qvel)
     sway = terms.base_position[:, 1] - 0.5 * terms.foot_position[:, :, 1].sum(axis=1)
-    assert sway[motion.planted[:, 0] & ~motion.planted[:, 1]].min() > 0.05
-    assert sway[~motion.planted[:, 0] & motion.planted[:, 1]].max() < -0.05
+    assert sway[motion.rows.planted[:, 0] & ~motion.rows.planted[:, 1]].min() > 0.05
+    assert sway[~motion.rows.planted[:, 0] & motion.rows.planted[:, 1]].max() < -0.05
 
 
 def test_the_pressure_stays_under_the_planted_soles(motion: MotionTable, pressure) -> None:
     rows = np.arange(0, motion.period, 3)
     point, force = pressure(motion, rows)
-    feet = PinocchioDynamics(motion.robot).terms(motion.qpos[rows], motion.qvel[rows]).foot_position
+    feet = (
+        PinocchioDynamics(motion.robot)
+        .terms(motion.rows.qpos[rows], motion.rows.qvel[rows])
+        .foot_position
+    )
     ramped = motion.jumps is not None and not motion.jumps.any()
     for foot in (0, 1):
-        single = ~motion.planted[rows, 1 - foot]
+        single = ~motion.rows.planted[rows, 1 - foot]
         from_sole = np.abs(point[single] - feet[single, foot, :2])
         # Lifting a leg in a quarter of a second takes a moment that adds to the sway's.
         assert (from_sole.max(axis=0) < SOLE * (1.0 if ramped else 0.75)).all()
-    both = motion.planted[rows].all(axis=1)
+    both = motion.rows.planted[rows].all(axis=1)
     assert np.abs(point[both, 1]).max() < 0.09 + SOLE[1]
     assert force[:, 2].min() > 0.6 * motion.robot.weight
 
@@ -87,12 +93,12 @@ def test_feet_may_stand_farther_apart_than_at_home() -> None:
     wide = stepping(load("biped"), Steps(lift=(0.0, 0.0, 0.0), spread=0.05))
     narrow = stepping(load("biped"), Steps(lift=(0.0, 0.0, 0.0)))
     rows = np.arange(0, wide.period, 50)
-    terms = PinocchioDynamics(wide.robot).terms(wide.qpos[rows], wide.qvel[rows])
+    terms = PinocchioDynamics(wide.robot).terms(wide.rows.qpos[rows], wide.rows.qvel[rows])
     gap = terms.foot_position[:, 0] - terms.foot_position[:, 1]
     np.testing.assert_allclose(gap, np.tile([0.0, 0.28, 0.0], (len(rows), 1)), atol=1e-9)
     assert np.abs(terms.foot_rotation - np.eye(3)).max() < 1e-9
     # The base keeps its way: the legs reach out under it.
-    np.testing.assert_allclose(wide.qpos[:, :3], narrow.qpos[:, :3], atol=1e-9)
+    np.testing.assert_allclose(wide.rows.qpos[:, :3], narrow.rows.qpos[:, :3], atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 
 from fbid_gym.errors import FbidError
 from fbid_gym.motions import MotionTable, periodic_squat, squat_bow
+from fbid_gym.quantities import Reference
 from fbid_gym.robots import load
 
 
@@ -25,15 +26,15 @@ def test_a_periodic_motion_starts_again(periodic: MotionTable) -> None:
     reference = periodic.reference(tick)
     for part in reference[:6]:
         assert np.array_equal(part[0], part[1]) and np.array_equal(part[0], part[2])
-    assert np.array_equal(reference.qpos[3], periodic.qpos[10])
-    assert np.array_equal(reference.qacc[3], periodic.qacc[10])
-    assert reference.planted is None
+    assert np.array_equal(reference.qpos[3], periodic.rows.qpos[10])
+    assert np.array_equal(reference.qacc[3], periodic.rows.qacc[10])
+    assert reference.planted.all() and not reference.stepping
 
 
 def test_a_finite_motion_ends_in_its_last_posture_at_rest(finite: MotionTable) -> None:
     reference = finite.reference(np.array([finite.period - 1, finite.period, 10**6]))
-    assert np.array_equal(reference.qpos, np.tile(finite.qpos[-1], (3, 1)))
-    assert np.array_equal(reference.com, np.tile(finite.com[-1], (3, 1)))
+    assert np.array_equal(reference.qpos, np.tile(finite.rows.qpos[-1], (3, 1)))
+    assert np.array_equal(reference.com, np.tile(finite.rows.com[-1], (3, 1)))
     assert np.abs(reference.qacc[0]).max() > 1.0
     for rate in (reference.qvel, reference.qacc, reference.com_velocity):
         assert not rate[1:].any()
@@ -42,16 +43,16 @@ def test_a_finite_motion_ends_in_its_last_posture_at_rest(finite: MotionTable) -
 
 def test_a_table_cannot_be_changed(periodic: MotionTable) -> None:
     with pytest.raises(ValueError, match="read-only"):
-        periodic.qpos[0, 0] = 1.0
+        periodic.rows.qpos[0, 0] = 1.0
     reference = periodic.reference(np.array([0]))
     reference.qpos[0, 0] = 1.0  # an array of the caller's own
-    assert periodic.qpos[0, 0] != 1.0
+    assert periodic.rows.qpos[0, 0] != 1.0
 
 
-def changed(motion: MotionTable, name: str, change: object) -> dict[str, np.ndarray]:
-    array = getattr(motion, name).copy()
+def changed(motion: MotionTable, name: str, change: object) -> dict[str, Reference]:
+    array = getattr(motion.rows, name).copy()
     change(array)  # type: ignore[operator]
-    return {name: array}
+    return {"rows": motion.rows._replace(**{name: array})}
 
 
 def test_a_joint_beyond_its_range_is_refused(periodic: MotionTable) -> None:
@@ -114,7 +115,9 @@ def test_arrays_that_do_not_fit_are_refused(
     periodic: MotionTable, name: str, value: np.ndarray, message: str
 ) -> None:
     with pytest.raises(FbidError, match=message):
-        dataclasses.replace(periodic, **{name: value})
+        if name == "jumps":
+            dataclasses.replace(periodic, jumps=value)
+        dataclasses.replace(periodic, rows=periodic.rows._replace(**{name: value}))
 
 
 def test_a_quaternion_that_is_no_rotation_is_refused(periodic: MotionTable) -> None:

@@ -116,7 +116,7 @@ def commanded(plan, row, tick):
 def test_the_observation_is_what_its_names_say(task, rng):
     robot, plan = task.body.robot, plans(task, 6)
     qpos, qvel, rest = at_random(task, rng, 6)
-    observed = task.observe(outcome_at(task, qpos, qvel, **rest), plan)
+    observed = task.observe(outcome_at(task, qpos, qvel, **rest), plan, {})
     home, home_points, _ = feet_of(robot, robot.home_qpos, np.zeros(robot.nv))
     layout = home_points[:, :2] - home_points[:, :2].mean(axis=0)
     home_base = home.xpos[robot.base_body] - home_points.mean(axis=0)
@@ -166,8 +166,12 @@ def test_heading_does_not_matter(task, rng):
         mujoco.mju_mulQuat(row[3:7], turn, old[3:7])
     rest["contact"] = rest["contact"] @ rotation.T
     turned = outcome_at(task, turned_qpos, turned_qvel, **rest)
-    np.testing.assert_allclose(task.observe(turned, plan), task.observe(outcome, plan), atol=1e-11)
-    for ours, theirs in zip(task.reward(turned, plan), task.reward(outcome, plan), strict=True):
+    np.testing.assert_allclose(
+        task.observe(turned, plan, {}), task.observe(outcome, plan, {}), atol=1e-11
+    )
+    for ours, theirs in zip(
+        task.reward(turned, plan, {}), task.reward(outcome, plan, {}), strict=True
+    ):
         for name, value in ours.items():
             np.testing.assert_allclose(value, theirs[name], atol=1e-11, err_msg=name)
     assert (task.fallen(turned) == task.fallen(outcome)).all()
@@ -177,11 +181,12 @@ def test_heading_does_not_matter(task, rng):
 def test_standing_perfectly_earns_everything(task):
     plan = plans(task, 1)
     plan["command"][:] = task.body.home_height
-    rewards, metrics = task.reward(outcome_at(task, *at_home(task)), plan)
+    rewards, metrics = task.reward(outcome_at(task, *at_home(task)), plan, {})
+    weights = REWARD_WEIGHTS._asdict()
     assert sum(REWARD_WEIGHTS) == pytest.approx(1.0)
-    assert rewards.keys() == REWARD_WEIGHTS.keys()
+    assert rewards.keys() == weights.keys()
     for name, value in rewards.items():
-        assert value == pytest.approx(REWARD_WEIGHTS[name]), name
+        assert value == pytest.approx(weights[name]), name
     assert metrics["height"] == pytest.approx(task.body.home_height)
     assert metrics["height_error"] == pytest.approx(0.0, abs=1e-12)
     assert metrics["slip"] == metrics["power"] == metrics["torque_rms"] == 0.0
@@ -194,7 +199,7 @@ def test_rewards_are_their_formulas(task, rng):
     qvel *= 0.2
     rest["torque"] *= 0.5
     rest["contact"][::3, 0] *= 1e-3  # some points carry less than 1 % of the weight
-    rewards, metrics = task.reward(outcome_at(task, qpos, qvel, **rest), plan)
+    rewards, metrics = task.reward(outcome_at(task, qpos, qvel, **rest), plan, {})
     home, home_points, _ = feet_of(robot, robot.home_qpos, np.zeros(robot.nv))
     layout = home_points[:, :2] - home_points[:, :2].mean(axis=0)
     home_base = home.xpos[robot.base_body] - home_points.mean(axis=0)
@@ -217,9 +222,9 @@ def test_rewards_are_their_formulas(task, rng):
             "torque": np.exp(-((effort / 0.3) ** 2)),
         }
         for name, share in expected.items():
-            value = rewards[name][row]
-            assert value == pytest.approx(REWARD_WEIGHTS[name] * share, rel=1e-9), name
-            assert 0.0 <= value <= REWARD_WEIGHTS[name]
+            value, weight = rewards[name][row], getattr(REWARD_WEIGHTS, name)
+            assert value == pytest.approx(weight * share, rel=1e-9), name
+            assert 0.0 <= value <= weight
         assert metrics["height"][row] == pytest.approx(base[2])
         assert metrics["height_command"][row] == command
         assert metrics["height_error"][row] == pytest.approx(base[2] - command)

@@ -1,4 +1,4 @@
-"""A small deterministic VecEnv with the interface of `fbid_gym.make_sb3`, for fast tests.
+"""A small deterministic environment that stands in for the robots, for fast tests.
 
 Point masses on a line are pushed at random and must stay near the origin. Run as a program it
 trains on them and is killed: `python stand_in.py CONFIG_JSON STEP SIGNAL` sends itself the signal
@@ -12,11 +12,13 @@ import time
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
-from train.config import EvaluationConfig, PPOConfig, TrainConfig
+from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
 
 STEPS = 40
 
@@ -118,6 +120,31 @@ class PointMasses(VecEnv):
         return [False] * self.num_envs
 
 
+class PointMassEpisodes(VectorEnv):
+    """The same as Gymnasium sees it, for evaluations."""
+
+    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_fps": 20}
+
+    def __init__(
+        self, num_envs: int, num_threads: int = 1, strength: float = 3.0, **layer: Any
+    ) -> None:
+        del num_threads, layer
+        self.num_envs, self.masses = num_envs, PointMasses(num_envs, 0, strength)
+
+    def reset(self, *, seed: Any = None, options: Any = None) -> tuple[np.ndarray, dict[str, Any]]:
+        self.masses.seed(seed)
+        return self.masses.reset(), {}
+
+    def step(self, actions: np.ndarray) -> Any:
+        observation, reward, done, infos = self.masses.step(actions)
+        late = np.array([info.get("TimeLimit.truncated", False) for info in infos])
+        return observation, reward, done & ~late, late, {}
+
+
+ENV_ID = "stand-in/PointMasses-v0"
+gym.register(ENV_ID, vector_entry_point=PointMassEpisodes)
+
+
 def make(env_id: str, *, num_envs: int, seed: int, num_threads: int, **env_args: Any) -> VecEnv:
     """Take what `fbid_gym.make_sb3` takes."""
     return PointMasses(num_envs, seed, env_args.get("strength", 3.0))
@@ -126,7 +153,7 @@ def make(env_id: str, *, num_envs: int, seed: int, num_threads: int, **env_args:
 def config(out: Path, **changes: Any) -> TrainConfig:
     """Return a run of 6 iterations of 128 steps, evaluated and saved within it."""
     fields: dict[str, Any] = {
-        "env": "stand-in/PointMasses-v0",
+        "env": ENV_ID,
         "action_layer": "force",
         "seed": 3,
         "total_steps": 768,
@@ -140,14 +167,10 @@ def config(out: Path, **changes: Any) -> TrainConfig:
 
 
 def make_dying(step: int, signal_number: int, make_env: Any = make) -> Any:
-    """Return a maker whose first environment sends this process a signal in its n-th step."""
-    made = 0
+    """Return a maker whose environment sends this process a signal in its n-th step."""
 
     def make_env_dying(env_id: str, **arguments: Any) -> VecEnv:
-        nonlocal made
-        env, made = make_env(env_id, **arguments), made + 1
-        if made > 1:
-            return env
+        env = make_env(env_id, **arguments)
         step_wait, steps = env.step_wait, 0
 
         def step_wait_dying() -> Any:

@@ -2,6 +2,7 @@ import numpy as np
 import stand_in
 
 from train.evaluation import evaluate
+from train.runs.tables import EVALUATIONS
 
 
 def _hold(observation):
@@ -10,35 +11,37 @@ def _hold(observation):
 
 
 def test_first_episode_of_every_robot_against_one_robot_at_a_time():
-    count = 12
-    together = evaluate(_hold, stand_in.PointMasses(count, 0), seed=40)
+    count, returns, lengths = 12, [], []
     for i in range(count):
         env = stand_in.PointMasses(1, 0)
         env.seed(40 + i)
         observation, total, steps, done = env.reset(), 0.0, 0, False
         while not done:
-            observation, reward, (done,), (info,) = env.step(_hold(observation))
-            total, steps = total + reward[0], steps + 1
-        assert together.lengths[i] == steps
-        assert together.survived[i] == info["TimeLimit.truncated"] == (steps == stand_in.STEPS)
-        np.testing.assert_allclose(together.returns[i], total, rtol=1e-6)
-    assert 0 < together.survived.sum() < count
+            observation, reward, (done,), _ = env.step(_hold(observation))
+            total, steps = total + float(reward[0]), steps + 1
+        returns.append(total)
+        lengths.append(steps)
+    row = evaluate(_hold, stand_in.PointMassEpisodes(count), seed=40)
+    assert row["episodes"] == count
+    assert row["length_mean"] == np.mean(lengths)
+    assert row["survival"] == np.mean([steps == stand_in.STEPS for steps in lengths])
+    assert 0 < row["survival"] < 1
+    quartiles = np.quantile(returns, (0.25, 0.75))
+    np.testing.assert_allclose((row["return_q25"], row["return_q75"]), quartiles)
+    np.testing.assert_allclose(
+        (row["return_mean"], row["return_std"]), (np.mean(returns), np.std(returns))
+    )
 
 
 def test_same_seed_same_result_whatever_happened_before():
-    env = stand_in.PointMasses(5, 0)
-    first = evaluate(_hold, env, seed=8)
+    envs = stand_in.PointMassEpisodes(5)
+    first = evaluate(_hold, envs, seed=8)
     for _ in range(7):
-        env.step(np.ones((5, 2)))
-    again = evaluate(_hold, env, seed=8)
-    np.testing.assert_array_equal(first.returns, again.returns)
-    assert (evaluate(_hold, env, seed=9).returns != first.returns).any()
+        envs.step(np.ones((5, 2)))
+    assert evaluate(_hold, envs, seed=8) == first
+    assert evaluate(_hold, envs, seed=9) != first
 
 
-def test_summary():
-    result = evaluate(_hold, stand_in.PointMasses(8, 0), seed=1)
-    row = result.summary()
-    assert row["episodes"] == 8
-    assert row["return_mean"] == result.returns.mean()
-    assert row["return_q25"] <= np.median(result.returns) <= row["return_q75"]
-    assert row["survival"] == result.survived.mean()
+def test_a_row_has_every_column_but_those_of_the_training():
+    row = evaluate(_hold, stand_in.PointMassEpisodes(2), seed=1)
+    assert ("steps", "wall_seconds", *row) == EVALUATIONS

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import stand_in
 
-from train.config import PPOConfig
 from train.learner import build, export, normaliser, seeds
+from train.runs.config import PPOConfig
 
 
 @pytest.mark.parametrize("activation", ["tanh", "relu", "elu"])

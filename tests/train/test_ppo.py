@@ -14,7 +14,7 @@ import stand_in
 import train.ppo
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
-from train.config import EvaluationConfig, PPOConfig
+from train.runs.config import EvaluationConfig, PPOConfig
 
 WALL = ("wall_seconds", "fps")
 HERE = Path(__file__).parent

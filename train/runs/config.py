@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,7 +12,8 @@ import tyro
 from fbid_gym.errors import InvalidValueError
 
 
-def _parse_object(text: str) -> dict[str, Any]:
+def parse_object(text: str) -> dict[str, Any]:
+    """Read a JSON object; ValueError if the text is none."""
     value = json.loads(text)
     if not isinstance(value, dict):
         raise ValueError(f"{text!r} is not a JSON object")
@@ -24,7 +25,7 @@ JsonObject = Annotated[
     tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
         metavar="JSON",
-        instance_from_str=lambda texts: _parse_object(texts[0]),
+        instance_from_str=lambda texts: parse_object(texts[0]),
         is_instance=lambda value: isinstance(value, dict),
         str_from_instance=lambda value: [json.dumps(value)],
     ),
@@ -192,6 +193,10 @@ class TrainConfig:
         options = {"layer_options": self.layer_options} if self.layer_options else {}
         return {"action_layer": self.action_layer, **options, **self.env_args}
 
+    def options(self) -> tuple[str, ...]:
+        """Return the command line that `parse` reads as this configuration."""
+        return tuple(_options(asdict(self), asdict(TrainConfig())))
+
     def to_json(self) -> dict[str, Any]:
         """Return the resolved configuration as written to `config.json`."""
         data = asdict(self)
@@ -202,10 +207,7 @@ class TrainConfig:
 
 
 # Said twice in the JSON, for readers of the environment's arguments alone.
-_REPEATED = ("env_args.action_layer", "env_args.layer_options")
-# Change how far a run goes, how fast and what is kept of it, but not one number of its curve: a
-# robot computes the same on whichever thread it is.
-_FREE = ("total_steps", "checkpoint_every", "num_threads", *_REPEATED)
+_REPEATED = ("action_layer", "layer_options")
 
 _LEAST = {
     "seed": 0, "total_steps": 1, "num_envs": 1, "num_threads": 0, "torch_threads": 1,
@@ -220,42 +222,41 @@ _RANGES = {
 }  # fmt: skip
 
 
-def differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
-    """Name what makes two configurations different runs.
-
-    Args:
-        stored: the `config.json` of a run folder.
-        asked: `TrainConfig.to_json()` of what is asked for.
-
-    Returns:
-        One "name: stored in the folder, asked now" per difference; empty for the same run.
-    """
-    one, other = flat(stored), flat(asked)
-    names = [n for n in dict.fromkeys([*one, *other]) if not n.startswith(_FREE)]
-    absent = object()
-    return [
-        f"{name}: {one.get(name, 'absent')!r} in the folder, {other.get(name, 'absent')!r} asked"
-        for name in names
-        if one.get(name, absent) != other.get(name, absent)
-    ]
-
-
-def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Join the keys of nested dictionaries with dots."""
-    joined: dict[str, Any] = {}
-    for key, value in data.items():
-        if isinstance(value, dict):
-            joined |= flat(value, f"{prefix}{key}.")
-        else:
-            joined[prefix + key] = value
-    return joined
-
-
 def cores() -> int:
     """Cores this process may use; where the platform does not say, those there are."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def stored_options(stored: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the command line that trains again what a `config.json` says, in the usual folder.
+
+    Args:
+        stored: as `TrainConfig.to_json` gives it, of this version of the package or another.
+    """
+    usual = {**TrainConfig().to_json(), "env": TrainConfig.env, "env_args": {}}
+    # How many threads and checkpoints there were is no part of what was trained.
+    for name in ("num_threads", "checkpoint_every", "env_id"):
+        del usual[name]
+    arguments = {k: v for k, v in stored.get("env_args", {}).items() if k not in _REPEATED}
+    data = {**stored, "env": stored["env_id"], "env_args": arguments}
+    return tuple(_options(data, usual))
+
+
+def _options(data: Mapping[str, Any], usual: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """Yield what differs from the usual, of what there usually is."""
+    for name, value in data.items():
+        if name in ("ppo", "eval"):
+            yield from _options(value, usual[name], f"{name}.")
+        elif name in usual and value != usual[name]:
+            yield f"--{prefix}{name.replace('_', '-')}"
+            if isinstance(value, dict):
+                yield json.dumps(value)
+            elif isinstance(value, tuple | list):
+                yield from map(str, value)
+            elif value is not True:
+                yield str(value)
 
 
 def _at(config: object, path: str) -> Any:

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+import train.runs.config
 from fbid_gym.errors import InvalidValueError
-from train.config import EvaluationConfig, PPOConfig, TrainConfig, differences, parse
+from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig, parse, stored_options
 
 
 def test_command_line_of_the_readme():
@@ -49,7 +50,7 @@ def test_command_line_refuses_what_is_not_a_json_object(text, capsys):
 def test_every_option_is_explained():
     """The docstring under each field is its help; without one tyro shows nothing."""
     for kind in (TrainConfig, PPOConfig, EvaluationConfig):
-        source = Path(__import__("train.config").config.__file__).read_text()
+        source = Path(train.runs.config.__file__).read_text()
         body = source.split(f"class {kind.__name__}:")[1].split("\n    def ")[0]
         for field in dataclasses.fields(kind):
             assert f"\n    {field.name}: " in body
@@ -93,19 +94,42 @@ def test_json_has_everything_a_reader_needs():
     assert data["ppo"]["hidden"] == [64, 64] and data["eval"]["seed"] == 10_000
 
 
-def test_differences_name_what_makes_another_run():
-    stored = TrainConfig().to_json()
-    same = TrainConfig(
-        total_steps=5, checkpoint_every=0, num_threads=7, out=Path("x"), overwrite=True
+@pytest.mark.parametrize(
+    "config",
+    [
+        TrainConfig(),
+        TrainConfig(
+            env="fbid_gym/BipedSquat-v0",
+            action_layer="com_wrench",
+            layer_options={"contact_limits": "none"},
+            env_args={"push_force": [50, 150], "terrain": "a 'name' with \"quotes\""},
+            seed=7,
+            total_steps=1234,
+            num_threads=1,
+            out=Path("some where/run"),
+            overwrite=True,
+            ppo=PPOConfig(learning_rate=1e-5, target_kl=None, hidden=(32, 16),
+                          normalise_reward=True, activation="elu"),
+            eval=EvaluationConfig(every=10, episodes=3),
+        ),
+    ],
+)  # fmt: skip
+def test_options_are_the_command_line_of_the_configuration(config):
+    assert parse(list(config.options())) == config
+    again = dataclasses.replace(config, num_threads=0, out=None, overwrite=False)
+    assert parse(list(stored_options(config.to_json()))) == again
+
+
+def test_options_say_only_what_is_not_the_default():
+    assert TrainConfig().options() == ()
+    assert TrainConfig(seed=3, ppo=PPOConfig(gamma=0.9)).options() == (
+        *("--seed", "3"),
+        *("--ppo.gamma", "0.9"),
     )
-    assert differences(stored, same.to_json()) == []
-    other = TrainConfig(seed=4, env_args={"push_force": [1, 2]}, ppo=PPOConfig(gamma=0.9))
-    assert differences(stored, other.to_json()) == [
-        "seed: 0 in the folder, 4 asked",
-        "ppo.gamma: 0.99 in the folder, 0.9 asked",
-        "env_args.push_force: 'absent' in the folder, [1, 2] asked",
-    ]
-    other = TrainConfig(layer_options={"contact_limits": "none"})
-    assert differences(stored, other.to_json()) == [
-        "layer_options.contact_limits: 'absent' in the folder, 'none' asked"
-    ]
+
+
+def test_stored_options_of_another_version_are_those_that_there_are():
+    stored = TrainConfig(seed=3).to_json()
+    del stored["torch_threads"]
+    stored["ppo"]["rollouts"] = 7
+    assert stored_options({**stored, "colour": "blue", "checkpoint_every": 5}) == ("--seed", "3")

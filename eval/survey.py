@@ -4,9 +4,6 @@ Enough to see that every environment can be learnt from, not to compare layers: 
 see `eval.compare`. Interrupted, the same command continues where the runs were.
 """
 
-import csv
-import io
-import json
 import math
 import sys
 from bisect import bisect_right
@@ -21,8 +18,12 @@ from eval.files import write
 from eval.plots import Series, panel, sheet
 from eval.wording import steps as steps_text
 from fbid_gym.envs import ENVIRONMENTS
-from train.config import cores
-from train.parallel import Job, train
+from fbid_gym.errors import FbidError
+from train.runs.config import EvaluationConfig, TrainConfig, cores
+from train.runs.folder import RunFolder
+from train.runs.jobs import run_jobs
+from train.runs.tables import read_rows, to_csv
+from train.runs.training import training_job
 
 LAYERS = {
     "balance": ("com_wrench", "joint_position"),
@@ -64,107 +65,114 @@ class SurveyConfig:
     """Runs at the same time, one core each."""
 
 
-@dataclass(frozen=True)
-class Run:
-    """One training of the survey."""
-
-    env: str
-    layer: str
-    job: Job
-
-    @property
-    def title(self) -> str:
-        """For people."""
-        return f"{self.env.rpartition('/')[2]}, {self.layer}"
-
-
-def runs(config: SurveyConfig) -> list[Run]:
+def trainings(config: SurveyConfig) -> list[TrainConfig]:
     """Return the runs in the order in which they are started."""
-    every = str(max(config.total_steps // config.evaluations, 1))
+    every = max(config.total_steps // config.evaluations, 1)
     found = []
     for env in config.envs:
         task = ENVIRONMENTS[env]["task"]
         for layer in LAYERS[task]:
-            name = f"{env.rpartition('/')[2]}-{layer}"
-            options = (
-                *("--env", env, "--action-layer", layer, "--seed", str(config.seed)),
-                *("--env-args", json.dumps(ARGUMENTS.get(task, {}))),
-                *("--eval.every", every, "--eval.episodes", str(config.episodes)),
+            found.append(
+                TrainConfig(
+                    env=env,
+                    action_layer=layer,
+                    env_args=dict(ARGUMENTS.get(task, {})),
+                    seed=config.seed,
+                    total_steps=config.total_steps,
+                    num_threads=1,
+                    out=config.out / f"{_short(env)}-{layer}",
+                    eval=EvaluationConfig(every=every, episodes=config.episodes),
+                )
             )
-            job = Job(
-                f"{env.rpartition('/')[2]}, {layer}",
-                config.out / name,
-                config.out / "logs" / f"{name}.log",
-                config.total_steps,
-                options,
-            )
-            found.append(Run(env, layer, job))
     return found
 
 
-def exploring(run: Run) -> tuple[list[float], list[float]]:
+def exploring(run: TrainConfig) -> tuple[list[float], list[float]]:
     """Return steps and the mean return of the latest episodes of training, noise included."""
     rows = [
-        (float(row["steps"]), float(row["return_mean"])) for row in run.job.rows("progress.csv")
+        (float(row["steps"]), float(row["return_mean"]))
+        for row in read_rows(RunFolder.of(run.folder).progress)
     ]
     known = [(step, mean) for step, mean in rows if math.isfinite(mean)]
     return [step for step, _ in known], [mean for _, mean in known]
 
 
-def curves(every: Sequence[Run], seed: int) -> str:
+def evaluations(run: TrainConfig) -> list[dict[str, str]]:
+    """Return the rows of a run's evaluations."""
+    return read_rows(RunFolder.of(run.folder).evaluations)
+
+
+def curves(every: Sequence[TrainConfig]) -> str:
     """Return the evaluations of all runs as CSV, with the return of training at that time."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, _COLUMNS_OF_CSV, extrasaction="ignore", lineterminator="\n")
-    writer.writeheader()
+    rows = []
     for run in every:
         trained, means = exploring(run)
-        for row in run.job.rows("evaluations.csv"):
+        known = {"env": run.env, "layer": run.action_layer, "seed": run.seed}
+        for row in evaluations(run):
             until = bisect_right(trained, float(row["steps"]))
-            noisy = {"return_exploring": means[until - 1] if until else ""}
-            writer.writerow({"env": run.env, "layer": run.layer, "seed": seed, **row, **noisy})
-    return text.getvalue()
+            rows.append({**known, **row, "return_exploring": means[until - 1] if until else ""})
+    return to_csv(_COLUMNS_OF_CSV, rows)
 
 
-def drawn(every: Sequence[Run]) -> str:
+def drawn(every: Sequence[TrainConfig]) -> str:
     """Return the learning curves as SVG: a panel per environment, mean and middle half.
 
     Thin: the return with the noise of exploration, which is what PPO climbs.
     """
-    by_env: dict[str, list[Run]] = {}
+    by_env: dict[str, list[TrainConfig]] = {}
     for run in every:
         by_env.setdefault(run.env, []).append(run)
     return sheet([_panel(env, its) for env, its in by_env.items()])
 
 
-def _panel(env: str, its: Sequence[Run]) -> str:
+def _panel(env: str, its: Sequence[TrainConfig]) -> str:
     series = []
     for colour, run in enumerate(its):
-        table = run.job.rows("evaluations.csv")
+        table = evaluations(run)
         steps, mean, low, high = (
             [float(row[name]) for row in table]
             for name in ("steps", "return_mean", "return_q25", "return_q75")
         )
         series.append(
-            Series(run.layer, colour, steps, mean, low, high, singles=(exploring(run),), dots=True)
+            Series(
+                run.action_layer,
+                colour,
+                steps,
+                mean,
+                low,
+                high,
+                singles=(exploring(run),),
+                dots=True,
+            )  # fmt: skip
         )
     arguments = ARGUMENTS.get(ENVIRONMENTS[env]["task"], {})
-    title = [env.rpartition("/")[2], *(f"{name} {value:g}" for name, value in arguments.items())]
+    title = [_short(env), *(f"{name} {value:g}" for name, value in arguments.items())]
     return panel(series, f"return, {', '.join(title)}", "steps", x_format=steps_text)
+
+
+def _short(env: str) -> str:
+    """Return the environment's id without its namespace."""
+    return env.rpartition("/")[2]
+
+
+def _title(run: TrainConfig) -> str:
+    return f"{_short(run.env)}, {run.action_layer}"
 
 
 def main(config: SurveyConfig) -> int:
     """Train, draw; return the exit status."""
     console = Console()
-    every = runs(config)
-    if not train([run.job for run in every], config.jobs, console):
+    every = trainings(config)
+    if run_jobs([training_job(_title(one), one) for one in every], config.jobs, console):
+        console.print("Not every training has finished; the same command continues.")
         return 1
-    write(config.figure.with_suffix(".csv"), curves(every, config.seed))
+    write(config.figure.with_suffix(".csv"), curves(every))
     write(config.figure, drawn(every))
-    for run in every:
-        first, *_, last = run.job.rows("evaluations.csv")
-        _, means = exploring(run)
+    for one in every:
+        first, *_, last = evaluations(one)
+        _, means = exploring(one)
         console.print(
-            f"{run.title}: return {float(first['return_mean']):.0f} -> "
+            f"{_title(one)}: return {float(first['return_mean']):.0f} -> "
             f"{float(last['return_mean']):.0f}, survival {float(last['survival']):.0%}; "
             f"exploring {means[0]:.0f} -> {means[-1]:.0f}"
         )
@@ -173,4 +181,7 @@ def main(config: SurveyConfig) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(SurveyConfig, prog="python -m train.survey")))
+    try:
+        sys.exit(main(tyro.cli(SurveyConfig, prog="python -m eval.survey")))
+    except FbidError as error:
+        sys.exit(f"error: {error}")

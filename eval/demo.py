@@ -6,7 +6,7 @@ each. Interrupted, the same command continues where they were.
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,8 +15,12 @@ from rich.console import Console
 from rich.table import Table
 
 from eval.compare import main as compare
-from train.config import cores
-from train.parallel import Job, train
+from fbid_gym.errors import FbidError
+from train.runs.config import EvaluationConfig, TrainConfig, cores
+from train.runs.folder import RunFolder
+from train.runs.jobs import run_jobs
+from train.runs.tables import read_rows
+from train.runs.training import training_job
 
 
 @dataclass(frozen=True)
@@ -41,35 +45,35 @@ class DemoConfig:
     """Runs at the same time, one core each."""
 
 
-def jobs(config: DemoConfig) -> list[Job]:
-    """Return the runs in the order in which they are started."""
-    every = str(max(config.total_steps // config.evaluations, 1))
-    return [
-        Job(
-            f"{layer}, seed {seed}",
-            config.out / f"{layer}-s{seed}",
-            config.out / "logs" / f"{layer}-s{seed}.log",
-            config.total_steps,
-            (
-                *("--env", config.env, "--action-layer", layer, "--seed", str(seed)),
-                *("--eval.every", every, "--eval.episodes", str(config.episodes)),
-            ),
+def trainings(config: DemoConfig) -> dict[tuple[str, int], TrainConfig]:
+    """Return the runs by layer and seed, in the order in which they are started."""
+    every = max(config.total_steps // config.evaluations, 1)
+    return {
+        (layer, seed): TrainConfig(
+            env=config.env,
+            action_layer=layer,
+            seed=seed,
+            total_steps=config.total_steps,
+            num_threads=1,
+            out=config.out / f"{layer}-s{seed}",
+            eval=EvaluationConfig(every=every, episodes=config.episodes),
         )
         for layer in config.layers
         for seed in config.seeds
-    ]
+    }
 
 
-def table(every: Sequence[Job]) -> Table:
+def table(every: Mapping[tuple[str, int], TrainConfig]) -> Table:
     """Return what the runs came to."""
     names = ("layer", "seed", "before", "after", "best", "survival", "minutes")
     found = Table(*names, title="Return at evaluation")
-    for job in every:
-        rows = job.rows("evaluations.csv")
+    for (layer, seed), training in every.items():
+        rows = read_rows(RunFolder.of(training.folder).evaluations)
         first, last = rows[0], rows[-1]
         best = max(float(row["return_mean"]) for row in rows)
         found.add_row(
-            *job.name.split(", seed "),
+            layer,
+            str(seed),
             f"{float(first['return_mean']):.0f}",
             f"{float(last['return_mean']):.0f}",
             f"{best:.0f}",
@@ -83,11 +87,13 @@ def main(config: DemoConfig) -> int:
     """Train, compare, report; return the exit status."""
     console = Console()
     began = time.monotonic()
-    every = jobs(config)
-    if not train(every, config.jobs, console):
+    every = trainings(config)
+    jobs = [training_job(f"{layer}, seed {seed}", its) for (layer, seed), its in every.items()]
+    if run_jobs(jobs, config.jobs, console):
+        console.print("Not every training has finished; the same command continues.")
         return 1
     report = config.out / "report.html"
-    status = compare([*(str(job.folder) for job in every), "--out", str(report)])
+    status = compare([*(str(its.folder) for its in every.values()), "--out", str(report)])
     if status != 0:
         return status
     console.print(table(every))
@@ -96,4 +102,7 @@ def main(config: DemoConfig) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(DemoConfig, prog="python -m train.demo")))
+    try:
+        sys.exit(main(tyro.cli(DemoConfig, prog="python -m eval.demo")))
+    except FbidError as error:
+        sys.exit(f"error: {error}")

@@ -1,0 +1,108 @@
+"""Whether runs may be compared at all, and what differs between them though it should not."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fbid_gym.errors import RunError
+from train.runs.differences import differences, in_words, made_with, training_settings
+from train.runs.environment import changed_meaning
+from train.runs.reading import Run
+
+
+def group(runs: Sequence[Run]) -> dict[str, list[Run]]:
+    """Runs by layer, in the order in which the layers were first named."""
+    groups: dict[str, list[Run]] = {}
+    for run in runs:
+        groups.setdefault(run.layer, []).append(run)
+    return groups
+
+
+def check_comparable(runs: Sequence[Run]) -> list[str]:
+    """Refuse what cannot be compared, and describe what differs though it should not.
+
+    Another environment, or other arguments of it, changes what a return means: an error. Other
+    training settings leave it comparable but make the layer one difference among several: a
+    warning, and so is an environment whose arguments mean something else since it was trained in.
+
+    Returns:
+        Warnings, one sentence each.
+
+    Raises:
+        RunError: no runs, the same one twice, or different environments.
+    """
+    if not runs:
+        raise RunError("Nothing to compare: no run was given.")
+    first = runs[0]
+    seen: dict[Path, Run] = {}
+    for run in runs:
+        if run.path.resolve() in seen:
+            raise RunError(f"{run.path}: given twice. A run counts once.")
+        seen[run.path.resolve()] = run
+        if run.policy.env_id != first.policy.env_id:
+            raise RunError(
+                f"{run.path} was trained in {run.policy.env_id}, {first.path} in "
+                f"{first.policy.env_id}. Compare runs of one environment at a time."
+            )
+        different = differences(first.env_args, run.env_args)
+        if different:
+            raise RunError(
+                f"{run.path} and {first.path} have different environment arguments, so a return "
+                f"means different things: {in_words(different)}."
+            )
+    changed = (changed_meaning(run.path) for run in runs)
+    return [warning for warning in changed if warning] + _training_warnings(runs)
+
+
+def _training_warnings(runs: Sequence[Run]) -> list[str]:
+    warnings = []
+    trained = [run for run in runs if run.config is not None]
+    settings = [training_settings(run.config or {}) for run in trained]
+    for run, its in zip(trained[1:], settings[1:], strict=True):
+        different = differences(settings[0], its)
+        if different:
+            warnings.append(
+                f"{run.path.name} was not trained like {trained[0].path.name}: "
+                f"{in_words(different)}. The layer is not the only difference."
+            )
+    for layer, members in group(trained).items():
+        seeds = [run.seed for run in members]
+        twice = sorted({seed for seed in seeds if seeds.count(seed) > 1 and seed is not None})
+        if twice:
+            warnings.append(
+                f"{layer}: several runs have seed {', '.join(map(str, twice))}. They are "
+                "counted as independent, which they are not."
+            )
+    warnings += _origin_warnings([made_with(run.versions) for run in trained])
+    counts = {layer: len(members) for layer, members in group(runs).items()}
+    if len(set(counts.values())) > 1:
+        described = ", ".join(f"{layer} {count}" for layer, count in counts.items())
+        warnings.append(f"The layers have different numbers of runs: {described}.")
+    return warnings
+
+
+_ORIGINS = {"platform": "machines", "commit": "commits of this project"}
+
+
+def _origin_warnings(versions: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Name the machines, commits and packages that are not the same for all runs."""
+    found = []
+    for name in sorted({name for its in versions for name in its}):
+        values = sorted({str(its.get(name) or "unknown") for its in versions})
+        if len(values) > 1:
+            what = _ORIGINS.get(name, f"versions of {name}")
+            found.append(f"The runs come from different {what}: {', '.join(values)}.")
+    return found
+
+
+def shared_settings(runs: Sequence[Run]) -> dict[str, Any]:
+    """Training settings that all runs have in common, flattened to dotted names."""
+    settings = [training_settings(run.config) for run in runs if run.config is not None]
+    if not settings:
+        return {}
+    others = settings[1:]
+    return {
+        name: value
+        for name, value in settings[0].items()
+        if all(name in its and its[name] == value for its in others)
+    }

@@ -1,0 +1,108 @@
+"""The gaits of four point feet, from what is measured on the robot's model."""
+
+import math
+
+import mujoco
+import numpy as np
+
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.point_feet import PointFootGait
+from fbid_gym.motions.gait.schedule import schedule_of
+from fbid_gym.robots import Robot
+
+# In units of the robot: of the pendulum time sqrt(h / g), the height h of the centre of mass, the
+# speed sqrt(g h), gravity g and the weight.
+_CAPTURE = 1.0
+_TRACKING = 2.0
+_STANDING = 1.0
+_AGILITY = 0.4  # of gravity
+_REST = 0.1  # of the speed
+_ASTRAY = 0.25  # of the height
+_MARGIN = 0.5  # of the way to the edge of the feet
+_LIFT = 0.25
+_SINK = 0.25
+_TOUCH = 0.01
+_UNLOAD = 0.14  # pendulum times
+_REACH = 0.95  # of the stretched leg
+_BENT = 0.8  # of the stretched leg: a robot that walks has its hips no higher
+
+_SAMPLES = 2000
+
+
+def quadruped_gait(
+    robot: Robot, gait: str = "trot", *, period: float | None = None, duty: float | None = None
+) -> PointFootGait:
+    """Return a gait of a robot with four point feet.
+
+    Args:
+        robot: the robot.
+        gait: one of `schedule.PATTERNS`.
+        period: s, of a cycle. Default: by the gait and the robot's height.
+        duty: share of the cycle that each foot stands. Default: the gait's.
+
+    Raises:
+        UnknownOptionError: no such gait.
+        RobotError: the robot has not one foot at each corner, or one with several points.
+        InvalidValueError: a period that is not positive, or a duty outside of (0, 1].
+    """
+    schedule = schedule_of(robot, gait, period=period, duty=duty)
+    broad = [foot.name for foot in robot.feet if foot.num_points > 1]
+    if broad:
+        raise RobotError(
+            f"Foot {broad[0]!r} of {robot.name!r} has several contact points. "
+            "Expected point feet to walk on four of them."
+        )
+    stance, gravity = Stance.of(robot), robot.gravity
+    hips, lengths = _legs(robot, stance)
+    base, feet = stance.terms.base_position[0], stance.terms.foot_position[0]
+    drop = max(0.0, float(np.max(hips[:, 2] - feet[:, 2] - _BENT * lengths)))
+    height = float(stance.home_com[2]) - drop
+    time, speed = math.sqrt(height / gravity), math.sqrt(height * gravity)
+    forward = stance.home_base_rotation[:2, 0] / np.linalg.norm(stance.home_base_rotation[:2, 0])
+    level = np.array([[*forward, 0.0], [-forward[1], forward[0], 0.0], [0.0, 0.0, 1.0]])
+    agility = _AGILITY * gravity
+    return PointFootGait(
+        schedule=schedule,
+        omega=1.0 / time,
+        capture=_CAPTURE,
+        tracking=_TRACKING / time,
+        standing=_STANDING / time**2,
+        agility=np.array([agility, agility, agility / stance.length]),
+        rest=_REST * speed,
+        astray=_ASTRAY * height,
+        margin=_MARGIN * float(stance.margin.min()),
+        height=float(stance.home_base[2]) - drop,
+        lift=_LIFT * height,
+        sink=_SINK * speed,
+        touch=_TOUCH * robot.weight,
+        unload=_UNLOAD * time,
+        place=np.ascontiguousarray(((feet - base) @ level.T)[:, :2]),
+        hip=np.ascontiguousarray((hips - base) @ level.T),
+        reach=_REACH * lengths,
+        foot_of_point=stance.geometry.foot_of_point,
+    )
+
+
+def _legs(robot: Robot, stance: Stance) -> tuple[np.ndarray, np.ndarray]:
+    """Where the hips are at home, (F, 3) m, world, and how long the legs are, (F,) m.
+
+    A hip is where the first joint of a leg has its axis; its length is the farthest that its foot
+    gets from there, of many postures within the joints' ranges.
+    """
+    model, rng = robot.model, np.random.default_rng(0)
+    data = mujoco.MjData(model)
+    data.qpos[:] = robot.home_qpos
+    mujoco.mj_kinematics(model, data)
+    first = [int(np.flatnonzero(leg)[0]) for leg in stance.legs]
+    joints = [int(model.dof_jntid[6 + joint]) for joint in first]
+    hips = data.xanchor[joints].copy()
+    low, high = np.clip(robot.joint_range, -np.pi, np.pi).T
+    lengths = np.zeros(robot.num_feet)
+    for _ in range(_SAMPLES):
+        data.qpos[7:] = rng.uniform(low, high)
+        mujoco.mj_kinematics(model, data)
+        for foot, (part, joint) in enumerate(zip(robot.feet, joints, strict=True)):
+            centre = data.xpos[part.body] + data.xmat[part.body].reshape(3, 3) @ part.points[0]
+            lengths[foot] = max(lengths[foot], np.linalg.norm(centre - data.xanchor[joint]))
+    return hips, lengths

@@ -1,0 +1,117 @@
+"""When feet leave the ground and when they come back: the clock of a gait on four feet.
+
+All feet step once in a cycle, whose phase goes from 0 to 1, and stand for the same share of it, the
+duty factor. What tells the gaits apart is when each foot lifts.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fbid_gym.checks import check_positive
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
+from fbid_gym.robots import Robot
+
+
+class Schedule(NamedTuple):
+    """When each foot shall be in the air; F feet.
+
+    Attributes:
+        period: s, of a cycle.
+        duty: share of the cycle that each foot stands, in (0, 1]; 1: it never lifts.
+        lift: (F,) phase at which each foot lifts, in [0, 1).
+    """
+
+    period: float
+    duty: float
+    lift: np.ndarray
+
+
+class Pattern(NamedTuple):
+    """A gait of four feet, whatever the robot's size.
+
+    Attributes:
+        period: of a cycle, in units of the time sqrt(h / g) in which a robot that is h tall falls.
+        duty: share of the cycle that each foot stands.
+        lift: phases at which the front left, front right, hind left and hind right foot lift.
+    """
+
+    period: float
+    duty: float
+    lift: tuple[float, float, float, float]
+
+
+PATTERNS = {
+    "trot": Pattern(2.5, 0.55, (0.0, 0.5, 0.5, 0.0)),
+    "walk": Pattern(4.0, 0.78, (0.25, 0.75, 0.0, 0.5)),
+    "pace": Pattern(2.3, 0.6, (0.0, 0.5, 0.0, 0.5)),
+    "bound": Pattern(2.3, 0.6, (0.0, 0.0, 0.5, 0.5)),
+    "stand": Pattern(2.9, 1.0, (0.0, 0.0, 0.0, 0.0)),
+}
+"""Diagonal pairs; one foot after the other, each hind foot before the front foot of its side; pairs
+of one side; front and hind pairs; none."""
+
+
+def schedule_of(
+    robot: Robot, gait: str = "trot", *, period: float | None = None, duty: float | None = None
+) -> Schedule:
+    """Return the schedule of a gait on a robot's four feet, found by where they stand at home.
+
+    Args:
+        robot: whose feet.
+        gait: one of `PATTERNS`.
+        period: s. Default: the pattern's, with the height of the centre of mass above the feet.
+        duty: share of the cycle that each foot stands. Default: the pattern's.
+
+    Raises:
+        UnknownOptionError: no such gait.
+        RobotError: the robot has not one foot at each corner.
+        InvalidValueError: a period that is not positive, or a duty outside of (0, 1].
+    """
+    if gait not in PATTERNS:
+        raise UnknownOptionError("gait", gait, PATTERNS)
+    pattern, stance = PATTERNS[gait], Stance.of(robot)
+    corners = _corners(robot, stance)
+    if period is None:
+        period = pattern.period * math.sqrt(stance.home_com[2] / robot.gravity)
+    check_positive(period=period)
+    duty = pattern.duty if duty is None else duty
+    if not 0.0 < duty <= 1.0:
+        raise InvalidValueError("duty", duty, "a share of the cycle, greater than 0 and at most 1")
+    return Schedule(float(period), float(duty), np.array(pattern.lift)[corners])
+
+
+def _corners(robot: Robot, stance: Stance) -> np.ndarray:
+    """Place of each foot among front left, front right, hind left, hind right: (F,)."""
+    forward = stance.home_base_rotation[:2, 0] / np.linalg.norm(stance.home_base_rotation[:2, 0])
+    feet = stance.terms.foot_position[0, :, :2]
+    feet = feet - feet.mean(axis=0)
+    ahead, left = feet @ forward, feet @ np.array([-forward[1], forward[0]])
+    corners = 2 * (ahead < 0.0) + (left < 0.0)
+    if sorted(corners) != [0, 1, 2, 3]:
+        raise RobotError(
+            f"Robot {robot.name!r} has {robot.num_feet} feet: {', '.join(robot.foot_names)}. "
+            "Expected four to walk on, one at each corner: front left, front right, hind left, "
+            "hind right."
+        )
+    return corners
+
+
+@compiled
+def since_lift(schedule: Schedule, phase: float, foot: int) -> float:
+    """Return the share of the cycle since a foot was last due to lift, in [0, 1)."""
+    share = phase - schedule.lift[foot]
+    return share - math.floor(share)
+
+
+@kernel
+def planned_contacts(schedule: Schedule, phase: np.ndarray) -> np.ndarray:
+    """Return which feet the schedule lets stand, (N, F) bool, at phases (N,)."""
+    planted = np.empty((len(phase), len(schedule.lift)), np.bool_)
+    for i in range(len(phase)):
+        for foot in range(len(schedule.lift)):
+            planted[i, foot] = since_lift(schedule, phase[i], foot) >= 1.0 - schedule.duty
+    return planted

@@ -1,0 +1,59 @@
+"""How a foot moves through the air: to its foothold, and on if there is nothing.
+
+Level it goes by a quintic; up, to a height above the higher one of both ends, and down by two of
+them. So position, velocity and acceleration are continuous, and at rest with respect to the ground
+at both ends and, upwards, at the top.
+"""
+
+from typing import NamedTuple
+
+from fbid_gym.compiled import compiled
+
+
+class Motion(NamedTuple):
+    """A value, its rate per s and its acceleration per s^2."""
+
+    value: float
+    rate: float
+    acceleration: float
+
+
+@compiled
+def rise(share: float, span: float) -> Motion:
+    """Return the quintic from 0 to 1, at rest at both ends, at a share of its span (s)."""
+    s = min(max(share, 0.0), 1.0)
+    return Motion(
+        s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
+        30.0 * s**2 * (1.0 - s) ** 2 / span,
+        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / span**2,
+    )
+
+
+@compiled
+def across(share: float, span: float, start: float, end: float) -> Motion:
+    """Return the way from start to end (m) at a share of its span (s)."""
+    value, rate, acceleration = rise(share, span)
+    way = end - start
+    # From the nearer end, so that both are met to rounding.
+    place = start + way * value if share < 0.5 else end - way * (1.0 - value)
+    return Motion(place, way * rate, way * acceleration)
+
+
+@compiled
+def over(share: float, span: float, start: float, end: float, lift: float) -> Motion:
+    """Return the height (m) from start to end, by way of `lift` (m) above the higher one."""
+    top = max(start, end) + lift
+    if share < 0.5:
+        return across(2.0 * share, 0.5 * span, start, top)
+    return across(2.0 * share - 1.0, 0.5 * span, top, end)
+
+
+@compiled
+def below(clock: float, ramp: float, speed: float) -> Motion:
+    """Return how far (m) a foot has reached below its foothold after `clock` s.
+
+    It comes from rest to `speed` (m/s) within `ramp` (s), and goes on with it.
+    """
+    s = min(clock / ramp, 1.0)
+    way = speed * (ramp * (s**3 - 0.5 * s**4) + max(clock - ramp, 0.0))
+    return Motion(way, speed * s**2 * (3.0 - 2.0 * s), 6.0 * speed * s * (1.0 - s) / ramp)

@@ -1,0 +1,277 @@
+"""The gait of point feet, on robots that are carried over the ground by hand."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.point_feet import (
+    GaitCommand,
+    GaitMemory,
+    GaitTarget,
+    PointFootGait,
+    no_command,
+    standing,
+    walk,
+)
+from fbid_gym.motions.gait.quadruped import quadruped_gait
+from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.robots import Robot, load
+
+TICK = 0.002
+ROBOT = load("quadruped")
+GAIT = quadruped_gait(ROBOT)
+FORCE = ROBOT.weight / 4.0
+
+
+def home(count: int = 1, robot: Robot = ROBOT) -> DynamicsTerms:
+    """Robots that stand at home, at rest."""
+    qpos = np.tile(robot.home_qpos, (count, 1))
+    return MuJoCoDynamics(robot).terms(qpos, np.zeros((count, robot.nv)))
+
+
+def rows(values, chosen):
+    """Some robots of a tuple."""
+    return type(values)(*(value[chosen].copy() for value in values))
+
+
+class Ghost:
+    """Robots whose feet go where they are told and whose bodies move as commanded."""
+
+    def __init__(self, gait: PointFootGait, terms: DynamicsTerms, floor: float = 0.0) -> None:
+        self.gait, self.terms, self.floor = gait, terms, floor
+        count, feet = terms.foot_position.shape[:2]
+        self.memory = standing(np.zeros(count), terms.foot_position)
+        self.command = no_command(count, feet)
+        self.force = np.zeros((count, feet, 3))
+
+    def tick(self) -> GaitTarget:
+        """Go on by one tick; a foot that is not above the floor carries weight."""
+        self.force[:, :, 2] = FORCE * (self.terms.foot_position[:, :, 2] <= self.floor + 1e-9)
+        target = walk(self.gait, self.command, self.terms, self.force, TICK, self.memory)
+        feet = target.foot_position.copy()
+        feet[:, :, 2] = np.maximum(feet[:, :, 2], self.floor)
+        step = np.append(target.velocity[0], 0.0) * TICK
+        velocity = np.column_stack([target.velocity, np.zeros(len(feet))])
+        self.terms = self.terms._replace(
+            foot_position=feet,
+            base_position=self.terms.base_position + step,
+            com=self.terms.com + step,
+            com_velocity=velocity,
+        )
+        return target
+
+
+def commanded(ghost: Ghost, *velocity: float) -> Ghost:
+    """The same, told to go."""
+    ghost.command.velocity[:] = velocity
+    return ghost
+
+
+def test_a_robot_that_is_told_to_stand_stands_still() -> None:
+    ghost = Ghost(GAIT, home())
+    before = ghost.terms.foot_position.copy()
+    for _ in range(500):
+        target = ghost.tick()
+        assert target.planted.all() and (target.load == 1.0).all()
+        assert (target.com_acceleration**2).sum() < 1e-20 + (GAIT.standing * 0.05) ** 2
+    assert np.abs(ghost.terms.foot_position - before).max() < 1e-12
+    assert not ghost.memory.walking.any() and target.cycle == 0.0
+
+
+def test_a_robot_that_is_pushed_far_enough_steps_though_told_to_stand() -> None:
+    for share, steps in ((0.8, False), (1.2, True)):
+        terms = home()
+        middle = terms.foot_position[0, :, :2].mean(axis=0)
+        away = share * GAIT.margin - math.hypot(*(terms.com[0, :2] - middle))
+        velocity = np.array([[0.0, away * GAIT.omega, 0.0]])
+        ghost = Ghost(GAIT, terms._replace(com_velocity=velocity))
+        ghost.tick()
+        assert ghost.memory.walking[0] == steps
+
+
+def test_starting_walking_and_stopping_are_without_jumps() -> None:
+    ghost = commanded(Ghost(GAIT, home()), 0.2, 0.05, 0.3)
+    last = ghost.tick()
+    walked = False
+    for tick in range(3000):
+        if tick == 2000:
+            commanded(ghost, 0.0, 0.0, 0.0)
+        before = ghost.terms.foot_position.copy()
+        target = ghost.tick()
+        lifted = last.planted & ~target.planted
+        # A foot lifts, and lands, without load and from where it is.
+        assert (last.load[lifted] <= 1.1 * TICK / GAIT.unload).all()
+        assert np.abs(target.foot_position - before).max() < 2.0 * TICK
+        change = np.abs(target.load - last.load)[last.planted & target.planted]
+        assert (change <= 1.001 * TICK / GAIT.unload).all()
+        assert np.abs(target.com_acceleration - last.com_acceleration).max() < 1.0
+        walked |= bool(lifted.any())
+        last = target
+    # The ghost has come to rest with its feet below it.
+    assert walked and not ghost.memory.walking.any()
+    assert last.planted.all() and (last.load == 1.0).all()
+    place = ghost.terms.foot_position[0, :, :2] - ghost.terms.base_position[0, :2]
+    assert np.linalg.norm(place, axis=1) == pytest.approx(
+        np.linalg.norm(GAIT.place, axis=1), abs=GAIT.astray
+    )
+
+
+def test_feet_land_where_they_were_told_and_stand_as_long_as_planned() -> None:
+    ghost = commanded(Ghost(GAIT, home()), 0.3, 0.0, 0.0)
+    landed, stood, last = 0, 0, ghost.tick()
+    for tick in range(3000):
+        target = ghost.tick()
+        new = target.planted & ~last.planted
+        if tick > 1000:
+            feet = ghost.terms.foot_position[new]
+            assert np.abs(feet - last.foothold[new]).max(initial=0.0) < 1e-3
+            landed, stood = landed + new.sum(), stood + target.planted.mean()
+        last = target
+    cycles = 1999 * TICK / GAIT.schedule.period
+    assert landed == pytest.approx(4 * cycles, abs=4)
+    # It meets the ground a little before its swing is over: the last way is slow.
+    assert stood / 1999 == pytest.approx(GAIT.schedule.duty, abs=0.05)
+    # Where it passes over them, at the commanded speed, the feet are below their hips.
+    assert np.abs(last.velocity - [0.3, 0.0]).max() < 1e-9
+
+
+def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands() -> None:
+    ghost = commanded(Ghost(GAIT, home()), 0.1, 0.0, 0.0)
+    ghost.tick()
+    ghost.floor = -0.03
+    ghost.force[:] = 0.0
+    reached, lowest = False, 0.0
+    for _ in range(int(GAIT.schedule.period / TICK)):
+        target = ghost.tick()
+        low = target.foot_position[:, :, 2].min()
+        reached |= bool((target.foot_velocity[:, :, 2] < 0.0).any() and low < -1e-3)
+        lowest = min(lowest, low)
+        if ghost.terms.foot_position[0, 0, 2] <= ghost.floor:
+            break
+    assert reached and lowest <= ghost.floor
+    assert ghost.tick().planted[0, 0]
+
+
+def test_footholds_out_of_reach_are_clipped_and_counted() -> None:
+    ghost = commanded(Ghost(GAIT, home()), 0.1, 0.0, 0.0)
+    while not (ghost.memory.mode == 1).any():
+        ghost.tick()
+    swinging = ghost.memory.mode == 1
+    near = walk(GAIT, ghost.command, ghost.terms, ghost.force, TICK, ghost.memory)
+    assert not near.clipped.any()
+    far = ghost.command._replace(shift=np.full((1, 4, 2), 1.0))
+    target = walk(GAIT, far, ghost.terms, ghost.force, TICK, ghost.memory)
+    assert (target.clipped == swinging).all()
+    assert np.abs(target.foothold - near.foothold)[swinging].max() > 0.02
+    hip = ghost.terms.base_position + GAIT.hip
+    distance = np.linalg.norm(target.foothold[0] - hip, axis=1)[swinging[0]]
+    # The hips go on until the foot lands.
+    assert (distance < GAIT.reach[swinging[0]] + 0.1 * GAIT.schedule.period).all()
+
+
+def test_a_foothold_lies_on_the_ground_that_is_known_there() -> None:
+    ghost = commanded(Ghost(GAIT, home()), 0.1, 0.0, 0.0)
+    while not (ghost.memory.mode == 1).any():
+        ghost.tick()
+    foot = int(np.flatnonzero(ghost.memory.mode[0])[0])
+    ground = np.full((1, 4), np.nan)
+    ground[0, foot] = 0.03
+    command = ghost.command._replace(ground=ground)
+    target = walk(GAIT, command, ghost.terms, ghost.force, TICK, ghost.memory)
+    assert target.foothold[0, foot, 2] == 0.03
+    other = np.flatnonzero(ghost.memory.mode[0])[1]
+    assert target.foothold[0, other, 2] == pytest.approx(0.0, abs=1e-9)
+
+
+def scattered(
+    count: int, rng: np.random.Generator
+) -> tuple[GaitCommand, DynamicsTerms, GaitMemory]:
+    """Robots on the move, each another way."""
+    terms = home(count)
+    terms = terms._replace(com_velocity=rng.normal(0.0, 0.3, (count, 3)))
+    command = no_command(count, 4)
+    command.velocity[:] = rng.normal(0.0, 0.3, (count, 3))
+    command.shift[:] = rng.normal(0.0, 0.01, (count, 4, 2))
+    command.rate[:] = rng.uniform(0.8, 1.2, count)
+    memory = standing(rng.normal(0.0, 0.1, count), terms.foot_position)
+    memory.phase[:] = rng.random(count)
+    memory.walking[:] = rng.random(count) < 0.8
+    memory.mode[:] = rng.integers(0, 3, (count, 4))
+    memory.velocity[:] = command.velocity * 0.9
+    memory.settled[:] = rng.random(count)
+    memory.load[:] = rng.random((count, 4))
+    return command, terms, memory
+
+
+def test_many_robots_are_as_each_alone(rng: np.random.Generator) -> None:
+    command, terms, memory = scattered(7, rng)
+    force = rng.uniform(0.0, 0.05 * ROBOT.weight, (7, 4, 3))
+    alone = [
+        (rows(command, [i]), rows(terms, [i]), force[[i]].copy(), rows(memory, [i]))
+        for i in range(7)
+    ]
+    together = walk(GAIT, command, terms, force, TICK, memory)
+    for i, (own, state, pressed, past) in enumerate(alone):
+        target = walk(GAIT, own, state, pressed, TICK, past)
+        for one, all_of_them in zip((*target, *past), (*together, *memory), strict=True):
+            assert (one[0] == all_of_them[i]).all()
+
+
+def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> None:
+    command, terms, memory = scattered(9, rng)
+    angle = 1.1
+    turn = np.array(
+        [
+            [math.cos(angle), -math.sin(angle), 0.0],
+            [math.sin(angle), math.cos(angle), 0.0],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    moved = np.array([0.7, -2.0, 0.0])
+    there = terms._replace(
+        base_position=terms.base_position @ turn.T + moved,
+        base_rotation=turn @ terms.base_rotation,
+        com=terms.com @ turn.T + moved,
+        com_velocity=terms.com_velocity @ turn.T,
+        foot_position=terms.foot_position @ turn.T + moved,
+    )
+    past = rows(memory, slice(None))._replace(
+        heading=memory.heading + angle, begun=memory.begun @ turn.T + moved
+    )
+    force = rng.uniform(0.0, 0.05 * ROBOT.weight, (9, 4, 3))
+    here = walk(GAIT, command, terms, force, TICK, memory)
+    turned = walk(GAIT, command, there, force, TICK, past)
+    assert (here.planted == turned.planted).all() and (here.clipped == turned.clipped).all()
+    for name in ("foot_position", "foothold"):
+        assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T + moved)
+    for name in ("foot_velocity", "foot_acceleration"):
+        assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T)
+    for name in ("velocity", "com_acceleration"):
+        assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn[:2, :2].T)
+    assert turned.heading - here.heading == pytest.approx(np.full(9, angle))
+    for name in ("load", "turning", "height", "cycle"):
+        assert getattr(turned, name) == pytest.approx(getattr(here, name))
+
+
+def test_a_robot_of_another_size_walks_alike_in_its_own_time(dog: Callable[..., Robot]) -> None:
+    small, large, scale = quadruped_gait(dog(1.0)), quadruped_gait(dog(4.0)), 4.0
+    time, speed = math.sqrt(scale), math.sqrt(scale)
+    for name in ("astray", "margin", "height", "lift", "place", "hip", "reach"):
+        assert getattr(large, name) == pytest.approx(scale * getattr(small, name), rel=1e-6)
+    for name in ("omega", "tracking"):
+        assert getattr(large, name) == pytest.approx(getattr(small, name) / time, rel=1e-6)
+    for name in ("rest", "sink"):
+        assert getattr(large, name) == pytest.approx(getattr(small, name) * speed, rel=1e-6)
+    assert large.unload == pytest.approx(small.unload * time, rel=1e-6)
+    assert large.standing == pytest.approx(small.standing / time**2, rel=1e-6)
+    assert large.touch == pytest.approx(small.touch * scale**3, rel=1e-6)
+    assert large.agility == pytest.approx(small.agility / [1.0, 1.0, scale], rel=1e-6)
+
+
+def test_robots_that_cannot_walk_on_points_are_refused() -> None:
+    with pytest.raises(RobotError, match="has 2 feet.*Expected four to walk on"):
+        quadruped_gait(load("humanoid"))

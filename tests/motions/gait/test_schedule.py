@@ -1,0 +1,76 @@
+"""Schedules: every foot stands its share, feet lift in the order that names the gait."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
+from fbid_gym.motions.gait.schedule import PATTERNS, planned_contacts, schedule_of
+from fbid_gym.robots import Robot, load
+
+PHASES = (np.arange(10000) + 0.5) / 10000.0
+
+
+@pytest.mark.parametrize("gait", PATTERNS)
+def test_every_foot_stands_its_share_of_the_cycle_in_one_go(gait: str) -> None:
+    schedule = schedule_of(load("quadruped"), gait)
+    planted = planned_contacts(schedule, PHASES)
+    assert planted.mean(axis=0) == pytest.approx(schedule.duty, abs=1e-3)
+    switches = (planted != np.roll(planted, 1, axis=0)).sum(axis=0)
+    assert (switches == (0 if schedule.duty == 1.0 else 2)).all()
+    # At its phase of lifting, a foot leaves the ground.
+    for foot, lift in enumerate(schedule.lift):
+        around = planned_contacts(schedule, np.array([lift - 1e-9, lift + 1e-9]) % 1.0)
+        assert around[:, foot].tolist() == [True, gait == "stand"]
+
+
+@pytest.mark.parametrize(
+    ("gait", "together"),
+    [("trot", [(0, 3), (1, 2)]), ("pace", [(0, 2), (1, 3)]), ("bound", [(0, 1), (2, 3)])],
+)
+def test_pairs_move_together_and_half_a_cycle_apart(
+    gait: str, together: list[tuple[int, int]]
+) -> None:
+    robot = load("quadruped")
+    assert robot.foot_names == ("front_left", "front_right", "hind_left", "hind_right")
+    lift = schedule_of(robot, gait).lift
+    for one, other in together:
+        assert lift[one] == lift[other]
+    assert abs(lift[together[0][0]] - lift[together[1][0]]) == 0.5
+
+
+def test_a_walk_keeps_three_feet_on_the_ground() -> None:
+    planted = planned_contacts(schedule_of(load("quadruped"), "walk"), PHASES)
+    assert planted.sum(axis=1).min() == 3
+
+
+def test_the_order_of_the_feet_in_the_file_does_not_matter(dog: Callable[..., Robot]) -> None:
+    robot = dog()
+    names = dict(zip(robot.foot_names, schedule_of(robot, "walk").lift, strict=True))
+    same = dict(
+        zip(load("quadruped").foot_names, schedule_of(load("quadruped"), "walk").lift, strict=True)
+    )
+    assert names == same
+
+
+def test_the_period_is_that_of_the_pendulum(dog: Callable[..., Robot]) -> None:
+    small, large = schedule_of(dog(1.0)), schedule_of(dog(4.0))
+    assert large.period == pytest.approx(2.0 * small.period)
+    assert large.duty == small.duty
+    assert schedule_of(dog(1.0), period=0.7, duty=0.6)[:2] == (0.7, 0.6)
+    assert math.isfinite(small.period)
+
+
+def test_bad_input_is_refused() -> None:
+    robot = load("quadruped")
+    with pytest.raises(UnknownOptionError, match=r"gait.*gallop.*trot, walk, pace, bound, stand"):
+        schedule_of(robot, "gallop")
+    with pytest.raises(RobotError, match="has 2 feet.*Expected four to walk on"):
+        schedule_of(load("biped"))
+    with pytest.raises(InvalidValueError, match="period.*positive"):
+        schedule_of(robot, period=0.0)
+    for duty in (0.0, 1.2, math.nan):
+        with pytest.raises(InvalidValueError, match="duty.*share of the cycle"):
+            schedule_of(robot, duty=duty)

@@ -1,0 +1,217 @@
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import stand_in
+
+from fbid_gym.bundles import save_bundle
+from fbid_gym.envs.config import resolved_arguments
+from fbid_gym.errors import FbidError, RunError
+from train.ppo import main
+from train.runs.config import EvaluationConfig
+from train.runs.opening import open_run
+
+
+def _begin(config, *, checkpoint=False):
+    """What a training of this configuration leaves that is killed early, or after a checkpoint."""
+    with open_run(config) as run:
+        run.begin()
+        if checkpoint:
+            save_bundle(run.folder.checkpoint, "checkpoint", {}, {"x": np.zeros(1)})
+
+
+def _contents(path: Path) -> dict[Path, bytes]:
+    return {
+        file: file.read_bytes()
+        for file in path.rglob("*")
+        if file.is_file() and file.name != ".lock"
+    }
+
+
+def test_new_folder_records_what_was_asked_and_with_what(tmp_path):
+    config = stand_in.config(tmp_path / "a" / "run")
+    with open_run(config) as run:
+        assert not run.resumes
+        run.begin()
+        assert json.loads(run.folder.config.read_text()) == config.to_json()
+        versions = json.loads(run.folder.versions.read_text())
+    assert {"python", "packages", "commit", "platform"} <= set(versions)
+    assert {"torch", "numpy", "mujoco", "stable-baselines3"} <= set(versions["packages"])
+
+
+def test_nothing_but_the_lock_is_written_before_the_run_begins(tmp_path):
+    with open_run(stand_in.config(tmp_path / "run")):
+        assert [path.name for path in (tmp_path / "run").iterdir()] == [".lock"]
+    _begin(stand_in.config(tmp_path / "run"), checkpoint=True)
+    before = _contents(tmp_path)
+    for changes in ({"total_steps": 9999}, {"overwrite": True}, {"seed": 4, "overwrite": True}):
+        with open_run(stand_in.config(tmp_path / "run", **changes)):
+            assert _contents(tmp_path) == before
+
+
+def test_same_run_resumes_another_is_refused(tmp_path):
+    _begin(stand_in.config(tmp_path), checkpoint=True)
+    with open_run(stand_in.config(tmp_path, total_steps=9999)) as run:
+        assert run.resumes
+        run.begin()
+    assert json.loads((tmp_path / "config.json").read_text())["total_steps"] == 9999
+    before = _contents(tmp_path)
+    with pytest.raises(RunError) as caught, open_run(stand_in.config(tmp_path, seed=4)):
+        pass
+    assert "holds another run: asked for seed 4 instead of 3." in str(caught.value)
+    assert "--overwrite" in str(caught.value) and str(tmp_path) in str(caught.value)
+    assert _contents(tmp_path) == before
+    with open_run(stand_in.config(tmp_path, seed=4, overwrite=True)) as run:
+        run.begin()
+        assert not run.resumes and not run.folder.checkpoint.exists()
+    assert json.loads((tmp_path / "config.json").read_text())["seed"] == 4
+
+
+def test_without_a_checkpoint_everything_starts_anew_but_notes_stay(tmp_path):
+    config = stand_in.config(tmp_path)
+    with open_run(config) as run:
+        run.begin()
+        run.folder.progress.write_text("steps\n1\n")
+        (tmp_path / "policy.new").mkdir()
+        for name in ("notes.txt", "config.json.old", "progress.csv.new"):
+            (tmp_path / name).write_text("mine")
+    with open_run(config) as run:
+        run.begin()
+        assert not run.resumes and not run.folder.progress.exists()
+        assert not (tmp_path / "policy.new").exists()
+    for name in ("notes.txt", "config.json.old", "progress.csv.new"):
+        assert (tmp_path / name).read_text() == "mine"
+
+
+def test_interrupted_replacement_of_a_checkpoint_resumes(tmp_path):
+    config = stand_in.config(tmp_path)
+    _begin(config, checkpoint=True)
+    (tmp_path / "checkpoint").rename(tmp_path / "checkpoint.old")
+    with open_run(config) as run:
+        assert run.resumes
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_folders_that_are_no_run_are_left_alone(tmp_path, overwrite):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with (
+        pytest.raises(RunError, match=r"holds thesis\.tex but no config\.json, so it is not a run"),
+        open_run(stand_in.config(tmp_path, overwrite=overwrite)),
+    ):
+        pass
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+    with (
+        pytest.raises(RunError, match="is a file"),
+        open_run(stand_in.config(tmp_path / "thesis.tex")),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("content", ["", '{"seed": ', "[]"])
+def test_damaged_config(tmp_path, content):
+    (tmp_path / "config.json").write_text(content)
+    with (
+        pytest.raises(RunError, match=r"config\.json: (not JSON|holds list)"),
+        open_run(stand_in.config(tmp_path)),
+    ):
+        pass
+
+
+def test_one_process_per_run(tmp_path):
+    config = stand_in.config(tmp_path)
+    with open_run(config):
+        with pytest.raises(RunError, match=r"is being trained by process \d+"), open_run(config):
+            pass
+    with open_run(config):
+        pass
+
+
+def test_other_versions_than_at_the_beginning_are_named(tmp_path):
+    config = stand_in.config(tmp_path)
+    _begin(config, checkpoint=True)
+    with open_run(config) as run:
+        assert run.changes == ()
+    file = tmp_path / "versions.json"
+    versions = json.loads(file.read_text())
+    versions["packages"]["torch"] = "1.0"
+    versions["commit"] = "another"
+    file.write_text(json.dumps(versions))
+    with open_run(config) as run:
+        commit, torch = run.changes
+    assert commit.startswith("commit ") and commit.endswith(' instead of "another"')
+    assert torch.startswith("torch ") and torch.endswith(' instead of "1.0"')
+    file.write_text("{")
+    with open_run(config) as run:
+        assert len(run.changes) == 1 and "versions.json: not JSON" in run.changes[0]
+
+
+def test_what_the_arguments_of_the_environment_mean_is_kept(tmp_path):
+    real = {"env": "fbid_gym/BipedBalance-v0", "action_layer": "joint_position"}
+    config = stand_in.config(tmp_path, **real)
+    _begin(config, checkpoint=True)
+    file = tmp_path / "environment.json"
+    began = json.loads(file.read_text())
+    assert began == resolved_arguments(config.env, config.make_args())
+    with open_run(config) as run:
+        assert run.changes == ()
+    # As a default that was changed since: the file stays as the run began, and it is said.
+    began["layer_options"]["scale"] = 0.5
+    file.write_text(json.dumps(began))
+    with open_run(config) as run:
+        assert run.changes == ("layer_options.scale 0.3 instead of 0.5",)
+        run.begin()
+    assert json.loads(file.read_text()) == began
+    file.unlink()
+    with open_run(config) as run:
+        assert run.changes == ()
+
+
+def test_of_foreign_environments_the_meaning_is_not_known(tmp_path):
+    (tmp_path / "environment.json").write_text("left by a run that was killed at its beginning")
+    _begin(stand_in.config(tmp_path))
+    assert not (tmp_path / "environment.json").exists()
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory) -> Path:
+    """A finished training, with a checkpoint."""
+    folder = tmp_path_factory.mktemp("trained") / "run"
+    return main(stand_in.config(folder, total_steps=256), stand_in.make)
+
+
+def _overwritten(name: str, content: bytes):
+    return lambda folder: (folder / name).write_bytes(content)
+
+
+def _of_fewer_robots(folder: Path) -> None:
+    """A checkpoint that only the learner can tell to be another's."""
+    other = folder.with_name("other")
+    main(stand_in.config(other, num_envs=4, eval=EvaluationConfig(every=0)), stand_in.make)
+    shutil.rmtree(folder / "checkpoint")
+    (other / "checkpoint").rename(folder / "checkpoint")
+
+
+@pytest.mark.parametrize(
+    ("damage", "changes"),
+    [
+        (lambda folder: None, {"seed": 4}),
+        (_overwritten("config.json", b"{"), {}),
+        (_overwritten("checkpoint/checkpoint.json", b"{"), {}),
+        (_overwritten("checkpoint/checkpoint.safetensors", b"x" * 20), {}),
+        (lambda folder: (folder / "checkpoint/checkpoint.safetensors").unlink(), {}),
+        (_overwritten("progress.csv", b"steps\n"), {}),
+        (_overwritten("evaluations.csv", b""), {}),
+        (_of_fewer_robots, {}),
+    ],
+)
+def test_a_refused_resume_changes_nothing(tmp_path, trained, damage, changes):
+    """Whatever is found wrong, the folder stays as it was, byte for byte."""
+    folder = tmp_path / "run"
+    shutil.copytree(trained, folder)
+    damage(folder)
+    before = _contents(folder)
+    with pytest.raises(FbidError):
+        main(stand_in.config(folder, total_steps=9999, **changes), stand_in.make)
+    assert _contents(folder) == before

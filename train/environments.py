@@ -1,0 +1,48 @@
+"""Environments as episodes are played in them: many at a time, or one that draws itself."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+from gymnasium.vector import VectorEnv
+
+from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from train.runs.config import cores
+
+
+def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> VectorEnv:
+    """Make a vector environment; what Gymnasium objects to becomes one `FbidError`.
+
+    Raises:
+        UnknownOptionError: no such id.
+        InvalidValueError: arguments the environment does not take.
+    """
+    options = dict(env_args)
+    if env_id in ENVIRONMENTS:
+        options.setdefault("num_threads", min(cores(), num_envs))
+    return _make(lambda: gym.make_vec(env_id, num_envs=num_envs, **options), env_id, env_args)
+
+
+def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
+    """Make one environment that draws itself. Raises as `make_envs`."""
+    options = {**env_args, "render_mode": "rgb_array"}
+    return _make(lambda: gym.make(env_id, **options), env_id, env_args)
+
+
+def _make(build: Any, env_id: str, env_args: Mapping[str, Any]) -> Any:
+    try:
+        return build()
+    except gym.error.UnregisteredEnv as error:
+        raise UnknownOptionError("environment", env_id, ENVIRONMENTS) from error
+    except (TypeError, gym.error.Error) as error:
+        if isinstance(error, TypeError) and "unexpected keyword" not in str(error):
+            raise
+        raise InvalidValueError(
+            "environment arguments", dict(env_args), f"what {env_id} takes ({error})"
+        ) from error
+
+
+def step_seconds(envs: VectorEnv | gym.Env[Any, Any]) -> float:
+    """Duration of one policy step, s: pictures are drawn once per step and play in real time."""
+    return 1.0 / float(envs.metadata["render_fps"])

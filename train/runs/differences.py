@@ -1,0 +1,93 @@
+"""What makes two runs different, for a resume and for a comparison alike."""
+
+import json
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+_UNSET = object()
+
+# Change how fast a run is and what is kept of it, but not one number of its curve: a robot computes
+# the same on whichever thread it is.
+_OUTSIDE_THE_CURVE = ("num_threads", "checkpoint_every")
+# How far a run goes may be changed later. The rest is said twice in `config.json`, for readers of
+# the environment's arguments alone.
+_FREE_TO_RESUME = (
+    *_OUTSIDE_THE_CURVE, "total_steps", "env_args.action_layer", "env_args.layer_options",
+)  # fmt: skip
+# What a comparison is about, or checks by itself; evaluations do not disturb the training.
+_FREE_TO_COMPARE = (
+    *_OUTSIDE_THE_CURVE, "env_id", "env_args", "action_layer", "layer_options", "seed", "eval",
+)  # fmt: skip
+# Neither changes a number: uncommitted changes are known to be some, not which.
+_FREE_VERSIONS = ("cpu_count", "uncommitted_changes")
+
+
+class Difference(NamedTuple):
+    """A value that is another on the other side."""
+
+    name: str
+    """Keys from the outside in, joined by dots."""
+    one: Any
+    other: Any
+
+    def __str__(self) -> str:
+        """Return "name other instead of one"."""
+        other, one = ("unset" if x is _UNSET else json.dumps(x) for x in (self.other, self.one))
+        return f"{self.name} {other} instead of {one}"
+
+
+def differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Difference]:
+    """Return what differs between two nested dictionaries, or is on one side alone, by name."""
+    one, other = flat(one), flat(other)
+    return [
+        Difference(name, one.get(name, _UNSET), other.get(name, _UNSET))
+        for name in sorted(one.keys() | other.keys())
+        if one.get(name, _UNSET) != other.get(name, _UNSET)
+    ]
+
+
+def in_words(found: list[Difference]) -> str:
+    """Join differences for a sentence."""
+    return ", ".join(map(str, found))
+
+
+def run_differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list[Difference]:
+    """Return what makes two configurations different runs; nothing where one continues the other.
+
+    Args:
+        stored: the `config.json` of a run folder.
+        asked: the configuration that is asked for, in the same form.
+    """
+    return differences(_without(stored, _FREE_TO_RESUME), _without(asked, _FREE_TO_RESUME))
+
+
+def training_settings(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings that should be the same in all runs of a comparison, flat."""
+    return _without(config, _FREE_TO_COMPARE)
+
+
+def made_with(versions: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the part of `versions.json` that the numbers of a run depend on, flat."""
+    found = _without(versions, _FREE_VERSIONS)
+    return {name.removeprefix("packages."): value for name, value in found.items()}
+
+
+def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Join the keys of nested dictionaries with dots."""
+    joined: dict[str, Any] = {}
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            joined |= flat(value, f"{prefix}{key}.")
+        else:
+            joined[prefix + key] = value
+    return joined
+
+
+def _without(data: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+    """Return the flat data without these names and what lies below them."""
+    below = tuple(f"{name}." for name in names)
+    return {
+        name: value
+        for name, value in flat(data).items()
+        if name not in names and not name.startswith(below)
+    }

@@ -1,0 +1,52 @@
+"""Where things lie in a run folder."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+
+class RunFolder(NamedTuple):
+    """The paths of a run; whether anything is there is the reader's to find out."""
+
+    path: Path
+    """The folder itself."""
+    config: Path
+    """The resolved configuration as JSON; makes a folder a run folder. A resume may change it."""
+    versions: Path
+    """Of Python, packages, this repository and the platform, when the run began: JSON."""
+    environment: Path
+    """What the arguments of an environment of ours meant when the run began: JSON."""
+    progress: Path
+    """One row per iteration: CSV."""
+    evaluations: Path
+    """One row per evaluation: CSV."""
+    checkpoint: Path
+    """The latest exact state: a bundle of `fbid_gym.bundles`."""
+    policy: Path
+    """The policy at the latest evaluation, at the end of training the final one: a bundle."""
+    best_policy: Path
+    """The policy of the evaluation with the highest mean return: a bundle."""
+    tensorboard: Path
+    """TensorBoard events."""
+    lock: Path
+    """Held by the process that trains."""
+
+    @classmethod
+    def of(cls, path: Path) -> "RunFolder":
+        """Return the paths in a folder, there or not."""
+        names = (
+            *("config.json", "versions.json", "environment.json", "progress.csv"),
+            *("evaluations.csv", "checkpoint", "policy", "policy_best", "tensorboard", ".lock"),
+        )
+        return cls(path, *(path / name for name in names))
+
+    @property
+    def results(self) -> set[Path]:
+        """All that a run writes beside its configuration, with what a killed write may leave."""
+        bundles = {self.checkpoint, self.policy, self.best_policy}
+        replaced = {self.config, self.versions, self.environment, *bundles}
+        return {
+            *(self.versions, self.environment, self.progress, self.evaluations, self.tensorboard),
+            *bundles,
+            *(path.with_name(f"{path.name}.new") for path in replaced),
+            *(path.with_name(f"{path.name}.old") for path in bundles),
+        }

@@ -1,0 +1,41 @@
+"""Ctrl-C asks a program to stop; it stops where it can be continued."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def stop_requests(announce: Callable[[], None]) -> Iterator[Callable[[], bool]]:
+    """Yield what says whether a SIGINT or SIGTERM came; the second acts as it always does.
+
+    Only the main thread of a process can do so; elsewhere it stays False.
+
+    Args:
+        announce: called once, when a stop is requested.
+    """
+    requested = False
+    before: dict[signal.Signals, Any] = {}
+
+    def restore() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        before.clear()
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        nonlocal requested
+        requested = True
+        restore()
+        announce()
+
+    if threading.current_thread() is threading.main_thread():
+        before.update({number: signal.signal(number, handle) for number in _SIGNALS})
+    try:
+        yield lambda: requested
+    finally:
+        restore()

@@ -1,0 +1,174 @@
+"""Programs side by side, one core each.
+
+A job is a command, a log and a way to say how far it is: a training, an experiment, a measurement.
+"""
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bars
+
+from fbid_gym.errors import InvalidValueError
+from train.runs.interrupt import stop_requests
+
+_POLL_SECONDS = 0.3
+_LINE_SECONDS = 15.0
+_LOG_LINES = 15
+
+
+class Progress(NamedTuple):
+    """How far a job is."""
+
+    share: float
+    """From 0 to 1."""
+    note: str = ""
+    """What it is doing or came to, in words."""
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A program to run. On SIGINT it should save what it has and end."""
+
+    name: str
+    """For people."""
+    command: tuple[str, ...]
+    """The command line."""
+    log: Path
+    """Where its output goes."""
+    progress: Callable[[], Progress]
+    """Says how far it is: asked before it starts, while it runs and once it has ended."""
+
+
+def run_jobs(
+    jobs: Sequence[Job], at_once: int, console: Console, *, keep_going: bool = False
+) -> list[Job]:
+    """Run all jobs, `at_once` at a time in their order.
+
+    On SIGINT or SIGTERM no more are started, and those that run get a SIGINT.
+
+    Args:
+        jobs: what to run.
+        at_once: how many at a time, at least one.
+        console: shows how far they are, and how the log of a failed one ends.
+        keep_going: run the others although one has failed; otherwise they are stopped.
+
+    Returns:
+        Those that did not run to their end with status 0, in their order.
+
+    Raises:
+        InvalidValueError: none at a time.
+    """
+    if at_once < 1:
+        raise InvalidValueError("jobs", at_once, "at least 1 at a time")
+    waiting, finished = list(jobs), list[Job]()
+    running: dict[Job, subprocess.Popen[bytes]] = {}
+    stopping = False
+    with (
+        _ended_at_last(running),
+        _watching(jobs, console) as show,
+        stop_requests(lambda: console.print("Stopping; once more to stop at once.")) as stop,
+    ):
+        while running or (waiting and not stopping):
+            while waiting and len(running) < at_once and not stopping:
+                job = waiting.pop(0)
+                running[job] = _start(job)
+            time.sleep(_POLL_SECONDS)
+            ended = {job: p.returncode for job, p in running.items() if p.poll() is not None}
+            for job, status in ended.items():
+                del running[job]
+                if status == 0:
+                    finished.append(job)
+                elif not stopping:
+                    console.print(f"{job.name} failed with status {status}; {job.log} ends:")
+                    for line in job.log.read_text().splitlines()[-_LOG_LINES:]:
+                        console.print(line, markup=False, highlight=False)
+            show(list(running), finished)
+            failed = any(ended.values()) and not keep_going
+            if not stopping and (stop() or failed):
+                stopping = True
+                for process in running.values():
+                    process.send_signal(signal.SIGINT)
+    return [job for job in jobs if job not in finished]
+
+
+def _start(job: Job) -> subprocess.Popen[bytes]:
+    job.log.parent.mkdir(parents=True, exist_ok=True)
+    with job.log.open("wb") as log:
+        return subprocess.Popen(
+            job.command,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            # Ctrl-C reaches this process alone, which passes it on once: at a second one a
+            # training stops without saving.
+            start_new_session=True,
+        )
+
+
+@contextmanager
+def _ended_at_last(running: dict[Job, subprocess.Popen[bytes]]) -> Iterator[None]:
+    """Leave no process behind, not even at a second Ctrl-C."""
+    try:
+        yield
+    finally:
+        for process in running.values():
+            process.terminate()
+
+
+_Show = Callable[[Sequence[Job], Sequence[Job]], None]
+
+
+@contextmanager
+def _watching(jobs: Sequence[Job], console: Console) -> Iterator[_Show]:
+    """Yield what shows the jobs that run and have finished: bars, or lines without a terminal."""
+    if console.is_terminal:
+        with _bars(jobs, console) as show:
+            yield show
+    else:
+        yield _lines(len(jobs), console)
+
+
+def _lines(total: int, console: Console) -> _Show:
+    last, told = time.monotonic(), 0
+
+    def show(running: Sequence[Job], finished: Sequence[Job]) -> None:
+        nonlocal last, told
+        while told < len(finished):
+            told += 1
+            console.print(f"{finished[told - 1].name}: done, {told} of {total}", highlight=False)
+        if time.monotonic() - last >= _LINE_SECONDS:
+            last = time.monotonic()
+            for job in running:
+                share, note = job.progress()
+                console.print(f"{job.name}: {share:.0%} {note}", markup=False, highlight=False)
+
+    return show
+
+
+@contextmanager
+def _bars(jobs: Sequence[Job], console: Console) -> Iterator[_Show]:
+    columns = (
+        *(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %")),
+        *(TimeElapsedColumn(), TextColumn("{task.fields[note]}", markup=False)),
+    )
+    with Bars(*columns, console=console) as bars:
+        tasks = {job: bars.add_task(job.name, False, 1.0, note="") for job in jobs}
+
+        def show(running: Sequence[Job], finished: Sequence[Job]) -> None:
+            for job in (*running, *finished):
+                task = tasks[job]
+                if not bars.tasks[task].started:
+                    bars.start_task(task)
+                share, note = job.progress()
+                bars.update(task, completed=1.0 if job in finished else share, note=note)
+
+        yield show

@@ -1,0 +1,141 @@
+"""Opening a run folder for training: what was asked for and with what, one process per run."""
+
+import fcntl
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fbid_gym.bundles import load_bundle, present_bundle
+from fbid_gym.errors import RunError
+from train.runs.config import TrainConfig
+from train.runs.differences import Difference, differences, in_words, made_with, run_differences
+from train.runs.environment import meaning
+from train.runs.files import read_json, to_json, write
+from train.runs.folder import RunFolder
+from train.runs.versions import versions
+
+
+@dataclass(frozen=True)
+class OpenRun:
+    """A run folder in the hands of this process; nothing of the run is written before `begin`."""
+
+    folder: RunFolder
+    """Where it is."""
+    config: dict[str, Any]
+    """What was asked for."""
+    meaning: dict[str, Any] | None
+    """What the arguments of its environment mean; None where that is not known."""
+    resumes: bool
+    """There is a checkpoint to continue from."""
+    changes: tuple[str, ...]
+    """Versions and meanings of the environment's arguments that are not those the run began with,
+    so that it may round differently or learn something else."""
+
+    def begin(self) -> None:
+        """Write what the run is. What is left of one without a checkpoint is removed."""
+        folder = self.folder
+        if not self.resumes:
+            for path in folder.results:
+                _remove(path)
+            write(folder.versions, to_json(versions()))
+            if self.meaning is not None:
+                write(folder.environment, to_json(self.meaning))
+        if not folder.config.exists() or read_json(folder.config) != self.config:
+            write(folder.config, to_json(self.config))
+
+
+@contextmanager
+def open_run(config: TrainConfig) -> Iterator[OpenRun]:
+    """Open the run folder of a configuration, alone, until the context ends.
+
+    A folder that holds this run is continued; what it holds of this run without a checkpoint is
+    started anew. Files that a run does not write are never touched. Refused or not, all that is
+    written before `OpenRun.begin` is the folder with its lock.
+
+    Raises:
+        RunError: the folder holds another run (names what differs), or no run but other files, or
+            a checkpoint that cannot be read, or is in use by another process.
+        FbidError: the arguments of the environment are not valid.
+    """
+    folder, asked = RunFolder.of(config.folder), config.to_json()
+    means = meaning(asked)
+    _check_same_run(folder, asked, config.overwrite)
+    folder.path.mkdir(parents=True, exist_ok=True)
+    with _locked(folder):
+        # Again: another process may have had the folder in between.
+        resumes = _check_same_run(folder, asked, config.overwrite)
+        changes = _changes(folder, means) if resumes else ()
+        yield OpenRun(folder, asked, means, resumes, changes)
+
+
+def _check_same_run(folder: RunFolder, asked: Mapping[str, Any], overwrite: bool) -> bool:
+    """Return whether the folder holds a checkpoint of this run; RunError if it is not ours."""
+    path = folder.path
+    if not path.exists():
+        return False
+    if not path.is_dir():
+        raise RunError(f"{path}: is a file. Expected a run folder or a new one.")
+    if not folder.config.exists():
+        foreign = sorted({*path.iterdir()} - folder.results - {folder.lock})
+        if foreign:
+            names = ", ".join(entry.name for entry in foreign[:3])
+            raise RunError(
+                f"{path}: holds {names} but no {folder.config.name}, so it is not a run folder. "
+                "Expected a run folder, an empty one or a new one."
+            )
+        return False
+    stored = read_json(folder.config)
+    if overwrite:
+        return False
+    different = run_differences(stored, asked)
+    if different:
+        raise RunError(
+            f"{path}: holds another run: asked for {in_words(different)}. Choose another --out, or "
+            "--overwrite to start anew."
+        )
+    if not present_bundle(folder.checkpoint).exists():
+        return False
+    load_bundle(folder.checkpoint, folder.checkpoint.name, RunError).check_digest(RunError)
+    return True
+
+
+def _changes(folder: RunFolder, means: Mapping[str, Any] | None) -> tuple[str, ...]:
+    """Say what is not as it was when the run began."""
+    found: list[Difference] = []
+    try:
+        found += differences(made_with(read_json(folder.versions)), made_with(versions()))
+        # Absent in runs that began before it was written.
+        if means is not None and folder.environment.exists():
+            found += differences(read_json(folder.environment), means)
+    except (OSError, RunError) as reason:
+        return (f"what it began with cannot be read ({reason})",)
+    return tuple(map(str, found))
+
+
+@contextmanager
+def _locked(folder: RunFolder) -> Iterator[None]:
+    """Hold the folder; the lock ends with the process, however that ends."""
+    with folder.lock.open("a+") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as reason:
+            file.seek(0)
+            raise RunError(
+                f"{folder.path}: is being trained by process {file.read().strip() or 'unknown'}. "
+                "Wait for it, or choose another --out."
+            ) from reason
+        file.truncate(0)
+        file.write(str(os.getpid()))
+        file.flush()
+        yield
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

@@ -1,0 +1,124 @@
+"""Run folders, and exported policies, as whoever evaluates them sees them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fbid_gym.errors import RunError
+from fbid_gym.policy import Policy
+from train.runs.files import read_json
+from train.runs.folder import RunFolder
+from train.runs.tables import read_rows
+
+_LAYER_ARGS = ("action_layer", "layer_options")
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Periodic evaluations of one run, (K,) each."""
+
+    steps: np.ndarray
+    """Environment steps of all robots together."""
+    wall_seconds: np.ndarray
+    """Time since training began, s."""
+    returns: np.ndarray
+    """Mean return."""
+    spread: np.ndarray
+    """Standard deviation of the return over episodes."""
+    episodes: np.ndarray
+    """Number of episodes it is the mean of."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A trained run, or only its exported policy."""
+
+    path: Path
+    seed: int | None
+    """None for an exported policy, which does not know it."""
+    policy: Policy
+    config: dict[str, Any] | None
+    """As resolved by the training script; None for an exported policy."""
+    versions: dict[str, Any]
+    """Of Python and packages, the commit and the platform, as far as they are known."""
+    curve: Curve | None
+    """None for an exported policy."""
+
+    @property
+    def layer(self) -> str:
+        """Action layer with its options, in words."""
+        return _layer_name(self.policy.env_args)
+
+    @property
+    def env_args(self) -> dict[str, Any]:
+        """Arguments of the environment other than the layer."""
+        return {k: v for k, v in self.policy.env_args.items() if k not in _LAYER_ARGS}
+
+
+def load(path: Path) -> Run:
+    """Load a run folder, or the folder of an exported policy.
+
+    Raises:
+        RunError: the folder or a file in it is missing, unreadable or incomplete.
+        PolicyFileError: the policy is, or the folder is neither.
+    """
+    if not path.is_dir():
+        raise RunError(f"{path}: no such folder. Expected a run folder or an exported policy.")
+    folder = RunFolder.of(path)
+    if not folder.config.is_file():
+        policy = Policy.load(path)
+        return Run(path, None, policy, None, dict(policy.versions), None)
+    for file in (folder.versions, folder.evaluations):
+        if not file.is_file():
+            raise RunError(
+                f"{path}: {file.name} is missing: the run has not got that far, or was not "
+                "evaluated."
+            )
+    config = read_json(folder.config)
+    for key in ("env_id", "seed", "total_steps"):
+        if key not in config:
+            raise RunError(f"{folder.config}: {key!r} is missing.")
+    policy = Policy.load(path)
+    if policy.env_id != config["env_id"]:
+        raise RunError(
+            f"{path}: {folder.config.name} says {config['env_id']}, the policy in it was trained "
+            f"in {policy.env_id}."
+        )
+    curve = _read_curve(folder.evaluations)
+    if curve.steps[-1] < config["total_steps"]:
+        raise RunError(
+            f"{path}: trained for {curve.steps[-1]:.0f} of {config['total_steps']} steps. "
+            "Resume it, or leave it out."
+        )
+    return Run(path, int(config["seed"]), policy, config, read_json(folder.versions), curve)
+
+
+def _read_curve(path: Path) -> Curve:
+    rows = read_rows(path)
+    if not rows:
+        raise RunError(f"{path}: holds no evaluation, so there is no learning curve.")
+    columns = []
+    for name in ("steps", "wall_seconds", "return_mean", "return_std", "episodes"):
+        if name not in rows[0]:
+            raise RunError(f"{path}: column {name!r} is missing.")
+        try:
+            columns.append(np.array([float(row[name]) for row in rows]))
+        except (TypeError, ValueError) as error:
+            raise RunError(f"{path}: column {name!r} holds more than numbers.") from error
+    if (np.diff(columns[0]) <= 0).any():
+        raise RunError(f"{path}: the steps do not increase from row to row.")
+    return Curve(*columns)
+
+
+def _layer_name(env_args: Mapping[str, Any]) -> str:
+    name = str(env_args.get("action_layer", "default layer")).replace("_", " ")
+    options = env_args.get("layer_options") or {}
+    if not options:
+        return name
+    described = ", ".join(
+        f"{key.replace('_', ' ')}: {value}" for key, value in sorted(options.items())
+    )
+    return f"{name} ({described})"

@@ -1,0 +1,89 @@
+"""The learning curve on disk: CSV rows that a resumed run continues and others read meanwhile."""
+
+import csv
+import io
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fbid_gym.errors import RunError
+
+PROGRESS = ("steps", "wall_seconds", "fps", "return_mean", "length_mean")
+"""Columns of `progress.csv`; those of the learner follow."""
+
+EVALUATIONS = (
+    "steps", "wall_seconds", "episodes", "return_mean", "return_std", "return_q25", "return_q75",
+    "length_mean", "survival",
+)  # fmt: skip
+"""Columns of `evaluations.csv`."""
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Return the complete rows by column: none before the file is there, never half of one."""
+    text = path.read_text() if path.exists() else ""
+    return list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))
+
+
+def to_csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
+    """Return the rows as CSV with a header; of each row only these columns."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([row[name] for name in columns] for row in rows)
+    return text.getvalue()
+
+
+def check_kept(path: Path, columns: Sequence[str], size: int) -> None:
+    """Check that a table still holds the bytes it had at a checkpoint.
+
+    Raises:
+        RunError: the file is shorter than that, or has another header.
+    """
+    header = to_csv(columns, ()).encode()
+    found = path.read_bytes() if path.exists() else b""
+    if len(found) < size or not found.startswith(header):
+        raise RunError(
+            f"{path}: has {len(found)} bytes. Expected at least the {size} it had at the "
+            f"checkpoint, starting with {header.decode().strip()!r}."
+        )
+
+
+class TableWriter:
+    """A CSV file with a fixed header, one complete row per `append`."""
+
+    def __init__(self, path: Path, columns: Sequence[str], size: int | None) -> None:
+        """Open the file.
+
+        Args:
+            path: the file.
+            columns: its header.
+            size: bytes to keep, as `size` said at the checkpoint and `check_kept` found; None to
+                start the file anew.
+        """
+        self._columns = tuple(columns)
+        if size is None:
+            path.write_text(to_csv(columns, ()))
+        else:
+            # Rows after the checkpoint belong to steps that will be taken again.
+            os.truncate(path, size)
+        self._file = path.open("ab")
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file."""
+        return self._file.tell()
+
+    def append(self, row: Mapping[str, float]) -> None:
+        """Write one row; the keys are the columns."""
+        _, line = to_csv(self._columns, [row]).splitlines(keepends=True)
+        self._file.write(line.encode())
+        self._file.flush()
+
+    def sync(self) -> None:
+        """Wait until the rows are on the disk."""
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()

@@ -1,0 +1,30 @@
+"""A training among the jobs that run side by side."""
+
+import sys
+
+from train.runs.config import TrainConfig
+from train.runs.folder import RunFolder
+from train.runs.jobs import Job, Progress
+from train.runs.tables import read_rows
+
+
+def training_job(name: str, config: TrainConfig) -> Job:
+    """Return a `python -m train.ppo` as a job, its log in `logs` beside the run folder.
+
+    Started again it continues where it was.
+    """
+    command = (sys.executable, "-m", "train.ppo", *config.options())
+    log = config.folder.parent / "logs" / f"{config.folder.name}.log"
+    return Job(name, command, log, lambda: progress(config))
+
+
+def progress(config: TrainConfig) -> Progress:
+    """Return how far a training is, with its latest evaluation in words."""
+    folder, total = RunFolder.of(config.folder), config.total_steps
+    rows, evaluations = read_rows(folder.progress), read_rows(folder.evaluations)
+    steps = int(rows[-1]["steps"]) if rows else 0
+    note = f"{steps} of {total} steps"
+    if evaluations:
+        latest, survival = (float(evaluations[-1][name]) for name in ("return_mean", "survival"))
+        note += f", return {latest:.0f}, survival {survival:.0%}"
+    return Progress(min(steps / total, 1.0), note)
