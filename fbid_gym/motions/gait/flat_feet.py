@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
+from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.divergent import (
     StepTiming,
     error_to_come,
@@ -26,13 +27,12 @@ from fbid_gym.motions.gait.divergent import (
     transfer,
 )
 from fbid_gym.motions.gait.hull import nearest_in_hull
-from fbid_gym.motions.gait.step_curve import lift_and_land, rise
+from fbid_gym.motions.gait.swing import lift_and_land, rise
 from fbid_gym.motions.gait.walking import (
     DOUBLE,
     STAND,
     SWING,
     FlatFootGait,
-    GaitCommand,
     GaitMemory,
     GaitTarget,
 )
@@ -77,6 +77,8 @@ def walk(
         np.empty((count, 2)),
         np.empty(count),
         np.empty(count),
+        np.empty(count),
+        np.empty(count),
         np.empty((count, 3)),
         np.zeros(count, np.bool_),
         np.zeros(count),
@@ -105,7 +107,8 @@ def walk(
         if memory.phase[i] == SWING:
             _find_foothold(gait, timing, command, axes, xi, error, memory, target, i)
             _swing(gait, timing, command.velocity[i, 2], memory, target, i)
-        target.heading[i] = memory.heading[i]
+        target.heading[i], target.turning[i] = memory.heading[i], command.velocity[i, 2]
+        target.height[i] = target.ground[i] + gait.height
         target.cycle[i] = _cycle(gait, timing, memory, i)
     return target
 
@@ -307,8 +310,8 @@ def _find_foothold(
     x += error_to_come(gait.omega, gait.gain, error[0], 0.5 * gait.sole[0], left)
     y += error_to_come(gait.omega, gait.gain, error[1], 0.5 * gait.sole[1], left)
     wanted = _offset(gait, timing, (command.velocity[i, 0], command.velocity[i, 1]), foot)
-    x = stride_to_catch(timing, x, wanted[0]) + command.shift[i, 0]
-    y = stride_to_catch(timing, y, wanted[1]) + command.shift[i, 1]
+    x = stride_to_catch(timing, x, wanted[0]) + command.shift[i, foot, 0]
+    y = stride_to_catch(timing, y, wanted[1]) + command.shift[i, foot, 1]
     apart = gait.left[foot] * y
     near_x = min(max(x, -gait.longest), gait.longest)
     near = min(max(apart, gait.least_apart), gait.most_apart)
@@ -318,6 +321,8 @@ def _find_foothold(
     x, y = _world(axes, near_x, gait.left[foot] * near)
     target.foothold[i, 0] += x
     target.foothold[i, 1] += y
+    if not math.isnan(command.ground[i, foot]):
+        target.foothold[i, 2] = command.ground[i, foot]
 
 
 @compiled

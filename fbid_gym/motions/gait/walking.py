@@ -17,6 +17,7 @@ class FlatFootGait(NamedTuple):
         double: s in double support.
         settle: s in which a robot that stands shifts its weight.
         gain: of the centre of pressure on errors of xi, which decay with gain * omega.
+        height: m, of the base above the ground.
         width: m between the feet.
         least_apart: m between the feet, sideways.
         most_apart: m between the feet, sideways.
@@ -36,6 +37,7 @@ class FlatFootGait(NamedTuple):
     double: float
     settle: float
     gain: float
+    height: float
     width: float
     least_apart: float
     most_apart: float
@@ -48,20 +50,6 @@ class FlatFootGait(NamedTuple):
     foot_of_point: np.ndarray
     left: np.ndarray
     level: np.ndarray
-
-
-class GaitCommand(NamedTuple):
-    """Where the robots shall go.
-
-    Attributes:
-        velocity: (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand.
-        shift: (N, 2) m ahead and to the left that the next foothold is moved by.
-        rate: (N,) steps per planned step, 1 for the planned frequency; from the next step on.
-    """
-
-    velocity: np.ndarray
-    shift: np.ndarray
-    rate: np.ndarray
 
 
 class GaitMemory(NamedTuple):
@@ -113,6 +101,8 @@ class GaitTarget(NamedTuple):
         pressure: (N, 2) m, centre of pressure.
         com_acceleration: (N, 2) m/s^2, horizontal, of the centre of mass: what `pressure` does.
         heading: (N,) rad, of the body.
+        turning: (N,) rad/s, of the heading.
+        height: (N,) m, of the base, world.
         ground: (N,) m, height of the ground under the feet that stand.
         foothold: (N, 3) m, where the foot in the air shall land; that of the carrier otherwise.
         clipped: (N,) bool, the foothold would have to be farther away than a leg reaches, or
@@ -128,6 +118,8 @@ class GaitTarget(NamedTuple):
     pressure: np.ndarray
     com_acceleration: np.ndarray
     heading: np.ndarray
+    turning: np.ndarray
+    height: np.ndarray
     ground: np.ndarray
     foothold: np.ndarray
     clipped: np.ndarray

@@ -8,12 +8,11 @@ import pytest
 
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.command import GaitCommand, no_command
 from fbid_gym.motions.gait.point_feet import (
-    GaitCommand,
     GaitMemory,
     GaitTarget,
     PointFootGait,
-    no_command,
     standing,
     walk,
 )
