@@ -4,18 +4,37 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.com_wrench import ComWrench
 from fbid_gym.actions.contact_options import ContactOptions
+from fbid_gym.actions.footholds import Footholds
 from fbid_gym.actions.joint_acceleration import JointAcceleration
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
 from fbid_gym.actions.layer import ActionLayer
 from fbid_gym.actions.torque import Torque
-from fbid_gym.errors import UnknownOptionError
+from fbid_gym.actions.walking_base import WalkingBaseAcceleration, WalkingComWrench
+from fbid_gym.actions.walking_joints import (
+    walking_feedforward,
+    walking_joint_acceleration,
+    walking_joint_position,
+    walking_torque,
+)
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.robots import Robot
 
-__all__ = ["LAYERS", "ActionLayer", "layer_options", "make_layer"]
+__all__ = [
+    "LAYERS",
+    "WALKING_LAYERS",
+    "ActionLayer",
+    "Footholds",
+    "layer_options",
+    "make_layer",
+    "make_walking_layer",
+    "walking_layer_options",
+]
 
 LAYERS: dict[str, Callable[..., ActionLayer]] = {
     "torque": Torque.of,
@@ -26,6 +45,62 @@ LAYERS: dict[str, Callable[..., ActionLayer]] = {
     "com_wrench": ComWrench.of,
 }
 """Name of a layer -> its constructor, called as `(robot, control_hz, **options)`."""
+
+
+WALKING_LAYERS: dict[str, Callable[..., ActionLayer]] = {
+    "torque": walking_torque,
+    "joint_position": walking_joint_position,
+    "joint_position_feedforward": walking_feedforward,
+    "joint_acceleration": walking_joint_acceleration,
+    "base_acceleration": WalkingBaseAcceleration.of,
+    "com_wrench": WalkingComWrench.of,
+}
+"""The same layers on a gait, called as `(robot, control_hz, omega, **options)`."""
+
+STEERING = ("footholds", "step_rate")
+"""Options of every layer on a gait: whether the action moves the next footholds, and whether it
+changes the gait's frequency."""
+
+_STEERS = ("base_acceleration", "com_wrench")  # by default
+
+
+def walking_layer_options(name: str) -> dict[str, Any]:
+    """Return the options of a layer on a gait, with their defaults."""
+    parameters = inspect.signature(_layer(name, WALKING_LAYERS)).parameters.values()
+    own = {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+    return own | {"footholds": name in _STEERS, "step_rate": False}
+
+
+def make_walking_layer(
+    name: str,
+    robot: Robot,
+    control_hz: int,
+    omega: float,
+    options: Mapping[str, Any] | None = None,
+) -> tuple[ActionLayer, Footholds]:
+    """Build an action layer on a gait, and what of an action steers that.
+
+    Args:
+        name: one of `WALKING_LAYERS`.
+        robot: whose joints it drives.
+        control_hz: control ticks per second.
+        omega: 1/s, rate at which the robot falls, see `Gait`.
+        options: arguments of the layer by name, see `walking_layer_options`.
+
+    Raises:
+        FbidError: unknown layer, unknown option or invalid value; the message names the choices.
+    """
+    valid = walking_layer_options(name)
+    for option in options or {}:
+        if option not in valid:
+            raise UnknownOptionError(f"option of action layer {name!r} on a gait", option, valid)
+    given = valid | dict(options or {})
+    steers = {option: given.pop(option) for option in STEERING}
+    for option, value in steers.items():
+        if not isinstance(value, bool | np.bool_):
+            raise InvalidValueError(option, value, "True or False")
+    layer = WALKING_LAYERS[name](robot, control_hz, omega, **given)
+    return layer, Footholds.of(robot, **steers)
 
 
 def layer_options(name: str) -> dict[str, Any]:
@@ -66,7 +141,9 @@ def _own_options(name: str) -> dict[str, Any]:
     return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
 
 
-def _layer(name: str) -> Callable[..., ActionLayer]:
-    if name not in LAYERS:
-        raise UnknownOptionError("action layer", name, LAYERS)
-    return LAYERS[name]
+def _layer(
+    name: str, layers: Mapping[str, Callable[..., ActionLayer]] = LAYERS
+) -> Callable[..., ActionLayer]:
+    if name not in layers:
+        raise UnknownOptionError("action layer", name, layers)
+    return layers[name]

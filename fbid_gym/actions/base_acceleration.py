@@ -121,7 +121,7 @@ class BaseAcceleration:
             posture_stiffness=posture**2,
             posture_damping=2.0 * damping_ratio * posture,
         )
-        return cls(law, stance, gains, _scale(robot, stance, contact.friction))
+        return cls(law, stance, gains, action_scale(robot, stance, contact.friction))
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -219,7 +219,7 @@ def _stabilise(
     return result
 
 
-def _scale(robot: Robot, stance: Stance, friction: float) -> np.ndarray:
+def action_scale(robot: Robot, stance: Stance, friction: float) -> np.ndarray:
     """What action 1 means, see `BaseAcceleration`: (6,) m/s^2 and rad/s^2."""
     inertia, margin = np.diag(stance.terms.mass_matrix[0])[3:6], stance.margin
     linear = robot.gravity * np.minimum(margin / stance.home_com[2], friction)

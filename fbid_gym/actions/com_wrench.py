@@ -133,7 +133,7 @@ class ComWrench:
             ),
             stance=stance,
             gains=gains,
-            scale=_scale(robot, stance, contact.friction),
+            scale=wrench_scale_of(robot, stance, contact.friction),
         )
 
     @property
@@ -224,7 +224,7 @@ def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:
     return (vectors * np.maximum(values, least)) @ vectors.T
 
 
-def _scale(robot: Robot, stance: Stance, friction: float) -> np.ndarray:
+def wrench_scale_of(robot: Robot, stance: Stance, friction: float) -> np.ndarray:
     """What action 1 means, see `ComWrench`: (6,) N and N·m."""
     margin = stance.margin
     pressed = np.minimum(margin / stance.home_com[2], friction)

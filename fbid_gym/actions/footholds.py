@@ -4,9 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.quantities import Steering
 from fbid_gym.robots import Robot
 
+_MOST_SHIFT = 0.2  # of the height of the centre of mass
 _MOST_RATE = 0.2  # share by which the frequency of the gait can be raised, or lowered
 
 
@@ -25,6 +27,12 @@ class Footholds:
     num_feet: int
     scale: float
     step_rate: bool
+
+    @classmethod
+    def of(cls, robot: Robot, footholds: bool, step_rate: bool) -> "Footholds":
+        """Return what moves all of a robot's footholds, by up to a fifth of its height, or none."""
+        scale = _MOST_SHIFT * float(Stance.of(robot).home_com[2])
+        return cls(robot.foot_names if footholds else (), robot.num_feet, scale, step_rate)
 
     @classmethod
     def none(cls, robot: Robot) -> "Footholds":

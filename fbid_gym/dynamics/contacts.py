@@ -23,11 +23,16 @@ from fbid_gym.robots import Robot
 _RANK_TOLERANCE = 1e-6
 
 
-def contact_geometry(robot: Robot) -> ContactGeometry:
-    """Factor the contact geometry of a robot."""
+def contact_geometry(robot: Robot, *, share: float = 1.0) -> ContactGeometry:
+    """Factor the contact geometry of a robot.
+
+    Args:
+        robot: whose feet.
+        share: of their size; below 1 the points lie nearer to the middle of their foot.
+    """
     sizes = [len(foot.points) for foot in robot.feet]
     most = max(sizes)
-    offsets = [foot.points - foot.points.mean(axis=0) for foot in robot.feet]
+    offsets = [share * (foot.points - foot.points.mean(axis=0)) for foot in robot.feet]
     factors = [[_factor(offset, subset, most) for subset in range(2**most)] for offset in offsets]
     rows = max(len(motion) for foot in factors for motion, _ in foot)
     motion = np.zeros((len(sizes), 2**most, rows, 6))

@@ -1,7 +1,8 @@
 """The arguments of the environments, checked before anything is built."""
 
+import copy
 import difflib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import lru_cache
 from typing import Any
@@ -10,15 +11,22 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 
-from fbid_gym.actions import LAYERS, ActionLayer, layer_options, make_layer
+from fbid_gym.actions import (
+    LAYERS,
+    ActionLayer,
+    layer_options,
+    make_layer,
+    make_walking_layer,
+    walking_layer_options,
+)
 from fbid_gym.actions.footholds import Footholds
-from fbid_gym.checks import by_name, count, number, pair
+from fbid_gym.checks import by_name, count, number, pair, whole_number
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.terrain import TERRAINS, Terrain, compile_world, make_terrain
-from fbid_gym.tasks import TASKS, Pushes, Start, Task, make_task, task_kind, task_options
+from fbid_gym.tasks import TASKS, Pushes, Start, Task, Walk, make_task, task_kind, task_options
 
 
 @dataclass(frozen=True)
@@ -59,6 +67,10 @@ class EnvConfig:
     """rad, largest offset of a joint from its posture at the start."""
     velocity_noise: float = 0.05
     """m/s and rad/s, largest offset of a coordinate's velocity at the start."""
+    friction_cone: str = "elliptic"
+    """"elliptic", or "pyramidal": cheaper, and a little different from heading to heading."""
+    solver_iterations: int | None = None
+    """Most iterations of the physics' contact solver. Default: MuJoCo's."""
     randomisation: dict[str, Any] | None = None
     """Arguments of `fbid_gym.envs.randomisation.Randomisation`; none by default."""
 
@@ -94,16 +106,16 @@ class EnvConfig:
         """Return the checked rates."""
         return Rates(self.physics_hz, self.control_hz, self.policy_hz)
 
-    def layer(self, robot: Robot) -> ActionLayer:
-        """Return the action layer."""
+    def layer(self, robot: Robot, task: Task) -> tuple[ActionLayer, Footholds]:
+        """Return the action layer, and what of an action steers a gait."""
         if not isinstance(self.action_layer, str):
             raise UnknownOptionError("action layer", self.action_layer, LAYERS)
         options = by_name("layer_options", self.layer_options)
-        return make_layer(self.action_layer, robot, self.rates().control, options)
-
-    def footholds(self, robot: Robot) -> Footholds:
-        """Return what of an action steers a gait."""
-        return Footholds.none(robot)
+        hz = self.rates().control
+        if isinstance(task, Walk):
+            omega = task.gait.omega
+            return make_walking_layer(self.action_layer, robot, hz, omega, options)
+        return make_layer(self.action_layer, robot, hz, options), Footholds.none(robot)
 
     def make_task(self, robot: Robot) -> Task:
         """Return the task."""
@@ -123,7 +135,7 @@ class EnvConfig:
                 number("velocity_noise", self.velocity_noise),
             ),
             {
-                name: (pair if isinstance(defaults[name], tuple) else number)(name, value)
+                name: _of_kind(defaults[name])(name, value)
                 for name, value in self.task_options.items()
             },
         )
@@ -134,7 +146,14 @@ class EnvConfig:
         if not isinstance(self.terrain, str):
             raise UnknownOptionError("terrain", self.terrain, TERRAINS)
         seed = count("terrain_seed", self.terrain_seed)
-        return _ground(self.terrain, robot, height, seed)
+        terrain, shared = _ground(self.terrain, robot, height, seed)
+        world = copy.copy(shared)
+        if self.friction_cone not in _CONES:
+            raise UnknownOptionError("friction_cone", self.friction_cone, _CONES)
+        world.opt.cone = _CONES[self.friction_cone]
+        if self.solver_iterations is not None:
+            world.opt.iterations = whole_number("solver_iterations", self.solver_iterations)
+        return terrain, world
 
     def randomisations(self) -> Randomisation:
         """Return what varies from robot to robot."""
@@ -154,8 +173,11 @@ class EnvConfig:
         newtons, the options of the layer and of the randomisation are complete; infinity is "inf".
         """
         robot = self.load_robot()
-        layer = self.layer(robot)
-        options = layer_options(self.action_layer) | by_name("layer_options", self.layer_options)
+        task = self.make_task(robot)
+        layer, _ = self.layer(robot, task)
+        walks = isinstance(task, Walk)
+        defaults = (walking_layer_options if walks else layer_options)(self.action_layer)
+        options = defaults | by_name("layer_options", self.layer_options)
         for name, value in options.items():
             if value is None and hasattr(layer, name):
                 options[name] = _derived(getattr(layer, name))
@@ -197,6 +219,23 @@ def _ground(name: str, robot: Robot, height: float, seed: int) -> tuple[Terrain,
 
 
 _NOT_ITSELF = ("render_mode", "num_threads")
+
+
+_CONES = {
+    "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC,
+    "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL,
+}
+
+
+def _of_kind(default: Any) -> Callable[[str, Any], Any]:
+    """Return the check of a task's option, by the kind of its default."""
+    if isinstance(default, tuple):
+        return pair
+    return number if isinstance(default, int | float) else _as_it_is
+
+
+def _as_it_is(name: str, value: Any) -> Any:
+    return value
 
 
 def _known_task(name: Any) -> str:

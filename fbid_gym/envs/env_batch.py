@@ -56,7 +56,7 @@ class EnvBatch:
         self.rates = config.rates()
         self.robot = config.load_robot()
         self.task = config.make_task(self.robot)
-        self.layer, self.footholds = config.layer(self.robot), config.footholds(self.robot)
+        self.layer, self.footholds = config.layer(self.robot, self.task)
         self.terrain, world = config.ground(self.robot)
         self.simulation = Simulation(self.robot, num_envs, self.rates, world)
         self.plant = plant_of(self.simulation, config.randomisations())

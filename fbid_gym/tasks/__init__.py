@@ -14,8 +14,9 @@ from fbid_gym.tasks.squat import squat
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.step import step
 from fbid_gym.tasks.task import Task
+from fbid_gym.tasks.walk import Walk
 
-__all__ = ["TASKS", "Plan", "Pushes", "Start", "Task", "make_task", "task_options"]
+__all__ = ["TASKS", "Plan", "Pushes", "Start", "Task", "Walk", "make_task", "task_options"]
 
 
 class TaskKind(NamedTuple):
@@ -35,6 +36,7 @@ TASKS: dict[str, TaskKind] = {
     "squat": TaskKind(squat, (0.0, 0.0)),
     "step": TaskKind(step, (0.02, 0.15)),
     "crawl": TaskKind(crawl, (0.0, 0.0)),
+    "walk": TaskKind(Walk.of, (0.0, 0.4)),
 }
 """Name of a task -> what it is."""
 

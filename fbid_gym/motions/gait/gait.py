@@ -1,0 +1,185 @@
+"""Online gaits of any robot: what walking on point feet and on flat feet have in common."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from fbid_gym.errors import UnknownOptionError
+from fbid_gym.motions.gait import flat_feet, point_feet, walking
+from fbid_gym.motions.gait.biped import biped_gait
+from fbid_gym.motions.gait.command import GaitCommand
+from fbid_gym.motions.gait.quadruped import quadruped_gait
+from fbid_gym.motions.gait.schedule import PATTERNS
+from fbid_gym.quantities import DynamicsTerms, GaitTarget, Memory, Steering
+from fbid_gym.robots import Robot
+
+
+class Gait(Protocol):
+    """How a robot walks: immutable, for any number of robots of one kind."""
+
+    @property
+    def omega(self) -> float:
+        """Rate at which the robot falls, 1/s: what its gains and times are derived from."""
+        ...
+
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """Return what is remembered of robots that stand where they are."""
+        ...
+
+    def target(
+        self,
+        velocity: np.ndarray,
+        steering: Steering,
+        terms: DynamicsTerms,
+        contact_force: np.ndarray,
+        memory: Memory,
+    ) -> GaitTarget:
+        """Go on by one control tick, and say what the robots shall do.
+
+        Args:
+            velocity: (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand.
+            steering: what the policy changes.
+            terms: where the robots are.
+            contact_force: (N, P, 3) N, world, on the contact points.
+            memory: of the robots; updated.
+        """
+        ...
+
+
+def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
+    """Return the gait of a robot: on four point feet, or on two flat ones.
+
+    Args:
+        robot: who walks.
+        hz: control ticks per second.
+        name: of a quadruped's gait; a trot by default. A biped has one gait only, "walk".
+
+    Raises:
+        UnknownOptionError: no such gait.
+        RobotError: the robot has other feet.
+    """
+    if robot.num_feet == 2:
+        if name not in (None, "walk"):
+            raise UnknownOptionError("gait of a biped", name, ["walk"])
+        return FlatFeet(biped_gait(robot), 1.0 / hz)
+    if name is not None and name not in PATTERNS:
+        raise UnknownOptionError("gait", name, PATTERNS)
+    return PointFeet(quadruped_gait(robot, name or "trot"), 1.0 / hz)
+
+
+@dataclass(frozen=True, eq=False)
+class PointFeet:
+    """A gait on point feet; a `Gait`.
+
+    Attributes:
+        gait: its constants.
+        tick: s, of the control.
+    """
+
+    gait: point_feet.PointFootGait
+    tick: float
+
+    @property
+    def omega(self) -> float:
+        """See `Gait.omega`."""
+        return self.gait.omega
+
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """See `Gait.memory`."""
+        return point_feet.standing(_heading(terms), terms.foot_position)._asdict()
+
+    def target(
+        self,
+        velocity: np.ndarray,
+        steering: Steering,
+        terms: DynamicsTerms,
+        contact_force: np.ndarray,
+        memory: Memory,
+    ) -> GaitTarget:
+        """See `Gait.target`."""
+        own = point_feet.GaitMemory(*(memory[name] for name in point_feet.GaitMemory._fields))
+        level = np.full(terms.foot_position.shape[:2], math.nan)
+        command = GaitCommand(velocity, steering.shift, steering.rate, level)
+        found = point_feet.walk(self.gait, command, terms, contact_force, self.tick, own)
+        still = np.zeros_like(found.foot_velocity)
+        return GaitTarget(
+            planted=found.planted,
+            foot_position=found.foot_position,
+            foot_rotation=terms.foot_rotation,
+            foot_velocity=np.concatenate([found.foot_velocity, still], axis=2),
+            foot_acceleration=np.concatenate([found.foot_acceleration, still], axis=2),
+            load=found.load,
+            foothold=found.foothold,
+            clipped=found.clipped,
+            velocity=found.velocity,
+            com_acceleration=found.com_acceleration,
+            height=found.height,
+            heading=found.heading,
+            turning=found.turning,
+            cycle=found.cycle,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FlatFeet:
+    """A gait on two flat feet; a `Gait`.
+
+    Attributes:
+        gait: its constants.
+        tick: s, of the control.
+    """
+
+    gait: walking.FlatFootGait
+    tick: float
+
+    @property
+    def omega(self) -> float:
+        """See `Gait.omega`."""
+        return self.gait.omega
+
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """See `Gait.memory`."""
+        return walking.standing(_heading(terms))._asdict()
+
+    def target(
+        self,
+        velocity: np.ndarray,
+        steering: Steering,
+        terms: DynamicsTerms,
+        contact_force: np.ndarray,
+        memory: Memory,
+    ) -> GaitTarget:
+        """See `Gait.target`."""
+        own = walking.GaitMemory(*(memory[name] for name in walking.GaitMemory._fields))
+        level = np.full(terms.foot_position.shape[:2], math.nan)
+        command = GaitCommand(velocity, steering.shift, steering.rate, level)
+        found = flat_feet.walk(self.gait, command, terms, contact_force, self.tick, own)
+        foothold = terms.foot_position.copy()
+        swinging = ~found.planted
+        foothold[swinging] = np.broadcast_to(found.foothold[:, None], foothold.shape)[swinging]
+        heading, walks = found.heading, own.phase != walking.STAND
+        cosine, sine = np.cos(heading), np.sin(heading)
+        ahead, left = (velocity[:, :2] * walks[:, None]).T
+        return GaitTarget(
+            planted=found.planted,
+            foot_position=found.foot_position,
+            foot_rotation=found.foot_rotation,
+            foot_velocity=found.foot_velocity,
+            foot_acceleration=found.foot_acceleration,
+            load=found.planted.astype(float),
+            foothold=foothold,
+            clipped=swinging & found.clipped[:, None],
+            velocity=np.stack([cosine * ahead - sine * left, sine * ahead + cosine * left], axis=1),
+            com_acceleration=found.com_acceleration,
+            height=found.height,
+            heading=heading,
+            turning=velocity[:, 2] * walks,
+            cycle=found.cycle,
+        )
+
+
+def _heading(terms: DynamicsTerms) -> np.ndarray:
+    """(N,) rad, of the bases."""
+    return np.arctan2(terms.base_rotation[:, 1, 0], terms.base_rotation[:, 0, 0])

@@ -1,0 +1,418 @@
+"""Task `walk`: follow velocity commands on foot, despite pushes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fbid_gym.compiled import kernel
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.motions.gait.gait import Gait, gait_of
+from fbid_gym.quantities import DynamicsTerms, GaitTarget, Memory, RobotState, Steering
+from fbid_gym.robots import Robot
+from fbid_gym.tasks.body import Body, Posture, bell, level, side_by_side, weighted
+from fbid_gym.tasks.outcome import Outcome
+from fbid_gym.tasks.plan import Plan
+from fbid_gym.tasks.pushes import Pushes
+from fbid_gym.tasks.start import Start
+
+
+class WalkReward(NamedTuple):
+    """The terms of the reward: the share (N,) of each in [0, 1], or its weight.
+
+    Attributes:
+        velocity: horizontal velocity as commanded.
+        turning: yaw rate as commanded.
+        clock: feet on the ground and in the air as the gait's clock has them.
+        upright: base upright.
+        steady: base neither rises nor rolls nor pitches.
+        torque: small torques.
+    """
+
+    velocity: Any
+    turning: Any
+    clock: Any
+    upright: Any
+    steady: Any
+    torque: Any
+
+
+REWARD_WEIGHTS = WalkReward(
+    velocity=0.4, turning=0.2, clock=0.15, upright=0.1, steady=0.05, torque=0.1
+)
+"""Each reward term lies in [0, weight]; they sum to 1."""
+
+_STANDS = 0.1  # share of the commands that are to stand
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """The task, for one robot; a `Task`.
+
+    Attributes:
+        body: which robot walks.
+        seconds: length of an episode.
+        hz: control ticks per second.
+        pushes: the disturbances.
+        start: how an episode begins.
+        gait: how the robot walks where a layer follows it, and whose clock all see.
+        most: (3, 2) least and greatest command: m/s ahead, m/s to the left, rad/s to the left.
+        interval: (least, most) s from one command to the next.
+    """
+
+    body: Body
+    seconds: float
+    hz: int
+    pushes: Pushes
+    start: Start
+    gait: Gait
+    most: np.ndarray
+    interval: tuple[float, float]
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        seconds: float,
+        hz: int,
+        pushes: Pushes,
+        start: Start,
+        *,
+        forward_range: tuple[float, float] = (-0.35, 0.58),
+        sideways_range: tuple[float, float] = (-0.23, 0.23),
+        turning_range: tuple[float, float] = (-0.13, 0.13),
+        command_interval: tuple[float, float] = (2.0, 5.0),
+        gait: str | None = None,
+    ) -> "Walk":
+        """Build the task.
+
+        Args:
+            robot: who walks, on four point feet or on two flat ones.
+            seconds: length of an episode.
+            hz: control ticks per second.
+            pushes: the disturbances.
+            start: how an episode begins.
+            forward_range: (least, most) commanded velocity ahead, in units of sqrt(g h), h the
+                height of the centre of mass at home.
+            sideways_range: (least, most) commanded velocity to the left, in the same units.
+            turning_range: (least, most) commanded yaw rate, in units of sqrt(g / h).
+            command_interval: (least, most) s from one command to the next. One command in ten is
+                to stand.
+            gait: of a quadruped: "trot", "walk", "pace", "bound" or "stand". Default: "trot"; a
+                biped has but one.
+        """
+        ranges = (forward_range, sideways_range, turning_range)
+        names = ("forward_range", "sideways_range", "turning_range")
+        for name, values in zip(names, ranges, strict=True):
+            if not -2.0 <= values[0] <= values[1] <= 2.0:
+                raise InvalidValueError(name, values, "a pair -2 <= least <= most <= 2")
+        if not 0.1 <= command_interval[0] <= command_interval[1] < np.inf:
+            expected = "a pair 0.1 <= least <= most of s"
+            raise InvalidValueError("command_interval", command_interval, expected)
+        body = Body.of(robot)
+        height, gravity = float(body.stance.home_com[2]), robot.gravity
+        speed, rate = np.sqrt(gravity * height), np.sqrt(gravity / height)
+        most = np.array(ranges) * np.array([speed, speed, rate])[:, None]
+        walks = gait_of(robot, hz, gait)
+        return cls(body, seconds, hz, pushes, start, walks, most, command_interval)
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """One name per entry of the observation."""
+        robot = self.body.robot
+        return (
+            "sine of the gait's cycle (1)",
+            "cosine of the gait's cycle (1)",
+            "commanded velocity ahead (m/s)",
+            "commanded velocity to the left (m/s)",
+            "commanded yaw rate (rad/s)",
+            *(f"{foot} planned to stand (1)" for foot in robot.foot_names),
+            "height of the base above the ground, from home (m)",
+            *(f"up direction {axis} (base frame)" for axis in "xyz"),
+            *(f"base velocity {axis} (m/s, heading)" for axis in ("ahead", "to the left", "up")),
+            *(f"base angular velocity {axis} (rad/s, base frame)" for axis in "xyz"),
+            *(f"{joint} position from home (rad)" for joint in robot.joint_names),
+            *(f"{joint} velocity (rad/s)" for joint in robot.joint_names),
+            *(f"{joint} last torque (share of its limit)" for joint in robot.joint_names),
+            *(
+                f"normal force on point {point} (share of the weight)"
+                for point in range(robot.num_points)
+            ),
+        )
+
+    @property
+    def observation_bound(self) -> np.ndarray:
+        """Largest size of each entry of the observation, (O,); observations are clipped to it."""
+        robot = self.body.robot
+        joints, points = np.ones(robot.num_joints), np.ones(robot.num_points)
+        axes, feet = np.ones(3), np.ones(robot.num_feet)
+        bound = _Seen(
+            clock=np.ones(2),
+            command=10.0 * axes,
+            planted=feet,
+            height=np.full(1, 10.0),
+            up=axes,
+            velocity=100.0 * axes,
+            angular_velocity=100.0 * axes,
+            joint_position=10.0 * joints,
+            joint_velocity=100.0 * joints,
+            torque=joints,
+            load=100.0 * points,
+        )
+        return np.concatenate(bound)
+
+    def draw(self, rng: np.random.Generator) -> Plan:
+        """Draw all that chance decides about one episode."""
+        robot = self.body.robot
+        qpos, qvel = self.start.draw(robot, robot.home_qpos, np.zeros(robot.nv), rng)
+        start, force = self.pushes.draw(rng, self.seconds, self.hz)
+        count = int(np.ceil(self.seconds / self.interval[0])) + 1
+        times = np.cumsum(rng.uniform(*self.interval, size=count))
+        command = rng.uniform(self.most[:, 0], self.most[:, 1], size=(count, 3))
+        command[rng.random(count) < _STANDS] = 0.0
+        return {
+            "qpos": qpos,
+            "qvel": qvel,
+            "push_start": start,
+            "push_force": force,
+            "command_start": np.concatenate([[0.0], times[:-1]]) * self.hz,
+            "command": command,
+        }
+
+    def push(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
+        """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
+        return self.pushes.at(plan["push_start"], plan["push_force"], tick, self.hz)
+
+    def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
+        """Return the commanded velocity: (N, 3) m/s ahead, m/s and rad/s to the left."""
+        return _find_command(plan["command_start"], plan["command"], tick)
+
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """Of the gait, and what of its last target is seen and judged."""
+        count, feet = terms.foot_position.shape[:2]
+        return self.gait.memory(terms) | {
+            "seen_planted": np.ones((count, feet), bool),
+            "seen_cycle": np.zeros(count),
+            "seen_ground": terms.foot_position[:, :, 2].min(axis=1),
+            "seen_clipped": np.zeros(count, np.int64),
+            "seen_foothold": terms.foot_position.copy(),
+        }
+
+    def reference(
+        self,
+        plan: Plan,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        steering: Steering,
+        memory: Memory,
+    ) -> GaitTarget:
+        """Return what the gait asks for, and go on by a tick."""
+        known, command = terms(), self.command(plan, state.tick)
+        target = self.gait.target(command, steering, known, state.contact_force, memory)
+        memory["seen_planted"], memory["seen_cycle"] = target.planted, target.cycle
+        planted = target.planted.any(axis=1)
+        ground = np.where(target.planted, known.foot_position[:, :, 2], np.inf).min(axis=1)
+        memory["seen_ground"] = np.where(planted, ground, memory["seen_ground"])
+        memory["seen_clipped"] = memory["seen_clipped"] + target.clipped.sum(axis=1)
+        memory["seen_foothold"] = target.foothold
+        return target
+
+    def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
+        """Return what the policy sees: (N, O), named by `observation_names`."""
+        command = self.command(plan, outcome.state.tick)
+        return _observe(self._scales, outcome, command, _Clock.of(memory))
+
+    def reward(
+        self, outcome: Outcome, plan: Plan, memory: Memory
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Judge a policy step; see `Task.reward`."""
+        posture, command = self.body.posture(outcome), self.command(plan, outcome.state.tick)
+        shares, moved = _judge(self._scales, posture, outcome, command, _Clock.of(memory))
+        metrics = {
+            "velocity_error": moved.velocity_error,
+            "turning_error": moved.turning_error,
+            "speed": moved.speed,
+            "speed_command": np.hypot(command[:, 0], command[:, 1]),
+            "height": posture.base[:, 2],
+            "torque_rms": np.sqrt(outcome.torque_square),
+            "power": outcome.power,
+            "slip": posture.slip,
+            "clipped_footholds": memory["seen_clipped"].astype(float),
+        }
+        return weighted(shares, REWARD_WEIGHTS), metrics
+
+    def fallen(self, outcome: Outcome) -> np.ndarray:
+        """Return which robots lie: (N,) bool."""
+        return self.body.fallen(outcome)
+
+    @property
+    def _scales(self) -> "_Scales":
+        body, robot = self.body, self.body.robot
+        return _Scales(
+            float(body.stance.home_com[2]),
+            robot.gravity,
+            body.home_height,
+            robot.home_qpos,
+            robot.torque_limit,
+            body.mean_torque_limit,
+            robot.weight,
+            body.stance.geometry.foot_of_point,
+        )
+
+
+class _Scales(NamedTuple):
+    """What observation and reward measure by."""
+
+    size: float  # m, height of the centre of mass at home
+    gravity: float
+    home_height: float  # m, of the base
+    home_qpos: np.ndarray
+    torque_limit: np.ndarray
+    mean_torque_limit: float
+    weight: float
+    foot_of_point: np.ndarray
+
+
+class _Clock(NamedTuple):
+    """What of the gait's last target is seen."""
+
+    planted: np.ndarray  # (N, F) bool
+    cycle: np.ndarray  # (N,)
+    ground: np.ndarray  # (N,) m
+
+    @classmethod
+    def of(cls, memory: Memory) -> "_Clock":
+        return cls(memory["seen_planted"], memory["seen_cycle"], memory["seen_ground"])
+
+
+class _Seen(NamedTuple):
+    """What a policy sees of N robots, in the order of the observation."""
+
+    clock: np.ndarray  # (N, 2)
+    command: np.ndarray  # (N, 3)
+    planted: np.ndarray  # (N, F)
+    height: np.ndarray  # (N, 1) m, from home
+    up: np.ndarray  # (N, 3) the vertical, base frame
+    velocity: np.ndarray  # (N, 3) m/s, heading
+    angular_velocity: np.ndarray  # (N, 3) rad/s, base frame
+    joint_position: np.ndarray  # (N, n) rad, from home
+    joint_velocity: np.ndarray  # (N, n) rad/s
+    torque: np.ndarray  # (N, n) last one, share of its limit
+    load: np.ndarray  # (N, P) normal force, share of the weight
+
+
+class _Moved(NamedTuple):
+    velocity_error: np.ndarray  # (N,) m/s
+    turning_error: np.ndarray  # (N,) rad/s
+    speed: np.ndarray  # (N,) m/s
+
+
+class _Judged(NamedTuple):
+    shares: WalkReward
+    moved: _Moved
+
+
+@kernel
+def _find_command(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.ndarray:
+    """Return the commands (N, 3) at ticks (N,), of those (N, K, 3) that start at ticks (N, K)."""
+    found = np.empty((len(tick), 3))
+    for i in range(len(tick)):
+        index = -1
+        for k in range(start.shape[1]):
+            index += start[i, k] <= tick[i]
+        for axis in range(3):
+            found[i, axis] = command[i, index, axis]
+    return found
+
+
+@kernel
+def _observe(scales: _Scales, outcome: Outcome, command: np.ndarray, clock: _Clock) -> np.ndarray:
+    """What `Walk.observe` returns."""
+    state, terms = outcome.state, outcome.terms
+    (count, joints), points = outcome.torque.shape, state.contact_force.shape[1]
+    feet = clock.planted.shape[1]
+    seen = _Seen(
+        np.empty((count, 2)),
+        np.empty((count, 3)),
+        np.empty((count, feet)),
+        np.empty((count, 1)),
+        np.empty((count, 3)),
+        np.empty((count, 3)),
+        np.empty((count, 3)),
+        np.empty((count, joints)),
+        np.empty((count, joints)),
+        np.empty((count, joints)),
+        np.empty((count, points)),
+    )
+    for i in range(count):
+        angle = 2.0 * np.pi * clock.cycle[i]
+        seen.clock[i, 0], seen.clock[i, 1] = np.sin(angle), np.cos(angle)
+        base = terms.base_rotation[i]
+        size = np.hypot(base[0, 0], base[1, 0]) + 1e-12
+        cosine, sine = base[0, 0] / size, base[1, 0] / size
+        x, y = state.qvel[i, 0], state.qvel[i, 1]
+        seen.velocity[i, 0], seen.velocity[i, 1] = cosine * x + sine * y, cosine * y - sine * x
+        seen.velocity[i, 2] = state.qvel[i, 2]
+        height = terms.base_position[i, 2] - clock.ground[i]
+        seen.height[i, 0] = height - scales.home_height
+        for k in range(3):
+            seen.command[i, k] = command[i, k]
+            seen.up[i, k] = base[2, k]
+            seen.angular_velocity[i, k] = state.qvel[i, 3 + k]
+        for foot in range(feet):
+            seen.planted[i, foot] = clock.planted[i, foot]
+        for j in range(joints):
+            seen.joint_position[i, j] = state.qpos[i, 7 + j] - scales.home_qpos[7 + j]
+            seen.joint_velocity[i, j] = state.qvel[i, 6 + j]
+            seen.torque[i, j] = outcome.torque[i, j] / scales.torque_limit[j]
+        for point in range(points):
+            seen.load[i, point] = state.contact_force[i, point, 2] / scales.weight
+    return side_by_side(seen)
+
+
+@kernel
+def _judge(
+    scales: _Scales, posture: Posture, outcome: Outcome, command: np.ndarray, clock: _Clock
+) -> _Judged:
+    """Return the shares of the terms of the reward, and how the robots moved."""
+    state, terms = outcome.state, outcome.terms
+    count, feet = clock.planted.shape
+    points = posture.touching.shape[1]
+    share = WalkReward(
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+    )
+    moved = _Moved(np.empty(count), np.empty(count), np.empty(count))
+    speed, rate = np.sqrt(scales.gravity * scales.size), np.sqrt(scales.gravity / scales.size)
+    down = np.empty(feet, np.bool_)
+    for i in range(count):
+        base, qvel = terms.base_rotation[i], state.qvel[i]
+        size = np.hypot(base[0, 0], base[1, 0]) + 1e-12
+        cosine, sine = base[0, 0] / size, base[1, 0] / size
+        ahead, left = cosine * qvel[0] + sine * qvel[1], cosine * qvel[1] - sine * qvel[0]
+        moved.velocity_error[i] = np.hypot(ahead - command[i, 0], left - command[i, 1])
+        moved.speed[i] = np.hypot(ahead, left)
+        spin = base[2, 0] * qvel[3] + base[2, 1] * qvel[4] + base[2, 2] * qvel[5]
+        moved.turning_error[i] = abs(spin - command[i, 2])
+        down[:] = False
+        for point in range(points):
+            if posture.touching[i, point]:
+                down[scales.foot_of_point[point]] = True
+        as_planned = 0
+        for foot in range(feet):
+            as_planned += down[foot] == clock.planted[i, foot]
+        tumble = np.sqrt(qvel[3] ** 2 + qvel[4] ** 2) / rate + abs(qvel[2]) / speed
+        torque = np.sqrt(outcome.torque_square[i])
+        # Speeds scale with sqrt(g h), rates with sqrt(g / h).
+        share.velocity[i] = bell(moved.velocity_error[i], 0.19 * speed)
+        share.turning[i] = bell(moved.turning_error[i], 0.09 * rate)
+        share.clock[i] = as_planned / feet * bell(posture.slip[i], 0.2 * speed)
+        share.upright[i] = level(posture.upright[i])
+        share.steady[i] = bell(tumble, 0.3)
+        share.torque[i] = bell(torque / scales.mean_torque_limit, 0.5)
+    return _Judged(share, moved)
