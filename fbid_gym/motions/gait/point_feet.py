@@ -13,11 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
+from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.footholds import Leap, Pair, point_ahead, turned, within_reach
 from fbid_gym.motions.gait.schedule import Schedule, since_lift
 from fbid_gym.motions.gait.swing import Motion, across, below, over
+from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.motions.gait.touchdown import REACH, STANCE, SWING, next_mode
-from fbid_gym.quantities import DynamicsTerms, GaitTarget
+from fbid_gym.quantities import DynamicsTerms
 
 _LOST_HEADING = 0.3  # rad that the robot may be turned from its heading before that follows
 
@@ -67,23 +69,6 @@ class PointFootGait(NamedTuple):
     foot_of_point: np.ndarray
 
 
-class GaitCommand(NamedTuple):
-    """Where the robots shall go.
-
-    Attributes:
-        velocity: (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand.
-        shift: (N, F, 2) m ahead and to the left that each next foothold is moved by.
-        rate: (N,) cycles per planned cycle, positive; 1 for the planned frequency.
-        ground: (N, F) m, height of the ground at the next foothold of each foot; NaN where it is
-            not known, for that of the ground on which the robot stands.
-    """
-
-    velocity: np.ndarray
-    shift: np.ndarray
-    rate: np.ndarray
-    ground: np.ndarray
-
-
 class GaitMemory(NamedTuple):
     """What gaits remember from tick to tick, see `standing`.
 
@@ -110,17 +95,6 @@ class GaitMemory(NamedTuple):
     clock: np.ndarray
     begun: np.ndarray
     load: np.ndarray
-
-
-def no_command(num_robots: int, num_feet: int) -> GaitCommand:
-    """Return the command to stand, with no wish about the footholds."""
-    feet = num_robots, num_feet
-    return GaitCommand(
-        velocity=np.zeros((num_robots, 3)),
-        shift=np.zeros((*feet, 2)),
-        rate=np.ones(num_robots),
-        ground=np.full(feet, np.nan),
-    )
 
 
 def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:

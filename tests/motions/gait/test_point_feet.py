@@ -8,16 +8,16 @@ import pytest
 
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.command import GaitCommand, no_command
 from fbid_gym.motions.gait.point_feet import (
-    GaitCommand,
     GaitMemory,
     PointFootGait,
-    no_command,
     standing,
     walk,
 )
 from fbid_gym.motions.gait.quadruped import quadruped_gait
-from fbid_gym.quantities import DynamicsTerms, GaitTarget
+from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots import Robot, load
 
 TICK = 0.002
