@@ -9,15 +9,14 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TextColumn
 
 from eval.files import read_json, write
 from eval.pages import PAPERS_PAGE, splice, spliced
@@ -28,7 +27,6 @@ from eval.papers.summary import summary
 from fbid_gym.errors import FbidError, RunError
 
 _POLL_SECONDS = 0.3
-_LINE_SECONDS = 15.0
 _LOG_LINES = 15
 
 
@@ -72,13 +70,9 @@ class _Job:
             (self.folder / stale).unlink(missing_ok=True)
         command = [sys.executable, "-m", self.experiment.module, "--out", str(self.config.out)]
         command += ["--quick"] if self.config.quick else []
+        env = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         with self.log.open("wb") as log:
-            return subprocess.Popen(
-                command,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-            )
+            return subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=env)
 
     def progress(self) -> tuple[float, str]:
         """Return the share that is done, and what is being done."""
@@ -107,75 +101,47 @@ class _Job:
 
 
 def run(jobs: Sequence[_Job], at_once: int, console: Console) -> bool:
-    """Run all experiments, `at_once` at a time; return whether all ran to the end."""
+    """Run all experiments, `at_once` at a time; return whether all ran to the end.
+
+    A terminal shows bars; elsewhere each experiment that has ended is a line.
+    """
+    columns = (
+        *(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %")),
+        TextColumn("{task.fields[note]}"),
+    )
     waiting, running, whole = list(jobs), dict[_Job, subprocess.Popen[bytes]](), True
-    try:
-        with _watching(jobs, console) as show:
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
+        bar = {job: bars.add_task(job.experiment.name, total=1.0, note="") for job in jobs}
+        try:
             while waiting or running:
                 while waiting and len(running) < at_once:
                     job = waiting.pop(0)
                     running[job] = job.start()
                 time.sleep(_POLL_SECONDS)
-                ended = {job: p.returncode for job, p in running.items() if p.poll() is not None}
-                show(
-                    {job: job in running and job not in ended for job in jobs if job not in waiting}
-                )
-                for job, status in ended.items():
-                    del running[job]
-                    if status != 0:
-                        whole = False
-                        console.print(f"{job.experiment.name} failed; {job.log} ends:")
-                        for line in job.log.read_text().splitlines()[-_LOG_LINES:]:
-                            console.print(line, markup=False, highlight=False)
-    finally:
-        for process in running.values():
-            process.terminate()
+                for job, process in list(running.items()):
+                    share, note = job.progress()
+                    bars.update(bar[job], completed=share, note=note)
+                    if process.poll() is not None:
+                        del running[job]
+                        bars.update(bar[job], completed=1.0, note="")
+                        count = len(jobs) - len(waiting) - len(running)
+                        whole &= _went_well(job, process, f"{count} of {len(jobs)}", console)
+        finally:
+            for process in running.values():
+                process.terminate()
     return whole
 
 
-_Show = Callable[[dict[_Job, bool]], None]
-
-
-@contextmanager
-def _watching(jobs: Sequence[_Job], console: Console) -> Iterator[_Show]:
-    """Yield what shows the jobs that were started: bars, or lines where there is no terminal.
-
-    It is called with the jobs that were started and whether each still runs.
-    """
-    if not console.is_terminal:
-        last, told = time.monotonic(), set[_Job]()
-
-        def lines(started: dict[_Job, bool]) -> None:
-            nonlocal last
-            for job in [j for j, alive in started.items() if not alive and j not in told]:
-                told.add(job)
-                console.print(f"{job.experiment.name}: done, {len(told)} of {len(jobs)}")
-            if time.monotonic() - last >= _LINE_SECONDS:
-                last = time.monotonic()
-                for job in [j for j, alive in started.items() if alive]:
-                    share, note = job.progress()
-                    console.print(f"{job.experiment.name}: {share:.0%} {note}", highlight=False)
-
-        yield lines
-        return
-    columns = (
-        *(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %")),
-        *(TimeElapsedColumn(), TextColumn("{task.fields[note]}")),
-    )
-    with Progress(*columns, console=console) as progress:
-        tasks = {job: progress.add_task(job.experiment.name, False, 1.0, note="") for job in jobs}
-
-        def bars(started: dict[_Job, bool]) -> None:
-            for job, alive in started.items():
-                task = tasks[job]
-                if not progress.tasks[task].started:
-                    progress.start_task(task)
-                share, note = job.progress() if alive else (1.0, "")
-                progress.update(task, completed=share, note=note)
-                if not alive:
-                    progress.stop_task(task)
-
-        yield bars
+def _went_well(job: _Job, process: "subprocess.Popen[bytes]", which: str, console: Console) -> bool:
+    """Say that an experiment has ended, and how, if badly."""
+    if process.returncode == 0:
+        if not console.is_terminal:
+            console.print(f"{job.experiment.name}: done, {which}")
+        return True
+    console.print(f"{job.experiment.name} failed; {job.log} ends:")
+    for line in job.log.read_text().splitlines()[-_LOG_LINES:]:
+        console.print(line, markup=False, highlight=False)
+    return False
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -7,8 +7,10 @@ import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from eval.papers.log import Log
+from eval.papers.parts import frames, video
 from eval.video import Clip
-from fbid_gym.dynamics.support import Support
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot
 
@@ -47,7 +49,7 @@ class Camera:
         """
         self._robot, self._model = robot, robot.model if model is None else model
         self._data = mujoco.MjData(self._model)
-        support = Support.of(robot)
+        support = Stance.of(robot)
         self._distance = (2.3 * support.home_base[2] + 3.5 * support.radius) / nearer
         try:
             self._renderer = mujoco.Renderer(self._model, height=height, width=width)
@@ -96,23 +98,39 @@ class Camera:
         image = self._renderer.render()
         return _labelled(image, label) if label else image
 
-    def strip(self, qpos: np.ndarray, push: np.ndarray, labels: Sequence[str]) -> list[np.ndarray]:
-        """Draw K states: `qpos` (K, nq), `push` (K, 3)."""
-        return [self.picture(*row) for row in zip(qpos, push, labels, strict=True)]
+    def strip(
+        self,
+        log: Log,
+        moments: Sequence[float] | np.ndarray,
+        caption: str,
+        of: str,
+        digits: int = 1,
+    ) -> str:
+        """Draw the first robot of a log at some moments (K,) s, side by side, as a figure.
 
-    def clip(
-        self, time: np.ndarray, qpos: np.ndarray, push: np.ndarray, fps: float, title: str = ""
-    ) -> Clip:
-        """Draw a motion, `time` (T,) s, at `fps` pictures per second of it."""
-        moments = np.arange(time[0], time[-1], 1.0 / fps)
-        rows = np.searchsorted(time, moments - 1e-9)
-        pictures = []
-        for moment, row in zip(moments, rows, strict=True):
-            force = float(np.linalg.norm(push[row]))
+        Args:
+            log: of the robot.
+            moments: when; the last tick stands for what is beyond it.
+            caption: HTML.
+            of: plain text for those who do not see the pictures.
+            digits: of the seconds on the pictures.
+        """
+        images = [
+            self.picture(log["qpos"][k, 0], log["push"][k, 0], f"{log.time[k]:.{digits}f} s")
+            for k in log.at(moments)
+        ]
+        return frames(images, caption, of)
+
+    def film(self, log: Log, fps: float, caption: str, seconds: float = np.inf) -> str:
+        """Draw the motion of the first robot of a log, at `fps` pictures per second, as a video."""
+        moments = np.arange(0.0, min(log.time[-1], seconds), 1.0 / fps)
+        rows, pictures = log.at(moments), []
+        push = log["push"][rows, 0]
+        for moment, row, newtons in zip(moments, rows, push, strict=True):
+            force = float(np.linalg.norm(newtons))
             pushed = f", {force:.0f} N" if force > 0 else ""
-            label = f"{title}{moment:.1f} s{pushed}"
-            pictures.append(self.picture(qpos[row], push[row], label))
-        return Clip(pictures, fps, push[rows], None)
+            pictures.append(self.picture(log["qpos"][row, 0], newtons, f"{moment:.1f} s{pushed}"))
+        return video(Clip(pictures, fps, push, None).mp4(30), caption)
 
     def _arrow(self, push: np.ndarray) -> None:
         size, scene = float(np.linalg.norm(push)), self._renderer.scene

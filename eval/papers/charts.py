@@ -6,6 +6,7 @@ from html import escape
 
 import numpy as np
 
+from eval.papers.log import Log
 from eval.plots import Scale, Series, panel, ticks
 from eval.wording import number
 
@@ -60,6 +61,29 @@ def traces(
         if x:
             series.append(Series(name, colour, x, y))
     return panel(series, title, unit_time, y_range=y_range)
+
+
+def logged(
+    curves: Sequence[tuple[str, int, Log, np.ndarray]],
+    title: str,
+    since: float = -np.inf,
+    until: float = np.inf,
+) -> str:
+    """Curves over time of the first robots of logs, each up to its robot's fall.
+
+    Args:
+        curves: (name, colour, log, (T,) values at the log's ticks) each.
+        title: what is shown, with its unit.
+        since: s, where the chart begins.
+        until: s, where it ends.
+    """
+    longest = max((log for _, _, log, _ in curves), key=lambda log: len(log.time)).time
+    shown = (longest > since) & (longest < until)
+    padded = []
+    for name, colour, log, values in curves:
+        up = np.where(log.up[:, 0], values, np.nan)
+        padded.append((name, colour, np.append(up, np.full(len(longest) - len(up), np.nan))[shown]))
+    return traces(longest[shown], padded, title)
 
 
 def lines(

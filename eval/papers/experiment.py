@@ -1,14 +1,16 @@
 """What an experiment is: it runs and saves data, then draws its section from what it saved."""
 
+import io
 import json
 import shlex
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, TypeVar
 
+import numpy as np
 import tyro
 
 from eval.files import read_json, to_json, write
@@ -17,35 +19,34 @@ from fbid_gym.errors import FbidError, RunError
 
 OUT = Path("runs/papers")
 _SHOWN_EVERY = 1.0
+Item = TypeVar("Item")
 
 
 class Progress:
     """How far an experiment is, kept in a small file that whoever started it may read."""
 
-    def __init__(self, path: Path | None) -> None:
-        """Write to `path`; None shows nothing."""
-        self._path, self._written = path, 0.0
-        self._low, self._high, self._note = 0.0, 1.0, ""
+    def __init__(
+        self, path: Path | None, low: float = 0.0, high: float = 1.0, note: str = ""
+    ) -> None:
+        """Tell of the part of an experiment from `low` to `high`; without a path, of nothing."""
+        self._path, self._low, self._high, self._note = path, low, high, note
+        self._written = 0.0
 
-    def part(self, low: float, high: float, note: str) -> "Progress":
+    def part(self, low: float, high: float, note: str = "") -> "Progress":
         """Return the progress of a part that goes from `low` to `high` of this one."""
-        inner = Progress(self._path)
         width = self._high - self._low
-        inner._low, inner._high = self._low + low * width, self._low + high * width
-        inner._note = note
+        note = ", ".join(filter(None, (self._note, note)))
+        inner = Progress(self._path, self._low + low * width, self._low + high * width, note)
         inner(0.0)
         return inner
 
-    def parts(self, names: Sequence[str]) -> "list[Progress]":
-        """Split into equal parts, one after another. Each is shown once it is called."""
-        found = []
-        for k, name in enumerate(names):
-            inner = Progress(self._path)
-            width = (self._high - self._low) / len(names)
-            inner._low, inner._high = self._low + k * width, self._low + (k + 1) * width
-            inner._note = name
-            found.append(inner)
-        return found
+    def each(
+        self, items: Iterable[Item], note: Callable[[Item], str] = str
+    ) -> "Iterator[tuple[Item, Progress]]":
+        """Go through equal parts, one after another: each item with its progress."""
+        every = list(items)
+        for k, item in enumerate(every):
+            yield item, self.part(k / len(every), (k + 1) / len(every), note(item))
 
     def __call__(self, share: float) -> None:
         """Note that this share of the part is done; written at most once a second."""
@@ -89,6 +90,11 @@ class Result:
     arrays: dict[str, Any]
 
 
+def row(rows: Sequence[dict[str, Any]], **values: Any) -> dict[str, Any]:
+    """Return the row of a result that has these values."""
+    return next(found for found in rows if found.items() >= values.items())
+
+
 @dataclass(frozen=True)
 class Experiment:
     """One figure or claim of a paper.
@@ -98,7 +104,7 @@ class Experiment:
         title: what it shows.
         about: what was done, in one or two sentences.
         run: does it.
-        show: turns a result, as it was saved, into the HTML of its section.
+        show: turns a result, as it was saved, into the pieces of its section, HTML.
         minutes: that it takes, roughly; the longest are started first.
     """
 
@@ -106,7 +112,7 @@ class Experiment:
     title: str
     about: str
     run: Callable[[Setting], Result]
-    show: Callable[[Result], str]
+    show: Callable[[Result], Sequence[str]]
     minutes: float = 1.0
 
     @property
@@ -130,15 +136,12 @@ class Experiment:
 
 def save(experiment: Experiment, out: Path, result: Result, about: dict[str, Any]) -> None:
     """Write `data.npz` and `numbers.json` into the experiment's folder."""
-    from eval.papers.log import save_arrays
-
-    folder = experiment.folder(out)
-    save_arrays(folder / "data.npz", result.arrays)
+    folder, buffer = experiment.folder(out), io.BytesIO()
+    np.savez_compressed(buffer, **result.arrays)
+    write(folder / "data.npz", buffer.getvalue())
     findings = [asdict(finding) for finding in result.findings]
-    write(
-        folder / "numbers.json",
-        to_json({"findings": findings, "numbers": result.numbers, "run": about}),
-    )
+    numbers = {"findings": findings, "numbers": result.numbers, "run": about}
+    write(folder / "numbers.json", to_json(numbers))
 
 
 def load(experiment: Experiment, out: Path) -> tuple[Result, dict[str, Any]]:
@@ -147,14 +150,14 @@ def load(experiment: Experiment, out: Path) -> tuple[Result, dict[str, Any]]:
     Raises:
         RunError: the experiment has not been run.
     """
-    from eval.papers.log import load_arrays
-
     folder = experiment.folder(out)
-    arrays = load_arrays(folder / "data.npz")
-    if not (folder / "numbers.json").is_file():
-        raise RunError(f"{folder} holds no numbers.json. Run: {experiment.command(False)}")
+    for name in ("data.npz", "numbers.json"):
+        if not (folder / name).is_file():
+            raise RunError(f"{folder} holds no {name}. Run: {experiment.command(False)}")
+    with np.load(folder / "data.npz", allow_pickle=False) as file:
+        arrays = dict(file)
     saved = read_json(folder / "numbers.json")
-    findings = [Finding(**row) for row in saved["findings"]]
+    findings = [Finding(**found) for found in saved["findings"]]
     return Result(findings, saved["numbers"], arrays), saved["run"]
 
 
@@ -170,10 +173,10 @@ class ScriptConfig:
     """Draw the section from the data that are there."""
 
 
-def main(experiment: Experiment, arguments: Sequence[str] | None = None) -> int:
+def main(experiment: Experiment) -> NoReturn:
     """Command line of one experiment. An error of ours is one line and exit status 2."""
     config = tyro.cli(
-        ScriptConfig, prog=f"python -m {experiment.module}", args=arguments,
+        ScriptConfig, prog=f"python -m {experiment.module}",
         description=f"{experiment.title}. {experiment.about}",
     )  # fmt: skip
     folder = experiment.folder(config.out)
@@ -185,11 +188,11 @@ def main(experiment: Experiment, arguments: Sequence[str] | None = None) -> int:
             seconds = time.monotonic() - began
             save(experiment, config.out, result, {"quick": config.quick, "seconds": seconds})
         result, run = load(experiment, config.out)
-        write(folder / "section.html", experiment.show(result))
+        write(folder / "section.html", "".join(experiment.show(result)))
     except FbidError as error:
         print(f"error: {error}", file=sys.stderr)
-        return 2
+        sys.exit(2)
     for finding in result.findings:
         print(f"{finding.what}: {finding.ours} (paper: {finding.paper})")
     print(f"{run['seconds']:.0f} s. Section: {folder / 'section.html'}")
-    return 0
+    sys.exit(0)

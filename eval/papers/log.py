@@ -2,73 +2,45 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fbid_gym.bundles import write_file
-from fbid_gym.envs.simulation import Simulation
-from fbid_gym.errors import RunError
-from fbid_gym.motions import Reference
-from fbid_gym.robots import Robot
-
-if TYPE_CHECKING:
-    from eval.papers.trial import Command
-
-_PER_TICK = (
-    "qpos",
-    "qvel",
-    "target",
-    "feedforward",
-    "feedback",
-    "contact_force",
-    "push",
-    "planted",
-)
+_SAME = 1e-6  # s, by which single precision may err
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """T logged ticks of N robots; P contact points, F feet.
+    """T logged ticks of N robots; `log[name]` is a signal.
+
+    Every trial has, before the tick's torque if not said otherwise:
+
+        qpos: (T, N, ...) of the whole world, the robot's first.
+        qvel: (T, N, nv) of the robot.
+        torque: (T, N, n) N·m, of the tick, applied.
+        contact_force: (T, N, P, 3) N, world, measured during the physics step before.
+        push: (T, N, 3) N on the base, of the tick.
+
+    and what its plan, its controller's command and its controller's memory add.
 
     Attributes:
         time: (T,) s.
-        qpos: (T, N, nq) before the tick's torque.
-        qvel: (T, N, nv).
-        target: (T, N, n) rad, joints of the reference.
-        feedforward: (T, N, n) N·m, commanded.
-        feedback: (T, N, n) N·m, commanded.
-        contact_force: (T, N, P, 3) N, world, measured during the physics step before.
-        push: (T, N, 3) N.
-        planted: (T, N, F) bool, feet that the reference plants.
-        limit: (n,) N·m; applied was feedforward + feedback clipped to it.
         fell: (N,) s at which each robot was lost; NaN for those still up.
-        watched: name -> (T, N, ...) entries of the controller's memory, after the tick.
+        signals: name -> (T, N, ...).
     """
 
     time: np.ndarray
-    qpos: np.ndarray
-    qvel: np.ndarray
-    target: np.ndarray
-    feedforward: np.ndarray
-    feedback: np.ndarray
-    contact_force: np.ndarray
-    push: np.ndarray
-    planted: np.ndarray
-    limit: np.ndarray
     fell: np.ndarray
-    watched: dict[str, np.ndarray]
+    signals: Mapping[str, np.ndarray]
 
-    @property
-    def torque(self) -> np.ndarray:
-        """(T, N, n) N·m commanded and within the limits."""
-        return np.clip(self.feedforward + self.feedback, -self.limit, self.limit)
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return a signal."""
+        return self.signals[name]
 
     @property
     def error(self) -> np.ndarray:
         """(T, N, n) rad, joint angle minus target."""
-        return self.qpos[:, :, 7:] - self.target
+        target = self["target"]
+        return self["qpos"][:, :, 7 : 7 + target.shape[2]] - target
 
     @property
     def up(self) -> np.ndarray:
@@ -81,125 +53,53 @@ class Log:
         """(N,) bool, up to the end."""
         return np.isnan(self.fell)
 
-    def rms(self, values: np.ndarray, since: float = 0.0, until: float = np.inf) -> np.ndarray:
-        """Root mean square over the ticks at which a robot was up.
+    def fall(self, index: int = 0) -> float | None:
+        """Return when a robot fell, s, or None."""
+        return None if self.survived[index] else float(self.fell[index])
 
-        Args:
-            values: (T, N, ...).
-            since: s, leave out what came before.
-            until: s, leave out what comes then and after.
+    def rms(self, values: np.ndarray) -> np.ndarray:
+        """Root mean square of (T, N, ...) over the ticks at which a robot was up.
 
         Returns:
             (N, ...), NaN for a robot that was up at no such tick.
         """
-        inside = (self.time >= since) & (self.time < until)
-        kept = self.up & inside[:, None]
-        weight = kept.reshape(*kept.shape, *(1,) * (values.ndim - 2)).astype(float)
+        kept = self.up.reshape(*self.up.shape, *(1,) * (values.ndim - 2))
         # where, not times: a diverged robot's values may be infinite.
-        square = np.where(weight > 0, np.asarray(values, float), 0.0) ** 2
-        count = weight.sum(axis=0)
-        mean = square.sum(axis=0) / np.maximum(count, 1.0)
+        square = np.where(kept, np.asarray(values, float), 0.0) ** 2
+        count = kept.sum(axis=0)
+        mean = square.sum(axis=0) / np.maximum(count, 1)
         return np.sqrt(np.where(count > 0, mean, np.nan))
+
+    def rms_of_joints(self, values: np.ndarray) -> np.ndarray:
+        """Root mean square of (T, N, n) over these ticks and over the joints: (N,)."""
+        return np.sqrt((self.rms(values) ** 2).mean(axis=1))
 
     def of(self, robots: slice | Sequence[int]) -> "Log":
         """Return the log of some of the robots."""
-        return Log(
-            time=self.time,
-            **{name: getattr(self, name)[:, robots] for name in _PER_TICK},
-            limit=self.limit,
-            fell=self.fell[robots],
-            watched={name: value[:, robots] for name, value in self.watched.items()},
-        )
+        signals = {name: value[:, robots] for name, value in self.signals.items()}
+        return Log(self.time, self.fell[robots], signals)
+
+    def groups(self, size: int) -> "list[Log]":
+        """Return the logs of the first `size` robots, of the next, and so on."""
+        return [self.of(slice(k, k + size)) for k in range(0, len(self.fell), size)]
+
+    def at(self, moments: Sequence[float] | np.ndarray) -> np.ndarray:
+        """Return the rows of the first ticks from each of these s on, or of the last tick."""
+        late = np.searchsorted(self.time, np.asarray(moments) - _SAME)
+        return np.minimum(late, len(self.time) - 1)
 
     def arrays(self, prefix: str = "") -> dict[str, np.ndarray]:
-        """Return all arrays by name, single precision, for `numpy.savez`."""
-        named = {name: getattr(self, name) for name in ("time", *_PER_TICK, "limit", "fell")}
-        named |= {f"watched.{name}": value for name, value in self.watched.items()}
-        return {f"{prefix}{name}": _single(value) for name, value in named.items()}
+        """Return all arrays by name, for `numpy.savez`."""
+        named = {"time": self.time, "fell": self.fell, **self.signals}
+        return {f"{prefix}{name}": single(value) for name, value in named.items()}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray], prefix: str = "") -> "Log":
         """Rebuild a log from `arrays` of the same prefix."""
         own = {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
-        watched = {k.removeprefix("watched."): v for k, v in own.items() if "watched." in k}
-        return cls(watched=watched, **{k: v for k, v in own.items() if "watched." not in k})
+        return cls(own.pop("time"), own.pop("fell"), own)
 
 
-def _single(value: np.ndarray) -> np.ndarray:
-    return value.astype(np.float32) if value.dtype == np.float64 else value
-
-
-class Recorder:
-    """Collects the ticks of a trial."""
-
-    def __init__(self, robot: Robot, num_robots: int, tick_seconds: float) -> None:
-        """Start empty."""
-        self._limit, self._feet = robot.torque_limit, robot.num_feet
-        self._tick_seconds = tick_seconds
-        self._rows: dict[str, list[np.ndarray]] = {name: [] for name in _PER_TICK}
-        self._watched: dict[str, list[np.ndarray]] = {}
-        self.fell = np.full(num_robots, np.nan)
-
-    def lose(self, robots: np.ndarray, step: int) -> None:
-        """Note that the `robots` (N,) bool were lost at a control tick."""
-        self.fell[robots] = step * self._tick_seconds
-
-    def add(
-        self,
-        simulation: Simulation,
-        reference: Reference,
-        command: "Command",
-        push: np.ndarray,
-        watched: Mapping[str, np.ndarray],
-    ) -> None:
-        """Keep one tick."""
-        planted = reference.planted
-        if planted is None:
-            planted = np.ones((simulation.num_robots, self._feet), bool)
-        values = (
-            simulation.qpos,
-            simulation.qvel,
-            reference.qpos[:, 7:],
-            command.feedforward,
-            command.feedback,
-            simulation.contact_force,
-            push,
-            planted,
-        )
-        for name, value in zip(_PER_TICK, values, strict=True):
-            self._rows[name].append(_single(np.array(value)))
-        for name, value in watched.items():
-            self._watched.setdefault(name, []).append(_single(np.array(value)))
-
-    def log(self, every: int) -> Log:
-        """Return what was collected, a row for each `every`-th tick."""
-        stacked = {name: np.array(rows) for name, rows in self._rows.items()}
-        return Log(
-            time=np.arange(len(stacked["qpos"])) * every * self._tick_seconds,
-            **stacked,
-            limit=np.array(self._limit),
-            fell=self.fell,
-            watched={name: np.array(rows) for name, rows in self._watched.items()},
-        )
-
-
-def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write arrays to a compressed .npz file, whole or not at all."""
-    import io
-
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]  # names are never "file"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_file(path, buffer.getvalue())
-
-
-def load_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Read the arrays of a .npz file.
-
-    Raises:
-        RunError: there is no such file.
-    """
-    if not path.is_file():
-        raise RunError(f"{path} is not there. Run the experiment first.")
-    with np.load(path, allow_pickle=False) as file:
-        return dict(file)
+def single(value: np.ndarray) -> np.ndarray:
+    """Return a copy, in single precision if it was in double."""
+    return np.array(value, np.float32 if value.dtype == np.float64 else value.dtype)

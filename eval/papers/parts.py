@@ -2,14 +2,15 @@
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from PIL import Image
 
+Row = TypeVar("Row")
 Verdict = Literal["met", "missed", "shown"]
 
 _MARK = {"met": "✓ met", "missed": "✗ missed", "shown": "shown"}
@@ -37,6 +38,11 @@ class Finding:
 def judged(what: str, paper: str, ours: str, target: str, holds: bool) -> Finding:
     """Return a finding that has a target."""
     return Finding(what, paper, ours, "met" if holds else "missed", target)
+
+
+def fate(fell: float | None) -> str:
+    """Say whether a robot stayed up; `fell` is when it fell, s."""
+    return "stays up" if fell is None else f"falls at {fell:.1f} s"
 
 
 def findings_table(findings: Sequence[Finding]) -> str:
@@ -72,6 +78,13 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], wrap: bool = Fals
         f'<div class="scroll wide"><table{kind}><thead><tr>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"
     )
+
+
+def columns(
+    rows: Iterable[Row], cells: Sequence[tuple[str, Callable[[Row], str]]], wrap: bool = False
+) -> str:
+    """A table of rows, from the heading of each column and what stands in it."""
+    return table([head for head, _ in cells], [[of(row) for _, of in cells] for row in rows], wrap)
 
 
 def text(*paragraphs: str) -> str:

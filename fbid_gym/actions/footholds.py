@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.quantities import Steering
+from fbid_gym.motions.gait.command import Steering
 from fbid_gym.robots import Robot
 
 _MOST_SHIFT = 0.2  # of the height of the centre of mass

@@ -13,7 +13,8 @@ from fbid_gym.actions.walking_law import WalkingGains, WalkingLaw, base_task, le
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.quantities import DynamicsTerms, GaitTarget, Memory, RobotState, TaskCommand
+from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, TaskCommand
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 

@@ -14,7 +14,8 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.motions import home_reference
 from fbid_gym.motions.gait.joints import Legs, joint_reference, legs_of
-from fbid_gym.quantities import DynamicsTerms, GaitTarget, Memory, Reference, RobotState
+from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
 REFERENCES = ("gait", "home")

@@ -23,13 +23,13 @@ from fbid_gym.control.operational_space import LEAST_GAIN, serve_task
 from fbid_gym.control.underactuation import underactuation
 from fbid_gym.dynamics.contacts import contact_geometry, reduce_contacts
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import (
     ActivePoints,
     Constraint,
     ContactGeometry,
     DynamicsTerms,
     EquationOfMotion,
-    GaitTarget,
     Memory,
     Nearness,
     PointLimits,
@@ -79,7 +79,7 @@ class WalkingGains(NamedTuple):
 # In units of omega, to the power of the unit. On points a robot has no ankles: what it does with
 # its joints is all in its feet and its body.
 _ON_POINTS = WalkingGains(4.4, 3.4, 5.9, 4.3, 26.0, 10.0, 5.0, 0.0, 0.34)
-_ON_SOLES = WalkingGains(8.2, 5.7, 11.8, 6.9, 74.0, 17.0, 2.9, 5.2, 4.6)
+_ON_SOLES = WalkingGains(7.84, 5.6, 6.25, 5.0, 49.0, 14.0, 2.9, 4.84, 4.4)
 
 
 class _Constants(NamedTuple):

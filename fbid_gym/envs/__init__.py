@@ -9,7 +9,7 @@ _LIGHT = {
     "physics_hz": 250,
     "control_hz": 250,
     "friction_cone": "pyramidal",
-    "solver_iterations": 10,
+    "solver_iterations": 20,
     "episode_seconds": 20.0,
 }
 _ON_SOLES = {

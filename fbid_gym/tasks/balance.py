@@ -9,7 +9,8 @@ import numpy as np
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions import home_reference
-from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState, Steering
+from fbid_gym.motions.gait.command import Steering
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, Posture, bell, level, weighted

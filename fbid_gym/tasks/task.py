@@ -5,7 +5,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Steering
+from fbid_gym.motions.gait.command import Steering
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
 from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan

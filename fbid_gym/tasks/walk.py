@@ -8,8 +8,10 @@ import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.motions.gait.command import Steering
 from fbid_gym.motions.gait.gait import Gait, gait_of
-from fbid_gym.quantities import DynamicsTerms, GaitTarget, Memory, RobotState, Steering
+from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.body import Body, Posture, bell, level, side_by_side, weighted
 from fbid_gym.tasks.outcome import Outcome

@@ -1,32 +1,28 @@
 """The three balancers of the experiments, alike in everything but the laws themselves."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.control.balance import (
-    TABLE_1,
-    BalanceGains,
+from eval.papers.garofalo2015.bout import Goal
+from eval.papers.trial import Memory
+from fbid_gym.control import (
     BalanceTarget,
+    ContactLimits,
+    TorqueMap,
     desired_wrench_garofalo2015,
     desired_wrench_ott2011,
-)
-from fbid_gym.control.balancers import (
+    distribute,
     torque_map_garofalo2015,
     torque_map_inverse_dynamics,
     torque_map_ott2011,
 )
-from fbid_gym.control.contact_forces import ContactLimits
-from fbid_gym.control.torque_map import TorqueMap
-from fbid_gym.control.wrench_distribution import distribute
-from fbid_gym.dynamics.centroidal import CentroidalTerms, centroidal_terms
-from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts, reduced_contacts
-from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support
-from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.control.balance_gains import TABLE_1
+from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, centroidal_terms
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 
 OTT, GAROFALO, INVERSE = "Ott 2011", "Garofalo 2015", "inverse dynamics"
@@ -43,84 +39,49 @@ _TORQUE_MAP: dict[str, Callable[..., TorqueMap]] = {
     GAROFALO: torque_map_garofalo2015,
     INVERSE: torque_map_inverse_dynamics,
 }
-_FRICTION = 0.7
+_LIMITS = ContactLimits(friction=0.7)
 POSTURE_HERTZ = 1.5
 """Hz, of the joints' return to the posture where neither contacts nor momentum are moved by it."""
 
-Memory = dict[str, Any]
 
-
-class Outcome(NamedTuple):
+class BalancerCommand(NamedTuple):
     """What a balancer wants and what it does on one tick.
 
     Attributes:
-        torque: (N, n) N m, within the limits.
-        desired: (N, 6) N and N m, wrench at the centre of mass.
-        delivered: (N, 6) by the contact forces it counts on.
-        residual: (N,) of the two, per weight.
+        torque: (N, n) N·m, within the limits.
+        desired: (N, 6) N and N·m, wrench at the centre of mass.
     """
 
     torque: np.ndarray
     desired: np.ndarray
-    delivered: np.ndarray
-    residual: np.ndarray
 
 
-class Goal(NamedTuple):
-    """What the robots shall do on one tick.
-
-    Attributes:
-        target: of centre of mass and base.
-        posture: (n,) or (N, n) rad, of the joints.
-        posture_rate: the same, rad/s.
-        posture_acceleration: the same, rad/s^2.
-        contact_rotation: (N, P, 3, 3) world from contact axes; None for level ground.
-    """
-
-    target: BalanceTarget
-    posture: np.ndarray
-    posture_rate: np.ndarray | float = 0.0
-    posture_acceleration: np.ndarray | float = 0.0
-    contact_rotation: np.ndarray | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class Balancer:
-    """A law for the wrench with a map to the torques; `balancer` builds the three.
+    """A law for the wrench with a map to the torques; `balancer` builds the three."""
 
-    Attributes:
-        robot: that it believes to control.
-        wrench: which law, "(36)" or "(38)" of [G15].
-        torque_map: which map from contact forces to joint torques, by the name of its balancer.
-        gains: of (38). The gains of (36) are those that damp a rigid body alike.
-        friction: assumed of the contacts.
-        posture_hertz: Hz, of the posture.
-        compensate_damping: add what the joints' viscous damping takes away.
-    """
+    def __init__(
+        self,
+        robot: Robot,
+        wrench: str,
+        torque_map: str,
+        posture_hertz: float = POSTURE_HERTZ,
+        compensate_damping: bool = False,
+    ) -> None:
+        """Measure the robot.
 
-    robot: Robot
-    wrench: str = ON_MOMENTUM
-    torque_map: str = GAROFALO
-    gains: BalanceGains = TABLE_1
-    friction: float = _FRICTION
-    posture_hertz: float = POSTURE_HERTZ
-    compensate_damping: bool = False
-    limits: ContactLimits = field(init=False)
-    geometry: ContactGeometry = field(init=False)
-    length: float = field(init=False)
-    on_velocity: BalanceGains = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Measure the robot."""
-        support = Support.of(self.robot)
-        on_velocity = self.gains.on_velocity(self.robot.mass, stance_rotation_inertia(self.robot))
-        for name, value in (
-            ("limits", ContactLimits(self.friction)),
-            ("geometry", ContactGeometry.of(self.robot)),
-            ("length", support.radius),
-            ("on_velocity", on_velocity),
-        ):
-            object.__setattr__(self, name, value)
+        Args:
+            robot: that it believes to control.
+            wrench: which law, "(36)" or "(38)" of [G15]. (38) has the gains of [G15]'s table 1,
+                (36) those that damp a rigid body alike.
+            torque_map: which map from contact forces to joint torques, by its balancer's name.
+            posture_hertz: Hz, of the posture.
+            compensate_damping: add what the joints' viscous damping takes away.
+        """
+        self.robot, self.wrench, self.torque_map = robot, wrench, _TORQUE_MAP[torque_map]
+        self.posture_rate = 2.0 * np.pi * posture_hertz
+        self.compensated = robot.joint_damping * compensate_damping
+        self.geometry, self.length = contact_geometry(robot), Stance.of(robot).radius
+        self.on_velocity = TABLE_1.on_velocity(robot.mass, stance_rotation_inertia(robot))
 
     def memory(self, num_robots: int) -> Memory:
         """Return the memory of robots that have not moved yet."""
@@ -128,22 +89,19 @@ class Balancer:
 
     def __call__(
         self, state: RobotState, terms: DynamicsTerms, goal: Goal, memory: Memory
-    ) -> Outcome:
+    ) -> BalancerCommand:
         """Return the torques for one control tick."""
         robot, rate = self.robot, state.qvel[:, 6:]
         body = centroidal_terms(terms, state.qvel)
         contacts = reduced_contacts(self.geometry, terms)
-        omega = 2.0 * np.pi * self.posture_hertz
-        posture = omega**2 * (goal.posture - state.qpos[:, 7:])
-        posture += 2.0 * omega * (goal.posture_rate - rate) + goal.posture_acceleration
-        torque_map = _TORQUE_MAP[self.torque_map](terms, body, contacts, posture)
-        damping = robot.joint_damping * rate
-        if self.compensate_damping:
-            torque_map = torque_map._replace(offset=torque_map.offset + damping)
+        omega = self.posture_rate
+        posture = omega**2 * (goal.posture - state.qpos[:, 7:]) - 2.0 * omega * rate
+        torque_map = self.torque_map(terms, body, contacts, posture)
+        torque_map = torque_map._replace(offset=torque_map.offset + self.compensated * rate)
         found = distribute(
             torque_map,
             self.desired(state, terms, body, goal.target),
-            self.limits,
+            _LIMITS,
             to_com=body.to_com,
             point_map=contacts.point_map,
             weight=robot.weight,
@@ -154,37 +112,29 @@ class Balancer:
         )
         memory["warm_start"] = found.warm_start
         torque = np.clip(found.torque, -robot.torque_limit, robot.torque_limit)
-        return Outcome(torque, found.wrench_desired, found.wrench, found.residual)
+        return BalancerCommand(torque, found.wrench_desired)
 
     def desired(
-        self,
-        state: RobotState,
-        terms: DynamicsTerms,
-        body: CentroidalTerms,
-        target: BalanceTarget,
+        self, state: RobotState, terms: DynamicsTerms, body: CentroidalTerms, target: BalanceTarget
     ) -> np.ndarray:
-        """Return the desired wrench at the centre of mass, (N, 6) N and N m, world."""
-        if self.wrench == ON_VELOCITY:
-            return np.asarray(
-                desired_wrench_ott2011(
-                    self.on_velocity,
-                    target,
-                    com=terms.com,
-                    com_velocity=terms.com_velocity,
-                    rotation=terms.base_rotation,
-                    angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
-                    mass=body.mass,
-                )
-            )
-        return np.asarray(
-            desired_wrench_garofalo2015(
-                self.gains,
+        """Return the desired wrench at the centre of mass, (N, 6) N and N·m, world."""
+        if self.wrench == ON_MOMENTUM:
+            return desired_wrench_garofalo2015(
+                TABLE_1,
                 target,
                 com=terms.com,
                 rotation=terms.base_rotation,
                 momentum=body.momentum,
                 mass=body.mass,
             )
+        return desired_wrench_ott2011(
+            self.on_velocity,
+            target,
+            com=terms.com,
+            com_velocity=terms.com_velocity,
+            rotation=terms.base_rotation,
+            angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
+            mass=body.mass,
         )
 
 
@@ -206,7 +156,7 @@ def stance_angular_momentum(robot: Robot) -> np.ndarray:
     rest = np.zeros((1, robot.nv))
     terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], rest)
     body = centroidal_terms(terms, rest)
-    contacts: ReducedContacts = reduced_contacts(ContactGeometry.of(robot), terms)
+    contacts = reduced_contacts(contact_geometry(robot), terms)
     spin = np.zeros((3, robot.nv))
     spin[:, 3:6] = terms.base_rotation[0]
     given = np.concatenate([contacts.jacobian[0], body.matrix[0, :3] / robot.mass, spin])

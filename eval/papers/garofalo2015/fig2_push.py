@@ -1,12 +1,11 @@
 """[G15] figures 1 and 2: a pendulum hits the hip from the side."""
 
-import sys
 from typing import Any
 
 import numpy as np
 
 from eval.papers.camera import Camera
-from eval.papers.charts import traces
+from eval.papers.charts import logged, traces
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.garofalo2015.balancer import (
     BALANCERS,
@@ -18,11 +17,12 @@ from eval.papers.garofalo2015.balancer import (
     Balancer,
     balancer,
 )
-from eval.papers.garofalo2015.bout import Blow, Bout, Record
-from eval.papers.garofalo2015.bout import run as fight
+from eval.papers.garofalo2015.bout import Blow, bout
 from eval.papers.garofalo2015.measures import blow_numbers
 from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
-from eval.papers.parts import Finding, figure, folded, frames, heading, judged, table, text
+from eval.papers.log import Log
+from eval.papers.parts import Finding, columns, fate, figure, folded, heading, judged, table, text
+from eval.papers.trial import simulate
 from eval.wording import number
 from fbid_gym.robots import load
 
@@ -57,13 +57,10 @@ VARIANTS: dict[str, tuple[dict[str, float], dict[str, Any]]] = {
 """What the paper does not say, one thing changed at a time: of the pendulum, of the balancer."""
 
 
-def hit(controller: Balancer, seconds: float, pendulum: Pendulum | None = None) -> Record:
+def hit(controller: Balancer, seconds: float, pendulum: Pendulum) -> Log:
     """Let the pendulum hit a robot once."""
-    robot, swung = controller.robot, pendulum or Pendulum()
-    blow = Blow(START, SIDEWAYS, np.array([swung.energy]))
-    world = world_with_pendulum(robot, swung)
-    bout = Bout(robot, seconds, 1, world, pendulum=swung, blow=blow, every=EVERY)
-    return fight(bout, controller)
+    blow = Blow(START, SIDEWAYS, np.array([pendulum.energy]))
+    return simulate(bout(controller.robot, pendulum, blow, seconds, every=EVERY), controller)
 
 
 def run(setting: Setting) -> Result:
@@ -71,23 +68,20 @@ def run(setting: Setting) -> Result:
     robot, seconds = load("humanoid"), setting.pick(9.0, 4.0)
     variants = dict(list(VARIANTS.items())[: setting.pick(None, 2)])
     pairs = [(wrench, each) for wrench in (ON_VELOCITY, ON_MOMENTUM) for each in BALANCERS]
-    parts = iter(setting.progress.parts([*BALANCERS, *(" ".join(p) for p in pairs), *variants]))
     arrays: dict[str, np.ndarray] = {}
     rows: dict[str, list[dict[str, Any]]] = {"balancers": [], "pairs": [], "varied": []}
-    for name in BALANCERS:
-        next(parts)(0.0)
-        record = hit(balancer(robot, name), seconds)
-        rows["balancers"].append({"name": name} | blow_numbers(record, START))
-        arrays |= record.arrays(f"{name}.")
-    for wrench, torque_map in pairs:
-        next(parts)(0.0)
-        record = hit(Balancer(robot, wrench, torque_map), START + 2.0)
+    for name, _ in setting.progress.part(0.0, 0.4).each(BALANCERS):
+        log = hit(balancer(robot, name), seconds, Pendulum())
+        rows["balancers"].append({"name": name} | blow_numbers(log, START))
+        arrays |= log.arrays(f"{name}.")
+    for (wrench, torque_map), _ in setting.progress.part(0.4, 0.6).each(pairs, " ".join):
+        log = hit(Balancer(robot, wrench, torque_map), START + 2.0, Pendulum())
         pair = {"wrench": wrench, "map": torque_map}
-        rows["pairs"].append(pair | blow_numbers(record, START))
-    for name, (pendulum, options) in variants.items():
-        next(parts)(0.0)
-        record = hit(balancer(robot, GAROFALO, **options), seconds, Pendulum(**pendulum))
-        rows["varied"].append({"name": name} | blow_numbers(record, START))
+        rows["pairs"].append(pair | blow_numbers(log, START))
+    for name, _ in setting.progress.part(0.6, 1.0).each(variants):
+        pendulum, options = variants[name]
+        log = hit(balancer(robot, GAROFALO, **options), seconds, Pendulum(**pendulum))
+        rows["varied"].append({"name": name} | blow_numbers(log, START))
     return Result(findings(rows["balancers"]), rows | {"seconds": seconds}, arrays)
 
 
@@ -132,70 +126,66 @@ def findings(balancers: list[dict[str, Any]]) -> list[Finding]:
     ]
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     numbers = result.numbers
-    records = {law: Record.from_arrays(result.arrays, f"{law}.") for law in BALANCERS}
-    return "".join(
-        (
-            pictures(records[GAROFALO]),
-            figure(
-                axes_charts(records[GAROFALO]),
-                "[G15]'s balancer with the gains of its table 1, as the paper's figure 2: errors "
-                "of centre of mass and orientation, linear and angular momentum. The pendulum is "
-                f"let go at {START:g} s.",
-            ),
-            heading("Three balancers"),
-            figure(
-                law_charts(records),
-                "The components that the blow excites. The gains of Ott 2011 are those that damp a "
-                "rigid body as table 1 does.",
-            ),
-            numbers_table(numbers["balancers"], "balancer"),
-            text(
-                "The hip leans most under the paper's balancer. Exchanging laws and maps shows why:"
-            ),
-            pairs_table(numbers["pairs"]),
-            text(
-                "Half of it is the law. A robot that sways upright on its legs has angular "
-                "momentum, because its top moves fastest. (38) damps that momentum, so the hip "
-                "leans against the sway; (36) damps the spin of the hip, which does not see it. "
-                "Full inverse dynamics, which realises the wrench of (38), leans as well.",
-                "The other half is the map. In [G15]'s coordinates, neglecting the joints' "
-                "accelerations means that the robot turns like one rigid body about its centre of "
-                "mass, planted legs included. In those of Ott 2011 it means that a moment turns "
-                "the hip alone, which is nearer to what a standing robot does. The last rows have "
-                "the wrench that is lost so. The paper's point, that (38) leaves nothing out of "
-                "the momentum's equation, holds for the wrench that is wanted; the quasi-static "
-                "torques do not produce all of it.",
-            ),
-            folded(
-                "What the paper does not say, one thing changed at a time",
-                numbers_table(numbers["varied"], "[G15]'s balancer"),
-            ),
-            text(
-                "What differs from the paper, and why. The robot is simulated, from published "
-                "link data, with ideal torque control and no play, delay or elasticity in its "
-                "joints. The momentum is that of the simulation; the paper's comes from noisy "
-                "joint velocities. The sideways gains of table 1 damp little (a tenth of critical "
-                "damping), so the settling time follows from them and the joints' friction. "
-                "“Settled” means below a tenth of the peak here; the paper does not say."
-            ),
-        )
-    )
+    logs = {law: Log.from_arrays(result.arrays, f"{law}.") for law in BALANCERS}
+    return [
+        pictures(logs[GAROFALO]),
+        figure(
+            axes_charts(logs[GAROFALO]),
+            "[G15]'s balancer with the gains of its table 1, as the paper's figure 2: errors "
+            "of centre of mass and orientation, linear and angular momentum. The pendulum is "
+            f"let go at {START:g} s.",
+        ),
+        heading("Three balancers"),
+        figure(
+            law_charts(logs),
+            "The components that the blow excites. The gains of Ott 2011 are those that damp a "
+            "rigid body as table 1 does.",
+        ),
+        numbers_table(numbers["balancers"], "balancer"),
+        text("The hip leans most under the paper's balancer. Exchanging laws and maps shows why:"),
+        pairs_table(numbers["pairs"]),
+        text(
+            "Half of it is the law. A robot that sways upright on its legs has angular "
+            "momentum, because its top moves fastest. (38) damps that momentum, so the hip "
+            "leans against the sway; (36) damps the spin of the hip, which does not see it. "
+            "Full inverse dynamics, which realises the wrench of (38), leans as well.",
+            "The other half is the map. In [G15]'s coordinates, neglecting the joints' "
+            "accelerations means that the robot turns like one rigid body about its centre of "
+            "mass, planted legs included. In those of Ott 2011 it means that a moment turns "
+            "the hip alone, which is nearer to what a standing robot does. The last rows have "
+            "the wrench that is lost so. The paper's point, that (38) leaves nothing out of "
+            "the momentum's equation, holds for the wrench that is wanted; the quasi-static "
+            "torques do not produce all of it.",
+        ),
+        folded(
+            "What the paper does not say, one thing changed at a time",
+            numbers_table(numbers["varied"], "[G15]'s balancer"),
+        ),
+        text(
+            "What differs from the paper, and why. The robot is simulated, from published "
+            "link data, with ideal torque control and no play, delay or elasticity in its "
+            "joints. The momentum is that of the simulation; the paper's comes from noisy "
+            "joint velocities. The sideways gains of table 1 damp little (a tenth of critical "
+            "damping), so the settling time follows from them and the joints' friction. "
+            "“Settled” means below a tenth of the peak here; the paper does not say."
+        ),
+    ]
 
 
-def axes_charts(record: Record) -> list[str]:
+def axes_charts(log: Log) -> list[str]:
     """The four panels of the paper's figure 2."""
     panels = (
-        ("Centre of mass, error in mm", 1e3 * record.com[:, 0]),
-        ("Hip, orientation error in rad", record.rotation[:, 0]),
-        ("Linear momentum, kg m/s", record.momentum[:, 0, :3]),
-        ("Angular momentum, kg m²/s", record.momentum[:, 0, 3:]),
+        ("Centre of mass, error in mm", 1e3 * log["com"][:, 0]),
+        ("Hip, orientation error in rad", log["rotation"][:, 0]),
+        ("Linear momentum, kg m/s", log["momentum"][:, 0, :3]),
+        ("Angular momentum, kg m²/s", log["momentum"][:, 0, 3:]),
     )
     return [
         traces(
-            record.time,
+            log.time,
             [(axis, colour, values[:, k]) for k, (axis, colour) in enumerate(AXES)],
             title,
         )
@@ -203,46 +193,33 @@ def axes_charts(record: Record) -> list[str]:
     ]
 
 
-def law_charts(records: dict[str, Record]) -> list[str]:
+def law_charts(logs: dict[str, Log]) -> list[str]:
     """One component of each quantity, for the three balancers."""
     panels = (
-        ("Centre of mass, y, error in mm", lambda r: 1e3 * r.com[:, 0, 1]),
-        ("Hip, about x, error in rad", lambda r: r.rotation[:, 0, 0]),
-        ("Linear momentum, y, kg m/s", lambda r: r.momentum[:, 0, 1]),
-        ("Angular momentum, x, kg m²/s", lambda r: r.momentum[:, 0, 3]),
+        ("Centre of mass, y, error in mm", lambda r: 1e3 * r["com"][:, 0, 1]),
+        ("Hip, about x, error in rad", lambda r: r["rotation"][:, 0, 0]),
+        ("Linear momentum, y, kg m/s", lambda r: r["momentum"][:, 0, 1]),
+        ("Angular momentum, x, kg m²/s", lambda r: r["momentum"][:, 0, 3]),
     )
-    longest = max((r.time for r in records.values()), key=len)
-    charts = []
-    for title, pick in panels:
-        curves = []
-        for law, record in records.items():
-            values = pick(record)
-            padding = np.full(len(longest) - len(values), np.nan)
-            curves.append((law, COLOUR[law], np.concatenate([values, padding])))
-        charts.append(traces(longest, curves, title))
-    return charts
+    return [
+        logged([(law, COLOUR[law], log, pick(log)) for law, log in logs.items()], title)
+        for title, pick in panels
+    ]
 
 
 def numbers_table(rows: list[dict[str, Any]], what: str) -> str:
     """Peaks and settling times."""
-    heads = [
-        what, "centre of mass, y, mm", "settled, s", "hip about x, rad", "settled, s",
-        "linear momentum, kg m/s", "angular, kg m²/s", "",
-    ]  # fmt: skip
-    cells = [
-        [
-            row["name"],
-            f"{1e3 * row['com'][1]:.0f}",
-            f"{row['com_settled']:.1f}",
-            f"{row['rotation'][0]:.3f}",
-            f"{row['rotation_settled']:.1f}",
-            number(row["linear"]),
-            number(row["angular"], 2),
-            "stays up" if row["fell"] is None else f"falls at {row['fell']:.1f} s",
-        ]
-        for row in rows
-    ]
-    return table(heads, cells)
+    cells = (
+        (what, lambda row: row["name"]),
+        ("centre of mass, y, mm", lambda row: f"{1e3 * row['com'][1]:.0f}"),
+        ("settled, s", lambda row: f"{row['com_settled']:.1f}"),
+        ("hip about x, rad", lambda row: f"{row['rotation'][0]:.3f}"),
+        ("settled, s", lambda row: f"{row['rotation_settled']:.1f}"),
+        ("linear momentum, kg m/s", lambda row: number(row["linear"])),
+        ("angular, kg m²/s", lambda row: number(row["angular"], 2)),
+        ("", lambda row: fate(row["fell"])),
+    )
+    return columns(rows, cells)
 
 
 def pairs_table(rows: list[dict[str, Any]]) -> str:
@@ -261,22 +238,20 @@ def pairs_table(rows: list[dict[str, Any]]) -> str:
     return table(heads, cells)
 
 
-def pictures(record: Record) -> str:
+def pictures(log: Log) -> str:
     """A strip of frames around the blow, seen from the front."""
     moments = (START - 0.002, START + 0.02, START + 0.2, START + 0.35, START + 0.7, START + 2.0)
-    rows = [min(int(np.searchsorted(record.time, t)), len(record.time) - 1) for t in moments]
     robot = load("humanoid")
     world = world_with_pendulum(robot, Pendulum())
     with Camera(robot, 224, 320, 180.0, -6.0, model=world, nearer=0.92) as camera:
-        still = np.zeros((len(rows), 3))
-        labels = [f"{record.time[k]:.2f} s" for k in rows]
-        images = camera.strip(record.qpos[rows, 0], still, labels)
-    return frames(
-        images,
-        "The pendulum and the robot, from the front; [G15]'s balancer. The pendulum is caught when "
-        "it has hit.",
-        "a humanoid robot is hit at its hip by a pendulum and sways to the side",
-    )
+        return camera.strip(
+            log,
+            moments,
+            "The pendulum and the robot, from the front; [G15]'s balancer. The pendulum is caught "
+            "when it has hit.",
+            "a humanoid robot is hit at its hip by a pendulum and sways to the side",
+            2,
+        )
 
 
 EXPERIMENT = Experiment(
@@ -292,4 +267,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

@@ -1,19 +1,19 @@
 """What [G15] leaves open: the largest blow that each balancer survives, by direction."""
 
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from eval.papers.experiment import Experiment, Progress, Result, Setting, main
 from eval.papers.garofalo2015.balancer import BALANCERS, GAROFALO, Balancer, balancer
-from eval.papers.garofalo2015.bout import Blow, Bout
-from eval.papers.garofalo2015.bout import run as fight
+from eval.papers.garofalo2015.bout import Blow, bout
 from eval.papers.garofalo2015.fig2_push import COLOUR
-from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
+from eval.papers.garofalo2015.pendulum import Pendulum
 from eval.papers.garofalo2015.polar import Ring, polar
 from eval.papers.parts import Finding, figure, judged, table, text
+from eval.papers.trial import simulate
 from eval.wording import number
 from fbid_gym.robots import load
 
@@ -29,35 +29,35 @@ LABELS = {0.0: "forward", 90.0: "to the left", 180.0: "backward", 270.0: "to the
 
 
 def survives(
-    controller: Balancer, angle: np.ndarray, energy: np.ndarray, progress: Progress
+    controller: Balancer,
+    rounds: Iterator[tuple[str, Progress]],
+    angle: np.ndarray,
+    energy: np.ndarray,
 ) -> np.ndarray:
     """Hit one robot for each direction and energy.
 
     Args:
         controller: of all of them.
+        rounds: progress of this round and of those that follow.
         angle: (N,) rad, direction in which the bob flies: 0 forward, pi/2 to the robot's left.
         energy: (N,) J.
-        progress: of this round.
 
     Returns:
         (N,) bool.
     """
-    robot, pendulum = controller.robot, Pendulum()
     direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
-    bout = Bout(
-        robot, SECONDS, len(angle), world_with_pendulum(robot, pendulum), pendulum=pendulum,
-        blow=Blow(START, direction, energy), every=100,
-    )  # fmt: skip
-    return fight(bout, controller, progress).survived
+    blow = Blow(START, direction, energy)
+    trial = bout(controller.robot, Pendulum(), blow, SECONDS, every=100)
+    return simulate(trial, controller, next(rounds)[1]).survived
 
 
 def largest(
-    test: Callable[[np.ndarray, np.ndarray, int], np.ndarray], angle: np.ndarray, refined: int
+    test: Callable[[np.ndarray, np.ndarray], np.ndarray], angle: np.ndarray, refined: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the largest energy that is survived in each direction.
 
     Args:
-        test: from angles (N,), energies (N,) and the round (0 or 1) to who survives (N,).
+        test: from angles (N,) and energies (N,) to who survives (N,); called once a round.
         angle: (K,) rad.
         refined: energies of the second round.
 
@@ -67,9 +67,9 @@ def largest(
     """
     low, high = np.zeros(len(angle)), np.full(len(angle), np.inf)
     grid = np.tile(FIRST, (len(angle), 1))
-    for turn in range(2):
+    for _ in range(2):
         who = np.repeat(angle, grid.shape[1])
-        stood = test(who, grid.ravel(), turn).reshape(grid.shape)
+        stood = test(who, grid.ravel()).reshape(grid.shape)
         for k, row in enumerate(stood):
             # Below the first fall: a lucky stand above it does not count.
             fallen = np.flatnonzero(~row)
@@ -88,30 +88,15 @@ def run(setting: Setting) -> Result:
     angle = np.radians(np.linspace(0.0, 180.0, setting.pick(9, 3)))
     refined = setting.pick(REFINED, 2)
     survived, lost = {}, {}
-    for name, part in zip(BALANCERS, setting.progress.parts(list(BALANCERS)), strict=True):
-        controller = balancer(robot, name)
-        rounds = part.parts([f"{name}, coarse", f"{name}, fine"])
-
-        def test(
-            who: np.ndarray,
-            energy: np.ndarray,
-            turn: int,
-            controller: Balancer = controller,
-            rounds: list[Progress] = rounds,
-        ) -> np.ndarray:
-            return survives(controller, who, energy, rounds[turn])
-
+    for name, part in setting.progress.each(BALANCERS):
+        test = partial(survives, balancer(robot, name), part.each(("coarse", "fine")))
         survived[name], lost[name] = largest(test, angle, refined)
     rows = [
-        {"name": name, "survived": survived[name].tolist(), "lost": _plain(lost[name])}
+        {"name": name, "survived": survived[name].tolist(), "lost": lost[name].tolist()}
         for name in BALANCERS
     ]
     numbers = {"degrees": np.degrees(angle).round(6).tolist(), "rows": rows}
     return Result(findings(numbers), numbers, {"angle": angle})
-
-
-def _plain(values: np.ndarray) -> list[float | None]:
-    return [float(v) if np.isfinite(v) else None for v in values]
 
 
 def findings(numbers: dict[str, Any]) -> list[Finding]:
@@ -135,7 +120,7 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
     ]
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     numbers = result.numbers
     half = numbers["degrees"]
@@ -158,24 +143,22 @@ def show(result: Result) -> str:
         degrees, rings, "Largest energy survived, by direction of the blow", "J", LABELS,
         mark=(90.0, 17.4, "[G15]"),
     )  # fmt: skip
-    return "".join(
-        (
-            figure(
-                [chart],
-                "In the direction of the push. The robot is its own mirror image, so "
-                "the right half is the left one's; [G15]'s blow is marked.",
-                1,
-            ),
-            table(["J, last survived – first not", *(f"{d:g}°" for d in half)], rows),
-            text(
-                "The robot may not step, so what can be survived is bounded by the soles: the "
-                "momentum of the blow moves the capture point, and beyond the edge of the feet no "
-                "balancer that keeps them in place brings it back. Sideways the two feet reach "
-                "farther than forward. Within that, what counts is how much of the wanted wrench "
-                "the torques produce."
-            ),
-        )
-    )
+    return [
+        figure(
+            [chart],
+            "In the direction of the push. The robot is its own mirror image, so "
+            "the right half is the left one's; [G15]'s blow is marked.",
+            1,
+        ),
+        table(["J, last survived – first not", *(f"{d:g}°" for d in half)], rows),
+        text(
+            "The robot may not step, so what can be survived is bounded by the soles: the "
+            "momentum of the blow moves the capture point, and beyond the edge of the feet no "
+            "balancer that keeps them in place brings it back. Sideways the two feet reach "
+            "farther than forward. Within that, what counts is how much of the wanted wrench "
+            "the torques produce."
+        ),
+    ]
 
 
 EXPERIMENT = Experiment(
@@ -191,4 +174,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from eval.papers.garofalo2015.bout import Record
+from eval.papers.log import Log
 
 IMPACT = 0.1
 """s after the pendulum is let go during which it may touch."""
@@ -24,7 +24,7 @@ def settling_time(time: np.ndarray, error: np.ndarray) -> float:
     return float(time[large[-1]] - time[0])
 
 
-def blow_numbers(record: Record, start: float, robot: int = 0) -> dict[str, Any]:
+def blow_numbers(log: Log, start: float, index: int = 0) -> dict[str, Any]:
     """Return peaks and settling times of one robot after a blow at `start` s, as JSON can hold it.
 
     Returns:
@@ -33,11 +33,10 @@ def blow_numbers(record: Record, start: float, robot: int = 0) -> dict[str, Any]
         of the largest axis; unrealised (2, N and N m): rms of what the momentum's rate lacks of
         the wrench that was wanted, after the blow; fell: s or None.
     """
-    after = record.time >= start
-    time = record.time[after]
-    com, rotation = record.com[after, robot], record.rotation[after, robot]
-    momentum = np.abs(record.momentum[after, robot])
-    fell = record.fell[robot]
+    after = log.time >= start
+    time = log.time[after]
+    com, rotation = log["com"][after, index], log["rotation"][after, index]
+    momentum = np.abs(log["momentum"][after, index])
     return {
         "com": np.abs(com).max(axis=0).tolist(),
         "rotation": np.abs(rotation).max(axis=0).tolist(),
@@ -45,22 +44,22 @@ def blow_numbers(record: Record, start: float, robot: int = 0) -> dict[str, Any]
         "angular": float(momentum[:, 3:].max()),
         "com_settled": settling_time(time, com[:, _largest(com)]),
         "rotation_settled": settling_time(time, rotation[:, _largest(rotation)]),
-        "unrealised": unrealised(record, start + IMPACT, robot),
-        "fell": None if np.isnan(fell) else float(fell),
+        "unrealised": unrealised(log, start + IMPACT, index),
+        "fell": log.fall(index),
     }
 
 
-def unrealised(record: Record, since: float, robot: int = 0) -> list[float]:
+def unrealised(log: Log, since: float, index: int = 0) -> list[float]:
     """Return rms force (N) and moment (N m) by which a momentum's rate missed the wanted wrench.
 
     The rate is a central difference of the logged momenta.
     """
-    rate = np.gradient(record.momentum[:, robot].astype(float), record.time, axis=0)
-    error = rate - record.desired[:, robot]
+    rate = np.gradient(log["momentum"][:, index].astype(float), log.time, axis=0)
+    error = rate - log["desired"][:, index]
     # What carries the weight is in the wrench, but does not change the momentum.
-    weight = record.desired[0, robot, 2]
+    weight = log["desired"][0, index, 2]
     error[:, 2] += weight
-    error = error[record.time >= since]
+    error = error[log.time >= since]
     return [float(np.sqrt(np.mean(np.sum(error[:, k] ** 2, axis=1)))) for k in _PARTS]
 
 

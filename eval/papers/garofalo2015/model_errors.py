@@ -1,6 +1,5 @@
 """What [G15] leaves open: balancers whose model of the robot is wrong."""
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -8,12 +7,13 @@ import numpy as np
 from eval.papers.charts import lines
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.garofalo2015.balancer import BALANCERS, GAROFALO, balancer
-from eval.papers.garofalo2015.bout import Blow, Bout, Record
-from eval.papers.garofalo2015.bout import run as fight
+from eval.papers.garofalo2015.bout import Blow, bout
 from eval.papers.garofalo2015.fig2_push import COLOUR, SIDEWAYS
-from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
-from eval.papers.mistry2010.measuring import believing, wrong_model
+from eval.papers.garofalo2015.pendulum import Pendulum
+from eval.papers.log import Log
 from eval.papers.parts import Finding, figure, judged, text
+from eval.papers.trial import simulate
+from eval.papers.wrong_models import believing, wrong_model
 from eval.wording import percent
 from fbid_gym.robots import load
 
@@ -25,26 +25,21 @@ _SEED = 20150703
 def run(setting: Setting) -> Result:
     """Let each balancer believe in many wrong robots, and hit them."""
     robot, pendulum = load("humanoid"), Pendulum()
-    world, count = world_with_pendulum(robot, pendulum), setting.pick(24, 4)
-    sizes = setting.pick(SIZES, (0.0, 0.3))
-    parts = setting.progress.parts([f"{name}, {percent(s)}" for s in sizes for name in BALANCERS])
+    count, sizes = setting.pick(24, 4), setting.pick(SIZES, (0.0, 0.3))
     rows: list[dict[str, Any]] = []
-    for size in sizes:
+    for size, progress in setting.progress.each(sizes, percent):
         rng = np.random.default_rng(_SEED)
         models = [wrong_model(robot, size, rng) for _ in range(count if size else 1)]
         direction = np.tile(SIDEWAYS, (len(models), 1))
         blow = Blow(START, direction, np.full(len(models), pendulum.energy))
-        for name in BALANCERS:
-            bout = Bout(
-                robot, SECONDS, len(models), world, pendulum=pendulum, blow=blow,
-                believe=believing(models), every=10,
-            )  # fmt: skip
-            record = fight(bout, balancer(robot, name), parts[len(rows)])
-            rows.append({"name": name, "size": size} | outcome(record))
+        trial = bout(robot, pendulum, blow, SECONDS, believe=believing(models), every=10)
+        for name, part in progress.each(BALANCERS):
+            log = simulate(trial, balancer(robot, name), part)
+            rows.append({"name": name, "size": size} | outcome(log))
     return Result(findings(rows), {"rows": rows, "robots": count}, {})
 
 
-def outcome(record: Record) -> dict[str, Any]:
+def outcome(log: Log) -> dict[str, Any]:
     """Where the robots rest, and how far the blow moves them from there.
 
     Returns:
@@ -52,12 +47,12 @@ def outcome(record: Record) -> dict[str, Any]:
         before the blow; swing (m): median largest horizontal distance from there after it; medians
         are over the robots that stood.
     """
-    stood = record.survived
+    stood = log.survived
     result: dict[str, Any] = {"stood": float(stood.mean())}
     if not stood.any():
         return result | {"offset": None, "lean": None, "swing": None}
-    rest = np.flatnonzero(record.time < START)[-1]
-    com, rotation = record.com[:, stood], record.rotation[rest, stood]
+    rest = np.flatnonzero(log.time < START)[-1]
+    com, rotation = log["com"][:, stood], log["rotation"][rest, stood]
     moved = np.linalg.norm((com - com[rest])[rest:, :, :2], axis=2).max(axis=0)
     return result | {
         "offset": float(np.median(np.linalg.norm(com[rest], axis=1))),
@@ -88,7 +83,7 @@ def findings(rows: list[dict[str, Any]]) -> list[Finding]:
     ]
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     rows = result.numbers["rows"]
     sizes = sorted({row["size"] for row in rows})
@@ -110,20 +105,18 @@ def show(result: Result) -> str:
                 y_range=(0.0, 105.0) if key == "stood" else None,
             )
         )  # fmt: skip
-    return "".join(
-        (
-            figure(
-                charts,
-                f"Medians of {result.numbers['robots']} robots for each size of the error.",
-            ),
-            text(
-                "A wrong mass is carried with a wrong force, and a wrong centre of mass is held at "
-                "the wrong place: all three balancers rest beside their goal by about as much. The "
-                "hip leans most under [G15]'s: its map sends the same error of the wrench through "
-                "the legs as well. The swing after the blow hardly changes."
-            ),
-        )
-    )
+    return [
+        figure(
+            charts,
+            f"Medians of {result.numbers['robots']} robots for each size of the error.",
+        ),
+        text(
+            "A wrong mass is carried with a wrong force, and a wrong centre of mass is held at "
+            "the wrong place: all three balancers rest beside their goal by about as much. The "
+            "hip leans most under [G15]'s: its map sends the same error of the wrench through "
+            "the legs as well. The swing after the blow hardly changes."
+        ),
+    ]
 
 
 EXPERIMENT = Experiment(
@@ -139,4 +132,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

@@ -1,6 +1,5 @@
 """What [G15] calls promising: tracking. A moving centre of mass, a turning hip, ever faster."""
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -13,19 +12,17 @@ from eval.papers.garofalo2015.balancer import (
     GAROFALO,
     INVERSE,
     OTT,
-    Goal,
     balancer,
     stance_angular_momentum,
 )
-from eval.papers.garofalo2015.bout import Bout, Record
-from eval.papers.garofalo2015.bout import run as fight
+from eval.papers.garofalo2015.bout import Goal, GoalAt, balancing
 from eval.papers.garofalo2015.fig2_push import COLOUR
+from eval.papers.log import Log
 from eval.papers.parts import Finding, figure, heading, judged, text
+from eval.papers.trial import Trial, simulate
 from eval.wording import number
-from fbid_gym.control.balance import BalanceTarget
-from fbid_gym.dynamics.centroidal import centroidal_terms
-from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.terms import DynamicsTerms
+from fbid_gym.control import BalanceTarget
+from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics, centroidal_terms
 from fbid_gym.robots import Robot, load
 
 HERTZ = (0.2, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5)
@@ -68,7 +65,7 @@ def _turn(axis: int, angle: np.ndarray) -> np.ndarray:
     return result
 
 
-def goals(robot: Robot, pose: Pose) -> Callable[[float, DynamicsTerms], Goal]:
+def goals(robot: Robot, pose: Pose) -> GoalAt:
     """Return the goal that makes robots follow a motion, with its rates and feedforward.
 
     The angular momentum is the one that such a motion has in the home stance with planted feet.
@@ -105,38 +102,37 @@ def run(setting: Setting) -> Result:
     """Track at every frequency at once, under each balancer."""
     robot, hertz = load("humanoid"), np.array(setting.pick(HERTZ, (0.4, 1.0)))
     seconds = setting.pick(SECONDS, 4.0)
-    goal = goals(robot, swaying(hertz))
+    plan = balancing(robot.home_qpos, goals(robot, swaying(hertz)))
+    trial = Trial(robot, plan, seconds, len(hertz), every=EVERY)
     rows: list[dict[str, Any]] = []
-    records = {}
-    for name, part in zip(BALANCERS, setting.progress.parts(list(BALANCERS)), strict=True):
-        bout = Bout(robot, seconds, len(hertz), goal=goal, every=EVERY)
-        record = fight(bout, balancer(robot, name, compensate_damping=True), part)
-        records[name] = record
+    logs = {}
+    for name, part in setting.progress.each(BALANCERS):
+        log = simulate(trial, balancer(robot, name, compensate_damping=True), part)
+        logs[name] = log
         for k, value in enumerate(hertz):
-            rows.append({"name": name, "hertz": float(value)} | errors(record, k))
-    neglected = left_out(robot, records[INVERSE])
+            rows.append({"name": name, "hertz": float(value)} | errors(log, k))
+    neglected = left_out(robot, logs[INVERSE])
     numbers = {"rows": rows, "neglected": neglected, "hertz": hertz.tolist()}
     return Result(findings(rows), numbers, {})
 
 
-def errors(record: Record, robot: int) -> dict[str, Any]:
+def errors(log: Log, index: int) -> dict[str, Any]:
     """RMS errors of one robot once the motion has its full size.
 
     Returns:
         com (m); tilt and yaw (rad), of the hip about horizontal axes and the vertical; all None
         after a fall, and fell (s).
     """
-    late = record.time >= RAMP
-    fell = record.fell[robot]
-    if not np.isnan(fell):
-        return {"com": None, "tilt": None, "yaw": None, "fell": float(fell)}
-    com, rotation = record.com[late, robot], record.rotation[late, robot]
+    late = log.time >= RAMP
+    if not log.survived[index]:
+        return {"com": None, "tilt": None, "yaw": None, "fell": log.fall(index)}
+    com, rotation = log["com"][late, index], log["rotation"][late, index]
     parts = {"com": com, "tilt": rotation[:, :2], "yaw": rotation[:, 2:]}
     rms = {key: float(np.sqrt((x**2).sum(axis=1).mean())) for key, x in parts.items()}
     return rms | {"fell": None}
 
 
-def left_out(robot: Robot, record: Record) -> list[dict[str, Any]]:
+def left_out(robot: Robot, log: Log) -> list[dict[str, Any]]:
     """What (36) leaves out of the angular momentum's rate, along the motions that were driven.
 
     (36) takes the rate to be the locked robot's inertia about the centre of mass times the base's
@@ -144,18 +140,18 @@ def left_out(robot: Robot, record: Record) -> list[dict[str, Any]]:
     neglects nothing, since it has the momentum itself.
 
     Returns:
-        For each robot: rate, neglected: rms, N m, and share of the two.
+        For each robot: rate, neglected: rms, N·m, and share of the two.
     """
     dynamics, rows = MuJoCoDynamics(robot), []
-    late = record.time >= RAMP
-    for k in range(record.com.shape[1]):
-        qpos = record.qpos[:, k, : robot.nq].astype(float)
-        qvel = record.qvel[:, k].astype(float)
+    late = log.time >= RAMP
+    for k in range(log["com"].shape[1]):
+        qpos = log["qpos"][:, k, : robot.nq].astype(float)
+        qvel = log["qvel"][:, k].astype(float)
         terms = dynamics.terms(qpos, qvel)
         body = centroidal_terms(terms, qvel)
         omega = np.matvec(terms.base_rotation, qvel[:, 3:6])
-        alpha = np.gradient(omega, record.time, axis=0)
-        rate = np.gradient(body.momentum[:, 3:], record.time, axis=0)
+        alpha = np.gradient(omega, log.time, axis=0)
+        rate = np.gradient(body.momentum[:, 3:], log.time, axis=0)
         rest = rate - np.matvec(body.inertia, alpha)
         size = [float(np.sqrt((x[late] ** 2).sum(axis=1).mean())) for x in (rate, rest)]
         rows.append({"rate": size[0], "neglected": size[1], "share": size[1] / size[0]})
@@ -191,7 +187,7 @@ def findings(rows: list[dict[str, Any]]) -> list[Finding]:
     ]
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     numbers, hertz = result.numbers, result.numbers["hertz"]
     charts = []
@@ -218,29 +214,27 @@ def show(result: Result) -> str:
         )
     )
     shares = [row["share"] for row in neglected]
-    return "".join(
-        (
-            figure(
-                charts,
-                "Errors by frequency; a curve ends where the balancer falls. Fourth: what (36) "
-                "takes for zero, along the motion as inverse dynamics drives it. Joint friction "
-                "is compensated.",
-            ),
-            heading("What is neglected"),
-            text(
-                "(36) takes the angular momentum's rate for the locked robot's inertia times the "
-                "hip's angular acceleration. With planted feet that is never so: the legs do not "
-                "turn with the hip, and a swaying robot has momentum without any spin. It leaves "
-                f"out {number(min(shares), 2)} to {number(max(shares), 2)} times the rate itself. "
-                "(38) leaves nothing out of that equation, which is the paper's point. "
-                "But it needs a reference for the angular momentum, here that of the home stance "
-                "with a still upper body, and the momentum is not the hip's orientation: about the "
-                "vertical, where the spring of table 1 is soft, arms and trunk take up what the "
-                "hip should turn, under full inverse dynamics, too. And both laws lose on the way "
-                "to the torques, where the quasi-static maps leave out the joints' accelerations."
-            ),
-        )
-    )
+    return [
+        figure(
+            charts,
+            "Errors by frequency; a curve ends where the balancer falls. Fourth: what (36) "
+            "takes for zero, along the motion as inverse dynamics drives it. Joint friction "
+            "is compensated.",
+        ),
+        heading("What is neglected"),
+        text(
+            "(36) takes the angular momentum's rate for the locked robot's inertia times the "
+            "hip's angular acceleration. With planted feet that is never so: the legs do not "
+            "turn with the hip, and a swaying robot has momentum without any spin. It leaves "
+            f"out {number(min(shares), 2)} to {number(max(shares), 2)} times the rate itself. "
+            "(38) leaves nothing out of that equation, which is the paper's point. "
+            "But it needs a reference for the angular momentum, here that of the home stance "
+            "with a still upper body, and the momentum is not the hip's orientation: about the "
+            "vertical, where the spring of table 1 is soft, arms and trunk take up what the "
+            "hip should turn, under full inverse dynamics, too. And both laws lose on the way "
+            "to the torques, where the quasi-static maps leave out the joints' accelerations."
+        ),
+    ]
 
 
 EXPERIMENT = Experiment(
@@ -256,4 +250,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

@@ -1,17 +1,17 @@
 """[M10] III-B.6: where Q jumps, the torque of eq. (15) does not."""
 
-import sys
 from typing import Any
 
 import numpy as np
 
 from eval.papers.charts import lines, traces
 from eval.papers.experiment import Experiment, Result, Setting, main
+from eval.papers.mistry2010.laws import equation
 from eval.papers.parts import Finding, figure, judged, text
 from eval.wording import number
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.robots import Robot, load
 
 JUMP = 0.5
@@ -24,12 +24,10 @@ def run(setting: Setting) -> Result:
     """Walk along smooth paths of states and compare the changes of Q and of the torque."""
     robot = load("biped")
     steps, paths = setting.pick(4001, 1001), setting.pick(8, 3)
-    progress = setting.progress.parts(["paths"] * paths)
     along = np.linspace(0.0, 1.0, steps)
     found: list[dict[str, Any]] = []
     arrays: dict[str, np.ndarray] = {"along": along[1:]}
-    for seed in range(paths):
-        progress[seed](0.5)
+    for seed, _ in setting.progress.each(range(paths), lambda seed: "paths"):
         walk = _walk(robot, seed)
         q, literal, ours = _laws(robot, *walk(along))
         change_q = np.linalg.norm(np.diff(q, axis=0), axis=(1, 2))
@@ -80,10 +78,8 @@ def _laws(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Q by Householder reflections, eq. (15) as printed, and our law: a row for each state."""
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    contacts = reduced_contacts(ContactGeometry.of(robot), terms)
-    solution = orthogonal_inverse_dynamics(
-        terms.mass_matrix, terms.bias, contacts.jacobian, command, contacts.bias
-    )
+    contacts = reduced_contacts(contact_geometry(robot), terms)
+    solution = orthogonal_inverse_dynamics(*equation(terms, contacts, command))
     q, _ = np.linalg.qr(contacts.jacobian.swapaxes(1, 2), mode="complete")
     free = q[:, :, contacts.jacobian.shape[1] :].swapaxes(1, 2)  # S_u Q^T
     force = np.matvec(terms.mass_matrix, solution.acceleration) + terms.bias
@@ -135,36 +131,42 @@ def findings(numbers: dict[str, Any], arrays: dict[str, np.ndarray]) -> list[Fin
     ]  # fmt: skip
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     arrays = result.arrays
     fewer = np.log2(arrays["widths"][0] / arrays["widths"])
-    return figure(
-        [
-            traces(
-                arrays["along"], [("Q", 1, arrays["q"])], "Change of Q per step", "share of path"
-            ),
-            traces(
-                arrays["along"],
-                [("torque", 0, arrays["torque"])],
-                "Change of the torque per step, N·m",
-                "share of path",
-            ),
-            lines(fewer, [("Q", 1, arrays["zoom_q"])], "Change of Q", "halvings of the step"),
-            lines(
-                fewer,
-                [("torque", 0, np.log10(np.maximum(arrays["zoom_torque"], 1e-14)))],
-                "Change of the torque, log10 of N·m",
-                "halvings of the step",
-            ),
-        ],
-        "Above: along one path. Q comes from Householder reflections, as the paper's, and jumps "
-        "where a pivot changes sign; the torque shows no trace of it. Below: the largest jump, "
-        "enclosed ever more closely.",
-    ) + text(
-        "What does make the torque jump is a contact switch: J changes there, and with it the "
-        "dynamics. The section on stepping shows it."
-    )
+    return [
+        figure(
+            [
+                traces(
+                    arrays["along"],
+                    [("Q", 1, arrays["q"])],
+                    "Change of Q per step",
+                    "share of path",
+                ),
+                traces(
+                    arrays["along"],
+                    [("torque", 0, arrays["torque"])],
+                    "Change of the torque per step, N·m",
+                    "share of path",
+                ),
+                lines(fewer, [("Q", 1, arrays["zoom_q"])], "Change of Q", "halvings of the step"),
+                lines(
+                    fewer,
+                    [("torque", 0, np.log10(np.maximum(arrays["zoom_torque"], 1e-14)))],
+                    "Change of the torque, log10 of N·m",
+                    "halvings of the step",
+                ),
+            ],
+            "Above: along one path. Q comes from Householder reflections, as the paper's, and "
+            "jumps where a pivot changes sign; the torque shows no trace of it. Below: the largest "
+            "jump, enclosed ever more closely.",
+        ),
+        text(
+            "What does make the torque jump is a contact switch: J changes there, and with it the "
+            "dynamics. The section on stepping shows it."
+        ),
+    ]
 
 
 EXPERIMENT = Experiment(
@@ -180,4 +182,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

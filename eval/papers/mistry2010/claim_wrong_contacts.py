@@ -1,34 +1,38 @@
 """[M10] III-B.6: wrong beliefs about contacts degrade tracking but do not blow up."""
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from eval.papers.charts import lines
-from eval.papers.experiment import Experiment, Result, Setting, main
+from eval.papers.experiment import Experiment, Result, Setting, main, row
 from eval.papers.log import Log
-from eval.papers.mistry2010.balance import BaseTask
 from eval.papers.mistry2010.controllers import (
-    Belief,
-    Feedforward,
-    Gains,
-    Limited,
-    Orthogonal,
-    Tracking,
+    ContactBelief,
+    JointController,
+    PdGains,
+    base_returning,
+    planned_contacts,
 )
-from eval.papers.mistry2010.rivals import EstimatedForce, MeasuredForce
+from eval.papers.mistry2010.following import following
+from eval.papers.mistry2010.laws import (
+    EstimatedForce,
+    Law,
+    Limited,
+    MeasuredForce,
+    equation,
+    orthogonal,
+)
 from eval.papers.parts import Finding, figure, folded, judged, table, text
 from eval.papers.trial import RATES, Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
-from fbid_gym.dynamics.state import RobotState
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.envs.simulation import Simulation
-from fbid_gym.motions import MotionTable, Reference
-from fbid_gym.motions.stepping import stepping
+from fbid_gym.motions import MotionTable, stepping
+from fbid_gym.quantities import ContactGeometry, Reference, RobotState
 from fbid_gym.robots import Robot, load
 
 LATE = (-200, -100, -50, -20, 0, 20, 50, 100, 200)
@@ -40,10 +44,10 @@ BASE = 1.0
 """Hz of eq. (20), critically damped."""
 
 
-def laws(robot: Robot) -> dict[str, Feedforward]:
+def laws(robot: Robot) -> dict[str, Law]:
     """Return what is compared, by name."""
     return {
-        "eq. (15)": Orthogonal(),
+        "eq. (15)": orthogonal(),
         "eq. (15), limited": Limited.of(robot),
         "eq. (8), measured force": MeasuredForce.of(robot),
         "eq. (8), previous torque": EstimatedForce(),
@@ -58,17 +62,18 @@ COLOURS = {
 }
 
 
-def shifted(motion: MotionTable, geometry: ContactGeometry, late: np.ndarray) -> Belief:
-    """Believe in the contacts that were planned `late` (N,) ms ago."""
-    assert motion.planted is not None
-    points = motion.planted[:, geometry.foot_of_point]
+def shifted(
+    motion: MotionTable, geometry: ContactGeometry, late: np.ndarray, rest: np.ndarray
+) -> ContactBelief:
+    """Believe in the contacts that were planned `late` (N,) ms ago; the last K in `rest` (K, P)."""
+    points = motion.rows.planted[:, geometry.foot_of_point]
     ticks = np.round(late * RATES.control / 1000).astype(int)
-    return lambda state, reference: points[(state.tick - ticks) % len(points)]
 
+    def belief(state: RobotState, reference: Reference) -> np.ndarray:
+        moving = points[(state.tick[: len(ticks)] - ticks) % len(points)]
+        return np.concatenate([moving, rest])
 
-def always(which: np.ndarray) -> Belief:
-    """Believe in the same points (N, P) for ever."""
-    return lambda state, reference: which
+    return belief
 
 
 def slippery(friction: np.ndarray) -> Callable[[Simulation], None]:
@@ -86,41 +91,36 @@ def slippery(friction: np.ndarray) -> Callable[[Simulation], None]:
 def run(setting: Setting) -> Result:
     """Step in place with wrong beliefs, on slippery ground; then random states and beliefs."""
     robot = load("biped")
-    motion, geometry = stepping(robot), ContactGeometry.of(robot)
+    motion, geometry = stepping(robot), contact_geometry(robot)
     seconds, each = setting.pick(12.0, 4.0), setting.pick(4, 2)
     starts = np.arange(each) * motion.seconds / each
     late = setting.pick(LATE, (-100, 0, 100))
     friction = setting.pick(FRICTION, (0.8, 0.2))
-    gains = Gains.of(robot, *GAINS)
+    plan = following(motion)
     left = np.array([name == "left" for name in robot.foot_names])[geometry.foot_of_point]
     fixed = {"both feet down": left | True, "left foot down": left, "right foot down": ~left}
     fixed["no foot down"] = left & False
     chosen = laws(robot)
-    parts = iter(setting.progress.parts([f"{n}, {w}" for n in chosen for w in ("beliefs", "slip")]))
+    delays, mu = np.repeat(late, each), np.repeat(friction, each)
+    forever = np.repeat(np.array(list(fixed.values())), each, axis=0)
+    # Every belief and every start in one batch, then every friction.
+    wrong = shifted(motion, geometry, delays, forever)
+    beliefs = [f"{d:+d} ms" if d else "as planned" for d in late] + list(fixed)
+    slips = [f"friction {value:g}" for value in friction]
+    cases = (
+        ("beliefs", beliefs, wrong, None),
+        ("slip", slips, planned_contacts(robot), slippery(mu)),
+    )
     rows: list[dict[str, Any]] = []
-    for name, law in chosen.items():
-        # Every belief and every start in one batch.
-        delays = np.repeat(late, each)
-        count = len(delays) + each * len(fixed)
-        belief = _joined(
-            shifted(motion, geometry, delays),
-            np.repeat(np.array(list(fixed.values())), each, axis=0),
-        )
-        trial = Trial(robot, motion, seconds, count, start=np.resize(starts, count), every=5)
-        log = simulate(trial, _controller(robot, gains, law, belief), next(parts))
-        labels = [f"{d:+d} ms" if d else "as planned" for d in late] + list(fixed)
-        for k, label in enumerate(labels):
-            part = log.of(slice(k * each, (k + 1) * each))
-            rows.append({"law": name, "belief": label, **_summary(part, robot)})
-        mu = np.repeat(friction, each)
-        trial = Trial(
-            robot, motion, seconds, len(mu), start=np.resize(starts, len(mu)), every=5,
-            prepare=slippery(mu),
-        )  # fmt: skip
-        log = simulate(trial, _controller(robot, gains, law, None), next(parts))
-        for k, value in enumerate(friction):
-            part = log.of(slice(k * each, (k + 1) * each))
-            rows.append({"law": name, "belief": f"friction {value:g}", **_summary(part, robot)})
+    for name, progress in setting.progress.each(chosen):
+        for (_, labels, belief, prepare), part in progress.each(cases, lambda case: case[0]):
+            count = each * len(labels)
+            trial = Trial(
+                robot, plan, seconds, count, np.resize(starts, count), prepare=prepare, every=5
+            )
+            log = simulate(trial, _controller(robot, chosen[name], belief), part)
+            for label, some in zip(labels, log.groups(each), strict=True):
+                rows.append({"law": name, "belief": label, **_summary(some, robot)})
     numbers = {
         "rows": rows, "late": list(late), "friction": list(friction), "fixed": list(fixed),
         "static": _static(robot, setting.pick(4000, 500)), "each": each,
@@ -128,32 +128,19 @@ def run(setting: Setting) -> Result:
     return Result(findings(numbers), numbers, {})
 
 
-def _controller(robot: Robot, gains: Gains, law: Feedforward, belief: Belief | None) -> Tracking:
-    return Tracking(robot, gains, law, belief, BaseTask.of(robot, BASE))
-
-
-def _joined(first: Belief, rest: np.ndarray) -> Belief:
-    """The belief of the first robots, and constant points (K, P) for the last K of them."""
-    count = len(rest)
-
-    def belief(state: RobotState, reference: Reference) -> np.ndarray:
-        moving = first(state._replace(tick=state.tick[:-count]), reference)
-        assert moving is not None
-        return np.concatenate([moving, rest])
-
-    return belief
+def _controller(robot: Robot, law: Law, belief: ContactBelief) -> JointController:
+    gains, desire = PdGains.of(robot, *GAINS), base_returning(robot, BASE)
+    return JointController(robot, gains, law, belief, desire)
 
 
 def _summary(log: Log, robot: Robot) -> dict[str, float]:
-    error = np.sqrt((log.rms(log.error) ** 2).mean(axis=1))
-    torque = np.sqrt((log.rms(log.torque) ** 2).mean(axis=1))
-    asked = np.abs(np.where(log.up[:, :, None], log.feedforward + log.feedback, 0.0))
+    asked = np.abs(np.where(log.up[:, :, None], log["feedforward"] + log["feedback"], 0.0))
     return {
-        "error": float(np.nanmean(error)),
-        "torque": float(np.nanmean(torque)),
+        "error": float(np.nanmean(log.rms_of_joints(log.error))),
+        "torque": float(np.nanmean(log.rms_of_joints(log["torque"]))),
         "peak": float((asked / robot.torque_limit).max()),
         "up": float(log.survived.mean()),
-        "finite": bool(np.isfinite(log.feedforward).all()),
+        "finite": bool(np.isfinite(log["feedforward"]).all()),
     }
 
 
@@ -170,14 +157,12 @@ def _static(robot: Robot, count: int) -> dict[str, Any]:
     qvel = rng.normal(size=(count, robot.nv))
     terms = MuJoCoDynamics(robot).terms(home, qvel)
     command = 3.0 * rng.normal(size=(count, robot.nv))
-    geometry = ContactGeometry.of(robot)
+    geometry = contact_geometry(robot)
     number_down = rng.integers(0, geometry.num_points + 1, count)
     order = rng.permuted(np.tile(np.arange(geometry.num_points), (count, 1)), axis=1)
     active = order < number_down[:, None]
     contacts = reduced_contacts(geometry, terms, active)
-    torque = orthogonal_inverse_dynamics(
-        terms.mass_matrix, terms.bias, contacts.jacobian, command, contacts.bias
-    ).torque
+    torque = orthogonal_inverse_dynamics(*equation(terms, contacts, command)).torque
     size = np.abs(torque).max(axis=1)
     by_count = [size[number_down == k] for k in range(geometry.num_points + 1)]
     return {
@@ -188,15 +173,10 @@ def _static(robot: Robot, count: int) -> dict[str, Any]:
     }
 
 
-def row(numbers: dict[str, Any], law: str, belief: str) -> dict[str, Any]:
-    """Return one cell."""
-    return next(r for r in numbers["rows"] if (r["law"], r["belief"]) == (law, belief))
-
-
 def findings(numbers: dict[str, Any]) -> list[Finding]:
     """The claim, measured."""
     ours = [r for r in numbers["rows"] if r["law"] == "eq. (15)"]
-    right, both = row(numbers, "eq. (15)", "as planned"), row(numbers, "eq. (15)", "both feet down")
+    right, both = row(ours, belief="as planned"), row(ours, belief="both feet down")
     worst = max(ours, key=lambda r: r["error"])
     finite = all(r["finite"] for r in ours) and numbers["static"]["finite"]
     wrong = [r for r in ours if r["belief"] != "as planned"]
@@ -233,7 +213,7 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
     ]
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     numbers = result.numbers
     late, friction = numbers["late"], numbers["friction"]
@@ -242,46 +222,44 @@ def show(result: Result) -> str:
 
     def curves(beliefs: list[str], what: str, scale: float) -> list[tuple[str, int, list[float]]]:
         return [
-            (law, colour, [scale * row(numbers, law, b)[what] for b in beliefs])
+            (law, colour, [scale * row(numbers["rows"], law=law, belief=b)[what] for b in beliefs])
             for law, colour in COLOURS.items()
         ]
 
     static = numbers["static"]
-    return "".join(
-        (
-            figure(
-                [
-                    lines(
-                        late, curves(delays, "error", 1e3), "RMS tracking error, mrad",
-                        "contacts switched late, ms",
-                    ),
-                    lines(
-                        late, curves(delays, "up", 1.0), "Robots that stay up",
-                        "contacts switched late, ms", (0.0, 1.04), percent,
-                    ),
-                    lines(
-                        friction, curves(slips, "error", 1e3), "RMS tracking error, mrad",
-                        "friction of the ground",
-                    ),
-                    lines(
-                        friction, curves(slips, "up", 1.0), "Robots that stay up",
-                        "friction of the ground", (0.0, 1.04), percent,
-                    ),
-                    lines(
-                        list(range(len(static["median"]))),
-                        [("largest", 5, static["largest"]), ("median", 0, static["median"])],
-                        "Eq. (15) at random states, largest joint torque, N·m",
-                        "points believed down",
-                    ),
-                ],
-                "Stepping in place for 12 s with the controller of the section on stepping, "
-                f"{numbers['each']} starts each. Errors are up to a fall. The limited form assumes "
-                "a friction of 0.7 whatever the ground has. Last: no simulation, 2 or 3 points of "
-                "one sole are underactuated.",
-            ),
-            folded("Every belief as a table", _table(numbers)),
-        )
-    )  # fmt: skip
+    return [
+        figure(
+            [
+                lines(
+                    late, curves(delays, "error", 1e3), "RMS tracking error, mrad",
+                    "contacts switched late, ms",
+                ),
+                lines(
+                    late, curves(delays, "up", 1.0), "Robots that stay up",
+                    "contacts switched late, ms", (0.0, 1.04), percent,
+                ),
+                lines(
+                    friction, curves(slips, "error", 1e3), "RMS tracking error, mrad",
+                    "friction of the ground",
+                ),
+                lines(
+                    friction, curves(slips, "up", 1.0), "Robots that stay up",
+                    "friction of the ground", (0.0, 1.04), percent,
+                ),
+                lines(
+                    list(range(len(static["median"]))),
+                    [("largest", 5, static["largest"]), ("median", 0, static["median"])],
+                    "Eq. (15) at random states, largest joint torque, N·m",
+                    "points believed down",
+                ),
+            ],
+            "Stepping in place for 12 s with the controller of the section on stepping, "
+            f"{numbers['each']} starts each. Errors are up to a fall. The limited form assumes "
+            "a friction of 0.7 whatever the ground has. Last: no simulation, 2 or 3 points of "
+            "one sole are underactuated.",
+        ),
+        folded("Every belief as a table", _table(numbers)),
+    ]  # fmt: skip
 
 
 def _table(numbers: dict[str, Any]) -> str:
@@ -289,7 +267,7 @@ def _table(numbers: dict[str, Any]) -> str:
     beliefs = list(dict.fromkeys(r["belief"] for r in numbers["rows"]))
     rows = []
     for belief in beliefs:
-        cells = [row(numbers, law, belief) for law in names]
+        cells = [row(numbers["rows"], law=law, belief=belief) for law in names]
         rows.append(
             [
                 belief,
@@ -319,4 +297,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

@@ -1,29 +1,42 @@
-"""The controllers of [M10] section IV: joint PD, with and without inverse dynamics ahead of it."""
+"""The controller of [M10] section IV: joint PD, with and without inverse dynamics ahead of it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from eval.papers.trial import Command, Memory, contact_points
-from fbid_gym.actions.contact_belief import TOUCH
-from fbid_gym.actions.stance import holding_torque, own_inertia, stance_inertia
-from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, ReducedContacts, reduced_contacts
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.motions import Reference
+from eval.papers.mistry2010.laws import Law, Tick
+from eval.papers.trial import RATES, Memory
+from fbid_gym.actions.contact_belief import MEASURED_LOAD
+from fbid_gym.actions.joint_gains import holding_torque
+from fbid_gym.control import operational_space_acceleration, task_acceleration
+from fbid_gym.dynamics import DynamicsTerms
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.quantities import ContactGeometry, Reference, RobotState
 from fbid_gym.robots import Robot
 
-JOINTS_FIRST = 1e-3
-"""Weight of base accelerations beside joint accelerations where the contacts do not allow both:
-the reference's joint accelerations are kept, and the base follows."""
+
+class SplitTorque(NamedTuple):
+    """Torques of N robots, by where they come from.
+
+    Attributes:
+        feedforward: (N, n) N·m, from the model and the reference.
+        feedback: (N, n) N·m, from the tracking errors.
+    """
+
+    feedforward: np.ndarray
+    feedback: np.ndarray
+
+    @property
+    def torque(self) -> np.ndarray:
+        """(N, n) N·m, their sum."""
+        return self.feedforward + self.feedback
 
 
 @dataclass(frozen=True, eq=False)
-class Gains:
+class PdGains:
     """Joint PD gains, K_P = I w^2 and K_D = 2 zeta I w; I is each joint's inertia in stance.
 
     Attributes:
@@ -35,16 +48,19 @@ class Gains:
     damping: np.ndarray
 
     @classmethod
-    def of(cls, robot: Robot, hertz: float | np.ndarray, zeta: float | np.ndarray = 1.0) -> "Gains":
+    def of(
+        cls, robot: Robot, hertz: float | np.ndarray, zeta: float | np.ndarray = 1.0
+    ) -> "PdGains":
         """Derive gains from a natural frequency (Hz) and a damping ratio, or from N of each.
 
         The damping stays below the inertia that a joint moves in the air times the control rate,
         beyond which sampled damping itself oscillates.
         """
-        inertia = stance_inertia(robot)
+        stance = Stance.of(robot)
+        inertia = stance.standing_inertia
         omega = 2.0 * np.pi * np.asarray(hertz, float)[..., None]
         damping = 2.0 * np.asarray(zeta, float)[..., None] * omega * inertia
-        return cls(inertia * omega**2, np.minimum(damping, own_inertia(robot) * 500.0))
+        return cls(inertia * omega**2, np.minimum(damping, stance.hanging_inertia * RATES.control))
 
     def torque(self, state: RobotState, reference: Reference) -> np.ndarray:
         """K_P (q_d - q) + K_D (qdot_d - qdot): (N, n) N·m."""
@@ -53,219 +69,122 @@ class Gains:
         return self.stiffness * error + self.damping * rate
 
 
-class Feedforward(Protocol):
-    """Inverse dynamics: the torque for a desired acceleration."""
-
-    def memory(self, num_robots: int) -> Memory:
-        """Return what the law remembers, for robots that have not moved yet."""
-        ...
-
-    def __call__(
-        self,
-        acceleration: np.ndarray,
-        contacts: ReducedContacts,
-        active: np.ndarray | None,
-        state: RobotState,
-        terms: DynamicsTerms,
-        memory: Memory,
-    ) -> np.ndarray:
-        """Return (N, n) N·m for accelerations (N, nv) with the `active` points (N, P) down."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Orthogonal:
-    """[M10] eq. (15), with the weights of eq. (16) if any: contacts that pull and never slip.
-
-    Attributes:
-        torque_cost: (n,) diagonal of W; None for the identity.
-    """
-
-    torque_cost: np.ndarray | None = None
-
-    def memory(self, num_robots: int) -> Memory:
-        """Nothing to remember."""
-        return {}
-
-    def __call__(
-        self,
-        acceleration: np.ndarray,
-        contacts: ReducedContacts,
-        active: np.ndarray | None,
-        state: RobotState,
-        terms: DynamicsTerms,
-        memory: Memory,
-    ) -> np.ndarray:
-        """See `Feedforward`."""
-        return np.asarray(
-            orthogonal_inverse_dynamics(
-                terms.mass_matrix,
-                terms.bias,
-                contacts.jacobian,
-                acceleration,
-                contacts.bias,
-                torque_cost=self.torque_cost,
-                base_priority=JOINTS_FIRST,
-            ).torque
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Limited:
-    """The same with contact forces that the ground can deliver; not in the paper.
-
-    Attributes:
-        limits: of the contact forces.
-        length: m, lever arm that makes moments comparable to forces.
-        base_priority: weight of base accelerations beside one for the joints.
-        wrench_cost: six weights of the errors of the base's forces and moments, where the ground
-            cannot give both.
-    """
-
-    limits: ContactLimits
-    length: float
-    base_priority: float = JOINTS_FIRST
-    wrench_cost: tuple[float, ...] | None = None
-
-    @classmethod
-    def of(cls, robot: Robot, friction: float = 0.7) -> "Limited":
-        """Friction cones of the given coefficient."""
-        return cls(ContactLimits(friction), Support.of(robot).radius)
-
-    def memory(self, num_robots: int) -> Memory:
-        """The warm start of the contact forces."""
-        return {"warm_start": np.zeros((num_robots, 6)), "residual": np.zeros(num_robots)}
-
-    def __call__(
-        self,
-        acceleration: np.ndarray,
-        contacts: ReducedContacts,
-        active: np.ndarray | None,
-        state: RobotState,
-        terms: DynamicsTerms,
-        memory: Memory,
-    ) -> np.ndarray:
-        """See `Feedforward`."""
-        found = limited_inverse_dynamics(
-            terms.mass_matrix,
-            terms.bias,
-            contacts.jacobian,
-            acceleration,
-            contacts.bias,
-            self.limits,
-            point_map=contacts.point_map,
-            active=active,
-            base_priority=self.base_priority,
-            length=self.length,
-            wrench_cost=self.wrench_cost,
-            warm_start=memory["warm_start"],
-        )
-        memory["warm_start"], memory["residual"] = found.warm_start, found.residual
-        return np.asarray(found.torque)
-
-
-Belief = Callable[[RobotState, Reference], np.ndarray | None]
+ContactBelief = Callable[[RobotState, Reference], np.ndarray | None]
 """Which contact points a controller takes to be on the ground: (N, P) bool, None for all."""
 
 
-def measured_contacts(robot: Robot) -> Belief:
+def planned_contacts(robot: Robot) -> ContactBelief:
+    """Believe in the points of the feet that the reference plants."""
+    geometry = contact_geometry(robot)
+    return lambda state, reference: contact_points(geometry, reference)
+
+
+def contact_points(geometry: ContactGeometry, reference: Reference) -> np.ndarray | None:
+    """Return which contact points belong to planted feet: (N, P) bool, None for all."""
+    return reference.planted[:, geometry.foot_of_point] if reference.stepping else None
+
+
+def measured_contacts(robot: Robot) -> ContactBelief:
     """Believe in the points that carried weight during the last physics step."""
-    least = TOUCH * robot.weight
+    least = MEASURED_LOAD * robot.weight
     return lambda state, reference: np.linalg.norm(state.contact_force, axis=2) > least
 
 
-class Motive(Protocol):
-    """Which acceleration the robots shall have: what the inverse dynamics is given."""
-
-    def __call__(
-        self,
-        state: RobotState,
-        terms: DynamicsTerms,
-        reference: Reference,
-        contacts: ReducedContacts,
-        memory: Memory,
-    ) -> np.ndarray:
-        """Return (N, nv) m/s^2 and rad/s^2."""
-        ...
+Desire = Callable[[Tick, Memory], np.ndarray]
+"""Which acceleration the robots shall have, (N, nv) m/s^2 and rad/s^2: what the inverse dynamics is
+given. It may note in the memory what the log shall have."""
 
 
-@dataclass(frozen=True, eq=False)
-class Planned:
-    """The reference's acceleration, its linear part turned into the world.
+def as_planned(robot: Robot) -> Desire:
+    """Desire the reference's acceleration, its linear part turned into the world."""
+    stance = Stance.of(robot)
 
-    Attributes:
-        support: of the robot.
-    """
-
-    support: Support
-
-    def __call__(
-        self,
-        state: RobotState,
-        terms: DynamicsTerms,
-        reference: Reference,
-        contacts: ReducedContacts,
-        memory: Memory,
-    ) -> np.ndarray:
-        """See `Motive`."""
-        acceleration = reference.qacc.copy()
-        rotation = self.support.frame(terms).rotation
+    def desire(tick: Tick, memory: Memory) -> np.ndarray:
+        acceleration = tick.reference.qacc.copy()
+        rotation = stance.frame(tick.terms).rotation
         acceleration[:, :3] = np.matvec(rotation, acceleration[:, :3])
         return acceleration
 
+    return desire
 
-@dataclass(frozen=True, eq=False)
-class Tracking:
-    """[M10] eq. (18): inverse dynamics of a desired acceleration, and joint PD.
+
+def base_returning(robot: Robot, hertz: float) -> Desire:
+    """[M10] eqs. (19) and (20): the contacts stay, the base's x and y return to the reference's.
+
+    What is left is at rest: the acceleration of least norm, in which the reference has no part.
+    The memory gets "base" and "base_target", (N, 2) m in the frame of the feet.
+
+    Args:
+        robot: the robot.
+        hertz: natural frequency of the return, critically damped.
+    """
+    stance, omega = Stance.of(robot), 2.0 * np.pi * hertz
+
+    def desire(tick: Tick, memory: Memory) -> np.ndarray:
+        terms, reference, contacts = tick.terms, tick.reference, tick.contacts
+        frame = stance.frame(terms)
+        base = np.vecmat(terms.base_position - frame.centre, frame.rotation)
+        memory["base"], memory["base_target"] = base[:, :2], reference.qpos[:, :2]
+        there = frame.centre + np.matvec(frame.rotation, reference.qpos[:, :3])
+        task = task_acceleration(
+            there[:, :2], terms.base_position[:, :2], tick.state.qvel[:, :2], omega**2, 2.0 * omega
+        )
+        xy = np.eye(robot.nv)[:2]
+        return operational_space_acceleration(
+            contacts.jacobian, contacts.bias, xy, None, task
+        ).motion
+
+    return desire
+
+
+class JointController:
+    """[M10] eq. (18): inverse dynamics of a desired acceleration, and joint PD. A `Controller`.
 
     Viscous damping of the joints is known to the robot's model but is not part of h; where there is
     inverse dynamics, it is compensated.
-
-    Attributes:
-        robot: whose joints.
-        gains: of the feedback.
-        law: the inverse dynamics; None for PD alone.
-        belief: which contacts it counts on; None for the planned ones.
-        motive: which acceleration is desired; None for the reference's.
     """
 
-    robot: Robot
-    gains: Gains
-    law: Feedforward | None = None
-    belief: Belief | None = None
-    motive: Motive | None = None
-    geometry: ContactGeometry = field(init=False)
-    planned: Planned = field(init=False)
+    def __init__(
+        self,
+        robot: Robot,
+        gains: PdGains,
+        law: Law | None = None,
+        belief: ContactBelief | None = None,
+        desire: Desire | None = None,
+    ) -> None:
+        """Measure the feet.
 
-    def __post_init__(self) -> None:
-        """Measure the feet."""
-        object.__setattr__(self, "geometry", ContactGeometry.of(self.robot))
-        object.__setattr__(self, "planned", Planned(Support.of(self.robot)))
+        Args:
+            robot: whose joints.
+            gains: of the feedback.
+            law: the inverse dynamics; None for PD alone.
+            belief: which contacts it counts on; None for the planned ones.
+            desire: which acceleration is desired; None for the reference's.
+        """
+        self.robot, self.gains, self.law = robot, gains, law
+        self.belief = planned_contacts(robot) if belief is None else belief
+        self.desire = as_planned(robot) if desire is None else desire
+        self.geometry = contact_geometry(robot)
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""
         if self.law is None:
             return {}
         home = np.tile(holding_torque(self.robot), (num_robots, 1))
-        return self.law.memory(num_robots) | {"applied": home, "feedforward": home}
+        return self.law.memory(num_robots) | {"applied": home}
 
     def __call__(
-        self, state: RobotState, terms: DynamicsTerms, reference: Reference, memory: Memory
-    ) -> Command:
+        self, state: RobotState, terms: DynamicsTerms, goal: Reference, memory: Memory
+    ) -> SplitTorque:
         """See `Controller`."""
-        feedback = self.gains.torque(state, reference)
+        feedback = self.gains.torque(state, goal)
         if self.law is None:
-            return Command(np.zeros_like(feedback), feedback)
-        if self.belief is None:
-            active = contact_points(self.geometry, reference.planted)
-        else:
-            active = self.belief(state, reference)
+            return SplitTorque(np.zeros_like(feedback), feedback)
+        active = self.belief(state, goal)
         contacts = reduced_contacts(self.geometry, terms, active)
-        motive = self.planned if self.motive is None else self.motive
-        acceleration = motive(state, terms, reference, contacts, memory)
-        torque = self.law(acceleration, contacts, active, state, terms, memory)
+        tick = Tick(state, terms, goal, active, contacts)
+        torque = self.law(tick, self.desire(tick, memory), memory)
         limit, friction = self.robot.torque_limit, self.robot.joint_damping * state.qvel[:, 6:]
         # What acts on the robot's rigid bodies: the motors' torque less the joints' friction.
         memory["applied"] = np.clip(torque + friction + feedback, -limit, limit) - friction
-        memory["feedforward"] = torque
-        return Command(torque + friction, feedback)
+        return SplitTorque(torque + friction, feedback)

@@ -1,27 +1,23 @@
 """[M10] figures 10 and 11: a quadruped walks over ground that it does not know."""
 
-import sys
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from eval.papers.camera import Camera
 from eval.papers.charts import Bars, bars, lines, traces
-from eval.papers.experiment import Experiment, Progress, Result, Setting, main
+from eval.papers.experiment import Experiment, Progress, Result, Setting, main, row
 from eval.papers.log import Log
-from eval.papers.mistry2010.controllers import (
-    Gains,
-    Limited,
-    Orthogonal,
-    Tracking,
-    measured_contacts,
-)
-from eval.papers.mistry2010.rivals import EstimatedForce, MeasuredForce
-from eval.papers.parts import Finding, figure, frames, heading, judged, table, text, video
+from eval.papers.mistry2010.controllers import JointController, PdGains, measured_contacts
+from eval.papers.mistry2010.following import following
+from eval.papers.mistry2010.laws import Limited, orthogonal
+from eval.papers.mistry2010.laws import rivals as rival_laws
+from eval.papers.parts import Finding, columns, figure, heading, judged, text
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
-from fbid_gym.motions.crawl import Crawl, crawl
+from fbid_gym.motions import Crawl, crawl
 from fbid_gym.robots import Robot, load
 from fbid_gym.robots.terrain import compile_world, make_terrain
 
@@ -57,24 +53,23 @@ FF, LOW_PD, HIGH_PD = "PD+FF, low gains", "PD, low gains", "PD, high gains"
 COLOURS = {FF: 0, LOW_PD: 5, HIGH_PD: 1}
 
 
-def controllers(robot: Robot) -> dict[str, Tracking]:
+def controllers(robot: Robot) -> dict[str, JointController]:
     """Return the paper's three."""
+    low, high = PdGains.of(robot, *LOW), PdGains.of(robot, *HIGH)
     return {
-        FF: Tracking(robot, Gains.of(robot, *LOW), Orthogonal()),
-        LOW_PD: Tracking(robot, Gains.of(robot, *LOW)),
-        HIGH_PD: Tracking(robot, Gains.of(robot, *HIGH)),
+        FF: JointController(robot, low, orthogonal()),
+        LOW_PD: JointController(robot, low),
+        HIGH_PD: JointController(robot, high),
     }
 
 
-def rivals(robot: Robot) -> dict[str, Tracking]:
+def rivals(robot: Robot) -> dict[str, JointController]:
     """Return what is shown beside them, at the low gains."""
-    gains = Gains.of(robot, *LOW)
+    gains, measured = PdGains.of(robot, *LOW), measured_contacts(robot)
+    laws = {"PD+FF, limited forces": Limited.of(robot), **rival_laws(robot)}
     return {
-        "PD+FF, measured contacts": Tracking(robot, gains, Orthogonal(), measured_contacts(robot)),
-        "PD+FF, limited forces": Tracking(robot, gains, Limited.of(robot)),
-        "measured force, ideal sensor": Tracking(robot, gains, MeasuredForce.of(robot)),
-        "measured force, 10 ms late": Tracking(robot, gains, MeasuredForce.of(robot, delay=5)),
-        "force from the previous torque": Tracking(robot, gains, EstimatedForce()),
+        "PD+FF, measured contacts": JointController(robot, gains, orthogonal(), measured),
+        **{name: JointController(robot, gains, law) for name, law in laws.items()},
     }
 
 
@@ -100,27 +95,23 @@ def run(setting: Setting) -> Result:
     cells = [(ground, name) for ground in grounds for name in controllers(robot)]
     beside = [g for g in grounds if g.label in ("flat", MIDDLE)]
     cells += [(ground, name) for ground in beside for name in rivals(robot)]
-    progress = iter(
-        setting.progress.part(0.0, 0.8, "grounds").parts([f"{n}, {g.label}" for g, n in cells])
-    )
     rows: list[dict[str, Any]] = []
     arrays: dict[str, np.ndarray] = {}
-    for ground, name in cells:
+    walks = setting.progress.part(0.0, 0.8)
+    for (ground, name), progress in walks.each(cells, lambda cell: f"{cell[1]}, {cell[0].label}"):
         world, starts = on(robot, ground)
         pose = courses(starts, count)
-        trial = Trial(
-            world, motion, seconds, count, speed=np.full(count, SPEED), pose=pose, every=EVERY
-        )
-        log = simulate(trial, (controllers(world) | rivals(world))[name], next(progress))
+        trial = Trial(world, following(motion, SPEED, pose), seconds, count, every=EVERY)
+        log = simulate(trial, (controllers(world) | rivals(world))[name], progress)
         rows.append({"ground": ground.label, "name": name, **_summary(log, pose, seconds)})
         if name in (FF, HIGH_PD) and ground.label in (MIDDLE, GROUNDS[-1].label):
             chosen = _telling(log, pose, up=name == FF)
             arrays |= log.of([chosen]).arrays(f"{ground.label}.{name}.")
-            arrays[f"{ground.label}.{name}.heading"] = pose[chosen, 2]
+            arrays[f"heading.{ground.label}.{name}"] = pose[chosen, 2]
     hertz = setting.pick(HERTZ, HERTZ[::3])
     sweep = _sweep(robot, motion, hertz, setting, setting.progress.part(0.8, 0.95, "gains"))
     log = simulate(
-        Trial(robot, motion, 2 * motion.period / motion.hz + 1e-9, speed=np.array([SPEED])),
+        Trial(robot, following(motion, SPEED), 2 * motion.period / motion.hz + 1e-9),
         controllers(robot)[FF],
         setting.progress.part(0.95, 1.0, "torques"),
     )
@@ -136,29 +127,30 @@ def _summary(log: Log, pose: np.ndarray, seconds: float) -> dict[str, float]:
     """Share of successes, way, tracking error, and where the torque comes from."""
     way = _way(log, pose)
     good = log.survived & (way >= ENOUGH * SPEED * seconds)
-    error = np.sqrt((log.rms(log.error) ** 2).mean(axis=1))
-    total = float(np.nanmean(log.rms(log.torque)))
+    total = float(np.nanmean(log.rms(log["torque"])))
     return {
         "success": float(good.mean()),
         "up": float(log.survived.mean()),
         "way": float(np.median(way)),
-        "error": float(np.nanmean(error)),
+        "error": float(np.nanmean(log.rms_of_joints(log.error))),
         "torque": total,
-        "feedforward": float(np.nanmean(log.rms(log.feedforward))) / total,
-        "feedback": float(np.nanmean(log.rms(log.feedback))) / total,
+        "feedforward": float(np.nanmean(log.rms(log["feedforward"]))) / total,
+        "feedback": float(np.nanmean(log.rms(log["feedback"]))) / total,
     }
 
 
 def _way(log: Log, pose: np.ndarray) -> np.ndarray:
     """How far each robot got along its first heading before it fell, if it did: (N,) m."""
     last = np.maximum(log.up.sum(axis=0) - 1, 0)
-    path = log.qpos[last, np.arange(len(last)), :2] - log.qpos[0, :, :2]
+    place = log["qpos"][:, :, :2]
+    path = place[last, np.arange(len(last))] - place[0]
     return path[:, 0] * np.cos(pose[:, 2]) + path[:, 1] * np.sin(pose[:, 2])
 
 
 def _telling(log: Log, pose: np.ndarray, up: bool) -> int:
     """A robot worth a picture: the one that climbed most of those that stayed up, or fell."""
-    climb = np.ptp(np.where(log.up, log.qpos[:, :, 2], log.qpos[:1, :, 2]), axis=0)
+    height = log["qpos"][:, :, 2]
+    climb = np.ptp(np.where(log.up, height, height[:1]), axis=0)
     wanted = log.survived if up else ~log.survived
     return int(np.argmax(np.where(wanted, climb, climb - 1.0)))
 
@@ -169,36 +161,28 @@ def _sweep(
     """Success against gains over the middle obstacles, with and without inverse dynamics."""
     each, seconds = setting.pick(16, 4), setting.pick(SECONDS, 4.0)
     world, starts = on(robot, next(g for g in GROUNDS if g.label == MIDDLE))
-    pose = np.tile(courses(starts, each), (len(hertz), 1))
-    gains = Gains.of(world, np.repeat(hertz, each), np.full(len(pose), LOW[1]))
-    trial = Trial(
-        world, motion, seconds, len(pose), speed=np.full(len(pose), SPEED), pose=pose, every=EVERY
-    )
-    found = {}
-    for name, law, low in (("PD+FF", Orthogonal(), 0.0), ("PD", None, 0.5)):
-        log = simulate(trial, Tracking(world, gains, law), progress.part(low, low + 0.5, name))
-        found[name] = [
-            _summary(log.of(part), pose[part], seconds)
-            for part in (slice(k * each, (k + 1) * each) for k in range(len(hertz)))
-        ]
+    course = courses(starts, each)
+    pose = np.tile(course, (len(hertz), 1))
+    gains = PdGains.of(world, np.repeat(hertz, each), np.full(len(pose), LOW[1]))
+    trial = Trial(world, following(motion, SPEED, pose), seconds, len(pose), every=EVERY)
+    laws, found = {"PD+FF": orthogonal(), "PD": None}, {}
+    for name, part in progress.each(laws):
+        log = simulate(trial, JointController(world, gains, laws[name]), part)
+        found[name] = [_summary(some, course, seconds) for some in log.groups(each)]
     return found
-
-
-def row(numbers: dict[str, Any], ground: str, name: str) -> dict[str, Any]:
-    """Return one cell."""
-    return next(r for r in numbers["rows"] if (r["ground"], r["name"]) == (ground, name))
 
 
 def findings(numbers: dict[str, Any]) -> list[Finding]:
     """What the paper shows by video and plot, in numbers."""
+    cell = partial(row, numbers["rows"])
     rough = [ground for ground in numbers["grounds"] if ground != "flat"]
 
     def success(name: str) -> float:
-        return float(np.mean([row(numbers, ground, name)["success"] for ground in rough]))
+        return float(np.mean([cell(ground=ground, name=name)["success"] for ground in rough]))
 
-    flat = row(numbers, "flat", FF)
+    flat = cell(ground="flat", name=FF)
     three = [success(name) for name in (FF, HIGH_PD, LOW_PD)]
-    errors = [1e3 * row(numbers, "flat", name)["error"] for name in (FF, HIGH_PD, LOW_PD)]
+    errors = [1e3 * cell(ground="flat", name=name)["error"] for name in (FF, HIGH_PD, LOW_PD)]
     return [
         judged(
             "success on unknown ground: low-gain PD+FF, high-gain PD, low-gain PD",
@@ -212,7 +196,8 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
                 f"{ground}, in the same order",
                 "PD+FF walks",
                 ", ".join(
-                    percent(row(numbers, ground, name)["success"]) for name in (FF, HIGH_PD, LOW_PD)
+                    percent(cell(ground=ground, name=name)["success"])
+                    for name in (FF, HIGH_PD, LOW_PD)
                 ),
             )
             for ground in rough
@@ -234,17 +219,17 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
     ]
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     numbers, arrays = result.numbers, result.arrays
-    grounds = numbers["grounds"]
+    grounds, cell = numbers["grounds"], partial(row, numbers["rows"])
     names = tuple(COLOURS)
     steady = Log.from_arrays(arrays, "steady.")
     robot = load("quadruped")
     knee = robot.joint_names.index("hind_right_knee")
-    total = (steady.feedforward + steady.feedback)[:, 0, knee]
-    parts = [
-        _film(arrays, GROUNDS[-1], FF, robot),
+    feedforward, feedback = (steady[k][:, 0, knee] for k in ("feedforward", "feedback"))
+    return [
+        _film(arrays, GROUNDS[-1].label, FF, robot),
         _strip(arrays, MIDDLE, FF, robot, "Low-gain PD+FF over obstacles that it does not know."),
         _strip(arrays, MIDDLE, HIGH_PD, robot, "High-gain PD on a course where it falls, if any."),
         figure(
@@ -252,7 +237,7 @@ def show(result: Result) -> str:
                 bars(
                     grounds,
                     [
-                        Bars(n, COLOURS[n], [row(numbers, g, n)["success"] for g in grounds])
+                        Bars(n, COLOURS[n], [cell(ground=g, name=n)["success"] for g in grounds])
                         for n in names
                     ],
                     "Success", percent, 1.0,
@@ -275,17 +260,17 @@ def show(result: Result) -> str:
                 traces(
                     steady.time,
                     [
-                        ("desired", 7, steady.target[:, 0, knee]),
-                        ("PD+FF", 0, steady.qpos[:, 0, 7 + knee]),
+                        ("desired", 7, steady["target"][:, 0, knee]),
+                        ("PD+FF", 0, steady["qpos"][:, 0, 7 + knee]),
                     ],
                     "Right hind knee, rad",
                 ),
                 traces(
                     steady.time,
                     [
-                        ("total", 7, total),
-                        ("feedforward", 2, steady.feedforward[:, 0, knee]),
-                        ("feedback", 5, steady.feedback[:, 0, knee]),
+                        ("total", 7, feedforward + feedback),
+                        ("feedforward", 2, feedforward),
+                        ("feedback", 5, feedback),
                     ],
                     "Its torque, N·m",
                 ),
@@ -301,60 +286,45 @@ def show(result: Result) -> str:
             "are."
         ),
     ]  # fmt: skip
-    return "".join(parts)
+
+
+def _kept(
+    arrays: dict[str, np.ndarray], label: str, name: str, robot: Robot, width: int, height: int
+) -> tuple[Log, Camera]:
+    """The robot that was kept of a ground and a controller, and a camera at its side."""
+    world, _ = on(robot, next(ground for ground in GROUNDS if ground.label == label))
+    azimuth = float(np.degrees(arrays[f"heading.{label}.{name}"])) + 115.0
+    camera = Camera(world, width, height, azimuth, -22.0)
+    return Log.from_arrays(arrays, f"{label}.{name}."), camera
+
+
+def _film(arrays: dict[str, np.ndarray], label: str, name: str, robot: Robot) -> str:
+    log, camera = _kept(arrays, label, name, robot, 640, 480)
+    with camera:
+        return camera.film(log, 20.0, f"Low-gain PD+FF on the {label}, which it does not know.")
 
 
 def _strip(arrays: dict[str, np.ndarray], label: str, name: str, robot: Robot, caption: str) -> str:
-    prefix = f"{label}.{name}."
-    if f"{prefix}time" not in arrays:
-        return ""
-    log = Log.from_arrays({k: v for k, v in arrays.items() if not k.endswith("heading")}, prefix)
-    ground = next(g for g in GROUNDS if g.label == label)
-    world, _ = on(robot, ground)
-    end = log.time[-1] if np.isnan(log.fell[0]) else min(log.fell[0] + 0.1, log.time[-1])
-    moments = np.linspace(max(end - 4.0, 0.0), end, 6)
-    at = np.minimum(np.searchsorted(log.time, moments), len(log.time) - 1)
-    azimuth = float(np.degrees(arrays[f"{prefix}heading"])) + 115.0
-    with Camera(world, 300, 240, azimuth=azimuth, elevation=-22.0) as camera:
-        images = camera.strip(
-            log.qpos[at, 0], log.push[at, 0], [f"{t:.1f} s" for t in log.time[at]]
-        )
-    return frames(images, caption, f"the quadruped on {label}")
-
-
-def _film(arrays: dict[str, np.ndarray], ground: Ground, name: str, robot: Robot) -> str:
-    prefix = f"{ground.label}.{name}."
-    if f"{prefix}time" not in arrays:
-        return ""
-    log = Log.from_arrays({k: v for k, v in arrays.items() if not k.endswith("heading")}, prefix)
-    world, _ = on(robot, ground)
-    azimuth = float(np.degrees(arrays[f"{prefix}heading"])) + 115.0
-    with Camera(world, 640, 480, azimuth=azimuth, elevation=-22.0) as camera:
-        clip = camera.clip(log.time, log.qpos[:, 0], log.push[:, 0], 20.0)
-    return video(clip.mp4(30), f"Low-gain PD+FF on the {ground.label}, which it does not know.")
+    log, camera = _kept(arrays, label, name, robot, 300, 240)
+    end = log.time[-1] if log.survived[0] else min(log.fell[0] + 0.1, log.time[-1])
+    with camera:
+        moments = np.linspace(max(end - 4.0, 0.0), end, 6)
+        return camera.strip(log, moments, caption, f"the quadruped on {label}")
 
 
 def _table(numbers: dict[str, Any]) -> str:
-    rows = [
-        [
-            f"{r['ground']}: {r['name']}",
-            percent(r["success"]),
-            percent(r["up"]),
-            number(r["way"], 2),
-            number(1e3 * r["error"]),
-            number(r["torque"]),
-            percent(r["feedforward"]),
-            percent(r["feedback"]),
-        ]
-        for ground in numbers["grounds"]
-        for r in numbers["rows"]
-        if r["ground"] == ground
-    ]
-    heads = [
-        "", "success", "stays up", "way, m", "error, mrad", "torque, N·m", "feedforward",
-        "feedback",
-    ]  # fmt: skip
-    return table(heads, rows)
+    cells = (
+        ("", lambda r: f"{r['ground']}: {r['name']}"),
+        ("success", lambda r: percent(r["success"])),
+        ("stays up", lambda r: percent(r["up"])),
+        ("way, m", lambda r: number(r["way"], 2)),
+        ("error, mrad", lambda r: number(1e3 * r["error"])),
+        ("torque, N·m", lambda r: number(r["torque"])),
+        ("feedforward", lambda r: percent(r["feedforward"])),
+        ("feedback", lambda r: percent(r["feedback"])),
+    )
+    order = numbers["grounds"].index
+    return columns(sorted(numbers["rows"], key=lambda r: order(r["ground"])), cells)
 
 
 EXPERIMENT = Experiment(
@@ -371,4 +341,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

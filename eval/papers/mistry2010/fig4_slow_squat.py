@@ -1,12 +1,10 @@
 """[M10] figures 3 and 4: tracking a slow squat/bow that extends the knees fully."""
 
-import sys
 from typing import Any
 
-from eval.papers.experiment import Experiment, Result, Setting, main
+from eval.papers.experiment import Experiment, Result, Setting, main, row
 from eval.papers.mistry2010 import joint_tracking as jt
-from eval.papers.parts import Finding, figure, judged, text
-from fbid_gym.robots import load
+from eval.papers.parts import Finding, fate, figure, judged, text
 
 PAPER_BOTH = (0.001, 0.011, 0.005)
 PAPER_ALONE = (0.008, 0.076, 0.021)
@@ -20,8 +18,9 @@ def run(setting: Setting) -> Result:
 
 def findings(numbers: dict[str, Any]) -> list[Finding]:
     """The paper's numbers beside ours."""
-    ours, stiff = jt.row(numbers, "PD+FF, soft gains"), jt.row(numbers, "PD, best gains")
-    soft, best = jt.row(numbers, "PD, soft gains"), numbers["best"]
+    rows = numbers["rows"]
+    ours, stiff = row(rows, name="PD+FF, soft gains"), row(rows, name="PD, best gains")
+    soft, best = row(rows, name="PD, soft gains"), numbers["best"]
     small = all(a <= b for a, b in zip(ours["rms"], PAPER_BOTH, strict=True))
     frequency, zeta = jt.SOFT
     return [
@@ -35,64 +34,51 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
         Finding(
             f"with PD alone, gains that err like the paper's ({frequency:g} Hz, ζ {zeta:g})",
             jt.triple(PAPER_ALONE),
-            f"{jt.triple(soft['rms'])}; {jt.fate(soft['fell'])}",
+            f"{jt.triple(soft['rms'])}; {fate(soft['fell'])}",
         ),
         Finding(
             f"with PD alone, the best gains of the sweep ({best['hertz']:g} Hz, "
             f"ζ {best['zeta']:g})",
             "not given",
-            f"{jt.triple(stiff['rms'])}; {jt.fate(stiff['fell'])}",
+            f"{jt.triple(stiff['rms'])}; {fate(stiff['fell'])}",
         ),
     ]
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
-    numbers, robot = result.numbers, load("biped")
-    shown = (
-        ("PD, soft gains", "PD, soft", jt.SOFT_PD),
-        ("PD, best gains", "PD, best", jt.PD),
-        ("PD+FF, soft gains", "PD+FF, soft", jt.FF),
-    )
-    rivals = (
-        ("force from the previous torque", "previous torque", jt.ESTIMATED),
-        ("measured force, 10 ms late", "measured, 10 ms late", jt.MEASURED),
-        ("measured force, ideal sensor", "measured, ideal", jt.LIMITED),
-        ("PD+FF, soft gains", "PD+FF", jt.FF),
-    )
-    return "".join(
-        (
-            jt.pictures(
-                result,
-                "PD+FF, soft gains",
-                (0.0, 2.5, 5.0, 7.5, 10.0, 17.5, 22.5),
-                "PD with inverse dynamics. The trunk bows while the legs squat; from 20 s the "
-                "knees reach full extension between squats.",
-            ),
-            figure(
-                [*jt.joint_charts(result, shown, robot), jt.gains_chart(numbers)],
-                "Left leg, as the paper's figure 4. Where PD+FF covers what is desired, the "
-                "curves cannot be told apart. Last: the error against the gains; PD has to be "
-                "stiff to be accurate, and too stiff it shakes itself down. PD+FF does not depend "
-                "on the gains.",
-            ),
-            text(
-                "The same motion with every controller, at the same soft gains but for the best "
-                "PD. Contact-force feedback, eq. (8), knows the same model; what it does not have "
-                "is the force that its own torque is about to cause."
-            ),
-            jt.controllers_table(numbers),
-            figure(
-                jt.error_charts(result, rivals, robot),
-                "Errors of the paper's rivals. A force that is measured arrives a step after the "
-                "torque that caused it; nothing restores the part of the torque that only presses "
-                "the feet against each other, so it wanders, and delay makes it swing. The "
-                "estimate from the previous torque adds the feedback's share of that part up.",
-                3,
-            ),
-            jt.gains_table(numbers),
-        )
-    )
+    numbers = result.numbers
+    return [
+        jt.pictures(
+            result,
+            "PD+FF, soft gains",
+            (0.0, 2.5, 5.0, 7.5, 10.0, 17.5, 22.5),
+            "PD with inverse dynamics. The trunk bows while the legs squat; from 20 s the "
+            "knees reach full extension between squats.",
+        ),
+        figure(
+            [*jt.joint_charts(result), jt.gains_chart(numbers)],
+            "Left leg, as the paper's figure 4. Where PD+FF covers what is desired, the "
+            "curves cannot be told apart. Last: the error against the gains; PD has to be "
+            "stiff to be accurate, and too stiff it shakes itself down. PD+FF does not depend "
+            "on the gains.",
+        ),
+        text(
+            "The same motion with every controller, at the same soft gains but for the best "
+            "PD. Contact-force feedback, eq. (8), knows the same model; what it does not have "
+            "is the force that its own torque is about to cause."
+        ),
+        jt.controllers_table(numbers),
+        figure(
+            jt.error_charts(result),
+            "Errors of the paper's rivals. A force that is measured arrives a step after the "
+            "torque that caused it; nothing restores the part of the torque that only presses "
+            "the feet against each other, so it wanders, and delay makes it swing. The "
+            "estimate from the previous torque adds the feedback's share of that part up.",
+            3,
+        ),
+        jt.gains_table(numbers),
+    ]
 
 
 EXPERIMENT = Experiment(
@@ -108,4 +94,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

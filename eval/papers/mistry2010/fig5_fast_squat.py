@@ -1,12 +1,10 @@
 """[M10] figure 5: the squat/bow five times faster, through full extension of the knees."""
 
-import sys
 from typing import Any
 
-from eval.papers.experiment import Experiment, Result, Setting, main
+from eval.papers.experiment import Experiment, Result, Setting, main, row
 from eval.papers.mistry2010 import joint_tracking as jt
-from eval.papers.parts import Finding, figure, judged, text
-from fbid_gym.robots import load
+from eval.papers.parts import Finding, fate, figure, judged, text
 
 PAPER_BOTH = (0.005, 0.109, 0.052)
 
@@ -19,15 +17,16 @@ def run(setting: Setting) -> Result:
 
 def findings(numbers: dict[str, Any]) -> list[Finding]:
     """The paper's numbers beside ours."""
-    ours, stiff = jt.row(numbers, "PD+FF, soft gains"), jt.row(numbers, "PD, best gains")
-    soft, best = jt.row(numbers, "PD, soft gains"), numbers["best"]
+    rows = numbers["rows"]
+    ours, stiff = row(rows, name="PD+FF, soft gains"), row(rows, name="PD, best gains")
+    soft, best = row(rows, name="PD, soft gains"), numbers["best"]
     small = all(a <= b for a, b in zip(ours["rms"], PAPER_BOTH, strict=True))
-    fallen = sum(row["fell"] is not None for row in numbers["alone"])
+    fallen = sum(gains["fell"] is not None for gains in numbers["alone"])
     return [
         judged(
             "PD+FF through full knee extension",
             "stays up",
-            jt.fate(ours["fell"]),
+            fate(ours["fell"]),
             "stays up",
             ours["fell"] is None,
         ),
@@ -41,14 +40,14 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
         judged(
             "PD alone, gains that err like the paper's in the slow motion",
             "falls within 1 s",
-            jt.fate(soft["fell"]),
+            fate(soft["fell"]),
             "falls",
             soft["fell"] is not None,
         ),
         Finding(
             f"PD alone, the best gains of the sweep ({best['hertz']:g} Hz, ζ {best['zeta']:g})",
             "not given",
-            f"{jt.fate(stiff['fell'])}; {jt.triple(stiff['rms'])}",
+            f"{fate(stiff['fell'])}; {jt.triple(stiff['rms'])}",
         ),
         Finding(
             "PD alone, gains of the sweep that fall", "", f"{fallen} of {len(numbers['alone'])}"
@@ -56,52 +55,39 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
     ]
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
-    numbers, robot = result.numbers, load("biped")
-    shown = (
-        ("PD, soft gains", "PD, soft", jt.SOFT_PD),
-        ("PD, best gains", "PD, best", jt.PD),
-        ("PD+FF, soft gains", "PD+FF, soft", jt.FF),
-    )
-    rivals = (
-        ("force from the previous torque", "previous torque", jt.ESTIMATED),
-        ("measured force, 10 ms late", "measured, 10 ms late", jt.MEASURED),
-        ("measured force, ideal sensor", "measured, ideal", jt.LIMITED),
-        ("PD+FF, soft gains", "PD+FF", jt.FF),
-    )
-    return "".join(
-        (
-            jt.pictures(
-                result,
-                "PD+FF, soft gains",
-                (0.0, 0.5, 1.0, 1.5, 4.0, 4.5, 5.0),
-                "PD with inverse dynamics. At 4 and 5 s the knees are at their limit.",
-            ),
-            jt.pictures(
-                result,
-                "PD, soft gains",
-                (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5),
-                "PD alone at the same gains.",
-            ),
-            figure(
-                [*jt.joint_charts(result, shown, robot), jt.gains_chart(numbers)],
-                "Left leg, as the paper's figure 5. A curve ends where the robot falls.",
-            ),
-            jt.controllers_table(numbers),
-            figure(
-                jt.error_charts(result, rivals, robot),
-                "Errors of the paper's rivals on the same motion, at the same gains.",
-                3,
-            ),
-            text(
-                "PD alone does not have to fall: stiff enough, it follows the planned motion, "
-                "which keeps the centre of mass over the feet. It falls at gains at which it errs "
-                "as much as the paper's PD does."
-            ),
-            jt.gains_table(numbers),
-        )
-    )
+    numbers = result.numbers
+    return [
+        jt.pictures(
+            result,
+            "PD+FF, soft gains",
+            (0.0, 0.5, 1.0, 1.5, 4.0, 4.5, 5.0),
+            "PD with inverse dynamics. At 4 and 5 s the knees are at their limit.",
+        ),
+        jt.pictures(
+            result,
+            "PD, soft gains",
+            (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5),
+            "PD alone at the same gains.",
+        ),
+        figure(
+            [*jt.joint_charts(result), jt.gains_chart(numbers)],
+            "Left leg, as the paper's figure 5. A curve ends where the robot falls.",
+        ),
+        jt.controllers_table(numbers),
+        figure(
+            jt.error_charts(result),
+            "Errors of the paper's rivals on the same motion, at the same gains.",
+            3,
+        ),
+        text(
+            "PD alone does not have to fall: stiff enough, it follows the planned motion, "
+            "which keeps the centre of mass over the feet. It falls at gains at which it errs "
+            "as much as the paper's PD does."
+        ),
+        jt.gains_table(numbers),
+    ]
 
 
 EXPERIMENT = Experiment(
@@ -116,4 +102,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

@@ -1,6 +1,5 @@
 """[M10] figures 6 and 7: weights that spare the left knee, eq. (16), in a squat at 2 Hz."""
 
-import sys
 from html import escape
 from typing import Any
 
@@ -9,9 +8,10 @@ import numpy as np
 from eval.papers.charts import Bars, bars, lines
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.log import Log
-from eval.papers.mistry2010.controllers import Gains, Orthogonal, Tracking
-from eval.papers.mistry2010.rivals import EstimatedForce, MeasuredForce
-from eval.papers.parts import Finding, figure, judged, table, text
+from eval.papers.mistry2010.controllers import JointController, PdGains
+from eval.papers.mistry2010.following import following
+from eval.papers.mistry2010.laws import Law, orthogonal, rivals
+from eval.papers.parts import Finding, columns, fate, figure, judged, text
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.dynamics import MuJoCoDynamics
@@ -34,26 +34,19 @@ PAYING = {"left ankle": 1.9, "right hip": 2.4, "right knee": 1.7}
 def run(setting: Setting) -> Result:
     """Squat with each weight, without, with PD alone, and with the paper's rivals."""
     robot = load("biped")
-    trial = Trial(robot, periodic_squat(robot, frequency=2.0), setting.pick(6.0, 3.0))
-    gains = Gains.of(robot, *GAINS)
+    motion = periodic_squat(robot, frequency=2.0)
+    trial = Trial(robot, following(motion), setting.pick(6.0, 3.0))
+    gains = PdGains.of(robot, *GAINS)
     costs = setting.pick(COSTS, (1.0, 10.0, COST))
-    controllers: dict[str, Tracking] = {
-        "PD alone": Tracking(robot, gains),
-        **{f"cost {c:g}": Tracking(robot, gains, Orthogonal(knee_cost(robot, c))) for c in costs},
-        "measured force, ideal sensor": Tracking(robot, gains, MeasuredForce.of(robot)),
-        "measured force, 10 ms late": Tracking(robot, gains, MeasuredForce.of(robot, delay=5)),
-        "force from the previous torque": Tracking(robot, gains, EstimatedForce()),
-    }
+    laws: dict[str, Law | None] = {"PD alone": None}
+    laws |= {f"cost {cost:g}": orthogonal(knee_cost(robot, cost)) for cost in costs}
+    laws |= rivals(robot)
     rows: dict[str, Any] = {}
-    arrays: dict[str, np.ndarray] = {}
-    for progress, (name, controller) in zip(
-        setting.progress.parts(list(controllers)), controllers.items(), strict=True
-    ):
-        log = simulate(trial, controller, progress)
+    for name, progress in setting.progress.each(laws):
+        log = simulate(trial, JointController(robot, gains, laws[name]), progress)
         rows[name] = summary(robot, log)
-        arrays |= log.arrays(f"{name}.")
     numbers = {"rows": rows, "costs": list(costs)}
-    return Result(findings(numbers), numbers, arrays)
+    return Result(findings(numbers), numbers, {})
 
 
 def knee_cost(robot: Robot, cost: float) -> np.ndarray:
@@ -67,16 +60,16 @@ def summary(robot: Robot, log: Log) -> dict[str, Any]:
     """RMS torque and error of the six joints that move, the greatest slip of a foot, the fall."""
     columns = [robot.joint_names.index(f"{side}_{j}") for side in ("left", "right") for j in SHOWN]
     rows = np.flatnonzero(log.up[:, 0])[::10]
-    qpos = np.asarray(log.qpos[rows, 0], float)
+    qpos = np.asarray(log["qpos"][rows, 0], float)
     feet = MuJoCoDynamics(robot).terms(qpos, np.zeros((len(rows), robot.nv))).foot_position
-    torque, error = log.rms(log.torque)[0], log.rms(log.error)[0]
+    torque, error = log.rms(log["torque"])[0], log.rms(log.error)[0]
     return {
         "torque": torque[columns].tolist(),
         "norm": float(np.linalg.norm(torque)),
         "error": error[columns].tolist(),
         "slip": float(np.linalg.norm((feet - feet[0])[:, :, :2], axis=2).max()),
-        "lifted": float((log.contact_force[rows, 0, :, 2] <= 0.0).mean()),
-        "fell": None if np.isnan(log.fell[0]) else float(log.fell[0]),
+        "lifted": float((log["contact_force"][rows, 0, :, 2] <= 0.0).mean()),
+        "fell": log.fall(),
     }
 
 
@@ -114,7 +107,7 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
     ]  # fmt: skip
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     numbers = result.numbers
     rows, costs = numbers["rows"], numbers["costs"]
@@ -124,78 +117,70 @@ def show(result: Result) -> str:
     shown = ((1, "left knee", 0), (0, "left hip", 4), (3, "right hip", 3), (4, "right knee", 2),
              (2, "left ankle", 1))  # fmt: skip
     errors = [1e3 * float(np.linalg.norm(rows[f"cost {c:g}"]["error"])) for c in costs]
-    return "".join(
-        (
-            figure(
-                [
-                    bars(
-                        names(),
-                        [Bars("W = I", 1, free["torque"]), Bars("weighted", 0, spared["torque"])],
-                        "RMS torque, N·m",
-                    ),
-                    bars(
-                        names(),
-                        [
-                            Bars("W = I", 1, [1e3 * e for e in free["error"]]),
-                            Bars("weighted", 0, [1e3 * e for e in spared["error"]]),
-                            Bars("PD alone", 5, [1e3 * e for e in alone["error"]]),
-                        ],
-                        "RMS tracking error, mrad",
-                    ),
-                ],
-                "As the paper's figures 6 and 7.",
-            ),
-            figure(
-                [
-                    lines(
-                        decades,
-                        [(label, c, [relative[k][j] for k in costs]) for j, label, c in shown],
-                        "RMS torque, of that with W = I",
-                        "cost of the left knee, log10",
-                    ),
-                    lines(
-                        decades,
-                        [("weighted", 0, errors)],
-                        "RMS tracking error, mrad",
-                        "cost of the left knee, log10",
-                        threshold=1e3 * float(np.linalg.norm(alone["error"])),
-                    ),
-                ],
-                "How the choice of the weight matters. From 100 on the knee is spared as far as it "
-                "can be. What is left is feedback: eq. (16) presses the feet against each other "
-                "through forces that the ground cannot all give, corners of the soles lift and "
-                "slip, and the joints stray. Dotted: PD alone.",
-            ),
-            text(
-                "The paper's rivals have no choice among torques to make: the measured or the "
-                "estimated force decides it. Beside them here, the same motion and gains:"
-            ),
-            _table(rows),
-        )
-    )
+    return [
+        figure(
+            [
+                bars(
+                    names(),
+                    [Bars("W = I", 1, free["torque"]), Bars("weighted", 0, spared["torque"])],
+                    "RMS torque, N·m",
+                ),
+                bars(
+                    names(),
+                    [
+                        Bars("W = I", 1, [1e3 * e for e in free["error"]]),
+                        Bars("weighted", 0, [1e3 * e for e in spared["error"]]),
+                        Bars("PD alone", 5, [1e3 * e for e in alone["error"]]),
+                    ],
+                    "RMS tracking error, mrad",
+                ),
+            ],
+            "As the paper's figures 6 and 7.",
+        ),
+        figure(
+            [
+                lines(
+                    decades,
+                    [(label, c, [relative[k][j] for k in costs]) for j, label, c in shown],
+                    "RMS torque, of that with W = I",
+                    "cost of the left knee, log10",
+                ),
+                lines(
+                    decades,
+                    [("weighted", 0, errors)],
+                    "RMS tracking error, mrad",
+                    "cost of the left knee, log10",
+                    threshold=1e3 * float(np.linalg.norm(alone["error"])),
+                ),
+            ],
+            "How the choice of the weight matters. From 100 on the knee is spared as far as it "
+            "can be. What is left is feedback: eq. (16) presses the feet against each other "
+            "through forces that the ground cannot all give, corners of the soles lift and "
+            "slip, and the joints stray. Dotted: PD alone.",
+        ),
+        text(
+            "The paper's rivals have no choice among torques to make: the measured or the "
+            "estimated force decides it. Beside them here, the same motion and gains:"
+        ),
+        _table(rows),
+    ]
 
 
 def _table(rows: dict[str, Any]) -> str:
-    cells = []
-    for name, row in rows.items():
-        title = name.replace("cost 1e+05", f"cost {COST:,.0f}").replace("cost", "eq. (16), cost")
-        fell = row["fell"]
-        cells.append(
-            [
-                escape("eq. (15)" if name == "cost 1" else title),
-                number(row["torque"][1]),
-                number(row["norm"]),
-                number(1e3 * float(np.linalg.norm(row["error"]))),
-                number(1e3 * row["slip"], 2),
-                percent(row["lifted"]),
-                "stays up" if fell is None else f"falls at {fell:.1f} s",
-            ]
-        )
-    heads = [
-        "", "left knee, N·m", "all joints, N·m", "error, mrad", "slip, mm",
-        "points off the ground", "",
-    ]  # fmt: skip
-    return table(heads, cells)
+    def title(name: str) -> str:
+        name = name.replace("cost 1e+05", f"cost {COST:,.0f}").replace("cost", "eq. (16), cost")
+        return escape("eq. (15)" if name == "eq. (16), cost 1" else name)
+
+    cells = (
+        ("", lambda row: title(row["name"])),
+        ("left knee, N·m", lambda row: number(row["torque"][1])),
+        ("all joints, N·m", lambda row: number(row["norm"])),
+        ("error, mrad", lambda row: number(1e3 * float(np.linalg.norm(row["error"])))),
+        ("slip, mm", lambda row: number(1e3 * row["slip"], 2)),
+        ("points off the ground", lambda row: percent(row["lifted"])),
+        ("", lambda row: fate(row["fell"])),
+    )
+    return columns([{"name": name} | row for name, row in rows.items()], cells)
 
 
 EXPERIMENT = Experiment(
@@ -212,4 +197,4 @@ EXPERIMENT = Experiment(
 )
 
 if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))
+    main(EXPERIMENT)

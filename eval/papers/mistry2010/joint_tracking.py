@@ -1,21 +1,24 @@
 """What figures 4 and 5 share: the squat/bow under PD alone and under PD with inverse dynamics."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any
 
 import numpy as np
 
 from eval.papers.camera import Camera
-from eval.papers.charts import lines, traces
+from eval.papers.charts import lines, logged
 from eval.papers.experiment import Progress, Result, Setting
 from eval.papers.log import Log
-from eval.papers.mistry2010.controllers import Gains, Limited, Orthogonal, Tracking
-from eval.papers.mistry2010.rivals import EstimatedForce, MeasuredForce
-from eval.papers.parts import folded, frames, table
+from eval.papers.mistry2010.controllers import JointController, PdGains
+from eval.papers.mistry2010.following import following
+from eval.papers.mistry2010.laws import Law, Limited, MeasuredForce, orthogonal, rivals
+from eval.papers.parts import columns, fate, folded
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.motions import squat_bow
+from fbid_gym.quantities import Reference
 from fbid_gym.robots import Robot, load
 
 JOINTS = ("left_hip_pitch", "left_knee", "left_ankle_pitch")
@@ -32,8 +35,19 @@ EVERY = 5
 """Control ticks from one logged tick to the next."""
 
 
-PD, FF, SOFT_PD, LIMITED, MEASURED, ESTIMATED = 1, 0, 5, 2, 3, 4
-"""Colours of the controllers."""
+PD, FF = 1, 0
+SHOWN = (
+    ("PD, soft gains", "PD, soft", 5),
+    ("PD, best gains", "PD, best", PD),
+    ("PD+FF, soft gains", "PD+FF, soft", FF),
+)
+RIVALS = (
+    ("force from the previous torque", "previous torque", 4),
+    ("measured force, 10 ms late", "measured, 10 ms late", 3),
+    ("measured force, ideal sensor", "measured, ideal", 2),
+    ("PD+FF, soft gains", "PD+FF", FF),
+)
+"""Name, label and colour of the controllers whose curves are drawn."""
 
 
 def joint_columns(robot: Robot) -> list[int]:
@@ -42,7 +56,7 @@ def joint_columns(robot: Robot) -> list[int]:
 
 
 def sweep(
-    trial: Trial, setting: Setting, law: Orthogonal | None, progress: Progress
+    trial: Trial[Reference], setting: Setting, law: Law | None, progress: Progress
 ) -> list[dict[str, Any]]:
     """Run the motion with every gain of the sweep, all in one batch.
 
@@ -54,12 +68,12 @@ def sweep(
         pairs = [(f, z) for z in (0.3, 1.0) for f in HERTZ[1::2]]
     hertz, zeta = np.array(pairs).T
     robot = trial.robot
-    many = Trial(robot, trial.motion, trial.seconds, len(pairs), every=EVERY)
-    log = simulate(many, Tracking(robot, Gains.of(robot, hertz, zeta), law), progress)
+    many = replace(trial, num_robots=len(pairs))
+    log = simulate(many, JointController(robot, PdGains.of(robot, hertz, zeta), law), progress)
     rms = log.rms(log.error)[:, joint_columns(robot)]
     return [
-        {"hertz": f, "zeta": z, "fell": None if np.isnan(t) else float(t), "rms": r.tolist()}
-        for (f, z), t, r in zip(pairs, log.fell, rms, strict=True)
+        {"hertz": f, "zeta": z, "fell": log.fall(k), "rms": rms[k].tolist()}
+        for k, (f, z) in enumerate(pairs)
     ]
 
 
@@ -69,22 +83,21 @@ def best(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return min(standing or rows, key=lambda row: sum(row["rms"]))
 
 
-def controllers(robot: Robot, stiff: Gains) -> dict[str, Tracking]:
+def controllers(robot: Robot, stiff: PdGains) -> dict[str, JointController]:
     """Return what is compared beside the sweep, by name."""
-    soft = Gains.of(robot, *SOFT)
-    return {
-        "PD, best gains": Tracking(robot, stiff),
-        "PD, soft gains": Tracking(robot, soft),
-        "PD+FF, soft gains": Tracking(robot, soft, Orthogonal()),
-        "PD+FF, gains of best PD": Tracking(robot, stiff, Orthogonal()),
-        "PD+FF with limited forces": Tracking(robot, soft, Limited.of(robot)),
-        "measured force, ideal sensor": Tracking(robot, soft, MeasuredForce.of(robot)),
-        "measured force, 5 N noise, 20 Hz filter": Tracking(
-            robot, soft, MeasuredForce.of(robot, noise=5.0, cutoff_hz=20.0)
-        ),
-        "measured force, 10 ms late": Tracking(robot, soft, MeasuredForce.of(robot, delay=5)),
-        "force from the previous torque": Tracking(robot, soft, EstimatedForce()),
+    soft = PdGains.of(robot, *SOFT)
+    ideal, late, previous = rivals(robot).items()
+    noisy = MeasuredForce.of(robot, noise=5.0, cutoff_hz=20.0)
+    laws: dict[str, tuple[PdGains, Law | None]] = {
+        "PD, best gains": (stiff, None),
+        "PD, soft gains": (soft, None),
+        "PD+FF, soft gains": (soft, orthogonal()),
+        "PD+FF, gains of best PD": (stiff, orthogonal()),
+        "PD+FF with limited forces": (soft, Limited.of(robot)),
     }
+    beside = dict([ideal, ("measured force, 5 N noise, 20 Hz filter", noisy), late, previous])
+    laws |= {name: (soft, law) for name, law in beside.items()}
+    return {name: JointController(robot, gains, law) for name, (gains, law) in laws.items()}
 
 
 def run(speed: float, setting: Setting) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -92,24 +105,23 @@ def run(speed: float, setting: Setting) -> tuple[dict[str, Any], dict[str, np.nd
     robot = load("biped")
     motion = squat_bow(robot, speed=speed)
     seconds = motion.seconds * setting.pick(1.0, 0.2 if speed < 2 else 0.4)
-    trial = Trial(robot, motion, seconds, every=EVERY)
-    columns, progress = joint_columns(robot), setting.progress
+    trial = Trial(robot, following(motion), seconds, every=EVERY)
+    joints, progress = joint_columns(robot), setting.progress
     alone = sweep(trial, setting, None, progress.part(0.0, 0.2, "gains of PD"))
-    both = sweep(trial, setting, Orthogonal(), progress.part(0.2, 0.45, "gains of PD+FF"))
+    both = sweep(trial, setting, orthogonal(), progress.part(0.2, 0.45, "gains of PD+FF"))
     chosen = best(alone)
-    compared = controllers(robot, Gains.of(robot, chosen["hertz"], chosen["zeta"]))
+    compared = controllers(robot, PdGains.of(robot, chosen["hertz"], chosen["zeta"]))
     rows: list[dict[str, Any]] = []
     arrays: dict[str, np.ndarray] = {}
-    for k, (name, controller) in enumerate(compared.items()):
-        low, high = (0.45 + 0.55 * part / len(compared) for part in (k, k + 1))
-        log = simulate(trial, controller, progress.part(low, high, name))
+    for name, part in progress.part(0.45, 1.0).each(compared):
+        log = simulate(trial, compared[name], part)
         rows.append(
             {
                 "name": name,
-                "rms": log.rms(log.error)[0, columns].tolist(),
-                "torque": float(log.rms(log.torque).mean()),
-                "feedback": float(log.rms(log.feedback).mean() / log.rms(log.torque).mean()),
-                "fell": None if np.isnan(log.fell[0]) else float(log.fell[0]),
+                "rms": log.rms(log.error)[0, joints].tolist(),
+                "torque": float(log.rms(log["torque"]).mean()),
+                "feedback": float(log.rms(log["feedback"]).mean() / log.rms(log["torque"]).mean()),
+                "fell": log.fall(),
             }
         )
         arrays |= log.arrays(f"{name}.")
@@ -118,11 +130,6 @@ def run(speed: float, setting: Setting) -> tuple[dict[str, Any], dict[str, np.nd
         "best": chosen,
     }  # fmt: skip
     return numbers, arrays
-
-
-def row(numbers: dict[str, Any], name: str) -> dict[str, Any]:
-    """Return what one controller did."""
-    return next(found for found in numbers["rows"] if found["name"] == name)
 
 
 def triple(values: Sequence[float]) -> str:
@@ -135,42 +142,31 @@ def error(value: float) -> str:
     return number(value, 2) if value >= 5e-5 else "< 0.00005"
 
 
-def fate(fell: float | None) -> str:
-    """Say whether a robot stayed up."""
-    return "stays up" if fell is None else f"falls at {fell:.1f} s"
-
-
 def controllers_table(numbers: dict[str, Any]) -> str:
     """All controllers: errors, effort, fate."""
-    rows = [
-        [
-            escape(found["name"]),
-            *(error(value) for value in found["rms"]),
-            number(found["torque"]),
-            percent(found["feedback"]),
-            fate(found["fell"]),
-        ]
-        for found in numbers["rows"]
-    ]
-    heads = ["", *(f"{label}, rad" for label in LABELS)]
-    return table([*heads, "torque, N·m", "feedback's share", ""], rows)
+    cells = (
+        ("", lambda row: escape(row["name"])),
+        ("hip, rad", lambda row: error(row["rms"][0])),
+        ("knee, rad", lambda row: error(row["rms"][1])),
+        ("ankle, rad", lambda row: error(row["rms"][2])),
+        ("torque, N·m", lambda row: number(row["torque"])),
+        ("feedback's share", lambda row: percent(row["feedback"])),
+        ("", lambda row: fate(row["fell"])),
+    )
+    return columns(numbers["rows"], cells)
 
 
 def gains_table(numbers: dict[str, Any]) -> str:
     """The whole sweep, folded away."""
-    rows = []
-    for alone, both in zip(numbers["alone"], numbers["both"], strict=True):
-        rows.append(
-            [
-                f"{alone['hertz']:g} Hz, ζ {alone['zeta']:g}",
-                triple(alone["rms"]),
-                fate(alone["fell"]),
-                triple(both["rms"]),
-                fate(both["fell"]),
-            ]
-        )
-    heads = ["gains", "PD: hip, knee, ankle", "", "PD+FF: hip, knee, ankle", ""]
-    return folded("The sweep of the gains", table(heads, rows))
+    cells = (
+        ("gains", lambda both: f"{both[0]['hertz']:g} Hz, ζ {both[0]['zeta']:g}"),
+        ("PD: hip, knee, ankle", lambda both: triple(both[0]["rms"])),
+        ("", lambda both: fate(both[0]["fell"])),
+        ("PD+FF: hip, knee, ankle", lambda both: triple(both[1]["rms"])),
+        ("", lambda both: fate(both[1]["fell"])),
+    )
+    pairs = zip(numbers["alone"], numbers["both"], strict=True)
+    return folded("The sweep of the gains", columns(pairs, cells))
 
 
 def gains_chart(numbers: dict[str, Any], zeta: float = 0.5) -> str:
@@ -185,45 +181,37 @@ def gains_chart(numbers: dict[str, Any], zeta: float = 0.5) -> str:
     return lines(hertz, curves, "Knee, RMS error, mrad", "gains, Hz")
 
 
-def joint_charts(result: Result, shown: Sequence[tuple[str, str, int]], robot: Robot) -> list[str]:
-    """Joint angles of the paper's three joints over time.
-
-    Args:
-        result: of `run`.
-        shown: (controller's name, label, colour) of each curve.
-        robot: the biped.
-    """
-    logs = [(Log.from_arrays(result.arrays, f"{name}."), label, c) for name, label, c in shown]
-    longest = max((log for log, _, _ in logs), key=lambda log: len(log.time))
-    charts = []
-    for column, label in zip(joint_columns(robot), LABELS, strict=True):
-        curves = [("desired", 7, longest.target[:, 0, column])]
-        for log, name, colour in logs:
-            angle = np.where(log.up[:, 0], log.qpos[:, 0, 7 + column], np.nan)
-            padding = np.full(len(longest.time) - len(angle), np.nan)
-            curves.append((name, colour, np.concatenate([angle, padding])))
-        charts.append(traces(longest.time, curves, f"Left {label}, rad"))
-    return charts
+def joint_charts(result: Result) -> list[str]:
+    """Joint angles of the paper's three joints over time."""
+    logs = _logs(result, SHOWN)
+    longest = max((log for _, _, log in logs), key=lambda log: len(log.time))
+    return [
+        logged(
+            [("desired", 7, longest, longest["target"][:, 0, k])]
+            + [(*curve, curve[-1]["qpos"][:, 0, 7 + k]) for curve in logs],
+            f"Left {label}, rad",
+        )
+        for k, label in zip(joint_columns(load("biped")), LABELS, strict=True)
+    ]
 
 
-def error_charts(result: Result, shown: Sequence[tuple[str, str, int]], robot: Robot) -> list[str]:
+def error_charts(result: Result) -> list[str]:
     """Tracking errors of the same joints over time, mrad."""
-    logs = [(Log.from_arrays(result.arrays, f"{name}."), label, c) for name, label, c in shown]
-    longest = max((log for log, _, _ in logs), key=lambda log: len(log.time))
-    charts = []
-    for column, label in zip(joint_columns(robot), LABELS, strict=True):
-        curves = []
-        for log, name, colour in logs:
-            wrong = np.where(log.up[:, 0], 1e3 * log.error[:, 0, column], np.nan)
-            padding = np.full(len(longest.time) - len(wrong), np.nan)
-            curves.append((name, colour, np.concatenate([wrong, padding])))
-        charts.append(traces(longest.time, curves, f"Left {label}, error in mrad"))
-    return charts
+    logs = _logs(result, RIVALS)
+    return [
+        logged(
+            [(*curve, 1e3 * curve[-1].error[:, 0, k]) for curve in logs],
+            f"Left {label}, error in mrad",
+        )
+        for k, label in zip(joint_columns(load("biped")), LABELS, strict=True)
+    ]
 
 
-def pictures(
-    result: Result, name: str, moments: Sequence[float], caption: str, after: float = 0.0
-) -> str:
+def _logs(result: Result, shown: Sequence[tuple[str, str, int]]) -> list[tuple[str, int, Log]]:
+    return [(label, c, Log.from_arrays(result.arrays, f"{name}.")) for name, label, c in shown]
+
+
+def pictures(result: Result, name: str, moments: Sequence[float], caption: str) -> str:
     """A strip of frames of one controller's robot.
 
     Args:
@@ -231,12 +219,9 @@ def pictures(
         name: of the controller.
         moments: s; those beyond the log are left out.
         caption: HTML.
-        after: s of a fall to show.
     """
     log = Log.from_arrays(result.arrays, f"{name}.")
-    rows = [int(np.searchsorted(log.time, t - 1e-6)) for t in moments if t <= log.time[-1] + after]
-    rows = [min(k, len(log.time) - 1) for k in rows]
+    there = [t for t in moments if t <= log.time[-1]]
     with Camera(load("biped"), 224, 300, nearer=1.25) as camera:
-        labels = [f"{log.time[k]:.1f} s" for k in rows]
-        images = camera.strip(log.qpos[rows, 0], log.push[rows, 0], labels)
-    return frames(images, caption, f"the robot at {', '.join(labels)}")
+        times = ", ".join(f"{t:.1f} s" for t in log.time[log.at(there)])
+        return camera.strip(log, there, caption, f"the robot at {times}")

@@ -14,30 +14,28 @@ What the paper does not have:
   backward, it takes a step that was not planned.
 """
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from eval.papers.mistry2010.controllers import SplitTorque
 from eval.papers.mistry2010.footwork import Footwork, swing
 from eval.papers.mistry2010.polygon import Polygon
-from eval.papers.trial import Command, Memory
+from eval.papers.trial import Memory
 from fbid_gym.control import (
     ContactLimits,
     limited_inverse_dynamics,
     operational_space_acceleration,
     task_acceleration,
 )
-from fbid_gym.dynamics.contacts import ContactGeometry
+from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics
+from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.dynamics.frames import quaternion_to_matrix, rotation_vector, skew
-from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.motions import MotionTable, Reference, Steps, stepping
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.motions import Steps, stepping
+from fbid_gym.quantities import Reference, RobotState
 from fbid_gym.robots import Robot
 
-_GRAVITY = 9.81
 _SIDE = np.array([1.0, -1.0])  # left, right
 _LOWEST = 0.1  # m, height of the centre of mass; less is a robot that lies
 
@@ -87,11 +85,11 @@ class StepperGains(NamedTuple):
     reach: tuple[float, float] = (0.35, 0.25)
 
 
-class Stance(NamedTuple):
+class Footing(NamedTuple):
     """Where N robots stand.
 
     Attributes:
-        heading: (N, 2, 2) world from the level axes ahead and to the left.
+        upright: (N, 3, 3) world from the level axes ahead, to the left and up.
         ground: (N,) m, height of the feet that stand.
         beside: (N, 2, 2) m, where each foot belongs beside the other.
         middle: (N, 2) m, between the feet; one in the air counts as where it belongs.
@@ -100,7 +98,7 @@ class Stance(NamedTuple):
         on: (N, P) bool, points of feet that stand.
     """
 
-    heading: np.ndarray
+    upright: np.ndarray
     ground: np.ndarray
     beside: np.ndarray
     middle: np.ndarray
@@ -108,8 +106,13 @@ class Stance(NamedTuple):
     points: np.ndarray
     on: np.ndarray
 
+    @property
+    def heading(self) -> np.ndarray:
+        """(N, 2, 2) world from the level axes ahead and to the left."""
+        return self.upright[:, :2, :2]
 
-class Balance(NamedTuple):
+
+class Capture(NamedTuple):
     """Where N robots fall, and what is done about it.
 
     Attributes:
@@ -129,7 +132,24 @@ class Balance(NamedTuple):
     pull: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
+class Seen(NamedTuple):
+    """What the controller knows on one tick.
+
+    Attributes:
+        state: of the robots.
+        terms: their dynamics.
+        plan: what trunk and squat shall do.
+        footing: where they stand.
+        capture: where they fall.
+    """
+
+    state: RobotState
+    terms: DynamicsTerms
+    plan: Reference
+    footing: Footing
+    capture: Capture
+
+
 class Stepper:
     """Squat and step, and stay up. A `Controller` for bipeds with a left and a right foot.
 
@@ -137,79 +157,60 @@ class Stepper:
     `Footwork`.
 
     Attributes:
-        robot: the biped.
         plan: the motion with its feet on the ground throughout: what trunk and squat shall do.
-        footwork: when feet lift and land.
-        width: m, of each foot from the middle.
-        geometry: of the soles.
-        length: m, lever arm that makes moments comparable to forces.
-        gains: numbers.
     """
 
-    robot: Robot
-    plan: MotionTable
-    footwork: Footwork
-    width: float
-    geometry: ContactGeometry
-    length: float
-    gains: StepperGains
-
-    @classmethod
-    def of(cls, robot: Robot, steps: Steps, gains: StepperGains | None = None) -> "Stepper":
+    def __init__(self, robot: Robot, steps: Steps) -> None:
         """For the motion `stepping(robot, steps)`."""
-        plan = stepping(robot, steps._replace(lift=(0.0, 0.0, 0.0), ramp=0.0))
         home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
-        return cls(
-            robot,
-            plan,
-            Footwork(1.0 / plan.hz, steps.single * steps.period),
-            float(home.foot_position[0, 0, 1]) + steps.spread,
-            ContactGeometry.of(robot),
-            Support.of(robot).radius,
-            StepperGains() if gains is None else gains,
-        )
+        self.robot, self.gains, self.geometry = robot, StepperGains(), contact_geometry(robot)
+        self.plan = stepping(robot, steps._replace(lift=(0.0, 0.0, 0.0), ramp=0.0))
+        self._footwork = Footwork(1.0 / self.plan.hz, steps.single * steps.period)
+        # m, of each foot from the middle; lever arm that makes moments comparable to forces.
+        self._width = float(home.foot_position[0, 0, 1]) + steps.spread
+        self._length = Stance.of(robot).radius
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""
-        standing = self.footwork.memory(np.ones((num_robots, 2), bool))
+        standing = self._footwork.memory(np.ones((num_robots, 2), bool))
         return standing | {"begun": False, "warm_start": np.zeros((num_robots, 6))}
 
     def __call__(
-        self, state: RobotState, terms: DynamicsTerms, reference: Reference, memory: Memory
-    ) -> Command:
-        """See `Controller`. The reference is not used: `plan` is it, without the lifted legs."""
+        self, state: RobotState, terms: DynamicsTerms, goal: Reference, memory: Memory
+    ) -> SplitTorque:
+        """See `Controller`. The goal is not used: `plan` is it, without the lifted legs."""
         plan = self.plan.reference(state.tick)
         if not memory["begun"]:
-            memory.update(self.footwork.memory(_planted(plan)), begun=True)
-        stance = self.stance(terms, memory["swings"])
-        balance = self.balance(stance, terms, plan)
-        self._step(stance, balance, state, terms, plan, memory)
-        swings = memory["swings"]
-        on = ~swings[:, self.geometry.foot_of_point]
-        feet = self._feet(stance, balance, terms, memory)
+            memory.update(self._footwork.memory(plan.planted), begun=True)
+        footing = self._footing(terms, memory["swings"])
+        seen = Seen(state, terms, plan, footing, self._capture(footing, terms, plan))
+        self._step(seen, memory)
+        on = ~memory["swings"][:, self.geometry.foot_of_point]
+        feet = self._feet(seen, memory)
         # Eq. (19)'s constraints; the feet in the air are to move.
         held = (
             terms.foot_jacobian.reshape(len(on), 12, -1),
             (terms.foot_bias - feet).reshape(len(on), 12),
         )
-        acceleration = self._acceleration(stance, balance, held, state, terms, plan)
-        torque = self._torque(stance, on, held, acceleration, terms, memory)
-        base = np.vecmat(terms.base_position[:, :2] - stance.middle, stance.heading)
+        torque = self._torque(seen, on, held, self._acceleration(seen, held), memory)
+        base = np.vecmat(terms.base_position[:, :2] - footing.middle, footing.heading)
         memory["base"], memory["base_target"] = base, plan.qpos[:, :2]
         friction = self.robot.joint_damping * state.qvel[:, 6:]
-        return Command(torque + friction, np.zeros_like(torque))
+        return SplitTorque(torque + friction, np.zeros_like(torque))
 
-    def stance(self, terms: DynamicsTerms, swings: np.ndarray) -> Stance:
+    def _footing(self, terms: DynamicsTerms, swings: np.ndarray) -> Footing:
         """Look at the feet; `swings` (N, 2) bool are those in the air."""
         foot, turn, owner = terms.foot_position, terms.foot_rotation, self.geometry.foot_of_point
         share = ~swings / (~swings).sum(axis=1, keepdims=True)
         ahead = np.vecmat(share, turn[:, :, :2, 0])
         ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
         aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-        beside = foot[:, ::-1, :2] + 2.0 * self.width * _SIDE[:, None] * aside[:, None]
+        beside = foot[:, ::-1, :2] + 2.0 * self._width * _SIDE[:, None] * aside[:, None]
+        upright = np.zeros((len(foot), 3, 3))
+        upright[:, :2, 0], upright[:, :2, 1], upright[:, 2, 2] = ahead, aside, 1.0
         arms = np.matvec(turn[:, owner], self.gains.sole * self.geometry.offset)
-        return Stance(
-            heading=np.stack([ahead, aside], axis=2),
+        return Footing(
+            upright=upright,
             ground=np.vecdot(share, foot[..., 2]),
             beside=beside,
             middle=np.where(swings[..., None], beside, foot[..., :2]).mean(axis=1),
@@ -218,78 +219,70 @@ class Stepper:
             on=~swings[:, owner],
         )
 
-    def balance(self, stance: Stance, terms: DynamicsTerms, plan: Reference) -> Balance:
+    def _capture(self, footing: Footing, terms: DynamicsTerms, plan: Reference) -> Capture:
         """Choose the centre of pressure, and with it how the centre of mass accelerates."""
-        height = np.maximum(terms.com[:, 2] - stance.ground, _LOWEST)
-        omega = np.sqrt((_GRAVITY + plan.qacc[:, 2]) / height)[:, None]
+        height = np.maximum(terms.com[:, 2] - footing.ground, _LOWEST)
+        gravity = -self.robot.model.opt.gravity[2]
+        omega = np.sqrt((gravity + plan.qacc[:, 2]) / height)[:, None]
         com = terms.com[:, :2]
         xi = com + terms.com_velocity[:, :2] / omega
         ahead = plan.com[:, :2] + plan.com_velocity[:, :2] / omega
         below = plan.com[:, :2] - plan.com_acceleration[:, :2] / omega**2
-        xi_plan = stance.middle + np.matvec(stance.heading, ahead)
-        p_plan = stance.middle + np.matvec(stance.heading, below)
+        xi_plan = footing.middle + np.matvec(footing.heading, ahead)
+        p_plan = footing.middle + np.matvec(footing.heading, below)
 
-        hull = Polygon.around(stance.points, stance.on)
+        hull = Polygon.around(footing.points, footing.on)
         wanted = p_plan + (1.0 + self.gains.balance) * (xi - xi_plan)
         pressure = hull.nearest(wanted)
         beyond = wanted - pressure
         size = np.linalg.norm(beyond, axis=1, keepdims=True)
         lunge = beyond * np.minimum(1.0, self.gains.lunge / np.maximum(size, 1e-9))
-        return Balance(omega, xi, xi_plan, hull, pressure, omega**2 * (com - pressure - lunge))
+        return Capture(omega, xi, xi_plan, hull, pressure, omega**2 * (com - pressure - lunge))
 
-    def _step(
-        self,
-        stance: Stance,
-        balance: Balance,
-        state: RobotState,
-        terms: DynamicsTerms,
-        plan: Reference,
-        memory: Memory,
-    ) -> None:
+    def _step(self, seen: Seen, memory: Memory) -> None:
         """Lift and land."""
+        state, terms, plan, footing, capture = seen
         gains, foot = self.gains, terms.foot_position[..., :2]
         owner = self.geometry.foot_of_point == np.arange(2)[:, None]
         load = state.contact_force[..., 2] @ owner.T
-        error = np.vecmat(balance.xi - balance.xi_plan, stance.heading)
+        error = np.vecmat(capture.xi - capture.xi_plan, footing.heading)
         calm = (np.abs(error) < gains.calm).all(axis=1)
         # Sideways no foot can step without crossing the other: only ahead and behind count.
-        forward = np.vecdot(stance.points - stance.middle[:, None], stance.heading[:, None, :, 0])
-        place = np.vecdot(balance.xi - stance.middle, stance.heading[:, :, 0])
-        front = np.where(stance.on, forward, -np.inf).max(axis=1) - gains.edge
-        back = np.where(stance.on, forward, np.inf).min(axis=1) + gains.edge
-        apart = np.abs(np.vecdot(foot[:, 0] - foot[:, 1], stance.heading[:, :, 0])) > gains.apart
-        lost = (place > front) | (place < back) | (apart & (balance.hull.margin(balance.xi) < 0.0))
+        ahead = footing.heading[:, :, 0]
+        forward = np.vecdot(footing.points - footing.middle[:, None], ahead[:, None])
+        place = np.vecdot(capture.xi - footing.middle, ahead)
+        front = np.where(footing.on, forward, -np.inf).max(axis=1) - gains.edge
+        back = np.where(footing.on, forward, np.inf).min(axis=1) + gains.edge
+        apart = np.abs(np.vecdot(foot[:, 0] - foot[:, 1], ahead)) > gains.apart
+        lost = (place > front) | (place < back) | (apart & (capture.hull.margin(capture.xi) < 0.0))
         # The robot stays on the foot that is nearer to where it falls.
-        far = np.linalg.norm(foot - balance.xi[:, None], axis=2)
+        far = np.linalg.norm(foot - capture.xi[:, None], axis=2)
         farther = far == far.max(axis=1, keepdims=True)
-        self.footwork.advance(_planted(plan), load, calm, lost[:, None] & farther, memory)
+        self._footwork.advance(plan.planted, load, calm, lost[:, None] & farther, memory)
 
-    def _feet(
-        self, stance: Stance, balance: Balance, terms: DynamicsTerms, memory: Memory
-    ) -> np.ndarray:
+    def _feet(self, seen: Seen, memory: Memory) -> np.ndarray:
         """Wanted accelerations of the feet: (N, 2, 6) m/s^2 and rad/s^2, world axes."""
-        gains, rows = self.gains, np.arange(len(stance.ground))
+        _, terms, _, footing, capture = seen
+        gains, rows = self.gains, np.arange(len(footing.ground))
         swings, clock, span = memory["swings"], memory["clock"], memory["span"]
         air, which = swings.any(axis=1), swings.argmax(axis=1)
-        upright = np.zeros((len(rows), 1, 3, 3))
-        upright[:, 0, :2, :2], upright[:, 0, 2, 2] = stance.heading, 1.0
-        tilted = rotation_vector(upright @ terms.foot_rotation.mT)
+        tilted = rotation_vector(footing.upright[:, None] @ terms.foot_rotation.mT)
         feet = -gains.grip * terms.foot_velocity
         feet[..., 3:5] += (0.5 * gains.grip) ** 2 * tilted[..., :2]
 
         # Where the robot will fall when the foot lands, the pressure held where it is.
         left = np.maximum(span - clock, 0.0)[:, None]
-        xi = balance.pressure + (balance.xi - balance.pressure) * np.exp(balance.omega * left)
-        shift = np.vecmat(xi - balance.xi_plan, stance.heading)
+        xi = capture.pressure + (capture.xi - capture.pressure) * np.exp(capture.omega * left)
+        shift = np.vecmat(xi - capture.xi_plan, footing.heading)
         shift = np.sign(shift) * np.maximum(np.abs(shift) - gains.dead, 0.0)
-        outward = np.vecdot(xi - stance.middle, stance.heading[:, :, 1]) * _SIDE[which]
+        outward = np.vecdot(xi - footing.middle, footing.heading[:, :, 1]) * _SIDE[which]
         shift[:, 0] = np.clip(shift[:, 0], -gains.reach[0], gains.reach[0])
         shift[:, 1] = _SIDE[which] * np.clip(
-            outward + gains.cover - self.width, 0.0, gains.reach[1]
+            outward + gains.cover - self._width, 0.0, gains.reach[1]
         )
         target = np.empty((len(rows), 3))
-        target[:, :2] = stance.beside[rows, which] + np.matvec(stance.heading, shift)
-        target[:, 2] = stance.ground
+        target[:, :2] = footing.beside[rows, which] + np.matvec(footing.heading, shift)
+        target[:, 2] = footing.ground
         velocity = terms.foot_velocity[rows, which]
         fly = swing(
             terms.foot_position[rows, which], velocity[:, :3], target, clock, span,
@@ -299,16 +292,9 @@ class Stepper:
         feet[rows[air], which[air]] = np.concatenate([fly, turn], axis=1)[air]
         return feet
 
-    def _acceleration(
-        self,
-        stance: Stance,
-        balance: Balance,
-        held: tuple[np.ndarray, np.ndarray],
-        state: RobotState,
-        terms: DynamicsTerms,
-        plan: Reference,
-    ) -> np.ndarray:
+    def _acceleration(self, seen: Seen, held: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
         """Eq. (19) with feet that may move, a task of six rows and a posture: (N, nv)."""
+        state, terms, plan, footing, capture = seen
         gains, (count, size) = self.gains, state.qvel.shape
         # The linear rows of M are the mass times the centre of mass's Jacobian.
         jacobian, bias = np.zeros((count, 6, size)), np.zeros((count, 6))
@@ -316,13 +302,11 @@ class Stepper:
         jacobian[:, 2:, 2:6] = np.eye(4)
         bias[:, :2] = terms.bias[:, :2] / self.robot.mass
 
-        upright = np.zeros((count, 3, 3))
-        upright[:, :2, :2], upright[:, 2, 2] = stance.heading, 1.0
-        facing = upright @ quaternion_to_matrix(plan.qpos[:, 3:7])
+        facing = footing.upright @ quaternion_to_matrix(plan.qpos[:, 3:7])
         lean = rotation_vector(terms.base_rotation.mT @ facing)
-        height = terms.base_position[:, 2] - stance.ground
+        height = terms.base_position[:, 2] - footing.ground
         task = np.empty((count, 6))
-        task[:, :2] = balance.pull
+        task[:, :2] = capture.pull
         task[:, 2:3] = _returning(
             gains.height,
             (plan.qpos[:, 2:3], plan.qvel[:, 2:3], plan.qacc[:, 2:3]),
@@ -340,15 +324,14 @@ class Stepper:
             (state.qpos[:, 7:], state.qvel[:, 6:]),
         )
         found = operational_space_acceleration(*held, jacobian, bias, task, posture)
-        return np.asarray(found.motion)
+        return found.motion
 
     def _torque(
         self,
-        stance: Stance,
+        seen: Seen,
         on: np.ndarray,
         held: tuple[np.ndarray, np.ndarray],
         acceleration: np.ndarray,
-        terms: DynamicsTerms,
         memory: Memory,
     ) -> np.ndarray:
         """Inverse dynamics with limited forces; feet in the air move as told and carry nothing."""
@@ -356,29 +339,24 @@ class Stepper:
         rows = np.arange(points)
         spread = np.zeros((count, 2, 6, points, 3))
         spread[:, owner, :3, rows] = np.eye(3)
-        spread[:, owner, 3:, rows] = skew(stance.arms).swapaxes(0, 1)
+        spread[:, owner, 3:, rows] = skew(seen.footing.arms).swapaxes(0, 1)
         spread *= on[:, None, None, :, None]
         cost = self.gains.moment
         law = limited_inverse_dynamics(
-            terms.mass_matrix,
-            terms.bias,
+            seen.terms.mass_matrix,
+            seen.terms.bias,
             held[0],
             acceleration,
             held[1],
             ContactLimits(self.gains.friction),
             point_map=spread.reshape(count, 12, -1),
             active=on,
-            length=self.length,
+            length=self._length,
             wrench_cost=(1.0, 1.0, 1.0, cost, cost, cost),
             warm_start=memory["warm_start"],
         )
         memory["warm_start"] = law.warm_start
-        return np.asarray(law.torque)
-
-
-def _planted(plan: Reference) -> np.ndarray:
-    """Which feet the motion plants, (N, 2) bool."""
-    return np.ones((len(plan.qpos), 2), bool) if plan.planted is None else plan.planted
+        return law.torque
 
 
 def _returning(omega: float, plan: tuple[Any, Any, Any], now: tuple[Any, Any]) -> np.ndarray:

@@ -4,22 +4,15 @@ from typing import Any
 
 import numpy as np
 
-from eval.papers.mistry2010.balance import BaseTask
-from eval.papers.mistry2010.controllers import (
-    Feedforward,
-    Gains,
-    Limited,
-    Orthogonal,
-    Tracking,
-)
-from eval.papers.mistry2010.rivals import EstimatedForce, MeasuredForce
+from eval.papers.mistry2010.controllers import JointController, PdGains, base_returning
+from eval.papers.mistry2010.laws import Law, Limited, orthogonal
+from eval.papers.mistry2010.laws import rivals as rival_laws
 from eval.papers.mistry2010.stepper import Stepper
 from eval.papers.trial import Controller, Push
 from eval.wording import percent
-from fbid_gym.control import ContactLimits
-from fbid_gym.dynamics.contacts import ContactGeometry
-from fbid_gym.dynamics.support import Support
-from fbid_gym.motions.stepping import Steps, stepping
+from fbid_gym.dynamics.contacts import contact_geometry
+from fbid_gym.motions import Steps, stepping
+from fbid_gym.quantities import Reference
 from fbid_gym.robots import Robot
 
 FORCE, PUSH_SECONDS, EVERY_SECONDS, SECONDS = 200.0, 0.15, 5.0, 60.0
@@ -45,25 +38,22 @@ FORCES = (0.0, 100.0, 150.0, 200.0, 250.0)
 EVERY = 10
 
 
-def controller(robot: Robot, motion: str, name: str) -> Controller:
+def controller(robot: Robot, motion: str, name: str) -> Controller[Reference]:
     """Return the paper's controller, the same with limited forces, or ours."""
     if name == OURS:
-        return Stepper.of(robot, MOTIONS[motion])
-    gains, task = Gains.of(robot, 2.0, 0.5), BaseTask.of(robot, 1.0)
-    limited = Limited(ContactLimits(0.7), Support.of(robot).radius, 1e3)
-    return Tracking(robot, gains, Orthogonal() if name == PAPER else limited, motive=task)
+        return Stepper(robot, MOTIONS[motion])
+    return _papers(robot, orthogonal() if name == PAPER else Limited.of(robot, base_priority=1e3))
 
 
-def rivals(robot: Robot) -> dict[str, Tracking]:
+def rivals(robot: Robot) -> dict[str, Controller[Reference]]:
     """Return contact-force feedback with the paper's balance task, and the paper's law."""
-    gains, task = Gains.of(robot, 2.0, 0.5), BaseTask.of(robot, 1.0)
-    laws: dict[str, Feedforward] = {
-        PAPER: Orthogonal(),
-        "measured force, ideal sensor": MeasuredForce.of(robot),
-        "measured force, 10 ms late": MeasuredForce.of(robot, delay=5),
-        "force from the previous torque": EstimatedForce(),
-    }
-    return {name: Tracking(robot, gains, law, motive=task) for name, law in laws.items()}
+    laws = {PAPER: orthogonal(), **rival_laws(robot)}
+    return {name: _papers(robot, law) for name, law in laws.items()}
+
+
+def _papers(robot: Robot, law: Law) -> JointController:
+    desire = base_returning(robot, 1.0)
+    return JointController(robot, PdGains.of(robot, 2.0, 0.5), law, desire=desire)
 
 
 def random_pushes(
@@ -79,14 +69,9 @@ def random_pushes(
     return tuple(found)
 
 
-def cell(numbers: dict[str, Any], motion: str, name: str) -> dict[str, Any]:
-    """Return one long run."""
-    return next(r for r in numbers["long"] if (r["motion"], r["name"]) == (motion, name))
-
-
 def half_sole(robot: Robot) -> float:
     """Return how far a sole reaches forward and backward of its middle, m."""
-    return float(np.ptp(ContactGeometry.of(robot).offset[:, 0])) / 2.0
+    return float(np.ptp(contact_geometry(robot).offset[:, 0])) / 2.0
 
 
 def carried(robot: Robot, steps: Steps) -> float:
@@ -107,7 +92,7 @@ def first_fall(row: dict[str, Any]) -> str:
     return "none falls" if row["first"] is None else f"{row['first']:.1f} s"
 
 
-def fate(row: dict[str, Any]) -> str:
+def outcome(row: dict[str, Any]) -> str:
     """Say how many stay up, and how long all do."""
     fallen = "" if row["first"] is None else "the first falls at "
     return f"{percent(row['up'])}; {fallen}{first_fall(row)}"

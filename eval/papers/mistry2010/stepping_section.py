@@ -1,13 +1,14 @@
 """What figures 8-9 look like on the page."""
 
+from collections.abc import Callable
 from html import escape
 from typing import Any
 
 import numpy as np
 
 from eval.papers.camera import Camera
-from eval.papers.charts import lines, traces
-from eval.papers.experiment import Result
+from eval.papers.charts import lines, logged
+from eval.papers.experiment import Result, row
 from eval.papers.log import Log
 from eval.papers.mistry2010.joint_tracking import JOINTS, LABELS
 from eval.papers.mistry2010.stepping_cases import (
@@ -16,72 +17,70 @@ from eval.papers.mistry2010.stepping_cases import (
     OURS,
     SHOWN,
     UPRIGHT,
-    cell,
     first_fall,
 )
-from eval.papers.parts import figure, frames, heading, table, text, video
+from eval.papers.parts import columns, figure, heading, text
 from eval.wording import number, percent
 from fbid_gym.robots import load
 
 _FILMED = 12.0  # s
+Pick = Callable[[Log], np.ndarray]
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     numbers = result.numbers
     chart = lines(
         numbers["forces"],
-        [(row["name"], COLOURS[row["name"]], row["up"]) for row in numbers["short"]],
+        [(run["name"], COLOURS[run["name"]], run["up"]) for run in numbers["short"]],
         "Survival of two pushes, crouched", "N for 150 ms",
         (0.0, 1.04), percent,
     )  # fmt: skip
-    return "".join(
-        (
-            _film(result, "crouched", OURS),
-            _strip(result, "crouched", OURS),
-            text(
-                f"{numbers['count']} robots, each pushed in directions and at phases of its own. "
-                "Why the paper's controller falls: eq. (15) asks the ground for whatever force "
-                "brings the base back, and the ground neither pulls nor holds beyond the soles' "
-                "edge. Limited forces help, but do not suffice.",
-                "What ours does instead: 200 N for 150 ms give this robot of 55 kg 0.54 m/s. If "
-                "the centre of pressure goes to the far edge of the soles at once, a distance "
-                "<i>d</i> away, the point where the robot falls, ξ = c + ċ/ω, is "
-                "(e<sup>ωT</sup> − 1)(F/mω² − d) farther out after the push: "
-                f"{_cm(numbers['carried']['upright'])} in the upright motion and "
-                f"{_cm(numbers['carried']['crouched'])} in the crouched one, of the "
-                f"{_cm(numbers['half_sole'])} that half a sole has. So our motion is low (knees at "
-                "1.6 rad), the feet stand 28 cm apart and each is up for 0.15 s only. The paper "
-                "does not give its robot's mass or stance.",
-                "Our controller (<code>stepper.py</code>) is eq. (19) with another task: the "
-                "centre of mass follows a law for ξ, with the centre of pressure clipped to the "
-                "soles, the base the height of the squat, the trunk its tilt. Forces are limited "
-                "to the friction cones, the trunk's moment gives way first, and a foot in the air "
-                "is a task in space. A planned step waits until ξ is within 2.5 cm of its plan, "
-                "and if ξ gets to the ends of the soles, a foot steps there. All these are our "
-                "choices, not the paper's.",
-                _counts(numbers),
-            ),
-            figure(
-                [chart],
-                "Survival of two pushes in random directions at random phases, three seconds "
-                "apart, all controllers in the same crouched motion.",
-                1,
-            ),
-            _table(numbers),
-            heading("As the paper's figure 9"),
-            figure(
-                _detail(result, numbers["every"]),
-                f"Base and left leg, crouched, pushed with {FORCE:.0f} N. The paper's controller "
-                "follows the joints of the motion, ours puts the feet where they belong, so its "
-                "legs are elsewhere while a foot is in the air or stands elsewhere. Base: from the "
-                "middle of the feet.",
-                3,
-            ),
-            heading("Contact-force feedback on the upright motion"),
-            _rivals_table(numbers),
-        )
-    )
+    return [
+        _film(result, "crouched", OURS),
+        _strip(result, "crouched", OURS),
+        text(
+            f"{numbers['count']} robots, each pushed in directions and at phases of its own. "
+            "Why the paper's controller falls: eq. (15) asks the ground for whatever force "
+            "brings the base back, and the ground neither pulls nor holds beyond the soles' "
+            "edge. Limited forces help, but do not suffice.",
+            "What ours does instead: 200 N for 150 ms give this robot of 55 kg 0.54 m/s. If "
+            "the centre of pressure goes to the far edge of the soles at once, a distance "
+            "<i>d</i> away, the point where the robot falls, ξ = c + ċ/ω, is "
+            "(e<sup>ωT</sup> − 1)(F/mω² − d) farther out after the push: "
+            f"{_cm(numbers['carried']['upright'])} in the upright motion and "
+            f"{_cm(numbers['carried']['crouched'])} in the crouched one, of the "
+            f"{_cm(numbers['half_sole'])} that half a sole has. So our motion is low (knees at "
+            "1.6 rad), the feet stand 28 cm apart and each is up for 0.15 s only. The paper "
+            "does not give its robot's mass or stance.",
+            "Our controller (<code>stepper.py</code>) is eq. (19) with another task: the "
+            "centre of mass follows a law for ξ, with the centre of pressure clipped to the "
+            "soles, the base the height of the squat, the trunk its tilt. Forces are limited "
+            "to the friction cones, the trunk's moment gives way first, and a foot in the air "
+            "is a task in space. A planned step waits until ξ is within 2.5 cm of its plan, "
+            "and if ξ gets to the ends of the soles, a foot steps there. All these are our "
+            "choices, not the paper's.",
+            _counts(numbers),
+        ),
+        figure(
+            [chart],
+            "Survival of two pushes in random directions at random phases, three seconds "
+            "apart, all controllers in the same crouched motion.",
+            1,
+        ),
+        _table(numbers),
+        heading("As the paper's figure 9"),
+        figure(
+            _detail(result, numbers["every"]),
+            f"Base and left leg, crouched, pushed with {FORCE:.0f} N. The paper's controller "
+            "follows the joints of the motion, ours puts the feet where they belong, so its "
+            "legs are elsewhere while a foot is in the air or stands elsewhere. Base: from the "
+            "middle of the feet.",
+            3,
+        ),
+        heading("Contact-force feedback on the upright motion"),
+        _rivals_table(numbers),
+    ]
 
 
 def _cm(metres: float) -> str:
@@ -89,7 +88,7 @@ def _cm(metres: float) -> str:
 
 
 def _counts(numbers: dict[str, Any]) -> str:
-    ours = cell(numbers, "crouched", OURS)
+    ours = row(numbers["long"], motion="crouched", name=OURS)
     count, seconds = numbers["count"], numbers["seconds"]
     planned = 2.0 * seconds / UPRIGHT.period
     return (
@@ -103,97 +102,78 @@ def _counts(numbers: dict[str, Any]) -> str:
 
 def _film(result: Result, motion: str, name: str) -> str:
     log = Log.from_arrays(result.arrays, f"{motion}.{name}.")
-    rows = log.time < _FILMED
-    with Camera(load("biped"), 640, 480, azimuth=155.0, nearer=1.3) as camera:
-        clip = camera.clip(log.time[rows], log.qpos[rows, 0], log.push[rows, 0], 15.0)
     seconds, every = min(_FILMED, result.numbers["seconds"]), result.numbers["every"]
-    return video(
-        clip.mp4(30),
+    caption = (
         f"{escape(name.capitalize())}, {motion}: the first {seconds:g} s, "
-        f"a push of {FORCE:.0f} N every {every:g} s.",
+        f"a push of {FORCE:.0f} N every {every:g} s."
     )
+    with Camera(load("biped"), 640, 480, azimuth=155.0, nearer=1.3) as camera:
+        return camera.film(log, 15.0, caption, _FILMED)
 
 
 def _strip(result: Result, motion: str, name: str) -> str:
     log = Log.from_arrays(result.arrays, f"{motion}.{name}.")
     moments = result.numbers["every"] + np.array([-0.1, 0.1, 0.3, 0.5, 0.8, 1.2, 2.0])
-    rows = np.minimum(np.searchsorted(log.time, moments), len(log.time) - 1)
+    caption = "A push of 200 N, as the paper's figure 8."
     with Camera(load("biped"), 224, 300, azimuth=155.0, nearer=1.25) as camera:
-        labels = [f"{t:.1f} s" for t in log.time[rows]]
-        images = camera.strip(log.qpos[rows, 0], log.push[rows, 0], labels)
-    return frames(images, "A push of 200 N, as the paper's figure 8.", "the robot under a push")
+        return camera.strip(log, moments, caption, "the robot under a push")
 
 
 def _detail(result: Result, push: float) -> list[str]:
-    robot = load("biped")
+    names = load("biped").joint_names
     logs = {name: Log.from_arrays(result.arrays, f"{m}.{name}.") for m, name in SHOWN}
-    longest = logs[OURS]
-    shown = (longest.time > push - 2.0) & (longest.time < push + 4.0)
-    time = longest.time[shown]
-    charts = []
-    for axis, label in ((1, "Base sideways, cm"), (0, "Base forward, cm")):
-        curves = [("desired", 7, 100 * longest.watched["base_target"][shown, 0, axis])]
-        curves += [
-            (name, COLOURS[name], _padded(100 * log.watched["base"][:, 0, axis], log, shown))
-            for name, log in logs.items()
-        ]
-        charts.append(traces(time, curves, label))
-    for joint, label in zip(JOINTS, LABELS, strict=True):
-        column = robot.joint_names.index(joint)
-        curves = [("desired", 7, longest.target[shown, 0, column])]
-        curves += [
-            (name, COLOURS[name], _padded(log.qpos[:, 0, 7 + column], log, shown))
-            for name, log in logs.items()
-        ]
-        charts.append(traces(time, curves, f"Left {label}, rad"))
-    column = robot.joint_names.index("left_knee")
-    curves = [
-        (name, COLOURS[name], _padded(log.torque[:, 0, column], log, shown))
-        for name, log in logs.items()
+
+    def chart(title: str, pick: Pick, desired: Pick | None = None) -> str:
+        curves = [] if desired is None else [("desired", 7, logs[OURS], desired(logs[OURS]))]
+        curves += [(name, COLOURS[name], log, pick(log)) for name, log in logs.items()]
+        return logged(curves, title, push - 2.0, push + 4.0)
+
+    def base(title: str, axis: int) -> str:
+        def cm(what: str) -> Pick:
+            return lambda log: 100 * log[what][:, 0, axis]
+
+        return chart(title, cm("base"), cm("base_target"))
+
+    def joint(label: str, column: int) -> str:
+        return chart(
+            f"Left {label}, rad",
+            lambda log: log["qpos"][:, 0, 7 + column],
+            lambda log: log["target"][:, 0, column],
+        )
+
+    columns = [names.index(name) for name in JOINTS]
+    knee = names.index("left_knee")
+    return [
+        base("Base sideways, cm", 1),
+        base("Base forward, cm", 0),
+        *(joint(label, column) for label, column in zip(LABELS, columns, strict=True)),
+        chart("Left knee, torque in N·m", lambda log: log["torque"][:, 0, knee]),
     ]
-    charts.append(traces(time, curves, "Left knee, torque in N·m"))
-    return charts
 
 
-def _padded(values: np.ndarray, log: Log, shown: np.ndarray) -> np.ndarray:
-    """Values at the times shown, NaN after a fall."""
-    standing = np.where(log.up[:, 0], values, np.nan)
-    return np.concatenate([standing, np.full(len(shown) - len(values), np.nan)])[shown]
+_HOLDS = (
+    ("base, cm", lambda r: number(100 * r["base"], 2)),
+    ("joints, mrad", lambda r: number(1e3 * r["error"])),
+    ("torque, N·m", lambda r: number(r["torque"])),
+)
 
 
 def _table(numbers: dict[str, Any]) -> str:
-    rows = [
-        [
-            f"{r['motion']}: {escape(r['name'])}",
-            percent(r["up"]),
-            first_fall(r),
-            number(100 * r["base"], 2),
-            number(1e3 * r["error"]),
-            number(r["torque"]),
-        ]
-        for r in numbers["long"]
-    ]
-    heads = [
-        f"{FORCE:.0f} N every {numbers['every']:g} s",
-        "stay up",
-        "first fall",
-        "base, cm",
-        "joints, mrad",
-        "torque, N·m",
-    ]
-    return table(heads, rows)
+    head = f"{FORCE:.0f} N every {numbers['every']:g} s"
+    cells = (
+        (head, lambda r: f"{r['motion']}: {escape(r['name'])}"),
+        ("stay up", lambda r: percent(r["up"])),
+        ("first fall", first_fall),
+        *_HOLDS,
+    )
+    return columns(numbers["long"], cells)
 
 
 def _rivals_table(numbers: dict[str, Any]) -> str:
-    rows = [
-        [
-            escape(r["name"]),
-            f"{r['force']:.0f} N",
-            percent(r["up"]),
-            number(100 * r["base"], 2),
-            number(1e3 * r["error"]),
-            number(r["torque"]),
-        ]
-        for r in numbers["rivals"]
-    ]
-    return table(["", "pushes", "stay up", "base, cm", "joints, mrad", "torque, N·m"], rows)
+    cells = (
+        ("", lambda r: escape(r["name"])),
+        ("pushes", lambda r: f"{r['force']:.0f} N"),
+        ("stay up", lambda r: percent(r["up"])),
+        *_HOLDS,
+    )
+    return columns(numbers["rivals"], cells)

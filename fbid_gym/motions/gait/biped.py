@@ -6,7 +6,7 @@ import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
-from fbid_gym.motions.gait.flat_feet import FlatFootGait
+from fbid_gym.motions.gait.walking import FlatFootGait
 from fbid_gym.robots import Robot
 
 # In units of the robot: of the pendulum time sqrt(h / g), the leg's length (hips or base above the
@@ -22,8 +22,7 @@ _SOLE = 0.8  # of the sole, for the centre of pressure
 _LONGEST = 0.6
 _WIDEST = 0.35  # of the leg, beyond the width
 _GAP = 0.01  # of the leg, between soles side by side
-LOWER = 0.04
-"""Share of the leg's length by which a walking robot's base is lower than at home."""
+_LOWER = 0.04  # of the leg, by which a walking robot's base is lower than at home
 
 
 def biped_gait(robot: Robot) -> FlatFootGait:
@@ -54,8 +53,8 @@ def biped_gait(robot: Robot) -> FlatFootGait:
             f"{width:.3g} m apart, and their soles are {2.0 * sole[1]:.3g} m wide. "
             "Expected feet side by side in the home pose."
         )
-    gravity = robot.weight / robot.mass
-    omega = math.sqrt(gravity / (home.com[0, 2] - ground - LOWER * leg))
+    gravity = robot.gravity
+    omega = math.sqrt(gravity / (home.com[0, 2] - ground - _LOWER * leg))
     period = _PERIOD / omega
     return FlatFootGait(
         omega=omega,
@@ -63,6 +62,7 @@ def biped_gait(robot: Robot) -> FlatFootGait:
         double=_DOUBLE * period,
         settle=_SETTLE / omega,
         gain=_GAIN,
+        height=float((1.0 - _LOWER) * leg),
         width=float(width),
         least_apart=float(2.0 * sole[1] + _GAP * leg),
         most_apart=float(width + _WIDEST * leg),

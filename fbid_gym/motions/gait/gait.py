@@ -6,13 +6,14 @@ from typing import Protocol
 
 import numpy as np
 
-from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import UnknownOptionError
-from fbid_gym.motions.gait import flat_feet, point_feet
-from fbid_gym.motions.gait.biped import LOWER, biped_gait
+from fbid_gym.motions.gait import flat_feet, point_feet, walking
+from fbid_gym.motions.gait.biped import biped_gait
+from fbid_gym.motions.gait.command import GaitCommand, Steering
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.schedule import PATTERNS
-from fbid_gym.quantities import DynamicsTerms, GaitTarget, Memory, Steering
+from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.quantities import DynamicsTerms, Memory
 from fbid_gym.robots import Robot
 
 
@@ -63,7 +64,7 @@ def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
     if robot.num_feet == 2:
         if name not in (None, "walk"):
             raise UnknownOptionError("gait of a biped", name, ["walk"])
-        return FlatFeet(biped_gait(robot), 1.0 / hz, Stance.of(robot))
+        return FlatFeet(biped_gait(robot), 1.0 / hz)
     if name is not None and name not in PATTERNS:
         raise UnknownOptionError("gait", name, PATTERNS)
     return PointFeet(quadruped_gait(robot, name or "trot"), 1.0 / hz)
@@ -101,25 +102,8 @@ class PointFeet:
         """See `Gait.target`."""
         own = point_feet.GaitMemory(*(memory[name] for name in point_feet.GaitMemory._fields))
         level = np.full(terms.foot_position.shape[:2], math.nan)
-        command = point_feet.GaitCommand(velocity, steering.shift, steering.rate, level)
-        found = point_feet.walk(self.gait, command, terms, contact_force, self.tick, own)
-        still = np.zeros_like(found.foot_velocity)
-        return GaitTarget(
-            planted=found.planted,
-            foot_position=found.foot_position,
-            foot_rotation=terms.foot_rotation,
-            foot_velocity=np.concatenate([found.foot_velocity, still], axis=2),
-            foot_acceleration=np.concatenate([found.foot_acceleration, still], axis=2),
-            load=found.load,
-            foothold=found.foothold,
-            clipped=found.clipped,
-            velocity=found.velocity,
-            com_acceleration=found.com_acceleration,
-            height=found.height,
-            heading=found.heading,
-            turning=found.turning,
-            cycle=found.cycle,
-        )
+        command = GaitCommand(velocity, steering.shift, steering.rate, level)
+        return point_feet.walk(self.gait, command, terms, contact_force, self.tick, own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,12 +113,10 @@ class FlatFeet:
     Attributes:
         gait: its constants.
         tick: s, of the control.
-        stance: of the robot.
     """
 
-    gait: flat_feet.FlatFootGait
+    gait: walking.FlatFootGait
     tick: float
-    stance: Stance
 
     @property
     def omega(self) -> float:
@@ -143,7 +125,7 @@ class FlatFeet:
 
     def memory(self, terms: DynamicsTerms) -> Memory:
         """See `Gait.memory`."""
-        return flat_feet.standing(_heading(terms))._asdict()
+        return walking.standing(_heading(terms))._asdict()
 
     def target(
         self,
@@ -154,17 +136,16 @@ class FlatFeet:
         memory: Memory,
     ) -> GaitTarget:
         """See `Gait.target`."""
-        own = flat_feet.GaitMemory(*(memory[name] for name in flat_feet.GaitMemory._fields))
-        foot, rows = 1 - own.carrier, np.arange(len(velocity))
-        command = flat_feet.GaitCommand(velocity, steering.shift[rows, foot], steering.rate)
+        own = walking.GaitMemory(*(memory[name] for name in walking.GaitMemory._fields))
+        level = np.full(terms.foot_position.shape[:2], math.nan)
+        command = GaitCommand(velocity, steering.shift, steering.rate, level)
         found = flat_feet.walk(self.gait, command, terms, contact_force, self.tick, own)
         foothold = terms.foot_position.copy()
         swinging = ~found.planted
         foothold[swinging] = np.broadcast_to(found.foothold[:, None], foothold.shape)[swinging]
-        heading, walks = found.heading, own.phase != flat_feet.STAND
+        heading, walks = found.heading, own.phase != walking.STAND
         cosine, sine = np.cos(heading), np.sin(heading)
         ahead, left = (velocity[:, :2] * walks[:, None]).T
-        leg = self.stance.home_base[2]
         return GaitTarget(
             planted=found.planted,
             foot_position=found.foot_position,
@@ -176,7 +157,7 @@ class FlatFeet:
             clipped=swinging & found.clipped[:, None],
             velocity=np.stack([cosine * ahead - sine * left, sine * ahead + cosine * left], axis=1),
             com_acceleration=found.com_acceleration,
-            height=found.ground + (1.0 - LOWER) * leg,
+            height=found.height,
             heading=heading,
             turning=velocity[:, 2] * walks,
             cycle=found.cycle,

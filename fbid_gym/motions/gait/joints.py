@@ -12,7 +12,8 @@ import numpy as np
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
-from fbid_gym.quantities import DynamicsTerms, GaitTarget, Reference, RobotState, SupportFrame
+from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.quantities import DynamicsTerms, Reference, RobotState, SupportFrame
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import factor, solve_factored
 

@@ -13,9 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
+from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.footholds import Leap, Pair, point_ahead, turned, within_reach
 from fbid_gym.motions.gait.schedule import Schedule, since_lift
 from fbid_gym.motions.gait.swing import Motion, across, below, over
+from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.motions.gait.touchdown import REACH, STANCE, SWING, next_mode
 from fbid_gym.quantities import DynamicsTerms
 
@@ -67,23 +69,6 @@ class PointFootGait(NamedTuple):
     foot_of_point: np.ndarray
 
 
-class GaitCommand(NamedTuple):
-    """Where the robots shall go.
-
-    Attributes:
-        velocity: (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand.
-        shift: (N, F, 2) m ahead and to the left that each next foothold is moved by.
-        rate: (N,) cycles per planned cycle, positive; 1 for the planned frequency.
-        ground: (N, F) m, height of the ground at the next foothold of each foot; NaN where it is
-            not known, for that of the ground on which the robot stands.
-    """
-
-    velocity: np.ndarray
-    shift: np.ndarray
-    rate: np.ndarray
-    ground: np.ndarray
-
-
 class GaitMemory(NamedTuple):
     """What gaits remember from tick to tick, see `standing`.
 
@@ -110,54 +95,6 @@ class GaitMemory(NamedTuple):
     clock: np.ndarray
     begun: np.ndarray
     load: np.ndarray
-
-
-class GaitTarget(NamedTuple):
-    """What the robots shall do now; world axes.
-
-    Attributes:
-        planted: (N, F) bool, feet that shall stand. For these the following three say where they
-            are, at rest.
-        foot_position: (N, F, 3) m.
-        foot_velocity: (N, F, 3) m/s.
-        foot_acceleration: (N, F, 3) m/s^2.
-        load: (N, F) share of its greatest force that a foot may take: 0 in the air, and on the way
-            to 0 or 1 before it lifts and after it lands.
-        foothold: (N, F, 3) m, where a foot in the air shall land; that of a foot that stands.
-        clipped: (N, F) bool, the foothold would have to be where the leg does not reach it when it
-            lands, or no longer reaches it when it lifts.
-        velocity: (N, 2) m/s, of the base.
-        com_acceleration: (N, 2) m/s^2, horizontal, of the centre of mass.
-        heading: (N,) rad, of the body.
-        turning: (N,) rad/s, of the heading.
-        height: (N,) m, of the base, world.
-        cycle: (N,) share of the cycle that has passed.
-    """
-
-    planted: np.ndarray
-    foot_position: np.ndarray
-    foot_velocity: np.ndarray
-    foot_acceleration: np.ndarray
-    load: np.ndarray
-    foothold: np.ndarray
-    clipped: np.ndarray
-    velocity: np.ndarray
-    com_acceleration: np.ndarray
-    heading: np.ndarray
-    turning: np.ndarray
-    height: np.ndarray
-    cycle: np.ndarray
-
-
-def no_command(num_robots: int, num_feet: int) -> GaitCommand:
-    """Return the command to stand, with no wish about the footholds."""
-    feet = num_robots, num_feet
-    return GaitCommand(
-        velocity=np.zeros((num_robots, 3)),
-        shift=np.zeros((*feet, 2)),
-        rate=np.ones(num_robots),
-        ground=np.full(feet, np.nan),
-    )
 
 
 def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
@@ -200,8 +137,9 @@ def walk(
     target = GaitTarget(
         planted=np.empty((count, feet), np.bool_),
         foot_position=terms.foot_position.copy(),
-        foot_velocity=np.zeros((count, feet, 3)),
-        foot_acceleration=np.zeros((count, feet, 3)),
+        foot_rotation=terms.foot_rotation.copy(),
+        foot_velocity=np.zeros((count, feet, 6)),
+        foot_acceleration=np.zeros((count, feet, 6)),
         load=np.empty((count, feet)),
         foothold=terms.foot_position.copy(),
         clipped=np.zeros((count, feet), np.bool_),

@@ -21,11 +21,11 @@ _REST = 0.1  # of the speed
 _ASTRAY = 0.25  # of the height
 _MARGIN = 0.5  # of the way to the edge of the feet
 _LIFT = 0.25
-_SINK = 0.25
+_SINK = 0.5
 _TOUCH = 0.01
 _UNLOAD = 0.14  # pendulum times
 _REACH = 0.95  # of the stretched leg
-_BENT = 0.8  # of the stretched leg: a robot that walks has its hips no higher
+_BENT = 0.7  # of the stretched leg: a robot that walks has its hips no higher
 
 _SAMPLES = 2000
 

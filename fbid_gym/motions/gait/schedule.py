@@ -47,8 +47,8 @@ class Pattern(NamedTuple):
 PATTERNS = {
     "trot": Pattern(2.5, 0.55, (0.0, 0.5, 0.5, 0.0)),
     "walk": Pattern(4.0, 0.78, (0.25, 0.75, 0.0, 0.5)),
-    "pace": Pattern(2.3, 0.6, (0.0, 0.5, 0.0, 0.5)),
-    "bound": Pattern(2.3, 0.6, (0.0, 0.0, 0.5, 0.5)),
+    "pace": Pattern(1.7, 0.6, (0.0, 0.5, 0.0, 0.5)),
+    "bound": Pattern(1.8, 0.7, (0.0, 0.0, 0.5, 0.5)),
     "stand": Pattern(2.9, 1.0, (0.0, 0.0, 0.0, 0.0)),
 }
 """Diagonal pairs; one foot after the other, each hind foot before the front foot of its side; pairs

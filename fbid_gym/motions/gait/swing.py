@@ -57,3 +57,38 @@ def below(clock: float, ramp: float, speed: float) -> Motion:
     s = min(clock / ramp, 1.0)
     way = speed * (ramp * (s**3 - 0.5 * s**4) + max(clock - ramp, 0.0))
     return Motion(way, speed * s**2 * (3.0 - 2.0 * s), 6.0 * speed * s * (1.0 - s) / ramp)
+
+
+@compiled
+def lift_and_land(
+    clock: float, span: float, start: float, apex: float, ground: float, sink: float
+) -> Motion:
+    """Return a foot's height (m), up in the first half of its span and down in the second.
+
+    It arrives with a speed, so that it lands when it is told to, and goes on down with it if the
+    ground is not where it was expected.
+
+    Args:
+        clock: s since it lifted.
+        span: s that the step shall take.
+        start: m, height at which it lifted.
+        apex: m, highest.
+        ground: m, height of the ground where it lands.
+        sink: m/s with which it lands.
+    """
+    half = 0.5 * span
+    if clock < half:
+        value, rate, acceleration = rise(clock / half, half)
+        height = apex - start
+        return Motion(start + height * value, height * rate, height * acceleration)
+    if clock >= span:
+        return Motion(ground - sink * (clock - span), -sink, 0.0)
+    s = clock / half - 1.0
+    value, rate, acceleration = rise(s, half)
+    drop = ground - apex
+    # The quintic with all ends zero but the last rate, which is 1 per span.
+    return Motion(
+        apex + drop * value - sink * half * s**3 * (-4.0 + 7.0 * s - 3.0 * s**2),
+        drop * rate - sink * s**2 * (-12.0 + 28.0 * s - 15.0 * s**2),
+        drop * acceleration - sink / half * s * (-24.0 + 84.0 * s - 60.0 * s**2),
+    )

@@ -14,7 +14,7 @@ from fbid_gym.motions.gait.divergent import (
     transfer,
 )
 from fbid_gym.motions.gait.hull import nearest_in_hull
-from fbid_gym.motions.gait.step_curve import lift_and_land, rise
+from fbid_gym.motions.gait.swing import lift_and_land
 
 TIMINGS = [StepTiming(3.8, 0.13, 0.4), StepTiming(3.2, 0.3, 0.35), StepTiming(5.0, 0.02, 0.6)]
 
@@ -109,8 +109,3 @@ def test_swing_meets_its_ends() -> None:
         for order in range(2):
             before, after = (lift_and_land(clock + d, *curve)[order] for d in (-1e-6, 1e-6))
             assert (after - before) / 2e-6 == pytest.approx(motion[order + 1], abs=1e-4)
-
-
-def test_rise_is_at_rest_at_its_ends() -> None:
-    for share, value in ((-1.0, 0.0), (0.0, 0.0), (1.0, 1.0), (2.0, 1.0)):
-        np.testing.assert_allclose(rise(share, 0.3), (value, 0.0, 0.0), atol=1e-12)

@@ -8,14 +8,14 @@ import pytest
 from fbid_gym import robots
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.biped import biped_gait
-from fbid_gym.motions.gait.flat_feet import (
+from fbid_gym.motions.gait.command import no_command
+from fbid_gym.motions.gait.flat_feet import walk
+from fbid_gym.motions.gait.walking import (
     STAND,
     FlatFootGait,
-    GaitCommand,
     GaitMemory,
     GaitTarget,
     standing,
-    walk,
 )
 from fbid_gym.quantities import DynamicsTerms
 
@@ -56,7 +56,11 @@ class Pendulums:
         self.body, self.memory = self.heading.copy(), standing(self.heading)
 
     def step(
-        self, velocity: np.ndarray, shift: np.ndarray | None = None, rate: np.ndarray | None = None
+        self,
+        velocity: np.ndarray,
+        shift: np.ndarray | None = None,
+        rate: np.ndarray | None = None,
+        ground: np.ndarray | None = None,
     ) -> GaitTarget:
         """Go on by a tick with commanded velocities (N, 3)."""
         count = len(self.com)
@@ -77,11 +81,14 @@ class Pendulums:
         force = np.zeros((count, len(self.gait.points), 3))
         touches = self.feet[:, self.gait.foot_of_point, 2] <= 0.0
         force[..., 2] = np.where(touches, 2.0 * self.gait.load, 0.0)
-        command = GaitCommand(
-            np.tile(np.asarray(velocity, float), (count, 1)) if np.ndim(velocity) == 1 else velocity,
-            np.zeros((count, 2)) if shift is None else shift,
-            np.ones(count) if rate is None else rate,
-        )
+        command = no_command(count, 2)
+        command.velocity[:] = velocity
+        if shift is not None:
+            command.shift[:] = shift[:, None]
+        if rate is not None:
+            command.rate[:] = rate
+        if ground is not None:
+            command.ground[:] = ground[:, None]
         target = walk(self.gait, command, terms, force, self.tick, self.memory)
         omega = self.gait.omega
         cosine, sine = np.cosh(omega * self.tick), np.sinh(omega * self.tick)
@@ -232,7 +239,7 @@ def test_heading_does_not_matter(gait: FlatFootGait) -> None:
 
 
 def test_a_robot_four_times_as_long_walks_half_as_fast(gait: FlatFootGait) -> None:
-    lengths = ("width", "least_apart", "most_apart", "longest", "lift", "sole", "points")
+    lengths = ("height", "width", "least_apart", "most_apart", "longest", "lift", "sole", "points")
     times = ("single", "double", "settle")
     large = gait._replace(
         omega=gait.omega / 2.0,
@@ -283,6 +290,20 @@ def test_a_shifted_foothold_lands_there(gait: FlatFootGait) -> None:
         pass
     moved = target.foothold[:, :2] - target.foothold[0, :2]
     np.testing.assert_allclose(moved, shift, atol=1e-9)
+
+
+def test_foothold_lies_on_the_ground_that_is_known(gait: FlatFootGait) -> None:
+    walkers = Pendulums(gait, np.zeros(2))
+    velocity = np.array([0.2 * gait.width * gait.omega, 0.0, 0.0])
+    while walkers.step(velocity).planted.all():
+        pass
+    step = 0.3 * gait.lift
+    highest = np.zeros(2)
+    for _ in range(round(0.9 * gait.single / TICK)):
+        target = walkers.step(velocity, ground=np.array([np.nan, step]))
+        highest = np.maximum(highest, target.foot_position[:, :, 2].max(axis=1))
+    np.testing.assert_allclose(target.foothold[:, 2], [0.0, step], atol=1e-12)
+    np.testing.assert_allclose(highest, [gait.lift, step + gait.lift], rtol=0.02)
 
 
 def test_four_feet_are_refused() -> None:

@@ -8,16 +8,15 @@ import pytest
 
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.command import GaitCommand, no_command
 from fbid_gym.motions.gait.point_feet import (
-    GaitCommand,
     GaitMemory,
-    GaitTarget,
     PointFootGait,
-    no_command,
     standing,
     walk,
 )
 from fbid_gym.motions.gait.quadruped import quadruped_gait
+from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots import Robot, load
 
@@ -142,7 +141,7 @@ def test_feet_land_where_they_were_told_and_stand_as_long_as_planned() -> None:
 def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands() -> None:
     ghost = commanded(Ghost(GAIT, home()), 0.1, 0.0, 0.0)
     ghost.tick()
-    ghost.floor = -0.03
+    ghost.floor = -0.02
     ghost.force[:] = 0.0
     reached, lowest = False, 0.0
     for _ in range(int(GAIT.schedule.period / TICK)):
@@ -249,7 +248,9 @@ def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> N
     for name in ("foot_position", "foothold"):
         assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T + moved)
     for name in ("foot_velocity", "foot_acceleration"):
-        assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T)
+        assert getattr(turned, name)[..., :3] == pytest.approx(
+            getattr(here, name)[..., :3] @ turn.T
+        )
     for name in ("velocity", "com_acceleration"):
         assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn[:2, :2].T)
     assert turned.heading - here.heading == pytest.approx(np.full(9, angle))

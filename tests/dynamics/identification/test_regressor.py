@@ -5,12 +5,12 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.inertia import (
+from fbid_gym.dynamics.identification import (
+    InertialRegressor,
     parameters_of_pseudo_inertia,
     pseudo_inertia,
     with_parameters,
 )
-from fbid_gym.dynamics.regressor import InertialRegressor
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
 
 RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"]}

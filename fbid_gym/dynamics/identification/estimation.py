@@ -13,13 +13,13 @@ minimises
     D(P | P0) = tr(P0^-1 P) - log det(P0^-1 P) - 4,
 
 with means over the rows, t the root mean square of the right-hand sides, w the weight of the prior,
-P_b the pseudo-inertia of body b (`fbid_gym.dynamics.inertia`) and P0_b that of the nominal model.
+P_b the pseudo-inertia of body b (`inertia`) and P0_b that of the nominal model.
 D, the entropic divergence, is half the square of a small relative change, whatever the units and
 frames, and grows without bound as a body comes to the border of what can exist (T. Lee,
 P. M. Wensing, F. C. Park, "Geometric robot dynamic identification: a convex programming approach",
 IEEE Transactions on Robotics 36(2), 2020). So every estimate is physically consistent, what the
 data do not tell stays as nominal as what they tell allows, and the problem is convex with a single
-minimum (`fbid_gym.dynamics.entropic_fit`).
+minimum (`entropic_fit`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,16 +29,21 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
-from fbid_gym.dynamics.entropic_fit import (
+from fbid_gym.dynamics.identification.entropic_fit import (
     Weighed,
     divergence,
     fit,
     relative_inertia,
 )
-from fbid_gym.dynamics.excitation import Excitation, by_steps, excitation_of, natural_steps
-from fbid_gym.dynamics.inertia import consistency, with_parameters
+from fbid_gym.dynamics.identification.excitation import (
+    Excitation,
+    by_steps,
+    excitation_of,
+    natural_steps,
+)
+from fbid_gym.dynamics.identification.inertia import consistency, with_parameters
+from fbid_gym.dynamics.identification.regressor import InertialRegressor
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics, check_states
-from fbid_gym.dynamics.regressor import InertialRegressor
 from fbid_gym.errors import (
     ExcitationError,
     InvalidValueError,
@@ -135,7 +140,7 @@ class Identification:
         robot: the nominal robot.
         bodies: (B,) MuJoCo ids of the bodies.
         names: their names.
-        parameters: (B, 10) estimates, see `fbid_gym.dynamics.inertia.PARAMETERS`.
+        parameters: (B, 10) estimates, see `fbid_gym.dynamics.identification.inertia.PARAMETERS`.
         nominal: (B, 10) what they were.
         residual: root mean square error of the projected equations, N m (N).
         nominal_residual: the same for the nominal model.

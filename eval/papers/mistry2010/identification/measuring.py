@@ -1,81 +1,14 @@
-"""Models that are wrong, and measurements that are noisy: the data of the identification."""
+"""Noisy measurements: the data of the identification."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import mujoco
-import mujoco.batch
 import numpy as np
 
 from eval.papers.log import Log
 from eval.papers.trial import RATES
-from fbid_gym.dynamics.contacts import ContactGeometry
+from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.dynamics.identification import Samples
-from fbid_gym.dynamics.inertia import (
-    body_parameters,
-    parameters_of_pseudo_inertia,
-    pseudo_inertia,
-    with_parameters,
-)
-from fbid_gym.dynamics.live_terms import LiveTerms
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import Robot
-
-
-def wrong_model(robot: Robot, size: float, rng: np.random.Generator) -> Robot:
-    """Return a robot whose link masses and centres of mass are wrong.
-
-    Each mass is off by a factor from 1 - size to 1 + size, and with it the inertia; each centre of
-    mass by a displacement of up to `size` along every principal axis, in units of the half-length
-    of the uniform box with the link's inertia.
-
-    Args:
-        robot: the true one.
-        size: largest relative error.
-        rng: to draw from.
-    """
-    bodies = np.flatnonzero(robot.model.body_mass > 0.0)
-    matrix = pseudo_inertia(body_parameters(robot.model, bodies))
-    mass = matrix[:, 3, 3]
-    com = matrix[:, :3, 3] / mass[:, None]
-    spread, axes = np.linalg.eigh(
-        matrix[:, :3, :3] / mass[:, None, None] - com[:, :, None] * com[:, None]
-    )
-    displacement = rng.uniform(-size, size, com.shape) * np.sqrt(3.0 * spread)
-    shift = np.tile(np.eye(4), (len(bodies), 1, 1))
-    shift[:, :3, 3] = np.matvec(axes, displacement)
-    factor = 1.0 + rng.uniform(-size, size, len(bodies))
-    wrong = factor[:, None, None] * (shift @ matrix @ shift.mT)
-    return with_parameters(robot, bodies, parameters_of_pseudo_inertia(wrong))
-
-
-def believing(models: Sequence[Robot]) -> Callable[[Simulation], Callable[[], DynamicsTerms]]:
-    """Return what gives each robot of a trial the dynamics terms of its own, wrong model.
-
-    Args:
-        models: one per robot of the trial.
-    """
-
-    def believe(simulation: Simulation) -> Callable[[], DynamicsTerms]:
-        batch = mujoco.batch.Batch(simulation.robot.model, len(models), 1, persistent=True)
-        for name in ("body_mass", "body_inertia", "body_ipos", "body_iquat"):
-            batch.expand(name)[:] = [getattr(model.model, name) for model in models]
-        batch.set_const(np.arange(len(models)))
-        live, qpos, qvel = (
-            LiveTerms(simulation.robot, batch),
-            batch.bind("qpos"),
-            batch.bind("qvel"),
-        )
-
-        def terms() -> DynamicsTerms:
-            qpos[:], qvel[:] = simulation.qpos, simulation.qvel
-            batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
-            return live()
-
-        return terms
-
-    return believe
 
 
 @dataclass(frozen=True)
@@ -148,7 +81,7 @@ def measured(
         smooth: the filter.
     """
     qpos, qvel, torque = (
-        np.array(part[:, index], float) for part in (log.qpos, log.qvel, log.torque)
+        np.array(log[name][:, index], float) for name in ("qpos", "qvel", "torque")
     )
 
     def add(values: np.ndarray, deviation: float) -> None:
@@ -162,5 +95,5 @@ def measured(
     add(torque, noise.torque)
     torque -= robot.joint_damping * qvel[:, 6:]
     position, velocity = smooth(qpos), smooth(qvel)
-    active = np.tile(planted[ContactGeometry.of(robot).foot_of_point], (len(position), 1))
+    active = np.tile(planted[contact_geometry(robot).foot_of_point], (len(position), 1))
     return Samples(position, velocity, smooth(qvel, 1), smooth(torque), active)

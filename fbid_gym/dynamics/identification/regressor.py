@@ -2,7 +2,7 @@
 
     M(q) a + h(q, v) = Y(q, v, a) pi + diag(armature) a
 
-with pi the ten parameters of each body (see `fbid_gym.dynamics.inertia`), all in MuJoCo's
+with pi the ten parameters of each body (see `inertia`), all in MuJoCo's
 coordinates, base first. Y depends on the robot's kinematics and on gravity alone. It is Pinocchio's
 joint-torque regressor, of the model read from the compiled MuJoCo model, with v and a brought to
 Pinocchio's coordinates and the generalized force brought back (`fbid_gym.dynamics.frames`).
@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from fbid_gym.dynamics import frames
-from fbid_gym.dynamics.inertia import (
+from fbid_gym.dynamics.identification.inertia import (
     body_parameters,
     parameters_of_pseudo_inertia,
     pseudo_inertia,

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from eval.papers.mistry2010.following import following
 from eval.papers.mistry2010.footwork import Footwork, swing
 from eval.papers.mistry2010.polygon import Polygon
 from eval.papers.mistry2010.stepper import Stepper, StepperGains
 from eval.papers.mistry2010.stepping_cases import CROUCHED, OURS, controller
-from eval.papers.trial import RATES, Push, Trial, simulate
+from eval.papers.trial import RATES, Push, Trial, pushed, simulate
 from fbid_gym.dynamics.frames import rotation_vector
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import stepping
@@ -23,7 +24,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def stepper(robot):
-    return Stepper.of(robot, CROUCHED)
+    return Stepper(robot, CROUCHED)
 
 
 def soles(rng, count):
@@ -179,9 +180,9 @@ def test_torques_move_the_foot_in_the_air_as_wanted_with_forces_under_the_other(
 def test_it_takes_200_newtons_where_the_papers_controller_falls(robot):
     angle = np.pi * np.array([0.0, 0.5, 1.0, 1.5])
     force = 200.0 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    pushes = (Push(np.full(4, 0.4), 0.15, force),)
-    motion, start = stepping(robot, CROUCHED), np.array([0.0, 0.3, 1.0, 1.8])
-    trial = Trial(robot, motion, 3.0, 4, start=start, pushes=pushes, watch=("steps",))
+    push = pushed(Push(np.full(4, 0.4), 0.15, force))
+    plan, start = following(stepping(robot, CROUCHED)), np.array([0.0, 0.3, 1.0, 1.8])
+    trial = Trial(robot, plan, 3.0, 4, start=start, disturb=push, watch=("steps",))
     log = simulate(trial, controller(robot, "crouched", OURS))
     assert log.survived.all()
-    assert (log.watched["steps"][-1] >= 1).all()
+    assert (log["steps"][-1] >= 1).all()

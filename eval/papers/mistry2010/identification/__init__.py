@@ -1,17 +1,16 @@
 """[M10] III-B.6: inertial parameters from motion, in the space where contact forces vanish."""
 
-import sys
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from eval.papers.experiment import Experiment, Progress, Result, Setting, main
+from eval.papers.experiment import Experiment, Progress, Result, Setting
 from eval.papers.log import Log
-from eval.papers.mistry2010.controllers import Gains, Orthogonal, Tracking
-from eval.papers.mistry2010.exciting import STANCES, Carry, exciting
-from eval.papers.mistry2010.identification_section import average, gains, show
-from eval.papers.mistry2010.identified import (
+from eval.papers.mistry2010.controllers import JointController, PdGains
+from eval.papers.mistry2010.following import following
+from eval.papers.mistry2010.identification.exciting import STANCES, carrying_out, exciting
+from eval.papers.mistry2010.identification.judging import (
     feedforward,
     fitted,
     held_out,
@@ -19,11 +18,13 @@ from eval.papers.mistry2010.identified import (
     samples_of,
     told_by,
 )
-from eval.papers.mistry2010.measuring import believing, wrong_model
+from eval.papers.mistry2010.identification.section import average, improvements, show
+from eval.papers.mistry2010.laws import Limited, orthogonal
 from eval.papers.parts import Finding, judged
 from eval.papers.trial import Trial, simulate
+from eval.papers.wrong_models import believing, wrong_model
 from eval.wording import number
-from fbid_gym.dynamics.regressor import InertialRegressor
+from fbid_gym.dynamics.identification import InertialRegressor
 from fbid_gym.motions import periodic_squat
 from fbid_gym.robots import Robot, load
 
@@ -43,24 +44,24 @@ _SHOWN = "left_knee"
 def collect(robot: Robot, models: Sequence[Robot], seconds: int, progress: Progress) -> Log:
     """Let every model's robot carry out every stance's motion: row 3 k + s is model k, stance s."""
     each = [model for model in models for _ in STANCES]
-    motion = exciting(robot, seconds, seed=0)
-    trial = Trial(robot, motion, float(seconds), len(each), believe=believing(each))
-    controller = Carry(robot, base_hertz=1.2, joint_hertz=2.0, gains=Gains.of(robot, 1.5))
-    return simulate(trial, controller, progress)
+    plan, gains = following(exciting(robot, seconds, seed=0)), PdGains.of(robot, 1.5)
+    trial = Trial(robot, plan, float(seconds), len(each), believe=believing(each))
+    # Forces that the ground can deliver: it has to stand with a wrong model.
+    law, desire = Limited.of(robot, base_priority=1.0), carrying_out(robot, 1.2, 2.0)
+    return simulate(trial, JointController(robot, gains, law, desire=desire), progress)
 
 
 def tracked(robot: Robot, models: dict[str, Robot], seconds: float) -> list[dict[str, Any]]:
     """Track the 2 Hz squat with PD+FF, soft gains, by each of the models."""
-    trial = Trial(
-        robot, periodic_squat(robot), seconds, len(models), believe=believing(list(models.values()))
-    )
-    log = simulate(trial, Tracking(robot, Gains.of(robot, *_SOFT), Orthogonal()))
+    plan, believe = following(periodic_squat(robot)), believing(list(models.values()))
+    trial = Trial(robot, plan, seconds, len(models), believe=believe)
+    log = simulate(trial, JointController(robot, PdGains.of(robot, *_SOFT), orthogonal()))
     return [
         {
             "model": name,
             "error": rms(log.error[:, k][log.up[:, k]]),
-            "feedback": rms(log.feedback[:, k][log.up[:, k]]),
-            "fell": None if np.isnan(log.fell[k]) else float(log.fell[k]),
+            "feedback": rms(log["feedback"][:, k][log.up[:, k]]),
+            "fell": log.fall(k),
         }
         for k, name in enumerate(models)
     ]
@@ -92,7 +93,7 @@ def run(setting: Setting) -> Result:
         "rows": rows,
         "levels": list(levels),
         "models": count,
-        "fell": [None if np.isnan(t) else float(t) for t in log.fell],
+        "fell": [log.fall(k) for k in range(len(log.fell))],
         "seconds": float(log.time[-1]),
         "told": told_by(robot, log, models[0]),
         "tracking": tracked(robot, compared, setting.pick(6.0, 3.0)),
@@ -112,7 +113,7 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
     rows = numbers["rows"]
     result = []
     for level, name in ((0.0, "without sensor noise"), (1.0, "with sensor noise")):
-        least = gains(numbers, level).min()
+        least = improvements(numbers, level).min()
         result.append(
             judged(
                 f"torque error of eq. (15) on motions not used for fitting, {name}, N·m RMS",
@@ -124,7 +125,7 @@ def findings(numbers: dict[str, Any]) -> list[Finding]:
                 bool(least >= FACTOR),
             )
         )
-    most = [level for level in numbers["levels"] if gains(numbers, level).min() >= FACTOR]
+    most = [level for level in numbers["levels"] if improvements(numbers, level).min() >= FACTOR]
     impossible = sum(row["impossible"] > 0 for row in rows)
     everything = numbers["told"][-1]
     both = numbers["told"][0]
@@ -163,6 +164,3 @@ EXPERIMENT = Experiment(
     run=run,
     show=show,
 )
-
-if __name__ == "__main__":
-    sys.exit(main(EXPERIMENT))

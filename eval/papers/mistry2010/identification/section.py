@@ -1,22 +1,22 @@
 """The section of the identification: its numbers in charts and tables."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from eval.papers.charts import lines, traces
 from eval.papers.experiment import Result
-from eval.papers.mistry2010.identified import METHODS, rms
-from eval.papers.mistry2010.measuring import Noise
-from eval.papers.parts import figure, folded, table, text
+from eval.papers.mistry2010.identification.judging import rms
+from eval.papers.mistry2010.identification.measuring import Noise
+from eval.papers.parts import columns, fate, figure, folded, table, text
 from eval.papers.trial import RATES
 from eval.plots import Series, panel
 from eval.wording import number
 from fbid_gym.robots import load
 
 
-def gains(numbers: dict[str, Any], level: float, method: str = "identified") -> np.ndarray:
+def improvements(numbers: dict[str, Any], level: float, method: str = "identified") -> np.ndarray:
     """How many times the torque error falls: every model and motion at one noise."""
     rows = [row["error"] for row in numbers["rows"] if row["level"] == level]
     return np.array(
@@ -30,7 +30,7 @@ def average(numbers: dict[str, Any], level: float, method: str) -> float:
     return rms(np.array([list(row.values()) for row in rows]))
 
 
-def show(result: Result) -> str:
+def show(result: Result) -> list[str]:
     """Draw the section."""
     numbers, arrays = result.numbers, result.arrays
     true = arrays["true model"]
@@ -45,47 +45,45 @@ def show(result: Result) -> str:
     ]
     noisiest = numbers["levels"][-1]
     masses = [row["mass"] for row in numbers["rows"] if row["level"] == noisiest]
-    return "".join(
-        (
-            figure(
-                charts,
-                "Left: error of eq. (15) on the fast squat/bow, of one nominal model and of what "
-                "noisy data (level 1) made of it. Middle: what sensor noise leaves of the gain, "
-                "all models and motions. Right: what unit steps of the parameters do to the data, "
-                "in the order of their effect; what is below 0.00001 of the torque counts as not "
-                "told.",
-                3,
-            ),
-            text(
-                "Nominal masses are off by up to 30&nbsp;%, and with them the inertias; the "
-                "centres of mass by up to 30&nbsp;% of the link's half-length along every axis. "
-                "The robot moves under the wrong model: sums of sinusoids at all joints, "
-                f"{number(numbers['seconds'], 2)} s each on both feet, on the left and on the "
-                "right one. No contact force is measured. Accelerations are derivatives of the "
-                "noisy velocities through the same filter that the torques pass."
-            ),
-            sweep_table(numbers),
-            text(
-                "Noise of the measured motion does not average out as noise of the torque does: "
-                "it is in the regressor, and biases the estimate however much data there are. At "
-                f"{number(noisiest)} times the noise of the table below, the total mass comes out "
-                f"as {number(float(np.mean(masses)))} kg instead of "
-                f"{number(load('biped').mass)} kg, and little of the gain is left. Least squares "
-                "without regard for what can exist predicts torques about as well without noise "
-                "and somewhat worse with it, by bodies that no simulator takes."
-            ),
-            excitation_table(numbers["told"]),
-            text(
-                "Feet that stand flat take whatever wrench the ground gives, so nothing tells "
-                "their own parameters; a foot in the air tells them. Single parameters that only "
-                "count in combinations, as the masses of neighbouring links, stay near their "
-                "nominal values, and the torque does not depend on how they share."
-            ),
-            tracking_table(numbers["tracking"]),
-            folded("Sensor noise at level 1", noise_table()),
-            folded("Masses and centres of mass of one model", body_table(result)),
-        )
-    )
+    return [
+        figure(
+            charts,
+            "Left: error of eq. (15) on the fast squat/bow, of one nominal model and of what "
+            "noisy data (level 1) made of it. Middle: what sensor noise leaves of the gain, "
+            "all models and motions. Right: what unit steps of the parameters do to the data, "
+            "in the order of their effect; what is below 0.00001 of the torque counts as not "
+            "told.",
+            3,
+        ),
+        text(
+            "Nominal masses are off by up to 30&nbsp;%, and with them the inertias; the "
+            "centres of mass by up to 30&nbsp;% of the link's half-length along every axis. "
+            "The robot moves under the wrong model: sums of sinusoids at all joints, "
+            f"{number(numbers['seconds'], 2)} s each on both feet, on the left and on the "
+            "right one. No contact force is measured. Accelerations are derivatives of the "
+            "noisy velocities through the same filter that the torques pass."
+        ),
+        sweep_table(numbers),
+        text(
+            "Noise of the measured motion does not average out as noise of the torque does: "
+            "it is in the regressor, and biases the estimate however much data there are. At "
+            f"{number(noisiest)} times the noise of the table below, the total mass comes out "
+            f"as {number(float(np.mean(masses)))} kg instead of "
+            f"{number(load('biped').mass)} kg, and little of the gain is left. Least squares "
+            "without regard for what can exist predicts torques about as well without noise "
+            "and somewhat worse with it, by bodies that no simulator takes."
+        ),
+        excitation_table(numbers["told"]),
+        text(
+            "Feet that stand flat take whatever wrench the ground gives, so nothing tells "
+            "their own parameters; a foot in the air tells them. Single parameters that only "
+            "count in combinations, as the masses of neighbouring links, stay near their "
+            "nominal values, and the torque does not depend on how they share."
+        ),
+        tracking_table(numbers["tracking"]),
+        folded("Sensor noise at level 1", noise_table()),
+        folded("Masses and centres of mass of one model", body_table(result)),
+    ]
 
 
 def noise_chart(numbers: dict[str, Any]) -> str:
@@ -119,45 +117,42 @@ def _power(exponent: float) -> str:
 
 def sweep_table(numbers: dict[str, Any]) -> str:
     """The sweep over sensor noise."""
-    rows = []
-    for level in numbers["levels"]:
-        at = [row for row in numbers["rows"] if row["level"] == level]
-        every = gains(numbers, level)
-        rows.append(
-            [
-                number(level),
-                *(number(average(numbers, level, method), 2) for method in METHODS),
-                f"{number(every.min(), 2)} to {number(every.max(), 2)}",
-                f"{sum(row['impossible'] for row in at) / len(at):.1f}",
-                number(float(np.mean([row["residual"] for row in at])), 2),
-            ]
-        )
-    heads = [
-        "noise", "nominal, N·m", "identified", "total mass known", "least squares",
-        "times less", "impossible bodies by least squares", "residual",
-    ]  # fmt: skip
-    return table(heads, rows)
+
+    def times_less(level: float) -> str:
+        every = improvements(numbers, level)
+        return f"{number(every.min(), 2)} to {number(every.max(), 2)}"
+
+    def mean(level: float, what: str) -> float:
+        return float(np.mean([row[what] for row in numbers["rows"] if row["level"] == level]))
+
+    def error(method: str) -> Callable[[float], str]:
+        return lambda level: number(average(numbers, level, method), 2)
+
+    cells = (
+        ("noise", number),
+        ("nominal, N·m", error("nominal")),
+        ("identified", error("identified")),
+        ("total mass known", error("weighed")),
+        ("least squares", error("plain")),
+        ("times less", times_less),
+        ("impossible bodies by least squares", lambda x: f"{mean(x, 'impossible'):.1f}"),
+        ("residual", lambda x: number(mean(x, "residual"), 2)),
+    )
+    return columns(numbers["levels"], cells)
 
 
 def excitation_table(told: Sequence[dict[str, Any]]) -> str:
     """What the data tell, by stance."""
-    rows = [
-        [
-            row["stance"],
-            f"{row['dimension']} of {row['attainable']}",
-            number(row["condition"], 2),
-            str(len(row["told"])),
-            str(len(row["combined"])),
-            str(len(row["untold"])),
-            ", ".join(_grouped(row["untold"])) or "–",
-        ]
-        for row in told
-    ]
-    heads = [
-        "data", "base parameters", "condition", "told by themselves", "in combinations",
-        "not told", "which",
-    ]  # fmt: skip
-    return table(heads, rows, wrap=True)
+    cells = (
+        ("data", lambda row: row["stance"]),
+        ("base parameters", lambda row: f"{row['dimension']} of {row['attainable']}"),
+        ("condition", lambda row: number(row["condition"], 2)),
+        ("told by themselves", lambda row: str(len(row["told"]))),
+        ("in combinations", lambda row: str(len(row["combined"]))),
+        ("not told", lambda row: str(len(row["untold"]))),
+        ("which", lambda row: ", ".join(_grouped(row["untold"])) or "–"),
+    )
+    return columns(told, cells, wrap=True)
 
 
 def _grouped(names: Sequence[str]) -> list[str]:
@@ -174,16 +169,13 @@ def _grouped(names: Sequence[str]) -> list[str]:
 
 def tracking_table(rows: Sequence[dict[str, Any]]) -> str:
     """Tracking of the 2 Hz squat by model."""
-    cells = [
-        [
-            row["model"],
-            number(1e3 * row["error"], 2),
-            number(row["feedback"], 2),
-            "stays up" if row["fell"] is None else f"falls at {row['fell']:.1f} s",
-        ]
-        for row in rows
-    ]
-    return table(["2 Hz squat, PD+FF", "joint error, mrad RMS", "feedback, N·m RMS", ""], cells)
+    cells = (
+        ("2 Hz squat, PD+FF", lambda row: row["model"]),
+        ("joint error, mrad RMS", lambda row: number(1e3 * row["error"], 2)),
+        ("feedback, N·m RMS", lambda row: number(row["feedback"], 2)),
+        ("", lambda row: fate(row["fell"])),
+    )
+    return columns(rows, cells)
 
 
 def noise_table() -> str:

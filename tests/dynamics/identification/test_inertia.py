@@ -7,7 +7,7 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
-from fbid_gym.dynamics.inertia import (
+from fbid_gym.dynamics.identification import (
     body_parameters,
     consistency,
     parameters_of_pseudo_inertia,

@@ -3,7 +3,7 @@
     minimise |A x - b|^2 / 2 + w sum_b D(Z_b),
     Z_b = 1 + sum_k x_bk E_k,   D(Z) = tr Z - log det Z - 4
 
-over changes x of B bodies in natural steps (`fbid_gym.dynamics.excitation`): Z_b = L^-1 P_b L^-T is
+over changes x of B bodies in natural steps (`excitation`): Z_b = L^-1 P_b L^-T is
 the pseudo-inertia of body b relative to the nominal one, L L^T. D is zero at the nominal body, half
 the square of a small change, and infinite for a body that cannot exist.
 
@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.dynamics.excitation import BASIS
+from fbid_gym.dynamics.identification.excitation import BASIS
 
 _MAX_STEPS = 200
 _CONVERGED, _STALLED = 1e-8, 1e-2

@@ -1,33 +1,30 @@
-"""Motions that excite the biped's inertial parameters, and the law that carries them out.
+"""Motions that excite the biped's inertial parameters, and what carries them out.
 
 Sums of sinusoids at every joint and at the base, on both feet, on the left foot and on the right
 foot, with the centre of mass over the feet that stand. The base follows from the joints and the
 planted feet.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from eval.papers.mistry2010.controllers import Gains
-from eval.papers.trial import RATES, Command, Memory, contact_points
-from fbid_gym.control import ContactLimits, limited_inverse_dynamics
+from eval.papers.mistry2010.controllers import Desire
+from eval.papers.mistry2010.laws import Tick
+from eval.papers.trial import RATES, Memory
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.dynamics.frames import quaternion_to_matrix, rotation_vector
-from fbid_gym.dynamics.state import RobotState
-from fbid_gym.dynamics.support import Support
-from fbid_gym.dynamics.terms import DynamicsTerms
-from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions import Reference
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.curves import Curve
 from fbid_gym.motions.kinematics import (
-    CHUNK,
     States,
     base_on_feet,
+    foot_radius,
     home_points,
+    joints_on_feet,
 )
-from fbid_gym.motions.squat import joint_columns
+from fbid_gym.quantities import Reference
 from fbid_gym.robots import Robot
 
 STANCES = {"both feet": (True, True), "left foot": (True, False), "right foot": (False, True)}
@@ -42,7 +39,6 @@ _HEIGHT, _LOWER = 0.03, {True: 0.03, False: 0.06}  # m, of the base: amplitude, 
 _SWAY = {True: (0.02, 0.05), False: (0.015, 0.01)}  # m, forward and sideways, on both feet or one
 _LIFT = {"hip_pitch": -0.5, "knee": 0.6, "hip_roll": 0.15}  # rad; roll outwards
 _COARSE = 25
-_MOST_STEPS, _REACHED = 30, 1e-11
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +67,8 @@ class Exciting:
         stance, row = np.arange(len(tick)) % len(self.planted), tick % self.period
         unknown = np.full((len(tick), 3), np.nan)
         qpos, qvel, qacc = (part[stance, row] for part in self.states)
-        return Reference(qpos, qvel, qacc, unknown, unknown, unknown, self.planted[stance])
+        planted = self.planted[stance]
+        return Reference(qpos, qvel, qacc, unknown, unknown, unknown, planted, True)
 
 
 def exciting(robot: Robot, seconds: int, seed: int, hz: int = RATES.control) -> Exciting:
@@ -99,7 +96,7 @@ def _plan(
     standing, points = np.array(planted), home_points(robot)
     both = bool(standing.all())
     names = robot.joint_names
-    legs = joint_columns(robot, [f"{side}_{name}" for side in robot.foot_names for name in _LEG])
+    legs = [names.index(f"{side}_{name}") for side in robot.foot_names for name in _LEG]
 
     def waves(*sizes: float, hertz: float) -> np.ndarray:
         return np.stack([_wave(rng, ticks, hz, size, hertz) for size in sizes], axis=1)
@@ -120,12 +117,12 @@ def _plan(
                 swing[:, joint] += _wave(rng, ticks, hz, size, _JOINT_HZ)
 
     base = np.zeros((ticks, 7))
-    base[:, :3] = Support.of(robot).home_base - [0.0, 0.0, _LOWER[both]]
+    base[:, :3] = Stance.of(robot).home_base - [0.0, 0.0, _LOWER[both]]
     base[:, 2] += _wave(rng, ticks, hz, _HEIGHT, _BASE_HZ)
     base[:, 3], base[:, 4:] = 1.0, waves(_TURN, _TURN, _TURN, hertz=_BASE_HZ) / 2
     base[:, 3:] /= np.linalg.norm(base[:, 3:], axis=1, keepdims=True)
 
-    foot_of_point = ContactGeometry.of(robot).foot_of_point
+    foot_of_point = contact_geometry(robot).foot_of_point
     over = points[standing[foot_of_point], :2].mean(axis=0)
     wanted = over + waves(*_SWAY[both], hertz=_BASE_HZ)
     dynamics = MuJoCoDynamics(robot)
@@ -146,28 +143,14 @@ def _plan(
 
 
 def _on_home_feet(robot: Robot, qpos: np.ndarray, legs: list[int]) -> np.ndarray:
-    """Postures (T, nq) whose leg joints put both feet where they are at home, by Gauss-Newton."""
-    dynamics, columns = MuJoCoDynamics(robot), 6 + np.array(legs)
-    home = np.concatenate([Support.of(robot).home_base, robot.home_qpos[3:]])
-    feet = dynamics.terms(home[None], np.zeros((1, robot.nv)))
-    result = qpos.copy()
-    for start in range(0, len(qpos), CHUNK):
-        part = result[start : start + CHUNK]
-        still = np.zeros((len(part), robot.nv))
-        for _ in range(_MOST_STEPS):
-            terms = dynamics.terms(part, still)
-            turn = rotation_vector(feet.foot_rotation @ terms.foot_rotation.mT)
-            error = np.concatenate([feet.foot_position - terms.foot_position, turn], axis=2)
-            error = error.reshape(len(part), -1)
-            if np.abs(error).max() < _REACHED:
-                break
-            jacobian = terms.foot_jacobian[..., columns].reshape(len(part), -1, len(legs))
-            part[:, 1 + columns] += np.linalg.solve(jacobian, error[..., None])[..., 0]
-        else:
-            raise InvalidValueError(
-                "exciting motion", f"{np.abs(error).max():.2g} m off", "feet that reach the ground"
-            )
-    return result
+    """Postures (T, nq) whose leg joints put both feet where they are at home."""
+    rest, no_spin = np.zeros((len(qpos), robot.nv)), np.zeros((len(qpos), robot.num_feet, 3))
+    home = np.concatenate([Stance.of(robot).home_base, robot.home_qpos[3:]])
+    feet = MuJoCoDynamics(robot).terms(home[None], rest[:1]).foot_position
+    feet = feet + foot_radius(robot)[:, None] * [0.0, 0.0, 1.0]
+    here = Curve(np.broadcast_to(feet, no_spin.shape), no_spin, no_spin)
+    planted, states = np.ones(no_spin.shape[:2], bool), States(qpos, rest, rest)
+    return joints_on_feet(robot, states, lambda *_: here, planted, legs, qpos[:, 7:]).qpos
 
 
 def _wave(rng: np.random.Generator, ticks: int, hz: int, size: float, hertz: float) -> np.ndarray:
@@ -197,68 +180,24 @@ def _refined(values: np.ndarray, ticks: int) -> np.ndarray:
     return np.fft.irfft(spectrum, ticks, axis=0) * (ticks / len(values))
 
 
-@dataclass(frozen=True, eq=False)
-class Carry:
-    """Follow the motion with base and joints, with contact forces that the ground can deliver.
+def carrying_out(robot: Robot, base_hertz: float, joint_hertz: float) -> Desire:
+    """Desire the reference's acceleration plus feedback of base and joints, critically damped.
 
-    A desired acceleration, the reference's plus feedback of base and joints, through the
-    friction-limited form of eq. (15), and joint PD beside it: it has to stand with a wrong model.
-
-    Attributes:
-        robot: whose joints.
-        base_hertz: Hz, natural frequency of the base's feedback, critically damped.
+    Args:
+        robot: the biped.
+        base_hertz: Hz, natural frequency of the base's feedback.
         joint_hertz: Hz, the same for the joints.
-        gains: of the joint PD.
     """
+    omega = 2.0 * np.pi * np.repeat([base_hertz, joint_hertz], [6, robot.num_joints])
 
-    robot: Robot
-    base_hertz: float
-    joint_hertz: float
-    gains: Gains
-    geometry: ContactGeometry = field(init=False)
-    length: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Measure the feet."""
-        object.__setattr__(self, "geometry", ContactGeometry.of(self.robot))
-        object.__setattr__(self, "length", Support.of(self.robot).radius)
-
-    def memory(self, num_robots: int) -> Memory:
-        """Where the motion's world lies, and the warm start of the contact forces."""
-        return {
-            "origin": np.full((num_robots, 3), np.nan),
-            "warm_start": np.zeros((num_robots, 6)),
-        }
-
-    def __call__(
-        self, state: RobotState, terms: DynamicsTerms, reference: Reference, memory: Memory
-    ) -> Command:
-        """See `Controller`."""
-        if np.isnan(memory["origin"]).any():
-            memory["origin"] = state.qpos[:, :3] - reference.qpos[:, :3]
-        turned = terms.base_rotation.mT @ quaternion_to_matrix(reference.qpos[:, 3:7])
-        position = reference.qpos[:, :3] + memory["origin"] - state.qpos[:, :3]
+    def desire(tick: Tick, memory: Memory) -> np.ndarray:
+        state, reference = tick.state, tick.reference
+        # Where the motion's world lies.
+        origin = memory.setdefault("origin", state.qpos[:, :3] - reference.qpos[:, :3])
+        turned = tick.terms.base_rotation.mT @ quaternion_to_matrix(reference.qpos[:, 3:7])
+        position = reference.qpos[:, :3] + origin - state.qpos[:, :3]
         joints = reference.qpos[:, 7:] - state.qpos[:, 7:]
         error = np.concatenate([position, rotation_vector(turned), joints], axis=1)
-        omega = np.full(self.robot.nv, 2.0 * np.pi * self.joint_hertz)
-        omega[:6] = 2.0 * np.pi * self.base_hertz
-        acceleration = (
-            reference.qacc + omega**2 * error + 2.0 * omega * (reference.qvel - state.qvel)
-        )
-        active = contact_points(self.geometry, reference.planted)
-        contacts = reduced_contacts(self.geometry, terms, active)
-        found = limited_inverse_dynamics(
-            terms.mass_matrix,
-            terms.bias,
-            contacts.jacobian,
-            acceleration,
-            contacts.bias,
-            ContactLimits(),
-            point_map=contacts.point_map,
-            active=active,
-            length=self.length,
-            warm_start=memory["warm_start"],
-        )
-        memory["warm_start"] = found.warm_start
-        damping = self.robot.joint_damping * state.qvel[:, 6:]
-        return Command(found.torque + damping, self.gains.torque(state, reference))
+        return reference.qacc + omega**2 * error + 2.0 * omega * (reference.qvel - state.qvel)
+
+    return desire

@@ -8,23 +8,22 @@ from scipy import sparse
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
-from fbid_gym.dynamics.excitation import by_steps, natural_steps
 from fbid_gym.dynamics.identification import (
+    PARAMETERS,
+    InertialRegressor,
     Samples,
+    by_steps,
+    consistency,
     estimate,
     free_motions,
     identify,
-    projected_equations,
-    regression,
-)
-from fbid_gym.dynamics.inertia import (
-    PARAMETERS,
-    consistency,
+    natural_steps,
     parameters_of_pseudo_inertia,
+    projected_equations,
     pseudo_inertia,
+    regression,
     with_parameters,
 )
-from fbid_gym.dynamics.regressor import InertialRegressor
 from fbid_gym.errors import (
     ExcitationError,
     InvalidValueError,

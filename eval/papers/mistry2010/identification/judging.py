@@ -6,29 +6,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eval.papers.log import Log
-from eval.papers.mistry2010.exciting import STANCES
-from eval.papers.mistry2010.measuring import measured
+from eval.papers.mistry2010.identification.exciting import STANCES
+from eval.papers.mistry2010.identification.measuring import measured
+from eval.papers.mistry2010.laws import equation
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import ContactGeometry, reduced_contacts
-from fbid_gym.dynamics.excitation import by_steps, natural_steps
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.identification import (
     RESOLUTION,
     Identification,
+    InertialRegressor,
     Regression,
     Samples,
+    by_steps,
+    consistency,
     estimate,
     free_motions,
+    natural_steps,
     regression,
 )
-from fbid_gym.dynamics.inertia import consistency
-from fbid_gym.dynamics.regressor import InertialRegressor
-from fbid_gym.motions import MotionTable, periodic_squat, squat_bow
-from fbid_gym.motions.stepping import Steps, stepping
+from fbid_gym.motions import MotionTable, Steps, periodic_squat, squat_bow, stepping
 from fbid_gym.robots import Robot
-
-METHODS = ("nominal", "identified", "weighed", "plain")
-"""The model before; the estimate; the estimate with known total mass; ordinary least squares."""
 
 _EVERY = 5
 
@@ -62,13 +60,10 @@ def held_out(robot: Robot) -> dict[str, HeldOut]:
     for name, motion in motions.items():
         ticks = np.arange(0, motion.period, _EVERY)
         reference = motion.reference(ticks)
-        foot_of_point = ContactGeometry.of(robot).foot_of_point
-        planted = reference.planted
-        if planted is None:
-            planted = np.ones((len(ticks), robot.num_feet), bool)
+        foot_of_point = contact_geometry(robot).foot_of_point
         found[name] = HeldOut(
             reference.qpos, reference.qvel, reference.qacc,
-            planted[:, foot_of_point], ticks / motion.hz,
+            reference.planted[:, foot_of_point], ticks / motion.hz,
         )  # fmt: skip
     return found
 
@@ -76,11 +71,8 @@ def held_out(robot: Robot) -> dict[str, HeldOut]:
 def feedforward(model: Robot, motion: HeldOut) -> np.ndarray:
     """Torques (T, n) N·m of eq. (15) along a motion, by a model."""
     terms = MuJoCoDynamics(model).terms(motion.qpos, motion.qvel)
-    contacts = reduced_contacts(ContactGeometry.of(model), terms, motion.active)
-    found = orthogonal_inverse_dynamics(
-        terms.mass_matrix, terms.bias, contacts.jacobian, motion.qacc, contacts.bias
-    )
-    return np.asarray(found.torque)
+    contacts = reduced_contacts(contact_geometry(model), terms, motion.active)
+    return orthogonal_inverse_dynamics(*equation(terms, contacts, motion.qacc)).torque
 
 
 def feedforward_of(
@@ -91,7 +83,7 @@ def feedforward_of(
     The motions are consistent with their contacts, so eq. (15) can be taken at its word.
     """
     terms = MuJoCoDynamics(regressor.robot).terms(motion.qpos, motion.qvel)
-    contacts = reduced_contacts(ContactGeometry.of(regressor.robot), terms, motion.active)
+    contacts = reduced_contacts(contact_geometry(regressor.robot), terms, motion.active)
     rows, _ = free_motions(contacts.jacobian)
     force = regressor.rows(motion.qpos, motion.qvel, motion.qacc) @ parameters.ravel()
     force += regressor.armature * motion.qacc
@@ -158,11 +150,8 @@ def fitted(
         "consistent": found.consistent and weighed.consistent,
         "impossible": int((consistency(plain) <= 0.0).sum()),
         "residual": found.residual,
-        "nominal_residual": found.nominal_residual,
-        "torque_scale": found.torque_scale,
         "mass": found.mass,
         "dimension": found.excitation.dimension,
-        "divergence": float(found.divergence.sum()),
     }, found
 
 

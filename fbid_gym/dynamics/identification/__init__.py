@@ -1,0 +1,50 @@
+"""Inertial parameters from motion data, without contact forces.
+
+`estimation` says how, `excitation` what a motion can tell; both stand on the ten parameters of each
+body (`inertia`), the equations of motion that are linear in them (`regressor`), and the fit that
+keeps to bodies that can exist (`entropic_fit`).
+"""
+
+from fbid_gym.dynamics.identification.estimation import (
+    RESOLUTION,
+    Identification,
+    Regression,
+    Samples,
+    estimate,
+    free_motions,
+    identify,
+    projected_equations,
+    regression,
+)
+from fbid_gym.dynamics.identification.excitation import Excitation, by_steps, natural_steps
+from fbid_gym.dynamics.identification.inertia import (
+    PARAMETERS,
+    body_parameters,
+    consistency,
+    parameters_of_pseudo_inertia,
+    pseudo_inertia,
+    with_parameters,
+)
+from fbid_gym.dynamics.identification.regressor import InertialRegressor
+
+__all__ = [
+    "PARAMETERS",
+    "RESOLUTION",
+    "Excitation",
+    "Identification",
+    "InertialRegressor",
+    "Regression",
+    "Samples",
+    "body_parameters",
+    "by_steps",
+    "consistency",
+    "estimate",
+    "free_motions",
+    "identify",
+    "natural_steps",
+    "parameters_of_pseudo_inertia",
+    "projected_equations",
+    "pseudo_inertia",
+    "regression",
+    "with_parameters",
+]

@@ -1,0 +1,45 @@
+"""Where walking robots shall go: what task and policy tell a gait."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Steering(NamedTuple):
+    """What a policy changes of a gait.
+
+    Attributes:
+        shift: (N, F, 2) m ahead and to the left, by which each next foothold is moved.
+        rate: (N,) positive, cycles of the gait per planned cycle.
+    """
+
+    shift: np.ndarray
+    rate: np.ndarray
+
+
+class GaitCommand(NamedTuple):
+    """Where the robots shall go.
+
+    Attributes:
+        velocity: (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand.
+        shift: (N, F, 2) m ahead and to the left that each next foothold is moved by.
+        rate: (N,) cycles per planned cycle, positive; 1 for the planned frequency.
+        ground: (N, F) m, height of the ground at the next foothold of each foot; NaN where it is
+            not known, for that of the ground on which the robot stands.
+    """
+
+    velocity: np.ndarray
+    shift: np.ndarray
+    rate: np.ndarray
+    ground: np.ndarray
+
+
+def no_command(num_robots: int, num_feet: int) -> GaitCommand:
+    """Return the command to stand, with no wish about the footholds."""
+    feet = num_robots, num_feet
+    return GaitCommand(
+        velocity=np.zeros((num_robots, 3)),
+        shift=np.zeros((*feet, 2)),
+        rate=np.ones(num_robots),
+        ground=np.full(feet, np.nan),
+    )

@@ -1,0 +1,43 @@
+"""What a gait asks of the robot at a control tick."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class GaitTarget(NamedTuple):
+    """What robots that walk shall do now, made online by a gait; world axes.
+
+    Attributes:
+        planted: (N, F) bool, feet that shall stand. For these the next four say where they are, at
+            rest.
+        foot_position: (N, F, 3) m.
+        foot_rotation: (N, F, 3, 3) world from foot.
+        foot_velocity: (N, F, 6) m/s, rad/s; for point feet the first three count.
+        foot_acceleration: (N, F, 6) m/s^2, rad/s^2.
+        load: (N, F) share of its greatest force that a foot may take: 0 in the air, and on the way
+            to 0 or 1 before it lifts and after it lands.
+        foothold: (N, F, 3) m, where a foot in the air shall land; that of a foot that stands.
+        clipped: (N, F) bool, the foothold would have to be farther away than the leg reaches.
+        velocity: (N, 2) m/s, of the base.
+        com_acceleration: (N, 2) m/s^2, horizontal, of the centre of mass.
+        height: (N,) m, of the base.
+        heading: (N,) rad, of the body.
+        turning: (N,) rad/s, of the heading.
+        cycle: (N,) share of the gait's cycle that has passed.
+    """
+
+    planted: np.ndarray
+    foot_position: np.ndarray
+    foot_rotation: np.ndarray
+    foot_velocity: np.ndarray
+    foot_acceleration: np.ndarray
+    load: np.ndarray
+    foothold: np.ndarray
+    clipped: np.ndarray
+    velocity: np.ndarray
+    com_acceleration: np.ndarray
+    height: np.ndarray
+    heading: np.ndarray
+    turning: np.ndarray
+    cycle: np.ndarray

@@ -1,0 +1,148 @@
+"""What a gait on two flat feet is made of, what it remembers and what it asks for."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+STAND, DOUBLE, SWING = 0, 1, 2
+"""Phases: on both feet; on the way to the foot that will carry; the other one in the air."""
+
+
+class FlatFootGait(NamedTuple):
+    """How a robot walks; constants, of which `biped_gait` makes those of a robot.
+
+    Attributes:
+        omega: 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass).
+        single: s in single support.
+        double: s in double support.
+        settle: s in which a robot that stands shifts its weight.
+        gain: of the centre of pressure on errors of xi, which decay with gain * omega.
+        height: m, of the base above the ground.
+        width: m between the feet.
+        least_apart: m between the feet, sideways.
+        most_apart: m between the feet, sideways.
+        longest: m between the feet, ahead.
+        lift: m that a foot is lifted.
+        sink: m/s with which a foot lands.
+        load: N on a foot that count as contact.
+        sole: (2,) m, half the length and half the width that the centre of pressure may use.
+        points: (P, 2) m, of that sole's corners from the foot's reference, ahead and to the left.
+        foot_of_point: (P,) int64.
+        left: (2,) 1 for the left foot, -1 for the right one.
+        level: (2, 3, 3) rotations of the feet when the robot stands with heading 0.
+    """
+
+    omega: float
+    single: float
+    double: float
+    settle: float
+    gain: float
+    height: float
+    width: float
+    least_apart: float
+    most_apart: float
+    longest: float
+    lift: float
+    sink: float
+    load: float
+    sole: np.ndarray
+    points: np.ndarray
+    foot_of_point: np.ndarray
+    left: np.ndarray
+    level: np.ndarray
+
+
+class GaitMemory(NamedTuple):
+    """What gaits remember from tick to tick, see `standing`.
+
+    Attributes:
+        phase: (N,) int64.
+        carrier: (N,) int64, the foot that stands in the swing, or will.
+        clock: (N,) s since the phase began.
+        span: (N,) s that it takes.
+        heading: (N,) rad, integral of the commanded rate.
+        velocity: (N, 2) m/s, commanded when the step began.
+        rate: (N,) of steps, commanded then.
+        progress: (N,) s of the planned swing that have passed.
+        hurry: (N,) times as fast as planned that the foot swings.
+        xi: (N, 2) m, when the feet that stand last changed.
+        begun: (N, 2) m, centre of pressure then.
+        pressure: (N, 2) m, that of the last tick.
+        lifted: (N, 3) m, where the foot in the air left the ground.
+        lifted_heading: (N,) rad that it had then.
+    """
+
+    phase: np.ndarray
+    carrier: np.ndarray
+    clock: np.ndarray
+    span: np.ndarray
+    heading: np.ndarray
+    velocity: np.ndarray
+    rate: np.ndarray
+    progress: np.ndarray
+    hurry: np.ndarray
+    xi: np.ndarray
+    begun: np.ndarray
+    pressure: np.ndarray
+    lifted: np.ndarray
+    lifted_heading: np.ndarray
+
+
+class GaitTarget(NamedTuple):
+    """What the robots shall do now; world axes.
+
+    Attributes:
+        planted: (N, 2) bool, feet that shall stand. For these the following four say where they
+            are, at rest.
+        foot_position: (N, 2, 3) m.
+        foot_rotation: (N, 2, 3, 3) world from foot.
+        foot_velocity: (N, 2, 6) m/s, rad/s.
+        foot_acceleration: (N, 2, 6) m/s^2, rad/s^2.
+        pressure: (N, 2) m, centre of pressure.
+        com_acceleration: (N, 2) m/s^2, horizontal, of the centre of mass: what `pressure` does.
+        heading: (N,) rad, of the body.
+        turning: (N,) rad/s, of the heading.
+        height: (N,) m, of the base, world.
+        ground: (N,) m, height of the ground under the feet that stand.
+        foothold: (N, 3) m, where the foot in the air shall land; that of the carrier otherwise.
+        clipped: (N,) bool, the foothold would have to be farther away than a leg reaches, or
+            across the other foot.
+        cycle: (N,) share of the cycle of two steps that has passed, 0 while standing.
+    """
+
+    planted: np.ndarray
+    foot_position: np.ndarray
+    foot_rotation: np.ndarray
+    foot_velocity: np.ndarray
+    foot_acceleration: np.ndarray
+    pressure: np.ndarray
+    com_acceleration: np.ndarray
+    heading: np.ndarray
+    turning: np.ndarray
+    height: np.ndarray
+    ground: np.ndarray
+    foothold: np.ndarray
+    clipped: np.ndarray
+    cycle: np.ndarray
+
+
+def standing(heading: np.ndarray) -> GaitMemory:
+    """Return the memory of robots that stand, with headings (N,) rad."""
+    count = len(heading)
+    flat = np.zeros((5, count, 2))
+    return GaitMemory(
+        phase=np.full(count, STAND),
+        carrier=np.zeros(count, np.int64),
+        clock=np.full(count, np.inf),
+        span=np.ones(count),
+        heading=np.array(heading, dtype=float),
+        velocity=flat[0],
+        rate=np.ones(count),
+        progress=np.zeros(count),
+        hurry=np.ones(count),
+        xi=flat[1],
+        begun=flat[2],
+        pressure=flat[3],
+        lifted=np.zeros((count, 3)),
+        lifted_heading=np.zeros(count),
+    )
