@@ -29,6 +29,13 @@ def count(name: str, value: Any) -> int:
     raise InvalidValueError(name, value, "a whole number of at least 0")
 
 
+def flag(name: str, value: Any) -> bool:
+    """Return True or False."""
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise InvalidValueError(name, value, "True or False")
+
+
 def pair(name: str, value: Any) -> tuple[float, float]:
     """Return two finite numbers."""
     expected = "a pair (least, most) of numbers"

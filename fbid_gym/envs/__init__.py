@@ -34,6 +34,20 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "fbid_gym/QuadrupedWalk-v0": {"robot": "go1", "task": "walk", **_LIGHT},
     "fbid_gym/BipedWalk-v0": {"robot": "biped", "task": "walk", **_LIGHT, **_ON_SOLES},
     "fbid_gym/HumanoidWalk-v0": {"robot": "humanoid", "task": "walk", **_LIGHT, **_ON_SOLES},
+    "fbid_gym/QuadrupedTerrain-v0": {
+        "robot": "go1",
+        "task": "walk",
+        "terrain": "mixed",
+        "push_force": (0.0, 0.0),
+        **_LIGHT,
+    },
+    "fbid_gym/BipedTerrain-v0": {
+        "robot": "biped",
+        "task": "walk",
+        "terrain": "mixed",
+        **_LIGHT,
+        **_ON_SOLES,
+    },
 }
 """Registered id -> arguments that define it."""
 

@@ -20,12 +20,12 @@ from fbid_gym.actions import (
     walking_layer_options,
 )
 from fbid_gym.actions.footholds import Footholds
-from fbid_gym.checks import by_name, count, number, pair, whole_number
+from fbid_gym.checks import by_name, count, flag, number, pair, whole_number
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.robots import ROBOTS, Robot, load
-from fbid_gym.robots.terrain import TERRAINS, Terrain, compile_world, make_terrain
+from fbid_gym.robots.terrain import LEVELLED, TERRAINS, Terrain, compile_world, make_terrain
 from fbid_gym.tasks import TASKS, Pushes, Start, Task, Walk, make_task, task_kind, task_options
 
 
@@ -63,6 +63,10 @@ class EnvConfig:
     """m, height of the terrain's highest point; 0 is flat."""
     terrain_seed: int = 0
     """Decides where everything on the ground lies; every episode starts in another place of it."""
+    difficulty: float = 0.5
+    """From 0 to 1: heights, angles and gaps of the terrains that have one, `LEVELLED`."""
+    curriculum: bool = False
+    """Whether a robot that walks moves on to harder ground, and back; begins at `difficulty`."""
     joint_noise: float = 0.02
     """rad, largest offset of a joint from its posture at the start."""
     velocity_noise: float = 0.05
@@ -146,7 +150,15 @@ class EnvConfig:
         if not isinstance(self.terrain, str):
             raise UnknownOptionError("terrain", self.terrain, TERRAINS)
         seed = count("terrain_seed", self.terrain_seed)
-        terrain, shared = _ground(self.terrain, robot, height, seed)
+        difficulty = number("difficulty", self.difficulty)
+        if not 0.0 <= difficulty <= 1.0:
+            raise InvalidValueError("difficulty", difficulty, "a number from 0 to 1")
+        climbs = flag("curriculum", self.curriculum)
+        if climbs and (self.task != "walk" or self.terrain not in LEVELLED):
+            expected = f"task 'walk' on one of the terrains {', '.join(LEVELLED)}"
+            given = self.task, self.terrain
+            raise InvalidValueError("task and terrain of a curriculum", given, expected)
+        terrain, shared = _ground(self.terrain, robot, height, None if climbs else difficulty, seed)
         world = copy.copy(shared)
         if self.friction_cone not in _CONES:
             raise UnknownOptionError("friction_cone", self.friction_cone, _CONES)
@@ -213,8 +225,10 @@ def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, A
 
 # Every chunk of a batch asks for the same.
 @lru_cache(maxsize=8)
-def _ground(name: str, robot: Robot, height: float, seed: int) -> tuple[Terrain, mujoco.MjModel]:
-    terrain = make_terrain(name, robot, height=height, seed=seed)
+def _ground(
+    name: str, robot: Robot, height: float, difficulty: float | None, seed: int
+) -> tuple[Terrain, mujoco.MjModel]:
+    terrain = make_terrain(name, robot, height=height, difficulty=difficulty, seed=seed)
     return terrain, compile_world(robot, terrain)
 
 
@@ -231,6 +245,8 @@ def _of_kind(default: Any) -> Callable[[str, Any], Any]:
     """Return the check of a task's option, by the kind of its default."""
     if isinstance(default, tuple):
         return pair
+    if isinstance(default, bool):
+        return flag
     return number if isinstance(default, int | float) else _as_it_is
 
 

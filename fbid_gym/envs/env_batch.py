@@ -7,12 +7,13 @@ import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.curriculum import Progress
 from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
 from fbid_gym.quantities import DynamicsTerms, RobotState
-from fbid_gym.robots.terrain import Terrain
+from fbid_gym.tasks import Walk
 from fbid_gym.tasks.outcome import Outcome
 
 _ACTION_TOLERANCE = 1e-6
@@ -55,9 +56,11 @@ class EnvBatch:
         self.config = config
         self.rates = config.rates()
         self.robot = config.load_robot()
-        self.task = config.make_task(self.robot)
-        self.layer, self.footholds = config.layer(self.robot, self.task)
         self.terrain, world = config.ground(self.robot)
+        self.task = config.make_task(self.robot)
+        if isinstance(self.task, Walk):
+            self.task = self.task.on(self.terrain.grid)
+        self.layer, self.footholds = config.layer(self.robot, self.task)
         self.simulation = Simulation(self.robot, num_envs, self.rates, world)
         self.plant = plant_of(self.simulation, config.randomisations())
         self.num_envs = num_envs
@@ -80,6 +83,7 @@ class EnvBatch:
         self._num_own = len(self.layer.action_names)
         self._num_actions = len(self.action_names)
         self._planned = self.task.memory(simulation.terms())
+        self._progress = Progress.of(num_envs, self.terrain.tiles, config.difficulty)
         self._all_ticks = np.arange(self.rates.ticks)[:, None]
 
     @property
@@ -90,16 +94,21 @@ class EnvBatch:
     def seed(self, env: int, rng: np.random.Generator) -> None:
         """Give one environment a random generator of its own."""
         self._rngs[env] = rng
+        self._progress.begin(env)
 
     def reset(self, ids: np.ndarray) -> None:
         """Start new episodes in the environments `ids` (K,)."""
         for env in ids:
             for name, value in self.task.draw(self._rngs[env]).items():
                 self._plan[name][env] = value
-            self._plan["qpos"][env, :2] += _drawn_place(self.terrain, self._rngs[env])
+            places = self._progress.starts(self.terrain.starts, env)
+            self._plan["qpos"][env, :2] += _drawn_place(places, self._rngs[env])
             self.plant.draw(env, self._rngs[env])
         self.plant.apply(ids)
-        self.simulation.place(ids, self._plan["qpos"][ids], self._plan["qvel"][ids])
+        self._progress.set_out(ids)
+        qpos = self._plan["qpos"][ids]
+        ground = self.terrain.height(qpos[:, 0], qpos[:, 1])
+        self.simulation.place(ids, qpos, self._plan["qvel"][ids], ground)
         self._tick[ids], self._torque[ids] = 0, 0.0
         self._forget(ids)
         self._plan_anew(ids)
@@ -143,8 +152,15 @@ class EnvBatch:
         self._observation = np.where(lost[:, None], self._observation, self._observe(outcome))
         fallen = self.task.fallen(outcome)
         terminated = fallen | lost
-        truncated = (self._tick >= self.num_steps * self.rates.ticks) & ~terminated
+        strayed = self.terrain.tiles.left(self._progress.level, self._state.qpos[:, :2])
+        late = self._tick >= self.num_steps * self.rates.ticks
+        truncated = (late | strayed) & ~terminated
         info = rewards | metrics | self._report(effort, push, fallen, lost)
+        if self.config.curriculum:
+            info["terrain_level"] = self._progress.level.copy()
+            assert isinstance(self.task, Walk)
+            follows = metrics["velocity_error"], self.task.tolerance
+            self._progress.advance(*follows, terminated, truncated)
         reward = sum(rewards.values(), np.zeros(self.num_envs))
         return Step(self.observation(), reward, terminated, truncated, info)
 
@@ -204,7 +220,9 @@ class EnvBatch:
     def _retire(self, ids: np.ndarray) -> None:
         """Stand diverged robots back in the home pose, where they harm nobody until reset."""
         home = np.tile(self.robot.home_qpos, (len(ids), 1))
-        self.simulation.place(ids, home, np.zeros((len(ids), self.robot.nv)))
+        home[:, :2] += self.terrain.starts[0]
+        ground = self.terrain.height(home[:, 0], home[:, 1])
+        self.simulation.place(ids, home, np.zeros((len(ids), self.robot.nv)), ground)
         self._forget(ids)
         self._plan_anew(ids)
 
@@ -218,6 +236,7 @@ class EnvBatch:
         state |= {f"plan.{k}": v.copy() for k, v in self._plan.items()}
         state |= {f"memory.{k}": v.copy() for k, v in self._memory.items()}
         state |= {f"planned.{k}": v.copy() for k, v in self._planned.items()}
+        state |= {f"progress.{k}": v.copy() for k, v in self._progress.arrays.items()}
         state |= {"tick": self._tick.copy(), "torque": self._torque.copy()}
         state["observation"] = self.observation()
         state["generator"] = np.array([_packed(rng) for rng in self._rngs], np.uint64)
@@ -230,6 +249,8 @@ class EnvBatch:
         self._plan = {k: v.copy() for k, v in _under("plan", state).items()}
         self._memory = {k: v.copy() for k, v in _under("memory", state).items()}
         self._planned = {k: v.copy() for k, v in _under("planned", state).items()}
+        for name, value in _under("progress", state).items():
+            self._progress.arrays[name][:] = value
         self._tick[:], self._torque = state["tick"], state["torque"].copy()
         self._observation = state["observation"].copy()
         self._rngs = [_unpacked(row) for row in state["generator"]]
@@ -256,11 +277,11 @@ def _within(values: np.ndarray, most: float) -> bool:
     return True
 
 
-def _drawn_place(terrain: Terrain, rng: np.random.Generator) -> np.ndarray:
-    """Where on the ground an episode starts: (2,) m. Level ground is the same everywhere."""
-    if len(terrain.starts) == 1:
-        return terrain.starts[0]
-    return terrain.starts[rng.integers(len(terrain.starts))]
+def _drawn_place(starts: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Which of the places (K, 2) m an episode starts from. Level ground is the same everywhere."""
+    if len(starts) == 1:
+        return starts[0]
+    return starts[rng.integers(len(starts))]
 
 
 def _under(prefix: str, state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

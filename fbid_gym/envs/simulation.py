@@ -107,19 +107,26 @@ class Simulation:
             self._terms = self._live()
         return self._terms
 
-    def place(self, ids: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> None:
+    def place(
+        self,
+        ids: np.ndarray,
+        qpos: np.ndarray,
+        qvel: np.ndarray,
+        ground: np.ndarray | float = 0.0,
+    ) -> None:
         """Start the robots `ids` anew, each with its lowest contact point on the ground.
 
         Args:
             ids: (K,) robots.
             qpos: (K, nq); the height of the base is set here.
             qvel: (K, nv).
+            ground: (K,) m, height of the ground there.
         """
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
         self.qpos[ids], self.qvel[ids] = qpos, qvel
         self.batch.forward(ids, stage=_VELOCITY)
         lowest = point_positions(self._geometry, self._live())[ids, :, 2].min(axis=1)
-        self.qpos[ids, 2] -= lowest
+        self.qpos[ids, 2] -= lowest - ground
         self.batch.forward(ids)
         self._hush(ids)
         self.contact_force[ids] = self._sensors[ids]

@@ -1,19 +1,21 @@
 """Task `walk`: follow velocity commands on foot, despite pushes."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions.gait.command import Steering
+from fbid_gym.motions.gait.command import GaitCommand, Steering
 from fbid_gym.motions.gait.gait import Gait, gait_of
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
 from fbid_gym.robots import Robot
+from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
 from fbid_gym.tasks.body import Body, Posture, bell, level, side_by_side, weighted
+from fbid_gym.tasks.height_scan import SCAN, scan_heights
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
@@ -45,6 +47,7 @@ REWARD_WEIGHTS = WalkReward(
 )
 """Each reward term lies in [0, weight]; they sum to 1."""
 
+_TOLERANCE = 0.12  # of sqrt(g h)
 _STANDS = 0.1  # share of the commands that are to stand
 
 
@@ -61,6 +64,8 @@ class Walk:
         gait: how the robot walks where a layer follows it, and whose clock all see.
         most: (3, 2) least and greatest command: m/s ahead, m/s to the left, rad/s to the left.
         interval: (least, most) s from one command to the next.
+        scan: (S, 2) m ahead and to the left of the base, where the ground is seen; none: blind.
+        ground: its heights.
     """
 
     body: Body
@@ -71,6 +76,8 @@ class Walk:
     gait: Gait
     most: np.ndarray
     interval: tuple[float, float]
+    scan: np.ndarray
+    ground: HeightGrid
 
     @classmethod
     def of(
@@ -86,6 +93,7 @@ class Walk:
         turning_range: tuple[float, float] = (-0.13, 0.13),
         command_interval: tuple[float, float] = (2.0, 5.0),
         gait: str | None = None,
+        height_scan: bool = False,
     ) -> "Walk":
         """Build the task.
 
@@ -103,6 +111,8 @@ class Walk:
                 to stand.
             gait: of a quadruped: "trot", "walk", "pace", "bound" or "stand". Default: "trot"; a
                 biped has but one.
+            height_scan: whether the ground is known: its heights around the robot are observed, and
+                feet are set down on it. Otherwise robot and policy are blind.
         """
         ranges = (forward_range, sideways_range, turning_range)
         names = ("forward_range", "sideways_range", "turning_range")
@@ -117,7 +127,12 @@ class Walk:
         speed, rate = np.sqrt(gravity * height), np.sqrt(gravity / height)
         most = np.array(ranges) * np.array([speed, speed, rate])[:, None]
         walks = gait_of(robot, hz, gait)
-        return cls(body, seconds, hz, pushes, start, walks, most, command_interval)
+        scan = SCAN * height if height_scan else np.zeros((0, 2))
+        return cls(body, seconds, hz, pushes, start, walks, most, command_interval, scan, plane())
+
+    def on(self, ground: HeightGrid) -> "Walk":
+        """Return the task on other ground."""
+        return replace(self, ground=ground)
 
     @property
     def observation_names(self) -> tuple[str, ...]:
@@ -141,6 +156,7 @@ class Walk:
                 f"normal force on point {point} (share of the weight)"
                 for point in range(robot.num_points)
             ),
+            *(f"ground {x:.2f} m ahead, {y:.2f} m to the left (m)" for x, y in self.scan),
         )
 
     @property
@@ -162,7 +178,7 @@ class Walk:
             torque=joints,
             load=100.0 * points,
         )
-        return np.concatenate(bound)
+        return np.concatenate([*bound, np.full(len(self.scan), 10.0)])
 
     def draw(self, rng: np.random.Generator) -> Plan:
         """Draw all that chance decides about one episode."""
@@ -210,8 +226,14 @@ class Walk:
         memory: Memory,
     ) -> GaitTarget:
         """Return what the gait asks for, and go on by a tick."""
-        known, command = terms(), self.command(plan, state.tick)
-        target = self.gait.target(command, steering, known, state.contact_force, memory)
+        known = terms()
+        command = GaitCommand(
+            velocity=self.command(plan, state.tick),
+            shift=steering.shift,
+            rate=steering.rate,
+            ground=self._foreseen(memory["seen_foothold"]),
+        )
+        target = self.gait.target(command, known, state.contact_force, memory)
         memory["seen_planted"], memory["seen_cycle"] = target.planted, target.cycle
         planted = target.planted.any(axis=1)
         ground = np.where(target.planted, known.foot_position[:, :, 2], np.inf).min(axis=1)
@@ -223,7 +245,11 @@ class Walk:
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
         command = self.command(plan, outcome.state.tick)
-        return _observe(self._scales, outcome, command, _Clock.of(memory))
+        seen = _observe(self._scales, outcome, command, _Clock.of(memory))
+        if not len(self.scan):
+            return seen
+        around = scan_heights(self.ground, self.scan, outcome.terms, memory["seen_ground"])
+        return np.concatenate([seen, around], axis=1)
 
     def reward(
         self, outcome: Outcome, plan: Plan, memory: Memory
@@ -247,6 +273,20 @@ class Walk:
     def fallen(self, outcome: Outcome) -> np.ndarray:
         """Return which robots lie: (N,) bool."""
         return self.body.fallen(outcome)
+
+    @property
+    def tolerance(self) -> float:
+        """Error of the velocity, m/s, up to which a robot follows its commands."""
+        return _TOLERANCE * float(np.sqrt(self._scales.gravity * self._scales.size))
+
+    def _foreseen(self, foothold: np.ndarray) -> np.ndarray:
+        """(N, F) m, height of the ground at footholds (N, F, 3); NaN for the blind.
+
+        A foothold moves little from tick to tick: the next one is looked up where the last was.
+        """
+        if not len(self.scan):
+            return np.full(foothold.shape[:2], np.nan)
+        return heights_below(self.ground, foothold)
 
     @property
     def _scales(self) -> "_Scales":

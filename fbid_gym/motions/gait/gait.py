@@ -1,6 +1,5 @@
 """Online gaits of any robot: what walking on point feet and on flat feet have in common."""
 
-import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -9,7 +8,7 @@ import numpy as np
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.motions.gait import flat_feet, point_feet, walking
 from fbid_gym.motions.gait.biped import biped_gait
-from fbid_gym.motions.gait.command import GaitCommand, Steering
+from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.motions.gait.target import GaitTarget
@@ -31,8 +30,7 @@ class Gait(Protocol):
 
     def target(
         self,
-        velocity: np.ndarray,
-        steering: Steering,
+        command: GaitCommand,
         terms: DynamicsTerms,
         contact_force: np.ndarray,
         memory: Memory,
@@ -40,8 +38,7 @@ class Gait(Protocol):
         """Go on by one control tick, and say what the robots shall do.
 
         Args:
-            velocity: (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand.
-            steering: what the policy changes.
+            command: where to go.
             terms: where the robots are.
             contact_force: (N, P, 3) N, world, on the contact points.
             memory: of the robots; updated.
@@ -93,16 +90,13 @@ class PointFeet:
 
     def target(
         self,
-        velocity: np.ndarray,
-        steering: Steering,
+        command: GaitCommand,
         terms: DynamicsTerms,
         contact_force: np.ndarray,
         memory: Memory,
     ) -> GaitTarget:
         """See `Gait.target`."""
         own = point_feet.GaitMemory(*(memory[name] for name in point_feet.GaitMemory._fields))
-        level = np.full(terms.foot_position.shape[:2], math.nan)
-        command = GaitCommand(velocity, steering.shift, steering.rate, level)
         return point_feet.walk(self.gait, command, terms, contact_force, self.tick, own)
 
 
@@ -129,22 +123,20 @@ class FlatFeet:
 
     def target(
         self,
-        velocity: np.ndarray,
-        steering: Steering,
+        command: GaitCommand,
         terms: DynamicsTerms,
         contact_force: np.ndarray,
         memory: Memory,
     ) -> GaitTarget:
         """See `Gait.target`."""
         own = walking.GaitMemory(*(memory[name] for name in walking.GaitMemory._fields))
-        level = np.full(terms.foot_position.shape[:2], math.nan)
-        command = GaitCommand(velocity, steering.shift, steering.rate, level)
         found = flat_feet.walk(self.gait, command, terms, contact_force, self.tick, own)
         foothold = terms.foot_position.copy()
         swinging = ~found.planted
         foothold[swinging] = np.broadcast_to(found.foothold[:, None], foothold.shape)[swinging]
         heading, walks = found.heading, own.phase != walking.STAND
         cosine, sine = np.cos(heading), np.sin(heading)
+        velocity = command.velocity
         ahead, left = (velocity[:, :2] * walks[:, None]).T
         return GaitTarget(
             planted=found.planted,

@@ -47,7 +47,7 @@ class Obstacles:
     @cached_property
     def grid(self) -> HeightGrid:
         """See `Terrain`; the planks' sides are less steep in it."""
-        half, cell = float(abs(self.centre).max() + self.half.max()), 0.25 * self.half.min()
+        half, cell = float(abs(self.centre).max() + self.half.max()), 0.5 * float(self.half.min())
         line = np.arange(-half, half + cell, cell)
         return HeightGrid(line[[0, 0]], cell, self.height(*np.meshgrid(line, line)))
 

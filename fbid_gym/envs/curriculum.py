@@ -1,0 +1,82 @@
+"""Which of its terrain's levels each robot walks on: harder ones after success, easier after a fall.
+
+A robot that reaches the end of its episode (or of its ground) and on average followed its commands
+starts its next one a level higher; one that falls, a level lower. Seeding a robot takes it back to
+the level at which it began.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbid_gym.robots.terrain import Tiles
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """Of N robots.
+
+    Attributes:
+        tiles: of the terrain.
+        first: level at which they begin.
+        arrays: all that changes, by name: "level" (N,) int64, of the next or present episode;
+            "error" (N,) m/s, sum of the errors of velocity; "steps" (N,) int64, how many these are;
+            "ended" (N,) bool, whether the episode has.
+    """
+
+    tiles: Tiles
+    first: int
+    arrays: dict[str, np.ndarray]
+
+    @classmethod
+    def of(cls, num_robots: int, tiles: Tiles, difficulty: float) -> "Progress":
+        """Return robots at the level of a difficulty, from 0 to 1."""
+        first = round(difficulty * (tiles.count - 1))
+        return cls(
+            tiles,
+            first,
+            {
+                "level": np.full(num_robots, first, np.int64),
+                "error": np.zeros(num_robots),
+                "steps": np.zeros(num_robots, np.int64),
+                "ended": np.ones(num_robots, bool),
+            },
+        )
+
+    @property
+    def level(self) -> np.ndarray:
+        """(N,) int64."""
+        return self.arrays["level"]
+
+    def begin(self, robot: int) -> None:
+        """Take a robot back to the first level."""
+        self.arrays["level"][robot] = self.first
+
+    def starts(self, places: np.ndarray, robot: int) -> np.ndarray:
+        """Return those of the places (K, 2) that lie on a robot's tile."""
+        return places.reshape(self.tiles.count, -1, 2)[self.level[robot]]
+
+    def set_out(self, ids: np.ndarray) -> None:
+        """Begin episodes of robots (K,)."""
+        self.arrays["error"][ids], self.arrays["steps"][ids] = 0.0, 0
+        self.arrays["ended"][ids] = False
+
+    def advance(
+        self, error: np.ndarray, tolerance: float, fell: np.ndarray, lasted: np.ndarray
+    ) -> None:
+        """Count a step; an episode that ends with it decides on the level of the next.
+
+        Args:
+            error: (N,) m/s, of the velocity.
+            tolerance: m/s, mean error up to which a robot follows its commands.
+            fell: (N,) bool, whose episode ends so.
+            lasted: (N,) bool, whose episode ends otherwise.
+        """
+        level, total, steps, ended = self.arrays.values()
+        total += error
+        steps += 1
+        # A robot whose episode has ended may be stepped on, before it is reset.
+        up = lasted & ~ended & (total <= tolerance * steps)
+        down = fell & ~ended
+        level[:] = np.clip(level + up - down, 0, self.tiles.count - 1)
+        ended |= fell | lasted

@@ -1,0 +1,35 @@
+"""What a robot that is not blind sees of the ground around it."""
+
+import numpy as np
+
+from fbid_gym.compiled import kernel
+from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.robots.terrain.grid import HeightGrid, height_at
+
+SCAN = np.array([(x, y) for x in np.arange(-2, 5) * 0.5 for y in np.arange(-2, 3) * 0.4])
+"""(35, 2) where the ground is seen: heights of the centre of mass ahead and to the left."""
+
+
+@kernel
+def scan_heights(
+    ground: HeightGrid, offsets: np.ndarray, terms: DynamicsTerms, below: np.ndarray
+) -> np.ndarray:
+    """Return how high the ground is around N robots, (N, S) m, above `below` (N,) m.
+
+    Args:
+        ground: its heights.
+        offsets: (S, 2) m from the base, ahead and to the left as it heads.
+        terms: where the robots are.
+        below: m, height of the ground below the feet.
+    """
+    count = len(below)
+    found = np.empty((count, len(offsets)))
+    for i in range(count):
+        base, rotation = terms.base_position[i], terms.base_rotation[i]
+        size = np.hypot(rotation[0, 0], rotation[1, 0]) + 1e-12
+        cosine, sine = rotation[0, 0] / size, rotation[1, 0] / size
+        for k in range(len(offsets)):
+            x = base[0] + cosine * offsets[k, 0] - sine * offsets[k, 1]
+            y = base[1] + sine * offsets[k, 0] + cosine * offsets[k, 1]
+            found[i, k] = height_at(ground, x, y) - below[i]
+    return found
