@@ -51,14 +51,15 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 }
 """Registered id -> arguments that define it."""
 
-_DESCRIBED = {"balance": "balance_env:BalanceEnv"}
+_DESCRIBED = {"balance": "balance_env:BalanceEnv", "mixed": "terrain_env:TerrainEnv"}
 
 
 def register() -> None:
     """Register the environments with Gymnasium; done by `import fbid_gym`."""
     for name, arguments in ENVIRONMENTS.items():
         if name not in gym.registry:
-            described = _DESCRIBED.get(arguments["task"], "tracking_env:TrackingEnv")
+            kind = arguments.get("terrain", arguments["task"])
+            described = _DESCRIBED.get(kind, "tracking_env:TrackingEnv")
             gym.register(
                 id=name,
                 entry_point=f"fbid_gym.envs.{described}",

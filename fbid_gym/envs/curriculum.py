@@ -1,6 +1,6 @@
-"""Which of its terrain's levels each robot walks on: harder ones after success, easier after a fall.
+"""Which level of its terrain each robot walks on: up after success, down after a fall.
 
-A robot that reaches the end of its episode (or of its ground) and on average followed its commands
+A robot that gets to the end of its episode or of its ground, and on average followed its commands,
 starts its next one a level higher; one that falls, a level lower. Seeding a robot takes it back to
 the level at which it began.
 """

@@ -6,7 +6,7 @@ import pytest
 
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import load
-from fbid_gym.robots.terrain import TERRAINS, compile_world, make_terrain
+from fbid_gym.robots.terrain import LEVELLED, TERRAINS, compile_world, make_terrain
 
 ROUGH = ("obstacles", "rocks")
 
@@ -27,7 +27,7 @@ def heights_by_ray(name: str, seed: int, places: np.ndarray) -> tuple[np.ndarray
     return np.array(found), terrain.height(places[:, 0], places[:, 1])
 
 
-@pytest.mark.parametrize("name", TERRAINS)
+@pytest.mark.parametrize("name", ("flat", *ROUGH))
 def test_the_height_is_what_a_ray_from_above_hits(name: str) -> None:
     places = np.random.default_rng(2).uniform(-3.6, 3.6, (800, 2))  # beyond the edges, too
     hit, told = heights_by_ray(name, 1, places)
@@ -79,7 +79,11 @@ def test_the_robot_keeps_its_coordinates_and_stands_at_a_start(name: str, robot:
     data.qpos[:2] += terrain.starts[-1]
     data.qpos[2] -= 1e-4
     mujoco.mj_forward(model, data)
-    assert data.ncon == owner.num_points  # the plane, and nothing twice
+    data.qpos[2] += terrain.height(*terrain.starts[-1])
+    mujoco.mj_forward(model, data)
+    # On the plane every point touches once; on a height field maybe several of its triangles.
+    assert len(set(data.contact.geom.max(axis=1))) == owner.num_points
+    assert data.ncon == owner.num_points or name in LEVELLED
     assert data.contact.dist.min() > -2e-4
 
 

@@ -1,0 +1,157 @@
+"""How robots get over rough ground by a zero action: `python -m eval.terrain`.
+
+Every layer meets the same ground, starts and commands, blind and with a scan of the ground.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import tyro
+
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.errors import FbidError
+from fbid_gym.robots.terrain import LEVELLED
+
+PAGE = Path("docs/terrain.md")
+
+
+@dataclass(frozen=True)
+class TerrainConfig:
+    """Walk over every kind of ground without a policy, and tell how many stay up."""
+
+    envs: tuple[str, ...] = ("fbid_gym/QuadrupedTerrain-v0", "fbid_gym/BipedTerrain-v0")
+    """Environments."""
+    layers: tuple[str, ...] = ("base_acceleration", "com_wrench", "joint_position")
+    """Action layers."""
+    terrains: tuple[str, ...] = LEVELLED
+    """Kinds of ground."""
+    difficulties: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
+    """From 0 to 1."""
+    scans: tuple[bool, ...] = (False, True)
+    """Whether the robot sees the ground."""
+    robots: int = 32
+    """How many walk side by side, robot i with seed i."""
+    seconds: float = 20.0
+    """Length of an episode."""
+    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Write docs/terrain.md."""
+
+
+class Row(NamedTuple):
+    """A row of the table: who walks on what."""
+
+    env: str
+    layer: str
+    scan: bool
+    terrain: str
+
+
+class Walked(NamedTuple):
+    """How it went.
+
+    Attributes:
+        survived: share of the robots that did not fall.
+        error: m/s, mean error of velocity of those that walk.
+    """
+
+    survived: float
+    error: float
+
+
+def walk(row: Row, difficulty: float, robots: int, seconds: float) -> Walked:
+    """Let robots walk by a zero action, each for one episode."""
+    arguments = {
+        "action_layer": row.layer,
+        "terrain": row.terrain,
+        "difficulty": difficulty,
+        "height_scan": row.scan,
+        "episode_seconds": seconds,
+    }
+    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[row.env] | arguments), robots)
+    for robot in range(robots):
+        batch.seed(robot, np.random.default_rng(robot))
+    batch.reset(np.arange(robots))
+    action = np.zeros((robots, len(batch.action_names)))
+    walking, fell = np.ones(robots, bool), np.zeros(robots, bool)
+    errors, steps = 0.0, 0
+    while walking.any():
+        step = batch.step(action)
+        errors += float(step.info["velocity_error"][walking].sum())
+        steps += int(walking.sum())
+        fell |= walking & step.terminated
+        walking &= ~(step.terminated | step.truncated)
+    return Walked(1.0 - float(fell.mean()), errors / steps)
+
+
+def rows(config: TerrainConfig) -> Iterator[Row]:
+    """Yield all rows."""
+    for env in config.envs:
+        for layer in config.layers:
+            for scan in config.scans:
+                for terrain in config.terrains:
+                    yield Row(env, layer, scan, terrain)
+
+
+def line(row: Row, walked: list[Walked]) -> str:
+    """Return a row of the table."""
+    seen = "sees" if row.scan else "blind"
+    cells = [row.env.removeprefix("fbid_gym/"), row.layer, seen, row.terrain]
+    cells += [f"{100 * each.survived:.0f} %, {each.error:.2f}" for each in walked]
+    return "| " + " | ".join(cells) + " |"
+
+
+def page(config: TerrainConfig, lines: list[str]) -> str:
+    """Return docs/terrain.md."""
+    heads = ["environment", "layer", "ground", "terrain"]
+    heads += [f"difficulty {difficulty:g}" for difficulty in config.difficulties]
+    return "\n".join(
+        [
+            "# Walking over rough ground without a policy",
+            "",
+            "![Robots on every kind of ground](terrain.jpg)",
+            "",
+            "What the kinds of ground are and what their difficulty means stands in "
+            "`fbid_gym.envs.terrain_env`.",
+            f"Here {config.robots} robots walk to random commands for {config.seconds:g} s by a "
+            "zero action: the share that does not fall,",
+            "and the mean error of their velocity in m/s while they walk. There are no pushes.",
+            "",
+            "| " + " | ".join(heads) + " |",
+            "|" + " --- |" * len(heads),
+            *lines,
+            "",
+            "Made by `python -m eval.terrain --write-docs "
+            f"--robots {config.robots} --seconds {config.seconds:g}`.",
+            "",
+        ]
+    )
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Walk, print the table and write it where asked to; return the exit status."""
+    config = tyro.cli(TerrainConfig, args=argv, description=__doc__)
+    lines = []
+    try:
+        for row in rows(config):
+            walked = [
+                walk(row, difficulty, config.robots, config.seconds)
+                for difficulty in config.difficulties
+            ]
+            lines.append(line(row, walked))
+            print(lines[-1], flush=True)
+    except FbidError as error:
+        print(error, file=sys.stderr)
+        return 1
+    if config.write_docs:
+        PAGE.write_text(page(config, lines), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,184 @@
+"""Walking on terrains: starts, ends, falls, what is seen of the ground, and the curriculum."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from fbid_gym.dynamics.contacts import contact_geometry, point_positions
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.curriculum import Progress
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.tick import Effort
+from fbid_gym.errors import FbidError
+from fbid_gym.robots.terrain import LEVELLED, Tiles
+from fbid_gym.robots.terrain.grid import HeightGrid
+from fbid_gym.tasks.height_scan import SCAN, scan_heights
+
+QUADRUPED, BIPED = "fbid_gym/QuadrupedTerrain-v0", "fbid_gym/BipedTerrain-v0"
+
+
+def batch_of(env: str = QUADRUPED, count: int = 8, **arguments: object) -> EnvBatch:
+    given = ENVIRONMENTS[env] | {"action_layer": "torque"} | arguments
+    batch = EnvBatch(EnvConfig.of(given), count)
+    for i in range(count):
+        batch.seed(i, np.random.default_rng(i))
+    batch.reset(np.arange(count))
+    return batch
+
+
+def still(batch: EnvBatch) -> np.ndarray:
+    return np.zeros((batch.num_envs, len(batch.action_names)))
+
+
+@pytest.mark.parametrize("env", [QUADRUPED, BIPED])
+@pytest.mark.parametrize("terrain", LEVELLED)
+def test_robots_start_on_the_ground_not_in_it(env: str, terrain: str) -> None:
+    batch = batch_of(env, terrain=terrain, difficulty=1.0)
+    points = point_positions(contact_geometry(batch.robot), batch.simulation.terms())
+    above = points[..., 2] - batch.terrain.height(points[..., 0], points[..., 1])
+    np.testing.assert_allclose(above.min(axis=1), 0.0, atol=1e-6)
+    for i in range(batch.num_envs):
+        weight = batch.simulation.contact_force[i, :, 2].sum()
+        assert weight < 3.0 * batch.robot.weight  # nothing pushes it out of the ground
+    # On high ground as on low: nobody has fallen.
+    assert not batch.step(still(batch)).terminated.any()
+
+
+def test_a_fall_is_judged_from_the_ground_under_the_feet() -> None:
+    """A robot on a hill of more than its own height stands; let down to its feet, it lies."""
+    batch = batch_of(terrain="slopes", difficulty=1.0)
+    simulation, body = batch.simulation, batch.task.body
+    assert simulation.qpos[:, 2].min() > 2.0 * body.home_height
+    outcome = batch._outcome(batch_effort(batch))
+    assert not batch.task.fallen(outcome).any()
+    simulation.qpos[:, 9::3] = -2.6  # knees
+    simulation.qpos[:, 8::3] = 1.3  # hips
+    simulation.batch.forward()
+    simulation._terms = None
+    assert batch.task.fallen(batch._outcome(batch_effort(batch))).all()
+
+
+def batch_effort(batch: EnvBatch) -> Effort:
+    return Effort.none(batch.num_envs, batch.robot.num_joints)
+
+
+def test_the_end_of_the_ground_truncates() -> None:
+    batch = batch_of()
+    batch.simulation.qpos[3, 0] = 0.5 * batch.terrain.tiles.edge + 0.01
+    step = batch.step(still(batch))
+    assert step.truncated.tolist() == [i == 3 for i in range(8)]
+    assert not step.terminated[3] and step.info["termination"][3] == ""
+
+
+def test_the_scan_sees_the_ground_from_where_the_robot_stands() -> None:
+    """Level ground is zeros; otherwise heights at the places that the names tell, from the feet."""
+    batch = batch_of(terrain="stairs", difficulty=0.0, height_scan=True)
+    blind = batch_of(terrain="stairs", difficulty=0.0)
+    size = batch.observation().shape[1] - blind.observation().shape[1]
+    assert size == len(SCAN) == len(batch.task.observation_names[-len(SCAN) :])
+    assert abs(batch.observation()[:, -size:]).max() < 0.02  # the feet lift a little at the start
+    np.testing.assert_array_equal(batch.observation()[:, :-size], blind.observation())
+
+    batch = batch_of(terrain="stairs", difficulty=1.0, height_scan=True)
+    terms, memory = batch.simulation.terms(), batch._planned
+    heading = np.arctan2(terms.base_rotation[:, 1, 0], terms.base_rotation[:, 0, 0])
+    ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    for k, (x, y) in enumerate(batch.task.scan):
+        place = terms.base_position[:, :2] + x * ahead + y * left
+        told = batch.terrain.height(place[:, 0], place[:, 1]) - memory["seen_ground"]
+        np.testing.assert_allclose(batch.observation()[:, k - size], told, atol=1e-6)
+
+
+def test_the_scan_turns_and_moves_and_rises_with_the_robot() -> None:
+    rng = np.random.default_rng(0)
+    line = np.linspace(-3.0, 3.0, 121)
+    x, y = np.meshgrid(line, line)
+    hill = 1.0 + 0.3 * np.sin(2.0 * x) * np.cos(1.5 * y)
+    grid = HeightGrid(line[[0, 0]], float(line[1] - line[0]), hill)
+    batch = batch_of(count=1)
+    terms = batch.simulation.terms()
+    place, level = rng.uniform(-0.3, 0.3, (1, 2)), np.array([0.7])
+
+    def seen(place: np.ndarray, angle: float, ground: HeightGrid, level: np.ndarray) -> np.ndarray:
+        cosine, sine = np.cos(angle), np.sin(angle)
+        turned = np.array([[[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]])
+        base = np.concatenate([place, [[0.3]]], axis=1)
+        moved = terms._replace(base_position=base, base_rotation=turned)
+        return scan_heights(ground, 0.5 * SCAN, moved, level)
+
+    first = seen(place, 0.4, grid, level)
+    raised = grid._replace(elevation=hill + 0.2)
+    np.testing.assert_allclose(seen(place, 0.4, raised, level + 0.2), first, atol=1e-12)
+    moved = grid._replace(corner=grid.corner + [0.5, -0.2])
+    np.testing.assert_allclose(seen(place + [0.5, -0.2], 0.4, moved, level), first, atol=1e-12)
+    # A quarter turn of ground and robot; the triangles' diagonals turn, too.
+    quarter = np.array([[-place[0, 1], place[0, 0]]])
+    turned = grid._replace(elevation=np.ascontiguousarray(hill.T[:, ::-1]))
+    np.testing.assert_allclose(seen(quarter, 0.4 + np.pi / 2, turned, level), first, atol=2e-3)
+
+
+def test_success_leads_to_harder_ground_and_a_fall_to_easier() -> None:
+    progress = Progress.of(5, Tiles(3, 1.0), 0.5)
+    assert (progress.level == 1).all()
+    well, badly = 0.1, 0.3
+    error = np.array([well, badly, well, well, badly])
+    none = np.zeros(5, bool)
+    progress.set_out(np.arange(5))
+    progress.advance(error, 0.2, none, none)
+    fell, lasted = np.array([0, 0, 1, 0, 0], bool), np.array([1, 1, 0, 0, 0], bool)
+    progress.advance(error, 0.2, fell, lasted)
+    assert progress.level.tolist() == [2, 1, 0, 1, 1]
+    progress.advance(error, 0.2, fell, lasted)  # stepped on before they are reset
+    assert progress.level.tolist() == [2, 1, 0, 1, 1]
+    progress.set_out(np.arange(5))
+    progress.advance(error, 0.2, fell, lasted)
+    assert progress.level.tolist() == [2, 1, 0, 1, 1]  # there is no level beyond
+    places = np.arange(12.0).reshape(6, 2)
+    np.testing.assert_array_equal(progress.starts(places, 0), places[4:])
+    progress.begin(0)
+    assert progress.level[0] == 1
+
+
+def test_a_curriculum_in_the_environment_and_its_exact_state() -> None:
+    """Robots that fall start on the tile of the level below; a saved state goes on alike."""
+    batch = batch_of(curriculum=True, difficulty=0.5, episode_seconds=4.0)
+    assert (batch._progress.level == 5).all()
+    ended, told = np.zeros(8, bool), []
+    while not ended.all():
+        step = batch.step(-np.ones((8, len(batch.action_names))))
+        done = step.terminated | step.truncated
+        told.append(step.info["terrain_level"][~ended])
+        ended |= done
+    assert (np.concatenate(told) == 5).all()  # until their next episode
+    assert (batch._progress.level == 4).all()
+    batch.reset(np.arange(8))
+    centre = batch._progress.level * batch.terrain.tiles.edge
+    assert (abs(batch.simulation.qpos[:, 0] - centre) < 0.5 * batch.terrain.tiles.edge).all()
+    assert not batch.step(still(batch)).terminated.any()
+
+    twin = batch_of(curriculum=True, difficulty=0.5, episode_seconds=4.0)
+    twin.load_state_dict(batch.state_dict())
+    for _ in range(60):
+        steps = [each.step(-np.ones((8, len(batch.action_names)))) for each in (batch, twin)]
+        np.testing.assert_array_equal(steps[0].observation, steps[1].observation)
+        over = np.flatnonzero(steps[0].terminated)
+        for each in (batch, twin):
+            each.reset(over)
+        np.testing.assert_array_equal(batch._progress.level, twin._progress.level)
+    assert (batch._progress.level < 4).any()
+
+
+@pytest.mark.parametrize("env", [QUADRUPED, BIPED])
+def test_the_registered_environments_step(env: str) -> None:
+    made = gym.make(env, action_layer="torque")
+    observation, _ = made.reset(seed=0)
+    assert observation in made.observation_space
+    assert made.step(np.zeros(made.action_space.shape, np.float32))[0] in made.observation_space
+    assert "height_scan" in (type(made.unwrapped).__doc__ or "")
+
+
+def test_a_scan_is_for_those_who_walk() -> None:
+    with pytest.raises(FbidError, match="Unknown environment argument 'height_scan'. Valid"):
+        gym.make("fbid_gym/QuadrupedCrawl-v0", height_scan=True)

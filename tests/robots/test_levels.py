@@ -1,0 +1,124 @@
+"""Terrains with a difficulty: 0 is level, more is rougher, heights are where rays hit them."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.errors import FbidError
+from fbid_gym.robots import Robot, load
+from fbid_gym.robots.terrain import LEVELLED, NUM_LEVELS, Terrain, compile_world, make_terrain
+
+ROBOTS = ("go1", "biped")
+
+
+def spread(terrain: Terrain, count: int = 400) -> tuple[np.ndarray, np.ndarray]:
+    """Places all over the first tile."""
+    half = 0.5 * terrain.tiles.edge
+    line = np.linspace(-half, half, count)
+    x, y = np.meshgrid(line, line)
+    return x, y
+
+
+@pytest.fixture(params=ROBOTS)
+def robot(request: pytest.FixtureRequest) -> Robot:
+    return load(request.param)
+
+
+@pytest.mark.parametrize("name", LEVELLED)
+def test_the_height_is_what_a_ray_from_above_hits(name: str, robot: Robot) -> None:
+    terrain = make_terrain(name, robot, difficulty=0.9, seed=3)
+    model = compile_world(robot, terrain)
+    data = mujoco.MjData(model)
+    data.qpos[: robot.nq] = robot.home_qpos
+    mujoco.mj_forward(model, data)
+    half = 0.52 * terrain.tiles.edge  # beyond the edge, too
+    places = np.random.default_rng(0).uniform(-half, half, (400, 2))
+    static, hit = np.array([1, 0, 0, 0, 0, 0], np.uint8), np.zeros(1, np.int32)
+    down, top = np.array([0.0, 0.0, -1.0]), 10.0
+    found = [
+        top
+        - mujoco.mj_ray(model, data, np.array([x, y, top]), down, static, 1, robot.base_body, hit)
+        for x, y in places
+    ]
+    told = terrain.height(places[:, 0], places[:, 1])
+    np.testing.assert_allclose(told, found, atol=2e-6)
+    assert told.max() > 0.01
+
+
+@pytest.mark.parametrize("name", LEVELLED)
+def test_difficulty_zero_is_level_and_more_is_rougher(name: str, robot: Robot) -> None:
+    heights = []
+    for difficulty in (0.0, 0.25, 0.5, 0.75, 1.0):
+        terrain = make_terrain(name, robot, difficulty=difficulty, seed=1)
+        heights.append(terrain.height(*spread(terrain)))
+    assert not heights[0].any()
+    roughness = [np.abs(np.diff(each, axis=1)).mean() for each in heights]
+    assert (np.diff(roughness) > 0.0).all()
+    highest = [each.max() for each in heights]
+    assert (np.diff(highest) > 0.0).all()
+
+
+@pytest.mark.parametrize("name", LEVELLED)
+def test_starts_are_level_and_far_from_the_end(name: str, robot: Robot) -> None:
+    terrain = make_terrain(name, robot, difficulty=1.0, seed=2)
+    angle, share = np.meshgrid(np.linspace(0, 2 * np.pi, 24), np.linspace(0, 1.0, 8))
+    ring = terrain.clearing * share[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    around = terrain.starts[:, None, None] + ring
+    height = terrain.height(around[..., 0], around[..., 1]).reshape(len(terrain.starts), -1)
+    np.testing.assert_allclose(height, np.tile(height[:, :1], (1, height.shape[1])), atol=1e-12)
+    end = 0.5 * terrain.tiles.edge - abs(terrain.starts).max()
+    assert end > 10.0 * terrain.clearing
+    level = np.zeros(len(terrain.starts), np.int64)
+    assert not terrain.tiles.left(level, terrain.starts).any()
+    assert terrain.tiles.left(level, terrain.starts + [terrain.tiles.edge, 0.0]).all()
+
+
+def test_a_seed_decides(robot: Robot) -> None:
+    for name in ("roughness", "planks", "mixed"):
+        one, same, other = (make_terrain(name, robot, seed=seed) for seed in (3, 3, 4))
+        np.testing.assert_array_equal(one.grid.elevation, same.grid.elevation)
+        assert (one.grid.elevation != other.grid.elevation).any()
+
+
+def test_levels_lie_side_by_side_from_level_to_hardest() -> None:
+    robot = load("go1")
+    every = make_terrain("mixed", robot, difficulty=None, seed=5)
+    assert every.tiles.count == NUM_LEVELS
+    starts = every.starts.reshape(NUM_LEVELS, -1, 2)
+    for level in (0, 4, 10):
+        alone = make_terrain("mixed", robot, difficulty=level / (NUM_LEVELS - 1), seed=5)
+        shift = level * alone.tiles.edge
+        np.testing.assert_allclose(starts[level], alone.starts + [shift, 0.0])
+        x, y = spread(alone, 101)
+        np.testing.assert_allclose(every.height(x + shift, y), alone.height(x, y), atol=1e-9)
+        inside = np.full(len(alone.starts), level)
+        assert not every.tiles.left(inside, starts[level]).any()
+        assert every.tiles.left(inside + 1, starts[level]).all()
+
+
+def test_all_kinds_are_where_robots_start() -> None:
+    """The nine inner patches of a mixed tile have the tops of all five kinds."""
+    robot = load("go1")
+    mixed = make_terrain("mixed", robot, difficulty=1.0, seed=0)
+    tops = {round(float(mixed.height(*start)), 6) for start in mixed.starts}
+    own = {
+        round(float(kind.height(*kind.starts[4])), 6)
+        for kind in (make_terrain(name, robot, difficulty=1.0) for name in LEVELLED[:-1])
+    }
+    assert tops == own
+
+
+def test_the_size_of_the_robot_decides() -> None:
+    small, large = (make_terrain("stairs", load(name)) for name in ("go1", "quadruped"))
+    ratio = large.tiles.edge / small.tiles.edge
+    assert abs(ratio - 1.0) > 0.05
+    np.testing.assert_allclose(large.grid.cell, ratio * small.grid.cell)
+    # What lies below the plane, to leave the ground to it, does so by the same for all.
+    above = small.grid.elevation > 0.0
+    np.testing.assert_allclose(large.grid.elevation[above], ratio * small.grid.elevation[above])
+
+
+@pytest.mark.parametrize("difficulty", [-0.1, 1.1, float("nan")])
+def test_a_difficulty_that_cannot_be_is_refused(difficulty: float) -> None:
+    with pytest.raises(FbidError, match="Invalid difficulty: .* a number from 0 to 1"):
+        make_terrain("stairs", load("go1"), difficulty=difficulty)
