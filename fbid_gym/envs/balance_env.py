@@ -215,12 +215,12 @@ class BalanceEnv(RobotEnv):
     | `reward_contact`, `reward_torque`        |        |                                          |
     | `height`, `height_command`,              |        | m, of the base above the contact points  |
     | `height_error`                           |        |                                          |
-    | `torque_rms`                             |        | N m, over joints and ticks of the step   |
+    | `torque_rms`                             |        | N·m, over joints and ticks of the step   |
     | `power`                                  |        | W, mean over the ticks of the joints'    |
     |                                          |        | summed absolute power                    |
     | `slip`                                   |        | m/s, mean speed of points on the ground  |
     | `push`                                   | (3,)   | N, world, on the last control tick       |
-    | `torque`                                 | (n,)   | N m, on the last control tick            |
+    | `torque`                                 | (n,)   | N·m, on the last control tick            |
     | `contact_force`                          | (P, 3) | N, world, of the ground on each point    |
     | `layer_saturation`                       |        | Share of the joints at their limit       |
     | `layer_residual`                         |        | Share of the weight by which the base    |
