@@ -1,4 +1,4 @@
-"""How robots walk by a zero action, through every layer and by every gait: `python -m eval.walking`.
+"""How robots walk by a zero action, by every layer and every gait: `python -m eval.walking`.
 
 All layers and gaits meet the same commands and pushes.
 """

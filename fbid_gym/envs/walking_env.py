@@ -13,11 +13,11 @@ class WalkingEnv(RobotEnv):
     are derived from what is measured on the robot's model. As everywhere the action layer is
     exchangeable and everything else stays the same.
 
-    | Id                        | Robot    | Joints | Feet | Points | Gait                          |
-    | ------------------------- | -------- | ------ | ---- | ------ | ----------------------------- |
-    | `fbid_gym/QuadrupedWalk-v0` | go1    | 12     | 4    | 4      | trot                          |
-    | `fbid_gym/BipedWalk-v0`   | biped    | 16     | 2    | 8      | walk                          |
-    | `fbid_gym/HumanoidWalk-v0` | humanoid | 27    | 2    | 8      | walk                          |
+    | Id                         | Robot    | Joints | Feet | Points | Gait                        |
+    | -------------------------- | -------- | ------ | ---- | ------ | --------------------------- |
+    | `fbid_gym/QuadrupedWalk-v0` | go1     | 12     | 4    | 4      | trot                        |
+    | `fbid_gym/BipedWalk-v0`    | biped    | 16     | 2    | 8      | walk                        |
+    | `fbid_gym/HumanoidWalk-v0` | humanoid | 27     | 2    | 8      | walk                        |
 
     Any robot with four point feet or with two flat ones walks: `robot="quadruped"`, `robot="g1"`
     or one of the user's. All that is not said here is as in `BalanceEnv`.
@@ -122,17 +122,17 @@ class WalkingEnv(RobotEnv):
 
     What one learns from must be cheap: these ids differ from the defaults in
 
-    | Parameter           | `QuadrupedWalk-v0` | `BipedWalk-v0`, `HumanoidWalk-v0`                     |
-    | ------------------- | ------------------ | ----------------------------------------------------- |
-    | `physics_hz`        | `250`              | `250`                                                 |
-    | `control_hz`        | `250`              | `250`                                                 |
-    | `friction_cone`     | `"pyramidal"`      | `"pyramidal"`                                         |
-    | `solver_iterations` | `10`               | `10`                                                  |
-    | `episode_seconds`   | `20.0`             | `20.0`                                                |
-    | `forward_range`     |                    | `(-0.14, 0.14)`                                       |
-    | `sideways_range`    |                    | `(-0.05, 0.05)`                                       |
-    | `turning_range`     |                    | `(-0.12, 0.12)`                                       |
-    | `push_force`        |                    | `(0.0, 0.0)`                                          |
+    | Parameter           | `QuadrupedWalk-v0` | `BipedWalk-v0`, `HumanoidWalk-v0` |
+    | ------------------- | ------------------ | --------------------------------- |
+    | `physics_hz`        | `250`              | `250`                             |
+    | `control_hz`        | `250`              | `250`                             |
+    | `friction_cone`     | `"pyramidal"`      | `"pyramidal"`                     |
+    | `solver_iterations` | `10`               | `10`                              |
+    | `episode_seconds`   | `20.0`             | `20.0`                            |
+    | `forward_range`     |                    | `(-0.14, 0.14)`                   |
+    | `sideways_range`    |                    | `(-0.05, 0.05)`                   |
+    | `turning_range`     |                    | `(-0.12, 0.12)`                   |
+    | `push_force`        |                    | `(0.0, 0.0)`                      |
 
     Pushes of `QuadrupedWalk-v0` are 0 to 0.4 of the weight.
 
