@@ -141,14 +141,14 @@ def test_the_base_turns_back_about_the_axis_that_it_is_tilted_about(robot, rng):
     upright = np.array([
         [np.cos(heading), -np.sin(heading), 0.0], [np.sin(heading), np.cos(heading), 0.0], [0, 0, 1]
     ])  # fmt: skip
-    cross = np.cross(np.eye(3), axis)  # rows e_k x axis: the transpose of [axis]x
+    cross = np.cross(np.eye(3), axis)  # [axis]x
     tilt = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
     terms = terms._replace(base_rotation=(upright @ tilt)[None])
     gains = law_of(robot).constants.gains
     target = target_of(robot, terms, rng)._replace(heading=np.array([heading]))
     task = base_task(gains, np.zeros((1, 6)), state, target, terms)
     np.testing.assert_allclose(
-        task.acceleration[0, 3:], gains.rotation * np.sin(angle) * axis, atol=1e-9
+        task.acceleration[0, 3:], -gains.rotation * np.sin(angle) * axis, atol=1e-9
     )
 
 
