@@ -58,7 +58,6 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
     _, before = foot_places(robot, qpos[0])
     body_at_home = terms.foot_position[0] - before
     target = target_of(robot, terms, rng)
-    first = joint_reference(legs, target, state, terms, stance.frame(terms))
     # The body comes to where the gait wants it, and the joints follow their reference.
     qpos = qpos.copy()
     qpos[:, 2] += target.height - terms.base_position[:, 2]
@@ -68,15 +67,11 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
         gaps.append(np.abs(target.foot_position - terms.foot_position).max())
         found = joint_reference(legs, target, state, terms, stance.frame(terms))
         qpos = np.concatenate([qpos[:, :7], found.qpos[:, 7:]], axis=1)
+    # Newton's steps converge.
     assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
     if robot.num_points > robot.num_feet:  # soles keep level, and so their bodies' offset
         _, places = foot_places(robot, qpos[0])
         np.testing.assert_allclose(places + body_at_home, target.foot_position[0], atol=1e-4)
-    # Already the first step went most of the way, while the body was still too high.
-    moved = np.concatenate([qpos[:, :7], first.qpos[:, 7:]], axis=1)
-    _, terms_first = state_of(robot, moved)
-    assert np.abs(target.foot_position - terms_first.foot_position).max() < 0.5 * gaps[0]
-
     velocity = np.zeros(robot.nv)
     velocity[:2] = target.velocity[0]
     velocity[3:6] = terms.base_rotation[0, 2] * target.turning[0]
