@@ -37,7 +37,7 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 }
 """Registered id -> arguments that define it."""
 
-_DESCRIBED = {"balance": "balance_env:BalanceEnv"}
+_DESCRIBED = {"balance": "balance_env:BalanceEnv", "walk": "walking_env:WalkingEnv"}
 
 
 def register() -> None:

@@ -191,6 +191,11 @@ class BalanceEnv(RobotEnv):
     | `terrain_seed`    | int            | `0`                | Decides where everything lies      |
     | `joint_noise`     | float          | `0.02`             | rad, see `Starting State`          |
     | `velocity_noise`  | float          | `0.05`             | m/s and rad/s, see there           |
+    | `friction_cone`   | str            | `"elliptic"`       | Or `"pyramidal"`: cheaper, and a   |
+    |                   |                |                    | little different by heading        |
+    | `solver_iterations` | int or None  | `None`             | Most iterations of the physics'    |
+    |                   |                |                    | contact solver; by default         |
+    |                   |                |                    | MuJoCo's                           |
     | `randomisation`   | dict or None   | `None`             | Ranges of differences between      |
     |                   |                |                    | robots and in the layer's model:   |
     |                   |                |                    | `mass`, `com`, `friction`,         |
