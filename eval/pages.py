@@ -8,6 +8,7 @@ from fbid_gym.errors import RunError
 _DOCS = Path(__file__).resolve().parents[1] / "docs"
 BENCHMARK_PAGE = _DOCS / "benchmark.md"
 PAPERS_PAGE = _DOCS / "papers.md"
+WALKING_PAGE = _DOCS / "walking.md"
 
 START, END = "<!-- tables: written by the command above -->", "<!-- end of tables -->"
 

@@ -30,6 +30,7 @@ LAYERS = {
     "squat": ("joint_position_feedforward", "joint_position"),
     "step": ("base_acceleration", "joint_position"),
     "crawl": ("base_acceleration", "joint_position"),
+    "walk": ("base_acceleration", "joint_position"),
 }
 """Task -> the layers to train it through."""
 

@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from fbid_gym.actions import LAYERS, layer_options
+from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
 from fbid_gym.actions.com_wrench import BALANCERS
 from fbid_gym.compile_cache import say_nothing_of_compiling
 from fbid_gym.envs import ENVIRONMENTS
@@ -35,6 +35,13 @@ _CHOICES: tuple[dict[str, Any], ...] = (
     {"contacts": "measured"},
 )
 """Options of the model-based layers that lead elsewhere in the code."""
+_WALKING_CHOICES: tuple[dict[str, Any], ...] = (
+    {"contact_limits": "none"},
+    {"reference": "home"},
+    {"footholds": True, "step_rate": True},
+)
+"""The same of the layers on a gait."""
+_WALKING = ("fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0")
 _SWITCHING = ("fbid_gym/BipedStep-v0", "fbid_gym/QuadrupedCrawl-v0")
 
 
@@ -58,6 +65,10 @@ def trials() -> Iterator[Trial]:
         yield Trial("fbid_gym/BipedBalance-v0", lighter)
         for options in _options(layer):
             for env in ("fbid_gym/BipedBalance-v0", *_SWITCHING):
+                yield Trial(env, {"action_layer": layer, "layer_options": options})
+        known = walking_layer_options(layer)
+        for options in _WALKING_CHOICES:
+            for env in _WALKING if options.keys() <= known.keys() else ():
                 yield Trial(env, {"action_layer": layer, "layer_options": options})
 
 

@@ -93,16 +93,16 @@ class CentroidalTerms(NamedTuple):
 
     Attributes:
         matrix: (N, 6, nv) A of [G15] eq. (2), the centroidal momentum matrix.
-        momentum: (N, 6) h = A v: linear (kg m/s), angular about the centre of mass (kg m^2/s),
+        momentum: (N, 6) h = A v: linear (kg·m/s), angular about the centre of mass (kg·m²/s),
             world axes.
         mass: (N,) kg.
-        inertia: (N, 3, 3) kg m^2, of the robot with locked joints about its centre of mass, world
+        inertia: (N, 3, 3) kg·m², of the robot with locked joints about its centre of mass, world
             axes; the inverse of Lambda_l.
         inverse_inertia: (N, 3, 3) Lambda_l of [G15] eq. (24).
         to_com: (N, 6, 6) P, takes a generalized force on the base to a wrench at the centre of
             mass, see `fbid_gym.dynamics.centroidal`.
         wrench_map: (N, nv, 6) T^T = A^T Lambda_h of [G15] eqs. (30), (32). It takes a wrench at the
-            centre of mass (N, N m, world axes) to the generalized force that does the same to the
+            centre of mass (N, N·m, world axes) to the generalized force that does the same to the
             momentum and nothing else.
     """
 
@@ -230,7 +230,7 @@ class Limits(NamedTuple):
 
     Attributes:
         points: of the contacts.
-        torque: (N, n) or (1, n) N m, of the motors.
+        torque: (N, n) or (1, n) N·m, of the motors.
     """
 
     points: PointLimits
@@ -259,7 +259,7 @@ class Nearness(NamedTuple):
         base_mobility: of accelerations: how much more readily the base departs from its desired one
             than the joints do, 1 / base_priority.
         length: m, lever arm that makes moments comparable to forces.
-        scale: (6,) of wrenches: turns N and N m into N whose squares are comparable.
+        scale: (6,) of wrenches: turns N and N·m into N whose squares are comparable.
     """
 
     base_mobility: float
@@ -313,7 +313,7 @@ class TorqueMap(NamedTuple):
     """Joint torques as a function of contact forces: tau = offset - J_q^T lambda + W w.
 
     Attributes:
-        offset: (N, n) N m.
+        offset: (N, n) N·m.
         jacobian: (N, k, nv) of the contact rows, whose joint columns are J_q.
         per_wrench: (N, n, 6) W, of the wrench w at the centre of mass.
     """
@@ -336,7 +336,7 @@ class BodyMotion(NamedTuple):
         com_velocity: (N, 3) m/s.
         rotation: (N, 3, 3) world from base.
         angular_velocity: (N, 3) rad/s, of the base.
-        momentum: (N, 6) kg m/s, and kg m^2/s about the centre of mass.
+        momentum: (N, 6) kg·m/s, and kg·m²/s about the centre of mass.
         mass: (N,) kg.
     """
 

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from fbid_gym.actions import LAYERS, layer_options
+from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
 from fbid_gym.compile_all import Trial, run, trials
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
@@ -21,7 +21,7 @@ def test_every_layer_with_contacts_meets_both_forms_with_and_without_ramp(layer:
     options = [
         trial.arguments.get("layer_options", {})
         for trial in trials()
-        if trial.arguments["action_layer"] == layer
+        if trial.arguments["action_layer"] == layer and ENVIRONMENTS[trial.env]["task"] != "walk"
     ]
     forms = {(o.get("contact_limits", "friction"), "contact_ramp" in o) for o in options}
     assert forms == {(limits, ramp) for limits in ("friction", "none") for ramp in (False, True)}
@@ -30,7 +30,26 @@ def test_every_layer_with_contacts_meets_both_forms_with_and_without_ramp(layer:
 def test_trials_are_environments() -> None:
     for trial in trials():
         config = EnvConfig.of(ENVIRONMENTS[trial.env] | trial.arguments)
-        assert config.layer(config.load_robot()).action_names, trial
+        robot = config.load_robot()
+        layer, steering = config.layer(robot, config.make_task(robot))
+        assert layer.action_names, trial
+        given = trial.arguments.get("layer_options", {})
+        assert bool(steering.action_names) or not given.get("footholds"), trial
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_every_layer_on_a_gait_meets_its_choices(layer: str) -> None:
+    met = {
+        (trial.env, option, str(value))
+        for trial in trials()
+        if trial.arguments["action_layer"] == layer and ENVIRONMENTS[trial.env]["task"] == "walk"
+        for option, value in trial.arguments.get("layer_options", {}).items()
+    }
+    choices = {"footholds": True, "step_rate": True, "contact_limits": "none", "reference": "home"}
+    known = walking_layer_options(layer)
+    for env in ("fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0"):
+        for option, value in choices.items():
+            assert ((env, option, str(value)) in met) == (option in known)
 
 
 def compiled_forms() -> set[tuple[str, str]]:

@@ -13,7 +13,8 @@ from fbid_gym.checks import check_positive
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState, SupportFrame
+from fbid_gym.dynamics.support import support_frame
+from fbid_gym.quantities import DynamicsTerms, Heading, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot, multiply, multiply_transposed
 
@@ -164,30 +165,31 @@ class BaseAcceleration:
         terms: DynamicsTerms,
     ) -> np.ndarray:
         """Return the desired acceleration (N, nv)."""
-        frame = self.stance.frame(terms)
-        return _stabilise(self.gains, self.scale * action, state, reference, frame, terms)
+        heading, added = self.stance.heading, self.scale * action
+        return _stabilise(self.gains, heading, added, state, reference, terms)
 
 
 @kernel
 def _stabilise(
     gains: _Gains,
+    heading: Heading,
     added: np.ndarray,
     state: RobotState,
     reference: Reference,
-    frame: SupportFrame,
     terms: DynamicsTerms,
 ) -> np.ndarray:
     """Return what `BaseAcceleration.acceleration` does, for accelerations (N, 6) to add."""
+    frame = support_frame(heading, terms)
     count, size = state.qvel.shape
     result = np.empty((count, size))
-    target, level, turn = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    target, upright, turn = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     lead, axial = np.empty(6), np.empty(3)
     stiffness, damping = gains.stiffness, gains.damping
     for i in range(count):
-        row, heading = min(i, len(reference.qpos) - 1), frame.rotation[i]
+        row, level = min(i, len(reference.qpos) - 1), frame.rotation[i]
         # The base's orientation error, as the axial vector of the rotation that is left.
-        rotation_of(reference.qpos[row, 3:7], level)
-        multiply(heading, level, target)
+        rotation_of(reference.qpos[row, 3:7], upright)
+        multiply(level, upright, target)
         multiply_transposed(terms.base_rotation[i], target, turn)
         axial[0] = 0.5 * (turn[2, 1] - turn[1, 2])
         axial[1] = 0.5 * (turn[0, 2] - turn[2, 0])
@@ -206,7 +208,7 @@ def _stabilise(
         for k in range(3):
             place = terms.com[i, k] if k < 2 else terms.base_position[i, k]
             rate = terms.com_velocity[i, k] if k < 2 else state.qvel[i, k]
-            result[i, k] = dot(heading[k], lead[:3])
+            result[i, k] = dot(level[k], lead[:3])
             result[i, k] -= stiffness[k] * (place - frame.centre[i, k]) + damping[k] * rate
         for k in range(3, 6):
             result[i, k] = lead[k] + stiffness[k] * axial[k - 3] - damping[k] * state.qvel[i, k]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,12 +14,13 @@ from fbid_gym.actions.smooth_target import Offset, SmoothTarget
 from fbid_gym.checks import check_at_least_zero, check_positive
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.dynamics.support import support_frame
 from fbid_gym.quantities import (
     DynamicsTerms,
+    Heading,
     Memory,
     Reference,
     RobotState,
-    SupportFrame,
     TaskCommand,
 )
 from fbid_gym.robots import Robot
@@ -144,47 +146,45 @@ class JointPositionFeedforward:
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known, offset = terms(), self.target.step(self.scale * action, memory)
-        frame = self.stance.frame(known)
-        desired = _desire(reference, offset.acceleration, frame)
-        balance = None
-        if self.balance_stiffness > 0.0:
-            gains = self.balance_stiffness, self.balance_damping
-            balance = _steer(*gains, reference, frame, known)
+        gains = self.balance_stiffness, self.balance_damping
+        desired, balance = _desire(*gains, self.stance.heading, reference, offset, known)
         model = self.law.torque(desired, state, reference, known, memory, balance)
         return _add_feedback(model, self.gains, state, reference, offset)
 
 
+class _Desired(NamedTuple):
+    acceleration: np.ndarray  # (N, nv)
+    balance: TaskCommand
+
+
 @kernel
-def _desire(reference: Reference, offset: np.ndarray, frame: SupportFrame) -> np.ndarray:
-    """Desired accelerations (N, nv), with the offset's (N, n) added to the joints'."""
-    count, joints = offset.shape
-    desired = np.empty((count, 6 + joints))
+def _desire(
+    stiffness: float,
+    damping: float,
+    heading: Heading,
+    reference: Reference,
+    offset: Offset,
+    terms: DynamicsTerms,
+) -> _Desired:
+    """Desired accelerations, and what the centres of mass shall do in x and y, eq. (20).
+
+    No rows of the latter if `stiffness` is zero.
+    """
+    frame = support_frame(heading, terms)
+    count, nv = terms.bias.shape
+    rows = 2 if stiffness > 0.0 else 0
+    desired = np.empty((count, nv))
+    jacobian, bias = np.empty((count, rows, nv)), np.empty((count, rows))
+    acceleration = np.empty((count, rows))
     for i in range(count):
         row = min(i, len(reference.qacc) - 1)
         for k in range(3):
             desired[i, k] = dot(frame.rotation[i, k], reference.qacc[row, :3])
             desired[i, k + 3] = reference.qacc[row, k + 3]
-        for j in range(joints):
-            desired[i, 6 + j] = reference.qacc[row, 6 + j] + offset[i, j]
-    return desired
-
-
-@kernel
-def _steer(
-    stiffness: float,
-    damping: float,
-    reference: Reference,
-    frame: SupportFrame,
-    terms: DynamicsTerms,
-) -> TaskCommand:
-    """What the centres of mass shall do in x and y, eq. (20)."""
-    count, nv = terms.bias.shape
-    jacobian, bias = np.empty((count, 2, nv)), np.empty((count, 2))
-    acceleration = np.empty((count, 2))
-    for i in range(count):
-        row = min(i, len(reference.com) - 1)
+        for j in range(nv - 6):
+            desired[i, 6 + j] = reference.qacc[row, 6 + j] + offset.acceleration[i, j]
         mass = terms.mass_matrix[i, 0, 0]
-        for k in range(2):
+        for k in range(rows):
             for j in range(nv):
                 jacobian[i, k, j] = terms.mass_matrix[i, k, j] / mass
             bias[i, k] = terms.bias[i, k] / mass
@@ -193,7 +193,7 @@ def _steer(
             rate = dot(axis, reference.com_velocity[row]) - terms.com_velocity[i, k]
             acceleration[i, k] = dot(axis, reference.com_acceleration[row])
             acceleration[i, k] += stiffness * place + damping * rate
-    return TaskCommand(jacobian, bias, acceleration)
+    return _Desired(desired, TaskCommand(jacobian, bias, acceleration))
 
 
 @kernel

@@ -15,7 +15,7 @@ error's rotation matrix, so no quaternion and none of their signs appears here.
 
 [G15] eq. (38) multiplies both sides by Lambda_h, since Jbar_b^T w = Lambda_h (wrench at the centre
 of mass). Where the contacts can deliver the wrench that changes nothing; where they cannot, the
-error is weighed as a wrench, in N and N m (see `wrench_distribution`).
+error is weighed as a wrench, in N and N·m (see `wrench_distribution`).
 """
 
 from typing import NamedTuple
@@ -60,8 +60,8 @@ class BalanceTarget(NamedTuple):
         rotation: (N, 3, 3) world from base.
         com_velocity: (N, 3) m/s.
         angular_velocity: (N, 3) rad/s, of the base; (36) damps the difference to it.
-        angular_momentum: (N, 3) kg m^2/s, about the centre of mass; (38) damps the difference.
-        momentum_rate: (N, 6) N and N m, feedforward.
+        angular_momentum: (N, 3) kg·m²/s, about the centre of mass; (38) damps the difference.
+        momentum_rate: (N, 6) N and N·m, feedforward.
     """
 
     com: np.ndarray
@@ -174,7 +174,7 @@ def orientation_moment(
         desired: (N, 3, 3) world from base.
 
     Returns:
-        (N, 3) N m, world axes.
+        (N, 3) N·m, world axes.
     """
     error = desired.mT @ rotation
     return np.matvec(desired, np.matvec(gains.rotation_map, error.reshape(len(error), 9)))
@@ -206,7 +206,7 @@ def desired_wrench_ott2011(
         gravity: m/s^2, along -z.
 
     Returns:
-        (N, 6) N and N m, world axes, what the contacts shall do to the robot.
+        (N, 6) N and N·m, world axes, what the contacts shall do to the robot.
     """
     momentum = np.zeros((len(com), 6))  # (36) does not look at it
     motion = BodyMotion(com, com_velocity, rotation, angular_velocity, momentum, mass)
@@ -233,13 +233,13 @@ def desired_wrench_garofalo2015(
         target: of the robots.
         com: (N, 3) m, world.
         rotation: (N, 3, 3) world from base.
-        momentum: (N, 6) kg m/s and kg m^2/s, world axes.
+        momentum: (N, 6) kg·m/s and kg·m²/s, world axes.
         mass: (N,) kg.
         axes: (N, 3, 3) world from the axes of all gains but K_R. Default: the world's.
         gravity: m/s^2, along -z.
 
     Returns:
-        (N, 6) N and N m, world axes, what the contacts shall do to the robot.
+        (N, 6) N and N·m, world axes, what the contacts shall do to the robot.
     """
     still = np.zeros(com.shape)  # (38) does not look at velocities
     motion = BodyMotion(com, still, rotation, still, momentum, mass)
@@ -272,7 +272,7 @@ def balance_wrench(
     axes: np.ndarray,
     gravity: float,
 ) -> np.ndarray:
-    """Return the desired wrench at the centre of mass, (36) or (38): (N, 6) N and N m, world.
+    """Return the desired wrench at the centre of mass, (36) or (38): (N, 6) N and N·m, world.
 
     Args:
         gains: of velocities or of momenta.

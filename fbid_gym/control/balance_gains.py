@@ -20,8 +20,8 @@ class BalanceGains:
         stiffness: K_P, N/m, on the position of the centre of mass.
         damping: K_D on its motion: 1/s on the linear momentum in (38), N s/m on the velocity in
             (36).
-        rotation_stiffness: K_R, N m/rad, on the base's orientation, in the axes of the desired one.
-        rotation_damping: D: 1/s on the angular momentum in (38), N m s/rad on the base's angular
+        rotation_stiffness: K_R, N·m/rad, on the base's orientation, in the axes of the desired one.
+        rotation_damping: D: 1/s on the angular momentum in (38), N·m·s/rad on the base's angular
             velocity in (36).
         rotation_map: (3, 9) takes the nine entries of R_d^T R, row by row, to the moment of the
             rotational spring, in the axes of the desired orientation.
@@ -56,7 +56,7 @@ class BalanceGains:
 
         Args:
             mass: kg.
-            inertia: (3, 3) kg m^2, symmetric, what resists the base's rotation in stance. Through
+            inertia: (3, 3) kg·m², symmetric, what resists the base's rotation in stance. Through
                 full inverse dynamics: angular momentum per angular velocity of the base while feet
                 and centre of mass stay, less than the locked robot's because the legs turn less
                 than the base. Through [G15]'s quasi-static map: the locked robot's, because there
@@ -87,7 +87,7 @@ class BalanceGains:
 
         Args:
             mass: kg.
-            inertia: (3, 3) kg m^2, angular momentum per angular velocity of the base.
+            inertia: (3, 3) kg·m², angular momentum per angular velocity of the base.
         """
         root = _root(self.rotation_damping)
         return BalanceGains(

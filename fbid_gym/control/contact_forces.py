@@ -81,7 +81,7 @@ class ContactForces(NamedTuple):
 
     Attributes:
         force: (N, P, 3) N, two tangential components, then the normal one.
-        wrench: (N, 6) what they deliver, G f: force in N, moment in N m.
+        wrench: (N, 6) what they deliver, G f: force in N, moment in N·m.
         residual: (N,) weighted distance of the wrench from the desired one, per weight; zero where
             all points stick.
         iterations: (N,) int64, Newton steps taken.
@@ -114,7 +114,7 @@ def limited_contact_forces(
 
     Args:
         wrench_map: (N, 6, 3 P), the G of stacked point forces: rows force, then moment.
-        wrench: (N, 6) desired, N and N m.
+        wrench: (N, 6) desired, N and N·m.
         limits: friction and normal force limits.
         weight: N, of the robot; a number or (N,). Scales the tolerance and the residual only.
         length: m, a lever arm that makes moments comparable to forces.
@@ -154,7 +154,7 @@ def limited_contact_forces(
 
 @lru_cache(maxsize=256)
 def wrench_scale(length: float, wrench_cost: tuple[float, ...] | None) -> np.ndarray:
-    """(6,) factors that turn N and N m into N whose squares are comparable."""
+    """(6,) factors that turn N and N·m into N whose squares are comparable."""
     arm = float(positive_numbers("length", length, 1)[0])
     cost = positive_numbers("wrench_cost", (1.0,) * 6 if wrench_cost is None else wrench_cost, 6)
     return np.sqrt(cost) / np.array([1.0, 1.0, 1.0, arm, arm, arm])

@@ -51,7 +51,7 @@ class ForceFeedbackDynamics(NamedTuple):
     """Torques from given contact forces, and what they rest on.
 
     Attributes:
-        torque: (N, n) N m.
+        torque: (N, n) N·m.
         contact_force: (N, k) generalized forces of the rows of J, as given or estimated.
         acceleration: (N, nv) the robot will have if these are the forces: the command's joint rows
             and the base acceleration that the forces cause.
@@ -66,7 +66,7 @@ class ProjectedDynamics(NamedTuple):
     """Torques by the inertia-weighted projection, and what they achieve if the contacts hold.
 
     Attributes:
-        torque: (N, n) N m.
+        torque: (N, n) N·m.
         contact_force: (N, k) generalized forces of the rows of J by eq. (6); the least in norm
             where rows are redundant.
         acceleration: (N, nv) the robot will really have.
@@ -93,7 +93,7 @@ def contact_force_of_torque(
         mass_matrix: (N, nv, nv) M, symmetric positive definite.
         bias: (N, nv) h.
         jacobian: (N, k, nv) J of the contact constraints.
-        torque: (N, n) N m.
+        torque: (N, n) N·m.
         jacobian_bias: (N, k) Jdot v.
 
     Returns:
@@ -167,7 +167,7 @@ def estimated_force_inverse_dynamics(
         jacobian: (N, k, nv) J of the contact constraints.
         acceleration: (N, nv) desired; only the joint rows are used.
         jacobian_bias: (N, k) Jdot v.
-        previous_torque: (N, n) N m, of the control tick before. If that is all of the torque that
+        previous_torque: (N, n) N·m, of the control tick before. If that is all of the torque that
             was applied, a feedback added to this law's is taken for a cause of the contact forces:
             held at a fixed state, it is magnified by 1 / mu along an eigenvector of O with
             eigenvalue mu, and sums up without bound where mu is zero.

@@ -51,7 +51,7 @@ class InverseDynamics(NamedTuple):
     """Torques, and what they achieve if the contacts hold.
 
     Attributes:
-        torque: (N, n) N m, the least in the torque cost.
+        torque: (N, n) N·m, the least in the torque cost.
         contact_force: (N, k) generalized forces lambda of the rows of J, [M10] eq. (17); the least
             in norm where rows are redundant.
         acceleration: (N, nv) the robot will really have: the command, made consistent with the

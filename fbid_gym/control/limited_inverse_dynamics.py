@@ -60,7 +60,7 @@ class LimitedInverseDynamics(NamedTuple):
     """Torques whose contact forces respect friction and normal force limits, and what they achieve.
 
     Attributes:
-        torque: (N, n) N m.
+        torque: (N, n) N·m.
         contact_force: (N, k) generalized forces of the rows of J.
         acceleration: (N, nv) the robot will have with these torques and contact forces.
         point_force: (N, P, 3) N, per contact point: two tangential components, then the normal one.
@@ -261,7 +261,7 @@ def _yield_to(
         jacobian: (k, nv).
         held: of the Jacobian.
         nearness: of accelerations, and the lever arm that makes moments comparable to forces.
-        wrench: (6,) N, N m; overwritten.
+        wrench: (6,) N, N·m; overwritten.
         change: (nv,) to write to.
     """
     rows, velocities = jacobian.shape

@@ -1,6 +1,6 @@
 """Least torque where slides and hinges mix: eq. (15) in a metric that makes units homogeneous.
 
-A sum of squares of N and N m is a sum of nothing: a robot described in millimetres would get other
+A sum of squares of N and N·m is a sum of nothing: a robot described in millimetres would get other
 torques from [M10] eq. (15) than the same robot in metres. [M10] III-B.3 first projects the dynamics
 into a space of homogeneous units, by a symmetric positive definite matrix B that measures
 velocities, |v|^2 = v^T B v. With B = L L^T (Cholesky) and v' = L^T v the dynamics are
@@ -52,7 +52,7 @@ def metric_torque_cost(metric: np.ndarray) -> np.ndarray:
         metric: (nv,) positive diagonal of B.
 
     Returns:
-        (n,). For hinges in `length_metric` it is 1 / length^2, which turns N m into N.
+        (n,). For hinges in `length_metric` it is 1 / length^2, which turns N·m into N.
 
     Raises:
         ShapeError: not a diagonal.

@@ -39,9 +39,9 @@ _FAINT = 1e-9
 class AffineTorque(NamedTuple):
     """Torques of one robot as a function of its point forces, and their limits."""
 
-    slope: np.ndarray  # (n, 3 P) A, N m per N
-    offset: np.ndarray  # (n,) N m
-    limit: np.ndarray  # (n,) N m, symmetric
+    slope: np.ndarray  # (n, 3 P) A, N·m per N
+    offset: np.ndarray  # (n,) N·m
+    limit: np.ndarray  # (n,) N·m, symmetric
 
 
 @compiled

@@ -50,9 +50,9 @@ class Distribution(NamedTuple):
     """Joint torques, and the contact forces they are meant to produce.
 
     Attributes:
-        torque: (N, n) N m.
+        torque: (N, n) N·m.
         point_force: (N, P, 3) N, world, of the ground on each contact point.
-        wrench_desired: (N, 6) N and N m at the centre of mass, world.
+        wrench_desired: (N, 6) N and N·m at the centre of mass, world.
         wrench: (N, 6) what the point forces deliver.
         residual: (N,) weighted distance of the two, per weight.
         warm_start: (N, 6) for the next call. Zero the rows of robots that were reset.
@@ -108,12 +108,12 @@ def distribute(
 
     Args:
         torque_map: of the balancer.
-        wrench: (N, 6) desired at the centre of mass, N and N m, world.
+        wrench: (N, 6) desired at the centre of mass, N and N·m, world.
         limits: friction and normal force limits of the contact points.
         to_com: (N, 6, 6) `CentroidalTerms.to_com`.
         point_map: (N, k, 3 P) `ReducedContacts.point_map`.
         weight: N, of the robot; a number or (N,).
-        torque_limit: (n,) or (N, n) N m, symmetric. Default: none.
+        torque_limit: (n,) or (N, n) N·m, symmetric. Default: none.
         contact_rotation: (N, P, 3, 3) world from contact axes, whose third is the ground's normal.
             Default: level ground.
         active: (N, P) bool, points in contact; the others get zero force. Default: all.

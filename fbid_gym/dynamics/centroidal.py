@@ -120,7 +120,7 @@ def _invert(matrix: np.ndarray, result: np.ndarray) -> None:
 def momentum_rate_bias(
     body: CentroidalTerms, bias: np.ndarray, gravity: tuple[float, float, float] = GRAVITY
 ) -> np.ndarray:
-    """Return the rate of the momentum at vdot = 0, Adot v: (N, 6) N and N m.
+    """Return the rate of the momentum at vdot = 0, Adot v: (N, 6) N and N·m.
 
     By [G15] eq. (6) the momentum's rate A vdot + Adot v is the sum of the external wrenches,
     gravity's included. The first six rows of the equations of motion say the same with the bias

@@ -51,7 +51,11 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 }
 """Registered id -> arguments that define it."""
 
-_DESCRIBED = {"balance": "balance_env:BalanceEnv", "mixed": "terrain_env:TerrainEnv"}
+_DESCRIBED = {
+    "balance": "balance_env:BalanceEnv",
+    "walk": "walking_env:WalkingEnv",
+    "mixed": "terrain_env:TerrainEnv",
+}
 
 
 def register() -> None:

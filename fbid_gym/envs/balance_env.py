@@ -191,6 +191,11 @@ class BalanceEnv(RobotEnv):
     | `terrain_seed`    | int            | `0`                | Decides where everything lies      |
     | `joint_noise`     | float          | `0.02`             | rad, see `Starting State`          |
     | `velocity_noise`  | float          | `0.05`             | m/s and rad/s, see there           |
+    | `friction_cone`   | str            | `"elliptic"`       | Or `"pyramidal"`: cheaper, and a   |
+    |                   |                |                    | little different by heading        |
+    | `solver_iterations` | int or None  | `None`             | Most iterations of the physics'    |
+    |                   |                |                    | contact solver; by default         |
+    |                   |                |                    | MuJoCo's                           |
     | `randomisation`   | dict or None   | `None`             | Ranges of differences between      |
     |                   |                |                    | robots and in the layer's model:   |
     |                   |                |                    | `mass`, `com`, `friction`,         |
@@ -215,12 +220,12 @@ class BalanceEnv(RobotEnv):
     | `reward_contact`, `reward_torque`        |        |                                          |
     | `height`, `height_command`,              |        | m, of the base above the contact points  |
     | `height_error`                           |        |                                          |
-    | `torque_rms`                             |        | N m, over joints and ticks of the step   |
+    | `torque_rms`                             |        | N·m, over joints and ticks of the step   |
     | `power`                                  |        | W, mean over the ticks of the joints'    |
     |                                          |        | summed absolute power                    |
     | `slip`                                   |        | m/s, mean speed of points on the ground  |
     | `push`                                   | (3,)   | N, world, on the last control tick       |
-    | `torque`                                 | (n,)   | N m, on the last control tick            |
+    | `torque`                                 | (n,)   | N·m, on the last control tick            |
     | `contact_force`                          | (P, 3) | N, world, of the ground on each point    |
     | `layer_saturation`                       |        | Share of the joints at their limit       |
     | `layer_residual`                         |        | Share of the weight by which the base    |

@@ -14,8 +14,8 @@ from fbid_gym.envs.vector_env import spaces
 class RobotEnv(gym.Env):
     """One robot with one task, driven through one action layer.
 
-    What it is about stands with the task: see `BalanceEnv` and `TrackingEnv`. The arguments are
-    those of `EnvConfig`.
+    What it is about stands with the task: see `BalanceEnv`, `TrackingEnv` and `WalkingEnv`. The
+    arguments are those of `EnvConfig`.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}

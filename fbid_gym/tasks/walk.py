@@ -213,8 +213,8 @@ class Walk:
             "seen_planted": np.ones((count, feet), bool),
             "seen_cycle": np.zeros(count),
             "seen_ground": terms.foot_position[:, :, 2].min(axis=1),
+            "seen_height": terms.base_position[:, 2].copy(),
             "seen_clipped": np.zeros(count, np.int64),
-            "seen_foothold": terms.foot_position.copy(),
         }
 
     def reference(
@@ -238,8 +238,8 @@ class Walk:
         planted = target.planted.any(axis=1)
         ground = np.where(target.planted, known.foot_position[:, :, 2], np.inf).min(axis=1)
         memory["seen_ground"] = np.where(planted, ground, memory["seen_ground"])
+        memory["seen_height"] = target.height
         memory["seen_clipped"] = memory["seen_clipped"] + target.clipped.sum(axis=1)
-        memory["seen_foothold"] = target.foothold
         return target
 
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
@@ -257,12 +257,16 @@ class Walk:
         """Judge a policy step; see `Task.reward`."""
         posture, command = self.body.posture(outcome), self.command(plan, outcome.state.tick)
         shares, moved = _judge(self._scales, posture, outcome, command, _Clock.of(memory))
+        height = outcome.terms.base_position[:, 2] - memory["seen_ground"]
+        asked = memory["seen_height"] - memory["seen_ground"]
         metrics = {
             "velocity_error": moved.velocity_error,
             "turning_error": moved.turning_error,
             "speed": moved.speed,
             "speed_command": np.hypot(command[:, 0], command[:, 1]),
-            "height": posture.base[:, 2],
+            "height": height,
+            "height_command": asked,
+            "height_error": height - asked,
             "torque_rms": np.sqrt(outcome.torque_square),
             "power": outcome.power,
             "slip": posture.slip,

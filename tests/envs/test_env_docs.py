@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from fbid_gym.actions import LAYERS, layer_options
+from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.balance_env import BalanceEnv
@@ -15,13 +15,15 @@ from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.simulation import MAX_SPEED
 from fbid_gym.envs.tracking_env import TrackingEnv
-from fbid_gym.tasks import TASKS, task_options, tracking
+from fbid_gym.envs.walking_env import WalkingEnv
+from fbid_gym.tasks import TASKS, task_options, tracking, walk
 from fbid_gym.tasks.balance import REWARD_WEIGHTS
 from fbid_gym.tasks.body import FALLEN_HEIGHT, FALLEN_TILT, TOUCHING_LOAD
 
 BALANCE = [name for name, arguments in ENVIRONMENTS.items() if arguments["task"] == "balance"]
 MODEL_FREE = ("torque", "joint_position")
-FOLLOWING = [name for name in ENVIRONMENTS if name not in BALANCE]
+WALKS = [name for name, arguments in ENVIRONMENTS.items() if arguments["task"] == "walk"]
+FOLLOWING = [name for name in ENVIRONMENTS if name not in (*BALANCE, *WALKS)]
 
 
 def sections(described):
@@ -32,6 +34,7 @@ def sections(described):
 
 
 SECTIONS, TRACKING = sections(BalanceEnv), sections(TrackingEnv)
+WALKING = sections(WalkingEnv)
 
 
 def table(section, header, doc=SECTIONS):
@@ -67,6 +70,13 @@ def env(request):
     return made
 
 
+@pytest.fixture(params=WALKS)
+def walker(request):
+    made = gym.make(request.param).unwrapped
+    made.reset(seed=0)
+    return made
+
+
 @pytest.fixture(params=FOLLOWING)
 def follower(request):
     made = gym.make(request.param).unwrapped
@@ -78,6 +88,7 @@ def test_the_sections_are_those_of_gymnasium():
     assert (
         list(SECTIONS)
         == list(TRACKING)
+        == list(WALKING)
         == [
             "Description",
             "Action Space",
@@ -118,9 +129,8 @@ def test_action_tables(env):
         text = re.sub("the same( as `joint_position`)?", options["joint_position"], text)
         options[name] = text.replace("those about contacts", about_contacts)
     for name in LAYERS:
-        size = len(
-            EnvConfig(env.config.robot, action_layer=name).layer(env.batch.robot).action_names
-        )
+        config = EnvConfig(env.config.robot, action_layer=name)
+        size = len(config.layer(env.batch.robot, env.batch.task)[0].action_names)
         assert size == (
             env.batch.robot.num_joints if rows[name][1] == "joints" else int(rows[name][1])
         )
@@ -237,7 +247,7 @@ def test_following_arguments():
         for row in table("Arguments", "Parameter", TRACKING)
     }
     tasks = {ENVIRONMENTS[name]["task"] for name in FOLLOWING}
-    assert tasks == TASKS.keys() - {"balance"}
+    assert tasks == TASKS.keys() - {"balance", "walk"}
     assert said == {
         (task, option): repr(default).replace("'", '"')
         for task in tasks
@@ -248,5 +258,77 @@ def test_following_arguments():
 def test_following_info_table(follower):
     *_, info = follower.step(np.zeros(follower.action_space.shape))
     documented = set(names_in(TRACKING["Info"])) - {"BalanceEnv"}
+    shared = {key for key in info if key.startswith("layer_")}
+    assert info.keys() - shared == documented
+
+
+def test_walking_robots(walker):
+    rows = {names_in(row[0])[0]: row for row in table("Description", "Id", WALKING)}
+    assert rows.keys() == set(WALKS)
+    robot = walker.batch.robot
+    said = rows[walker.spec.id]
+    assert said[1] == robot.name
+    sizes = [robot.num_joints, robot.num_feet, robot.num_points]
+    assert [int(cell) for cell in said[2:5]] == sizes
+
+
+def test_walking_action_tables(walker):
+    rows = {names_in(row[0])[0]: row for row in table("Action Space", "`action_layer`", WALKING)}
+    options = {names_in(row[0])[0]: row[1] for row in table("Action Space", "Layer", WALKING)}
+    assert rows.keys() == options.keys() == LAYERS.keys()
+    robot = walker.batch.robot
+    for name in LAYERS:
+        known = walking_layer_options(name)
+        assert set(names_in(options[name])) | {"footholds", "step_rate"} == known.keys()
+        assert known["footholds"] == (name in ("base_acceleration", "com_wrench"))
+        given = {"footholds": True, "step_rate": True}
+        config = EnvConfig(robot, task="walk", action_layer=name, layer_options=given)
+        layer, steering = config.layer(robot, walker.batch.task)
+        size = robot.num_joints if rows[name][1] == "joints" else int(rows[name][1])
+        assert len(layer.action_names) == size
+        assert len(steering.action_names) == 2 * robot.num_feet + 1
+
+
+def test_walking_observation_table(walker):
+    task, robot = walker.batch.task, walker.batch.robot
+    names, bound = task.observation_names, walker.observation_space.high
+    count = {"n": robot.num_joints, "F": robot.num_feet, "P": robot.num_points}
+    at = 0
+    for row in table("Observation Space", "Entries", WALKING):
+        size = count.get(row[0]) or int(row[0])
+        np.testing.assert_array_equal(bound[at : at + size], float(row[2]))
+        for name in names[at : at + size]:
+            assert [word for word in row[1].split() if word not in name.split()] == []
+        at += size
+    assert at == len(names) == len(bound)
+
+
+def test_walking_reward_table():
+    """The formulas themselves are held against the code by the task's tests."""
+    rows = table("Rewards", "Term", WALKING)
+    assert {names_in(row[0])[0]: float(row[1]) for row in rows} == walk.REWARD_WEIGHTS._asdict()
+
+
+def test_walking_arguments():
+    own, ids = WALKING["Arguments"].split("these ids differ")
+    rows = table("own", "Parameter", {"own": own})
+    assert {names_in(row[0])[0]: names_in(row[1])[0] for row in rows} == {
+        option: repr(default).replace("'", '"') for option, default in task_options("walk").items()
+    }
+    rows = table("ids", "Parameter", {"ids": ids})
+    for name in WALKS:
+        column = 1 if "Quadruped" in name else 2
+        said = {
+            names_in(row[0])[0]: names_in(row[column])[0] for row in rows if names_in(row[column])
+        }
+        given = {k: v for k, v in ENVIRONMENTS[name].items() if k not in ("robot", "task")}
+        assert said == {k: repr(v).replace("'", '"') for k, v in given.items()}
+    most = float(re.search(r"are 0 to ([\d.]+) of the weight", ids)[1])
+    assert TASKS["walk"].push == (0.0, most)
+
+
+def test_walking_info_table(walker):
+    *_, info = walker.step(np.zeros(walker.action_space.shape))
+    documented = set(names_in(WALKING["Info"])) - {"BalanceEnv"}
     shared = {key for key in info if key.startswith("layer_")}
     assert info.keys() - shared == documented

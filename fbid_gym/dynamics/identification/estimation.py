@@ -73,7 +73,7 @@ class Samples(NamedTuple):
         qpos: (N, nq) m, quaternion wxyz, rad.
         qvel: (N, nv) m/s, rad/s; as everywhere, the angular part in the base's frame.
         qacc: (N, nv) m/s^2, rad/s^2, rate of qvel.
-        torque: (N, n) N m (N for slides), what the links feel: the motors' less the joints'
+        torque: (N, n) N·m (N for slides), what the links feel: the motors' less the joints'
             damping and friction.
         active: (N, P) bool, contact points that may carry force, in the order of the robot's feet;
             None for all. A point too many costs information, one too few costs the truth.
@@ -127,7 +127,7 @@ class Regression(NamedTuple):
     most: int
 
     def residual(self, parameters: np.ndarray) -> float:
-        """Root mean square error of the equations with the parameters (B, 10), N m (N)."""
+        """Root mean square error of the equations with the parameters (B, 10), N·m (N)."""
         error = self.matrix @ parameters.ravel() - self.target
         return float(np.sqrt((error @ error + self.rest**2) / self.rows))
 
@@ -142,7 +142,7 @@ class Identification:
         names: their names.
         parameters: (B, 10) estimates, see `fbid_gym.dynamics.identification.inertia.PARAMETERS`.
         nominal: (B, 10) what they were.
-        residual: root mean square error of the projected equations, N m (N).
+        residual: root mean square error of the projected equations, N·m (N).
         nominal_residual: the same for the nominal model.
         torque_scale: root mean square of their right-hand sides.
         divergence: (B,) D(P_b | P0_b), how far each body went from its nominal one.

@@ -39,7 +39,7 @@ PARAMETERS = (
     "inertia yz",
     "inertia zz",
 )
-"""Names of a body's parameters, in order: kg, three times kg m, six times kg m^2."""
+"""Names of a body's parameters, in order: kg, three times kg m, six times kg·m²."""
 
 # Row and column of the inertia tensor for each of the last six parameters.
 _ROW, _COLUMN = np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2])
@@ -57,7 +57,7 @@ def pseudo_inertia(parameters: np.ndarray) -> np.ndarray:
         parameters: (..., 10).
 
     Returns:
-        (..., 4, 4) symmetric: kg m^2, kg m in the last row and column, kg in the corner.
+        (..., 4, 4) symmetric: kg·m², kg·m in the last row and column, kg in the corner.
     """
     tensor = np.empty((*parameters.shape[:-1], 3, 3))
     tensor[..., _ROW, _COLUMN] = tensor[..., _COLUMN, _ROW] = parameters[..., 4:]

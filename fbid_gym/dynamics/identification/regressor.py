@@ -33,7 +33,7 @@ class InertialRegressor:
         robot: the robot; of its inertial parameters only the armature matters.
         bodies: (B,) MuJoCo ids of the bodies with parameters.
         names: their names.
-        armature: (nv,) kg, kg m^2, the part of M's diagonal that belongs to no body.
+        armature: (nv,) kg, kg·m², the part of M's diagonal that belongs to no body.
     """
 
     def __init__(self, robot: Robot) -> None:

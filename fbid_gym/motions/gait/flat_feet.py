@@ -13,6 +13,7 @@ the next step on.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -99,18 +100,28 @@ def walk(
             terms.com[i, 0] + terms.com_velocity[i, 0] / gait.omega,
             terms.com[i, 1] + terms.com_velocity[i, 1] / gait.omega,
         )
-        _change_phase(gait, timing, command, terms, contact_force, axes, xi, memory, i)
-        error = _balance(gait, timing, terms, axes, xi, points, memory, target, i)
+        now = _Now(i, timing, axes, xi)
+        _change_phase(gait, now, command, terms, contact_force, memory)
+        error = _balance(gait, now, terms, points, memory, target)
         carrier = memory.carrier[i]
         for axis in range(3):
             target.foothold[i, axis] = terms.foot_position[i, carrier, axis]
         if memory.phase[i] == SWING:
-            _find_foothold(gait, timing, command, axes, xi, error, memory, target, i)
+            _find_foothold(gait, now, command, error, memory, target)
             _swing(gait, timing, command.velocity[i, 2], memory, target, i)
         target.heading[i], target.turning[i] = memory.heading[i], command.velocity[i, 2]
         target.height[i] = target.ground[i] + gait.height
         target.cycle[i] = _cycle(gait, timing, memory, i)
     return target
+
+
+class _Now(NamedTuple):
+    """What is known of one robot."""
+
+    robot: int
+    timing: StepTiming
+    axes: Pair  # cosine and sine of its heading
+    xi: Pair  # m, its divergent component
 
 
 @compiled
@@ -146,16 +157,14 @@ def _offset(gait: FlatFootGait, timing: StepTiming, velocity: Pair, foot: int) -
 @compiled
 def _change_phase(
     gait: FlatFootGait,
-    timing: StepTiming,
+    now: _Now,
     command: GaitCommand,
     terms: DynamicsTerms,
     contact_force: np.ndarray,
-    axes: Pair,
-    xi: Pair,
     memory: GaitMemory,
-    i: int,
 ) -> None:
     """Lift, land, start and stop."""
+    i, timing, axes, xi = now
     velocity = command.velocity[i]
     still = velocity[0] == 0.0 and velocity[1] == 0.0 and velocity[2] == 0.0
     feet = terms.foot_position[i]
@@ -225,16 +234,14 @@ def _foot_heading(gait: FlatFootGait, terms: DynamicsTerms, i: int, foot: int) -
 @compiled
 def _balance(
     gait: FlatFootGait,
-    timing: StepTiming,
+    now: _Now,
     terms: DynamicsTerms,
-    axes: Pair,
-    xi: Pair,
     points: np.ndarray,
     memory: GaitMemory,
     target: GaitTarget,
-    i: int,
 ) -> Pair:
     """Choose the centre of pressure; return the error of xi, along the heading."""
+    i, timing, axes, xi = now
     feet, carrier, phase = terms.foot_position[i], memory.carrier[i], memory.phase[i]
     offset = _offset(gait, timing, (memory.velocity[i, 0], memory.velocity[i, 1]), carrier)
     offset = _world(axes, offset[0], offset[1])
@@ -288,16 +295,14 @@ def _balance(
 @compiled
 def _find_foothold(
     gait: FlatFootGait,
-    timing: StepTiming,
+    now: _Now,
     command: GaitCommand,
-    axes: Pair,
-    xi: Pair,
     error: Pair,
     memory: GaitMemory,
     target: GaitTarget,
-    i: int,
 ) -> None:
     """Where the foot in the air shall land."""
+    i, timing, axes, xi = now
     carrier = memory.carrier[i]
     foot = 1 - carrier
     # Of s left, those of the pace that it has had.

@@ -58,12 +58,12 @@ def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
         UnknownOptionError: no such gait.
         RobotError: the robot has other feet.
     """
-    if robot.num_feet == 2:
-        if name not in (None, "walk"):
-            raise UnknownOptionError("gait of a biped", name, ["walk"])
+    biped = robot.num_feet == 2
+    known = ["walk"] if biped else [*PATTERNS]
+    if name is not None and name not in known:
+        raise UnknownOptionError("gait of a biped" if biped else "gait", name, known)
+    if biped:
         return FlatFeet(biped_gait(robot), 1.0 / hz)
-    if name is not None and name not in PATTERNS:
-        raise UnknownOptionError("gait", name, PATTERNS)
     return PointFeet(quadruped_gait(robot, name or "trot"), 1.0 / hz)
 
 

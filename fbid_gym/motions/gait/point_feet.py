@@ -158,7 +158,7 @@ def walk(
         _start_or_stop(gait, command, terms, middle, memory, i)
         _tell_time(gait, command, tick, memory, i)
         for foot in range(feet):
-            _step(gait, command, terms, touches[foot], tick, memory, target, i, foot)
+            _step(gait, command, terms, _Foot(i, foot, touches[foot]), tick, memory, target)
         _lean(gait, terms, middle, tick, memory, target, i)
         target.height[i] = memory.ground[i] + gait.height
         target.cycle[i] = memory.phase[i]
@@ -275,19 +275,26 @@ def _tell_time(
         memory.phase[i] = phase - math.floor(phase)
 
 
+class _Foot(NamedTuple):
+    """One foot of one robot."""
+
+    robot: int
+    foot: int
+    touches: bool
+
+
 @compiled
 def _step(
     gait: PointFootGait,
     command: GaitCommand,
     terms: DynamicsTerms,
-    touches: bool,
+    one: _Foot,
     tick: float,
     memory: GaitMemory,
     target: GaitTarget,
-    i: int,
-    foot: int,
 ) -> None:
     """Say what one foot does."""
+    i, foot, touches = one
     schedule = gait.schedule
     period, swing = schedule.period / command.rate[i], 1.0 - schedule.duty
     passed = since_lift(schedule, memory.phase[i], foot)

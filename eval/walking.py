@@ -1,0 +1,192 @@
+"""How robots walk by a zero action, by every layer and every gait: `python -m eval.walking`.
+
+All layers and gaits meet the same commands and pushes.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import tyro
+
+from eval.pages import WALKING_PAGE, splice
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.errors import FbidError
+from fbid_gym.motions.gait.schedule import PATTERNS
+
+_QUADRUPED = tuple(gait for gait in PATTERNS if gait != "stand")
+ROBOTS: dict[str, tuple[str, tuple[str | None, ...]]] = {
+    "go1": ("fbid_gym/QuadrupedWalk-v0", _QUADRUPED),
+    "quadruped": ("fbid_gym/QuadrupedWalk-v0", _QUADRUPED),
+    "biped": ("fbid_gym/BipedWalk-v0", (None,)),
+    "humanoid": ("fbid_gym/HumanoidWalk-v0", (None,)),
+    "g1": ("fbid_gym/HumanoidWalk-v0", (None,)),
+}
+"""Robot -> the environment that it walks in, and its gaits; None for the only one."""
+
+
+@dataclass(frozen=True)
+class WalkingConfig:
+    """Walk without a policy through every layer, and tell how well."""
+
+    robots: tuple[str, ...] = tuple(ROBOTS)
+    """Built-in robots."""
+    layers: tuple[str, ...] = tuple(LAYERS)
+    """Action layers."""
+    episodes: int = 32
+    """Robots that walk side by side, environment i with seed i."""
+    seconds: float = 20.0
+    """Length of an episode."""
+    push: float = 0.0
+    """N, of pushes of 0.15 s every 1.5 to 3 s in a random direction."""
+    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Put the table into docs/walking.md."""
+
+
+class Trial(NamedTuple):
+    """What walks."""
+
+    robot: str
+    gait: str | None
+    layer: str
+
+
+class Walked(NamedTuple):
+    """How it went; means over all robots and times until a robot falls.
+
+    Attributes:
+        survival: share of the robots that stayed up.
+        velocity_error: m/s, horizontal, at every moment.
+        mean_velocity_error: m/s, of the velocity averaged over each whole second.
+        turning_error: rad/s.
+        mean_turning_error: rad/s, averaged likewise.
+        transport: cost of it, energy of the joints over weight times way.
+    """
+
+    survival: float
+    velocity_error: float
+    mean_velocity_error: float
+    turning_error: float
+    mean_turning_error: float
+    transport: float
+
+
+def trials(config: WalkingConfig) -> list[Trial]:
+    """Return what walks, in the order of the table: first each robot by its first gait."""
+    walks = [(robot, gait) for robot in config.robots for gait in ROBOTS[robot][1]]
+    walks.sort(key=lambda one: one[1] not in (None, "trot"))
+    return [Trial(robot, gait, layer) for robot, gait in walks for layer in config.layers]
+
+
+def walk(trial: Trial, config: WalkingConfig) -> Walked:
+    """Walk, and measure."""
+    arguments = ENVIRONMENTS[ROBOTS[trial.robot][0]] | {
+        "robot": trial.robot,
+        "gait": trial.gait,
+        "action_layer": trial.layer,
+        "episode_seconds": config.seconds,
+        "push_force": (config.push, config.push),
+    }
+    batch = EnvBatch(EnvConfig.of(arguments), config.episodes)
+    for env in range(config.episodes):
+        batch.seed(env, np.random.default_rng(env))
+    batch.reset(np.arange(config.episodes))
+    zero = np.zeros((config.episodes, len(batch.action_names)))
+    names = list(batch.task.observation_names)
+    seen = [names.index(f"base velocity {way} (m/s, heading)") for way in ("ahead", "to the left")]
+    said = [names.index(f"commanded velocity {way} (m/s)") for way in ("ahead", "to the left")]
+    turn = names.index("commanded yaw rate (rad/s)")
+    up = np.ones(config.episodes, bool)
+    found: dict[str, list[np.ndarray]] = {key: [] for key in ("up", "miss", "turn", "power", "way")}
+    for _ in range(batch.num_steps):
+        step = batch.step(zero)
+        up = up & ~step.terminated
+        if not up.any():
+            break
+        found["up"].append(up)
+        found["miss"].append(step.observation[:, seen] - step.observation[:, said])
+        found["turn"].append(_spin(batch) - step.observation[:, turn])
+        found["power"].append(step.info["power"])
+        found["way"].append(step.info["speed"])
+    told = {key: np.array(value) for key, value in found.items()}
+    return summarised(told, batch.rates.policy, batch.robot.weight)
+
+
+def _spin(batch: EnvBatch) -> np.ndarray:
+    """Return how fast the bases turn about the vertical, (N,) rad/s to the left."""
+    vertical = batch.simulation.terms().base_rotation[:, 2]
+    return np.vecdot(vertical, batch.simulation.qvel[:, 3:6])
+
+
+def summarised(told: dict[str, np.ndarray], hz: int, weight: float) -> Walked:
+    """Return what the steps of T steps and N robots say.
+
+    Args:
+        told: "up" (T, N) bool, until a robot falls; "miss" (T, N, 2) m/s, velocity beyond that
+            commanded; "turn" (T, N) rad/s, likewise; "power" (T, N) W; "way" (T, N) m/s.
+        hz: steps per second.
+        weight: N, of the robot.
+    """
+    up = told["up"]
+    if not len(up):
+        return Walked(0.0, *[np.nan] * 5)
+    miss, turn = told["miss"], told["turn"]
+    whole = len(up) // hz
+    # A second counts if the robot is up at its end.
+    lasting = up[hz - 1 :: hz][:whole]
+
+    def by_second(values: np.ndarray) -> np.ndarray:
+        return values[: whole * hz].reshape(whole, hz, *values.shape[1:]).mean(axis=1)[lasting]
+
+    way = float(told["way"][up].sum())
+    return Walked(
+        survival=float(up[-1].mean()),
+        velocity_error=float(np.linalg.norm(miss, axis=2)[up].mean()),
+        mean_velocity_error=_mean(np.linalg.norm(by_second(miss), axis=1)),
+        turning_error=float(np.abs(turn)[up].mean()),
+        mean_turning_error=_mean(np.abs(by_second(turn))),
+        transport=float(told["power"][up].sum()) / (weight * way),
+    )
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(values.mean()) if values.size else np.nan
+
+
+_HEAD = ("Robot", "Gait", "Layer", "Up", "Velocity error (m/s)", "of 1 s means",
+         "Yaw rate error (rad/s)", "of 1 s means", "Cost of transport")  # fmt: skip
+
+
+def rows(config: WalkingConfig) -> Iterator[str]:
+    """Yield the lines of the table, each when it is there."""
+    yield f"| {' | '.join(_HEAD)} |"
+    yield f"|{' --- |' * len(_HEAD)}"
+    for trial in trials(config):
+        walked = walk(trial, config)
+        figures = [f"{value:.2f}" if np.isfinite(value) else "–" for value in walked[1:]]
+        up = f"{round(walked.survival * config.episodes)} of {config.episodes}"
+        cells = [trial.robot, trial.gait or "walk", f"`{trial.layer}`", up, *figures]
+        yield f"| {' | '.join(cells)} |"
+
+
+def main(config: WalkingConfig) -> None:
+    """Walk, print, write."""
+    said = f"{config.episodes} robots each, {config.seconds:g} s, pushes of {config.push:g} N."
+    table = f"{said}\n"
+    for row in rows(config):
+        print(row, flush=True)
+        table += f"\n{row}"
+        if config.write_docs:  # row by row: what is interrupted leaves what it has
+            splice(WALKING_PAGE, table)
+
+
+if __name__ == "__main__":
+    try:
+        main(tyro.cli(WalkingConfig, prog="python -m eval.walking"))
+    except FbidError as error:
+        sys.exit(f"{error}")

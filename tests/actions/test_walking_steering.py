@@ -1,0 +1,80 @@
+"""The part of an action that steers a gait: footholds and frequency."""
+
+import numpy as np
+import pytest
+
+from fbid_gym import robots
+from fbid_gym.actions import WALKING_LAYERS, make_walking_layer, walking_layer_options
+from fbid_gym.actions.footholds import Footholds
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.motions.gait.gait import gait_of
+from fbid_gym.quantities import Steering
+
+HZ = 250
+
+
+def no_steering(robot):
+    return Steering(np.zeros((1, robot.num_feet, 2)), np.ones(1))
+
+
+def held(robot):
+    """A robot held by a hand, with its weight on its feet."""
+    qpos = robot.home_qpos[None].copy()
+    qpos[0, 3:7] = np.cos(0.3), 0.0, 0.0, np.sin(0.3)
+    force = np.zeros((1, robot.num_points, 3))
+    force[:, :, 2] = robot.weight / robot.num_points
+    return MuJoCoDynamics(robot).terms(qpos, np.zeros((1, robot.nv))), force
+
+
+@pytest.mark.parametrize("name", ["go1", "biped"])
+def test_the_action_moves_the_next_foothold_by_that_much(name):
+    robot = robots.load(name)
+    gait, (terms, force) = gait_of(robot, HZ), held(robot)
+    footholds = Footholds.of(robot, True, False)
+    assert footholds.scale == pytest.approx(0.2 * Stance.of(robot).home_com[2])
+    action = np.tile([0.1, -0.05], robot.num_feet)[None]
+    shifted = footholds.steering(action)
+    command, memory = np.array([[0.05, 0.0, 0.0]]), gait.memory(terms)
+    compared = 0
+    for _ in range(2 * HZ):
+        copy = {key: value.copy() for key, value in memory.items()}
+        here = gait.target(command, no_steering(robot), terms, force, memory)
+        there = gait.target(command, shifted, terms, force, copy)
+        for foot in np.flatnonzero(~here.planted[0] & ~here.clipped[0] & ~there.clipped[0]):
+            way = (there.foothold - here.foothold)[0, foot, :2]
+            axis = np.array([np.cos(here.heading[0]), np.sin(here.heading[0])])
+            asked = footholds.scale * (0.1 * axis - 0.05 * np.array([-axis[1], axis[0]]))
+            np.testing.assert_allclose(way, asked, atol=1e-9)
+            compared += 1
+    assert compared > 0
+
+
+def test_the_step_rate_is_the_gaits_frequency():
+    robot = robots.load("go1")
+    gait, (terms, force) = gait_of(robot, HZ), held(robot)
+    faster = Footholds.of(robot, False, True)
+    command, passed = np.array([[0.3, 0.0, 0.0]]), []
+    for action in (0.0, 1.0, -1.0):
+        memory, cycles = gait.memory(terms), []
+        steering = faster.steering(np.array([[action]]))
+        for _ in range(HZ // 2):
+            cycles.append(gait.target(command, steering, terms, force, memory).cycle[0])
+        change = np.diff(cycles) % 1.0
+        passed.append(np.median(change[change > 0.0]) * HZ)
+    assert passed[1] / passed[0] == pytest.approx(1.2)
+    assert passed[2] / passed[0] == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("layer", WALKING_LAYERS)
+def test_the_action_is_the_layers_and_then_the_footholds(layer):
+    robot = robots.load("go1")
+    for footholds in (False, True):
+        for rate in (False, True):
+            options = {"footholds": footholds, "step_rate": rate}
+            made, steers = make_walking_layer(layer, robot, HZ, gait_of(robot, HZ).omega, options)
+            assert len(steers.action_names) == 8 * footholds + rate
+            assert made.action_names
+            shift, rates = steers.steering(np.zeros((2, 8 * footholds + rate)))
+            assert not shift.any() and (rates == 1.0).all()
+    assert walking_layer_options(layer)["step_rate"] is False

@@ -1,0 +1,84 @@
+"""Joint motions of a gait: the feet get to where the gait wants them."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym import robots
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.motions.gait.joints import joint_reference, legs_of
+from fbid_gym.quantities import GaitTarget, RobotState
+
+
+@pytest.fixture(scope="module", params=["go1", "biped"])
+def robot(request):
+    return robots.load(request.param)
+
+
+def state_of(robot, qpos):
+    zero = np.zeros((1, robot.nv))
+    rest = np.zeros((1, robot.num_points, 3)), np.zeros(1, np.int64)
+    return RobotState(qpos, zero, *rest), MuJoCoDynamics(robot).terms(qpos, zero)
+
+
+def target_of(robot, terms, rng):
+    feet = robot.num_feet
+    shift = 0.03 * robot.home_qpos[2] * rng.uniform(-1, 1, size=(1, feet, 3))
+    return GaitTarget(
+        planted=np.ones((1, feet), bool),
+        foot_position=terms.foot_position + shift,
+        foot_rotation=terms.foot_rotation.copy(),
+        foot_velocity=0.2 * rng.normal(size=(1, feet, 6)),
+        foot_acceleration=np.zeros((1, feet, 6)),
+        load=np.ones((1, feet)),
+        foothold=terms.foot_position.copy(),
+        clipped=np.zeros((1, feet), bool),
+        velocity=0.2 * rng.normal(size=(1, 2)),
+        com_acceleration=np.zeros((1, 2)),
+        height=terms.base_position[:, 2] - 0.1 * robot.home_qpos[2],
+        heading=np.arctan2(terms.base_rotation[:, 1, 0], terms.base_rotation[:, 0, 0]),
+        turning=0.3 * rng.normal(size=1),
+        cycle=np.zeros(1),
+    )
+
+
+def foot_places(robot, qpos):
+    """By MuJoCo's forward kinematics."""
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(robot.model, data)
+    return data, np.array([data.xpos[foot.body] for foot in robot.feet])
+
+
+def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
+    legs, stance = legs_of(robot), Stance.of(robot)
+    qpos = robot.home_qpos[None].copy()
+    state, terms = state_of(robot, qpos)
+    _, before = foot_places(robot, qpos[0])
+    body_at_home = terms.foot_position[0] - before
+    target = target_of(robot, terms, rng)
+    # The body comes to where the gait wants it, and the joints follow their reference.
+    qpos = qpos.copy()
+    qpos[:, 2] += target.height - terms.base_position[:, 2]
+    gaps = []
+    for _ in range(12):
+        state, terms = state_of(robot, qpos)
+        gaps.append(np.abs(target.foot_position - terms.foot_position).max())
+        found = joint_reference(legs, target, state, terms, stance.frame(terms))
+        qpos = np.concatenate([qpos[:, :7], found.qpos[:, 7:]], axis=1)
+    # Newton's steps converge.
+    assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
+    if robot.num_points > robot.num_feet:  # soles keep level, and so their bodies' offset
+        _, places = foot_places(robot, qpos[0])
+        np.testing.assert_allclose(places + body_at_home, target.foot_position[0], atol=1e-4)
+    velocity = np.zeros(robot.nv)
+    velocity[:2] = target.velocity[0]
+    velocity[3:6] = terms.base_rotation[0, 2] * target.turning[0]
+    velocity[6:] = found.qvel[0, 6:]
+    rows = legs.rows
+    np.testing.assert_allclose(
+        terms.foot_jacobian[0, :, :rows] @ velocity, target.foot_velocity[0, :, :rows], atol=2e-2
+    )
+    low, high = robot.joint_range.T
+    assert ((found.qpos[0, 7:] >= low) & (found.qpos[0, 7:] <= high)).all()

@@ -1,0 +1,138 @@
+"""Walking to commands: what is drawn, seen and rewarded."""
+
+import numpy as np
+import pytest
+
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.tasks.walk import REWARD_WEIGHTS
+
+NUM_ENVS = 3
+
+
+@pytest.fixture(scope="module")
+def batch() -> EnvBatch:
+    """Robots on their way, with a random action: nothing is zero."""
+    arguments = {"action_layer": "torque", "command_interval": (0.1, 0.1)}
+    made = EnvBatch(EnvConfig.of(ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"] | arguments), NUM_ENVS)
+    for env in range(NUM_ENVS):
+        made.seed(env, np.random.default_rng(env))
+    made.reset(np.arange(NUM_ENVS))
+    return made
+
+
+@pytest.fixture(scope="module")
+def step(batch):
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        done = batch.step(0.1 * rng.uniform(-1, 1, (NUM_ENVS, len(batch.action_names))))
+    return done
+
+
+def heading_axes(batch):
+    ahead = batch.simulation.terms().base_rotation[:, :2, 0]
+    ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+    return np.stack([ahead, np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)], axis=1)
+
+
+def test_commands_are_redrawn_within_their_ranges_and_one_in_ten_is_to_stand(batch):
+    task, rng = EnvConfig(batch.robot, task="walk").make_task(batch.robot), np.random.default_rng(0)
+    plans = [task.draw(rng) for _ in range(300)]
+    commands = np.concatenate([plan["command"] for plan in plans])
+    assert ((commands >= task.most[:, 0]) & (commands <= task.most[:, 1])).all()
+    zero = (commands == 0.0).all(axis=1)
+    assert abs(zero.mean() - 0.1) < 4.0 * np.sqrt(0.09 / len(zero))
+    spans = np.concatenate([np.diff(plan["command_start"]) for plan in plans]) / task.hz
+    assert spans.min() >= 2.0 - 1e-9 and spans.max() <= 5.0 + 1e-9
+    # The ranges scale with sqrt(g h) and sqrt(g / h), h the height of the centre of mass.
+    height, gravity = task.body.stance.home_com[2], batch.robot.gravity
+    np.testing.assert_allclose(task.most[0], np.sqrt(gravity * height) * np.array([-0.35, 0.58]))
+    np.testing.assert_allclose(task.most[2], np.sqrt(gravity / height) * np.array([-0.13, 0.13]))
+
+
+def test_the_command_is_that_which_began_last(batch):
+    task, plan = batch.task, batch.task.draw(np.random.default_rng(3))
+    for tick in (0, 24, 25, 26, 1000, 4999):
+        last = np.flatnonzero(plan["command_start"] <= tick)[-1]
+        rows = {name: value[None] for name, value in plan.items()}
+        np.testing.assert_array_equal(
+            task.command(rows, np.array([tick]))[0], plan["command"][last]
+        )
+
+
+def test_the_observation_is_what_its_names_say(batch, step):
+    task, robot, simulation = batch.task, batch.robot, batch.simulation
+    seen = dict(zip(task.observation_names, step.observation.T, strict=True))
+    terms, qpos, qvel = simulation.terms(), simulation.qpos, simulation.qvel
+    command = task.command(batch._plan, batch._tick)
+    memory = batch._planned
+    phase = 2.0 * np.pi * memory["seen_cycle"]
+    base = terms.base_rotation
+    ahead, left = np.einsum("nij,nj->in", heading_axes(batch), qvel[:, :2])
+    said = {
+        "sine of the gait's cycle (1)": np.sin(phase),
+        "cosine of the gait's cycle (1)": np.cos(phase),
+        "commanded velocity ahead (m/s)": command[:, 0],
+        "commanded velocity to the left (m/s)": command[:, 1],
+        "commanded yaw rate (rad/s)": command[:, 2],
+        "base velocity ahead (m/s, heading)": ahead,
+        "base velocity to the left (m/s, heading)": left,
+        "base velocity up (m/s, heading)": qvel[:, 2],
+        "height of the base above the ground, from home (m)": terms.base_position[:, 2]
+        - memory["seen_ground"]
+        - task.body.home_height,
+    }
+    for k, axis in enumerate("xyz"):
+        said[f"up direction {axis} (base frame)"] = base[:, 2, k]
+        said[f"base angular velocity {axis} (rad/s, base frame)"] = qvel[:, 3 + k]
+    for k, foot in enumerate(robot.foot_names):
+        said[f"{foot} planned to stand (1)"] = memory["seen_planted"][:, k]
+    for k, joint in enumerate(robot.joint_names):
+        said[f"{joint} position from home (rad)"] = qpos[:, 7 + k] - robot.home_qpos[7 + k]
+        said[f"{joint} velocity (rad/s)"] = qvel[:, 6 + k]
+        torque = step.info["torque"][:, k] / robot.torque_limit[k]
+        said[f"{joint} last torque (share of its limit)"] = torque
+    for point in range(robot.num_points):
+        load = step.info["contact_force"][:, point, 2] / robot.weight
+        said[f"normal force on point {point} (share of the weight)"] = load
+    assert said.keys() == seen.keys()
+    for name, value in said.items():
+        np.testing.assert_allclose(seen[name], value, rtol=1e-6, atol=1e-6, err_msg=name)
+    assert np.abs(command).max() > 0.0
+
+
+def test_rewards_are_their_formulas(batch, step):
+    task, robot, info = batch.task, batch.robot, step.info
+    assert sum(REWARD_WEIGHTS) == pytest.approx(1.0)
+    qvel, base = batch.simulation.qvel, batch.simulation.terms().base_rotation
+    command = task.command(batch._plan, batch._tick)
+    velocity = np.einsum("nij,nj->ni", heading_axes(batch), qvel[:, :2])
+    height, gravity = task.body.stance.home_com[2], robot.gravity
+    speed, rate = np.sqrt(gravity * height), np.sqrt(gravity / height)
+    miss = np.linalg.norm(velocity - command[:, :2], axis=1)
+    turn = np.abs(np.einsum("nk,nk->n", base[:, 2], qvel[:, 3:6]) - command[:, 2])
+    np.testing.assert_allclose(info["velocity_error"], miss)
+    np.testing.assert_allclose(info["turning_error"], turn)
+    np.testing.assert_allclose(info["speed"], np.linalg.norm(velocity, axis=1))
+    touching = info["contact_force"][:, :, 2] > 0.01 * robot.weight
+    planned = (touching == batch._planned["seen_planted"]).mean(axis=1)  # a point is a foot
+    tumble = np.linalg.norm(qvel[:, 3:5], axis=1) / rate + np.abs(qvel[:, 2]) / speed
+    torque = info["torque_rms"] / robot.torque_limit.mean()
+
+    def bell(x):
+        return np.exp(-(x**2))
+
+    said = {
+        "velocity": bell(miss / (0.19 * speed)),
+        "turning": bell(turn / (0.09 * rate)),
+        "clock": planned * bell(info["slip"] / (0.2 * speed)),
+        "upright": np.exp(-(1.0 - base[:, 2, 2]) / (1.0 - np.cos(0.2))),
+        "steady": bell(tumble / 0.3),
+        "torque": bell(torque / 0.5),
+    }
+    assert said.keys() == REWARD_WEIGHTS._asdict().keys()
+    for name, share in said.items():
+        weight = getattr(REWARD_WEIGHTS, name)
+        np.testing.assert_allclose(info[f"reward_{name}"], weight * share, err_msg=name)
+    np.testing.assert_allclose(step.reward, sum(info[f"reward_{name}"] for name in said))
