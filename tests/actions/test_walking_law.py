@@ -11,7 +11,8 @@ from fbid_gym.actions.walking_law import WalkingLaw, base_task
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.motions.gait.gait import gait_of
-from fbid_gym.quantities import GaitTarget, RobotState
+from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.quantities import RobotState
 
 ROBOTS = ("go1", "biped")
 FRICTION = 0.6
