@@ -74,7 +74,7 @@ def frames(layers: list[str], rounds: int) -> Section:
     ]
     return Section(
         "PPO",
-        f"stable-baselines3 PPO, rollouts and updates, as `train.ppo` sets it up by the recipe with "
+        f"stable-baselines3 PPO, rollouts and updates, as the recipe has it with "
         f"{first.num_envs} robots, on {first.threads} threads; Humanoid-v5 in {WORKERS} "
         f"SubprocVecEnv workers with the same network, epochs, batches and "
         f"{first.iteration_steps} frames an iteration, and once more as stable-baselines3 sets it "
