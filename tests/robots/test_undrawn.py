@@ -5,13 +5,14 @@ import pytest
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.undrawn import alone, undrawn
 
+_INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
 _HEAVY = """
 <mujoco>
   <worldbody>
     <body name="base" pos="0 0 0.3">
       <freejoint/>
       <geom name="shell" type="sphere" size="0.1" contype="0" conaffinity="0" mass="{mass}"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
+      {inertial}
       <body name="leg" pos="0 0 -0.1">
         <joint name="hip" type="hinge" axis="0 1 0"/>
         <geom name="rod" type="capsule" size="0.01" fromto="0 0 0 0 0 -0.1" mass="0.1"/>
@@ -65,13 +66,9 @@ def test_the_same_robot_is_compiled_once():
 
 def test_a_robot_whose_drawing_is_its_mass_keeps_it(tmp_path):
     path = tmp_path / "robot.xml"
-    path.write_text(
-        _HEAVY.replace(
-            '      <inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>\n', ""
-        ).format(mass=1)
-    )
+    path.write_text(_HEAVY.format(mass=1, inertial=""))
     robot = Robot.from_mjcf(path, feet=["foot"])
     assert undrawn(robot) is robot
-    path.write_text(_HEAVY.format(mass=0))
+    path.write_text(_HEAVY.format(mass=0, inertial=_INERTIAL))
     robot = Robot.from_mjcf(path, feet=["foot"])
     assert undrawn(robot).model.ngeom == robot.model.ngeom - 1
