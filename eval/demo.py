@@ -13,6 +13,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import tyro
 from rich.console import Console
@@ -57,7 +58,9 @@ class DemoConfig:
     """Runs at the same time, one core each."""
 
 
-_HARDER = {"walk": {"sweep": (1.0, 2.0, 3.0, 4.0, 5.0), "video_push": 2.0}}
+_HARDER: dict[str, dict[str, Any]] = {
+    "walk": {"sweep": (1.0, 2.0, 3.0, 4.0, 5.0), "video_push": 2.0}
+}
 """Task -> settings of the comparison, where pushes of the training make nobody fall."""
 
 
@@ -98,7 +101,7 @@ def film_zero_action(config: DemoConfig) -> Path:
 
 def compared(config: DemoConfig, report: Path) -> list[str]:
     """Return the command line of the comparison."""
-    settings = {"video_seconds": config.video_seconds}
+    settings: dict[str, Any] = {"video_seconds": config.video_seconds}
     settings |= _HARDER.get(ENVIRONMENTS.get(config.env, {}).get("task", ""), {})
     words = [*(str(its.folder) for its in trainings(config).values()), "--out", str(report)]
     for name, value in settings.items():
