@@ -13,6 +13,7 @@ from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
 from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots.terrain import Terrain
+from fbid_gym.robots.undrawn import alone, undrawn
 from fbid_gym.tasks.outcome import Outcome
 
 _ACTION_TOLERANCE = 1e-6
@@ -57,8 +58,8 @@ class EnvBatch:
         self.robot = config.load_robot()
         self.task = config.make_task(self.robot)
         self.layer, self.footholds = config.layer(self.robot, self.task)
-        self.terrain, world = config.ground(self.robot)
-        self.simulation = Simulation(self.robot, num_envs, self.rates, world)
+        self.terrain, world = config.ground(undrawn(self.robot))
+        self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
         self.plant = plant_of(self.simulation, config.randomisations())
         self.num_envs = num_envs
         self.num_steps = round(self.task.seconds * self.rates.policy)
