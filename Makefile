@@ -30,7 +30,7 @@ help:  ## List the targets.
 setup: $(VENV)/.installed $(VENV)/mujoco_gl $(VENV)/.compiled  ## Install into .venv and compile, once.
 	@:
 
-demo: setup  ## Train two action layers on BipedBalance, compare them, write runs/demo/report.html.
+demo: setup  ## A quadruped walks, learns through two action layers; writes runs/demo/report.html.
 	@$(HEADLESS) $(BIN)/python -m eval.demo $(ARGS)
 
 survey: setup  ## Train once on every environment, draw docs/learning.svg.

@@ -17,7 +17,7 @@ from eval.video import Clip, record
 from eval.wording import number
 from train.environments import make_env
 from train.episodes import METRICS, Episodes
-from train.runs.config import stored_options
+from train.runs.command_line import stored_options
 from train.runs.reading import Run
 
 Say = Callable[[str], None]

@@ -1,21 +1,32 @@
-"""Train two action layers with two seeds each, compare them, leave a report: `make demo`.
+"""A quadruped walks, learns through two action layers, and is compared: `make demo`.
+
+First a video of the zero action, which walks before anything is learnt; then two seeds of each
+layer, and a report. Other environments are given as ARGS="--env fbid_gym/BipedBalance-v0".
 
 Every training is a `python -m train.ppo` of its own with its folder under `runs/demo`, one core
 each. Interrupted, the same command continues where they were.
 """
 
+import math
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import tyro
 from rich.console import Console
 from rich.table import Table
 
 from eval.compare import main as compare
+from eval.files import check_output
+from eval.rollout import Player
+from eval.video import record
+from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError
+from train.environments import make_env
+from train.recipes import config_for
 from train.runs.config import EvaluationConfig, TrainConfig, cores
 from train.runs.folder import RunFolder
 from train.runs.jobs import run_jobs
@@ -25,33 +36,40 @@ from train.runs.training import training_job
 
 @dataclass(frozen=True)
 class DemoConfig:
-    """Train two action layers with two seeds each, compare them, leave a report."""
+    """Film the zero action, train two action layers with two seeds each, compare, report."""
 
     out: Path = Path("runs/demo")
     """Folder of the runs and of report.html."""
-    env: str = "fbid_gym/BipedBalance-v0"
-    """Environment id."""
+    env: str = "fbid_gym/QuadrupedWalk-v0"
+    """Environment id. How to train in it is its recipe's, in train/recipes."""
     layers: tuple[str, ...] = ("base_acceleration", "joint_position")
     """Action layers. The slowest first keeps all cores busy to the end."""
     seeds: tuple[int, ...] = (0, 1)
     """Seeds of each layer."""
-    total_steps: int = 180_000
+    total_steps: int = 245_760
     """Environment steps of each run."""
     evaluations: int = 5
     """Evaluations of each run, evenly spread."""
     episodes: int = 16
     """Episodes of each evaluation."""
+    video_seconds: float = 8.0
+    """Length of the videos, s. 0: none."""
     jobs: int = field(default_factory=lambda: cores())
     """Runs at the same time, one core each."""
+
+
+_HARDER: dict[str, dict[str, Any]] = {
+    "walk": {"sweep": (1.0, 2.0, 3.0, 4.0, 5.0), "video_push": 2.0}
+}
+"""Task -> settings of the comparison, where pushes of the training make nobody fall."""
 
 
 def trainings(config: DemoConfig) -> dict[tuple[str, int], TrainConfig]:
     """Return the runs by layer and seed, in the order in which they are started."""
     every = max(config.total_steps // config.evaluations, 1)
     return {
-        (layer, seed): TrainConfig(
-            env=config.env,
-            action_layer=layer,
+        (layer, seed): replace(
+            config_for(config.env, layer),
             seed=seed,
             total_steps=config.total_steps,
             num_threads=1,
@@ -63,9 +81,38 @@ def trainings(config: DemoConfig) -> dict[tuple[str, int], TrainConfig]:
     }
 
 
+def film_zero_action(config: DemoConfig) -> Path:
+    """Record what the first layer does before any training; return the file."""
+    path = config.out / "zero_action.mp4"
+    check_output(path, "out", (".mp4",))
+    first = next(iter(trainings(config).values()))
+    player = Player("zero action", first.env, first.make_args(), None)
+    env = make_env(player.env_id, player.env_args)
+    try:
+        actor = player.actor(env.observation_space, env.action_space)
+        title = f"{first.action_layer}, zero action"
+        clip = record(env, actor, first.eval.seed, config.video_seconds, title)
+    finally:
+        env.close()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(clip.mp4())
+    return path
+
+
+def compared(config: DemoConfig, report: Path) -> list[str]:
+    """Return the command line of the comparison."""
+    settings: dict[str, Any] = {"video_seconds": config.video_seconds}
+    settings |= _HARDER.get(ENVIRONMENTS.get(config.env, {}).get("task", ""), {})
+    words = [*(str(its.folder) for its in trainings(config).values()), "--out", str(report)]
+    for name, value in settings.items():
+        words += [f"--{name.replace('_', '-')}"]
+        words += map(str, value if isinstance(value, tuple) else [value])
+    return words
+
+
 def table(every: Mapping[tuple[str, int], TrainConfig]) -> Table:
     """Return what the runs came to."""
-    names = ("layer", "seed", "before", "after", "best", "survival", "minutes")
+    names = ("layer", "seed", "before", "after", "best", "survival", "velocity error", "minutes")
     found = Table(*names, title="Return at evaluation")
     for (layer, seed), training in every.items():
         rows = read_rows(RunFolder.of(training.folder).evaluations)
@@ -78,22 +125,31 @@ def table(every: Mapping[tuple[str, int], TrainConfig]) -> Table:
             f"{float(last['return_mean']):.0f}",
             f"{best:.0f}",
             f"{float(last['survival']):.0%}",
+            _error(last),
             f"{float(last['wall_seconds']) / 60:.1f}",
         )
     return found
 
 
+def _error(row: Mapping[str, str]) -> str:
+    """Write the velocity error of an evaluation; a dash where nothing is commanded."""
+    error = float(row.get("velocity_error", "nan"))
+    return f"{error:.3f} m/s" if math.isfinite(error) else "–"
+
+
 def main(config: DemoConfig) -> int:
-    """Train, compare, report; return the exit status."""
+    """Film, train, compare, report; return the exit status."""
     console = Console()
     began = time.monotonic()
+    if config.video_seconds > 0:
+        console.print(f"Before any training: {film_zero_action(config)}")
     every = trainings(config)
     jobs = [training_job(f"{layer}, seed {seed}", its) for (layer, seed), its in every.items()]
     if run_jobs(jobs, config.jobs, console):
         console.print("Not every training has finished; the same command continues.")
         return 1
     report = config.out / "report.html"
-    status = compare([*(str(its.folder) for its in every.values()), "--out", str(report)])
+    status = compare(compared(config, report))
     if status != 0:
         return status
     console.print(table(every))

@@ -35,7 +35,10 @@ COLOURS = (
 )
 """A layer has the same colour in every report; layers with options take the remaining ones."""
 
-_SHOWN = ("returned", "survived", "height_error", "torque", "power", "slip")
+_SHOWN = (
+    "returned", "survived", "velocity_error", "turning_error", "height_error", "torque", "power",
+    "slip",
+)  # fmt: skip
 
 
 def page(comparison: Comparison, clips: Clips | None, command: Sequence[str] = ()) -> str:
@@ -173,7 +176,8 @@ def _videos(clips: Clips | None, colours: dict[str, int]) -> str:
         "addEventListener('load',together)"
     )
     same = (
-        "Same seed, same start, and the same pushes at the same times"
+        "Same seed, same start, the same commands if there are any, and the same pushes at the "
+        "same times"
         if clips.same_pushes
         else "The pushes are of the same size but not at the same times, as the layers draw chance "
         "differently"

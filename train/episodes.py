@@ -34,6 +34,10 @@ class Episodes:
     """(E,) the same, s."""
     survived: np.ndarray
     """(E,) 1.0 if the episode reached its time limit, 0.0 if it ended by itself."""
+    velocity_error: np.ndarray
+    """(E,) mean over time of the horizontal distance from the commanded velocity, m/s."""
+    turning_error: np.ndarray
+    """(E,) mean over time of the distance from the commanded yaw rate, rad/s."""
     height_error: np.ndarray
     """(E,) root mean square of the base height minus the commanded one, m."""
     torque: np.ndarray
@@ -84,6 +88,8 @@ METRICS = (
     Metric("returned", "return", "", 1),
     Metric("survived", "survival", "share", 1),
     Metric("seconds", "time upright", "s", 1),
+    Metric("velocity_error", "velocity error", "m/s", -1),
+    Metric("turning_error", "yaw rate error", "rad/s", -1),
     Metric("height_error", "height error", "m", -1),
     Metric("torque", "torque", "N m", -1),
     Metric("power", "power", "W", -1),
@@ -95,7 +101,7 @@ METRICS = (
 )
 """What is measured, in the order it is printed."""
 
-_MEAN_KEYS = ("power", "slip")
+_MEAN_KEYS = ("power", "slip", "velocity_error", "turning_error")
 _SQUARE_KEYS = ("height_error", "torque_rms")
 
 
@@ -137,6 +143,8 @@ class _Tally:
             "length": steps,
             "seconds": steps * step_seconds,
             "survived": float(survived),
+            "velocity_error": total["velocity_error"] / steps,
+            "turning_error": total["turning_error"] / steps,
             "height_error": np.sqrt(total["height_error"] / steps),
             "torque": np.sqrt(total["torque_rms"] / steps),
             "power": total["power"] / steps,

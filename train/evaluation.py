@@ -18,7 +18,8 @@ def evaluate(actor: Actor, envs: VectorEnv, seed: int) -> dict[str, float]:
         seed: robot i starts from seed + i.
 
     Returns:
-        One row of `evaluations.csv`, without the columns of the training.
+        One row of `evaluations.csv`, without the columns of the training; the velocity error is
+        NaN where there is no commanded velocity.
     """
     episodes = play(envs, actor, envs.num_envs, seed, step_seconds(envs))
     low, high = np.quantile(episodes.returned, (0.25, 0.75))
@@ -30,4 +31,5 @@ def evaluate(actor: Actor, envs: VectorEnv, seed: int) -> dict[str, float]:
         "return_q75": float(high),
         "length_mean": float(episodes.length.mean()),
         "survival": float(episodes.survived.mean()),
+        "velocity_error": float(episodes.velocity_error.mean()),
     }

@@ -12,7 +12,7 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from fbid_gym.policy import Policy
-from train.runs.config import TrainConfig
+from train.runs.config import PPOConfig, TrainConfig
 
 MakeEnv = Callable[..., VecEnv]
 """`fbid_gym.make_sb3`, or what stands in for it: (env_id, num_envs=, seed=, **env_args)."""
@@ -56,7 +56,7 @@ def build(config: TrainConfig, robots: VecEnv) -> PPO:
         n_steps=ppo.n_steps,
         batch_size=config.batch_size,
         n_epochs=ppo.n_epochs,
-        learning_rate=ppo.learning_rate,
+        learning_rate=_learning_rate(ppo),
         gamma=ppo.gamma,
         gae_lambda=ppo.gae_lambda,
         clip_range=ppo.clip_range,
@@ -75,6 +75,14 @@ def build(config: TrainConfig, robots: VecEnv) -> PPO:
     )
     learner.set_logger(Logger(folder=None, output_formats=[]))
     return learner
+
+
+def _learning_rate(ppo: PPOConfig) -> float | Callable[[float], float]:
+    """Return the constant rate, or the rate by the share of the training that is left."""
+    first, last = ppo.learning_rate, ppo.learning_rate_end
+    if last is None:
+        return first
+    return lambda left: last + (first - last) * max(left, 0.0)
 
 
 def normaliser(learner: PPO) -> VecNormalize:

@@ -26,7 +26,8 @@ from train.display import Display
 from train.environments import make_envs
 from train.evaluation import evaluate
 from train.learner import MakeEnv, build, export, seeds
-from train.runs.config import TrainConfig, parse
+from train.runs.command_line import parse
+from train.runs.config import TrainConfig
 from train.runs.interrupt import stop_requests
 from train.runs.opening import OpenRun, open_run
 from train.runs.tables import EVALUATIONS, PROGRESS, TableWriter, check_kept
@@ -157,6 +158,7 @@ class _Training:
             learner.collect_rollouts(
                 learner.env, self.callback, learner.rollout_buffer, learner.n_steps
             )
+            learner._update_current_progress_remaining(self.steps, self.config.total_steps)
             learner.train()
         except ValueError as error:
             # torch's distributions refuse the NaN of a diverged network, at length

@@ -1,4 +1,4 @@
-"""Speed of learning: PPO through each layer, beside PPO on Gymnasium's Humanoid."""
+"""Speed of learning: PPO on walking robots, beside PPO on Gymnasium's Humanoid."""
 
 from dataclasses import replace
 
@@ -8,22 +8,22 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import SubprocVecEnv
 
 import fbid_gym
-from eval.benchmark.environments import STEPS, PhysicsStretch
 from eval.benchmark.figures import Figure, Limit, Section, interleave
 from train.learner import build
 from train.learner import robots as robots_of
-from train.runs.config import TrainConfig
+from train.recipes import config_for
 
 WORKERS = 8
-ITERATIONS = 2
 LIMITS = {
-    "joint_position": Limit(4.5, at_least=True),
-    "base_acceleration": Limit(2.5, at_least=True),
+    ("fbid_gym/QuadrupedWalk-v0", "joint_position"): Limit(7.0, at_least=True),
+    ("fbid_gym/QuadrupedWalk-v0", "base_acceleration"): Limit(5.0, at_least=True),
+    ("fbid_gym/BipedWalk-v0", "joint_position"): Limit(5.0, at_least=True),
+    ("fbid_gym/BipedWalk-v0", "base_acceleration"): Limit(3.5, at_least=True),
 }
+"""Environment and layer -> frames per second relative to Humanoid-v5."""
 
-
+OURS = "Humanoid-v5, our settings"
 USUAL = "Humanoid-v5, stable-baselines3's settings"
-PHYSICS = "biped, physics alone"
 
 
 def _humanoid() -> gym.Env:
@@ -35,38 +35,32 @@ def _humanoids() -> SubprocVecEnv:
 
 
 def frames(layers: list[str], rounds: int) -> Section:
-    """Frames per second of PPO by layer on the biped, relative to Humanoid-v5.
+    """Frames per second of PPO by environment and layer, relative to Humanoid-v5.
 
-    Every learner collects as many frames per iteration and learns from them with the same network,
-    batches and epochs; but for one more on Humanoid-v5, with the defaults of stable-baselines3.
+    All learn as the recipe of the first environment has it: the same network, epochs, batches and
+    frames an iteration; but for one more on Humanoid-v5, with the defaults of stable-baselines3.
     """
-    config = TrainConfig()
-    per_iteration = config.num_envs * config.ppo.n_steps
+    first = config_for(next(iter(LIMITS))[0], "joint_position")
     theirs = replace(
-        config,
+        first,
         num_envs=WORKERS,
-        ppo=replace(config.ppo, n_steps=per_iteration // WORKERS, batch_size=config.batch_size),
+        ppo=replace(first.ppo, n_steps=first.iteration_steps // WORKERS),
     )
-    learners = {"Humanoid-v5": build(theirs, _humanoids())}
-    for layer in layers:
-        ours = replace(config, action_layer=layer)
+    measured = {key: limit for key, limit in LIMITS.items() if key[1] in layers}
+    learners, limits = {OURS: build(theirs, _humanoids())}, dict[str, Limit]()
+    for (env, layer), limit in measured.items():
+        ours = config_for(env, layer)
         robots = fbid_gym.make_sb3(
-            ours.env,
-            num_envs=ours.num_envs,
-            seed=0,
-            num_threads=ours.threads,
-            **ours.make_args(),
+            env, num_envs=ours.num_envs, seed=0, num_threads=ours.threads, **ours.make_args()
         )
-        learners[layer] = build(ours, robots)
+        name = f"{env.rpartition('/')[2]}, `{layer}`"
+        learners[name], limits[name] = build(ours, robots), limit
     humanoids = _humanoids()
     usual = PPO("MlpPolicy", humanoids, device="cpu")
-    stretches: dict[str, _Learning | _Physics] = {
-        name: _Learning(learner, ITERATIONS * per_iteration) for name, learner in learners.items()
-    }
-    stretches[USUAL] = _Learning(usual, WORKERS * usual.n_steps)
-    stretches[PHYSICS] = physics = _Physics(config.num_envs, config.threads)
+    stretches = {name: _Learning(its, its.n_steps * its.n_envs) for name, its in learners.items()}
+    stretches[USUAL] = _Learning(usual, usual.n_steps * usual.n_envs)
     try:
-        seconds = interleave(dict(stretches), rounds, before={PHYSICS: physics.stretch.reset})
+        seconds = interleave(dict(stretches), rounds)
     finally:
         for learner in learners.values():
             robots_of(learner).close()
@@ -74,22 +68,17 @@ def frames(layers: list[str], rounds: int) -> Section:
     rates = {name: stretches[name].frames / values for name, values in seconds.items()}
     figures = [
         Figure.of(
-            f"biped, `{name}`" if name in layers else name,
-            f"{np.median(values):,.0f} frames/s",
-            values / rates["Humanoid-v5"],
-            LIMITS.get(name),
+            name, f"{np.median(values):,.0f} frames/s", values / rates[OURS], limits.get(name)
         )
         for name, values in rates.items()
     ]
     return Section(
         "PPO",
-        f"stable-baselines3 PPO, rollouts and updates, as `train.ppo` sets it up with "
-        f"{config.num_envs} robots, on {config.threads} threads; Humanoid-v5 in {WORKERS} "
+        f"stable-baselines3 PPO, rollouts and updates, as the recipe has it with "
+        f"{first.num_envs} robots, on {first.threads} threads; Humanoid-v5 in {WORKERS} "
         f"SubprocVecEnv workers with the same network, epochs, batches and "
-        f"{per_iteration} frames an iteration, and once more as stable-baselines3 sets it up. "
-        "Figure: speed relative to Humanoid-v5 with our settings. The last row is what no learner "
-        "on the biped can pass: its physics on as many threads, standing, without layer, "
-        "observation, policy and updates.",
+        f"{first.iteration_steps} frames an iteration, and once more as stable-baselines3 sets it "
+        "up. Figure: speed relative to Humanoid-v5 with our settings.",
         "x Humanoid-v5",
         tuple(figures),
     )
@@ -103,14 +92,3 @@ class _Learning:
 
     def __call__(self) -> None:
         self.learner.learn(self.frames, reset_num_timesteps=False)
-
-
-class _Physics:
-    """Steps the physics of some frames and does nothing else."""
-
-    def __init__(self, num_envs: int, num_threads: int) -> None:
-        self.stretch = PhysicsStretch("biped", num_envs, num_threads)
-        self.frames = STEPS * num_envs
-
-    def __call__(self) -> None:
-        self.stretch()

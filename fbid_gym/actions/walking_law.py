@@ -262,7 +262,7 @@ def _walk(
             rows[i, point] = law.limits[0, point]
             rows[i, point, 2] = min(rows[i, point, 2], load * law.most_load * weight)
             rows[i, point, 1] = min(rows[i, point, 1], rows[i, point, 2])
-    standing = reduce_contacts(law.geometry, ActivePoints(mask, True), terms)
+    standing = reduce_contacts(law.geometry, ActivePoints(mask, True), moving)
     if law.limited:
         found = limit_dynamics(
             motion,

@@ -191,13 +191,16 @@ class EnvConfig:
         defaults = (walking_layer_options if walks else layer_options)(self.action_layer)
         options = defaults | by_name("layer_options", self.layer_options)
         for name, value in options.items():
-            if value is None and hasattr(layer, name):
-                options[name] = _derived(getattr(layer, name))
+            if value is None:
+                options[name] = _derived(getattr(getattr(layer, "inner", layer), name))
         filled = {
             "layer_options": options,
             "push_force": [_derived(newtons) for newtons in self._push_force(robot)],
             "randomisation": asdict(self.randomisations()),
+            "solver_iterations": self.solver_iterations or int(robot.model.opt.iterations),
         }
+        if isinstance(task, Walk):
+            filled["gait"] = task.gait_name
         return _plain(self.as_dict() | filled)
 
     def _push_force(self, robot: Robot) -> tuple[float, float]:

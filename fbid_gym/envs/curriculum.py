@@ -31,7 +31,7 @@ class Progress:
     @classmethod
     def of(cls, num_robots: int, tiles: Tiles, difficulty: float) -> "Progress":
         """Return robots at the level of a difficulty, from 0 to 1."""
-        first = round(difficulty * (tiles.count - 1))
+        first = round(difficulty * (tiles.number - 1))
         return cls(
             tiles,
             first,
@@ -54,7 +54,7 @@ class Progress:
 
     def starts(self, places: np.ndarray, robot: int) -> np.ndarray:
         """Return those of the places (K, 2) that lie on a robot's tile."""
-        return places.reshape(self.tiles.count, -1, 2)[self.level[robot]]
+        return places.reshape(self.tiles.number, -1, 2)[self.level[robot]]
 
     def set_out(self, ids: np.ndarray) -> None:
         """Begin episodes of robots (K,)."""
@@ -78,5 +78,5 @@ class Progress:
         # A robot whose episode has ended may be stepped on, before it is reset.
         up = lasted & ~ended & (total <= tolerance * steps)
         down = fell & ~ended
-        level[:] = np.clip(level + up - down, 0, self.tiles.count - 1)
+        level[:] = np.clip(level + up - down, 0, self.tiles.number - 1)
         ended |= fell | lasted

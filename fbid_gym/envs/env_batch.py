@@ -13,6 +13,7 @@ from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
 from fbid_gym.quantities import DynamicsTerms, RobotState
+from fbid_gym.robots.undrawn import alone, undrawn
 from fbid_gym.tasks import Walk
 from fbid_gym.tasks.outcome import Outcome
 
@@ -56,12 +57,12 @@ class EnvBatch:
         self.config = config
         self.rates = config.rates()
         self.robot = config.load_robot()
-        self.terrain, world = config.ground(self.robot)
+        self.terrain, world = config.ground(undrawn(self.robot))
         self.task = config.make_task(self.robot)
         if isinstance(self.task, Walk):
             self.task = self.task.on(self.terrain.grid)
         self.layer, self.footholds = config.layer(self.robot, self.task)
-        self.simulation = Simulation(self.robot, num_envs, self.rates, world)
+        self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
         self.plant = plant_of(self.simulation, config.randomisations())
         self.num_envs = num_envs
         self.num_steps = round(self.task.seconds * self.rates.policy)

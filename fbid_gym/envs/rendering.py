@@ -25,7 +25,7 @@ class RobotRenderer:
     def __init__(self, batch: EnvBatch, mode: str) -> None:
         """Open nothing yet: the window or the context appears with the first picture."""
         self._batch, self._mode = batch, mode
-        self._model = batch.simulation.model
+        _, self._model = batch.config.ground(batch.robot)  # with what is only drawn
         self._data = mujoco.MjData(self._model)
         stance = batch.task.body.stance
         self._distance = 2.3 * stance.home_base[2] + 3.5 * stance.radius

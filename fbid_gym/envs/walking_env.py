@@ -127,7 +127,7 @@ class WalkingEnv(RobotEnv):
     | `physics_hz`        | `250`              | `250`                             |
     | `control_hz`        | `250`              | `250`                             |
     | `friction_cone`     | `"pyramidal"`      | `"pyramidal"`                     |
-    | `solver_iterations` | `10`               | `10`                              |
+    | `solver_iterations` | `20`               | `20`                              |
     | `episode_seconds`   | `20.0`             | `20.0`                            |
     | `forward_range`     |                    | `(-0.14, 0.14)`                   |
     | `sideways_range`    |                    | `(-0.05, 0.05)`                   |

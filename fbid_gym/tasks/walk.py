@@ -9,7 +9,7 @@ import numpy as np
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.command import GaitCommand, Steering
-from fbid_gym.motions.gait.gait import Gait, gait_of
+from fbid_gym.motions.gait.gait import Gait, default_gait, gait_of
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
 from fbid_gym.robots import Robot
@@ -62,6 +62,7 @@ class Walk:
         pushes: the disturbances.
         start: how an episode begins.
         gait: how the robot walks where a layer follows it, and whose clock all see.
+        gait_name: what it is called.
         most: (3, 2) least and greatest command: m/s ahead, m/s to the left, rad/s to the left.
         interval: (least, most) s from one command to the next.
         scan: (S, 2) m ahead and to the left of the base, where the ground is seen; none: blind.
@@ -74,6 +75,7 @@ class Walk:
     pushes: Pushes
     start: Start
     gait: Gait
+    gait_name: str
     most: np.ndarray
     interval: tuple[float, float]
     scan: np.ndarray
@@ -126,9 +128,10 @@ class Walk:
         height, gravity = float(body.stance.home_com[2]), robot.gravity
         speed, rate = np.sqrt(gravity * height), np.sqrt(gravity / height)
         most = np.array(ranges) * np.array([speed, speed, rate])[:, None]
-        walks = gait_of(robot, hz, gait)
+        walks, name = gait_of(robot, hz, gait), gait or default_gait(robot)
         scan = SCAN * height if height_scan else np.zeros((0, 2))
-        return cls(body, seconds, hz, pushes, start, walks, most, command_interval, scan, plane())
+        times = command_interval
+        return cls(body, seconds, hz, pushes, start, walks, name, most, times, scan, plane())
 
     def on(self, ground: HeightGrid) -> "Walk":
         """Return the task on other ground."""

@@ -11,7 +11,8 @@ from fbid_gym.actions.walking_law import WalkingLaw, base_task
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.motions.gait.gait import gait_of
-from fbid_gym.quantities import GaitTarget, RobotState
+from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.quantities import RobotState
 
 ROBOTS = ("go1", "biped")
 FRICTION = 0.6
@@ -190,8 +191,10 @@ def test_feet_accelerate_as_they_are_told_and_only_those_on_the_ground_carry(rob
         foot = terms.foot_jacobian[0, 0, :rows] @ acceleration + terms.foot_bias[0, 0, :rows]
         np.testing.assert_allclose(foot, told, atol=2e-2 * max(1.0, np.abs(told).max()))
         if limits == "friction":
-            assert (force[:, 2] > 0.0).all()
-            assert (np.hypot(force[:, 0], force[:, 1]) <= 1.01 * FRICTION * force[:, 2]).all()
+            slack = 1e-3 * robot.weight
+            assert (force[:, 2] > -slack).all()
+            most = 1.01 * FRICTION * force[:, 2] + slack
+            assert (np.hypot(force[:, 0], force[:, 1]) <= most).all()
             if rows == 6:  # the centre of pressure of a sole is on it
                 geometry = contact_geometry(robot)
                 reach = np.abs(geometry.offset[geometry.foot_of_point == 1, :2]).max(axis=0)

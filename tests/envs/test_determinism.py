@@ -122,7 +122,11 @@ def turned_state(state, heading):
 
 
 @pytest.mark.parametrize("layer", LAYERS)
-@pytest.mark.parametrize("name", [n for n, given in ENVIRONMENTS.items() if "terrain" not in given])
+# A gait remembers places in the world, which are not turned here: its own tests turn it.
+@pytest.mark.parametrize(
+    "name",
+    [n for n, given in ENVIRONMENTS.items() if "terrain" not in given and given["task"] != "walk"],
+)
 def test_heading_does_not_matter(name, layer):
     """Turned robots pushed from turned sides see and earn the same.
 

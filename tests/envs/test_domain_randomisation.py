@@ -61,7 +61,7 @@ def test_the_simulation_moves_like_a_robot_of_those_masses():
     env, batch = build("fbid_gym/BipedBalance-v0", PLANT, action_layer="torque")
     physics, simulation = batch.simulation.batch, batch.simulation
     for index in range(3):
-        model = copy.copy(batch.robot.model)
+        model = copy.copy(simulation.model)
         model.opt.timestep = 1e-3
         for field in ("body_mass", "body_inertia", "body_ipos", "geom_friction"):
             getattr(model, field)[:] = physics.expanded(field)[index]

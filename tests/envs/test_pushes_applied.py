@@ -30,7 +30,8 @@ def test_a_push_in_flight_changes_momentum_by_force_times_duration(name, rates):
     hz = batch.rates.control
 
     # The holding torque is meant for gravity: take it away.
-    action = np.tile(-batch.layer.hold / robot.torque_limit, (3, 1))
+    layer = getattr(batch.layer, "inner", batch.layer)
+    action = np.tile(-layer.hold / robot.torque_limit, (3, 1))
     momentum = np.zeros((3, 3))
     for step in range(40):
         assert not env.step(action)[2].any()

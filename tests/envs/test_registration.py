@@ -95,6 +95,8 @@ def test_the_zero_action_stands(name, layer):
         arguments |= dict.fromkeys(ranges, (0.0, 0.0))
         if layer in STANDS:
             pytest.skip("a gait stands with its knees more bent than at home")
+        if layer in ("joint_position", "joint_acceleration") and "Quadruped" not in name:
+            pytest.skip("joints that follow their own do not balance on soles at 250 Hz")
     elif layer in STANDS:
         pytest.skip("without feedback no motion is followed")
     elif layer == "joint_position" and ENVIRONMENTS[name]["task"] != "squat":

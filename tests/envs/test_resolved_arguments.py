@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from fbid_gym.actions import LAYERS, layer_options
+from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig, resolved_arguments
@@ -21,7 +21,9 @@ def test_every_argument_has_a_value_that_json_keeps(name, layer):
     resolved = resolved_arguments(name, {"action_layer": layer})
     own = {field.name for field in fields(EnvConfig)} - {"task_options"}
     assert resolved.keys() == own | task_options(ENVIRONMENTS[name]["task"]).keys()
-    assert resolved["layer_options"].keys() == layer_options(layer).keys()
+    walks = ENVIRONMENTS[name]["task"] == "walk"
+    options = walking_layer_options(layer) if walks else layer_options(layer)
+    assert resolved["layer_options"].keys() == options.keys()
     assert None not in [*resolved.values(), *resolved["layer_options"].values()]
     assert json.loads(json.dumps(resolved, allow_nan=False)) == resolved
 

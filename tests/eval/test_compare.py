@@ -22,7 +22,8 @@ from eval.wording import number
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from train.episodes import METRICS
-from train.runs.config import PPOConfig, TrainConfig, parse
+from train.runs.command_line import parse
+from train.runs.config import PPOConfig, TrainConfig
 from train.runs.reading import load
 from train.runs.tables import EVALUATIONS, read_rows, to_csv
 

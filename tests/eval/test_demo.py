@@ -1,8 +1,11 @@
 import io
 
+import tyro
 from rich.console import Console
 
-from eval.demo import DemoConfig, table, trainings
+from eval.compare import CompareConfig
+from eval.demo import DemoConfig, compared, film_zero_action, table, trainings
+from train.recipes import config_for
 from train.runs.folder import RunFolder
 
 
@@ -27,10 +30,35 @@ def test_the_table_says_what_the_runs_came_to(tmp_path):
     (training,) = every.values()
     training.folder.mkdir()
     RunFolder.of(training.folder).evaluations.write_text(
-        "steps,wall_seconds,return_mean,survival\n0,0,20,0\n2048,60.0,50,0.5\n4096,120.0,40,0.25\n"
+        "steps,wall_seconds,return_mean,survival,velocity_error\n"
+        "0,0,20,0,0.5\n2048,60.0,50,0.5,0.4\n4096,120.0,40,0.25,0.321\n"
     )
     console = Console(file=io.StringIO(), width=100)
     console.print(table(every))
     text = console.file.getvalue()  # type: ignore[attr-defined]
-    for part in ("base_acceleration", "7", "20", "40", "25%", "50", "2.0"):
+    for part in ("base_acceleration", "7", "20", "40", "25%", "50", "2.0", "0.321 m/s"):
         assert part in text
+
+
+def test_the_recipe_of_the_environment_says_how_to_train():
+    for env in ("fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedBalance-v0"):
+        for (layer, _), training in trainings(DemoConfig(env=env)).items():
+            assert training.ppo == config_for(env, layer).ppo
+            assert training.num_envs == config_for(env, layer).num_envs
+
+
+def test_harder_pushes_are_compared_where_those_of_training_make_nobody_fall(tmp_path):
+    def settings(env):
+        words = compared(DemoConfig(out=tmp_path, env=env, video_seconds=0.0), tmp_path / "r.html")
+        return tyro.cli(CompareConfig, args=words).settings
+
+    walk, balance = settings("fbid_gym/QuadrupedWalk-v0"), settings("fbid_gym/BipedBalance-v0")
+    assert max(walk.sweep) > max(balance.sweep)
+    assert walk.video_seconds == balance.video_seconds == 0.0
+
+
+def test_the_zero_action_is_filmed_before_any_training(tmp_path):
+    config = DemoConfig(out=tmp_path / "new", video_seconds=0.2)
+    path = film_zero_action(config)
+    assert path.read_bytes()[4:8] == b"ftyp"
+    assert [*path.parent.iterdir()] == [path]

@@ -83,7 +83,7 @@ def test_a_seed_decides(robot: Robot) -> None:
 def test_levels_lie_side_by_side_from_level_to_hardest() -> None:
     robot = load("go1")
     every = make_terrain("mixed", robot, difficulty=None, seed=5)
-    assert every.tiles.count == NUM_LEVELS
+    assert every.tiles.number == NUM_LEVELS
     starts = every.starts.reshape(NUM_LEVELS, -1, 2)
     for level in (0, 4, 10):
         alone = make_terrain("mixed", robot, difficulty=level / (NUM_LEVELS - 1), seed=5)

@@ -30,3 +30,13 @@ def test_seeds_of_neighbouring_runs_share_no_robot():
     assert len(set.union(*robots)) == 50 * 64
     assert seeds(3) == seeds(3)
     assert seeds(3)["robots"] != seeds(3)["learner"]
+
+
+@pytest.mark.parametrize("end", [None, 0.0, 2e-3])
+def test_the_learning_rate_falls_to_its_end(tmp_path, end):
+    ppo = PPOConfig(n_steps=16, batch_size=64, learning_rate=1e-3, learning_rate_end=end)
+    config = stand_in.config(tmp_path, ppo=ppo)
+    learner = build(config, stand_in.make("", num_envs=8, seed=1, num_threads=1))
+    last = 1e-3 if end is None else end
+    rates = [learner.lr_schedule(left) for left in (1.0, 0.5, 0.0, -0.1)]
+    np.testing.assert_allclose(rates, [1e-3, (1e-3 + last) / 2, last, last], atol=1e-12)

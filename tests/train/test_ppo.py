@@ -270,3 +270,22 @@ def test_robots_resumed_on_another_number_of_threads_are_the_same_run(tmp_path):
         train.ppo.main(stand_in.config(tmp_path / name, **changes, total_steps=320))
     assert json.loads((tmp_path / "a/config.json").read_text())["num_threads"] == 1
     _assert_same_run(tmp_path / "b", tmp_path / "a")
+
+
+def test_a_falling_learning_rate_stands_where_the_run_does(tmp_path):
+    """The last iteration of a run whose rate falls to zero changes nothing; those before do."""
+    ppo = PPOConfig(n_steps=16, batch_size=64, n_epochs=2, hidden=(16, 16), learning_rate_end=0.0)
+    networks = []
+    for stop in (512, 640, 768):
+        folder = tmp_path / "run"
+        config = stand_in.config(folder, ppo=ppo, checkpoint_every=128)
+        with pytest.MonkeyPatch.context() as patch:
+            done = property(lambda self, stop=stop: self.steps >= stop)
+            patch.setattr(train.ppo._Training, "done", done)
+            train.ppo.main(config, stand_in.make)
+        networks.append({k: v for k, v in _state(folder).items() if k.startswith("network.")})
+    moved = [
+        max(float(np.abs(one[name] - two[name]).max()) for name in one)
+        for one, two in zip(networks[:-1], networks[1:], strict=True)
+    ]
+    assert moved[0] > 0.0 and moved[1] == 0.0

@@ -1,8 +1,7 @@
-"""What a training run is: one frozen dataclass, its command line and its JSON."""
+"""What a training run is: one frozen dataclass, and its JSON."""
 
 import json
 import os
-from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -44,7 +43,10 @@ class PPOConfig:
     n_epochs: int = 5
     """Passes over the samples of an iteration."""
     learning_rate: float = 3e-4
-    """Of Adam, constant."""
+    """Of Adam, at the first step."""
+    learning_rate_end: float | None = None
+    """Of Adam, at the last of `total_steps`; it changes evenly. None: constant. With it a run whose
+    `total_steps` are raised goes on with the rate of the longer run."""
     gamma: float = 0.99
     """Discount per policy step."""
     gae_lambda: float = 0.95
@@ -139,6 +141,9 @@ class TrainConfig:
             raise InvalidValueError(
                 "ppo.target_kl", self.ppo.target_kl, "a positive number or None"
             )
+        end = self.ppo.learning_rate_end
+        if end is not None and not 0.0 <= end <= 1.0:
+            raise InvalidValueError("ppo.learning_rate_end", end, "a number from 0 to 1 or None")
         if any(width < 1 for width in self.ppo.hidden):
             raise InvalidValueError("ppo.hidden", self.ppo.hidden, "positive widths")
         if self.iteration_steps < 2:
@@ -193,10 +198,6 @@ class TrainConfig:
         options = {"layer_options": self.layer_options} if self.layer_options else {}
         return {"action_layer": self.action_layer, **options, **self.env_args}
 
-    def options(self) -> tuple[str, ...]:
-        """Return the command line that `parse` reads as this configuration."""
-        return tuple(_options(asdict(self), asdict(TrainConfig())))
-
     def to_json(self) -> dict[str, Any]:
         """Return the resolved configuration as written to `config.json`."""
         data = asdict(self)
@@ -205,9 +206,6 @@ class TrainConfig:
         data["num_threads"] = self.threads
         return json.loads(json.dumps(data))
 
-
-# Said twice in the JSON, for readers of the environment's arguments alone.
-_REPEATED = ("action_layer", "layer_options")
 
 _LEAST = {
     "seed": 0, "total_steps": 1, "num_envs": 1, "num_threads": 0, "torch_threads": 1,
@@ -229,48 +227,7 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def stored_options(stored: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the command line that trains again what a `config.json` says, in the usual folder.
-
-    Args:
-        stored: as `TrainConfig.to_json` gives it, of this version of the package or another.
-    """
-    usual = {**TrainConfig().to_json(), "env": TrainConfig.env, "env_args": {}}
-    # How many threads and checkpoints there were is no part of what was trained.
-    for name in ("num_threads", "checkpoint_every", "env_id"):
-        del usual[name]
-    arguments = {k: v for k, v in stored.get("env_args", {}).items() if k not in _REPEATED}
-    data = {**stored, "env": stored["env_id"], "env_args": arguments}
-    return tuple(_options(data, usual))
-
-
-def _options(data: Mapping[str, Any], usual: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """Yield what differs from the usual, of what there usually is."""
-    for name, value in data.items():
-        if name in ("ppo", "eval"):
-            yield from _options(value, usual[name], f"{name}.")
-        elif name in usual and value != usual[name]:
-            yield f"--{prefix}{name.replace('_', '-')}"
-            if isinstance(value, dict):
-                yield json.dumps(value)
-            elif isinstance(value, tuple | list):
-                yield from map(str, value)
-            elif value is not True:
-                yield str(value)
-
-
 def _at(config: object, path: str) -> Any:
     for name in path.split("."):
         config = getattr(config, name)
     return config
-
-
-def parse(arguments: list[str] | None = None) -> TrainConfig:
-    """Read the command line.
-
-    Args:
-        arguments: without the program name; None for those of this process.
-    """
-    return tyro.cli(
-        TrainConfig, prog="python -m train.ppo", description=TrainConfig.__doc__, args=arguments
-    )

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rich.console import Console
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
 
 from fbid_gym.errors import InvalidValueError
@@ -138,7 +138,8 @@ def _watching(jobs: Sequence[Job], console: Console) -> Iterator[_Show]:
 
 
 def _lines(total: int, console: Console) -> _Show:
-    last, told = time.monotonic(), 0
+    began = last = time.monotonic()
+    told = 0
 
     def show(running: Sequence[Job], finished: Sequence[Job]) -> None:
         nonlocal last, told
@@ -150,6 +151,10 @@ def _lines(total: int, console: Console) -> _Show:
             for job in running:
                 share, note = job.progress()
                 console.print(f"{job.name}: {share:.0%} {note}", markup=False, highlight=False)
+            done = len(finished) + sum(job.progress().share for job in running)
+            if done > 0:
+                left = (last - began) * (total - done) / done / 60
+                console.print(f"about {left:.1f} min left for all", highlight=False)
 
     return show
 
@@ -158,10 +163,12 @@ def _lines(total: int, console: Console) -> _Show:
 def _bars(jobs: Sequence[Job], console: Console) -> Iterator[_Show]:
     columns = (
         *(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %")),
-        *(TimeElapsedColumn(), TextColumn("{task.fields[note]}", markup=False)),
+        *(TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()),
+        TextColumn("{task.fields[note]}", markup=False),
     )
     with Bars(*columns, console=console) as bars:
         tasks = {job: bars.add_task(job.name, False, 1.0, note="") for job in jobs}
+        everything = bars.add_task("all", total=float(len(jobs)), note="")
 
         def show(running: Sequence[Job], finished: Sequence[Job]) -> None:
             for job in (*running, *finished):
@@ -170,5 +177,6 @@ def _bars(jobs: Sequence[Job], console: Console) -> Iterator[_Show]:
                     bars.start_task(task)
                 share, note = job.progress()
                 bars.update(task, completed=1.0 if job in finished else share, note=note)
+            bars.update(everything, completed=sum(bars.tasks[i].completed for i in tasks.values()))
 
         yield show

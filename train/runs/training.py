@@ -1,7 +1,9 @@
 """A training among the jobs that run side by side."""
 
+import math
 import sys
 
+from train.runs.command_line import options
 from train.runs.config import TrainConfig
 from train.runs.folder import RunFolder
 from train.runs.jobs import Job, Progress
@@ -13,7 +15,7 @@ def training_job(name: str, config: TrainConfig) -> Job:
 
     Started again it continues where it was.
     """
-    command = (sys.executable, "-m", "train.ppo", *config.options())
+    command = (sys.executable, "-m", "train.ppo", *options(config))
     log = config.folder.parent / "logs" / f"{config.folder.name}.log"
     return Job(name, command, log, lambda: progress(config))
 
@@ -27,4 +29,6 @@ def progress(config: TrainConfig) -> Progress:
     if evaluations:
         latest, survival = (float(evaluations[-1][name]) for name in ("return_mean", "survival"))
         note += f", return {latest:.0f}, survival {survival:.0%}"
+        error = float(evaluations[-1].get("velocity_error", "nan"))
+        note += f", velocity error {error:.2f} m/s" if math.isfinite(error) else ""
     return Progress(min(steps / total, 1.0), note)

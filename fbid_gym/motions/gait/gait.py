@@ -64,7 +64,12 @@ def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
         raise UnknownOptionError("gait of a biped" if biped else "gait", name, known)
     if biped:
         return FlatFeet(biped_gait(robot), 1.0 / hz)
-    return PointFeet(quadruped_gait(robot, name or "trot"), 1.0 / hz)
+    return PointFeet(quadruped_gait(robot, name or default_gait(robot)), 1.0 / hz)
+
+
+def default_gait(robot: Robot) -> str:
+    """Return the name of the gait that a robot walks unless told otherwise."""
+    return "walk" if robot.num_feet == 2 else "trot"
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,11 +37,11 @@ class Tiles(NamedTuple):
     """Where robots belong: square tiles side by side along x, one for each level.
 
     Attributes:
-        count: of the tiles.
+        number: of the tiles.
         edge: m; infinite where the ground never ends.
     """
 
-    count: int
+    number: int
     edge: float
 
     def left(self, level: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -105,8 +105,10 @@ def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) ->
     grid = HeightGrid(np.array([-0.5 * edge, -0.5 * edge]), cell, elevation)
     inner = (np.arange(1, _PATCHES - 1) - 0.5 * (_PATCHES - 1)) * EDGE * scale.length
     y, x = (part.ravel() for part in np.meshgrid(inner, inner, indexing="ij"))
-    first = np.stack([x, y], axis=1)
-    starts = np.concatenate([first + [level * edge, 0.0] for level in range(len(difficulties))])
+    corner = np.stack([x, y], axis=1)
+    starts = np.concatenate(
+        [corner + np.array([level * edge, 0.0]) for level in range(len(difficulties))]
+    )
     return Levels(starts, CLEARING * scale.length, Tiles(len(difficulties), edge), grid)
 
 

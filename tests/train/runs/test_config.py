@@ -6,7 +6,8 @@ import pytest
 
 import train.runs.config
 from fbid_gym.errors import InvalidValueError
-from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig, parse, stored_options
+from train.runs.command_line import parse
+from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
 
 
 def test_command_line_of_the_readme():
@@ -92,44 +93,3 @@ def test_json_has_everything_a_reader_needs():
     assert data["action_layer"] == data["env_args"]["action_layer"] == "base_acceleration"
     assert data["env_args"]["layer_options"] == {"contact_limits": "none"}
     assert data["ppo"]["hidden"] == [64, 64] and data["eval"]["seed"] == 10_000
-
-
-@pytest.mark.parametrize(
-    "config",
-    [
-        TrainConfig(),
-        TrainConfig(
-            env="fbid_gym/BipedSquat-v0",
-            action_layer="com_wrench",
-            layer_options={"contact_limits": "none"},
-            env_args={"push_force": [50, 150], "terrain": "a 'name' with \"quotes\""},
-            seed=7,
-            total_steps=1234,
-            num_threads=1,
-            out=Path("some where/run"),
-            overwrite=True,
-            ppo=PPOConfig(learning_rate=1e-5, target_kl=None, hidden=(32, 16),
-                          normalise_reward=True, activation="elu"),
-            eval=EvaluationConfig(every=10, episodes=3),
-        ),
-    ],
-)  # fmt: skip
-def test_options_are_the_command_line_of_the_configuration(config):
-    assert parse(list(config.options())) == config
-    again = dataclasses.replace(config, num_threads=0, out=None, overwrite=False)
-    assert parse(list(stored_options(config.to_json()))) == again
-
-
-def test_options_say_only_what_is_not_the_default():
-    assert TrainConfig().options() == ()
-    assert TrainConfig(seed=3, ppo=PPOConfig(gamma=0.9)).options() == (
-        *("--seed", "3"),
-        *("--ppo.gamma", "0.9"),
-    )
-
-
-def test_stored_options_of_another_version_are_those_that_there_are():
-    stored = TrainConfig(seed=3).to_json()
-    del stored["torch_threads"]
-    stored["ppo"]["rollouts"] = 7
-    assert stored_options({**stored, "colour": "blue", "checkpoint_every": 5}) == ("--seed", "3")

@@ -7,7 +7,8 @@ import stand_in
 from rich.console import Console
 
 from train.ppo import main
-from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig, parse
+from train.runs.command_line import parse
+from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
 from train.runs.jobs import Progress, run_jobs
 from train.runs.training import progress, training_job
 

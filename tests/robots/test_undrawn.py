@@ -1,0 +1,74 @@
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots.undrawn import alone, undrawn
+
+_INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
+_HEAVY = """
+<mujoco>
+  <worldbody>
+    <body name="base" pos="0 0 0.3">
+      <freejoint/>
+      <geom name="shell" type="sphere" size="0.1" contype="0" conaffinity="0" mass="{mass}"/>
+      {inertial}
+      <body name="leg" pos="0 0 -0.1">
+        <joint name="hip" type="hinge" axis="0 1 0"/>
+        <geom name="rod" type="capsule" size="0.01" fromto="0 0 0 0 0 -0.1" mass="0.1"/>
+        <geom name="foot" type="sphere" size="0.02" pos="0 0 -0.18" mass="0.1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="hip" ctrllimited="true" ctrlrange="-5 5"/></actuator>
+</mujoco>
+"""
+
+
+def _motion(model, robot, steps=100):
+    """Fall from the home pose, on its feet by then, with motors that pull."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = robot.home_qpos
+    data.ctrl[:] = 0.1 * np.sign(np.arange(model.nu) % 2 - 0.5)
+    found = []
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        found.append(np.concatenate([data.qpos, data.qvel, data.sensordata]))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_robot_moves_the_same_without_what_is_drawn(name):
+    robot = load(name)
+    lean = undrawn(robot)
+    assert lean.model.ngeom <= robot.model.ngeom
+    drawn = (lean.model.geom_contype == 0) & (lean.model.geom_conaffinity == 0)
+    assert not drawn.any()
+    whole, part = _motion(robot.model, robot), _motion(lean.model, robot)
+    assert np.abs(whole).max() > 1.0  # it does something
+    np.testing.assert_allclose(part, whole, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_one_robot_is_one_island(name):
+    robot = load(name)
+    world = alone(robot.spec.copy().compile())
+    np.testing.assert_allclose(
+        _motion(world, robot, 20), _motion(robot.model, robot, 20), rtol=0, atol=1e-6
+    )
+
+
+def test_the_same_robot_is_compiled_once():
+    robot = load("go1")
+    assert undrawn(robot) is undrawn(robot)
+    assert robot.model.ngeom > undrawn(robot).model.ngeom
+
+
+def test_a_robot_whose_drawing_is_its_mass_keeps_it(tmp_path):
+    path = tmp_path / "robot.xml"
+    path.write_text(_HEAVY.format(mass=1, inertial=""))
+    robot = Robot.from_mjcf(path, feet=["foot"])
+    assert undrawn(robot) is robot
+    path.write_text(_HEAVY.format(mass=0, inertial=_INERTIAL))
+    robot = Robot.from_mjcf(path, feet=["foot"])
+    assert undrawn(robot).model.ngeom == robot.model.ngeom - 1

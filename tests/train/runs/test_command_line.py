@@ -1,0 +1,49 @@
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from train.runs.command_line import options, parse, stored_options
+from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        TrainConfig(),
+        TrainConfig(env="fbid_gym/QuadrupedWalk-v0", action_layer="joint_position"),
+        TrainConfig(
+            env="fbid_gym/BipedSquat-v0",
+            action_layer="com_wrench",
+            layer_options={"contact_limits": "none"},
+            env_args={"push_force": [50, 150], "terrain": "a 'name' with \"quotes\""},
+            seed=7,
+            total_steps=1234,
+            num_threads=1,
+            out=Path("some where/run"),
+            overwrite=True,
+            ppo=PPOConfig(learning_rate=1e-5, target_kl=None, hidden=(32, 16),
+                          normalise_reward=True, activation="elu"),
+            eval=EvaluationConfig(every=10, episodes=3),
+        ),
+    ],
+)  # fmt: skip
+def test_options_are_the_command_line_of_the_configuration(config):
+    assert parse(list(options(config))) == config
+    again = dataclasses.replace(config, num_threads=0, out=None, overwrite=False)
+    assert parse(list(stored_options(config.to_json()))) == again
+
+
+def test_options_say_only_what_is_not_the_default():
+    assert options(TrainConfig()) == ()
+    assert options(TrainConfig(seed=3, ppo=PPOConfig(gamma=0.9))) == (
+        *("--seed", "3"),
+        *("--ppo.gamma", "0.9"),
+    )
+
+
+def test_stored_options_of_another_version_are_those_that_there_are():
+    stored = TrainConfig(seed=3).to_json()
+    del stored["torch_threads"]
+    stored["ppo"]["rollouts"] = 7
+    assert stored_options({**stored, "colour": "blue", "checkpoint_every": 5}) == ("--seed", "3")

@@ -1,0 +1,121 @@
+import re
+
+import pytest
+
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.errors import FbidError
+from train.recipes import config_for, recipe_for, recipes, zoo
+from train.runs.command_line import parse
+from train.runs.config import PPOConfig, TrainConfig
+
+WALK = "fbid_gym/QuadrupedWalk-v0"
+
+
+def _write(folder, text, name="mine"):
+    (folder / f"{name}.toml").write_text(text)
+    return folder
+
+
+def test_a_recipe_is_for_environments_that_there_are():
+    for recipe in recipes().values():
+        assert recipe.envs and set(recipe.envs) <= set(ENVIRONMENTS)
+
+
+def test_the_environment_chooses_and_the_command_line_overrides():
+    config = parse(["--env", WALK, "--ppo.gamma", "0.9", "--num-envs=64"])
+    usual = config_for(WALK, TrainConfig.action_layer)
+    assert (config.ppo.gamma, config.num_envs) == (0.9, 64)
+    assert config.ppo.hidden == usual.ppo.hidden != PPOConfig().hidden
+    assert config.total_steps == usual.total_steps != TrainConfig.total_steps
+
+
+def test_environments_without_a_recipe_are_trained_by_the_defaults():
+    named = {env for recipe in recipes().values() for env in recipe.envs}
+    for env in set(ENVIRONMENTS) - named:
+        assert parse(["--env", env]) == TrainConfig(env=env)
+    assert parse([]) == TrainConfig()
+    assert parse(["--env", WALK, "--recipe", "none"]) == TrainConfig(env=WALK)
+
+
+def test_a_recipe_may_be_asked_for_by_name():
+    balance = parse(["--env", "fbid_gym/BipedBalance-v0", "--recipe", "walk"])
+    assert balance.ppo == parse(["--env", WALK]).ppo
+
+
+def test_an_exception_is_for_its_layer_with_its_options():
+    def noise(layer, **options):
+        return config_for(WALK, layer, options).ppo.log_std_init
+
+    assert noise("joint_position", reference="home") == noise("torque")
+    assert noise("joint_position", reference="home") > noise("joint_position")
+    assert noise("joint_position") == noise("base_acceleration")
+    one, other = (config_for(WALK, layer).ppo for layer in ("torque", "base_acceleration"))
+    assert one != other and one.hidden == other.hidden
+
+
+def test_parsing_does_not_change_the_recipe():
+    assert config_for(WALK, "torque") == config_for(WALK, "torque")
+    before = repr(recipes()["walk"])
+    config_for(WALK, "torque")
+    assert repr(recipes()["walk"]) == before
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "colour = 'blue'",
+            "Unknown setting of recipe 'mine' 'colour'. Valid choices: total",
+        ),
+        ("[ppo]\nlr = 1.0", "Unknown setting of recipe 'mine' 'lr'. Valid choices: n_steps"),
+        ("ppo = 3", "recipe 'mine': ppo is 3. Expected a table."),
+        ("seed = 3", "Unknown setting of recipe 'mine' 'seed'"),
+        ("[[exceptions]]\nnum_envs = 3", "an exception without action_layer"),
+        ("num_envs = [", "is no TOML"),
+    ],
+)
+def test_a_file_that_is_no_recipe_is_one_clear_error(tmp_path, text, message):
+    with pytest.raises(FbidError, match=re.escape(message)):
+        recipes(_write(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ("num_envs = 0", "Invalid num_envs: 0"),
+        ("[ppo]\nlearning_rate = 'fast'", "recipe 'mine'"),
+        ("[ppo]\nlearning_rate_end = 2.0", "Invalid ppo.learning_rate_end: 2.0"),
+    ],
+)
+def test_values_of_a_recipe_are_checked(tmp_path, settings, message):
+    folder = _write(tmp_path, f"envs = ['{WALK}']\n{settings}")
+    with pytest.raises(FbidError, match=re.escape(message)):
+        config_for(WALK, "torque", folder=folder)
+
+
+def test_an_unknown_recipe_names_those_that_there_are():
+    with pytest.raises(FbidError, match="Unknown recipe 'run'. Valid choices: .*walk.*, none"):
+        recipe_for(WALK, "run")
+    with pytest.raises(FbidError, match="Unknown recipe 'run'"):
+        parse(["--recipe", "run"])
+
+
+def test_two_recipes_for_one_environment_are_refused(tmp_path):
+    for name in ("one", "two"):
+        _write(tmp_path, f"envs = ['{WALK}']", name)
+    with pytest.raises(FbidError, match=f"one and two are both for {WALK}"):
+        recipes(tmp_path)
+
+
+def test_rl_zoo_is_told_the_same():
+    assert zoo.PATH.read_text() == zoo.text()
+    config = config_for(WALK, TrainConfig.action_layer)
+    entry = zoo.entry(config)
+    for name, value in (("n_envs", config.num_envs), ("batch_size", config.ppo.batch_size)):
+        assert f"  {name}: {value}\n" in entry
+
+
+def test_rl_zoo_cannot_be_told_of_a_rate_that_ends_anywhere():
+    config = TrainConfig(ppo=PPOConfig(learning_rate_end=1e-5))
+    with pytest.raises(FbidError, match=r"Invalid ppo\.learning_rate_end: 1e-05"):
+        zoo.entry(config)

@@ -1,0 +1,183 @@
+"""How to train in an environment: the TOML files beside this one, chosen by environment id.
+
+A recipe gives other defaults to `train.ppo` where those of `TrainConfig` do not do; what the
+command line says goes before both. Environments that no recipe names are trained by the defaults.
+
+    envs = ["fbid_gym/QuadrupedWalk-v0"]     # which it is for
+    num_envs = 512                           # any field of TrainConfig but those that name the run
+    [ppo]                                    # of PPOConfig
+    [eval]                                   # of EvaluationConfig
+    [[exceptions]]                           # other values, for an action layer with such options
+    action_layer = "joint_position"
+    layer_options = { reference = "home" }
+    ppo = { log_std_init = -0.7 }
+
+`train.recipes.zoo` says the same to RL Zoo.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from fbid_gym.errors import RunError, UnknownOptionError
+from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
+
+FOLDER = Path(__file__).parent
+NONE = "none"
+"""Stands for the defaults where a recipe is asked for by name."""
+
+_SETTINGS = ("total_steps", "num_envs", "torch_threads", "ppo", "eval")
+_CONDITIONS = ("action_layer", "layer_options")
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Other defaults than those of `TrainConfig`.
+
+    Attributes:
+        name: of its file.
+        envs: environment ids that it is for.
+        settings: by field of `TrainConfig`; "ppo" and "eval" hold settings in turn.
+        exceptions: further settings, each with the action layer and the options it is for.
+    """
+
+    name: str
+    envs: tuple[str, ...]
+    settings: dict[str, Any]
+    exceptions: tuple[dict[str, Any], ...]
+
+    def for_layer(self, action_layer: str, layer_options: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the settings for an action layer with options that were given to it."""
+        found = dict(self.settings)
+        for exception in self.exceptions:
+            wanted = exception.get("layer_options", {})
+            same = all(layer_options.get(name) == value for name, value in wanted.items())
+            if exception["action_layer"] == action_layer and same:
+                found = _merged(found, _without(exception, _CONDITIONS))
+        return found
+
+
+@cache
+def recipes(folder: Path = FOLDER) -> dict[str, Recipe]:
+    """Return the recipes of a folder by name.
+
+    Raises:
+        RunError: a file that is no TOML, or two recipes for one environment.
+        UnknownOptionError: a setting that there is not.
+    """
+    found = {path.stem: _read(path) for path in sorted(folder.glob("*.toml"))}
+    by_env: dict[str, str] = {}
+    for recipe in found.values():
+        for env in recipe.envs:
+            if env in by_env:
+                raise RunError(f"{folder}: {by_env[env]} and {recipe.name} are both for {env}.")
+            by_env[env] = recipe.name
+    return found
+
+
+def recipe_for(env_id: str, name: str | None = None, folder: Path = FOLDER) -> Recipe:
+    """Return the recipe of an environment, or that of a name.
+
+    Args:
+        env_id: the environment; one that no recipe names gets the defaults.
+        name: of a recipe, whatever it is for; "none" for the defaults.
+        folder: where the recipes are.
+
+    Raises:
+        UnknownOptionError: no recipe of this name.
+    """
+    known = recipes(folder)
+    if name is None:
+        name = next((its.name for its in known.values() if env_id in its.envs), NONE)
+    if name == NONE:
+        return Recipe(NONE, (), {}, ())
+    if name not in known:
+        raise UnknownOptionError("recipe", name, [*known, NONE])
+    return known[name]
+
+
+def config_for(
+    env_id: str,
+    action_layer: str,
+    layer_options: Mapping[str, Any] | None = None,
+    name: str | None = None,
+    folder: Path = FOLDER,
+) -> TrainConfig:
+    """Return the configuration of a training as the recipe has it.
+
+    Args:
+        env_id: the environment.
+        action_layer: the policy acts through.
+        layer_options: of the layer.
+        name: of another recipe, see `recipe_for`.
+        folder: where the recipes are.
+
+    Raises:
+        FbidError: no such recipe, or values of it that are not valid.
+    """
+    given = dict(layer_options or {})
+    recipe = recipe_for(env_id, name, folder)
+    settings = recipe.for_layer(action_layer, given)
+    ppo = dict(settings.pop("ppo", {}))
+    if "hidden" in ppo:
+        ppo["hidden"] = tuple(ppo["hidden"])
+    parts: dict[str, Any] = {
+        "ppo": PPOConfig(**ppo),
+        "eval": EvaluationConfig(**settings.pop("eval", {})),
+    }
+    try:
+        return TrainConfig(
+            env=env_id, action_layer=action_layer, layer_options=given, **settings, **parts
+        )
+    except TypeError as error:
+        raise RunError(f"recipe {recipe.name!r}: {error}.") from error
+
+
+def check(name: str, settings: Mapping[str, Any], valid: Mapping[str, Any]) -> None:
+    """Raise UnknownOptionError for settings that are none of `valid`, a nested dictionary."""
+    for key, value in settings.items():
+        if key not in valid:
+            raise UnknownOptionError(f"setting of recipe {name!r}", key, valid)
+        if isinstance(valid[key], Mapping):
+            if not isinstance(value, Mapping):
+                raise RunError(f"recipe {name!r}: {key} is {value!r}. Expected a table.")
+            check(name, value, valid[key])
+
+
+def _read(path: Path) -> Recipe:
+    try:
+        data = tomllib.loads(path.read_text())
+    except tomllib.TOMLDecodeError as error:
+        raise RunError(f"{path}: is no TOML: {error}.") from error
+    exceptions = tuple(data.pop("exceptions", ()))
+    envs, valid = tuple(data.pop("envs", ())), _valid()
+    check(path.stem, data, valid)
+    for exception in exceptions:
+        if "action_layer" not in exception:
+            raise RunError(f"{path}: an exception without action_layer. Expected one in each.")
+        check(path.stem, _without(exception, ("layer_options",)), valid | {"action_layer": ""})
+    return Recipe(path.stem, envs, data, exceptions)
+
+
+def _valid() -> dict[str, Any]:
+    parts = {"ppo": PPOConfig, "eval": EvaluationConfig}
+    return {
+        name: {item.name: "" for item in fields(parts[name])} if name in parts else ""
+        for name in _SETTINGS
+    }
+
+
+def _merged(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    found = dict(one)
+    for name, value in other.items():
+        known = found.get(name)
+        both = isinstance(value, Mapping) and isinstance(known, Mapping)
+        found[name] = _merged(known, value) if both else value  # type: ignore[arg-type]
+    return found
+
+
+def _without(data: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+    return {name: value for name, value in data.items() if name not in names}

@@ -1,0 +1,102 @@
+"""The command line of a training run: read with the recipe of its environment, and written."""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+import tyro
+
+from train.recipes import NONE, config_for, recipes
+from train.runs.config import TrainConfig, parse_object
+
+# Said twice in the JSON, for readers of the environment's arguments alone.
+_REPEATED = ("action_layer", "layer_options")
+
+
+def parse(arguments: Sequence[str] | None = None) -> TrainConfig:
+    """Read the command line: what it does not say is as the environment's recipe has it.
+
+    Args:
+        arguments: without the program name; None for those of this process.
+
+    Raises:
+        FbidError: no such recipe, or a recipe or value that is not valid.
+    """
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    chosen, rest = _chosen(given)
+    usual = config_for(chosen.env, chosen.action_layer, chosen.layer_options, chosen.recipe)
+    names = ", ".join([*recipes(), NONE])
+    return tyro.cli(
+        TrainConfig,
+        prog="python -m train.ppo",
+        description=f"{TrainConfig.__doc__}\n\nDefaults are those of the environment's recipe in "
+        f"train/recipes; --recipe NAME takes those of another: {names}.",
+        default=_plain(usual),
+        args=rest,
+    )
+
+
+def options(config: TrainConfig) -> tuple[str, ...]:
+    """Return the command line that `parse` reads as this configuration."""
+    usual = config_for(config.env, config.action_layer, config.layer_options)
+    return tuple(_options(asdict(config), asdict(_plain(usual))))
+
+
+def stored_options(stored: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the command line that trains again what a `config.json` says, in the usual folder.
+
+    Args:
+        stored: as `TrainConfig.to_json` gives it, of this version of the package or another.
+    """
+    env = stored["env_id"]
+    layer, layer_options = stored.get("action_layer", ""), stored.get("layer_options", {})
+    usual = _plain(config_for(env, layer, layer_options)).to_json()
+    # How many threads and checkpoints there were is no part of what was trained.
+    for name in ("num_threads", "checkpoint_every", "env_id"):
+        del usual[name]
+    arguments = {k: v for k, v in stored.get("env_args", {}).items() if k not in _REPEATED}
+    usual |= {"env": TrainConfig.env, "env_args": {}}
+    return tuple(_options({**stored, "env": env, "env_args": arguments}, usual))
+
+
+def _chosen(given: list[str]) -> tuple[argparse.Namespace, list[str]]:
+    """What decides about the recipe, and the command line without the recipe's name."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    parser.add_argument("--env", default=TrainConfig.env)
+    parser.add_argument("--action-layer", "--action_layer", default=TrainConfig.action_layer)
+    parser.add_argument("--layer-options", "--layer_options", default="{}")
+    parser.add_argument("--recipe")
+    try:
+        chosen, _ = parser.parse_known_args(given)
+        chosen.layer_options = parse_object(chosen.layer_options)
+    except (argparse.ArgumentError, ValueError):
+        # The full command line says better what is wrong with it.
+        return parser.parse_args([], argparse.Namespace(layer_options={})), given
+    only = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    only.add_argument("--recipe")
+    return chosen, only.parse_known_args(given)[1]
+
+
+def _plain(config: TrainConfig) -> TrainConfig:
+    """What the recipe changed, but in the environment and through the layer of no recipe."""
+    return replace(
+        config, env=TrainConfig.env, action_layer=TrainConfig.action_layer, layer_options={}
+    )
+
+
+def _options(data: Mapping[str, Any], usual: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """Yield what differs from the usual, of what there usually is."""
+    for name, value in data.items():
+        if name in ("ppo", "eval"):
+            yield from _options(value, usual[name], f"{name}.")
+        elif name in usual and value != usual[name]:
+            yield f"--{prefix}{'no-' if value is False else ''}{name.replace('_', '-')}"
+            if isinstance(value, dict):
+                yield json.dumps(value)
+            elif isinstance(value, tuple | list):
+                yield from map(str, value)
+            elif not isinstance(value, bool):
+                yield str(value)
