@@ -2,11 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.command import GaitCommand, Steering
 from fbid_gym.motions.gait.gait import Gait, default_gait, gait_of
@@ -14,33 +12,21 @@ from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
 from fbid_gym.robots import Robot
 from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
-from fbid_gym.tasks.body import Body, Posture, bell, level, side_by_side, weighted
+from fbid_gym.tasks.body import Body, weighted
 from fbid_gym.tasks.height_scan import SCAN, scan_heights
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
-
-
-class WalkReward(NamedTuple):
-    """The terms of the reward: the share (N,) of each in [0, 1], or its weight.
-
-    Attributes:
-        velocity: horizontal velocity as commanded.
-        turning: yaw rate as commanded.
-        clock: feet on the ground and in the air as the gait's clock has them.
-        upright: base upright.
-        steady: base neither rises nor rolls nor pitches.
-        torque: small torques.
-    """
-
-    velocity: Any
-    turning: Any
-    clock: Any
-    upright: Any
-    steady: Any
-    torque: Any
-
+from fbid_gym.tasks.walk_measures import (
+    Clock,
+    Scales,
+    Seen,
+    WalkReward,
+    command_at,
+    judge,
+    observe,
+)
 
 REWARD_WEIGHTS = WalkReward(
     velocity=0.4, turning=0.2, clock=0.15, upright=0.1, steady=0.05, torque=0.1
@@ -168,7 +154,7 @@ class Walk:
         robot = self.body.robot
         joints, points = np.ones(robot.num_joints), np.ones(robot.num_points)
         axes, feet = np.ones(3), np.ones(robot.num_feet)
-        bound = _Seen(
+        bound = Seen(
             clock=np.ones(2),
             command=10.0 * axes,
             planted=feet,
@@ -207,7 +193,7 @@ class Walk:
 
     def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the commanded velocity: (N, 3) m/s ahead, m/s and rad/s to the left."""
-        return _find_command(plan["command_start"], plan["command"], tick)
+        return command_at(plan["command_start"], plan["command"], tick)
 
     def memory(self, terms: DynamicsTerms) -> Memory:
         """Of the gait, and what of its last target is seen and judged."""
@@ -248,7 +234,7 @@ class Walk:
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
         command = self.command(plan, outcome.state.tick)
-        seen = _observe(self._scales, outcome, command, _Clock.of(memory))
+        seen = observe(self._scales, outcome, command, Clock.of(memory))
         if not len(self.scan):
             return seen
         around = scan_heights(self.ground, self.scan, outcome.terms, memory["seen_ground"])
@@ -259,7 +245,7 @@ class Walk:
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step; see `Task.reward`."""
         posture, command = self.body.posture(outcome), self.command(plan, outcome.state.tick)
-        shares, moved = _judge(self._scales, posture, outcome, command, _Clock.of(memory))
+        shares, moved = judge(self._scales, posture, outcome, command, Clock.of(memory))
         height = outcome.terms.base_position[:, 2] - memory["seen_ground"]
         asked = memory["seen_height"] - memory["seen_ground"]
         metrics = {
@@ -296,9 +282,9 @@ class Walk:
         return heights_below(self.ground, foothold)
 
     @property
-    def _scales(self) -> "_Scales":
+    def _scales(self) -> Scales:
         body, robot = self.body, self.body.robot
-        return _Scales(
+        return Scales(
             float(body.stance.home_com[2]),
             robot.gravity,
             body.home_height,
@@ -308,160 +294,3 @@ class Walk:
             robot.weight,
             body.stance.geometry.foot_of_point,
         )
-
-
-class _Scales(NamedTuple):
-    """What observation and reward measure by."""
-
-    size: float  # m, height of the centre of mass at home
-    gravity: float
-    home_height: float  # m, of the base
-    home_qpos: np.ndarray
-    torque_limit: np.ndarray
-    mean_torque_limit: float
-    weight: float
-    foot_of_point: np.ndarray
-
-
-class _Clock(NamedTuple):
-    """What of the gait's last target is seen."""
-
-    planted: np.ndarray  # (N, F) bool
-    cycle: np.ndarray  # (N,)
-    ground: np.ndarray  # (N,) m
-
-    @classmethod
-    def of(cls, memory: Memory) -> "_Clock":
-        return cls(memory["seen_planted"], memory["seen_cycle"], memory["seen_ground"])
-
-
-class _Seen(NamedTuple):
-    """What a policy sees of N robots, in the order of the observation."""
-
-    clock: np.ndarray  # (N, 2)
-    command: np.ndarray  # (N, 3)
-    planted: np.ndarray  # (N, F)
-    height: np.ndarray  # (N, 1) m, from home
-    up: np.ndarray  # (N, 3) the vertical, base frame
-    velocity: np.ndarray  # (N, 3) m/s, heading
-    angular_velocity: np.ndarray  # (N, 3) rad/s, base frame
-    joint_position: np.ndarray  # (N, n) rad, from home
-    joint_velocity: np.ndarray  # (N, n) rad/s
-    torque: np.ndarray  # (N, n) last one, share of its limit
-    load: np.ndarray  # (N, P) normal force, share of the weight
-
-
-class _Moved(NamedTuple):
-    velocity_error: np.ndarray  # (N,) m/s
-    turning_error: np.ndarray  # (N,) rad/s
-    speed: np.ndarray  # (N,) m/s
-
-
-class _Judged(NamedTuple):
-    shares: WalkReward
-    moved: _Moved
-
-
-@kernel
-def _find_command(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.ndarray:
-    """Return the commands (N, 3) at ticks (N,), of those (N, K, 3) that start at ticks (N, K)."""
-    found = np.empty((len(tick), 3))
-    for i in range(len(tick)):
-        index = -1
-        for k in range(start.shape[1]):
-            index += start[i, k] <= tick[i]
-        for axis in range(3):
-            found[i, axis] = command[i, index, axis]
-    return found
-
-
-@kernel
-def _observe(scales: _Scales, outcome: Outcome, command: np.ndarray, clock: _Clock) -> np.ndarray:
-    """What `Walk.observe` returns."""
-    state, terms = outcome.state, outcome.terms
-    (count, joints), points = outcome.torque.shape, state.contact_force.shape[1]
-    feet = clock.planted.shape[1]
-    seen = _Seen(
-        np.empty((count, 2)),
-        np.empty((count, 3)),
-        np.empty((count, feet)),
-        np.empty((count, 1)),
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-        np.empty((count, joints)),
-        np.empty((count, joints)),
-        np.empty((count, joints)),
-        np.empty((count, points)),
-    )
-    for i in range(count):
-        angle = 2.0 * np.pi * clock.cycle[i]
-        seen.clock[i, 0], seen.clock[i, 1] = np.sin(angle), np.cos(angle)
-        base = terms.base_rotation[i]
-        size = np.hypot(base[0, 0], base[1, 0]) + 1e-12
-        cosine, sine = base[0, 0] / size, base[1, 0] / size
-        x, y = state.qvel[i, 0], state.qvel[i, 1]
-        seen.velocity[i, 0], seen.velocity[i, 1] = cosine * x + sine * y, cosine * y - sine * x
-        seen.velocity[i, 2] = state.qvel[i, 2]
-        height = terms.base_position[i, 2] - clock.ground[i]
-        seen.height[i, 0] = height - scales.home_height
-        for k in range(3):
-            seen.command[i, k] = command[i, k]
-            seen.up[i, k] = base[2, k]
-            seen.angular_velocity[i, k] = state.qvel[i, 3 + k]
-        for foot in range(feet):
-            seen.planted[i, foot] = clock.planted[i, foot]
-        for j in range(joints):
-            seen.joint_position[i, j] = state.qpos[i, 7 + j] - scales.home_qpos[7 + j]
-            seen.joint_velocity[i, j] = state.qvel[i, 6 + j]
-            seen.torque[i, j] = outcome.torque[i, j] / scales.torque_limit[j]
-        for point in range(points):
-            seen.load[i, point] = state.contact_force[i, point, 2] / scales.weight
-    return side_by_side(seen)
-
-
-@kernel
-def _judge(
-    scales: _Scales, posture: Posture, outcome: Outcome, command: np.ndarray, clock: _Clock
-) -> _Judged:
-    """Return the shares of the terms of the reward, and how the robots moved."""
-    state, terms = outcome.state, outcome.terms
-    count, feet = clock.planted.shape
-    points = posture.touching.shape[1]
-    share = WalkReward(
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-    )
-    moved = _Moved(np.empty(count), np.empty(count), np.empty(count))
-    speed, rate = np.sqrt(scales.gravity * scales.size), np.sqrt(scales.gravity / scales.size)
-    down = np.empty(feet, np.bool_)
-    for i in range(count):
-        base, qvel = terms.base_rotation[i], state.qvel[i]
-        size = np.hypot(base[0, 0], base[1, 0]) + 1e-12
-        cosine, sine = base[0, 0] / size, base[1, 0] / size
-        ahead, left = cosine * qvel[0] + sine * qvel[1], cosine * qvel[1] - sine * qvel[0]
-        moved.velocity_error[i] = np.hypot(ahead - command[i, 0], left - command[i, 1])
-        moved.speed[i] = np.hypot(ahead, left)
-        spin = base[2, 0] * qvel[3] + base[2, 1] * qvel[4] + base[2, 2] * qvel[5]
-        moved.turning_error[i] = abs(spin - command[i, 2])
-        down[:] = False
-        for point in range(points):
-            if posture.touching[i, point]:
-                down[scales.foot_of_point[point]] = True
-        as_planned = 0
-        for foot in range(feet):
-            as_planned += down[foot] == clock.planted[i, foot]
-        tumble = np.sqrt(qvel[3] ** 2 + qvel[4] ** 2) / rate + abs(qvel[2]) / speed
-        torque = np.sqrt(outcome.torque_square[i])
-        # Speeds scale with sqrt(g h), rates with sqrt(g / h).
-        share.velocity[i] = bell(moved.velocity_error[i], 0.19 * speed)
-        share.turning[i] = bell(moved.turning_error[i], 0.09 * rate)
-        share.clock[i] = as_planned / feet * bell(posture.slip[i], 0.2 * speed)
-        share.upright[i] = level(posture.upright[i])
-        share.steady[i] = bell(tumble, 0.3)
-        share.torque[i] = bell(torque / scales.mean_torque_limit, 0.5)
-    return _Judged(share, moved)
