@@ -52,6 +52,7 @@ class Clock(NamedTuple):
 
     @classmethod
     def of(cls, memory: Memory) -> "Clock":
+        """Return it from the task's memory."""
         return cls(memory["seen_planted"], memory["seen_cycle"], memory["seen_ground"])
 
 
@@ -72,12 +73,16 @@ class Seen(NamedTuple):
 
 
 class Moved(NamedTuple):
+    """How the robots moved."""
+
     velocity_error: np.ndarray  # (N,) m/s
     turning_error: np.ndarray  # (N,) rad/s
     speed: np.ndarray  # (N,) m/s
 
 
 class Judged(NamedTuple):
+    """What the reward is made of, and what it was made from."""
+
     shares: WalkReward
     moved: Moved
 
