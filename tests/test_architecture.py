@@ -18,8 +18,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("fbid_gym", "train", "eval")
 
 # A unit imports itself and units of a lower rank, never one beside it: `actions` and `tasks` do not
-# know each other. "train.runs", the folder of a run, is a unit of its own: whoever only reads runs
-# waits for no torch, and nothing of the learner can slip in.
+# know each other. "train.runs", the folder of a run with the recipes for it, is a unit of its own:
+# whoever only reads runs waits for no torch, and nothing of the learner can slip in.
 # "fbid_gym" stands for fbid_gym/__init__.py, which gathers the public names.
 RANK = {
     "errors": 0,
@@ -106,7 +106,7 @@ def imports(path: Path, module: str, *, typing: bool = True) -> Iterator[tuple[i
 def unit_of(module: str) -> str:
     """The unit of RANK that a module of ours belongs to."""
     first, *rest = module.split(".")
-    if first == "train" and rest[:1] == ["runs"]:
+    if first == "train" and rest[:1] in (["runs"], ["recipes"]):
         return "train.runs"
     return rest[0] if first == "fbid_gym" and rest else first
 

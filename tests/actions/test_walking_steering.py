@@ -8,8 +8,8 @@ from fbid_gym.actions import WALKING_LAYERS, make_walking_layer, walking_layer_o
 from fbid_gym.actions.footholds import Footholds
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.motions.gait.command import Steering
 from fbid_gym.motions.gait.gait import gait_of
-from fbid_gym.quantities import Steering
 
 HZ = 250
 

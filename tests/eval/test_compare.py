@@ -89,6 +89,9 @@ def test_the_numbers_are_those_of_the_rollouts(four_runs: list[Path]) -> None:
             means = np.array([getattr(episodes, metric.name).mean() for episodes in played])
             np.testing.assert_allclose(layer.values(metric.name), means)
             estimate = layer.metrics[metric.name]
+            if np.isnan(means).all():  # this environment does not measure it
+                assert np.isnan(estimate.value)
+                continue
             assert estimate.value == pytest.approx(scipy.stats.trim_mean(means, 0.25))
             # Two runs: the interval is their range.
             assert (estimate.low, estimate.high) == (means.min(), means.max())
@@ -116,7 +119,8 @@ def test_the_order_of_the_runs_does_not_matter(four_runs: list[Path]) -> None:
     assert [x.metrics["returned"].value for x in one.layers] == [
         x.metrics["returned"].value for x in other.layers
     ]
-    assert asdict(one) == asdict(compare(runs, QUICK))
+    # As text: what an environment does not measure is no number, and equals nothing.
+    assert repr(asdict(one)) == repr(asdict(compare(runs, QUICK)))
 
 
 def test_a_threshold_that_one_layer_never_reaches_is_said_to_be_that(

@@ -88,7 +88,7 @@ def test_run_folder_is_complete(straight):
     assert [int(row["steps"]) for row in evaluations] == [0, 384, 640, 768]
     assert list(evaluations[0]) == [
         *("steps", "wall_seconds", "episodes", "return_mean", "return_std", "return_q25"),
-        *("return_q75", "length_mean", "survival"),
+        *("return_q75", "length_mean", "survival", "velocity_error"),
     ]
 
 

@@ -8,7 +8,8 @@ from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.gait.joints import joint_reference, legs_of
-from fbid_gym.quantities import GaitTarget, RobotState
+from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.quantities import RobotState
 
 
 @pytest.fixture(scope="module", params=["go1", "biped"])
