@@ -119,6 +119,7 @@ class WalkingEnv(RobotEnv):
     | `command_interval` | `(2.0, 5.0)`    | (least, most) s from one command to the next          |
     | `gait`             | `None`          | Of a quadruped: `"trot"` by default, `"walk"`,        |
     |                    |                 | `"pace"`, `"bound"`, `"stand"`                        |
+    | `height_scan`      | `False`         | Whether the ground is seen; see `TerrainEnv`          |
 
     What one learns from must be cheap: these ids differ from the defaults in
 

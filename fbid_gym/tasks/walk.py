@@ -204,6 +204,7 @@ class Walk:
             "seen_ground": terms.foot_position[:, :, 2].min(axis=1),
             "seen_height": terms.base_position[:, 2].copy(),
             "seen_clipped": np.zeros(count, np.int64),
+            "seen_foothold": terms.foot_position.copy(),
         }
 
     def reference(
@@ -229,6 +230,7 @@ class Walk:
         memory["seen_ground"] = np.where(planted, ground, memory["seen_ground"])
         memory["seen_height"] = target.height
         memory["seen_clipped"] = memory["seen_clipped"] + target.clipped.sum(axis=1)
+        memory["seen_foothold"] = target.foothold
         return target
 
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:

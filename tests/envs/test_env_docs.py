@@ -22,8 +22,9 @@ from fbid_gym.tasks.body import FALLEN_HEIGHT, FALLEN_TILT, TOUCHING_LOAD
 
 BALANCE = [name for name, arguments in ENVIRONMENTS.items() if arguments["task"] == "balance"]
 MODEL_FREE = ("torque", "joint_position")
-WALKS = [name for name, arguments in ENVIRONMENTS.items() if arguments["task"] == "walk"]
-FOLLOWING = [name for name in ENVIRONMENTS if name not in (*BALANCE, *WALKS)]
+ON_FOOT = [name for name, arguments in ENVIRONMENTS.items() if arguments["task"] == "walk"]
+WALKS = [name for name in ON_FOOT if "terrain" not in ENVIRONMENTS[name]]
+FOLLOWING = [name for name in ENVIRONMENTS if name not in (*BALANCE, *ON_FOOT)]
 
 
 def sections(described):
