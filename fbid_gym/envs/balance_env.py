@@ -189,8 +189,8 @@ class BalanceEnv(RobotEnv):
     |                   |                |                    | starts on a level place of it      |
     | `terrain_height`  | float          | `0.03`             | m, of the terrain's highest point  |
     | `terrain_seed`    | int            | `0`                | Decides where everything lies      |
-    | `difficulty`      | float          | `0.5`              | Of `"slopes"`, `"stairs"` and so on,|
-    |                   |                |                    | 0 to 1; see `TerrainEnv`           |
+    | `difficulty`      | float          | `0.5`              | Of `"slopes"`, `"stairs"` and the  |
+    |                   |                |                    | like, 0 to 1; see `TerrainEnv`     |
     | `curriculum`      | bool           | `False`            | Whether robots move between levels |
     |                   |                |                    | of difficulty; see `TerrainEnv`    |
     | `joint_noise`     | float          | `0.02`             | rad, see `Starting State`          |
