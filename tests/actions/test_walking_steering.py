@@ -8,7 +8,7 @@ from fbid_gym.actions import WALKING_LAYERS, make_walking_layer, walking_layer_o
 from fbid_gym.actions.footholds import Footholds
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.motions.gait.command import Steering
+from fbid_gym.motions.gait.command import GaitCommand, Steering
 from fbid_gym.motions.gait.gait import gait_of
 
 HZ = 250
@@ -27,6 +27,12 @@ def held(robot):
     return MuJoCoDynamics(robot).terms(qpos, np.zeros((1, robot.nv))), force
 
 
+def commanded(velocity, steering):
+    """A command with this steering, on ground that is not known."""
+    ground = np.full(steering.shift.shape[:2], np.nan)
+    return GaitCommand(velocity, steering.shift, steering.rate, ground)
+
+
 @pytest.mark.parametrize("name", ["go1", "biped"])
 def test_the_action_moves_the_next_foothold_by_that_much(name):
     robot = robots.load(name)
@@ -39,8 +45,8 @@ def test_the_action_moves_the_next_foothold_by_that_much(name):
     compared = 0
     for _ in range(2 * HZ):
         copy = {key: value.copy() for key, value in memory.items()}
-        here = gait.target(command, no_steering(robot), terms, force, memory)
-        there = gait.target(command, shifted, terms, force, copy)
+        here = gait.target(commanded(command, no_steering(robot)), terms, force, memory)
+        there = gait.target(commanded(command, shifted), terms, force, copy)
         for foot in np.flatnonzero(~here.planted[0] & ~here.clipped[0] & ~there.clipped[0]):
             way = (there.foothold - here.foothold)[0, foot, :2]
             axis = np.array([np.cos(here.heading[0]), np.sin(here.heading[0])])
@@ -59,7 +65,8 @@ def test_the_step_rate_is_the_gaits_frequency():
         memory, cycles = gait.memory(terms), []
         steering = faster.steering(np.array([[action]]))
         for _ in range(HZ // 2):
-            cycles.append(gait.target(command, steering, terms, force, memory).cycle[0])
+            target = gait.target(commanded(command, steering), terms, force, memory)
+            cycles.append(target.cycle[0])
         change = np.diff(cycles) % 1.0
         passed.append(np.median(change[change > 0.0]) * HZ)
     assert passed[1] / passed[0] == pytest.approx(1.2)
