@@ -119,7 +119,7 @@ def walk(trial: Trial, config: WalkingConfig) -> Walked:
 
 def _spin(batch: EnvBatch) -> np.ndarray:
     """Return how fast the bases turn about the vertical, (N,) rad/s to the left."""
-    vertical = batch.simulation.terms().base_rotation[:, 2]
+    vertical = batch.simulation.terms().world_from_base[:, 2]
     return np.vecdot(vertical, batch.simulation.qvel[:, 3:6])
 
 

@@ -53,11 +53,11 @@ class DynamicsTerms(NamedTuple):
         mass_matrix: (N, nv, nv) M, with the joints' armature.
         bias: (N, nv) h, Coriolis, centrifugal and gravity forces; no joint damping, no friction.
         base_position: (N, 3) m, world.
-        base_rotation: (N, 3, 3) world from base.
+        world_from_base: (N, 3, 3).
         com: (N, 3) m, world.
         com_velocity: (N, 3) m/s, world.
         foot_position: (N, F, 3) m, world, of each foot's reference.
-        foot_rotation: (N, F, 3, 3) world from foot body.
+        world_from_foot: (N, F, 3, 3) of the foot's body.
         foot_velocity: (N, F, 6) of the reference: linear (m/s), then angular (rad/s), world axes.
         foot_jacobian: (N, F, 6, nv) with foot_velocity = foot_jacobian @ v.
         foot_bias: (N, F, 6) rate of foot_velocity at vdot = 0 (m/s^2, rad/s^2), "Jdot v".
@@ -66,11 +66,11 @@ class DynamicsTerms(NamedTuple):
     mass_matrix: np.ndarray
     bias: np.ndarray
     base_position: np.ndarray
-    base_rotation: np.ndarray
+    world_from_base: np.ndarray
     com: np.ndarray
     com_velocity: np.ndarray
     foot_position: np.ndarray
-    foot_rotation: np.ndarray
+    world_from_foot: np.ndarray
     foot_velocity: np.ndarray
     foot_jacobian: np.ndarray
     foot_bias: np.ndarray
@@ -120,11 +120,11 @@ class SupportFrame(NamedTuple):
 
     Attributes:
         centre: (N, 3) m, world, the mean of the contact points.
-        rotation: (N, 3, 3) world from support.
+        world_from_support: (N, 3, 3).
     """
 
     centre: np.ndarray
-    rotation: np.ndarray
+    world_from_support: np.ndarray
 
 
 class Heading(NamedTuple):
@@ -243,13 +243,13 @@ class ForcePath(NamedTuple):
     Attributes:
         to_com: (N, 6, 6) of `CentroidalTerms`.
         point_map: (N, k, 3P) of `ReducedContacts`.
-        rotation: (N, P, 3, 3) world from contact axes, whose third is the ground's normal;
+        world_from_contact: (N, P, 3, 3) of contact axes, whose third is the ground's normal;
             (0, P, 3, 3) on level ground.
     """
 
     to_com: np.ndarray
     point_map: np.ndarray
-    rotation: np.ndarray
+    world_from_contact: np.ndarray
 
 
 class Nearness(NamedTuple):
@@ -334,7 +334,7 @@ class BodyMotion(NamedTuple):
     Attributes:
         com: (N, 3) m.
         com_velocity: (N, 3) m/s.
-        rotation: (N, 3, 3) world from base.
+        world_from_base: (N, 3, 3).
         angular_velocity: (N, 3) rad/s, of the base.
         momentum: (N, 6) kg·m/s, and kg·m²/s about the centre of mass.
         mass: (N,) kg.
@@ -342,7 +342,7 @@ class BodyMotion(NamedTuple):
 
     com: np.ndarray
     com_velocity: np.ndarray
-    rotation: np.ndarray
+    world_from_base: np.ndarray
     angular_velocity: np.ndarray
     momentum: np.ndarray
     mass: np.ndarray
@@ -380,9 +380,9 @@ class Reference(NamedTuple):
         qpos: (N, nq) m, unit quaternion wxyz, rad.
         qvel: (N, nv) m/s, rad/s; the angular part in the base's frame.
         qacc: (N, nv) m/s^2, rad/s^2, rate of qvel.
-        com: (N, 3) m, centre of mass.
-        com_velocity: (N, 3) m/s.
-        com_acceleration: (N, 3) m/s^2.
+        com_in_support: (N, 3) m, centre of mass.
+        com_velocity_in_support: (N, 3) m/s.
+        com_acceleration_in_support: (N, 3) m/s^2.
         planted: (N, F) bool, which feet are planned to stand.
         stepping: whether feet are ever planned to leave the ground.
     """
@@ -390,9 +390,9 @@ class Reference(NamedTuple):
     qpos: np.ndarray
     qvel: np.ndarray
     qacc: np.ndarray
-    com: np.ndarray
-    com_velocity: np.ndarray
-    com_acceleration: np.ndarray
+    com_in_support: np.ndarray
+    com_velocity_in_support: np.ndarray
+    com_acceleration_in_support: np.ndarray
     planted: np.ndarray
     stepping: bool
 

@@ -170,13 +170,13 @@ def simulate(
 def _upright(robot: Robot) -> np.ndarray:
     """The vertical (3,) in the base's axes at home."""
     home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
-    return home.base_rotation[0, 2]
+    return home.world_from_base[0, 2]
 
 
 def _fallen(terms: DynamicsTerms, height: np.ndarray, upright: np.ndarray) -> np.ndarray:
     """Which robots lie: (N,) bool."""
     low = height_of(terms) < FALLEN_HEIGHT * height
-    return low | (np.vecdot(terms.base_rotation[:, 2], upright) < FALLEN_TILT)
+    return low | (np.vecdot(terms.world_from_base[:, 2], upright) < FALLEN_TILT)
 
 
 def height_of(terms: DynamicsTerms) -> np.ndarray:

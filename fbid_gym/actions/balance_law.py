@@ -263,11 +263,11 @@ def desired_wrench(
         (N, 6) N and N·m, world.
     """
     target, moving = balance_target(reference, frame, body), body_motion(state, terms, body)
-    wrench = balance_wrench(gains, target, moving, frame.rotation, gravity)
+    wrench = balance_wrench(gains, target, moving, frame.world_from_support, gravity)
     for i in range(len(wrench)):
         for axis in range(3):
-            wrench[i, axis] += dot(frame.rotation[i, axis], push[i, :3])
-            wrench[i, 3 + axis] += dot(frame.rotation[i, axis], push[i, 3:])
+            wrench[i, axis] += dot(frame.world_from_support[i, axis], push[i, :3])
+            wrench[i, 3 + axis] += dot(frame.world_from_support[i, axis], push[i, 3:])
     return wrench
 
 

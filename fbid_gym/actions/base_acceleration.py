@@ -186,11 +186,11 @@ def _stabilise(
     lead, axial = np.empty(6), np.empty(3)
     stiffness, damping = gains.stiffness, gains.damping
     for i in range(count):
-        row, level = min(i, len(reference.qpos) - 1), frame.rotation[i]
+        row, level = min(i, len(reference.qpos) - 1), frame.world_from_support[i]
         # The base's orientation error, as the axial vector of the rotation that is left.
         rotation_of(reference.qpos[row, 3:7], upright)
         multiply(level, upright, target)
-        multiply_transposed(terms.base_rotation[i], target, turn)
+        multiply_transposed(terms.world_from_base[i], target, turn)
         axial[0] = 0.5 * (turn[2, 1] - turn[1, 2])
         axial[1] = 0.5 * (turn[0, 2] - turn[2, 0])
         axial[2] = 0.5 * (turn[1, 0] - turn[0, 1])
@@ -199,11 +199,15 @@ def _stabilise(
         # and y, so they commute with the turn about the vertical from that frame to the world.
         for k in range(6):
             of_com = k < 2  # horizontally the centre of mass is controlled, else the base
-            velocity = reference.com_velocity[row, k] if of_com else reference.qvel[row, k]
-            lead[k] = reference.com_acceleration[row, k] if of_com else reference.qacc[row, k]
+            velocity = (
+                reference.com_velocity_in_support[row, k] if of_com else reference.qvel[row, k]
+            )
+            lead[k] = (
+                reference.com_acceleration_in_support[row, k] if of_com else reference.qacc[row, k]
+            )
             lead[k] += added[i, k] + damping[k] * velocity
             if k < 3:
-                place = reference.com[row, k] if of_com else reference.qpos[row, k]
+                place = reference.com_in_support[row, k] if of_com else reference.qpos[row, k]
                 lead[k] += stiffness[k] * place
         for k in range(3):
             place = terms.com[i, k] if k < 2 else terms.base_position[i, k]

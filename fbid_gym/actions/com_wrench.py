@@ -211,7 +211,7 @@ def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:
     root = np.linalg.inv(np.linalg.cholesky(terms.mass_matrix[0])).T
     held = np.concatenate([contacts.jacobian[0], body.matrix[0, :3]]) @ root
     turn = np.zeros((3, robot.nv))
-    turn[:, 3:6] = terms.base_rotation[0]
+    turn[:, 3:6] = terms.world_from_base[0]
     turn = turn @ root
     turn -= (turn @ np.linalg.pinv(held, rcond=1e-6)) @ held
     motion = root @ np.linalg.pinv(turn, rcond=1e-6)

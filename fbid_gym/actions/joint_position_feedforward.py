@@ -179,7 +179,7 @@ def _desire(
     for i in range(count):
         row = min(i, len(reference.qacc) - 1)
         for k in range(3):
-            desired[i, k] = dot(frame.rotation[i, k], reference.qacc[row, :3])
+            desired[i, k] = dot(frame.world_from_support[i, k], reference.qacc[row, :3])
             desired[i, k + 3] = reference.qacc[row, k + 3]
         for j in range(nv - 6):
             desired[i, 6 + j] = reference.qacc[row, 6 + j] + offset.acceleration[i, j]
@@ -188,10 +188,12 @@ def _desire(
             for j in range(nv):
                 jacobian[i, k, j] = terms.mass_matrix[i, k, j] / mass
             bias[i, k] = terms.bias[i, k] / mass
-            axis = frame.rotation[i, k]
-            place = dot(axis, reference.com[row]) - (terms.com[i, k] - frame.centre[i, k])
-            rate = dot(axis, reference.com_velocity[row]) - terms.com_velocity[i, k]
-            acceleration[i, k] = dot(axis, reference.com_acceleration[row])
+            axis = frame.world_from_support[i, k]
+            place = dot(axis, reference.com_in_support[row]) - (
+                terms.com[i, k] - frame.centre[i, k]
+            )
+            rate = dot(axis, reference.com_velocity_in_support[row]) - terms.com_velocity[i, k]
+            acceleration[i, k] = dot(axis, reference.com_acceleration_in_support[row])
             acceleration[i, k] += stiffness * place + damping * rate
     return _Desired(desired, TaskCommand(jacobian, bias, acceleration))
 

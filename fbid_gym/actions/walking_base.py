@@ -211,7 +211,7 @@ def momentum_task(
         acceleration[i, 2] = gains.height * rise - gains.height_damping * terms.com_velocity[i, 2]
         acceleration[i, 2] += up / mass
 
-        error, rotation = lean(target, terms, i), terms.base_rotation[i]
+        error, rotation = lean(target, terms, i), terms.world_from_base[i]
         ahead, left, up = push[i, 3], push[i, 4], push[i, 5]
         moment = (cosine * ahead - sine * left, sine * ahead + cosine * left, up)
         for k in range(3):

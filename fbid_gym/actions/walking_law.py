@@ -205,7 +205,7 @@ def base_task(
         acceleration[i, 2] += added[i, 2]
         error = lean(target, terms, i)
         for k in range(3):
-            rate = terms.base_rotation[i, 2, k] * target.turning[i] - state.qvel[i, 3 + k]
+            rate = terms.world_from_base[i, 2, k] * target.turning[i] - state.qvel[i, 3 + k]
             acceleration[i, 3 + k] = gains.rotation * error[k] + gains.rotation_damping * rate
             acceleration[i, 3 + k] += added[i, 3 + k]
     return TaskCommand(jacobian, bias, acceleration)
@@ -215,7 +215,7 @@ def base_task(
 def lean(target: GaitTarget, terms: DynamicsTerms, i: int) -> tuple[float, float, float]:
     """Axis times sine of the rotation from the base to upright in its heading; base axes."""
     cosine, sine = math.cos(target.heading[i]), math.sin(target.heading[i])
-    base = terms.base_rotation
+    base = terms.world_from_base
     # E = R^T D, D the turn about the vertical; its axial vector.
     ahead = (cosine, sine, 0.0)
     left = (-sine, cosine, 0.0)
@@ -298,7 +298,7 @@ def _with_moving_feet(
     bias = terms.foot_bias.copy()
     for i in range(count):
         for foot in range(feet):
-            turn = _rotation_left(target.foot_rotation[i, foot], terms.foot_rotation[i, foot])
+            turn = _rotation_left(target.world_from_foot[i, foot], terms.world_from_foot[i, foot])
             for k in range(6):
                 rate = target.foot_velocity[i, foot, k] - terms.foot_velocity[i, foot, k]
                 if target.planted[i, foot]:
@@ -313,11 +313,11 @@ def _with_moving_feet(
         terms.mass_matrix,
         terms.bias,
         terms.base_position,
-        terms.base_rotation,
+        terms.world_from_base,
         terms.com,
         terms.com_velocity,
         terms.foot_position,
-        terms.foot_rotation,
+        terms.world_from_foot,
         terms.foot_velocity,
         terms.foot_jacobian,
         bias,

@@ -57,7 +57,7 @@ class BalanceTarget(NamedTuple):
 
     Attributes:
         com: (N, 3) m.
-        rotation: (N, 3, 3) world from base.
+        world_from_base: (N, 3, 3).
         com_velocity: (N, 3) m/s.
         angular_velocity: (N, 3) rad/s, of the base; (36) damps the difference to it.
         angular_momentum: (N, 3) kg·m²/s, about the centre of mass; (38) damps the difference.
@@ -65,7 +65,7 @@ class BalanceTarget(NamedTuple):
     """
 
     com: np.ndarray
-    rotation: np.ndarray
+    world_from_base: np.ndarray
     com_velocity: np.ndarray
     angular_velocity: np.ndarray
     angular_momentum: np.ndarray
@@ -101,11 +101,11 @@ def balance_target(
     momentum_rate, upright = np.empty((count, 6)), np.empty((3, 3))
     for i in range(count):
         row = (min(i, len(reference.qpos) - 1),)
-        to_world = matrix(frame.rotation, (i,))
-        place = turn(to_world, vector(reference.com, row))
+        to_world = matrix(frame.world_from_support, (i,))
+        place = turn(to_world, vector(reference.com_in_support, row))
         store(add(vector(frame.centre, (i,)), place), com, (i,))
-        store(turn(to_world, vector(reference.com_velocity, row)), com_velocity, (i,))
-        push = turn(to_world, vector(reference.com_acceleration, row))
+        store(turn(to_world, vector(reference.com_velocity_in_support, row)), com_velocity, (i,))
+        push = turn(to_world, vector(reference.com_acceleration_in_support, row))
         store(scale(body.mass[i], push), momentum_rate, (i,))
 
         rotation_of(reference.qpos[row[0], 3:7], upright)
@@ -147,12 +147,12 @@ def body_motion(state: RobotState, terms: DynamicsTerms, body: CentroidalTerms) 
     count = len(terms.com)
     angular_velocity = np.empty((count, 3))
     for i in range(count):
-        spin = turn(matrix(terms.base_rotation, (i,)), vector(state.qvel, (i,), 3))
+        spin = turn(matrix(terms.world_from_base, (i,)), vector(state.qvel, (i,), 3))
         store(spin, angular_velocity, (i,))
     return BodyMotion(
         terms.com,
         terms.com_velocity,
-        terms.base_rotation,
+        terms.world_from_base,
         angular_velocity,
         body.momentum,
         body.mass,
@@ -254,7 +254,7 @@ def _wrench(
     gravity: float,
 ) -> np.ndarray:
     """Bring arrays into order, and compute."""
-    own_axes = np.broadcast_to(np.eye(3) if axes is None else axes, motion.rotation.shape)
+    own_axes = np.broadcast_to(np.eye(3) if axes is None else axes, motion.world_from_base.shape)
     return balance_wrench(
         gains,
         BalanceTarget(*map(contiguous, target)),
@@ -302,7 +302,7 @@ def balance_wrench(
         force = add(turn(to_world, force), vector(target.momentum_rate, (i,)))
         store((force[0], force[1], force[2] + gravity * mass), wrench, (i,))
 
-        desired, base = matrix(target.rotation, (i,)), matrix(motion.rotation, (i,))
+        desired, base = matrix(target.world_from_base, (i,)), matrix(motion.world_from_base, (i,))
         spring = _spring(gains.rotation_map, product(transposed(desired), base))
         moment = turn(to_world, turn(rotation_damping, turn(to_axes, spin)))
         moment = add(add(turn(desired, spring), moment), vector(target.momentum_rate, (i,), 3))

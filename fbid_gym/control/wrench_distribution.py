@@ -245,8 +245,8 @@ def share_within_limits(
         offset, torque = torque_map.offset[robot], found.torque[robot]
         point_force, delivered = found.point_force[robot], found.wrench[robot]
         force = point_force.reshape(columns)
-        if len(path.rotation) > 0:
-            turn_map(own_map, path.rotation[robot], turned)
+        if len(path.world_from_contact) > 0:
+            turn_map(own_map, path.world_from_contact[robot], turned)
             own_map = turned
         com_wrench_of_points(path.to_com[robot], jacobian, own_map, row_wrench, maps)
         for row in range(6):
@@ -272,8 +272,8 @@ def share_within_limits(
             torque += offset
             missing[:] = (delivered - wrench[robot]) * scale
         found.residual[robot] = np.sqrt(dot(missing, missing)) / own_weight
-        if len(path.rotation) > 0:
-            turn_forces(path.rotation[robot], point_force)
+        if len(path.world_from_contact) > 0:
+            turn_forces(path.world_from_contact[robot], point_force)
     return found
 
 

@@ -71,7 +71,7 @@ def centroidal_terms(terms: DynamicsTerms, velocity: np.ndarray) -> CentroidalTe
     for robot in range(count):
         change, ours, inverse = to_com[robot], matrix[robot], inverse_inertia[robot]
         _fill_base_force_to_com(
-            terms.base_position[robot], terms.base_rotation[robot], terms.com[robot], change
+            terms.base_position[robot], terms.world_from_base[robot], terms.com[robot], change
         )
         multiply(change, terms.mass_matrix[robot, :6], ours)
         multiply_by_transpose(ours[3:, :6], change[3:], inertia[robot])
@@ -232,7 +232,7 @@ def momentum_matrix_rate(
     mass_rate = coriolis[:, :6] + coriolis[:, :, :6].mT
     turn = np.zeros_like(body.to_com)
     turn[:, 3:, :3] = skew(velocity[:, :3] - terms.com_velocity)
-    turn[:, 3:, 3:] = terms.base_rotation @ skew(velocity[:, 3:6])
+    turn[:, 3:, 3:] = terms.world_from_base @ skew(velocity[:, 3:6])
     return turn @ terms.mass_matrix[:, :6] + body.to_com @ mass_rate
 
 

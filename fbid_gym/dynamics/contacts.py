@@ -77,7 +77,7 @@ def point_positions(geometry: ContactGeometry, terms: DynamicsTerms) -> np.ndarr
     for i in range(count):
         for point in range(points):
             foot = geometry.foot_of_point[point]
-            arm = turn(matrix(terms.foot_rotation, (i, foot)), vector(geometry.offset, (point,)))
+            arm = turn(matrix(terms.world_from_foot, (i, foot)), vector(geometry.offset, (point,)))
             store(add(vector(terms.foot_position, (i, foot)), arm), positions, (i, point))
     return positions
 
@@ -90,7 +90,7 @@ def point_velocities(geometry: ContactGeometry, terms: DynamicsTerms) -> np.ndar
     for i in range(count):
         for point in range(points):
             foot = geometry.foot_of_point[point]
-            arm = turn(matrix(terms.foot_rotation, (i, foot)), vector(geometry.offset, (point,)))
+            arm = turn(matrix(terms.world_from_foot, (i, foot)), vector(geometry.offset, (point,)))
             linear = vector(terms.foot_velocity, (i, foot))
             omega = vector(terms.foot_velocity, (i, foot), 3)
             store(add(linear, cross(omega, arm)), velocities, (i, point))
@@ -107,7 +107,7 @@ def point_jacobian(
         Jdot_v: (N, 3P) m/s^2.
     """
     foot = geometry.foot_of_point
-    arm = np.matvec(terms.foot_rotation[:, foot], geometry.offset)
+    arm = np.matvec(terms.world_from_foot[:, foot], geometry.offset)
     foot_jacobian = terms.foot_jacobian[:, foot]
     # v_point = v + omega × arm, column by column of the Jacobian.
     jacobian = foot_jacobian[:, :, :3] - skew(arm) @ foot_jacobian[:, :, 3:]
@@ -156,7 +156,7 @@ def reduce_contacts(
 
         # Both factors act on vectors in the foot's axes: bring them to the world's.
         for foot in range(num_feet):
-            rotation = matrix(terms.foot_rotation, (i, foot))
+            rotation = matrix(terms.world_from_foot, (i, foot))
             rate, spin = vector(terms.foot_bias, (i, foot)), vector(terms.foot_bias, (i, foot), 3)
             for row in range(rows):
                 factor = (foot, subset[foot], row)
@@ -179,7 +179,7 @@ def reduce_contacts(
                 point_map[i, k, column] = 0.0
         for point in range(points):
             foot = geometry.foot_of_point[point]
-            rotation = matrix(terms.foot_rotation, (i, foot))
+            rotation = matrix(terms.world_from_foot, (i, foot))
             arm = turn(rotation, vector(geometry.offset, (point,)))
             omega = vector(terms.foot_velocity, (i, foot), 3)
             centripetal = cross(omega, cross(omega, arm))

@@ -86,11 +86,11 @@ class LiveTerms:
             "mass_matrix": (count, nv, nv),
             "bias": (count, nv),
             "base_position": (count, 3),
-            "base_rotation": (count, 3, 3),
+            "world_from_base": (count, 3, 3),
             "com": (count, 3),
             "com_velocity": (count, 3),
             "foot_position": (count, feet, 3),
-            "foot_rotation": (count, feet, 3, 3),
+            "world_from_foot": (count, feet, 3, 3),
             "foot_velocity": (count, feet, 6),
             "foot_jacobian": (count, feet, 6, nv),
             "foot_bias": (count, feet, 6),
@@ -126,7 +126,7 @@ def _read(
             terms.bias[i, j] = buffers.qfrc_bias[i, j]
         store(vector(xpos, (i, layout.base)), terms.base_position, (i,))
         for axis in range(3):
-            store(vector(xmat, (i, layout.base), 3 * axis), terms.base_rotation, (i, axis))
+            store(vector(xmat, (i, layout.base), 3 * axis), terms.world_from_base, (i, axis))
         origin = vector(buffers.subtree_com, (i, layout.base))
         store(origin, terms.com, (i,))
 
@@ -147,7 +147,7 @@ def _read(
                 vector(xmat, (i, body), 6),
             )
             for axis in range(3):
-                store(rotation[axis], terms.foot_rotation, (i, foot, axis))
+                store(rotation[axis], terms.world_from_foot, (i, foot, axis))
             middle = add(vector(xpos, (i, body)), turn(rotation, vector(layout.centre, (foot,))))
             reference = subtract(middle, lowered)
             store(reference, terms.foot_position, (i, foot))

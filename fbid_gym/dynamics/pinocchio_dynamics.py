@@ -105,7 +105,7 @@ class PinocchioDynamics:
         bias = np.empty((num_robots, nv))
         com, com_velocity = np.empty((num_robots, 3)), np.empty((num_robots, 3))
         foot_position = np.empty((num_robots, num_feet, 3))
-        foot_rotation = np.empty((num_robots, num_feet, 3, 3))
+        world_from_foot = np.empty((num_robots, num_feet, 3, 3))
         foot_velocity = np.empty((num_robots, num_feet, 6))
         foot_jacobian = np.empty((num_robots, num_feet, 6, nv))
         foot_bias = np.empty((num_robots, num_feet, 6))
@@ -124,7 +124,10 @@ class PinocchioDynamics:
             pin.forwardKinematics(model, data, q, v, acceleration[i])
             for k, frame in enumerate(self._feet):
                 placement = pin.updateFramePlacement(model, data, frame)
-                foot_position[i, k], foot_rotation[i, k] = placement.translation, placement.rotation
+                foot_position[i, k], world_from_foot[i, k] = (
+                    placement.translation,
+                    placement.rotation,
+                )
                 foot_velocity[i, k] = pin.getFrameVelocity(model, data, frame, _AXES)
                 foot_jacobian[i, k] = pin.getFrameJacobian(model, data, frame, _AXES)
                 foot_bias[i, k] = pin.getFrameClassicalAcceleration(model, data, frame, _AXES)
@@ -138,11 +141,11 @@ class PinocchioDynamics:
             mass_matrix=np.ascontiguousarray(matrix),
             bias=bias,
             base_position=qpos[:, :3].copy(),
-            base_rotation=rotation,
+            world_from_base=rotation,
             com=com,
             com_velocity=com_velocity,
             foot_position=foot_position,
-            foot_rotation=foot_rotation,
+            world_from_foot=world_from_foot,
             foot_velocity=np.matvec(self._drop, foot_velocity),
             foot_jacobian=self._drop @ foot_jacobian,
             foot_bias=np.matvec(self._drop, foot_bias),

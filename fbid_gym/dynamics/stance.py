@@ -51,7 +51,7 @@ class Stance:
             terms=terms,
             home_base=terms.base_position[0] - centre,
             home_com=terms.com[0] - centre,
-            home_base_rotation=terms.base_rotation[0],
+            home_base_rotation=terms.world_from_base[0],
             layout=layout,
         )
 

@@ -45,7 +45,7 @@ def support_frame(heading: Heading, terms: DynamicsTerms) -> SupportFrame:
                 cosine += place * heading.by_position[column, 0]
                 sine += place * heading.by_position[column, 1]
                 for along in range(3):
-                    entry, row = terms.foot_rotation[i, foot, axis, along], 3 * column + along
+                    entry, row = terms.world_from_foot[i, foot, axis, along], 3 * column + along
                     cosine += entry * heading.by_rotation[row, 0]
                     sine += entry * heading.by_rotation[row, 1]
         size = np.sqrt(cosine**2 + sine**2)

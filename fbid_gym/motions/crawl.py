@@ -141,9 +141,9 @@ def _blend(rows: np.ndarray, like: Reference, tick: np.ndarray, share: np.ndarra
             found.qpos,
             found.qvel,
             found.qacc,
-            found.com,
-            found.com_velocity,
-            found.com_acceleration,
+            found.com_in_support,
+            found.com_velocity_in_support,
+            found.com_acceleration_in_support,
         ):
             for k in range(part.shape[1]):
                 part[i, k] = numbers[first + k]

@@ -78,7 +78,7 @@ def foot_radius(robot: Robot) -> np.ndarray:
 def sphere_centres(robot: Robot, geometry: ContactGeometry, terms: DynamicsTerms) -> np.ndarray:
     """Return the contact points fixed in the feet, (N, P, 3) m: centres of spheres, or sites."""
     foot = geometry.foot_of_point
-    arm = np.matvec(terms.foot_rotation[:, foot], geometry.offset)
+    arm = np.matvec(terms.world_from_foot[:, foot], geometry.offset)
     centres = terms.foot_position[:, foot] + arm
     centres[..., 2] += foot_radius(robot)[foot]
     return centres
@@ -236,7 +236,7 @@ def joints_on_feet(
             error = np.zeros((*terms.foot_position.shape[:2], 6))
             error[..., :3] = wanted.value[rows] - terms.foot_position
             error[..., 2] -= radius
-            error[..., 3:] = rotation_vector(home.foot_rotation @ terms.foot_rotation.mT)
+            error[..., 3:] = rotation_vector(home.world_from_foot @ terms.world_from_foot.mT)
             missing[rows] = of_feet(error)
             whole, _ = _raised(terms, np.broadcast_to(radius, lift[rows].shape))
             qpos[rows, 1 + columns] += _damped_step(of_feet(whole)[:, :, columns], missing[rows])
@@ -307,11 +307,11 @@ def seen_from_feet(robot: Robot, states: States, planted: np.ndarray | None = No
     com = np.zeros((3, len(qpos), 3))
     for rows, terms in Chunked(robot).terms(states.qpos, states.qvel):
         frame = stance.frame(terms)
-        to_frame = frame.rotation.mT
+        to_frame = frame.world_from_support.mT
         force = np.matvec(terms.mass_matrix[:, :3], states.qacc[rows]) + terms.bias[:, :3]
         force -= armature * states.qacc[rows, :3]
         qpos[rows, :3] = np.matvec(to_frame, terms.base_position - frame.centre)
-        qpos[rows, 3:7] = matrix_to_quaternion(to_frame @ terms.base_rotation)
+        qpos[rows, 3:7] = matrix_to_quaternion(to_frame @ terms.world_from_base)
         qvel[rows, :3] = np.matvec(to_frame, states.qvel[rows, :3])
         qacc[rows, :3] = np.matvec(to_frame, states.qacc[rows, :3])
         com[0, rows] = np.matvec(to_frame, terms.com - frame.centre)

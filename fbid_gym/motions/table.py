@@ -103,9 +103,9 @@ def _look_up(numbers: np.ndarray, rows: Reference, tick: np.ndarray, periodic: b
             (found.qpos, False),
             (found.qvel, True),
             (found.qacc, True),
-            (found.com, False),
-            (found.com_velocity, True),
-            (found.com_acceleration, True),
+            (found.com_in_support, False),
+            (found.com_velocity_in_support, True),
+            (found.com_acceleration_in_support, True),
         ):
             for k in range(part.shape[1]):
                 part[i, k] = 0.0 if over and is_rate else numbers[row, first + k]
@@ -135,9 +135,14 @@ def _check_shapes(motion: MotionTable) -> None:
         ("qpos", motion.rows.qpos, robot.nq, f"(T, {robot.nq}): {robot.name} has nq = {robot.nq}"),
         ("qvel", motion.rows.qvel, robot.nv, f"({steps}, {robot.nv}), one row per row of qpos"),
         ("qacc", motion.rows.qacc, robot.nv, f"({steps}, {robot.nv}), one row per row of qpos"),
-        ("com", motion.rows.com, 3, f"({steps}, 3)"),
-        ("com_velocity", motion.rows.com_velocity, 3, f"({steps}, 3)"),
-        ("com_acceleration", motion.rows.com_acceleration, 3, f"({steps}, 3)"),
+        ("com_in_support", motion.rows.com_in_support, 3, f"({steps}, 3)"),
+        ("com_velocity_in_support", motion.rows.com_velocity_in_support, 3, f"({steps}, 3)"),
+        (
+            "com_acceleration_in_support",
+            motion.rows.com_acceleration_in_support,
+            3,
+            f"({steps}, 3)",
+        ),
     ):
         if array.shape != (steps, width) or steps == 0:
             raise ShapeError(f"{name} of the motion", array.shape, text)

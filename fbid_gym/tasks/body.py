@@ -164,9 +164,9 @@ def _measure(body: _Constants, touch: float, outcome: Outcome) -> Posture:
             base[i, k], velocity[i, k] = 0.0, 0.0
             for axis in range(3):
                 offset = terms.base_position[i, axis] - frame.centre[i, axis]
-                base[i, k] += frame.rotation[i, axis, k] * offset
-                velocity[i, k] += frame.rotation[i, axis, k] * state.qvel[i, axis]
-        upright[i] = dot(terms.base_rotation[i, 2], body.home_up)
+                base[i, k] += frame.world_from_support[i, axis, k] * offset
+                velocity[i, k] += frame.world_from_support[i, axis, k] * state.qvel[i, axis]
+        upright[i] = dot(terms.world_from_base[i, 2], body.home_up)
         total, down = 0.0, 0
         for point in range(points):
             touching[i, point] = state.contact_force[i, point, 2] > touch * body.weight
@@ -198,10 +198,10 @@ def _observe(body: _Constants, outcome: Outcome) -> np.ndarray:
             place, speed = 0.0, 0.0
             for axis in range(3):
                 offset = terms.base_position[i, axis] - frame.centre[i, axis]
-                place += frame.rotation[i, axis, k] * offset
-                speed += frame.rotation[i, axis, k] * state.qvel[i, axis]
+                place += frame.world_from_support[i, axis, k] * offset
+                speed += frame.world_from_support[i, axis, k] * state.qvel[i, axis]
             seen.base[i, k] = place - body.home_base[k]
-            seen.up[i, k] = terms.base_rotation[i, 2, k]
+            seen.up[i, k] = terms.world_from_base[i, 2, k]
             seen.velocity[i, k] = speed
             seen.angular_velocity[i, k] = state.qvel[i, 3 + k]
         for j in range(joints):
@@ -222,7 +222,7 @@ def _find_fallen(
     lying = np.empty(count, np.bool_)
     for i in range(count):
         height = terms.base_position[i, 2] - outcome.frame.centre[i, 2]
-        upright = dot(terms.base_rotation[i, 2], body.home_up)
+        upright = dot(terms.world_from_base[i, 2], body.home_up)
         lying[i] = height < low or upright < least_upright
     return lying
 

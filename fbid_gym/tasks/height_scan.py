@@ -25,7 +25,7 @@ def scan_heights(
     count = len(below)
     found = np.empty((count, len(offsets)))
     for i in range(count):
-        base, rotation = terms.base_position[i], terms.base_rotation[i]
+        base, rotation = terms.base_position[i], terms.world_from_base[i]
         size = np.hypot(rotation[0, 0], rotation[1, 0]) + 1e-12
         cosine, sine = rotation[0, 0] / size, rotation[1, 0] / size
         for k in range(len(offsets)):

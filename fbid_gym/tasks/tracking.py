@@ -262,7 +262,7 @@ class _Judged(NamedTuple):
 @kernel
 def _judge(scales: _Scales, posture: Posture, outcome: Outcome, reference: Reference) -> _Judged:
     """Return the joints' errors, and the shares of the terms of the reward."""
-    qpos, base_rotation = outcome.state.qpos, outcome.terms.base_rotation
+    qpos, world_from_base = outcome.state.qpos, outcome.terms.world_from_base
     (count, width), points = qpos.shape, posture.touching.shape[1]
     joint_error, target = np.empty(count), np.empty((3, 3))
     share = TrackingReward(
@@ -293,7 +293,7 @@ def _judge(scales: _Scales, posture: Posture, outcome: Outcome, reference: Refer
         # Lengths scale with the robot.
         share.joints[i] = bell(joint_error[i], 0.1)
         share.base[i] = bell(np.sqrt(drift), 0.06 * scales.size)
-        share.upright[i] = level(dot(target[2], base_rotation[i, 2]))
+        share.upright[i] = level(dot(target[2], world_from_base[i, 2]))
         share.velocity[i] = bell(np.sqrt(rush), 0.3 * scales.size)
         share.contact[i] = as_planned / points * bell(posture.slip[i], 0.1)
         share.torque[i] = bell(torque / scales.torque_limit, 0.3)

@@ -122,7 +122,7 @@ def observe(scales: Scales, outcome: Outcome, command: np.ndarray, clock: Clock)
     for i in range(count):
         angle = 2.0 * np.pi * clock.cycle[i]
         seen.clock[i, 0], seen.clock[i, 1] = np.sin(angle), np.cos(angle)
-        base = terms.base_rotation[i]
+        base = terms.world_from_base[i]
         size = np.hypot(base[0, 0], base[1, 0]) + 1e-12
         cosine, sine = base[0, 0] / size, base[1, 0] / size
         x, y = state.qvel[i, 0], state.qvel[i, 1]
@@ -165,7 +165,7 @@ def judge(
     speed, rate = np.sqrt(scales.gravity * scales.size), np.sqrt(scales.gravity / scales.size)
     down = np.empty(feet, np.bool_)
     for i in range(count):
-        base, qvel = terms.base_rotation[i], state.qvel[i]
+        base, qvel = terms.world_from_base[i], state.qvel[i]
         size = np.hypot(base[0, 0], base[1, 0]) + 1e-12
         cosine, sine = base[0, 0] / size, base[1, 0] / size
         ahead, left = cosine * qvel[0] + sine * qvel[1], cosine * qvel[1] - sine * qvel[0]

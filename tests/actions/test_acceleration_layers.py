@@ -127,8 +127,8 @@ def test_the_desired_acceleration_is_the_documented_law(robot, states, rng):
     home_frame = support.frame(home)
     for row in range(10):
         frame = support.frame(terms)
-        level, centre = frame.rotation[row], frame.centre[row]
-        com_error = home_frame.rotation[0].T @ (home.com[0] - home_frame.centre[0])
+        level, centre = frame.world_from_support[row], frame.centre[row]
+        com_error = home_frame.world_from_support[0].T @ (home.com[0] - home_frame.centre[0])
         com_error = com_error - level.T @ (terms.com[row] - centre)
         com_rate = level.T @ terms.com_velocity[row]
         height_error = home.base_position[0, 2] - home_frame.centre[0, 2]
@@ -137,7 +137,7 @@ def test_the_desired_acceleration_is_the_documented_law(robot, states, rng):
         linear[2] = w["height"] ** 2 * height_error
         linear[2] -= 2 * ratio * w["height"] * state.qvel[row, 2]
         # Rotation that is left to do, in the base's axes: axis times sine of the angle.
-        left = terms.base_rotation[row].T @ level @ home.base_rotation[0]
+        left = terms.world_from_base[row].T @ level @ home.world_from_base[0]
         quaternion, turn = np.empty(4), np.empty(3)
         mujoco.mju_mat2Quat(quaternion, left.ravel())
         mujoco.mju_quat2Vel(turn, quaternion, 1.0)

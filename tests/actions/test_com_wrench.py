@@ -63,12 +63,12 @@ def test_the_wrench_is_the_documented_law(robot, states, moving, rng):
     inertia = turning_inertia(robot, "garofalo2015")
     wanted = quaternion_to_matrix(reference.qpos[:, 3:7])
     for row in range(5):
-        level = frame.rotation[row]
+        level = frame.world_from_support[row]
         position = level.T @ (terms.com[row] - frame.centre[row])
         velocity = level.T @ terms.com_velocity[row]
-        force = reference.com_acceleration[row]
-        force = force + omega**2 * (reference.com[row] - position)
-        force = force + 2.0 * ratio * omega * (reference.com_velocity[row] - velocity)
+        force = reference.com_acceleration_in_support[row]
+        force = force + omega**2 * (reference.com_in_support[row] - position)
+        force = force + 2.0 * ratio * omega * (reference.com_velocity_in_support[row] - velocity)
         force = robot.mass * force + [0.0, 0.0, robot.weight] + layer.scale[:3] * action[row, :3]
         np.testing.assert_allclose(found[row, :3], level @ force, atol=1e-8 * robot.weight)
 
@@ -76,7 +76,7 @@ def test_the_wrench_is_the_documented_law(robot, states, moving, rng):
         rates[:, :3] = rates[:, :3] @ level.T
         angular, angular_rate = rates @ body.matrix[row, 3:].T
         desired = level @ wanted[row]
-        left = desired.T @ terms.base_rotation[row]
+        left = desired.T @ terms.world_from_base[row]
         # quaternion of the error in the desired axes
         scalar = 0.5 * np.sqrt(1.0 + np.trace(left))
         vector = np.array(
@@ -97,28 +97,28 @@ def test_the_wrench_is_that_of_the_array_laws(robot, states, moving, balancer, r
     body, reference = centroidal_terms(terms, state.qvel), moving(6)
     action = rng.uniform(-1, 1, (6, 6))
     frame = layer.stance.frame(terms)
-    level = frame.rotation
+    level = frame.world_from_support
     both = np.zeros((6, robot.nv, robot.nv)) + np.eye(robot.nv)
     both[:, :3, :3] = level
     velocity, acceleration = np.matvec(both, reference.qvel), np.matvec(both, reference.qacc)
     desired = level @ quaternion_to_matrix(reference.qpos[:, 3:7])
-    force = np.matvec(level, robot.mass * reference.com_acceleration)
+    force = np.matvec(level, robot.mass * reference.com_acceleration_in_support)
     angular = np.matvec(body.matrix[:, 3:], acceleration)
     target = BalanceTarget(
-        com=frame.centre + np.matvec(level, reference.com),
-        rotation=desired,
-        com_velocity=np.matvec(level, reference.com_velocity),
+        com=frame.centre + np.matvec(level, reference.com_in_support),
+        world_from_base=desired,
+        com_velocity=np.matvec(level, reference.com_velocity_in_support),
         angular_velocity=np.matvec(desired, reference.qvel[:, 3:6]),
         angular_momentum=np.matvec(body.matrix[:, 3:], velocity),
         momentum_rate=np.concatenate([force, angular], axis=1),
     )
-    options = {"com": terms.com, "rotation": terms.base_rotation, "mass": body.mass}
+    options = {"com": terms.com, "rotation": terms.world_from_base, "mass": body.mass}
     if balancer == "ott2011":
         expected = desired_wrench_ott2011(
             layer.gains,
             target,
             com_velocity=terms.com_velocity,
-            angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
+            angular_velocity=np.matvec(terms.world_from_base, state.qvel[:, 3:6]),
             axes=level,
             **options,
         )
@@ -164,7 +164,7 @@ def test_the_action_adds_to_the_wrench_along_the_feet(robot, states, balancer, r
     action = rng.uniform(-1, 1, (4, 6))
     change = layer.wrench(action, state, home, terms, body)
     change -= layer.wrench(0.0 * action, state, home, terms, body)
-    level = layer.stance.frame(terms).rotation
+    level = layer.stance.frame(terms).world_from_support
     push = layer.scale * action
     expected = np.concatenate(
         [np.matvec(level, push[:, :3]), np.matvec(level, push[:, 3:])], axis=1

@@ -101,16 +101,20 @@ def test_the_torque_is_equation_18(robot, states, moving, rng, balance):
         found = layer.torque(action, state, reference, lambda: terms, memory)
         target[2] = 0.2 * action
         for row in range(3):
-            level, rows = frame.rotation[row], jacobian[row]
+            level, rows = frame.world_from_support[row], jacobian[row]
             motion = reference.qacc[row].copy()
             motion[:3] = level @ motion[:3]
             motion[6:] += w**2 * (target[2, row] - target[0, row]) - 2 * w * target[1, row]
             if balance > 0.0:
                 k = 2 * np.pi * balance
                 com = com_jacobian(robot, state.qpos[row])
-                error = reference.com[row] - level.T @ (terms.com[row] - frame.centre[row])
-                rate = reference.com_velocity[row] - level.T @ com @ state.qvel[row]
-                wanted = level @ (reference.com_acceleration[row] + k**2 * error + 2 * k * rate)
+                error = reference.com_in_support[row] - level.T @ (
+                    terms.com[row] - frame.centre[row]
+                )
+                rate = reference.com_velocity_in_support[row] - level.T @ com @ state.qvel[row]
+                wanted = level @ (
+                    reference.com_acceleration_in_support[row] + k**2 * error + 2 * k * rate
+                )
                 # The rate of the Jacobian times v, by a step along the motion.
                 ahead = state.qpos[row].copy()
                 mujoco.mj_integratePos(robot.model, ahead, state.qvel[row], 1e-6)
@@ -214,7 +218,9 @@ def test_balance_brings_the_centre_of_mass_back(robot):
         simulation.step(layer.torque(still, now, home, simulation.terms, memory))
         terms = simulation.terms()
         frame = layer.stance.frame(terms)
-        shift = np.vecmat(terms.com - frame.centre, frame.rotation) - layer.stance.home_com
+        shift = (
+            np.vecmat(terms.com - frame.centre, frame.world_from_support) - layer.stance.home_com
+        )
         away.append(np.vecdot(shift[:, :2], side[:, :2]))
     height = layer.stance.home_com[2]
     largest = np.max(away, axis=0)

@@ -57,14 +57,14 @@ def test_base_acceleration_adds_the_reference_to_its_springs(robot, states, movi
         return acceleration + w[key] ** 2 * position + 2 * 0.8 * w[key] * velocity
 
     for row in range(8):
-        level = frame.rotation[row]
+        level = frame.world_from_support[row]
         com = level.T @ (terms.com[row] - frame.centre[row])
         com_velocity = level.T @ terms.com_velocity[row]
         linear = pulled(
             "balance",
-            reference.com_acceleration[row],
-            reference.com[row] - com,
-            reference.com_velocity[row] - com_velocity,
+            reference.com_acceleration_in_support[row],
+            reference.com_in_support[row] - com,
+            reference.com_velocity_in_support[row] - com_velocity,
         )
         linear[2] = pulled(
             "height",
@@ -74,7 +74,7 @@ def test_base_acceleration_adds_the_reference_to_its_springs(robot, states, movi
         )
         wanted = np.empty(9)
         mujoco.mju_quat2Mat(wanted, reference.qpos[row, 3:7])
-        left = terms.base_rotation[row].T @ level @ wanted.reshape(3, 3)
+        left = terms.world_from_base[row].T @ level @ wanted.reshape(3, 3)
         axial = 0.5 * np.array(
             [left[2, 1] - left[1, 2], left[0, 2] - left[2, 0], left[1, 0] - left[0, 1]]
         )

@@ -46,11 +46,11 @@ def target_of(robot, terms, rng, lifted=0):
     velocity, acceleration = 0.1 * rng.normal(size=(2, 1, feet, 6))
     velocity[planted], acceleration[planted] = 0.0, 0.0
     position = terms.foot_position + 0.01 * rng.normal(size=(1, feet, 3))
-    heading = np.arctan2(terms.base_rotation[:, 1, 0], terms.base_rotation[:, 0, 0])
+    heading = np.arctan2(terms.world_from_base[:, 1, 0], terms.world_from_base[:, 0, 0])
     return GaitTarget(
         planted=planted,
         foot_position=position,
-        foot_rotation=terms.foot_rotation.copy(),
+        world_from_foot=terms.world_from_foot.copy(),
         foot_velocity=velocity,
         foot_acceleration=acceleration,
         load=planted.astype(float),
@@ -144,7 +144,7 @@ def test_the_base_turns_back_about_the_axis_that_it_is_tilted_about(robot, rng):
     ])  # fmt: skip
     cross = np.cross(np.eye(3), axis)  # [axis]x
     tilt = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-    terms = terms._replace(base_rotation=(upright @ tilt)[None])
+    terms = terms._replace(world_from_base=(upright @ tilt)[None])
     gains = law_of(robot).constants.gains
     target = target_of(robot, terms, rng)._replace(heading=np.array([heading]))
     task = base_task(gains, np.zeros((1, 6)), state, target, terms)
@@ -198,7 +198,7 @@ def test_feet_accelerate_as_they_are_told_and_only_those_on_the_ground_carry(rob
             if rows == 6:  # the centre of pressure of a sole is on it
                 geometry = contact_geometry(robot)
                 reach = np.abs(geometry.offset[geometry.foot_of_point == 1, :2]).max(axis=0)
-                axes = terms.foot_rotation[0, 1]
+                axes = terms.world_from_foot[0, 1]
                 moment = axes.T @ force[0, 3:]
                 normal = axes[:, 2] @ force[0, :3]
                 assert abs(moment[1]) <= 1.05 * reach[0] * normal + 0.1 * robot.mass
@@ -226,7 +226,7 @@ def test_the_torque_does_not_depend_on_the_heading(robot, rng):
 
     aim = target._replace(
         foot_position=target.foot_position @ turn.T,
-        foot_rotation=turn @ target.foot_rotation,
+        world_from_foot=turn @ target.world_from_foot,
         foot_velocity=both(target.foot_velocity),
         foot_acceleration=both(target.foot_acceleration),
         heading=target.heading + angle,

@@ -123,7 +123,7 @@ def measured(rng, orientations):
     rotation, desired = orientations
     target = BalanceTarget(
         com=rng.normal(size=(COUNT, 3)),
-        rotation=desired,
+        world_from_base=desired,
         com_velocity=rng.normal(size=(COUNT, 3)),
         angular_velocity=rng.normal(size=(COUNT, 3)),
         angular_momentum=rng.normal(size=(COUNT, 3)),
@@ -152,7 +152,7 @@ def test_eq_36(rng, measured):
     force = force - (state["com"] - target.com) @ gains.stiffness
     force = force - (velocity - target.com_velocity) @ gains.damping
     np.testing.assert_allclose(wrench[:, :3], force, atol=1e-10)
-    moment = orientation_moment(gains, state["rotation"], target.rotation)
+    moment = orientation_moment(gains, state["rotation"], target.world_from_base)
     moment = moment - (spin - target.angular_velocity) @ gains.rotation_damping
     np.testing.assert_allclose(wrench[:, 3:], moment + target.momentum_rate[:, 3:], atol=1e-10)
 
@@ -167,7 +167,7 @@ def test_eqs_38_and_39(rng, measured):
     force = force - (state["com"] - target.com) @ gains.stiffness
     force = force - (momentum[:, :3] - mass * target.com_velocity) @ gains.damping
     np.testing.assert_allclose(wrench[:, :3], force, atol=1e-10)
-    moment = orientation_moment(gains, state["rotation"], target.rotation)
+    moment = orientation_moment(gains, state["rotation"], target.world_from_base)
     moment = moment - (momentum[:, 3:] - target.angular_momentum) @ gains.rotation_damping
     np.testing.assert_allclose(wrench[:, 3:], moment + target.momentum_rate[:, 3:], atol=1e-10)
 
@@ -200,7 +200,7 @@ def test_gains_turn_with_their_axes(rng, measured):
     rate = target.momentum_rate
     elsewhere = BalanceTarget(
         turned(target.com),
-        turn @ target.rotation,
+        turn @ target.world_from_base,
         turned(target.com_velocity),
         turned(target.angular_velocity),
         turned(target.angular_momentum),

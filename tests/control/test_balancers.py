@@ -121,7 +121,7 @@ def test_ott2011_is_minus_jcheck_transposed(moving):
     """The velocities of (35), [com velocity, angular velocity, qdot] = T v, inverted as a whole."""
     change = np.zeros_like(moving.terms.mass_matrix)
     change[:, :3] = moving.body.matrix[:, :3] / moving.robot.mass
-    change[:, 3:6, 3:6] = moving.terms.base_rotation
+    change[:, 3:6, 3:6] = moving.terms.world_from_base
     change[:, 6:, 6:] = np.eye(moving.robot.num_joints)
     jacobian = moving.contacts.jacobian @ np.linalg.inv(change)
     torque = torque_map_ott2011(*moving.model).torque(moving.row_force, moving.wrench)
@@ -147,7 +147,7 @@ def test_quasi_static_torques_do_the_work_of_the_wrench(moving):
     momentum = np.matvec(moving.body.matrix, velocity)
     linear = momentum[:, :3] / moving.robot.mass
     average = np.matvec(moving.body.inverse_inertia, momentum[:, 3:])
-    of_base = np.matvec(moving.terms.base_rotation, velocity[:, 3:6])
+    of_base = np.matvec(moving.terms.world_from_base, velocity[:, 3:6])
     for torque_map, angular in (
         (torque_map_ott2011, of_base),
         (torque_map_garofalo2015, average),

@@ -68,16 +68,16 @@ def balancer(robot: robots.Robot, name: str) -> Callable[[Simulation], Distribut
         body, contacts = centroidal_terms(terms, velocity), reduced_contacts(geometry, terms)
         frame = support.frame(terms)
         target = resting_target(
-            frame.centre + np.matvec(frame.rotation, support.home_com),
-            frame.rotation @ support.home_base_rotation,
+            frame.centre + np.matvec(frame.world_from_support, support.home_com),
+            frame.world_from_support @ support.home_base_rotation,
         )
-        pose = {"com": terms.com, "rotation": terms.base_rotation, "mass": body.mass}
+        pose = {"com": terms.com, "rotation": terms.world_from_base, "mass": body.mass}
         if name == "ott2011":
             wrench = desired_wrench_ott2011(
                 gains,
                 target,
                 com_velocity=terms.com_velocity,
-                angular_velocity=np.matvec(terms.base_rotation, velocity[:, 3:6]),
+                angular_velocity=np.matvec(terms.world_from_base, velocity[:, 3:6]),
                 **pose,
             )
         else:
@@ -141,11 +141,11 @@ def test_they_take_a_push_and_come_back(robot_name, name):
     simulation = simulate(robot, name, from_all_sides(0.15 * robot.weight), 2.2)
     terms, support = simulation.terms(), Stance.of(robot)
     frame = support.frame(terms)
-    offset = np.matvec(frame.rotation.mT, terms.com - frame.centre) - support.home_com
+    offset = np.matvec(frame.world_from_support.mT, terms.com - frame.centre) - support.home_com
     assert (np.abs(offset) < 0.02).all()
     assert (np.abs(terms.com_velocity) < 0.05).all()
-    upright = frame.rotation @ support.home_base_rotation
-    assert (np.abs(terms.base_rotation - upright) < 0.05).all()
+    upright = frame.world_from_support @ support.home_base_rotation
+    assert (np.abs(terms.world_from_base - upright) < 0.05).all()
 
 
 @pytest.mark.parametrize("robot_name", ["biped", "humanoid"])

@@ -43,7 +43,7 @@ def test_terms_are_mujocos(robot, random_states, relative_error):
             "mass_matrix": matrix,
             "bias": data.qfrc_bias,
             "base_position": data.xpos[base],
-            "base_rotation": data.xmat[base].reshape(3, 3),
+            "world_from_base": data.xmat[base].reshape(3, 3),
             "com": data.subtree_com[base],
             "com_velocity": data.subtree_linvel[base],
         }

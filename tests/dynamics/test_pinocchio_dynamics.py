@@ -265,7 +265,7 @@ def test_quaternion_need_not_be_of_unit_length(biped, random_states):
     for name in expected._fields:
         np.testing.assert_allclose(getattr(actual, name), getattr(expected, name), atol=1e-9)
     np.testing.assert_allclose(
-        actual.base_rotation, frames.quaternion_to_matrix(qpos[:, 3:7]), atol=0
+        actual.world_from_base, frames.quaternion_to_matrix(qpos[:, 3:7]), atol=0
     )
 
 

@@ -118,7 +118,7 @@ def test_redundant_corner_points_hold_as_the_foot_does(rng, random_states, relat
     stance = Stance("both feet", random_states)
     terms, count = stance.terms, len(stance.qpos)
     corners = np.array([foot.points - foot.points.mean(axis=0) for foot in stance.robot.feet])
-    arms = np.einsum("nfij,fpj->nfpi", terms.foot_rotation, corners)
+    arms = np.einsum("nfij,fpj->nfpi", terms.world_from_foot, corners)
     # Velocity of a corner from that of its foot, (N, F, P, 3, 6). The feet are at rest.
     turn = np.concatenate((np.broadcast_to(np.eye(3), (*arms.shape, 3)), -frames.skew(arms)), -1)
     jacobian = (turn @ terms.foot_jacobian[:, :, None]).reshape(count, -1, stance.robot.nv)
@@ -151,10 +151,10 @@ def test_rolling_feet(rng, random_states, relative_error):
     command = rng.normal(size=qvel.shape) * 3
     result = orthogonal_inverse_dynamics(terms.mass_matrix, terms.bias, jacobian, command, bias)
     q = frames.configuration_to_pinocchio(qpos, robot.model.qpos0)
-    v = frames.velocity_to_pinocchio(qvel, terms.base_rotation)
-    drift = frames.velocity_product(qvel, terms.base_rotation)
+    v = frames.velocity_to_pinocchio(qvel, terms.world_from_base)
+    drift = frames.velocity_product(qvel, terms.world_from_base)
     for index in range(4):
-        rotation = terms.base_rotation[index]
+        rotation = terms.world_from_base[index]
         rows = frames.jacobian_from_pinocchio(jacobian[index], rotation.T)  # the inverse map
         data = dynamics.model.createData()
         acceleration = pin.forwardDynamics(

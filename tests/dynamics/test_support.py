@@ -59,7 +59,7 @@ def test_at_home_the_frame_is_below_the_robot_and_not_turned(robot, support):
     ]
     centre = np.mean(lowest, axis=0)
     np.testing.assert_allclose(frame.centre[0], centre, atol=1e-12)
-    np.testing.assert_allclose(frame.rotation[0], np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(frame.world_from_support[0], np.eye(3), atol=1e-12)
     np.testing.assert_allclose(support.home_base, data.xpos[robot.base_body] - centre, atol=1e-12)
     com = data.subtree_com[robot.base_body]
     np.testing.assert_allclose(support.home_com, com - centre, atol=1e-12)
@@ -96,8 +96,12 @@ def test_the_frame_goes_with_the_robot(robot, support, rng):
         after = frames(robot, support, moved)
         np.testing.assert_allclose(after.centre, before.centre @ rotation.T + shift, atol=1e-12)
         # A single point has no heading of its own: its frame keeps the world's.
-        expected = rotation @ before.rotation if robot.num_points > 1 else before.rotation
-        np.testing.assert_allclose(after.rotation, expected, atol=1e-12)
+        expected = (
+            rotation @ before.world_from_support
+            if robot.num_points > 1
+            else before.world_from_support
+        )
+        np.testing.assert_allclose(after.world_from_support, expected, atol=1e-12)
 
 
 def test_the_heading_fits_the_points_best(robot, support, rng):
@@ -114,7 +118,7 @@ def test_the_heading_fits_the_points_best(robot, support, rng):
     headings = np.linspace(-np.pi, np.pi, 20001)
     cosine, sine = np.cos(headings), np.sin(headings)
     turns = np.array([[cosine, -sine], [sine, cosine]]).transpose(2, 0, 1)
-    rotation = support.frame(terms).rotation
+    rotation = support.frame(terms).world_from_support
     for index in range(4):
         misfit = ((now[index] - layout @ turns.mT) ** 2).sum(axis=(1, 2))
         ours = ((now[index] - layout @ rotation[index, :2, :2].T) ** 2).sum()

@@ -82,7 +82,7 @@ def test_the_scan_sees_the_ground_from_where_the_robot_stands() -> None:
 
     batch = batch_of(terrain="stairs", difficulty=1.0, height_scan=True)
     terms, memory = batch.simulation.terms(), batch._planned
-    heading = np.arctan2(terms.base_rotation[:, 1, 0], terms.base_rotation[:, 0, 0])
+    heading = np.arctan2(terms.world_from_base[:, 1, 0], terms.world_from_base[:, 0, 0])
     ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
     for k, (x, y) in enumerate(batch.task.scan):
@@ -105,7 +105,7 @@ def test_the_scan_turns_and_moves_and_rises_with_the_robot() -> None:
         cosine, sine = np.cos(angle), np.sin(angle)
         turned = np.array([[[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]])
         base = np.concatenate([place, [[0.3]]], axis=1)
-        moved = terms._replace(base_position=base, base_rotation=turned)
+        moved = terms._replace(base_position=base, world_from_base=turned)
         return scan_heights(ground, 0.5 * SCAN, moved, level)
 
     first = seen(place, 0.4, grid, level)

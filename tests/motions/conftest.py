@@ -32,15 +32,19 @@ def hold_laws(motion: MotionTable, rows: np.ndarray) -> None:
 
     frame = Stance.of(robot).frame(terms)
     np.testing.assert_allclose(frame.centre, 0.0, atol=1e-9)
-    np.testing.assert_allclose(frame.rotation, np.tile(np.eye(3), (len(rows), 1, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        frame.world_from_support, np.tile(np.eye(3), (len(rows), 1, 1)), atol=1e-9
+    )
 
-    np.testing.assert_allclose(motion.rows.com[rows], terms.com, atol=1e-9)
-    np.testing.assert_allclose(motion.rows.com_velocity[rows], terms.com_velocity, atol=1e-9)
+    np.testing.assert_allclose(motion.rows.com_in_support[rows], terms.com, atol=1e-9)
+    np.testing.assert_allclose(
+        motion.rows.com_velocity_in_support[rows], terms.com_velocity, atol=1e-9
+    )
     # Newton: the wrench that the motion needs is mass times the acceleration of its centre.
     force = np.matvec(terms.mass_matrix[:, :3], qacc) + terms.bias[:, :3]
     weight = -robot.mass * robot.model.opt.gravity
     np.testing.assert_allclose(
-        force - weight, robot.mass * motion.rows.com_acceleration[rows], atol=1e-7
+        force - weight, robot.mass * motion.rows.com_acceleration_in_support[rows], atol=1e-7
     )
 
 
@@ -49,7 +53,7 @@ def centre_of_pressure(motion: MotionTable, rows: np.ndarray) -> tuple[np.ndarra
     terms = PinocchioDynamics(motion.robot).terms(motion.rows.qpos[rows], motion.rows.qvel[rows])
     wrench = np.matvec(terms.mass_matrix[:, :6], motion.rows.qacc[rows]) + terms.bias[:, :6]
     force = wrench[:, :3]
-    moment = np.matvec(terms.base_rotation, wrench[:, 3:])
+    moment = np.matvec(terms.world_from_base, wrench[:, 3:])
     moment = moment + np.matvec(skew(terms.base_position), force)
     return np.stack([-moment[:, 1], moment[:, 0]], axis=1) / force[:, 2:], force
 

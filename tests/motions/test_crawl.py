@@ -64,7 +64,7 @@ def test_the_walk_could_stop_anywhere(walk: Crawl, pressure) -> None:
     for table in walk.tables:
         feet = feet_of(table, rows)[:, order, :2]
         planted = table.rows.planted[rows][:, order]
-        assert margins(feet, planted, table.rows.com[rows, :2]).min() > 0.02
+        assert margins(feet, planted, table.rows.com_in_support[rows, :2]).min() > 0.02
         # On the ground, that is, above which the frame's origin is while a foot is up.
         wrench_at, force = pressure(table, rows)
         ground = feet_of(table, rows)[:, :, 2].min(axis=1)[:, None]
@@ -118,7 +118,7 @@ def test_between_planned_speeds_it_is_nearly_what_would_be_planned(walk: Crawl) 
     wanted = exact.reference(tick, np.full(len(tick), speed))
     assert np.array_equal(found.planted, wanted.planted)
     assert np.abs(found.qpos - wanted.qpos).max() < 1e-3
-    assert np.abs(found.com - wanted.com).max() < 1e-4
+    assert np.abs(found.com_in_support - wanted.com).max() < 1e-4
     assert np.abs(found.qvel - wanted.qvel).max() < 2e-3 * np.abs(wanted.qvel).max()
     assert np.abs(found.qacc - wanted.qacc).max() < 5e-3 * np.abs(wanted.qacc).max()
     np.testing.assert_allclose(np.linalg.norm(found.qpos[:, 3:7], axis=1), 1.0, atol=1e-12)
@@ -165,6 +165,6 @@ def test_the_base_keeps_its_heading_while_the_feets_changes(walk: Crawl) -> None
     """The support frame turns with the feet's layout; the base does not turn in the world."""
     table = walk.tables[-1]
     terms = PinocchioDynamics(table.robot).terms(table.rows.qpos, table.rows.qvel)
-    heading = rotation_vector(terms.base_rotation)[:, 2]
+    heading = rotation_vector(terms.world_from_base)[:, 2]
     assert 0.01 < np.ptp(heading) < 0.4
     assert abs(heading.mean()) < 1e-9

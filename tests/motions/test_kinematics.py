@@ -101,7 +101,7 @@ def test_joints_follow_from_the_base_and_the_feet(biped: Robot) -> None:
     np.testing.assert_allclose(terms.foot_velocity[:, :, :3], place.rate, atol=1e-9)
     assert np.abs(terms.foot_velocity[:, 1]).max() < 1e-9
     np.testing.assert_allclose(
-        terms.foot_rotation[:, 0], np.tile(np.eye(3), (150, 1, 1)), atol=1e-9
+        terms.world_from_foot[:, 0], np.tile(np.eye(3), (150, 1, 1)), atol=1e-9
     )
 
 

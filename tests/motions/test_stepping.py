@@ -53,7 +53,7 @@ def test_the_foot_in_the_air_clears_the_ground(motion: MotionTable) -> None:
     for middle, foot in ((375, 0), (1125, 1)):
         assert 0.02 < height[middle, foot] < 0.06
     # Level, and beside the other foot.
-    assert np.abs(terms.foot_rotation - np.eye(3)).max() < 0.12
+    assert np.abs(terms.world_from_foot - np.eye(3)).max() < 0.12
     gap = terms.foot_position[:, 0] - terms.foot_position[:, 1]
     assert np.abs(gap[:, :2] - [0.0, 0.18]).max() < 0.02
 
@@ -96,7 +96,7 @@ def test_feet_may_stand_farther_apart_than_at_home() -> None:
     terms = PinocchioDynamics(wide.robot).terms(wide.rows.qpos[rows], wide.rows.qvel[rows])
     gap = terms.foot_position[:, 0] - terms.foot_position[:, 1]
     np.testing.assert_allclose(gap, np.tile([0.0, 0.28, 0.0], (len(rows), 1)), atol=1e-9)
-    assert np.abs(terms.foot_rotation - np.eye(3)).max() < 1e-9
+    assert np.abs(terms.world_from_foot - np.eye(3)).max() < 1e-9
     # The base keeps its way: the legs reach out under it.
     np.testing.assert_allclose(wide.rows.qpos[:, :3], narrow.rows.qpos[:, :3], atol=1e-9)
 

@@ -34,11 +34,11 @@ def test_a_periodic_motion_starts_again(periodic: MotionTable) -> None:
 def test_a_finite_motion_ends_in_its_last_posture_at_rest(finite: MotionTable) -> None:
     reference = finite.reference(np.array([finite.period - 1, finite.period, 10**6]))
     assert np.array_equal(reference.qpos, np.tile(finite.rows.qpos[-1], (3, 1)))
-    assert np.array_equal(reference.com, np.tile(finite.rows.com[-1], (3, 1)))
+    assert np.array_equal(reference.com_in_support, np.tile(finite.rows.com_in_support[-1], (3, 1)))
     assert np.abs(reference.qacc[0]).max() > 1.0
-    for rate in (reference.qvel, reference.qacc, reference.com_velocity):
+    for rate in (reference.qvel, reference.qacc, reference.com_velocity_in_support):
         assert not rate[1:].any()
-    assert not reference.com_acceleration[1:].any()
+    assert not reference.com_acceleration_in_support[1:].any()
 
 
 def test_a_table_cannot_be_changed(periodic: MotionTable) -> None:
@@ -105,7 +105,11 @@ def test_a_seam_that_does_not_close_is_refused(finite: MotionTable) -> None:
             np.zeros((250, 3)),
             r"qvel of the motion has shape \(250, 3\). Expected \(250, 22",
         ),
-        ("com", np.zeros((3, 3)), r"com of the motion has shape \(3, 3\). Expected \(250, 3\)"),
+        (
+            "com_in_support",
+            np.zeros((3, 3)),
+            r"com_in_support of the motion has shape \(3, 3\). Expected \(250, 3\)",
+        ),
         ("planted", np.ones((250, 4), bool), r"planted has shape \(250, 4\). Expected \(250, 2\)"),
         ("jumps", np.ones(3, bool), r"jumps has shape \(3,\). Expected \(250,\)"),
         ("qacc", np.full((250, 22), np.nan), "qacc of the motion is not finite"),

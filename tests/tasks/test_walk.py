@@ -31,7 +31,7 @@ def step(batch):
 
 
 def heading_axes(batch):
-    ahead = batch.simulation.terms().base_rotation[:, :2, 0]
+    ahead = batch.simulation.terms().world_from_base[:, :2, 0]
     ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
     return np.stack([ahead, np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)], axis=1)
 
@@ -68,7 +68,7 @@ def test_the_observation_is_what_its_names_say(batch, step):
     command = task.command(batch._plan, batch._tick)
     memory = batch._planned
     phase = 2.0 * np.pi * memory["seen_cycle"]
-    base = terms.base_rotation
+    base = terms.world_from_base
     ahead, left = np.einsum("nij,nj->in", heading_axes(batch), qvel[:, :2])
     said = {
         "sine of the gait's cycle (1)": np.sin(phase),
@@ -105,7 +105,7 @@ def test_the_observation_is_what_its_names_say(batch, step):
 def test_rewards_are_their_formulas(batch, step):
     task, robot, info = batch.task, batch.robot, step.info
     assert sum(REWARD_WEIGHTS) == pytest.approx(1.0)
-    qvel, base = batch.simulation.qvel, batch.simulation.terms().base_rotation
+    qvel, base = batch.simulation.qvel, batch.simulation.terms().world_from_base
     command = task.command(batch._plan, batch._tick)
     velocity = np.einsum("nij,nj->ni", heading_axes(batch), qvel[:, :2])
     height, gravity = task.body.stance.home_com[2], robot.gravity

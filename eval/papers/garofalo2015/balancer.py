@@ -123,7 +123,7 @@ class Balancer:
                 TABLE_1,
                 target,
                 com=terms.com,
-                rotation=terms.base_rotation,
+                rotation=terms.world_from_base,
                 momentum=body.momentum,
                 mass=body.mass,
             )
@@ -132,8 +132,8 @@ class Balancer:
             target,
             com=terms.com,
             com_velocity=terms.com_velocity,
-            rotation=terms.base_rotation,
-            angular_velocity=np.matvec(terms.base_rotation, state.qvel[:, 3:6]),
+            rotation=terms.world_from_base,
+            angular_velocity=np.matvec(terms.world_from_base, state.qvel[:, 3:6]),
             mass=body.mass,
         )
 
@@ -158,7 +158,7 @@ def stance_angular_momentum(robot: Robot) -> np.ndarray:
     body = centroidal_terms(terms, rest)
     contacts = reduced_contacts(contact_geometry(robot), terms)
     spin = np.zeros((3, robot.nv))
-    spin[:, 3:6] = terms.base_rotation[0]
+    spin[:, 3:6] = terms.world_from_base[0]
     given = np.concatenate([contacts.jacobian[0], body.matrix[0, :3] / robot.mass, spin])
     asked = np.zeros((len(given), 6))
     asked[-6:] = np.eye(6)

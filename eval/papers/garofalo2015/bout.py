@@ -35,7 +35,7 @@ GoalAt = Callable[[float, DynamicsTerms], Goal]
 def stay(posture: np.ndarray, contact_rotation: np.ndarray | None = None) -> GoalAt:
     """Stay where the robots began, with this posture (n,) rad of the joints."""
     return lambda time, first: Goal(
-        resting_target(first.com, first.base_rotation),
+        resting_target(first.com, first.world_from_base),
         posture,
         contact_rotation=contact_rotation,
     )
@@ -66,7 +66,7 @@ def balancing(start: np.ndarray, goal: GoalAt | None = None) -> Plan[Goal]:
                 terms, target = simulation.terms(), now.target
                 return {
                     "com": terms.com - target.com,
-                    "rotation": rotation_vector(target.rotation.mT @ terms.base_rotation),
+                    "rotation": rotation_vector(target.world_from_base.mT @ terms.world_from_base),
                     "momentum": centroidal_terms(terms, simulation.qvel.copy()).momentum,
                 }
 

@@ -87,7 +87,7 @@ def goals(robot: Robot, pose: Pose) -> GoalAt:
         angular_rate = np.concatenate([linear, angular], axis=1) @ momentum.T
         target = BalanceTarget(
             com=first.com + shift,
-            rotation=rotation @ first.base_rotation,
+            world_from_base=rotation @ first.world_from_base,
             com_velocity=velocity,
             angular_velocity=spin,
             angular_momentum=np.concatenate([velocity, spin], axis=1) @ momentum.T,
@@ -149,7 +149,7 @@ def left_out(robot: Robot, log: Log) -> list[dict[str, Any]]:
         qvel = log["qvel"][:, k].astype(float)
         terms = dynamics.terms(qpos, qvel)
         body = centroidal_terms(terms, qvel)
-        omega = np.matvec(terms.base_rotation, qvel[:, 3:6])
+        omega = np.matvec(terms.world_from_base, qvel[:, 3:6])
         alpha = np.gradient(omega, log.time, axis=0)
         rate = np.gradient(body.momentum[:, 3:], log.time, axis=0)
         rest = rate - np.matvec(body.inertia, alpha)

@@ -74,17 +74,17 @@ def stance(robot: Robot, block: Block) -> np.ndarray:
     soles[1, 2] += block.height
     for _ in range(_ROUNDS):
         terms = dynamics.terms(qpos[None], still)
-        now, rotation = _soles(robot, terms), terms.foot_rotation[0]
+        now, rotation = _soles(robot, terms), terms.world_from_foot[0]
         jacobian = terms.foot_jacobian[0].copy()
         jacobian[:, :3] -= skew(now - terms.foot_position[0]) @ jacobian[:, 3:]
         # The linear rows of M are the mass times the centre of mass's Jacobian.
         of_com = terms.mass_matrix[0, :3] / robot.mass
-        spin = np.pad(terms.base_rotation[0], [(0, 0), (3, robot.num_joints)])
+        spin = np.pad(terms.world_from_base[0], [(0, 0), (3, robot.num_joints)])
         rows = [*jacobian, of_com, spin, _POSTURE * np.eye(robot.nv)[6:]]
         errors = [
             *np.concatenate([soles - now, rotation_vector(turns @ rotation.mT)], axis=1),
             com - terms.com[0],
-            rotation_vector(terms.base_rotation[0].T),
+            rotation_vector(terms.world_from_base[0].T),
             _POSTURE * (robot.home_qpos[7:] - qpos[7:]),
         ]
         step = np.linalg.lstsq(np.concatenate(rows), np.concatenate(errors), rcond=None)[0]
@@ -96,7 +96,7 @@ def stance(robot: Robot, block: Block) -> np.ndarray:
 def _soles(robot: Robot, terms: DynamicsTerms) -> np.ndarray:
     """Middle of each foot's contact points, on the sole: (F, 3) m, world."""
     radius = np.array([[foot.radius] for foot in robot.feet])
-    return terms.foot_position[0] + radius * ([0.0, 0.0, 1.0] - terms.foot_rotation[0, :, :, 2])
+    return terms.foot_position[0] + radius * ([0.0, 0.0, 1.0] - terms.world_from_foot[0, :, :, 2])
 
 
 def world(robot: Robot, block: Block, start: np.ndarray, pendulum: Pendulum) -> mujoco.MjModel:

@@ -101,7 +101,7 @@ def as_planned(robot: Robot) -> Desire:
 
     def desire(tick: Tick, memory: Memory) -> np.ndarray:
         acceleration = tick.reference.qacc.copy()
-        rotation = stance.frame(tick.terms).rotation
+        rotation = stance.frame(tick.terms).world_from_support
         acceleration[:, :3] = np.matvec(rotation, acceleration[:, :3])
         return acceleration
 
@@ -123,9 +123,9 @@ def base_returning(robot: Robot, hertz: float) -> Desire:
     def desire(tick: Tick, memory: Memory) -> np.ndarray:
         terms, reference, contacts = tick.terms, tick.reference, tick.contacts
         frame = stance.frame(terms)
-        base = np.vecmat(terms.base_position - frame.centre, frame.rotation)
+        base = np.vecmat(terms.base_position - frame.centre, frame.world_from_support)
         memory["base"], memory["base_target"] = base[:, :2], reference.qpos[:, :2]
-        there = frame.centre + np.matvec(frame.rotation, reference.qpos[:, :3])
+        there = frame.centre + np.matvec(frame.world_from_support, reference.qpos[:, :3])
         task = task_acceleration(
             there[:, :2], terms.base_position[:, :2], tick.state.qvel[:, :2], omega**2, 2.0 * omega
         )

@@ -200,7 +200,7 @@ class Stepper:
 
     def _footing(self, terms: DynamicsTerms, swings: np.ndarray) -> Footing:
         """Look at the feet; `swings` (N, 2) bool are those in the air."""
-        foot, turn, owner = terms.foot_position, terms.foot_rotation, self.geometry.foot_of_point
+        foot, turn, owner = terms.foot_position, terms.world_from_foot, self.geometry.foot_of_point
         share = ~swings / (~swings).sum(axis=1, keepdims=True)
         ahead = np.vecmat(share, turn[:, :, :2, 0])
         ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
@@ -226,8 +226,8 @@ class Stepper:
         omega = np.sqrt((gravity + plan.qacc[:, 2]) / height)[:, None]
         com = terms.com[:, :2]
         xi = com + terms.com_velocity[:, :2] / omega
-        ahead = plan.com[:, :2] + plan.com_velocity[:, :2] / omega
-        below = plan.com[:, :2] - plan.com_acceleration[:, :2] / omega**2
+        ahead = plan.com_in_support[:, :2] + plan.com_velocity_in_support[:, :2] / omega
+        below = plan.com_in_support[:, :2] - plan.com_acceleration_in_support[:, :2] / omega**2
         xi_plan = footing.middle + np.matvec(footing.heading, ahead)
         p_plan = footing.middle + np.matvec(footing.heading, below)
 
@@ -266,7 +266,7 @@ class Stepper:
         gains, rows = self.gains, np.arange(len(footing.ground))
         swings, clock, span = memory["swings"], memory["clock"], memory["span"]
         air, which = swings.any(axis=1), swings.argmax(axis=1)
-        tilted = rotation_vector(footing.upright[:, None] @ terms.foot_rotation.mT)
+        tilted = rotation_vector(footing.upright[:, None] @ terms.world_from_foot.mT)
         feet = -gains.grip * terms.foot_velocity
         feet[..., 3:5] += (0.5 * gains.grip) ** 2 * tilted[..., :2]
 
@@ -303,7 +303,7 @@ class Stepper:
         bias[:, :2] = terms.bias[:, :2] / self.robot.mass
 
         facing = footing.upright @ quaternion_to_matrix(plan.qpos[:, 3:7])
-        lean = rotation_vector(terms.base_rotation.mT @ facing)
+        lean = rotation_vector(terms.world_from_base.mT @ facing)
         height = terms.base_position[:, 2] - footing.ground
         task = np.empty((count, 6))
         task[:, :2] = capture.pull

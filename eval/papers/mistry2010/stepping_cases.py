@@ -81,7 +81,7 @@ def carried(robot: Robot, steps: Steps) -> float:
     and the centre of mass at the motion's mean height.
     """
     motion = stepping(robot, steps)
-    height = motion.reference(np.arange(motion.period)).com[:, 2].mean()
+    height = motion.reference(np.arange(motion.period)).com_in_support[:, 2].mean()
     omega = np.sqrt(robot.weight / robot.mass / height)
     rise = np.exp(omega * PUSH_SECONDS) - 1.0
     return float(rise * (FORCE / (robot.mass * omega**2) - half_sole(robot)))

@@ -38,9 +38,9 @@ def biped_gait(robot: Robot) -> FlatFootGait:
         )
     stance = Stance.of(robot)
     home = stance.terms
-    forward = home.base_rotation[0, :2, 0] / np.linalg.norm(home.base_rotation[0, :2, 0])
+    forward = home.world_from_base[0, :2, 0] / np.linalg.norm(home.world_from_base[0, :2, 0])
     upright = np.array([[*forward, 0.0], [-forward[1], forward[0], 0.0], [0.0, 0.0, 1.0]])
-    feet, turn = home.foot_position[0] @ upright.T, upright @ home.foot_rotation[0]
+    feet, turn = home.foot_position[0] @ upright.T, upright @ home.world_from_foot[0]
     width = abs(feet[0, 1] - feet[1, 1])
     geometry = stance.geometry
     points = np.matvec(turn[geometry.foot_of_point], geometry.offset)[:, :2]

@@ -71,7 +71,7 @@ def walk(
     target = GaitTarget(
         np.ones((count, 2), np.bool_),
         terms.foot_position.copy(),
-        terms.foot_rotation.copy(),
+        terms.world_from_foot.copy(),
         np.zeros((count, 2, 6)),
         np.zeros((count, 2, 6)),
         np.empty((count, 2)),
@@ -87,7 +87,7 @@ def walk(
     points = np.empty(gait.points.shape)
     for i in range(count):
         # cos and sin of the heading, kept near the body's.
-        body = math.atan2(terms.base_rotation[i, 1, 0], terms.base_rotation[i, 0, 0])
+        body = math.atan2(terms.world_from_base[i, 1, 0], terms.world_from_base[i, 0, 0])
         ahead = _wrapped(memory.heading[i] + command.velocity[i, 2] * tick - body)
         memory.heading[i] = body + min(max(ahead, -_LOST_HEADING), _LOST_HEADING)
         axes = (math.cos(memory.heading[i]), math.sin(memory.heading[i]))
@@ -226,8 +226,8 @@ def _foot_heading(gait: FlatFootGait, terms: DynamicsTerms, i: int, foot: int) -
     # The foot's axis that points ahead at home.
     x, y = 0.0, 0.0
     for axis in range(3):
-        x += terms.foot_rotation[i, foot, 0, axis] * gait.level[foot, 0, axis]
-        y += terms.foot_rotation[i, foot, 1, axis] * gait.level[foot, 0, axis]
+        x += terms.world_from_foot[i, foot, 0, axis] * gait.level[foot, 0, axis]
+        y += terms.world_from_foot[i, foot, 1, axis] * gait.level[foot, 0, axis]
     return math.atan2(y, x)
 
 
@@ -362,9 +362,9 @@ def _swing(
     cosine, sine = math.cos(angle), math.sin(angle)
     for axis in range(3):
         x, y = gait.level[foot, 0, axis], gait.level[foot, 1, axis]
-        target.foot_rotation[i, foot, 0, axis] = cosine * x - sine * y
-        target.foot_rotation[i, foot, 1, axis] = sine * x + cosine * y
-        target.foot_rotation[i, foot, 2, axis] = gait.level[foot, 2, axis]
+        target.world_from_foot[i, foot, 0, axis] = cosine * x - sine * y
+        target.world_from_foot[i, foot, 1, axis] = sine * x + cosine * y
+        target.world_from_foot[i, foot, 2, axis] = gait.level[foot, 2, axis]
     target.foot_velocity[i, foot, 5] = turn * rate
     target.foot_acceleration[i, foot, 5] = turn * acceleration
     for axis in range(6):

@@ -146,7 +146,7 @@ class FlatFeet:
         return GaitTarget(
             planted=found.planted,
             foot_position=found.foot_position,
-            foot_rotation=found.foot_rotation,
+            world_from_foot=found.world_from_foot,
             foot_velocity=found.foot_velocity,
             foot_acceleration=found.foot_acceleration,
             load=found.planted.astype(float),
@@ -163,4 +163,4 @@ class FlatFeet:
 
 def _heading(terms: DynamicsTerms) -> np.ndarray:
     """(N,) rad, of the bases."""
-    return np.arctan2(terms.base_rotation[:, 1, 0], terms.base_rotation[:, 0, 0])
+    return np.arctan2(terms.world_from_base[:, 1, 0], terms.world_from_base[:, 0, 0])

@@ -89,7 +89,7 @@ def joint_reference(
         qpos[i, 7:] = legs.home[7:]
         for k in range(3):
             for axis in range(3):
-                share = frame.rotation[i, axis, k]
+                share = frame.world_from_support[i, axis, k]
                 com[i, k] += share * (terms.com[i, axis] - frame.centre[i, axis])
                 com_velocity[i, k] += share * terms.com_velocity[i, axis]
                 if axis < 2:
@@ -98,9 +98,9 @@ def joint_reference(
         body[:], lag[:] = 0.0, 0.0
         body[0], body[1] = target.velocity[i, 0], target.velocity[i, 1]
         lag[2] = target.height[i] - terms.base_position[i, 2]
-        _turn_left(target.heading[i], terms.base_rotation[i], lag)
+        _turn_left(target.heading[i], terms.world_from_base[i], lag)
         for k in range(3):
-            body[3 + k] = terms.base_rotation[i, 2, k] * target.turning[i]
+            body[3 + k] = terms.world_from_base[i, 2, k] * target.turning[i]
         for foot in range(feet):
             for r in range(rows):
                 gap[r] = 0.0
@@ -116,7 +116,7 @@ def joint_reference(
                     own = legs.joints[foot, j]
                     jacobian[r, j] = terms.foot_jacobian[i, foot, r, 6 + j] if own else 0.0
             if rows == 6:
-                _add_rotation(target.foot_rotation[i, foot], terms.foot_rotation[i, foot], gap)
+                _add_rotation(target.world_from_foot[i, foot], terms.world_from_foot[i, foot], gap)
             _solve_leg(jacobian, gap, rate)
             for j in range(joints):
                 if legs.joints[foot, j]:

@@ -137,7 +137,7 @@ def walk(
     target = GaitTarget(
         planted=np.empty((count, feet), np.bool_),
         foot_position=terms.foot_position.copy(),
-        foot_rotation=terms.foot_rotation.copy(),
+        world_from_foot=terms.world_from_foot.copy(),
         foot_velocity=np.zeros((count, feet, 6)),
         foot_acceleration=np.zeros((count, feet, 6)),
         load=np.empty((count, feet)),
@@ -190,7 +190,7 @@ def _follow(
         most = gait.agility[axis] * tick
         change = command.velocity[i, axis] - memory.velocity[i, axis]
         memory.velocity[i, axis] += min(max(change, -most), most)
-    body = math.atan2(terms.base_rotation[i, 1, 0], terms.base_rotation[i, 0, 0])
+    body = math.atan2(terms.world_from_base[i, 1, 0], terms.world_from_base[i, 0, 0])
     ahead = memory.heading[i] + memory.velocity[i, 2] * tick - body
     ahead -= 2.0 * math.pi * math.floor(ahead / (2.0 * math.pi) + 0.5)
     memory.heading[i] = body + min(max(ahead, -_LOST_HEADING), _LOST_HEADING)

@@ -12,7 +12,7 @@ class GaitTarget(NamedTuple):
         planted: (N, F) bool, feet that shall stand. For these the next four say where they are, at
             rest.
         foot_position: (N, F, 3) m.
-        foot_rotation: (N, F, 3, 3) world from foot.
+        world_from_foot: (N, F, 3, 3) world from foot.
         foot_velocity: (N, F, 6) m/s, rad/s; for point feet the first three count.
         foot_acceleration: (N, F, 6) m/s^2, rad/s^2.
         load: (N, F) share of its greatest force that a foot may take: 0 in the air, and on the way
@@ -29,7 +29,7 @@ class GaitTarget(NamedTuple):
 
     planted: np.ndarray
     foot_position: np.ndarray
-    foot_rotation: np.ndarray
+    world_from_foot: np.ndarray
     foot_velocity: np.ndarray
     foot_acceleration: np.ndarray
     load: np.ndarray

@@ -95,7 +95,7 @@ class GaitTarget(NamedTuple):
         planted: (N, 2) bool, feet that shall stand. For these the following four say where they
             are, at rest.
         foot_position: (N, 2, 3) m.
-        foot_rotation: (N, 2, 3, 3) world from foot.
+        world_from_foot: (N, 2, 3, 3) world from foot.
         foot_velocity: (N, 2, 6) m/s, rad/s.
         foot_acceleration: (N, 2, 6) m/s^2, rad/s^2.
         pressure: (N, 2) m, centre of pressure.
@@ -112,7 +112,7 @@ class GaitTarget(NamedTuple):
 
     planted: np.ndarray
     foot_position: np.ndarray
-    foot_rotation: np.ndarray
+    world_from_foot: np.ndarray
     foot_velocity: np.ndarray
     foot_acceleration: np.ndarray
     pressure: np.ndarray

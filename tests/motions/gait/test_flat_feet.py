@@ -69,11 +69,11 @@ class Pendulums:
             mass_matrix=zero[None],
             bias=zero,
             base_position=self.com,
-            base_rotation=turned(self.body),
+            world_from_base=turned(self.body),
             com=self.com,
             com_velocity=self.velocity,
             foot_position=self.feet,
-            foot_rotation=self.rotation,
+            world_from_foot=self.rotation,
             foot_velocity=np.zeros((count, 2, 6)),
             foot_jacobian=np.zeros((count, 2, 6, 0)),
             foot_bias=np.zeros((count, 2, 6)),
@@ -96,7 +96,7 @@ class Pendulums:
         com = target.pressure + away * cosine + self.velocity[:, :2] / omega * sine
         self.velocity[:, :2] = away * omega * sine + self.velocity[:, :2] * cosine
         self.com[:, :2] = com
-        self.feet, self.rotation = target.foot_position.copy(), target.foot_rotation.copy()
+        self.feet, self.rotation = target.foot_position.copy(), target.world_from_foot.copy()
         self.feet[..., 2] = np.maximum(self.feet[..., 2], 0.0)
         self.body = target.heading.copy()
         return target
@@ -234,7 +234,7 @@ def test_heading_does_not_matter(gait: FlatFootGait) -> None:
         a, b = here.step(velocity), there.step(velocity)
     np.testing.assert_allclose(a.pressure @ rotation[:2, :2].T, b.pressure, atol=1e-8)
     np.testing.assert_allclose(a.foot_position @ rotation.T, b.foot_position, atol=1e-8)
-    np.testing.assert_allclose(rotation @ a.foot_rotation, b.foot_rotation, atol=1e-8)
+    np.testing.assert_allclose(rotation @ a.world_from_foot, b.world_from_foot, atol=1e-8)
     np.testing.assert_allclose(a.cycle, b.cycle, atol=1e-12)
 
 

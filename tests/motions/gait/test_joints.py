@@ -29,7 +29,7 @@ def target_of(robot, terms, rng):
     return GaitTarget(
         planted=np.ones((1, feet), bool),
         foot_position=terms.foot_position + shift,
-        foot_rotation=terms.foot_rotation.copy(),
+        world_from_foot=terms.world_from_foot.copy(),
         foot_velocity=0.2 * rng.normal(size=(1, feet, 6)),
         foot_acceleration=np.zeros((1, feet, 6)),
         load=np.ones((1, feet)),
@@ -38,7 +38,7 @@ def target_of(robot, terms, rng):
         velocity=0.2 * rng.normal(size=(1, 2)),
         com_acceleration=np.zeros((1, 2)),
         height=terms.base_position[:, 2] - 0.1 * robot.home_qpos[2],
-        heading=np.arctan2(terms.base_rotation[:, 1, 0], terms.base_rotation[:, 0, 0]),
+        heading=np.arctan2(terms.world_from_base[:, 1, 0], terms.world_from_base[:, 0, 0]),
         turning=0.3 * rng.normal(size=1),
         cycle=np.zeros(1),
     )
@@ -75,7 +75,7 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
         np.testing.assert_allclose(places + body_at_home, target.foot_position[0], atol=1e-4)
     velocity = np.zeros(robot.nv)
     velocity[:2] = target.velocity[0]
-    velocity[3:6] = terms.base_rotation[0, 2] * target.turning[0]
+    velocity[3:6] = terms.world_from_base[0, 2] * target.turning[0]
     velocity[6:] = found.qvel[0, 6:]
     rows = legs.rows
     np.testing.assert_allclose(

@@ -233,7 +233,7 @@ def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> N
     moved = np.array([0.7, -2.0, 0.0])
     there = terms._replace(
         base_position=terms.base_position @ turn.T + moved,
-        base_rotation=turn @ terms.base_rotation,
+        world_from_base=turn @ terms.world_from_base,
         com=terms.com @ turn.T + moved,
         com_velocity=terms.com_velocity @ turn.T,
         foot_position=terms.foot_position @ turn.T + moved,

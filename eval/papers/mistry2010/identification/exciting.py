@@ -194,7 +194,7 @@ def carrying_out(robot: Robot, base_hertz: float, joint_hertz: float) -> Desire:
         state, reference = tick.state, tick.reference
         # Where the motion's world lies.
         origin = memory.setdefault("origin", state.qpos[:, :3] - reference.qpos[:, :3])
-        turned = tick.terms.base_rotation.mT @ quaternion_to_matrix(reference.qpos[:, 3:7])
+        turned = tick.terms.world_from_base.mT @ quaternion_to_matrix(reference.qpos[:, 3:7])
         position = reference.qpos[:, :3] + origin - state.qpos[:, :3]
         joints = reference.qpos[:, 7:] - state.qpos[:, 7:]
         error = np.concatenate([position, rotation_vector(turned), joints], axis=1)

@@ -157,7 +157,7 @@ def test_torques_move_the_foot_in_the_air_as_wanted_with_forces_under_the_other(
     drive = np.concatenate([np.zeros((count, 6)), motor], axis=1) - terms.bias
     left, right = terms.foot_jacobian.swapaxes(0, 1)
     creep = -StepperGains().grip * terms.foot_velocity[:, 1]
-    tilt = rotation_vector(terms.foot_rotation[:, 1])[:, :2]
+    tilt = rotation_vector(terms.world_from_foot[:, 1])[:, :2]
     creep[:, 3:5] -= (0.5 * StepperGains().grip) ** 2 * tilt
     held = np.concatenate([drive, creep - terms.foot_bias[:, 1]], axis=1)
     system = np.block([[terms.mass_matrix, -right.mT], [right, np.zeros((count, 6, 6))]])
