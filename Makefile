@@ -12,6 +12,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 ARGS ?=
+STUDY ?= studies/survey.toml
 
 # The batch is spread over threads by the environments; a threaded BLAS underneath would fight them.
 export OMP_NUM_THREADS ?= 1
@@ -22,7 +23,7 @@ HEADLESS := if [ -z "$${MUJOCO_GL:-}" ] && [ -s $(VENV)/mujoco_gl ]; then \
 	export MUJOCO_GL="$$(cat $(VENV)/mujoco_gl)"; fi;
 endif
 
-.PHONY: help setup demo survey test test-fast check format bench papers clean
+.PHONY: help setup demo study test test-fast check format bench papers clean
 
 help:  ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -33,8 +34,9 @@ setup: $(VENV)/.installed $(VENV)/mujoco_gl $(VENV)/.compiled  ## Install into .
 demo: setup  ## A quadruped walks, learns through two action layers; writes runs/demo/report.html.
 	@$(HEADLESS) $(BIN)/python -m eval.demo $(ARGS)
 
-survey: setup  ## Train once on every environment, draw docs/learning.svg.
-	@$(HEADLESS) $(BIN)/python -m eval.survey $(ARGS)
+study: setup  ## Train what a study names, write its page (STUDY=studies/survey.toml).
+	@$(HEADLESS) $(BIN)/python -m train.sweep $(STUDY) $(ARGS)
+	@$(HEADLESS) $(BIN)/python -m eval.study $(STUDY) --write-docs
 
 test: setup  ## Run every test.
 	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) $(ARGS)

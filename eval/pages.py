@@ -5,10 +5,10 @@ from pathlib import Path
 from eval.files import write
 from fbid_gym.errors import RunError
 
-_DOCS = Path(__file__).resolve().parents[1] / "docs"
-BENCHMARK_PAGE = _DOCS / "benchmark.md"
-PAPERS_PAGE = _DOCS / "papers.md"
-WALKING_PAGE = _DOCS / "walking.md"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+BENCHMARK_PAGE = DOCS / "benchmark.md"
+PAPERS_PAGE = DOCS / "papers.md"
+WALKING_PAGE = DOCS / "walking.md"
 
 START, END = "<!-- tables: written by the command above -->", "<!-- end of tables -->"
 

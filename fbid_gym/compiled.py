@@ -47,11 +47,12 @@ _OPTIONS = {
     "fastmath": {"reassoc", "contract"},
     "no_cfunc_wrapper": True,
 }
+_INNER = _OPTIONS | {"no_cpython_wrapper": True}
 
 
 def compiled(function: Function) -> Function:
     """Compile a function for the use of kernels."""
-    return njit(**_OPTIONS)(function)
+    return njit(**_INNER)(function)
 
 
 def kernel(function: Function) -> Function:
@@ -84,7 +85,7 @@ def kernel(function: Function) -> Function:
     update_wrapper(door, function)
     door.entry = entry
     implementation.__signature__ = inspect.signature(function)
-    overload(door, jit_options=_OPTIONS)(implementation)
+    overload(door, jit_options=_INNER)(implementation)
     return door
 
 

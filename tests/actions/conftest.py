@@ -46,7 +46,7 @@ def moving(robot: robots.Robot, rng: np.random.Generator) -> Callable[[int], Ref
         qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7], axis=1, keepdims=True)
         qvel, qacc = rng.normal(size=(2, count, robot.nv))
         velocity, acceleration = rng.normal(size=(2, count, 3))
-        com = home.com + 0.05 * rng.normal(size=(count, 3))
+        com = home.com_in_support + 0.05 * rng.normal(size=(count, 3))
         planted = np.ones((count, robot.num_feet), bool)
         return Reference(qpos, qvel, qacc, com, velocity, acceleration, planted, False)
 

@@ -29,7 +29,8 @@ FOLDER = Path(__file__).parent
 NONE = "none"
 """Stands for the defaults where a recipe is asked for by name."""
 
-_SETTINGS = ("total_steps", "num_envs", "torch_threads", "ppo", "eval")
+SETTINGS = ("total_steps", "num_envs", "torch_threads", "ppo", "eval")
+"""Fields of `TrainConfig` that a recipe may set."""
 _CONDITIONS = ("action_layer", "layer_options")
 
 
@@ -136,15 +137,15 @@ def config_for(
         raise RunError(f"recipe {recipe.name!r}: {error}.") from error
 
 
-def check(name: str, settings: Mapping[str, Any], valid: Mapping[str, Any]) -> None:
+def check(where: str, settings: Mapping[str, Any], valid: Mapping[str, Any]) -> None:
     """Raise UnknownOptionError for settings that are none of `valid`, a nested dictionary."""
     for key, value in settings.items():
         if key not in valid:
-            raise UnknownOptionError(f"setting of recipe {name!r}", key, valid)
+            raise UnknownOptionError(f"setting of {where}", key, valid)
         if isinstance(valid[key], Mapping):
             if not isinstance(value, Mapping):
-                raise RunError(f"recipe {name!r}: {key} is {value!r}. Expected a table.")
-            check(name, value, valid[key])
+                raise RunError(f"{where}: {key} is {value!r}. Expected a table.")
+            check(where, value, valid[key])
 
 
 def _read(path: Path) -> Recipe:
@@ -153,20 +154,22 @@ def _read(path: Path) -> Recipe:
     except tomllib.TOMLDecodeError as error:
         raise RunError(f"{path}: is no TOML: {error}.") from error
     exceptions = tuple(data.pop("exceptions", ()))
-    envs, valid = tuple(data.pop("envs", ())), _valid()
-    check(path.stem, data, valid)
+    envs, valid = tuple(data.pop("envs", ())), valid_settings()
+    check(f"recipe {path.stem!r}", data, valid)
     for exception in exceptions:
         if "action_layer" not in exception:
             raise RunError(f"{path}: an exception without action_layer. Expected one in each.")
-        check(path.stem, _without(exception, ("layer_options",)), valid | {"action_layer": ""})
+        settings = _without(exception, ("layer_options",))
+        check(f"recipe {path.stem!r}", settings, valid | {"action_layer": ""})
     return Recipe(path.stem, envs, data, exceptions)
 
 
-def _valid() -> dict[str, Any]:
+def valid_settings() -> dict[str, Any]:
+    """Return the names of all settings, nested."""
     parts = {"ppo": PPOConfig, "eval": EvaluationConfig}
     return {
         name: {item.name: "" for item in fields(parts[name])} if name in parts else ""
-        for name in _SETTINGS
+        for name in SETTINGS
     }
 
 

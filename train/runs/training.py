@@ -2,6 +2,7 @@
 
 import math
 import sys
+from pathlib import Path
 
 from train.runs.command_line import options
 from train.runs.config import TrainConfig
@@ -11,13 +12,17 @@ from train.runs.tables import read_rows
 
 
 def training_job(name: str, config: TrainConfig) -> Job:
-    """Return a `python -m train.ppo` as a job, its log in `logs` beside the run folder.
+    """Return a `python -m train.ppo` as a job, its log that of `log_of`.
 
     Started again it continues where it was.
     """
     command = (sys.executable, "-m", "train.ppo", *options(config))
-    log = config.folder.parent / "logs" / f"{config.folder.name}.log"
-    return Job(name, command, log, lambda: progress(config))
+    return Job(name, command, log_of(config), lambda: progress(config))
+
+
+def log_of(config: TrainConfig) -> Path:
+    """Return where the output of a training goes that runs as a job."""
+    return config.folder.parent / "logs" / f"{config.folder.name}.log"
 
 
 def progress(config: TrainConfig) -> Progress:

@@ -1,0 +1,134 @@
+"""A study names trainings, each once, and what is wrong with a file is said in one line."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.errors import FbidError
+from train.recipes import config_for
+from train.runs.command_line import parse
+from train.runs.study import read_study
+from train.runs.training import training_job
+from train.sweep import SweepConfig, main, standing, unfinished
+
+STUDIES = sorted((Path(__file__).parents[3] / "studies").glob("*.toml"))
+WALK = "fbid_gym/QuadrupedWalk-v0"
+ARM = f'[[arms]]\nname = "a"\nenv = "{WALK}"\naction_layer = "torque"\n'
+
+
+def write(folder, text, name="mine"):
+    path = folder / f"{name}.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_the_studies_of_the_repository_name_what_there_is(path, tmp_path):
+    study = read_study(path, tmp_path)
+    assert study.cells
+    for cell in study.cells:
+        assert cell.config.env in ENVIRONMENTS and cell.config.action_layer in LAYERS
+        # A job is started by its command line, which has to say all of it.
+        assert parse(list(training_job(cell.name, cell.config).command[3:])) == cell.config
+
+
+def test_cells_are_arms_times_seeds_seed_by_seed(tmp_path):
+    text = (
+        f'title = "T"\nseeds = [0, 3]\n{ARM}total_steps = 1000\nppo = {{ hidden = [8] }}\n'
+        f'[[arms]]\nname = "b c"\nenv = "{WALK}"\naction_layer = "joint_position"\n'
+        'layer_options = { reference = "home" }\nseeds = [3, 5]\n'
+    )
+    study = read_study(write(tmp_path, text), tmp_path / "out")
+    assert (study.name, study.title) == ("mine", "T")
+    assert [(cell.arm, cell.config.seed) for cell in study.cells] == [
+        *(("a", 0), ("a", 3), ("b c", 3), ("b c", 5)),
+    ]
+    first, _, third, _ = (cell.config for cell in study.cells)
+    usual = config_for(WALK, "torque")
+    assert first == replace(
+        usual,
+        total_steps=1000,
+        ppo=replace(usual.ppo, hidden=(8,)),
+        num_threads=1,
+        out=tmp_path / "out" / "QuadrupedWalk-v0-a-s0",
+    )
+    assert third.out == tmp_path / "out" / "QuadrupedWalk-v0-b_c-s3"
+    assert third.ppo == config_for(WALK, "joint_position", {"reference": "home"}).ppo
+
+
+def test_settings_of_an_arm_go_before_those_of_the_study(tmp_path):
+    text = (
+        f"total_steps = 5000\neval = {{ every = 100, episodes = 7 }}\n{ARM}eval = {{ every = 9 }}"
+    )
+    (cell,) = read_study(write(tmp_path, text)).cells
+    assert cell.config.total_steps == 5000
+    assert (cell.config.eval.every, cell.config.eval.episodes) == (9, 7)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("seeds = [", "is no TOML"),
+        ("seeds = [0]", "has no arms. Expected one [[arms]] table for each."),
+        ("arms = 3", "has no arms"),
+        (f"colour = 1\n{ARM}", "Unknown setting of study 'mine' 'colour'. Valid choices: total"),
+        (f"{ARM}speed = 1", "Unknown setting of arm 'a' 'speed'. Valid choices: name, env"),
+        (f"{ARM}ppo = {{ lr = 1 }}", "Unknown setting of arm 'a' 'lr'. Valid choices: n_steps"),
+        (f"{ARM}ppo = 3", "arm 'a': ppo is 3. Expected a table."),
+        (f"{ARM}{ARM}", "QuadrupedWalk-v0, a, seed 0 is there twice. Expected each cell once."),
+        (f"seeds = [1, 1]\n{ARM}", "a, seed 1 is there twice"),
+        (f"{ARM}seeds = []", "seeds of arm 'a' are []. Expected a list."),
+        (f"seeds = [-1]\n{ARM}", "Invalid seed: -1. Expected an integer of at least 0."),
+        (f"{ARM}total_steps = 0", "Invalid total_steps: 0."),
+        (f"{ARM}recipe = 'fast'", "Unknown recipe 'fast'. Valid choices: walk, none."),
+        ('[[arms]]\nname = "a"', "an arm without env. Expected one in each"),
+        (ARM.replace('"a"', '"../a"'), "arm '../a' cannot name a folder."),
+    ],
+)
+def test_what_is_wrong_with_a_study_is_said(text, message, tmp_path):
+    with pytest.raises(FbidError, match=re.escape(message)):
+        read_study(write(tmp_path, text))
+
+
+def test_a_study_that_is_not_there_is_said(tmp_path):
+    with pytest.raises(FbidError, match="cannot be read as a study"):
+        read_study(tmp_path / "none.toml")
+
+
+def test_a_dry_run_shows_where_the_study_stands_and_trains_nothing(tmp_path, capsys):
+    path = write(tmp_path, f"seeds = [0, 1]\n{ARM}total_steps = 1000")
+    done, begun = tmp_path / "out" / "QuadrupedWalk-v0-a-s0", tmp_path / "out" / "x"
+    done.mkdir(parents=True)
+    (done / "progress.csv").write_text("steps,return_mean\n1200,3\n")
+    study = read_study(path, tmp_path / "out")
+    assert [cell.config.seed for cell in unfinished(study)] == [1]
+    assert main(SweepConfig(path, tmp_path / "out", dry_run=True)) == 0
+    text = capsys.readouterr().out
+    assert "done" in text and "0%" in text and not begun.exists()
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [done.name]
+
+
+@pytest.mark.slow
+def test_a_sweep_goes_on_where_it_was_and_says_what_failed(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
+    small = "num_envs = 2\ntotal_steps = 64\nppo = { n_steps = 16, batch_size = 32 }\n"
+    small += "eval = { every = 32, episodes = 2 }\n"
+    broken = ARM.replace('"a"', '"broken"') + "layer_options = { wings = 2 }\n"
+    path, out = write(tmp_path, f"{small}{ARM}{broken}"), tmp_path / "out"
+    assert main(SweepConfig(path, out, workers=1)) == 1
+    study = read_study(path, out)
+    assert [cell.arm for cell in unfinished(study)] == ["broken"]
+    text = capsys.readouterr().out
+    assert "failed" in text and "wings" in text
+    kept = (out / "QuadrupedWalk-v0-a-s0" / "progress.csv").read_bytes()
+    assert main(SweepConfig(path, out, workers=1)) == 1
+    assert (out / "QuadrupedWalk-v0-a-s0" / "progress.csv").read_bytes() == kept
+    longer = write(tmp_path, path.read_text().replace("= 64", "= 128").replace(broken, ""))
+    assert main(SweepConfig(longer, out, workers=1)) == 0
+    after = (out / "QuadrupedWalk-v0-a-s0" / "progress.csv").read_bytes()
+    assert after.startswith(kept) and len(after) > len(kept)
+    assert standing(read_study(longer, out)).row_count == 1

@@ -1,0 +1,142 @@
+"""A study: which trainings answer a question, as a readable TOML file.
+
+    title = "What the gait is worth"
+    seeds = [0, 1, 2]                        # of every arm that names none
+    eval = { every = 250_000 }               # any setting of a recipe, for every arm
+
+    [[arms]]
+    name = "home"                            # once in each environment
+    env = "fbid_gym/QuadrupedWalk-v0"
+    action_layer = "joint_position"
+    layer_options = { reference = "home" }
+    env_args = {}                            # further arguments of the environment
+    total_steps = 5_000_000                  # any setting of a recipe, for this arm
+
+What a study does not say is as the recipe of the environment has it. Each arm with each of its
+seeds is a *cell*: a training with a run folder of its own, in a folder named after the study.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fbid_gym.errors import RunError, UnknownOptionError
+from train.recipes import SETTINGS, check, config_for, valid_settings
+from train.runs.config import TrainConfig
+
+_OF_ARM = ("name", "env", "action_layer", "layer_options", "env_args", "seeds", "recipe")
+_REQUIRED = ("name", "env", "action_layer")
+
+
+class Cell(NamedTuple):
+    """One training of a study."""
+
+    arm: str
+    """Name of the arm."""
+    config: TrainConfig
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return f"{environment_name(self.config.env)}, {self.arm}, seed {self.config.seed}"
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a file says.
+
+    Attributes:
+        name: of the file.
+        title: for people.
+        cells: the trainings, seed by seed: what has been interrupted has some of every arm.
+    """
+
+    name: str
+    title: str
+    cells: tuple[Cell, ...]
+
+
+def read_study(path: Path, out: Path | None = None) -> Study:
+    """Read a study.
+
+    Args:
+        path: the file.
+        out: folder of the run folders; by default `runs` and the study's name.
+
+    Raises:
+        RunError: there is no such file, it is no TOML, or arms lack something or are there twice.
+        UnknownOptionError: a setting that there is not.
+        InvalidValueError: a value that is not valid.
+    """
+    try:
+        data = tomllib.loads(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise RunError(f"{path}: cannot be read as a study: {error}.") from error
+    except tomllib.TOMLDecodeError as error:
+        raise RunError(f"{path}: is no TOML: {error}.") from error
+    title, seeds, arms = data.pop("title", path.stem), data.pop("seeds", [0]), data.pop("arms", [])
+    if not isinstance(arms, list) or not arms or not all(isinstance(arm, dict) for arm in arms):
+        raise RunError(f"{path}: has no arms. Expected one [[arms]] table for each.")
+    check(f"study {path.stem!r}", data, valid_settings())
+    out = out or Path("runs") / path.stem
+    cells = [cell for arm in arms for cell in _cells(path, arm, data, seeds, out)]
+    folders = [cell.config.folder for cell in cells]
+    for cell in cells:
+        if folders.count(cell.config.folder) > 1:
+            raise RunError(f"{path}: {cell.name} is there twice. Expected each cell once.")
+    cells.sort(key=lambda cell: cell.config.seed)
+    return Study(path.stem, str(title), tuple(cells))
+
+
+def environment_name(env_id: str) -> str:
+    """Return an environment's id without its namespace."""
+    return env_id.rpartition("/")[2]
+
+
+def _cells(
+    path: Path, arm: Mapping[str, Any], shared: Mapping[str, Any], seeds: Any, out: Path
+) -> list[Cell]:
+    missing = [name for name in _REQUIRED if not isinstance(arm.get(name), str)]
+    if missing:
+        raise RunError(f"{path}: an arm without {missing[0]}. Expected one in each: {dict(arm)}.")
+    own = {name: value for name, value in arm.items() if name not in _OF_ARM}
+    for name in own:
+        if name not in SETTINGS:
+            raise UnknownOptionError(f"setting of arm {arm['name']!r}", name, _OF_ARM + SETTINGS)
+    check(f"arm {arm['name']!r}", own, valid_settings())
+    seeds = arm.get("seeds", seeds)
+    if not isinstance(seeds, list) or not seeds:
+        raise RunError(f"{path}: seeds of arm {arm['name']!r} are {seeds!r}. Expected a list.")
+    usual = config_for(arm["env"], arm["action_layer"], arm.get("layer_options"), arm.get("recipe"))
+    usual = _with(_with(usual, shared), own)
+    place = f"{environment_name(arm['env'])}-{arm['name'].replace(' ', '_')}"
+    if Path(place).name != place:
+        raise RunError(f"{path}: arm {arm['name']!r} cannot name a folder.")
+    return [
+        Cell(
+            arm["name"],
+            replace(
+                usual,
+                env_args=dict(arm.get("env_args", {})),
+                seed=seed,
+                num_threads=1,
+                out=out / f"{place}-s{seed}",
+            ),
+        )
+        for seed in seeds
+    ]
+
+
+def _with(config: TrainConfig, settings: Mapping[str, Any]) -> TrainConfig:
+    parts = {
+        name: replace(getattr(config, name), **_as_fields(settings[name]))
+        for name in ("ppo", "eval")
+        if name in settings
+    }
+    return replace(config, **{**settings, **parts})
+
+
+def _as_fields(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}

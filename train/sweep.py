@@ -1,0 +1,81 @@
+"""Run every training of a study: `python -m train.sweep studies/survey.toml`.
+
+Each is a `python -m train.ppo` of its own, one core each. What has finished is left alone, what has
+begun is continued: the same command goes on after an interruption, whatever it was.
+"""
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from fbid_gym.errors import FbidError
+from train.runs.config import cores
+from train.runs.jobs import run_jobs
+from train.runs.study import Cell, Study, read_study
+from train.runs.training import log_of, progress, training_job
+
+
+@dataclass(frozen=True)
+class SweepConfig:
+    """Run what a study has not finished yet, and show where it stands."""
+
+    study: tyro.conf.Positional[Path]
+    """TOML file, see `train.runs.study`."""
+    out: Path | None = None
+    """Folder of the runs; by default `runs` and the study's name."""
+    workers: int = field(default_factory=lambda: cores())
+    """Trainings at the same time, one core each."""
+    dry_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Show where the study stands, and run nothing."""
+
+
+def standing(study: Study, failed: frozenset[str] = frozenset()) -> Table:
+    """Return where each cell of a study is.
+
+    Args:
+        study: the trainings.
+        failed: names of cells that have just failed; the last line of their log says why.
+    """
+    table = Table("training", "state", "so far", title=study.title)
+    for cell in study.cells:
+        share, note = progress(cell.config)
+        state = "done" if share >= 1.0 else f"{share:.0%}"
+        if cell.name in failed:
+            state, note = "failed", _reason(cell)
+        table.add_row(cell.name, state, note)
+    return table
+
+
+def unfinished(study: Study) -> list[Cell]:
+    """Return the cells that have steps left to train."""
+    return [cell for cell in study.cells if progress(cell.config).share < 1.0]
+
+
+def _reason(cell: Cell) -> str:
+    lines = log_of(cell.config).read_text(errors="replace").splitlines()
+    return lines[-1] if lines else "no word of why"
+
+
+def main(config: SweepConfig) -> int:
+    """Train; return the exit status."""
+    console, study = Console(), read_study(config.study, config.out)
+    failed = frozenset[str]()
+    if not config.dry_run:
+        jobs = [training_job(cell.name, cell.config) for cell in unfinished(study)]
+        not_done = run_jobs(jobs, config.workers, console, keep_going=True)
+        failed = frozenset(job.name for job in not_done if job.log.exists())
+    console.print(standing(study, failed))
+    return 1 if not config.dry_run and unfinished(study) else 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(tyro.cli(SweepConfig, prog="python -m train.sweep")))
+    except FbidError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
