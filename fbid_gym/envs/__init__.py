@@ -10,6 +10,7 @@ _LIGHT = {
     "control_hz": 250,
     "friction_cone": "pyramidal",
     "solver_iterations": 20,
+    "solver_warm_start": False,
     "episode_seconds": 20.0,
 }
 _ON_SOLES = {

@@ -200,6 +200,8 @@ class BalanceEnv(RobotEnv):
     | `solver_iterations` | int or None  | `None`             | Most iterations of the physics'    |
     |                   |                |                    | contact solver; by default         |
     |                   |                |                    | MuJoCo's                           |
+    | `solver_warm_start` | bool         | `True`             | Whether it begins at the last      |
+    |                   |                |                    | step's accelerations               |
     | `randomisation`   | dict or None   | `None`             | Ranges of differences between      |
     |                   |                |                    | robots and in the layer's model:   |
     |                   |                |                    | `mass`, `com`, `friction`,         |

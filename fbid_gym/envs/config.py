@@ -75,6 +75,9 @@ class EnvConfig:
     """"elliptic", or "pyramidal": cheaper, and a little different from heading to heading."""
     solver_iterations: int | None = None
     """Most iterations of the physics' contact solver. Default: MuJoCo's."""
+    solver_warm_start: bool = True
+    """Whether that solver begins at the last step's accelerations. Over long steps these are worse
+    to begin with than those without contact."""
     randomisation: dict[str, Any] | None = None
     """Arguments of `fbid_gym.envs.randomisation.Randomisation`; none by default."""
 
@@ -165,6 +168,8 @@ class EnvConfig:
         world.opt.cone = _CONES[self.friction_cone]
         if self.solver_iterations is not None:
             world.opt.iterations = whole_number("solver_iterations", self.solver_iterations)
+        if not flag("solver_warm_start", self.solver_warm_start):
+            world.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART
         return terrain, world
 
     def randomisations(self) -> Randomisation:

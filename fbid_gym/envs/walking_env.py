@@ -129,6 +129,7 @@ class WalkingEnv(RobotEnv):
     | `control_hz`        | `250`              | `250`                             |
     | `friction_cone`     | `"pyramidal"`      | `"pyramidal"`                     |
     | `solver_iterations` | `20`               | `20`                              |
+    | `solver_warm_start` | `False`            | `False`                           |
     | `episode_seconds`   | `20.0`             | `20.0`                            |
     | `forward_range`     |                    | `(-0.14, 0.14)`                   |
     | `sideways_range`    |                    | `(-0.05, 0.05)`                   |

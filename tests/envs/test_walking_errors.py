@@ -26,6 +26,7 @@ QUADRUPED, BIPED = "fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0"
         (QUADRUPED, {"command_interval": (0.0, 1.0)}, "command_interval: .*a pair 0.1 <= least"),
         (QUADRUPED, {"friction_cone": "round"}, "friction_cone 'round'. .*elliptic, pyramidal"),
         (QUADRUPED, {"solver_iterations": 0}, "solver_iterations: 0"),
+        (QUADRUPED, {"solver_warm_start": 2}, "solver_warm_start: 2"),
         (
             QUADRUPED,
             {"action_layer": "joint_position", "layer_options": {"reference": "crawl"}},
