@@ -24,10 +24,10 @@ from eval.files import check_output
 from eval.rollout import Player
 from eval.video import record
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.errors import FbidError
 from train.environments import make_env
 from train.recipes import config_for
 from train.runs.config import EvaluationConfig, TrainConfig, cores
+from train.runs.exit_status import exit_status
 from train.runs.folder import RunFolder
 from train.runs.jobs import run_jobs
 from train.runs.tables import read_rows
@@ -158,7 +158,5 @@ def main(config: DemoConfig) -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main(tyro.cli(DemoConfig, prog="python -m eval.demo")))
-    except FbidError as error:
-        sys.exit(f"error: {error}")
+    chosen = tyro.cli(DemoConfig, prog="python -m eval.demo")
+    sys.exit(exit_status(lambda: main(chosen)))

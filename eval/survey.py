@@ -17,9 +17,10 @@ from rich.console import Console
 from eval.files import write
 from eval.plots import Series, panel, sheet
 from eval.wording import steps as steps_text
+from fbid_gym.checks import check_choices, check_positive
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.errors import FbidError
 from train.runs.config import EvaluationConfig, TrainConfig, cores
+from train.runs.exit_status import exit_status
 from train.runs.folder import RunFolder
 from train.runs.jobs import run_jobs
 from train.runs.tables import read_rows, to_csv
@@ -68,6 +69,8 @@ class SurveyConfig:
 
 def trainings(config: SurveyConfig) -> list[TrainConfig]:
     """Return the runs in the order in which they are started."""
+    check_choices("environment", config.envs, ENVIRONMENTS)
+    check_positive(total_steps=config.total_steps, evaluations=config.evaluations)
     every = max(config.total_steps // config.evaluations, 1)
     found = []
     for env in config.envs:
@@ -182,7 +185,5 @@ def main(config: SurveyConfig) -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main(tyro.cli(SurveyConfig, prog="python -m eval.survey")))
-    except FbidError as error:
-        sys.exit(f"error: {error}")
+    chosen = tyro.cli(SurveyConfig, prog="python -m eval.survey")
+    sys.exit(exit_status(lambda: main(chosen)))
