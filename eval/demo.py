@@ -23,6 +23,7 @@ from eval.compare import main as compare
 from eval.files import check_output
 from eval.rollout import Player
 from eval.video import record
+from fbid_gym.checks import check_positive
 from fbid_gym.envs import ENVIRONMENTS
 from train.environments import make_env
 from train.recipes import config_for
@@ -66,6 +67,7 @@ _HARDER: dict[str, dict[str, Any]] = {
 
 def trainings(config: DemoConfig) -> dict[tuple[str, int], TrainConfig]:
     """Return the runs by layer and seed, in the order in which they are started."""
+    check_positive(total_steps=config.total_steps, evaluations=config.evaluations)
     every = max(config.total_steps // config.evaluations, 1)
     return {
         (layer, seed): replace(
