@@ -18,8 +18,8 @@ from eval.benchmark.figures import Section
 from eval.files import to_json, write
 from eval.pages import BENCHMARK_PAGE, splice, spliced
 from fbid_gym.actions import LAYERS
-from fbid_gym.errors import FbidError
 from fbid_gym.robots import ROBOTS
+from train.runs.exit_status import exit_status
 from train.runs.versions import versions
 
 SectionName = Literal["laws", "controllers", "layers", "threads", "single", "ppo", "memory"]
@@ -91,7 +91,5 @@ def main(config: BenchConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(BenchConfig, prog="python -m eval.bench"))
-    except FbidError as error:
-        sys.exit(f"{error}")
+    chosen = tyro.cli(BenchConfig, prog="python -m eval.bench")
+    sys.exit(exit_status(lambda: main(chosen)))

@@ -14,9 +14,10 @@ from rich.console import Console
 from eval.comparison import compare, film
 from eval.files import check_output, to_json, write
 from eval.report import page
-from eval.results import Comparison, Settings
+from eval.results import Settings
 from eval.wording import headline
-from fbid_gym.errors import FbidError, InvalidValueError
+from fbid_gym.errors import InvalidValueError
+from train.runs.exit_status import exit_status
 from train.runs.reading import load
 
 
@@ -32,7 +33,7 @@ class CompareConfig:
     """How to compare."""
 
 
-def run(config: CompareConfig, console: Console, command: list[str]) -> Comparison:
+def run(config: CompareConfig, console: Console, command: list[str]) -> None:
     """Compare, then write the page and its numbers."""
     check_output(config.out, "out", (".html", ".htm"))
     check(config.settings)
@@ -50,7 +51,6 @@ def run(config: CompareConfig, console: Console, command: list[str]) -> Comparis
         console.print(f"[yellow]warning:[/] {warning}")
     console.print(headline(comparison))
     console.print(f"wrote {config.out}")
-    return comparison
 
 
 def check(settings: Settings) -> None:
@@ -65,15 +65,10 @@ def check(settings: Settings) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Command line. An error is one line and exit status 2."""
+    """Command line."""
     given = sys.argv[1:] if arguments is None else arguments
     config = tyro.cli(CompareConfig, args=given, description=__doc__)
-    try:
-        run(config, Console(), ["python", "-m", "eval.compare", *given])
-    except FbidError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return exit_status(lambda: run(config, Console(), ["python", "-m", "eval.compare", *given]))
 
 
 if __name__ == "__main__":

@@ -23,11 +23,12 @@ from eval.compare import main as compare
 from eval.files import check_output
 from eval.rollout import Player
 from eval.video import record
+from fbid_gym.checks import check_positive
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.errors import FbidError
 from train.environments import make_env
 from train.recipes import config_for
 from train.runs.config import EvaluationConfig, TrainConfig, cores
+from train.runs.exit_status import exit_status
 from train.runs.folder import RunFolder
 from train.runs.jobs import run_jobs
 from train.runs.tables import read_rows
@@ -66,6 +67,7 @@ _HARDER: dict[str, dict[str, Any]] = {
 
 def trainings(config: DemoConfig) -> dict[tuple[str, int], TrainConfig]:
     """Return the runs by layer and seed, in the order in which they are started."""
+    check_positive(total_steps=config.total_steps, evaluations=config.evaluations)
     every = max(config.total_steps // config.evaluations, 1)
     return {
         (layer, seed): replace(
@@ -158,7 +160,5 @@ def main(config: DemoConfig) -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main(tyro.cli(DemoConfig, prog="python -m eval.demo")))
-    except FbidError as error:
-        sys.exit(f"error: {error}")
+    chosen = tyro.cli(DemoConfig, prog="python -m eval.demo")
+    sys.exit(exit_status(lambda: main(chosen)))

@@ -37,7 +37,7 @@ COLOURS = (
 
 _SHOWN = (
     "returned", "survived", "velocity_error", "turning_error", "height_error", "torque", "power",
-    "slip",
+    "slip", "cost_of_transport", "foothold_error",
 )  # fmt: skip
 
 

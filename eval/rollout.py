@@ -20,12 +20,14 @@ from rich.table import Table
 
 from eval.files import check_output, to_json, write
 from eval.video import record
-from fbid_gym.errors import FbidError, InvalidValueError
+from fbid_gym.checks import check_positive, count
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy
 from train.environments import make_env, make_envs, step_seconds
 from train.episodes import METRICS, Actor, Episodes, play
 from train.runs.config import parse_object
 from train.runs.environment import changed_meaning
+from train.runs.exit_status import exit_status
 from train.runs.reading import Run
 from train.runs.tables import to_csv
 
@@ -224,8 +226,10 @@ def metrics_csv(episodes: Episodes) -> str:
     return to_csv(list(rows[0]), rows)
 
 
-def run(config: RolloutConfig, console: Console) -> Episodes:
+def run(config: RolloutConfig, console: Console) -> None:
     """Do what the command line asks."""
+    count("seed", config.seed)
+    check_positive(video_seconds=config.video_seconds)
     if config.out is not None:
         check_output(config.out, "out", (".json", ".csv"))
     if config.video is not None:
@@ -257,18 +261,12 @@ def run(config: RolloutConfig, console: Console) -> Episodes:
             env.close()
         write(config.video, clip.mp4())
         console.print(f"wrote {config.video}")
-    return episodes
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Command line. An error is one line and exit status 2."""
+    """Command line."""
     config = tyro.cli(RolloutConfig, args=arguments, description=__doc__)
-    try:
-        run(config, Console())
-    except FbidError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return exit_status(lambda: run(config, Console()))
 
 
 if __name__ == "__main__":

@@ -21,8 +21,9 @@ from eval.pages import DOCS, splice, spliced
 from eval.plots import Series, panel, sheet
 from eval.wording import number, percent
 from eval.wording import steps as steps_text
-from fbid_gym.errors import FbidError, RunError
+from fbid_gym.errors import RunError
 from train.runs.config import TrainConfig
+from train.runs.exit_status import exit_status
 from train.runs.folder import RunFolder
 from train.runs.study import Cell, Study, environment_name, read_study
 from train.runs.tables import read_rows, to_csv
@@ -202,8 +203,5 @@ def main(config: StudyConfig) -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main(tyro.cli(StudyConfig, prog="python -m eval.study")))
-    except FbidError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+    chosen = tyro.cli(StudyConfig, prog="python -m eval.study")
+    sys.exit(exit_status(lambda: main(chosen)))

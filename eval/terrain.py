@@ -12,11 +12,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import tyro
 
+from fbid_gym.actions import LAYERS
+from fbid_gym.checks import check_choices, check_positive, whole_number
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.errors import FbidError
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots.terrain import LEVELLED
+from train.runs.exit_status import exit_status
 
 PAGE = Path("docs/terrain.md")
 
@@ -133,24 +136,33 @@ def page(config: TerrainConfig, lines: list[str]) -> str:
     )
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Walk, print the table and write it where asked to; return the exit status."""
-    config = tyro.cli(TerrainConfig, args=argv, description=__doc__)
+def run(config: TerrainConfig) -> None:
+    """Walk, print the table and write it where asked to; what can be refused is refused before."""
+    walking = [env for env, given in ENVIRONMENTS.items() if given["task"] == "walk"]
+    check_choices("environment", config.envs, walking)
+    check_choices("action layer", config.layers, LAYERS)
+    check_choices("terrain", config.terrains, LEVELLED)
+    for difficulty in config.difficulties:
+        if not 0.0 <= difficulty <= 1.0:
+            raise InvalidValueError("difficulty", difficulty, "a number from 0 to 1")
+    whole_number("robots", config.robots)
+    check_positive(seconds=config.seconds)
     lines = []
-    try:
-        for row in rows(config):
-            walked = [
-                walk(row, difficulty, config.robots, config.seconds)
-                for difficulty in config.difficulties
-            ]
-            lines.append(line(row, walked))
-            print(lines[-1], flush=True)
-    except FbidError as error:
-        print(error, file=sys.stderr)
-        return 1
+    for row in rows(config):
+        walked = [
+            walk(row, difficulty, config.robots, config.seconds)
+            for difficulty in config.difficulties
+        ]
+        lines.append(line(row, walked))
+        print(lines[-1], flush=True)
     if config.write_docs:
         PAGE.write_text(page(config, lines), encoding="utf-8")
-    return 0
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line."""
+    config = tyro.cli(TerrainConfig, args=argv, description=__doc__)
+    return exit_status(lambda: run(config))
 
 
 if __name__ == "__main__":

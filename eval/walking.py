@@ -13,11 +13,12 @@ import tyro
 
 from eval.pages import WALKING_PAGE, splice
 from fbid_gym.actions import LAYERS
+from fbid_gym.checks import check_at_least_zero, check_choices, check_positive, whole_number
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.errors import FbidError
 from fbid_gym.motions.gait.schedule import PATTERNS
+from train.runs.exit_status import exit_status
 
 _QUADRUPED = tuple(gait for gait in PATTERNS if gait != "stand")
 ROBOTS: dict[str, tuple[str, tuple[str | None, ...]]] = {
@@ -174,8 +175,13 @@ def rows(config: WalkingConfig) -> Iterator[str]:
         yield f"| {' | '.join(cells)} |"
 
 
-def main(config: WalkingConfig) -> None:
-    """Walk, print, write."""
+def run(config: WalkingConfig) -> None:
+    """Walk, print, write; what can be refused is refused before."""
+    check_choices("robot", config.robots, ROBOTS)
+    check_choices("action layer", config.layers, LAYERS)
+    whole_number("episodes", config.episodes)
+    check_positive(seconds=config.seconds)
+    check_at_least_zero(push=config.push)
     said = f"{config.episodes} robots each, {config.seconds:g} s, pushes of {config.push:g} N."
     table = f"{said}\n"
     for row in rows(config):
@@ -185,8 +191,11 @@ def main(config: WalkingConfig) -> None:
             splice(WALKING_PAGE, table)
 
 
+def main(arguments: list[str] | None = None) -> int:
+    """Command line."""
+    config = tyro.cli(WalkingConfig, args=arguments, prog="python -m eval.walking")
+    return exit_status(lambda: run(config))
+
+
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(WalkingConfig, prog="python -m eval.walking"))
-    except FbidError as error:
-        sys.exit(f"{error}")
+    sys.exit(main())

@@ -1,11 +1,11 @@
 """Checks at the boundary: each raises one error that names the value and what was expected."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
-from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.errors import InvalidValueError, ShapeError, UnknownOptionError
 
 
 def number(name: str, value: Any, expected: str = "a number") -> float:
@@ -54,6 +54,14 @@ def by_name(name: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         raise InvalidValueError(name, value, "a dictionary from names to values, or None")
     return dict(value)
+
+
+def check_choices(kind: str, values: Iterable[str], choices: Iterable[str]) -> None:
+    """Raise an error that names the first value which is not among the choices."""
+    known = tuple(choices)
+    for value in values:
+        if value not in known:
+            raise UnknownOptionError(kind, value, known)
 
 
 def positive_numbers(name: str, value: Any, *sizes: int) -> np.ndarray:

@@ -48,6 +48,12 @@ class Episodes:
     """(E,) the same integrated over the episode, J; a fall ends it, so compare the power."""
     slip: np.ndarray
     """(E,) mean speed of the contact points that touch the ground, m/s."""
+    distance: np.ndarray
+    """(E,) horizontal way of the base, m."""
+    cost_of_transport: np.ndarray
+    """(E,) energy over weight times distance, 1; bounded for who stands, as the task says."""
+    foothold_error: np.ndarray
+    """(E,) mean distance of the feet that came down from where they were planned to, m."""
     pushes: np.ndarray
     """(E,) pushes that began."""
     pushes_survived: np.ndarray
@@ -95,6 +101,9 @@ METRICS = (
     Metric("power", "power", "W", -1),
     Metric("energy", "energy", "J", 0),
     Metric("slip", "foot slip", "m/s", -1),
+    Metric("distance", "distance", "m", 0),
+    Metric("cost_of_transport", "cost of transport", "", -1),
+    Metric("foothold_error", "foothold error", "m", -1),
     Metric("pushes", "pushes", "", 0),
     Metric("pushes_survived", "pushes survived", "", 0),
     Metric("strongest_push", "strongest push", "N", 0),
@@ -103,6 +112,7 @@ METRICS = (
 
 _MEAN_KEYS = ("power", "slip", "velocity_error", "turning_error")
 _SQUARE_KEYS = ("height_error", "torque_rms")
+_LAST_KEYS = ("distance", "cost_of_transport", "foothold_error")  # of the episode so far
 
 
 class _Tally:
@@ -112,6 +122,7 @@ class _Tally:
         """Start every environment at zero."""
         names = ("returned", "length", "pushes", "strongest_push", *_MEAN_KEYS, *_SQUARE_KEYS)
         self.sums = {name: np.zeros(count) for name in names}
+        self.last = {name: np.zeros(count) for name in _LAST_KEYS}
         self.pushing = np.zeros(count, dtype=bool)
 
     def add(self, reward: np.ndarray, info: dict[str, np.ndarray], playing: np.ndarray) -> None:
@@ -123,8 +134,13 @@ class _Tally:
             steps[key] = np.square(info.get(key, np.full(len(reward), np.nan)))
         for name, value in steps.items():
             self.sums[name][playing] += value[playing]
-        force = np.linalg.norm(info["push"], axis=1) if "push" in info else np.zeros(len(reward))
-        pushing = (force > 0) & playing
+        for key in _LAST_KEYS:
+            self.last[key] = info.get(key, np.full(len(reward), np.nan))
+        force, jump = (
+            np.linalg.norm(info[key], axis=1) if key in info else np.zeros(len(reward))
+            for key in ("push", "push_velocity")
+        )
+        pushing = ((force > 0) | (jump > 0)) & playing
         self.sums["pushes"] += pushing & ~self.pushing
         self.sums["strongest_push"] = np.maximum(
             self.sums["strongest_push"], np.where(playing, force, 0.0)
@@ -150,6 +166,7 @@ class _Tally:
             "power": total["power"] / steps,
             "energy": total["power"] * step_seconds,
             "slip": total["slip"] / steps,
+            **{name: float(values[i]) for name, values in self.last.items()},
             "pushes": pushes,
             "pushes_survived": pushes if survived else max(pushes - 1.0, 0.0),
             "strongest_push": total["strongest_push"],

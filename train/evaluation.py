@@ -6,6 +6,8 @@ from gymnasium.vector import VectorEnv
 from train.environments import step_seconds
 from train.episodes import Actor, play
 
+_OF_EPISODES = ("velocity_error", "turning_error", "slip", "cost_of_transport")
+
 
 def evaluate(actor: Actor, envs: VectorEnv, seed: int) -> dict[str, float]:
     """Play the first episode of every robot after seeding.
@@ -18,8 +20,8 @@ def evaluate(actor: Actor, envs: VectorEnv, seed: int) -> dict[str, float]:
         seed: robot i starts from seed + i.
 
     Returns:
-        One row of `evaluations.csv`, without the columns of the training; the velocity error is
-        NaN where there is no commanded velocity.
+        One row of `evaluations.csv`, without the columns of the training; what the environments do
+        not tell, such as the velocity error where no velocity is commanded, is NaN.
     """
     episodes = play(envs, actor, envs.num_envs, seed, step_seconds(envs))
     low, high = np.quantile(episodes.returned, (0.25, 0.75))
@@ -31,5 +33,5 @@ def evaluate(actor: Actor, envs: VectorEnv, seed: int) -> dict[str, float]:
         "return_q75": float(high),
         "length_mean": float(episodes.length.mean()),
         "survival": float(episodes.survived.mean()),
-        "velocity_error": float(episodes.velocity_error.mean()),
+        **{name: float(getattr(episodes, name).mean()) for name in _OF_EPISODES},
     }

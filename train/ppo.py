@@ -19,7 +19,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from fbid_gym import make_sb3
-from fbid_gym.errors import FbidError, RunError
+from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from train import checkpoint
 from train.display import Display
@@ -28,6 +28,7 @@ from train.evaluation import evaluate
 from train.learner import MakeEnv, build, export, seeds
 from train.runs.command_line import parse
 from train.runs.config import TrainConfig
+from train.runs.exit_status import exit_status
 from train.runs.interrupt import stop_requests
 from train.runs.opening import OpenRun, open_run
 from train.runs.tables import EVALUATIONS, PROGRESS, TableWriter, check_kept
@@ -252,14 +253,9 @@ def _mean(values: list[float]) -> float:
 def command_line() -> int:
     """Run `main` on the command line and return the exit status."""
     try:
-        folder = main(parse())
-    except FbidError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+        return exit_status(lambda: print(main(parse())))
     except KeyboardInterrupt:
         return 130
-    print(folder)
-    return 0
 
 
 if __name__ == "__main__":

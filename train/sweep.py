@@ -13,8 +13,8 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from fbid_gym.errors import FbidError
 from train.runs.config import cores
+from train.runs.exit_status import exit_status
 from train.runs.jobs import run_jobs
 from train.runs.study import Cell, Study, read_study
 from train.runs.training import log_of, progress, training_job
@@ -74,8 +74,5 @@ def main(config: SweepConfig) -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main(tyro.cli(SweepConfig, prog="python -m train.sweep")))
-    except FbidError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+    chosen = tyro.cli(SweepConfig, prog="python -m train.sweep")
+    sys.exit(exit_status(lambda: main(chosen)))

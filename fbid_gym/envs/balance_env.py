@@ -143,7 +143,8 @@ class BalanceEnv(RobotEnv):
     pushes and the commanded heights of the whole episode.
 
     A push is a horizontal force on the base's centre of mass, in a uniformly random direction, of a
-    size uniform in `push_force`, constant for `push_duration`. The time from one push to the next
+    size uniform in `push_force`, constant for `push_duration`. As it begins, the base's velocity
+    jumps the same way by as large a share of `push_velocity`. The time from one push to the next
     (and from the start to the first) is uniform in `push_interval`. The commanded height is
     constant for a time uniform in `height_interval`; each value is uniform in `height_range` times
     H.
@@ -179,6 +180,9 @@ class BalanceEnv(RobotEnv):
     | `push_force`      | pair or None   | `None`             | (least, most) N of a push; by      |
     |                   |                |                    | default 0.04 to 0.36 of the        |
     |                   |                |                    | weight, (0, 0) for none            |
+    | `push_velocity`   | pair           | `(0.0, 0.0)`       | (least, most) m/s by which a push  |
+    |                   |                |                    | changes the base's velocity at     |
+    |                   |                |                    | once                               |
     | `push_duration`   | float          | `0.15`             | s                                  |
     | `push_interval`   | pair           | `(1.5, 3.0)`       | (least, most) s                    |
     | `height_range`    | pair           | `(0.94, 1.0)`      | (least, most) commanded height     |
@@ -205,10 +209,28 @@ class BalanceEnv(RobotEnv):
     | `randomisation`   | dict or None   | `None`             | Ranges of differences between      |
     |                   |                |                    | robots and in the layer's model:   |
     |                   |                |                    | `mass`, `com`, `friction`,         |
+    |                   |                |                    | `motor_strength`, `action_delay`,  |
     |                   |                |                    | `model_mass`, `model_com`; see     |
-    |                   |                |                    | `fbid_gym.envs.randomisation`      |
+    |                   |                |                    | `Randomisation`                    |
     | `render_mode`     | str or None    | `None`             | `"rgb_array"` or `"human"`; an     |
     |                   |                |                    | arrow is a push                    |
+
+    ### Randomisation
+    What `randomisation` names is drawn anew for each robot and episode, uniformly in its range:
+
+    | Name             | Value         | Meaning                                                  |
+    | ---------------- | ------------- | -------------------------------------------------------- |
+    | `mass`           | share         | Each body's mass and inertia are scaled by 1 ± up to it  |
+    | `com`            | m             | Each body's centre of mass is moved by up to it along    |
+    |                  |               | each axis                                                |
+    | `friction`       | (least, most) | Factor on the friction of the contacts                   |
+    | `motor_strength` | (least, most) | Factor on each joint's torque; all that is seen,         |
+    |                  |               | rewarded and reported of torques is what was commanded   |
+    | `action_delay`   | (least, most) | s that an action takes to the action layer, in whole     |
+    |                  |               | control ticks; before the first comes the zero action    |
+    | `model_mass`     | share         | As `mass`, in the model that model-based layers compute  |
+    |                  |               | with: it starts from the MJCF and sees none of the above |
+    | `model_com`      | m             | As `com`, likewise                                       |
 
     `gym.make_vec` adds `num_envs`, `num_threads` and `autoreset_mode`, see `RobotVectorEnv`;
     environment i of a batch with seed s is this environment with seed s + i, to the bit.
@@ -231,6 +253,8 @@ class BalanceEnv(RobotEnv):
     |                                          |        | summed absolute power                    |
     | `slip`                                   |        | m/s, mean speed of points on the ground  |
     | `push`                                   | (3,)   | N, world, on the last control tick       |
+    | `push_velocity`                          | (3,)   | m/s, world, by which pushes changed the  |
+    |                                          |        | base's velocity in this step             |
     | `torque`                                 | (n,)   | N·m, on the last control tick            |
     | `contact_force`                          | (P, 3) | N, world, of the ground on each point    |
     | `layer_saturation`                       |        | Share of the joints at their limit       |

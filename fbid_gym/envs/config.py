@@ -53,6 +53,8 @@ class EnvConfig:
     """An episode is truncated after this time."""
     push_force: tuple[float, float] | None = None
     """(least, most) N of a push. Default: the task's share of the robot's weight."""
+    push_velocity: tuple[float, float] = (0.0, 0.0)
+    """(least, most) m/s by which the base's velocity jumps as a push begins."""
     push_duration: float = 0.15
     """s."""
     push_interval: tuple[float, float] = (1.5, 3.0)
@@ -136,6 +138,7 @@ class EnvConfig:
                 self._push_force(robot),
                 _at_least(1.0 / rates.control, "push_duration", self.push_duration),
                 pair("push_interval", self.push_interval),
+                pair("push_velocity", self.push_velocity),
             ),
             Start(
                 number("joint_noise", self.joint_noise),

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import kernel
+from fbid_gym.envs.action_delay import ActionDelay
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.curriculum import Progress
 from fbid_gym.envs.plant import plant_of
@@ -63,7 +64,8 @@ class EnvBatch:
             self.task = self.task.on(self.terrain.grid)
         self.layer, self.footholds = config.layer(self.robot, self.task)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
-        self.plant = plant_of(self.simulation, config.randomisations())
+        randomisation = config.randomisations()
+        self.plant = plant_of(self.simulation, randomisation)
         self.num_envs = num_envs
         self.num_steps = round(self.task.seconds * self.rates.policy)
 
@@ -83,6 +85,8 @@ class EnvBatch:
         self._observation = np.zeros((num_envs, len(self._bound)), np.float32)
         self._num_own = len(self.layer.action_names)
         self._num_actions = len(self.action_names)
+        longest = randomisation.action_delay[1]
+        self._delay = ActionDelay.of(num_envs, self._num_actions, self.rates, longest)
         self._planned = self.task.memory(simulation.terms())
         self._progress = Progress.of(num_envs, self.terrain.tiles, config.difficulty)
         self._all_ticks = np.arange(self.rates.ticks)[:, None]
@@ -106,6 +110,7 @@ class EnvBatch:
             self._plan["qpos"][env, :2] += _drawn_place(places, self._rngs[env])
             self.plant.draw(env, self._rngs[env])
         self.plant.apply(ids)
+        self._delay.begin(ids, self.plant.action_delay[ids])
         self._progress.set_out(ids)
         qpos = self._plan["qpos"][ids]
         ground = self.terrain.height(qpos[:, 0], qpos[:, 1])
@@ -142,21 +147,22 @@ class EnvBatch:
 
     def step(self, action: np.ndarray) -> Step:
         """Hold the checked actions (N, A) for one policy step."""
-        effort, push = self._act(action)
+        effort, pushed = self._act(action)
         lost = effort.lost | self.simulation.diverged()
         if lost.any():
             self._retire(np.flatnonzero(lost))
+            effort.power[lost] = 0.0  # velocities that nobody trusts have a part in it
         outcome = self._outcome(effort)
         rewards, metrics = self.task.reward(outcome, self._plan, self._planned)
         rewards = {f"reward_{name}": np.where(lost, 0.0, x) for name, x in rewards.items()}
         # A diverged robot has no state worth observing: its last observation stands.
         self._observation = np.where(lost[:, None], self._observation, self._observe(outcome))
-        fallen = self.task.fallen(outcome)
+        fallen = self.task.body.fallen(outcome)
         terminated = fallen | lost
         strayed = self.terrain.tiles.left(self._progress.level, self._state.qpos[:, :2])
         late = self._tick >= self.num_steps * self.rates.ticks
         truncated = (late | strayed) & ~terminated
-        info = rewards | metrics | self._report(effort, push, fallen, lost)
+        info = rewards | metrics | pushed | self._report(effort, fallen, lost)
         if self.config.curriculum:
             info["terrain_level"] = self._progress.level.copy()
             assert isinstance(self.task, Walk)
@@ -165,28 +171,35 @@ class EnvBatch:
         reward = sum(rewards.values(), np.zeros(self.num_envs))
         return Step(self.observation(), reward, terminated, truncated, info)
 
-    def _act(self, action: np.ndarray) -> tuple[Effort, np.ndarray]:
-        """Run the control ticks of a policy step; what the motors did, and the last push."""
+    def _act(self, action: np.ndarray) -> tuple[Effort, dict[str, np.ndarray]]:
+        """Run the control ticks of a policy step; what the motors did, and what the pushes."""
         state, effort = self._look(), Effort.none(self.num_envs, self.robot.num_joints)
-        own = np.ascontiguousarray(action[:, : self._num_own])
-        steering = self.footholds.steering(action[:, self._num_own :])
-        pushes = self.task.push(self._plan, self._tick + self._all_ticks)
-        for push in pushes:
+        ticks, pushes = self._tick + self._all_ticks, self.task.pushes
+        forces = pushes.forces(self._plan, ticks, self.rates.control)
+        jumps = pushes.jumps(self._plan, ticks)
+        self._delay.send(action)
+        for tick, (push, jump) in enumerate(zip(forces, jumps, strict=True)):
+            if tick == 0 or self._delay.due(tick):
+                arrived = self._delay.arrived(tick)
+                own = np.ascontiguousarray(arrived[:, : self._num_own])
+                steering = self.footholds.steering(arrived[:, self._num_own :])
+            if jump.any():
+                self.simulation.jump(jump)
+                self._look()
             terms = _once(self.plant.terms)
             reference = self.task.reference(self._plan, state, terms, steering, self._planned)
             torque = self.layer.torque(own, state, reference, terms, self._memory)
             self.simulation.tick(torque, push, effort, state)
         self._torque = effort.torque
-        return effort, pushes[-1]
+        return effort, {"push": forces[-1], "push_velocity": jumps.sum(axis=0)}
 
     def _report(
-        self, effort: Effort, push: np.ndarray, fallen: np.ndarray, lost: np.ndarray
+        self, effort: Effort, fallen: np.ndarray, lost: np.ndarray
     ) -> dict[str, np.ndarray]:
-        """What a step's info says beside rewards and metrics."""
+        """What a step's info says of robots and layer, beside rewards and metrics."""
         termination = np.full(self.num_envs, "", object)
         termination[fallen], termination[lost] = "fall", "diverged"
         return {
-            "push": push,
             "torque": effort.torque.copy(),
             "contact_force": self._state.contact_force.copy(),
             "layer_saturation": effort.saturation,
@@ -203,7 +216,8 @@ class EnvBatch:
         ticks, terms = self.rates.ticks, self.simulation.terms()
         frame = self.task.body.stance.frame(terms)
         square = effort.torque_square / (ticks * self.robot.num_joints)
-        return Outcome(self._look(), terms, frame, effort.torque, square, effort.power / ticks)
+        power, seconds = effort.power / ticks, 1.0 / self.rates.policy
+        return Outcome(self._look(), terms, frame, effort.torque, square, power, seconds)
 
     def _observe(self, outcome: Outcome) -> np.ndarray:
         """(N, O) float32, clipped."""
@@ -237,6 +251,7 @@ class EnvBatch:
         state |= {f"plan.{k}": v.copy() for k, v in self._plan.items()}
         state |= {f"memory.{k}": v.copy() for k, v in self._memory.items()}
         state |= {f"planned.{k}": v.copy() for k, v in self._planned.items()}
+        state |= {f"delay.{k}": v.copy() for k, v in self._delay.arrays.items()}
         state |= {f"progress.{k}": v.copy() for k, v in self._progress.arrays.items()}
         state |= {"tick": self._tick.copy(), "torque": self._torque.copy()}
         state["observation"] = self.observation()
@@ -250,8 +265,9 @@ class EnvBatch:
         self._plan = {k: v.copy() for k, v in _under("plan", state).items()}
         self._memory = {k: v.copy() for k, v in _under("memory", state).items()}
         self._planned = {k: v.copy() for k, v in _under("planned", state).items()}
-        for name, value in _under("progress", state).items():
-            self._progress.arrays[name][:] = value
+        for own, prefix in ((self._delay.arrays, "delay"), (self._progress.arrays, "progress")):
+            for name, value in _under(prefix, state).items():
+                own[name][:] = value
         self._tick[:], self._torque = state["tick"], state["torque"].copy()
         self._observation = state["observation"].copy()
         self._rngs = [_unpacked(row) for row in state["generator"]]

@@ -15,6 +15,11 @@ from fbid_gym.quantities import DynamicsTerms
 class Plant(Protocol):
     """The robots' physical parameters, and the dynamics terms that controllers see."""
 
+    @property
+    def action_delay(self) -> np.ndarray:
+        """(N,) s, from the choice of an action to its arrival at the action layer."""
+        ...
+
     def draw(self, env: int, rng: np.random.Generator) -> None:
         """Draw the parameters of one robot for its next episode."""
         ...
@@ -49,6 +54,7 @@ class NominalPlant:
     def __init__(self, simulation: Simulation) -> None:
         """Serve the simulation's own terms."""
         self.terms = simulation.terms
+        self.action_delay = np.zeros(simulation.num_robots)
 
     def draw(self, env: int, rng: np.random.Generator) -> None:
         """Nothing is random."""
@@ -83,9 +89,16 @@ class RandomPlant:
             "mass": np.ones(bodies),
             "com": np.zeros((*bodies, 3)),
             "friction": np.ones(count),
+            "motor_strength": np.ones((count, simulation.robot.num_joints)),
+            "action_delay": np.zeros(count),
             "model_mass": np.ones(bodies),
             "model_com": np.zeros((*bodies, 3)),
         }
+
+    @property
+    def action_delay(self) -> np.ndarray:
+        """See `Plant.action_delay`."""
+        return self._drawn["action_delay"]
 
     def draw(self, env: int, rng: np.random.Generator) -> None:
         """See `Plant.draw`."""
@@ -94,7 +107,10 @@ class RandomPlant:
             self._drawn[name][env] = 1.0 + rng.uniform(-scale, scale, bodies)
         for name, size in (("com", ranges.com), ("model_com", ranges.model_com)):
             self._drawn[name][env] = rng.uniform(-size, size, (bodies, 3))
-        self._drawn["friction"][env] = rng.uniform(*ranges.friction)
+        for name in ("friction", "motor_strength", "action_delay"):
+            least, most = getattr(ranges, name)
+            size = self._drawn[name].shape[1:]
+            self._drawn[name][env] = rng.uniform(least, most, size=size)
 
     def apply(self, ids: np.ndarray) -> None:
         """See `Plant.apply`."""
@@ -108,6 +124,11 @@ class RandomPlant:
             batch.expand("body_inertia")[ids] = model.body_inertia * mass[:, :, None]
             batch.expand("body_ipos")[ids] = model.body_ipos + com
             batch.set_const(ids)
+        # A motor whose gear is larger gives more torque for the same control.
+        motors, gear = self._simulation.robot.actuator, simulated.actuator_gear
+        strength = np.ones((len(ids), len(gear), 1))
+        strength[:, motors, 0] = drawn["motor_strength"][ids]
+        self._simulation.batch.expand("actuator_gear")[ids] = gear * strength
         friction = simulated.geom_friction.copy()
         scaled = np.tile(friction, (len(ids), 1, 1))
         scaled[:, :, 0] *= drawn["friction"][ids, None]

@@ -6,13 +6,17 @@ from typing import Any
 from fbid_gym.checks import number, pair
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 
+LONGEST_DELAY = 1.0
+"""s; every action on its way is remembered."""
+
 
 @dataclass(frozen=True)
 class Randomisation:
     """Ranges of the random differences, drawn anew for each robot and episode; all off by default.
 
     The plant is the simulated robot; the model is what model-based layers compute with. The model
-    starts from the robot's MJCF and does not see how the plant differs.
+    starts from the robot's MJCF and does not see how the plant differs. Nor does anybody see how
+    strong the motors are: torques that are observed, rewarded and reported are those commanded.
     """
 
     mass: float = 0.0
@@ -21,6 +25,11 @@ class Randomisation:
     """Plant: each body's centre of mass is moved by up to this (m) along each axis."""
     friction: tuple[float, float] = (1.0, 1.0)
     """Plant: (least, most) factor on the friction of the contacts."""
+    motor_strength: tuple[float, float] = (1.0, 1.0)
+    """Plant: (least, most) factor on the torque of each joint's motor."""
+    action_delay: tuple[float, float] = (0.0, 0.0)
+    """Plant: (least, most) s from the choice of an action to its arrival at the action layer, in
+    whole control ticks. Until the first one arrives there is the zero action."""
     model_mass: float = 0.0
     """Model: each body's mass and inertia are scaled by 1 ± up to this share."""
     model_com: float = 0.0
@@ -42,10 +51,16 @@ class Randomisation:
             value = number(full, getattr(self, name), expected)
             if value < 0.0 or (most and value >= most):
                 raise InvalidValueError(full, value, expected)
-        friction = pair("randomisation friction", self.friction)
-        if not 0.0 < friction[0] <= friction[1]:
-            raise InvalidValueError("randomisation friction", friction, "a pair 0 < least <= most")
-        object.__setattr__(self, "friction", friction)
+        for name in ("friction", "motor_strength"):
+            factor = pair(f"randomisation {name}", getattr(self, name))
+            if not 0.0 < factor[0] <= factor[1]:
+                raise InvalidValueError(f"randomisation {name}", factor, "a pair 0 < least <= most")
+            object.__setattr__(self, name, factor)
+        delay = pair("randomisation action_delay", self.action_delay)
+        if not 0.0 <= delay[0] <= delay[1] <= LONGEST_DELAY:
+            expected = f"a pair 0 <= least <= most <= {LONGEST_DELAY:g} of s"
+            raise InvalidValueError("randomisation action_delay", delay, expected)
+        object.__setattr__(self, "action_delay", delay)
 
     @property
     def any(self) -> bool:

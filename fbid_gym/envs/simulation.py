@@ -145,6 +145,14 @@ class Simulation:
         """Push each base with (N, 3) N, world, at its centre of mass, until told otherwise."""
         self._push[:] = force
 
+    def jump(self, velocity: np.ndarray) -> None:
+        """Change the velocities of the bases at once, by (N, 3) m/s, world."""
+        ids = np.flatnonzero(velocity.any(axis=1))
+        if len(ids):
+            self.qvel[ids, :3] += velocity[ids]
+            self.batch.forward(ids, stage=_VELOCITY)
+            self._terms = None
+
     def step(self, torque: np.ndarray, ids: np.ndarray | None = None) -> None:
         """Advance one control tick under (N, n) N·m: all robots, or those of `ids`."""
         if torque.shape != self._shape:

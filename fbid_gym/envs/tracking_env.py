@@ -91,8 +91,8 @@ class TrackingEnv(RobotEnv):
     weight. The ground of `fbid_gym/QuadrupedRough-v0` is `terrain="obstacles"`.
 
     ## Info
-    Beside `torque_rms`, `power`, `slip`, `push`, `torque`, `contact_force`, `termination` and the
-    layer's diagnostics, as in `BalanceEnv`:
+    Beside `torque_rms`, `power`, `slip`, `push`, `push_velocity`, `torque`, `contact_force`,
+    `termination` and the layer's diagnostics, as in `BalanceEnv`:
 
     | Key                                     | Meaning                                            |
     | --------------------------------------- | -------------------------------------------------- |

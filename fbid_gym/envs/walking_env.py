@@ -139,8 +139,8 @@ class WalkingEnv(RobotEnv):
     Pushes of `QuadrupedWalk-v0` are 0 to 0.4 of the weight.
 
     ## Info
-    Beside `torque_rms`, `power`, `slip`, `push`, `torque`, `contact_force`, `termination` and the
-    layer's diagnostics, as in `BalanceEnv`:
+    Beside `torque_rms`, `power`, `slip`, `push`, `push_velocity`, `torque`, `contact_force`,
+    `termination` and the layer's diagnostics, as in `BalanceEnv`:
 
     | Key                                     | Meaning                                            |
     | --------------------------------------- | -------------------------------------------------- |
@@ -152,6 +152,13 @@ class WalkingEnv(RobotEnv):
     | `speed`, `speed_command`                | m/s, horizontal                                    |
     | `height`, `height_command`,             | m, of the base above the contact points, that of   |
     | `height_error`                          | the gait, and the difference                       |
+    | `distance`                              | m, horizontal way of the base in this episode      |
+    | `cost_of_transport`                     | Energy of the joints, the integral of `power`,     |
+    |                                         | over weight times `distance`, of this episode; a   |
+    |                                         | way shorter than h counts as h                     |
+    | `foothold_error`                        | m, mean horizontal distance of the feet from their |
+    |                                         | planned footholds as they came down in this        |
+    |                                         | episode; 0 before the first                        |
     | `clipped_footholds`                     | Control ticks of this episode, summed over the     |
     |                                         | feet, at which a foothold was out of reach and was |
     |                                         | moved into it                                      |

@@ -1,6 +1,5 @@
 """Balance: stand on all feet, follow a commanded base height, survive random pushes."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -9,10 +8,10 @@ import numpy as np
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions import home_reference
-from fbid_gym.motions.gait.command import Steering
-from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
+from fbid_gym.quantities import Memory, Reference
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
+from fbid_gym.tasks.ahead import Ahead
 from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, Posture, bell, level, weighted
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
@@ -47,7 +46,7 @@ REWARD_WEIGHTS = BalanceReward(
 
 
 @dataclass(frozen=True, eq=False)
-class Balance:
+class Balance(Ahead):
     """The task, for one robot; a `Task`.
 
     Attributes:
@@ -120,34 +119,18 @@ class Balance:
         """Draw all that chance decides about one episode."""
         robot = self.body.robot
         qpos, qvel = self.start.draw(robot, robot.home_qpos, np.zeros(robot.nv), rng)
-        start, force = self.pushes.draw(rng, self.seconds, self.hz)
+        pushes = self.pushes.draw(rng, self.seconds, self.hz)
         count = int(np.ceil(self.seconds / self.height_interval[0])) + 1
         command_times = np.cumsum(rng.uniform(*self.height_interval, size=count))
         return {
             "qpos": qpos,
             "qvel": qvel,
-            "push_start": start,
-            "push_force": force,
+            **pushes,
             "command_start": np.concatenate([[0.0], command_times[:-1]]) * self.hz,
             "command": self.body.home_height * rng.uniform(*self.height_range, size=count),
         }
 
-    def push(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
-        """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
-        return self.pushes.at(plan["push_start"], plan["push_force"], tick, self.hz)
-
-    def memory(self, terms: DynamicsTerms) -> Memory:
-        """Nothing: the motion is planned ahead."""
-        return {}
-
-    def reference(
-        self,
-        plan: Plan,
-        state: RobotState,
-        terms: Callable[[], DynamicsTerms],
-        steering: Steering,
-        memory: Memory,
-    ) -> Reference:
+    def planned(self, plan: Plan, tick: np.ndarray) -> Reference:
         """Return the motion that the action layers follow: the home stance.
 
         The commanded height is not among it: to follow that is the policy's part.
@@ -186,10 +169,6 @@ class Balance:
             "slip": posture.slip,
         }
         return weighted(shares, REWARD_WEIGHTS), metrics
-
-    def fallen(self, outcome: Outcome) -> np.ndarray:
-        """Return which robots lie: (N,) bool."""
-        return self.body.fallen(outcome)
 
 
 class _Scales(NamedTuple):

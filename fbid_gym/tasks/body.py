@@ -46,12 +46,17 @@ class Posture(NamedTuple):
 
 
 class _Seen(NamedTuple):
-    """What every task sees of N robots, in the order of the observation."""
+    """What is seen of N robots whose feet are the frame, in the order of the observation."""
 
     base: np.ndarray  # (N, 3) m, from home, support frame
     up: np.ndarray  # (N, 3) the vertical, base frame
     velocity: np.ndarray  # (N, 3) m/s, of the base, support frame
     angular_velocity: np.ndarray  # (N, 3) rad/s, base frame
+
+
+class _Limbs(NamedTuple):
+    """What every task sees of the limbs of N robots, likewise."""
+
     joint_position: np.ndarray  # (N, n) rad, from home
     joint_velocity: np.ndarray  # (N, n) rad/s
     torque: np.ndarray  # (N, n) last one, share of its limit
@@ -108,12 +113,19 @@ class Body:
     @property
     def observation_names(self) -> tuple[str, ...]:
         """One name per entry of `observe`."""
-        joints, points = self.robot.joint_names, self.robot.num_points
         return (
             *(f"base {axis} from home (m, support frame)" for axis in "xyz"),
             *(f"up direction {axis} (base frame)" for axis in "xyz"),
             *(f"base velocity {axis} (m/s, support frame)" for axis in "xyz"),
             *(f"base angular velocity {axis} (rad/s, base frame)" for axis in "xyz"),
+            *self.limb_names,
+        )
+
+    @property
+    def limb_names(self) -> tuple[str, ...]:
+        """One name per entry of `see_limbs`."""
+        joints, points = self.robot.joint_names, self.robot.num_points
+        return (
             *(f"{joint} position from home (rad)" for joint in joints),
             *(f"{joint} velocity (rad/s)" for joint in joints),
             *(f"{joint} last torque (share of its limit)" for joint in joints),
@@ -123,13 +135,20 @@ class Body:
     @property
     def observation_bound(self) -> np.ndarray:
         """Largest size of each entry of `observe`."""
-        joints, points = np.ones(self.robot.num_joints), np.ones(self.robot.num_points)
         axes = np.ones(3)
         bound = _Seen(
             base=10.0 * axes,
             up=axes,
             velocity=100.0 * axes,
             angular_velocity=100.0 * axes,
+        )
+        return np.concatenate([*bound, self.limb_bound])
+
+    @property
+    def limb_bound(self) -> np.ndarray:
+        """Largest size of each entry of `see_limbs`."""
+        joints, points = np.ones(self.robot.num_joints), np.ones(self.robot.num_points)
+        bound = _Limbs(
             joint_position=10.0 * joints,
             joint_velocity=100.0 * joints,
             torque=joints,
@@ -182,16 +201,9 @@ def _measure(body: _Constants, touch: float, outcome: Outcome) -> Posture:
 def _observe(body: _Constants, outcome: Outcome) -> np.ndarray:
     """What `Body.observe` returns."""
     state, terms, frame = outcome.state, outcome.terms, outcome.frame
-    (count, joints), points = outcome.torque.shape, state.contact_force.shape[1]
+    count = len(state.qpos)
     seen = _Seen(
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-        np.empty((count, joints)),
-        np.empty((count, joints)),
-        np.empty((count, joints)),
-        np.empty((count, points)),
+        np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
     )
     for i in range(count):
         for k in range(3):
@@ -204,12 +216,37 @@ def _observe(body: _Constants, outcome: Outcome) -> np.ndarray:
             seen.up[i, k] = terms.world_from_base[i, 2, k]
             seen.velocity[i, k] = speed
             seen.angular_velocity[i, k] = state.qvel[i, 3 + k]
+    limbs = see_limbs(body.home_qpos, body.torque_limit, body.weight, outcome)
+    return side_by_side((side_by_side(seen), limbs))
+
+
+@compiled
+def see_limbs(
+    home_qpos: np.ndarray, torque_limit: np.ndarray, weight: float, outcome: Outcome
+) -> np.ndarray:
+    """What every task sees of joints and contact points: (N, 3 n + P), named by `limb_names`.
+
+    Args:
+        home_qpos: (nq,).
+        torque_limit: (n,) N·m.
+        weight: N.
+        outcome: of the robots.
+    """
+    state = outcome.state
+    (count, joints), points = outcome.torque.shape, state.contact_force.shape[1]
+    seen = _Limbs(
+        np.empty((count, joints)),
+        np.empty((count, joints)),
+        np.empty((count, joints)),
+        np.empty((count, points)),
+    )
+    for i in range(count):
         for j in range(joints):
-            seen.joint_position[i, j] = state.qpos[i, 7 + j] - body.home_qpos[7 + j]
+            seen.joint_position[i, j] = state.qpos[i, 7 + j] - home_qpos[7 + j]
             seen.joint_velocity[i, j] = state.qvel[i, 6 + j]
-            seen.torque[i, j] = outcome.torque[i, j] / body.torque_limit[j]
+            seen.torque[i, j] = outcome.torque[i, j] / torque_limit[j]
         for point in range(points):
-            seen.load[i, point] = state.contact_force[i, point, 2] / body.weight
+            seen.load[i, point] = state.contact_force[i, point, 2] / weight
     return side_by_side(seen)
 
 

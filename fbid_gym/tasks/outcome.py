@@ -17,6 +17,7 @@ class Outcome(NamedTuple):
         torque: (N, n) N·m, on the last control tick.
         torque_square: (N,) mean of torque^2 over the joints and ticks of the step.
         power: (N,) W, mean over the ticks of the joints' summed |torque * velocity|.
+        seconds: s, length of the step.
     """
 
     state: RobotState
@@ -25,3 +26,4 @@ class Outcome(NamedTuple):
     torque: np.ndarray
     torque_square: np.ndarray
     power: np.ndarray
+    seconds: float

@@ -6,27 +6,37 @@ import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.tasks.plan import Plan
 
 _NEVER = np.iinfo(np.int64).max // 2
 
 
 @dataclass(frozen=True)
 class Pushes:
-    """Pushes of constant force at random times, in random horizontal directions.
+    """Pushes at random times, each of a random strength in a random horizontal direction.
+
+    The strength, uniform in [0, 1], says where between least and most both the force and the jump
+    of velocity lie.
 
     Attributes:
-        force: (least, most) N, drawn uniformly for each push. (0, 0) for none.
+        force: (least, most) N, constant while the push lasts. (0, 0) for none.
         duration: s.
         interval: (least, most) s from the start of one push (or of the episode) to the next.
+        velocity: (least, most) m/s, by which the base's velocity jumps as a push begins.
     """
 
     force: tuple[float, float]
     duration: float
     interval: tuple[float, float]
+    velocity: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Reject what cannot be scheduled."""
-        for name, pair in (("push_force", self.force), ("push_interval", self.interval)):
+        for name, pair in (
+            ("push_force", self.force),
+            ("push_interval", self.interval),
+            ("push_velocity", self.velocity),
+        ):
             if len(pair) != 2 or not 0 <= pair[0] <= pair[1] < np.inf:
                 raise InvalidValueError(name, pair, "a pair 0 <= least <= most, finite")
         if not 0 < self.duration < np.inf:
@@ -36,47 +46,59 @@ class Pushes:
                 "push_interval", self.interval, f"at least push_duration = {self.duration} s"
             )
 
-    def draw(
-        self, rng: np.random.Generator, seconds: float, hz: int
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def draw(self, rng: np.random.Generator, seconds: float, hz: int) -> Plan:
         """Draw the pushes of one episode of `seconds` with `hz` control ticks per second.
 
         Returns:
-            start: (K,) control tick at which each push begins; far beyond the episode if unused.
-            force: (K, 3) N, world.
+            "push_start": (K,) control tick at which each begins; far beyond the episode if unused.
+            "push_force": (K, 3) N, world.
+            "push_velocity": (K, 3) m/s, world.
         """
         count = int(np.ceil(seconds / self.interval[0]))
         times = np.cumsum(rng.uniform(*self.interval, size=count))
-        size, angle = rng.uniform(*self.force, size=count), rng.uniform(-np.pi, np.pi, size=count)
-        force = np.stack([size * np.cos(angle), size * np.sin(angle), 0.0 * angle], axis=1)
-        start = np.where(times < seconds, np.round(times * hz).astype(np.int64), _NEVER)
-        return start, force
+        strength, angle = rng.random(count), rng.uniform(-np.pi, np.pi, size=count)
+        direction = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+        return {
+            "push_start": np.where(times < seconds, np.round(times * hz).astype(np.int64), _NEVER),
+            "push_force": _between(self.force, strength)[:, None] * direction,
+            "push_velocity": _between(self.velocity, strength)[:, None] * direction,
+        }
 
-    def at(self, start: np.ndarray, force: np.ndarray, tick: np.ndarray, hz: int) -> np.ndarray:
+    def forces(self, plan: Plan, tick: np.ndarray, hz: int) -> np.ndarray:
         """Return the force on each base.
 
         Args:
-            start: (N, K) as drawn.
-            force: (N, K, 3) N as drawn.
+            plan: of N robots, as drawn.
             tick: (..., N) control ticks since the episode began.
             hz: control ticks per second.
 
         Returns:
             (..., N, 3) N, world.
         """
-        rows = np.ascontiguousarray(tick).reshape(-1, len(start))
-        applied = _applied(start, force, rows, round(self.duration * hz))
-        return applied.reshape(*tick.shape, 3)
+        return _during(plan["push_start"], plan["push_force"], tick, round(self.duration * hz))
+
+    def jumps(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
+        """Return how much each base's velocity jumps at ticks (..., N): (..., N, 3) m/s, world."""
+        return _during(plan["push_start"], plan["push_velocity"], tick, 1)
+
+
+def _between(ends: tuple[float, float], share: np.ndarray) -> np.ndarray:
+    return ends[0] + (ends[1] - ends[0]) * share
+
+
+def _during(start: np.ndarray, vector: np.ndarray, tick: np.ndarray, duration: int) -> np.ndarray:
+    rows = np.ascontiguousarray(tick).reshape(-1, len(start))
+    return _applied(start, vector, rows, duration).reshape(*tick.shape, 3)
 
 
 @kernel
-def _applied(start: np.ndarray, force: np.ndarray, tick: np.ndarray, duration: int) -> np.ndarray:
-    """Return the forces (T, N, 3) at ticks (T, N), see `Pushes.at`."""
+def _applied(start: np.ndarray, vector: np.ndarray, tick: np.ndarray, duration: int) -> np.ndarray:
+    """Return the sum of vectors (N, K, 3) that last from ticks (N, K) on, at ticks (T, N)."""
     applied = np.zeros((len(tick), len(start), 3))
     for row in range(len(tick)):
         for i in range(len(start)):
             for k in range(start.shape[1]):
                 if 0 <= tick[row, i] - start[i, k] < duration:
                     for axis in range(3):
-                        applied[row, i, axis] += force[i, k, axis]
+                        applied[row, i, axis] += vector[i, k, axis]
     return applied

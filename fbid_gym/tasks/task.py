@@ -10,6 +10,7 @@ from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
 from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
+from fbid_gym.tasks.pushes import Pushes
 
 
 class Task(Protocol):
@@ -30,6 +31,11 @@ class Task(Protocol):
         ...
 
     @property
+    def pushes(self) -> Pushes:
+        """The disturbances; their plan is part of the task's."""
+        ...
+
+    @property
     def observation_names(self) -> tuple[str, ...]:
         """One name per entry of the observation."""
         ...
@@ -41,10 +47,6 @@ class Task(Protocol):
 
     def draw(self, rng: np.random.Generator) -> Plan:
         """Draw all that chance decides about one episode; "qpos" and "qvel" are its start."""
-        ...
-
-    def push(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
-        """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
         ...
 
     def memory(self, terms: DynamicsTerms) -> Memory:
@@ -82,12 +84,13 @@ class Task(Protocol):
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step.
 
+        Args:
+            outcome: what it did.
+            plan: of the robots.
+            memory: of the robots; updated.
+
         Returns:
             terms: name -> (N,), each in [0, its weight].
             metrics: name -> (N,) physical quantities for evaluation.
         """
-        ...
-
-    def fallen(self, outcome: Outcome) -> np.ndarray:
-        """Return which robots lie: (N,) bool."""
         ...

@@ -1,6 +1,5 @@
 """Tracking: follow a reference motion, at a commanded speed where it has one, despite pushes."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -9,10 +8,10 @@ import numpy as np
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions.gait.command import Steering
-from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
+from fbid_gym.quantities import Memory, Reference
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
+from fbid_gym.tasks.ahead import Ahead
 from fbid_gym.tasks.body import Body, Posture, bell, level, side_by_side, weighted
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
@@ -60,7 +59,7 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Tracking:
+class Tracking(Ahead):
     """The task, for one robot and one motion; a `Task`.
 
     Attributes:
@@ -126,42 +125,23 @@ class Tracking:
         qpos, qvel = self.start.draw(robot, reference.qpos[0], reference.qvel[0], rng)
         # Where on the ground an episode begins is not the motion's to say.
         qpos[:2] = robot.home_qpos[:2]
-        start, force = self.pushes.draw(rng, self.seconds, self.hz)
+        pushes = self.pushes.draw(rng, self.seconds, self.hz)
         return {
             "qpos": qpos,
             "qvel": qvel,
             "phase": np.array(phase),
             "speed": np.array(speed),
-            "push_start": start,
-            "push_force": force,
+            **pushes,
         }
 
-    def push(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
-        """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
-        return self.pushes.at(plan["push_start"], plan["push_force"], tick, self.hz)
-
-    def memory(self, terms: DynamicsTerms) -> Memory:
-        """Nothing: the motion is planned ahead."""
-        return {}
-
-    def reference(
-        self,
-        plan: Plan,
-        state: RobotState,
-        terms: Callable[[], DynamicsTerms],
-        steering: Steering,
-        memory: Memory,
-    ) -> Reference:
+    def planned(self, plan: Plan, tick: np.ndarray) -> Reference:
         """Return what the robots shall do: the motion at each one's phase and speed."""
-        return self._now(plan, state.tick)
-
-    def _now(self, plan: Plan, tick: np.ndarray) -> Reference:
         return self.motion.reference(plan["phase"] + tick, plan["speed"])
 
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
         body, tick = self.body, outcome.state.tick
-        reference = self._now(plan, tick)
+        reference = self.planned(plan, tick)
         angle = 2.0 * np.pi / self.motion.period * (plan["phase"] + tick)
         home = body.stance.home_base, body.robot.home_qpos
         asked = _ask(angle, plan["speed"], reference, *home)
@@ -172,7 +152,7 @@ class Tracking:
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step; see `Task.reward`."""
         body, posture = self.body, self.body.posture(outcome)
-        reference = self._now(plan, outcome.state.tick)
+        reference = self.planned(plan, outcome.state.tick)
         scales = _Scales(
             body.home_height, body.mean_torque_limit, body.stance.geometry.foot_of_point
         )
@@ -190,10 +170,6 @@ class Tracking:
             "slip": posture.slip,
         }
         return weighted(shares, REWARD_WEIGHTS), metrics
-
-    def fallen(self, outcome: Outcome) -> np.ndarray:
-        """Return which robots lie: (N,) bool."""
-        return self.body.fallen(outcome)
 
 
 class _Asked(NamedTuple):

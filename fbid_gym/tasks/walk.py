@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -19,12 +20,13 @@ from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.walk_measures import (
-    Clock,
+    Notes,
     Scales,
     Seen,
     WalkReward,
     command_at,
     judge,
+    note,
     observe,
 )
 
@@ -138,22 +140,14 @@ class Walk:
             *(f"up direction {axis} (base frame)" for axis in "xyz"),
             *(f"base velocity {axis} (m/s, heading)" for axis in ("ahead", "to the left", "up")),
             *(f"base angular velocity {axis} (rad/s, base frame)" for axis in "xyz"),
-            *(f"{joint} position from home (rad)" for joint in robot.joint_names),
-            *(f"{joint} velocity (rad/s)" for joint in robot.joint_names),
-            *(f"{joint} last torque (share of its limit)" for joint in robot.joint_names),
-            *(
-                f"normal force on point {point} (share of the weight)"
-                for point in range(robot.num_points)
-            ),
+            *self.body.limb_names,
             *(f"ground {x:.2f} m ahead, {y:.2f} m to the left (m)" for x, y in self.scan),
         )
 
     @property
     def observation_bound(self) -> np.ndarray:
         """Largest size of each entry of the observation, (O,); observations are clipped to it."""
-        robot = self.body.robot
-        joints, points = np.ones(robot.num_joints), np.ones(robot.num_points)
-        axes, feet = np.ones(3), np.ones(robot.num_feet)
+        axes, feet = np.ones(3), np.ones(self.body.robot.num_feet)
         bound = Seen(
             clock=np.ones(2),
             command=10.0 * axes,
@@ -162,18 +156,14 @@ class Walk:
             up=axes,
             velocity=100.0 * axes,
             angular_velocity=100.0 * axes,
-            joint_position=10.0 * joints,
-            joint_velocity=100.0 * joints,
-            torque=joints,
-            load=100.0 * points,
         )
-        return np.concatenate([*bound, np.full(len(self.scan), 10.0)])
+        return np.concatenate([*bound, self.body.limb_bound, np.full(len(self.scan), 10.0)])
 
     def draw(self, rng: np.random.Generator) -> Plan:
         """Draw all that chance decides about one episode."""
         robot = self.body.robot
         qpos, qvel = self.start.draw(robot, robot.home_qpos, np.zeros(robot.nv), rng)
-        start, force = self.pushes.draw(rng, self.seconds, self.hz)
+        pushes = self.pushes.draw(rng, self.seconds, self.hz)
         count = int(np.ceil(self.seconds / self.interval[0])) + 1
         times = np.cumsum(rng.uniform(*self.interval, size=count))
         command = rng.uniform(self.most[:, 0], self.most[:, 1], size=(count, 3))
@@ -181,31 +171,18 @@ class Walk:
         return {
             "qpos": qpos,
             "qvel": qvel,
-            "push_start": start,
-            "push_force": force,
+            **pushes,
             "command_start": np.concatenate([[0.0], times[:-1]]) * self.hz,
             "command": command,
         }
-
-    def push(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
-        """Return the force on each base: (..., N, 3) N, world, for ticks (..., N)."""
-        return self.pushes.at(plan["push_start"], plan["push_force"], tick, self.hz)
 
     def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the commanded velocity: (N, 3) m/s ahead, m/s and rad/s to the left."""
         return command_at(plan["command_start"], plan["command"], tick)
 
     def memory(self, terms: DynamicsTerms) -> Memory:
-        """Of the gait, and what of its last target is seen and judged."""
-        count, feet = terms.foot_position.shape[:2]
-        return self.gait.memory(terms) | {
-            "seen_planted": np.ones((count, feet), bool),
-            "seen_cycle": np.zeros(count),
-            "seen_ground": terms.foot_position[:, :, 2].min(axis=1),
-            "seen_height": terms.base_position[:, 2].copy(),
-            "seen_clipped": np.zeros(count, np.int64),
-            "seen_foothold": terms.foot_position.copy(),
-        }
+        """Of the gait, and what is noted for observation, reward and metrics."""
+        return self.gait.memory(terms) | Notes.standing(terms).memory()
 
     def reference(
         self,
@@ -216,30 +193,24 @@ class Walk:
         memory: Memory,
     ) -> GaitTarget:
         """Return what the gait asks for, and go on by a tick."""
-        known = terms()
+        known, notes = terms(), Notes.of(memory)
         command = GaitCommand(
             velocity=self.command(plan, state.tick),
             shift=steering.shift,
             rate=steering.rate,
-            ground=self._foreseen(memory["seen_foothold"]),
+            ground=self._foreseen(notes.foothold),
         )
         target = self.gait.target(command, known, state.contact_force, memory)
-        memory["seen_planted"], memory["seen_cycle"] = target.planted, target.cycle
-        planted = target.planted.any(axis=1)
-        ground = np.where(target.planted, known.foot_position[:, :, 2], np.inf).min(axis=1)
-        memory["seen_ground"] = np.where(planted, ground, memory["seen_ground"])
-        memory["seen_height"] = target.height
-        memory["seen_clipped"] = memory["seen_clipped"] + target.clipped.sum(axis=1)
-        memory["seen_foothold"] = target.foothold
+        note(target, known.foot_position, notes)
         return target
 
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
-        command = self.command(plan, outcome.state.tick)
-        seen = observe(self._scales, outcome, command, Clock.of(memory))
+        command, notes = self.command(plan, outcome.state.tick), Notes.of(memory)
+        seen = observe(self._scales, outcome, command, notes)
         if not len(self.scan):
             return seen
-        around = scan_heights(self.ground, self.scan, outcome.terms, memory["seen_ground"])
+        around = scan_heights(self.ground, self.scan, outcome.terms, notes.ground)
         return np.concatenate([seen, around], axis=1)
 
     def reward(
@@ -247,9 +218,10 @@ class Walk:
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step; see `Task.reward`."""
         posture, command = self.body.posture(outcome), self.command(plan, outcome.state.tick)
-        shares, moved = judge(self._scales, posture, outcome, command, Clock.of(memory))
-        height = outcome.terms.base_position[:, 2] - memory["seen_ground"]
-        asked = memory["seen_height"] - memory["seen_ground"]
+        scales, notes = self._scales, Notes.of(memory)
+        shares, moved = judge(scales, posture, outcome, command, notes)
+        height = outcome.terms.base_position[:, 2] - notes.ground
+        asked = notes.height - notes.ground
         metrics = {
             "velocity_error": moved.velocity_error,
             "turning_error": moved.turning_error,
@@ -261,13 +233,14 @@ class Walk:
             "torque_rms": np.sqrt(outcome.torque_square),
             "power": outcome.power,
             "slip": posture.slip,
-            "clipped_footholds": memory["seen_clipped"].astype(float),
+            "distance": notes.distance.copy(),
+            # Bounded: who stands on the spot has not walked for nothing.
+            "cost_of_transport": notes.energy
+            / (scales.weight * np.maximum(notes.distance, scales.size)),
+            "foothold_error": notes.missed / np.maximum(notes.landed, 1),
+            "clipped_footholds": notes.clipped.astype(float),
         }
         return weighted(shares, REWARD_WEIGHTS), metrics
-
-    def fallen(self, outcome: Outcome) -> np.ndarray:
-        """Return which robots lie: (N,) bool."""
-        return self.body.fallen(outcome)
 
     @property
     def tolerance(self) -> float:
@@ -283,7 +256,7 @@ class Walk:
             return np.full(foothold.shape[:2], np.nan)
         return heights_below(self.ground, foothold)
 
-    @property
+    @cached_property
     def _scales(self) -> Scales:
         body, robot = self.body, self.body.robot
         return Scales(

@@ -4,10 +4,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.compiled import kernel
-from fbid_gym.quantities import Memory
-from fbid_gym.tasks.body import Posture, bell, level, side_by_side
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.quantities import DynamicsTerms, Memory
+from fbid_gym.tasks.body import Posture, bell, level, see_limbs, side_by_side
 from fbid_gym.tasks.outcome import Outcome
+
+_PREFIX = "seen_"
 
 
 class WalkReward(NamedTuple):
@@ -43,21 +46,49 @@ class Scales(NamedTuple):
     foot_of_point: np.ndarray
 
 
-class Clock(NamedTuple):
-    """What of the gait's last target is seen."""
+class Notes(NamedTuple):
+    """What is noted of N robots: of the gait's last target, and of the episode so far."""
 
-    planted: np.ndarray  # (N, F) bool
-    cycle: np.ndarray  # (N,)
-    ground: np.ndarray  # (N,) m
+    planted: np.ndarray  # (N, F) bool, feet that shall stand
+    foothold: np.ndarray  # (N, F, 3) m, where the others shall land
+    cycle: np.ndarray  # (N,) share of the gait's cycle that has passed
+    height: np.ndarray  # (N,) m, of the base, as the gait has it
+    ground: np.ndarray  # (N,) m, height of the ground below the feet that last stood
+    clipped: np.ndarray  # (N,) int64, ticks and feet at which a foothold was out of reach
+    landed: np.ndarray  # (N,) int64, feet that came down
+    missed: np.ndarray  # (N,) m, horizontal distances of those from their footholds, summed
+    distance: np.ndarray  # (N,) m, way of the base
+    energy: np.ndarray  # (N,) J, of the joints
 
     @classmethod
-    def of(cls, memory: Memory) -> "Clock":
-        """Return it from the task's memory."""
-        return cls(memory["seen_planted"], memory["seen_cycle"], memory["seen_ground"])
+    def standing(cls, terms: DynamicsTerms) -> "Notes":
+        """Return those of robots that have stood where they are."""
+        count, feet = terms.foot_position.shape[:2]
+        return cls(
+            planted=np.ones((count, feet), bool),
+            foothold=terms.foot_position.copy(),
+            cycle=np.zeros(count),
+            height=terms.base_position[:, 2].copy(),
+            ground=terms.foot_position[:, :, 2].min(axis=1),
+            clipped=np.zeros(count, np.int64),
+            landed=np.zeros(count, np.int64),
+            missed=np.zeros(count),
+            distance=np.zeros(count),
+            energy=np.zeros(count),
+        )
+
+    @classmethod
+    def of(cls, memory: Memory) -> "Notes":
+        """Return them from the task's memory."""
+        return cls(*(memory[_PREFIX + name] for name in cls._fields))
+
+    def memory(self) -> Memory:
+        """Return them as part of the task's memory."""
+        return {_PREFIX + name: values for name, values in self._asdict().items()}
 
 
 class Seen(NamedTuple):
-    """What a policy sees of N robots, in the order of the observation."""
+    """What a policy sees of N robots, in the order of the observation; the limbs follow."""
 
     clock: np.ndarray  # (N, 2)
     command: np.ndarray  # (N, 3)
@@ -66,10 +97,6 @@ class Seen(NamedTuple):
     up: np.ndarray  # (N, 3) the vertical, base frame
     velocity: np.ndarray  # (N, 3) m/s, heading
     angular_velocity: np.ndarray  # (N, 3) rad/s, base frame
-    joint_position: np.ndarray  # (N, n) rad, from home
-    joint_velocity: np.ndarray  # (N, n) rad/s
-    torque: np.ndarray  # (N, n) last one, share of its limit
-    load: np.ndarray  # (N, P) normal force, share of the weight
 
 
 class Moved(NamedTuple):
@@ -101,11 +128,40 @@ def command_at(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.n
 
 
 @kernel
-def observe(scales: Scales, outcome: Outcome, command: np.ndarray, clock: Clock) -> np.ndarray:
-    """What `Walk.observe` returns."""
+def note(target: GaitTarget, foot_position: np.ndarray, notes: Notes) -> None:
+    """Note what the gait asks for at a control tick, and how far from its foothold a foot landed.
+
+    Args:
+        target: of the gait.
+        foot_position: (N, F, 3) m, world.
+        notes: updated.
+    """
+    count, feet = target.planted.shape
+    for i in range(count):
+        ground = np.inf
+        for foot in range(feet):
+            stands = target.planted[i, foot]
+            if stands:
+                ground = min(ground, foot_position[i, foot, 2])
+            if stands and not notes.planted[i, foot]:
+                x = foot_position[i, foot, 0] - notes.foothold[i, foot, 0]
+                y = foot_position[i, foot, 1] - notes.foothold[i, foot, 1]
+                notes.missed[i] += np.hypot(x, y)
+                notes.landed[i] += 1
+            notes.planted[i, foot] = stands
+            notes.clipped[i] += target.clipped[i, foot]
+            for axis in range(3):
+                notes.foothold[i, foot, axis] = target.foothold[i, foot, axis]
+        if ground < np.inf:
+            notes.ground[i] = ground
+        notes.cycle[i], notes.height[i] = target.cycle[i], target.height[i]
+
+
+@kernel
+def observe(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes) -> np.ndarray:
+    """What `Walk.observe` returns, without a scan."""
     state, terms = outcome.state, outcome.terms
-    (count, joints), points = outcome.torque.shape, state.contact_force.shape[1]
-    feet = clock.planted.shape[1]
+    count, feet = notes.planted.shape
     seen = Seen(
         np.empty((count, 2)),
         np.empty((count, 3)),
@@ -114,44 +170,32 @@ def observe(scales: Scales, outcome: Outcome, command: np.ndarray, clock: Clock)
         np.empty((count, 3)),
         np.empty((count, 3)),
         np.empty((count, 3)),
-        np.empty((count, joints)),
-        np.empty((count, joints)),
-        np.empty((count, joints)),
-        np.empty((count, points)),
     )
     for i in range(count):
-        angle = 2.0 * np.pi * clock.cycle[i]
+        angle = 2.0 * np.pi * notes.cycle[i]
         seen.clock[i, 0], seen.clock[i, 1] = np.sin(angle), np.cos(angle)
         base = terms.world_from_base[i]
-        size = np.hypot(base[0, 0], base[1, 0]) + 1e-12
-        cosine, sine = base[0, 0] / size, base[1, 0] / size
-        x, y = state.qvel[i, 0], state.qvel[i, 1]
-        seen.velocity[i, 0], seen.velocity[i, 1] = cosine * x + sine * y, cosine * y - sine * x
+        seen.velocity[i, 0], seen.velocity[i, 1] = _by_heading(base, state.qvel[i])
         seen.velocity[i, 2] = state.qvel[i, 2]
-        height = terms.base_position[i, 2] - clock.ground[i]
+        height = terms.base_position[i, 2] - notes.ground[i]
         seen.height[i, 0] = height - scales.home_height
         for k in range(3):
             seen.command[i, k] = command[i, k]
             seen.up[i, k] = base[2, k]
             seen.angular_velocity[i, k] = state.qvel[i, 3 + k]
         for foot in range(feet):
-            seen.planted[i, foot] = clock.planted[i, foot]
-        for j in range(joints):
-            seen.joint_position[i, j] = state.qpos[i, 7 + j] - scales.home_qpos[7 + j]
-            seen.joint_velocity[i, j] = state.qvel[i, 6 + j]
-            seen.torque[i, j] = outcome.torque[i, j] / scales.torque_limit[j]
-        for point in range(points):
-            seen.load[i, point] = state.contact_force[i, point, 2] / scales.weight
-    return side_by_side(seen)
+            seen.planted[i, foot] = notes.planted[i, foot]
+    limbs = see_limbs(scales.home_qpos, scales.torque_limit, scales.weight, outcome)
+    return side_by_side((side_by_side(seen), limbs))
 
 
 @kernel
 def judge(
-    scales: Scales, posture: Posture, outcome: Outcome, command: np.ndarray, clock: Clock
+    scales: Scales, posture: Posture, outcome: Outcome, command: np.ndarray, notes: Notes
 ) -> Judged:
-    """Return the shares of the terms of the reward, and how the robots moved."""
+    """Return the shares of the terms of the reward, and how the robots moved; note the latter."""
     state, terms = outcome.state, outcome.terms
-    count, feet = clock.planted.shape
+    count, feet = notes.planted.shape
     points = posture.touching.shape[1]
     share = WalkReward(
         np.empty(count),
@@ -166,11 +210,11 @@ def judge(
     down = np.empty(feet, np.bool_)
     for i in range(count):
         base, qvel = terms.world_from_base[i], state.qvel[i]
-        size = np.hypot(base[0, 0], base[1, 0]) + 1e-12
-        cosine, sine = base[0, 0] / size, base[1, 0] / size
-        ahead, left = cosine * qvel[0] + sine * qvel[1], cosine * qvel[1] - sine * qvel[0]
+        ahead, left = _by_heading(base, qvel)
         moved.velocity_error[i] = np.hypot(ahead - command[i, 0], left - command[i, 1])
         moved.speed[i] = np.hypot(ahead, left)
+        notes.distance[i] += moved.speed[i] * outcome.seconds
+        notes.energy[i] += outcome.power[i] * outcome.seconds
         spin = base[2, 0] * qvel[3] + base[2, 1] * qvel[4] + base[2, 2] * qvel[5]
         moved.turning_error[i] = abs(spin - command[i, 2])
         down[:] = False
@@ -179,7 +223,7 @@ def judge(
                 down[scales.foot_of_point[point]] = True
         as_planned = 0
         for foot in range(feet):
-            as_planned += down[foot] == clock.planted[i, foot]
+            as_planned += down[foot] == notes.planted[i, foot]
         tumble = np.sqrt(qvel[3] ** 2 + qvel[4] ** 2) / rate + abs(qvel[2]) / speed
         torque = np.sqrt(outcome.torque_square[i])
         # Speeds scale with sqrt(g h), rates with sqrt(g / h).
@@ -190,3 +234,14 @@ def judge(
         share.steady[i] = bell(tumble, 0.3)
         share.torque[i] = bell(torque / scales.mean_torque_limit, 0.5)
     return Judged(share, moved)
+
+
+@compiled
+def _by_heading(world_from_base: np.ndarray, velocity: np.ndarray) -> tuple[float, float]:
+    """A horizontal velocity, m/s, world, as that ahead and to the left of a base."""
+    size = np.hypot(world_from_base[0, 0], world_from_base[1, 0]) + 1e-12
+    cosine, sine = world_from_base[0, 0] / size, world_from_base[1, 0] / size
+    return (
+        cosine * velocity[0] + sine * velocity[1],
+        cosine * velocity[1] - sine * velocity[0],
+    )

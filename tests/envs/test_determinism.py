@@ -14,7 +14,15 @@ MEASURED = {"contacts": "measured"}
 EXACT = {"contact_limits": "none"}
 SCHEDULE = {"contacts": [(0.1, ["left", "right"]), (0.05, ["left"]), (0.02, [])]}
 RAMPED = SCHEDULE | {"contact_ramp": 0.03}
-RANDOM = {"mass": 0.2, "com": 0.01, "friction": (0.5, 1.0), "model_mass": 0.1, "model_com": 0.005}
+RANDOM = {
+    "mass": 0.2,
+    "com": 0.01,
+    "friction": (0.5, 1.0),
+    "motor_strength": (0.8, 1.2),
+    "action_delay": (0.0, 0.05),
+    "model_mass": 0.1,
+    "model_com": 0.005,
+}
 
 # Every layer on both robots; every way to assume contacts; with and without limits on their forces.
 CASES = [
@@ -29,7 +37,12 @@ CASES = [
 ]
 every_case = pytest.mark.parametrize(("name", "layer", "options"), CASES)
 # Episodes end by falling and by the clock, and pushes come soon.
-SHORT = {"episode_seconds": 0.3, "push_duration": 0.05, "push_interval": (0.1, 0.2)}
+SHORT = {
+    "episode_seconds": 0.3,
+    "push_duration": 0.05,
+    "push_interval": (0.1, 0.2),
+    "push_velocity": (0.0, 0.2),
+}
 
 
 def actions(env, steps, size=0.6, seed=0):

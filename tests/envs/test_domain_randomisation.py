@@ -12,7 +12,7 @@ from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.randomisation import Randomisation
 
-PLANT = {"mass": 0.3, "com": 0.02, "friction": (0.4, 0.8)}
+PLANT = {"mass": 0.3, "com": 0.02, "friction": (0.4, 0.8), "motor_strength": (0.7, 1.1)}
 MODEL = {"model_mass": 0.2, "model_com": 0.01}
 
 
@@ -27,7 +27,7 @@ def test_off_by_default():
     for name in ENVIRONMENTS:
         plain, batch = build(name, None)
         empty, _ = build(name, {})
-        for field in ("body_mass", "body_inertia", "body_ipos", "geom_friction"):
+        for field in ("body_mass", "body_inertia", "body_ipos", "geom_friction", "actuator_gear"):
             assert batch.simulation.batch.expanded(field) is None
         action = np.zeros(plain.action_space.shape)
         np.testing.assert_array_equal(plain.step(action)[0], empty.step(action)[0])
@@ -48,6 +48,9 @@ def test_the_plant_differs_from_robot_to_robot_within_the_ranges(name):
     np.testing.assert_array_equal(friction[:, :, 1:], 1.0)
     assert (np.ptp(friction[:, :, 0], axis=1) < 1e-12).all()
     assert 0.4 <= friction[..., 0].min() < 0.43 and 0.77 < friction[..., 0].max() <= 0.8
+    strength = physics.expanded("actuator_gear")[..., 0] / nominal.actuator_gear[:, 0]
+    assert strength.shape == (40, batch.robot.num_joints)
+    assert 0.7 <= strength.min() < 0.71 and 1.09 < strength.max() <= 1.1
     # Every robot is its own, and the next episode's is another.
     assert len(np.unique(mass[:, 0])) == 40
     env.reset()
@@ -63,7 +66,7 @@ def test_the_simulation_moves_like_a_robot_of_those_masses():
     for index in range(3):
         model = copy.copy(simulation.model)
         model.opt.timestep = 1e-3
-        for field in ("body_mass", "body_inertia", "body_ipos", "geom_friction"):
+        for field in ("body_mass", "body_inertia", "body_ipos", "geom_friction", "actuator_gear"):
             getattr(model, field)[:] = physics.expanded(field)[index]
         data = mujoco.MjData(model)
         mujoco.mj_setConst(model, data)
@@ -118,6 +121,52 @@ def test_the_model_does_not_see_how_the_plant_differs():
     np.testing.assert_allclose(believed.mass_matrix, nominal.mass_matrix, atol=1e-12)
     np.testing.assert_allclose(believed.bias, nominal.bias, atol=1e-9)
     assert np.abs(simulation.terms().mass_matrix - nominal.mass_matrix).max() > 0.1
+
+
+def test_motors_give_their_share_of_what_is_commanded():
+    """Within the limits and at them; what is reported is the command."""
+    env, batch = build("fbid_gym/BipedBalance-v0", PLANT, action_layer="torque")
+    strength = batch.state_dict()["plant.motor_strength"]
+    given = batch.simulation.batch.bind("qfrc_actuator")
+    for size in (0.2, 1.0):
+        torque = env.step(np.full(env.action_space.shape, size))[4]["torque"]
+        np.testing.assert_allclose(given[:, 6 : batch.robot.nv], strength * torque, rtol=1e-12)
+    assert (np.abs(torque) == batch.robot.torque_limit).any()
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 4, 5, 7, 10])
+@pytest.mark.parametrize("layer", ["torque", "joint_position"])
+def test_a_delayed_action_is_the_same_action_later(layer, ticks, rng):
+    """Against a policy as fast as the control, which sends each action those ticks later."""
+    name, seconds = "fbid_gym/QuadrupedWalk-v0", (ticks / 250, ticks / 250)
+    steering = {"action_layer": layer, "layer_options": {"footholds": True}}
+    late = gym.make(name, **steering, randomisation={"action_delay": seconds})
+    fast = gym.make(name, **steering, policy_hz=250)
+    late.reset(seed=4)
+    fast.reset(seed=4)
+    actions = 0.2 * rng.uniform(-1.0, 1.0, (8, *late.action_space.shape)).astype(np.float32)
+    sent = np.concatenate([np.zeros_like(actions[:1]).repeat(ticks, 0), actions.repeat(5, 0)])
+    for step, action in enumerate(actions):
+        late.step(action)
+        for tick in range(5):
+            fast.step(sent[5 * step + tick])
+        for field in ("qpos", "qvel"):
+            ours, theirs = (getattr(env.unwrapped.batch.simulation, field) for env in (late, fast))
+            np.testing.assert_allclose(ours, theirs, atol=1e-9)
+
+
+def test_delays_are_drawn_for_each_episode_and_begin_anew(rng):
+    env, batch = build("fbid_gym/QuadrupedBalance-v0", {"action_delay": (0.01, 0.05)}, num_envs=40)
+    first = batch.state_dict()
+    assert (first["delay.ticks"] == np.round(500 * first["plant.action_delay"])).all()
+    assert first["delay.ticks"].min() >= 5 and first["delay.ticks"].max() <= 25
+    assert len(np.unique(first["delay.ticks"])) > 10
+    env.step(rng.uniform(-1.0, 1.0, env.action_space.shape))
+    assert batch.state_dict()["delay.action"].any()
+    env.reset()
+    again = batch.state_dict()
+    assert not again["delay.action"].any()
+    assert (again["delay.ticks"] != first["delay.ticks"]).any()
 
 
 def test_a_wrong_model_changes_the_torques_of_model_based_layers_only():

@@ -106,6 +106,8 @@ ARGUMENTS = [
     ({"push_force": "12"}, "Invalid push_force: '12'. Expected a pair"),
     ({"push_force": (1, 2, 3)}, r"Invalid push_force: \(1, 2, 3\). Expected a pair"),
     ({"push_force": (0, np.nan)}, r"Invalid push_force: \(0, nan\). Expected a pair"),
+    ({"push_velocity": 0.5}, r"Invalid push_velocity: 0.5. Expected a pair \(least, most\)"),
+    ({"push_velocity": (-0.5, 0.5)}, r"push_velocity: \(-0.5, 0.5\). Expected a pair 0 <= least"),
     ({"push_duration": 0.0001}, "push_duration: 0.0001. Expected a time of at least 0.002 s"),
     ({"push_duration": None}, "Invalid push_duration: None. Expected a time"),
     ({"push_interval": (0.1, 1.0)}, "push_interval: .*Expected at least push_duration = 0.15 s"),
@@ -123,6 +125,15 @@ ARGUMENTS = [
     ({"randomisation": {"com": -0.1}}, "randomisation com: -0.1. Expected a length >= 0 m"),
     ({"randomisation": {"friction": 0.5}}, "randomisation friction: 0.5. Expected a pair"),
     ({"randomisation": {"friction": (0, 1)}}, "randomisation friction: .*a pair 0 < least"),
+    ({"randomisation": {"motor_strength": 0.9}}, "randomisation motor_strength: 0.9. .*a pair"),
+    ({"randomisation": {"motor_strength": (1.2, 0.8)}}, "motor_strength: .*a pair 0 < least <="),
+    ({"randomisation": {"action_delay": 0.02}}, "randomisation action_delay: 0.02. .*a pair"),
+    (
+        {"randomisation": {"action_delay": (-0.01, 0.02)}},
+        r"action_delay: \(-0.01, 0.02\). Expected a pair 0 <= least <= most <= 1 of s",
+    ),
+    ({"randomisation": {"action_delay": (0.0, 2.0)}}, "action_delay: .*most <= 1 of s"),
+    ({"randomisation": {"action_delay": (0.0, np.nan)}}, "action_delay: .*a pair"),
 ]
 
 

@@ -16,10 +16,14 @@ ARGUMENTS = {"action_layer": "torque", "push_interval": (0.15, 0.25), "episode_s
 )
 @pytest.mark.parametrize("rates", [{}, {"physics_hz": 500, "control_hz": 250, "policy_hz": 50}])
 def test_a_push_in_flight_changes_momentum_by_force_times_duration(name, rates):
-    """Without gravity and far above the ground nothing else acts on the robot."""
+    """Without gravity and far above the ground nothing else acts on the robot.
+
+    A jump of the base's velocity takes the whole robot along.
+    """
     # Gentle pushes: a robot turned over would be reset.
     weight = load(ENVIRONMENTS[name]["robot"]).weight
     arguments = ARGUMENTS | rates | {"push_force": (0.01 * weight, 0.1 * weight)}
+    arguments["push_velocity"] = (0.02, 0.1)
     env = gym.make_vec(name, num_envs=3, **arguments)
     env.reset(seed=1)
     batch = env.chunks.batches[0]
@@ -36,15 +40,19 @@ def test_a_push_in_flight_changes_momentum_by_force_times_duration(name, rates):
     action = np.tile(-batch.layer.hold / robot.torque_limit, (3, 1))
     momentum = np.zeros((3, 3))
     for step in range(40):
-        assert not env.step(action)[2].any()
+        _, _, terminated, _, info = env.step(action)
+        assert not terminated.any()
         before, momentum = momentum, robot.mass * simulation.terms().com_velocity
         # The force times the ticks of this step during which some push was on. Not to the bit:
         # time is discrete.
-        expected = np.zeros((3, 3))
+        expected, jumped = np.zeros((2, 3, 3))
         for tick in range(step * batch.rates.ticks, (step + 1) * batch.rates.ticks):
             since = tick - plan["push_start"]
             on = (since >= 0) & (since < round(0.15 * hz))
             expected += (on[..., None] * plan["push_force"]).sum(axis=1) / hz
+            jumped += ((since == 0)[..., None] * plan["push_velocity"]).sum(axis=1)
+        np.testing.assert_allclose(info["push_velocity"], jumped, atol=1e-15)
+        expected += robot.mass * jumped
         np.testing.assert_allclose(momentum - before, expected, atol=5e-5 * robot.weight)
     assert np.abs(momentum).max() > 0.05 * robot.weight * 0.15
 

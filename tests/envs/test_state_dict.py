@@ -9,7 +9,14 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
 
 BIPED, QUADRUPED, *OTHERS = ENVIRONMENTS
-RANDOM = {"mass": 0.2, "com": 0.01, "friction": (0.5, 1.0), "model_mass": 0.1}
+RANDOM = {
+    "mass": 0.2,
+    "com": 0.01,
+    "friction": (0.5, 1.0),
+    "motor_strength": (0.8, 1.2),
+    "action_delay": (0.0, 0.05),
+    "model_mass": 0.1,
+}
 CASES = [
     *((name, layer, None) for name in (BIPED, QUADRUPED) for layer in LAYERS),
     *((name, layer, None) for name in OTHERS for layer in ("joint_position", "com_wrench")),
@@ -21,7 +28,12 @@ CASES = [
     ),
     (QUADRUPED, "joint_acceleration", {"contact_limits": "none"}),
 ]
-ARGUMENTS = {"episode_seconds": 0.3, "push_duration": 0.05, "push_interval": (0.1, 0.2)}
+ARGUMENTS = {
+    "episode_seconds": 0.3,
+    "push_duration": 0.05,
+    "push_interval": (0.1, 0.2),
+    "push_velocity": (0.0, 0.2),
+}
 
 
 def assert_same_steps(ours, theirs, rng, steps):

@@ -10,6 +10,7 @@ from fbid_gym.motions.gait.joints import legs_of
 from fbid_gym.robots import Robot
 
 QUADRUPED, BIPED = "fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0"
+TERRAIN = "fbid_gym/QuadrupedTerrain-v0"
 
 
 @pytest.mark.parametrize(
@@ -24,6 +25,16 @@ QUADRUPED, BIPED = "fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0"
         (QUADRUPED, {"turning_range": 0.3}, "turning_range: .*pair"),
         (QUADRUPED, {"turning_range": (0.0, np.nan)}, "turning_range"),
         (QUADRUPED, {"command_interval": (0.0, 1.0)}, "command_interval: .*a pair 0.1 <= least"),
+        (
+            QUADRUPED,
+            {"command_interval": (5.0, 2.0)},
+            r"command_interval: \(5.0, 2.0\). .*least <=",
+        ),
+        (QUADRUPED, {"command_interval": 3.0}, "command_interval: 3.0. Expected a pair"),
+        (QUADRUPED, {"forward_range": "fast"}, "forward_range: 'fast'. Expected a pair"),
+        (QUADRUPED, {"height_scan": "yes"}, "height_scan: 'yes'. Expected True or False"),
+        (TERRAIN, {"terrain": "lava"}, "terrain 'lava'. Valid choices: flat, .*slopes, .*stairs"),
+        (TERRAIN, {"difficulty": 2.0}, "difficulty: 2.0. Expected a number from 0 to 1"),
         (QUADRUPED, {"friction_cone": "round"}, "friction_cone 'round'. .*elliptic, pyramidal"),
         (QUADRUPED, {"solver_iterations": 0}, "solver_iterations: 0"),
         (QUADRUPED, {"solver_warm_start": 2}, "solver_warm_start: 2"),
@@ -85,11 +96,16 @@ def planar(tmp_path):
 def test_a_gait_for_a_robot_with_too_few_feet(planar):
     with pytest.raises(RobotError, match="has 3 feet: .*Expected four to walk on"):
         gait_of(planar(["fl", "fr", "hl"]), 250)
+    for names in (["fl"], ["fl", "fr", "hl"]):
+        with pytest.raises(RobotError, match=f"has {len(names)} feet: .*Expected four to walk on"):
+            gym.make(QUADRUPED, robot=planar(names))
 
 
 def test_feet_that_no_inverse_kinematics_places(planar):
     with pytest.raises(RobotError, match="Foot 'fl' .* hangs from 2 joints .* at least three"):
         legs_of(planar(list(PLACES)))
+    with pytest.raises(RobotError, match="Foot 'fl' .* hangs from 2 joints .* at least three"):
+        gym.make(QUADRUPED, robot=planar(list(PLACES)), action_layer="joint_position")
 
 
 def test_clipped_footholds_are_counted():

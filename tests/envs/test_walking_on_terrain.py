@@ -51,12 +51,12 @@ def test_a_fall_is_judged_from_the_ground_under_the_feet() -> None:
     simulation, body = batch.simulation, batch.task.body
     assert simulation.qpos[:, 2].min() > 2.0 * body.home_height
     outcome = batch._outcome(batch_effort(batch))
-    assert not batch.task.fallen(outcome).any()
+    assert not batch.task.body.fallen(outcome).any()
     simulation.qpos[:, 9::3] = -2.6  # knees
     simulation.qpos[:, 8::3] = 1.3  # hips
     simulation.batch.forward()
     simulation._terms = None
-    assert batch.task.fallen(batch._outcome(batch_effort(batch))).all()
+    assert batch.task.body.fallen(batch._outcome(batch_effort(batch))).all()
 
 
 def batch_effort(batch: EnvBatch) -> Effort:

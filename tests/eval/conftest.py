@@ -66,6 +66,7 @@ class StandIn(gym.Env[np.ndarray, np.ndarray]):
             "torque_rms": 10.0 + self.step_count,
             "power": 20.0 + push,
             "slip": 0.001 * self.step_count,
+            "distance": 0.1 * self.step_count,
             "termination": "fall" if fell else "",
         }
         observation = np.array([push, self.step_count, error], dtype=np.float32)

@@ -1,5 +1,7 @@
 """Pushes: drawn as promised, applied for as long as promised."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,12 +18,12 @@ def pushes():
 
 def drawn(pushes, count, seed=0):
     rng = np.random.default_rng(seed)
-    start, force = zip(*(pushes.draw(rng, SECONDS, HZ) for _ in range(count)), strict=True)
-    return np.array(start), np.array(force)
+    plans = [pushes.draw(rng, SECONDS, HZ) for _ in range(count)]
+    return {name: np.array([plan[name] for plan in plans]) for name in plans[0]}
 
 
 def test_pushes_begin_within_the_episode_and_keep_their_distance(pushes):
-    start, _ = drawn(pushes, 500)
+    start = drawn(pushes, 500)["push_start"]
     used = start < SECONDS * HZ
     assert (used.sum(axis=1) >= SECONDS // 3.0).all()
     assert (start[~used] > 1e6 * SECONDS * HZ).all()
@@ -33,8 +35,7 @@ def test_pushes_begin_within_the_episode_and_keep_their_distance(pushes):
 
 
 def test_pushes_are_horizontal_isotropic_and_of_the_given_size(pushes):
-    _, force = drawn(pushes, 1000)
-    force = force.reshape(-1, 3)
+    force = drawn(pushes, 1000)["push_force"].reshape(-1, 3)
     assert (force[:, 2] == 0.0).all()
     size = np.linalg.norm(force, axis=1)
     assert size.min() >= 20.0 and size.max() <= 100.0
@@ -48,27 +49,44 @@ def test_pushes_are_horizontal_isotropic_and_of_the_given_size(pushes):
 
 
 def test_the_same_generator_draws_the_same_pushes(pushes):
-    for first, second in zip(drawn(pushes, 3, seed=5), drawn(pushes, 3, seed=5), strict=True):
-        np.testing.assert_array_equal(first, second)
-    assert (drawn(pushes, 3, seed=5)[1] != drawn(pushes, 3, seed=6)[1]).any()
+    first, second, other = (drawn(pushes, 3, seed=seed) for seed in (5, 5, 6))
+    for name, value in first.items():
+        np.testing.assert_array_equal(value, second[name])
+    assert (first["push_force"] != other["push_force"]).any()
 
 
 def test_a_push_lasts_its_duration(pushes):
-    start, force = drawn(pushes, 4)
+    plan = drawn(pushes, 4)
     ticks = np.arange(int(SECONDS * HZ))
-    applied = pushes.at(start, force, ticks[:, None].repeat(4, axis=1), HZ)
+    applied = pushes.forces(plan, ticks[:, None].repeat(4, axis=1), HZ)
     expected = np.zeros((len(ticks), 4, 3))
     for env in range(4):
-        for first, push in zip(start[env], force[env], strict=True):
+        for first, push in zip(plan["push_start"][env], plan["push_force"][env], strict=True):
             expected[first : first + 75, env] = push
     np.testing.assert_array_equal(applied, expected)
     # One row of ticks is one instant of each robot.
-    np.testing.assert_array_equal(pushes.at(start, force, np.full(4, 900), HZ), expected[900])
+    np.testing.assert_array_equal(pushes.forces(plan, np.full(4, 900), HZ), expected[900])
+
+
+def test_a_jump_of_velocity_is_at_one_instant_and_as_strong_as_the_force(pushes):
+    plan = drawn(replace(pushes, velocity=(0.1, 0.5)), 4)
+    ticks = np.arange(int(SECONDS * HZ))
+    jumped = pushes.jumps(plan, ticks[:, None].repeat(4, axis=1))
+    expected = np.zeros((len(ticks), 4, 3))
+    for env in range(4):
+        used = plan["push_start"][env] < len(ticks)
+        expected[plan["push_start"][env][used], env] = plan["push_velocity"][env][used]
+    np.testing.assert_array_equal(jumped, expected)
+    force, jump = (plan[name].reshape(-1, 3) for name in ("push_force", "push_velocity"))
+    newtons, speed = np.linalg.norm(force, axis=1), np.linalg.norm(jump, axis=1)
+    np.testing.assert_allclose((speed - 0.1) / 0.4, (newtons - 20.0) / 80.0)
+    np.testing.assert_allclose(jump / speed[:, None], force / newtons[:, None])
 
 
 def test_no_pushes_at_all():
-    start, force = Pushes((0.0, 0.0), 0.15, (1.5, 3.0)).draw(np.random.default_rng(0), 10.0, HZ)
-    assert (force == 0.0).all() and len(start) == len(force)
+    plan = Pushes((0.0, 0.0), 0.15, (1.5, 3.0)).draw(np.random.default_rng(0), 10.0, HZ)
+    assert len(plan["push_start"]) == len(plan["push_force"]) == len(plan["push_velocity"])
+    assert not plan["push_force"].any() and not plan["push_velocity"].any()
 
 
 @pytest.mark.parametrize(
@@ -81,6 +99,7 @@ def test_no_pushes_at_all():
         ({"force": (-1.0, 20.0)}, "Invalid push_force"),
         ({"force": (0.0, np.inf)}, "Invalid push_force"),
         ({"interval": (3.0, 1.0)}, "Invalid push_interval"),
+        ({"velocity": (0.5, 0.1)}, r"Invalid push_velocity: \(0.5, 0.1\). Expected a pair 0 <="),
         ({"interval": (0.1, 1.0)}, r"push_interval: \(0.1, 1.0\). Expected at least push_duration"),
         ({"duration": 0.0}, "Invalid push_duration: 0.0. Expected a positive time"),
         ({"duration": np.nan}, "Invalid push_duration: nan"),

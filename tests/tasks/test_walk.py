@@ -9,13 +9,14 @@ from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.tasks.walk import REWARD_WEIGHTS
 
 NUM_ENVS = 3
+WALK = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"]
 
 
 @pytest.fixture(scope="module")
 def batch() -> EnvBatch:
     """Robots on their way, with a random action: nothing is zero."""
     arguments = {"action_layer": "torque", "command_interval": (0.1, 0.1)}
-    made = EnvBatch(EnvConfig.of(ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"] | arguments), NUM_ENVS)
+    made = EnvBatch(EnvConfig.of(WALK | arguments), NUM_ENVS)
     for env in range(NUM_ENVS):
         made.seed(env, np.random.default_rng(env))
     made.reset(np.arange(NUM_ENVS))
@@ -136,3 +137,49 @@ def test_rewards_are_their_formulas(batch, step):
         weight = getattr(REWARD_WEIGHTS, name)
         np.testing.assert_allclose(info[f"reward_{name}"], weight * share, err_msg=name)
     np.testing.assert_allclose(step.reward, sum(info[f"reward_{name}"] for name in said))
+
+
+def walking(**arguments):
+    """Robots that walk by the zero action, and that action."""
+    given = {"action_layer": "base_acceleration", "forward_range": (0.3, 0.3)}
+    made = EnvBatch(EnvConfig.of(WALK | given | arguments), NUM_ENVS)
+    for env in range(NUM_ENVS):
+        made.seed(env, np.random.default_rng(env))
+    made.reset(np.arange(NUM_ENVS))
+    return made, np.zeros((NUM_ENVS, len(made.action_names)))
+
+
+def test_distance_and_cost_of_transport_are_those_of_the_episode():
+    batch, action = walking()
+    distance, energy = np.zeros((2, NUM_ENVS))
+    weight, size = batch.robot.weight, batch.task.body.stance.home_com[2]
+    shares = []
+    for _ in range(60):
+        info = batch.step(action).info
+        distance += info["speed"] / batch.rates.policy
+        energy += info["power"] / batch.rates.policy
+        cost = energy / (weight * np.maximum(distance, size))
+        np.testing.assert_allclose(info["distance"], distance)
+        np.testing.assert_allclose(info["cost_of_transport"], cost)
+        shares.append(distance / size)
+    assert np.min(shares) < 1.0 < np.max(shares)  # both sides of the bound were there
+    batch.reset(np.array([1]))
+    info = batch.step(action).info
+    assert info["distance"][1] < 0.1 * distance[1] and (info["distance"][::2] > distance[::2]).all()
+
+
+def test_the_foothold_error_is_how_far_off_feet_land():
+    """A policy step as long as a control tick shows every touchdown."""
+    batch, action = walking(policy_hz=250, command_interval=(0.3, 0.3))
+    missed, landed = np.zeros(NUM_ENVS), np.zeros(NUM_ENVS, int)
+    for _ in range(250):
+        foot = batch.simulation.terms().foot_position[:, :, :2].copy()
+        told = {k.removeprefix("planned.seen_"): v for k, v in batch.state_dict().items()}
+        info = batch.step(action).info
+        now = batch.state_dict()["planned.seen_planted"]
+        down = now & ~told["planted"]
+        gap = np.linalg.norm(foot - told["foothold"][:, :, :2], axis=2)
+        missed, landed = missed + (gap * down).sum(axis=1), landed + down.sum(axis=1)
+        np.testing.assert_allclose(info["foothold_error"], missed / np.maximum(landed, 1))
+    assert landed.min() > 2 and 0.0 < info["foothold_error"].min()
+    assert info["foothold_error"].max() < 0.3 * batch.task.body.stance.home_com[2]

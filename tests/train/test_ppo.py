@@ -89,6 +89,7 @@ def test_run_folder_is_complete(straight):
     assert list(evaluations[0]) == [
         *("steps", "wall_seconds", "episodes", "return_mean", "return_std", "return_q25"),
         *("return_q75", "length_mean", "survival", "velocity_error"),
+        *("turning_error", "slip", "cost_of_transport"),
     ]
 
 

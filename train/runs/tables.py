@@ -14,7 +14,7 @@ PROGRESS = ("steps", "wall_seconds", "fps", "return_mean", "length_mean")
 
 EVALUATIONS = (
     "steps", "wall_seconds", "episodes", "return_mean", "return_std", "return_q25", "return_q75",
-    "length_mean", "survival", "velocity_error",
+    "length_mean", "survival", "velocity_error", "turning_error", "slip", "cost_of_transport",
 )  # fmt: skip
 """Columns of `evaluations.csv`."""
 
