@@ -7,7 +7,7 @@ import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
-from fbid_gym.motions.gait.point_feet import PointFootGait
+from fbid_gym.motions.gait.point_gait import PointFootGait
 from fbid_gym.motions.gait.schedule import schedule_of
 from fbid_gym.robots import Robot
 

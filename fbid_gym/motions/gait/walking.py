@@ -1,4 +1,4 @@
-"""What a gait on two flat feet is made of, what it remembers and what it asks for."""
+"""What a gait on two flat feet is made of, and what it remembers."""
 
 from typing import NamedTuple
 
@@ -67,7 +67,7 @@ class GaitMemory(NamedTuple):
         hurry: (N,) times as fast as planned that the foot swings.
         xi: (N, 2) m, when the feet that stand last changed.
         begun: (N, 2) m, centre of pressure then.
-        pressure: (N, 2) m, that of the last tick.
+        pressure: (N, 2) m, that of the last tick: what `GaitTarget.com_acceleration` does.
         lifted: (N, 3) m, where the foot in the air left the ground.
         lifted_heading: (N,) rad that it had then.
     """
@@ -88,46 +88,8 @@ class GaitMemory(NamedTuple):
     lifted_heading: np.ndarray
 
 
-class GaitTarget(NamedTuple):
-    """What the robots shall do now; world axes.
-
-    Attributes:
-        planted: (N, 2) bool, feet that shall stand. For these the following four say where they
-            are, at rest.
-        foot_position: (N, 2, 3) m.
-        world_from_foot: (N, 2, 3, 3) world from foot.
-        foot_velocity: (N, 2, 6) m/s, rad/s.
-        foot_acceleration: (N, 2, 6) m/s^2, rad/s^2.
-        pressure: (N, 2) m, centre of pressure.
-        com_acceleration: (N, 2) m/s^2, horizontal, of the centre of mass: what `pressure` does.
-        heading: (N,) rad, of the body.
-        turning: (N,) rad/s, of the heading.
-        height: (N,) m, of the base, world.
-        ground: (N,) m, height of the ground under the feet that stand.
-        foothold: (N, 3) m, where the foot in the air shall land; that of the carrier otherwise.
-        clipped: (N,) bool, the foothold would have to be farther away than a leg reaches, or
-            across the other foot.
-        cycle: (N,) share of the cycle of two steps that has passed, 0 while standing.
-    """
-
-    planted: np.ndarray
-    foot_position: np.ndarray
-    world_from_foot: np.ndarray
-    foot_velocity: np.ndarray
-    foot_acceleration: np.ndarray
-    pressure: np.ndarray
-    com_acceleration: np.ndarray
-    heading: np.ndarray
-    turning: np.ndarray
-    height: np.ndarray
-    ground: np.ndarray
-    foothold: np.ndarray
-    clipped: np.ndarray
-    cycle: np.ndarray
-
-
-def standing(heading: np.ndarray) -> GaitMemory:
-    """Return the memory of robots that stand, with headings (N,) rad."""
+def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
+    """Return the memory of robots that stand, with headings (N,) rad and feet at (N, 2, 3) m."""
     count = len(heading)
     flat = np.zeros((5, count, 2))
     return GaitMemory(

@@ -9,12 +9,8 @@ import pytest
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import GaitCommand, no_command
-from fbid_gym.motions.gait.point_feet import (
-    GaitMemory,
-    PointFootGait,
-    standing,
-    walk,
-)
+from fbid_gym.motions.gait.point_feet import walk
+from fbid_gym.motions.gait.point_gait import GaitMemory, PointFootGait, standing
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms
