@@ -9,6 +9,7 @@ _DOCS = Path(__file__).resolve().parents[1] / "docs"
 BENCHMARK_PAGE = _DOCS / "benchmark.md"
 PAPERS_PAGE = _DOCS / "papers.md"
 WALKING_PAGE = _DOCS / "walking.md"
+RATES_PAGE = _DOCS / "rates.md"
 
 START, END = "<!-- tables: written by the command above -->", "<!-- end of tables -->"
 
