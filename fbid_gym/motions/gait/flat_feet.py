@@ -29,6 +29,7 @@ from fbid_gym.motions.gait.divergent import (
 )
 from fbid_gym.motions.gait.heading import Pair, along, axes_of, in_world, turned_on, wrapped
 from fbid_gym.motions.gait.hull import nearest_in_hull
+from fbid_gym.motions.gait.slope import Plane, feel_ground, height_on
 from fbid_gym.motions.gait.swing import lift_and_land, rise
 from fbid_gym.motions.gait.target import GaitTarget, standing_target
 from fbid_gym.motions.gait.touchdown import load_on
@@ -84,11 +85,14 @@ def walk(
         now = _Now(i, timing, axes, xi)
         _change_phase(gait, now, command, terms, contact_force, memory)
         error = _balance(gait, now, terms, points, memory, target)
+        plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
+        base = terms.base_position[i]
+        target.height[i] = height_on(plane, base[0], base[1]) + gait.height
         velocity = (0.0, 0.0, 0.0)
         if memory.phase[i] != STAND:
             velocity = (command.velocity[i, 0], command.velocity[i, 1], command.velocity[i, 2])
         if memory.phase[i] == SWING:
-            _find_foothold(gait, now, command, terms, error, memory, target)
+            _find_foothold(gait, now, command, plane, error, memory, target)
             _swing(gait, timing, velocity[2], memory, target, i)
         x, y = in_world(axes, velocity[0], velocity[1])
         target.velocity[i, 0], target.velocity[i, 1] = x, y
@@ -227,13 +231,13 @@ def _balance(
         else:
             error_y, wanted_y = error, wanted
 
-    ground, most, corners = 0.0, 0, 0
+    corners = 0
     for foot in range(2):
         target.planted[i, foot] = phase != SWING or foot == carrier
         target.load[i, foot] = 1.0 if target.planted[i, foot] else 0.0
         if target.planted[i, foot]:
-            ground += feet[foot, 2]
-            most += 1
+            for axis in range(3):
+                memory.touched[i, foot, axis] = feet[foot, axis]
     for point in range(len(gait.points)):
         foot = gait.foot_of_point[point]
         if target.planted[i, foot]:
@@ -245,7 +249,6 @@ def _balance(
     for axis in range(2):
         memory.pressure[i, axis] = pressure[axis]
         target.com_acceleration[i, axis] = gait.omega**2 * (terms.com[i, axis] - pressure[axis])
-    target.height[i] = ground / most + gait.height
     return along(axes, error_x, error_y)
 
 
@@ -254,7 +257,7 @@ def _find_foothold(
     gait: FlatFootGait,
     now: _Now,
     command: GaitCommand,
-    terms: DynamicsTerms,
+    plane: Plane,
     error: Pair,
     memory: GaitMemory,
     target: GaitTarget,
@@ -262,7 +265,7 @@ def _find_foothold(
     """Where the foot in the air shall land."""
     i, timing, axes, xi = now
     foot = 1 - memory.carrier[i]
-    stands, foothold = terms.foot_position[i, memory.carrier[i]], target.foothold[i, foot]
+    stands, foothold = memory.touched[i, memory.carrier[i]], target.foothold[i, foot]
     # Of s left, those of the pace that it has had.
     left = max(timing.single - memory.progress[i], 0.0) / memory.hurry[i]
     grown = math.exp(gait.omega * left)
@@ -284,7 +287,7 @@ def _find_foothold(
     x, y = in_world(axes, near_x, gait.left[foot] * near)
     foothold[0], foothold[1] = stands[0] + x, stands[1] + y
     ground = command.ground[i, foot]
-    foothold[2] = stands[2] if math.isnan(ground) else ground
+    foothold[2] = height_on(plane, foothold[0], foothold[1]) if math.isnan(ground) else ground
 
 
 @compiled

@@ -10,6 +10,7 @@ from fbid_gym.motions.gait.footholds import Leap, point_ahead, within_reach
 from fbid_gym.motions.gait.heading import turned
 from fbid_gym.motions.gait.lifting import Step
 from fbid_gym.motions.gait.point_gait import GaitMemory, PointFootGait
+from fbid_gym.motions.gait.slope import Plane, height_on
 from fbid_gym.motions.gait.swing import Motion, across, below, over
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.motions.gait.touchdown import SWING
@@ -21,6 +22,7 @@ def swing_or_reach(
     gait: PointFootGait,
     command: GaitCommand,
     terms: DynamicsTerms,
+    plane: Plane,
     step: Step,
     tick: float,
     memory: GaitMemory,
@@ -31,7 +33,7 @@ def swing_or_reach(
     if step.mode == SWING:
         if step.begins:
             _begin(terms.foot_position, memory, i, foot)
-        _find_foothold(gait, command, terms, step, memory, target)
+        _find_foothold(gait, command, terms, plane, step, memory, target)
         for axis in range(2):
             end = target.foothold[i, foot, axis]
             way = across(step.share, step.span, memory.begun[i, foot, axis], end)
@@ -41,7 +43,7 @@ def swing_or_reach(
         _aim(height, target, i, foot, 2)
         return
     if step.begins:
-        _find_foothold(gait, command, terms, step, memory, target)
+        _find_foothold(gait, command, terms, plane, step, memory, target)
         _begin(target.foothold, memory, i, foot)
         memory.clock[i, foot] = 0.0
     memory.clock[i, foot] += tick
@@ -71,6 +73,7 @@ def _find_foothold(
     gait: PointFootGait,
     command: GaitCommand,
     terms: DynamicsTerms,
+    plane: Plane,
     step: Step,
     memory: GaitMemory,
     target: GaitTarget,
@@ -94,10 +97,9 @@ def _find_foothold(
     x = base[0] + place[0] + shift[0] + point_ahead(leap, landing[0], wanted[0])
     y = base[1] + place[1] + shift[1] + point_ahead(leap, landing[1], wanted[1])
 
-    ground = command.ground[i, foot]
-    if math.isnan(ground):
-        ground = memory.ground[i]
     # Within reach when the foot lands, and, as far as that allows, until it lifts.
+    known = command.ground[i, foot]
+    ground = height_on(plane, x, y) if math.isnan(known) else known
     height = terms.base_position[i, 2] + gait.hip[foot, 2] - ground
     radius = math.sqrt(max(gait.reach[foot] ** 2 - height**2, 0.0))
     hip = turned(heading + turning * left, gait.hip[foot, 0], gait.hip[foot, 1])
@@ -108,4 +110,4 @@ def _find_foothold(
     x, y, far = within_reach(lands, radius, x, y)
     target.clipped[i, foot] = trails or far
     target.foothold[i, foot, 0], target.foothold[i, foot, 1] = x, y
-    target.foothold[i, foot, 2] = ground
+    target.foothold[i, foot, 2] = height_on(plane, x, y) if math.isnan(known) else known

@@ -4,7 +4,8 @@ A robot that is told to stand stands on all feet. It walks from the moment when 
 commanded, or when it is pushed so far that it has to step, until it is told to stand, has come to
 rest and has its feet below it. Each foot unloads before it lifts and takes up load after it lands,
 the commanded velocity changes at a limited rate, and a foot lifts from where it is: nothing that is
-planned here jumps but at a touchdown that comes early or late.
+planned here jumps but at a touchdown that comes early or late. The ground is taken to be the plane
+through the places where the feet last stood, unless the command knows better.
 """
 
 import numpy as np
@@ -15,6 +16,7 @@ from fbid_gym.motions.gait.heading import turned, turned_on
 from fbid_gym.motions.gait.landing import swing_or_reach
 from fbid_gym.motions.gait.lifting import all_stand, lift_or_land, start_or_stop, tell_time
 from fbid_gym.motions.gait.point_gait import GaitMemory, PointFootGait
+from fbid_gym.motions.gait.slope import feel_ground, height_on
 from fbid_gym.motions.gait.target import GaitTarget, standing_target
 from fbid_gym.motions.gait.touchdown import STANCE, load_on
 from fbid_gym.quantities import DynamicsTerms
@@ -47,6 +49,7 @@ def walk(
             touches[foot] = load > gait.touch
         _follow(gait, command, terms, tick, memory, i)
         _stand_on(terms, touches, middle, memory, i)
+        plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
         start_or_stop(gait, command, terms, middle, memory, i)
         tell_time(gait, command, tick, memory, i)
         for foot in range(feet):
@@ -54,9 +57,10 @@ def walk(
             target.planted[i, foot] = step.mode == STANCE
             target.load[i, foot] = memory.load[i, foot]
             if step.mode != STANCE:
-                swing_or_reach(gait, command, terms, step, tick, memory, target)
+                swing_or_reach(gait, command, terms, plane, step, tick, memory, target)
         _lean(gait, terms, middle, tick, memory, target, i)
-        target.height[i] = memory.ground[i] + gait.height
+        base = terms.base_position[i]
+        target.height[i] = height_on(plane, base[0], base[1]) + gait.height
         target.cycle[i] = memory.phase[i]
     return target
 
@@ -83,23 +87,21 @@ def _follow(
 def _stand_on(
     terms: DynamicsTerms, touches: np.ndarray, middle: np.ndarray, memory: GaitMemory, i: int
 ) -> None:
-    """Find the middle of the feet that stand, and the ground below those that carry weight."""
+    """Find the middle of the feet that stand, and note where those are that carry weight."""
     middle[:] = 0.0
-    ground, planted, carrying = 0.0, 0, 0
+    planted = 0
     for foot in range(len(touches)):
         if memory.mode[i, foot] == STANCE:
             planted += 1
             for axis in range(2):
                 middle[axis] += terms.foot_position[i, foot, axis]
             if touches[foot]:
-                carrying += 1
-                ground += terms.foot_position[i, foot, 2]
+                for axis in range(3):
+                    memory.touched[i, foot, axis] = terms.foot_position[i, foot, axis]
     if planted > 0:
         middle /= planted
     else:
         middle[:] = terms.com[i, :2]
-    if carrying > 0:
-        memory.ground[i] = ground / carrying
 
 
 @compiled

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.motions.gait.schedule import Schedule
+from fbid_gym.motions.gait.slope import Sense, level_moments
 from fbid_gym.motions.gait.touchdown import STANCE
 
 
@@ -13,6 +14,7 @@ class PointFootGait(NamedTuple):
 
     Attributes:
         schedule: of the feet.
+        sense: of the ground.
         omega: 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass).
         capture: share of an error of velocity that one step takes away.
         tracking: 1/s, rate at which the feet that stand take away errors of velocity.
@@ -22,7 +24,7 @@ class PointFootGait(NamedTuple):
         astray: m between feet and their places below which a robot may stand still.
         margin: m, distance of the capture point from the middle of the feet at which a robot that
             stands has to step.
-        height: m, of the base above the ground.
+        height: m, of the base above the ground below it.
         lift: m that a foot is lifted above the higher end of its step.
         sink: m/s with which a foot reaches for the ground.
         touch: N on a foot that count as contact.
@@ -34,6 +36,7 @@ class PointFootGait(NamedTuple):
     """
 
     schedule: Schedule
+    sense: Sense
     omega: float
     capture: float
     tracking: float
@@ -62,7 +65,8 @@ class GaitMemory(NamedTuple):
         settled: (N,) share to which a robot that stands is held over its feet.
         velocity: (N, 3) m/s, m/s, rad/s: the command as it is followed.
         heading: (N,) rad, integral of the rate that is followed.
-        ground: (N,) m, height of the ground on which the robot stands.
+        touched: (N, F, 3) m, where each foot stands or last stood.
+        moments: (N, 5) m^2, of these places, see `slope.feel_ground`.
         mode: (N, F) int64, what each foot is doing: `STANCE`, `SWING` or `REACH`.
         clock: (N, F) s since a foot has begun to reach.
         begun: (N, F, 3) m, where a foot lifted, or began to reach.
@@ -74,7 +78,8 @@ class GaitMemory(NamedTuple):
     settled: np.ndarray
     velocity: np.ndarray
     heading: np.ndarray
-    ground: np.ndarray
+    touched: np.ndarray
+    moments: np.ndarray
     mode: np.ndarray
     clock: np.ndarray
     begun: np.ndarray
@@ -82,7 +87,10 @@ class GaitMemory(NamedTuple):
 
 
 def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
-    """Return the memory of robots that stand, with headings (N,) rad and feet at (N, F, 3) m."""
+    """Return the memory of robots that stand, with headings (N,) rad and feet at (N, F, 3) m.
+
+    The ground below them is taken to be level until they have stood on it for a while.
+    """
     feet = foot_position.shape[:2]
     return GaitMemory(
         phase=np.zeros(len(heading)),
@@ -90,7 +98,8 @@ def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
         settled=np.ones(len(heading)),
         velocity=np.zeros((len(heading), 3)),
         heading=np.array(heading, dtype=float),
-        ground=foot_position[:, :, 2].mean(axis=1),
+        touched=np.array(foot_position, dtype=float),
+        moments=level_moments(foot_position),
         mode=np.full(feet, STANCE),
         clock=np.zeros(feet),
         begun=np.array(foot_position, dtype=float),

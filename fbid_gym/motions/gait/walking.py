@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.motions.gait.slope import Sense, level_moments
+
 STAND, DOUBLE, SWING = 0, 1, 2
 """Phases: on both feet; on the way to the foot that will carry; the other one in the air."""
 
@@ -12,12 +14,13 @@ class FlatFootGait(NamedTuple):
     """How a robot walks; constants, of which `biped_gait` makes those of a robot.
 
     Attributes:
+        sense: of the ground.
         omega: 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass).
         single: s in single support.
         double: s in double support.
         settle: s in which a robot that stands shifts its weight.
         gain: of the centre of pressure on errors of xi, which decay with gain * omega.
-        height: m, of the base above the ground.
+        height: m, of the base above the ground below it.
         width: m between the feet.
         least_apart: m between the feet, sideways.
         most_apart: m between the feet, sideways.
@@ -32,6 +35,7 @@ class FlatFootGait(NamedTuple):
         level: (2, 3, 3) rotations of the feet when the robot stands with heading 0.
     """
 
+    sense: Sense
     omega: float
     single: float
     double: float
@@ -68,6 +72,8 @@ class GaitMemory(NamedTuple):
         xi: (N, 2) m, when the feet that stand last changed.
         begun: (N, 2) m, centre of pressure then.
         pressure: (N, 2) m, that of the last tick: what `GaitTarget.com_acceleration` does.
+        touched: (N, 2, 3) m, where each foot stands or last stood.
+        moments: (N, 5) m^2, of these places, see `slope.feel_ground`.
         lifted: (N, 3) m, where the foot in the air left the ground.
         lifted_heading: (N,) rad that it had then.
     """
@@ -84,12 +90,17 @@ class GaitMemory(NamedTuple):
     xi: np.ndarray
     begun: np.ndarray
     pressure: np.ndarray
+    touched: np.ndarray
+    moments: np.ndarray
     lifted: np.ndarray
     lifted_heading: np.ndarray
 
 
 def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
-    """Return the memory of robots that stand, with headings (N,) rad and feet at (N, 2, 3) m."""
+    """Return the memory of robots that stand, with headings (N,) rad and feet at (N, 2, 3) m.
+
+    The ground below them is taken to be level until they have stood on it for a while.
+    """
     count = len(heading)
     flat = np.zeros((5, count, 2))
     return GaitMemory(
@@ -105,6 +116,8 @@ def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
         xi=flat[1],
         begun=flat[2],
         pressure=flat[3],
+        touched=np.array(foot_position, dtype=float),
+        moments=level_moments(foot_position),
         lifted=np.zeros((count, 3)),
         lifted_heading=np.zeros(count),
     )

@@ -246,6 +246,7 @@ def test_a_robot_four_times_as_long_walks_half_as_fast(gait: FlatFootGait) -> No
     lengths = ("height", "width", "least_apart", "most_apart", "longest", "lift", "sole", "points")
     times = ("single", "double", "settle")
     large = gait._replace(
+        sense=gait.sense._replace(time=2.0 * gait.sense.time, level=16.0 * gait.sense.level),
         omega=gait.omega / 2.0,
         sink=2.0 * gait.sink,
         **{name: 4.0 * getattr(gait, name) for name in lengths},
