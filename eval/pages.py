@@ -9,6 +9,7 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 BENCHMARK_PAGE = DOCS / "benchmark.md"
 PAPERS_PAGE = DOCS / "papers.md"
 WALKING_PAGE = DOCS / "walking.md"
+RATES_PAGE = DOCS / "rates.md"
 
 START, END = "<!-- tables: written by the command above -->", "<!-- end of tables -->"
 

@@ -6,7 +6,7 @@ All layers and gaits meet the same commands and pushes.
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import tyro
@@ -84,14 +84,15 @@ def trials(config: WalkingConfig) -> list[Trial]:
     return [Trial(robot, gait, layer) for robot, gait in walks for layer in config.layers]
 
 
-def walk(trial: Trial, config: WalkingConfig) -> Walked:
-    """Walk, and measure."""
+def walk(trial: Trial, config: WalkingConfig, **others: Any) -> Walked:
+    """Walk, and measure; `others` are arguments of the environment that differ from its own."""
     arguments = ENVIRONMENTS[ROBOTS[trial.robot][0]] | {
         "robot": trial.robot,
         "gait": trial.gait,
         "action_layer": trial.layer,
         "episode_seconds": config.seconds,
         "push_force": (config.push, config.push),
+        **others,
     }
     batch = EnvBatch(EnvConfig.of(arguments), config.episodes)
     for env in range(config.episodes):

@@ -4,7 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from eval.pages import BENCHMARK_PAGE, END, PAPERS_PAGE, START, WALKING_PAGE, splice, spliced
+from eval.pages import (
+    BENCHMARK_PAGE,
+    END,
+    PAPERS_PAGE,
+    RATES_PAGE,
+    START,
+    WALKING_PAGE,
+    splice,
+    spliced,
+)
 from eval.papers.page import Paper, Section
 from eval.papers.parts import Finding, judged
 from eval.papers.summary import summary
@@ -33,7 +42,7 @@ def test_a_page_that_is_not_there_is_named(tmp_path: Path) -> None:
         spliced(tmp_path / "missing.md", "new")
 
 
-@pytest.mark.parametrize("page", [BENCHMARK_PAGE, PAPERS_PAGE, WALKING_PAGE])
+@pytest.mark.parametrize("page", [BENCHMARK_PAGE, PAPERS_PAGE, RATES_PAGE, WALKING_PAGE])
 def test_the_pages_have_the_marks(page: Path) -> None:
     assert "tables" in spliced(page, "tables")
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.slope import Sense
 from fbid_gym.motions.gait.walking import FlatFootGait
 from fbid_gym.robots import Robot
 
@@ -22,6 +23,7 @@ _SOLE = 0.8  # of the sole, for the centre of pressure
 _LONGEST = 0.6
 _WIDEST = 0.35  # of the leg, beyond the width
 _GAP = 0.01  # of the leg, between soles side by side
+_LEVEL = 0.02  # of the mean square distance of the feet from their middle
 _LOWER = 0.04  # of the leg, by which a walking robot's base is lower than at home
 
 
@@ -57,6 +59,7 @@ def biped_gait(robot: Robot) -> FlatFootGait:
     omega = math.sqrt(gravity / (home.com[0, 2] - ground - _LOWER * leg))
     period = _PERIOD / omega
     return FlatFootGait(
+        sense=Sense(2.0 * period, _LEVEL * (0.5 * float(width)) ** 2),
         omega=omega,
         single=(1.0 - _DOUBLE) * period,
         double=_DOUBLE * period,

@@ -27,25 +27,25 @@ from fbid_gym.motions.gait.divergent import (
     stride_to_catch,
     transfer,
 )
+from fbid_gym.motions.gait.heading import Pair, along, axes_of, in_world, turned_on, wrapped
 from fbid_gym.motions.gait.hull import nearest_in_hull
+from fbid_gym.motions.gait.slope import Plane, feel_ground, height_on
 from fbid_gym.motions.gait.swing import lift_and_land, rise
+from fbid_gym.motions.gait.target import GaitTarget, standing_target
+from fbid_gym.motions.gait.touchdown import load_on
 from fbid_gym.motions.gait.walking import (
     DOUBLE,
     STAND,
     SWING,
     FlatFootGait,
     GaitMemory,
-    GaitTarget,
 )
 from fbid_gym.quantities import DynamicsTerms
 
-_LOST_HEADING = 0.3  # rad that the robot may be turned from its heading before that follows
 _EARLIEST = 0.6  # share of a swing before which a loaded foot has not left the ground yet
 _ARRIVED = 0.95  # share of a swing at which the foot is above its foothold
 _FASTEST = 2.0  # times as fast as planned that a foot hurries to a foothold out of reach
 _BESIDE = 0.15  # of the sole's length, or of the width: feet that stand beside each other
-
-Pair = tuple[float, float]
 
 
 @kernel
@@ -67,30 +67,12 @@ def walk(
         tick: s, of the control.
         memory: of the robots; updated.
     """
-    count = len(terms.com)
-    target = GaitTarget(
-        np.ones((count, 2), np.bool_),
-        terms.foot_position.copy(),
-        terms.world_from_foot.copy(),
-        np.zeros((count, 2, 6)),
-        np.zeros((count, 2, 6)),
-        np.empty((count, 2)),
-        np.empty((count, 2)),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty((count, 3)),
-        np.zeros(count, np.bool_),
-        np.zeros(count),
-    )
+    target = standing_target(terms)
     points = np.empty(gait.points.shape)
-    for i in range(count):
-        # cos and sin of the heading, kept near the body's.
-        body = math.atan2(terms.world_from_base[i, 1, 0], terms.world_from_base[i, 0, 0])
-        ahead = _wrapped(memory.heading[i] + command.velocity[i, 2] * tick - body)
-        memory.heading[i] = body + min(max(ahead, -_LOST_HEADING), _LOST_HEADING)
-        axes = (math.cos(memory.heading[i]), math.sin(memory.heading[i]))
+    for i in range(len(terms.com)):
+        turn = command.velocity[i, 2] * tick
+        memory.heading[i] = turned_on(memory.heading[i], turn, terms.world_from_base[i])
+        axes = axes_of(memory.heading[i])
         memory.clock[i] += tick
         memory.progress[i] += tick * memory.hurry[i]
 
@@ -103,14 +85,18 @@ def walk(
         now = _Now(i, timing, axes, xi)
         _change_phase(gait, now, command, terms, contact_force, memory)
         error = _balance(gait, now, terms, points, memory, target)
-        carrier = memory.carrier[i]
-        for axis in range(3):
-            target.foothold[i, axis] = terms.foot_position[i, carrier, axis]
+        plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
+        base = terms.base_position[i]
+        target.height[i] = height_on(plane, base[0], base[1]) + gait.height
+        velocity = (0.0, 0.0, 0.0)
+        if memory.phase[i] != STAND:
+            velocity = (command.velocity[i, 0], command.velocity[i, 1], command.velocity[i, 2])
         if memory.phase[i] == SWING:
-            _find_foothold(gait, now, command, error, memory, target)
-            _swing(gait, timing, command.velocity[i, 2], memory, target, i)
-        target.heading[i], target.turning[i] = memory.heading[i], command.velocity[i, 2]
-        target.height[i] = target.ground[i] + gait.height
+            _find_foothold(gait, now, command, plane, error, memory, target)
+            _swing(gait, timing, velocity[2], memory, target, i)
+        x, y = in_world(axes, velocity[0], velocity[1])
+        target.velocity[i, 0], target.velocity[i, 1] = x, y
+        target.heading[i], target.turning[i] = memory.heading[i], velocity[2]
         target.cycle[i] = _cycle(gait, timing, memory, i)
     return target
 
@@ -122,24 +108,6 @@ class _Now(NamedTuple):
     timing: StepTiming
     axes: Pair  # cosine and sine of its heading
     xi: Pair  # m, its divergent component
-
-
-@compiled
-def _wrapped(angle: float) -> float:
-    """The same angle in -pi … pi."""
-    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
-
-
-@compiled
-def _ahead(axes: Pair, x: float, y: float) -> Pair:
-    """A vector of the world along the heading: ahead and to the left."""
-    return axes[0] * x + axes[1] * y, -axes[1] * x + axes[0] * y
-
-
-@compiled
-def _world(axes: Pair, x: float, y: float) -> Pair:
-    """A vector along the heading in the world."""
-    return axes[0] * x - axes[1] * y, axes[1] * x + axes[0] * y
 
 
 @compiled
@@ -171,7 +139,7 @@ def _change_phase(
     if memory.phase[i] == STAND:
         x = xi[0] - 0.5 * (feet[0, 0] + feet[1, 0])
         y = xi[1] - 0.5 * (feet[0, 1] + feet[1, 1])
-        x, y = _ahead(axes, x, y)
+        x, y = along(axes, x, y)
         falls = abs(x) > gait.sole[0] or abs(y) > 0.5 * gait.width
         if falls or not still:
             # The foot on the side where it goes swings first, and a falling robot stays on the
@@ -189,14 +157,8 @@ def _change_phase(
         memory.lifted_heading[i] = _foot_heading(gait, terms, i, foot)
     elif memory.phase[i] == SWING and memory.progress[i] > _EARLIEST * timing.single:
         foot = 1 - memory.carrier[i]
-        load = 0.0
-        for point in range(len(gait.foot_of_point)):
-            if gait.foot_of_point[point] == foot:
-                load += contact_force[i, point, 2]
-        if load > gait.load:
-            x, y = _ahead(
-                axes, feet[foot, 0] - feet[1 - foot, 0], feet[foot, 1] - feet[1 - foot, 1]
-            )
+        if load_on(foot, gait.foot_of_point, contact_force[i]) > gait.load:
+            x, y = along(axes, feet[foot, 0] - feet[1 - foot, 0], feet[foot, 1] - feet[1 - foot, 1])
             near = abs(x) < _BESIDE * gait.sole[0] * 2.0
             near &= abs(y * gait.left[foot] - gait.width) < _BESIDE * gait.width
             memory.carrier[i] = foot
@@ -244,7 +206,7 @@ def _balance(
     i, timing, axes, xi = now
     feet, carrier, phase = terms.foot_position[i], memory.carrier[i], memory.phase[i]
     offset = _offset(gait, timing, (memory.velocity[i, 0], memory.velocity[i, 1]), carrier)
-    offset = _world(axes, offset[0], offset[1])
+    offset = in_world(axes, offset[0], offset[1])
     error_x, error_y, wanted_x, wanted_y = 0.0, 0.0, 0.0, 0.0
     for axis in range(2):
         if phase == SWING:
@@ -269,27 +231,25 @@ def _balance(
         else:
             error_y, wanted_y = error, wanted
 
-    ground, most, corners = 0.0, 0, 0
+    corners = 0
     for foot in range(2):
         target.planted[i, foot] = phase != SWING or foot == carrier
+        target.load[i, foot] = 1.0 if target.planted[i, foot] else 0.0
         if target.planted[i, foot]:
-            ground += feet[foot, 2]
-            most += 1
+            for axis in range(3):
+                memory.touched[i, foot, axis] = feet[foot, axis]
     for point in range(len(gait.points)):
         foot = gait.foot_of_point[point]
         if target.planted[i, foot]:
-            angle = _foot_heading(gait, terms, i, foot)
-            x, y = _world(
-                (math.cos(angle), math.sin(angle)), gait.points[point, 0], gait.points[point, 1]
-            )
+            turned = axes_of(_foot_heading(gait, terms, i, foot))
+            x, y = in_world(turned, gait.points[point, 0], gait.points[point, 1])
             points[corners, 0], points[corners, 1] = feet[foot, 0] + x, feet[foot, 1] + y
             corners += 1
     pressure = nearest_in_hull(points[:corners], (wanted_x, wanted_y))
     for axis in range(2):
-        memory.pressure[i, axis] = target.pressure[i, axis] = pressure[axis]
+        memory.pressure[i, axis] = pressure[axis]
         target.com_acceleration[i, axis] = gait.omega**2 * (terms.com[i, axis] - pressure[axis])
-    target.ground[i] = ground / most
-    return _ahead(axes, error_x, error_y)
+    return along(axes, error_x, error_y)
 
 
 @compiled
@@ -297,19 +257,20 @@ def _find_foothold(
     gait: FlatFootGait,
     now: _Now,
     command: GaitCommand,
+    plane: Plane,
     error: Pair,
     memory: GaitMemory,
     target: GaitTarget,
 ) -> None:
     """Where the foot in the air shall land."""
     i, timing, axes, xi = now
-    carrier = memory.carrier[i]
-    foot = 1 - carrier
+    foot = 1 - memory.carrier[i]
+    stands, foothold = memory.touched[i, memory.carrier[i]], target.foothold[i, foot]
     # Of s left, those of the pace that it has had.
     left = max(timing.single - memory.progress[i], 0.0) / memory.hurry[i]
     grown = math.exp(gait.omega * left)
-    x, y = xi[0] - target.foothold[i, 0], xi[1] - target.foothold[i, 1]
-    x, y = _ahead(axes, x, y)
+    x, y = xi[0] - stands[0], xi[1] - stands[1]
+    x, y = along(axes, x, y)
     x, y = (x - error[0]) * grown, (y - error[1]) * grown
     # The feedback counts on half of the sole.
     x += error_to_come(gait.omega, gait.gain, error[0], 0.5 * gait.sole[0], left)
@@ -321,13 +282,12 @@ def _find_foothold(
     near_x = min(max(x, -gait.longest), gait.longest)
     near = min(max(apart, gait.least_apart), gait.most_apart)
     missed = abs(x - near_x) + abs(apart - near)
-    target.clipped[i] = missed > 0.0
+    target.clipped[i, foot] = missed > 0.0
     memory.hurry[i] = min(1.0 + missed / gait.width, _FASTEST)
-    x, y = _world(axes, near_x, gait.left[foot] * near)
-    target.foothold[i, 0] += x
-    target.foothold[i, 1] += y
-    if not math.isnan(command.ground[i, foot]):
-        target.foothold[i, 2] = command.ground[i, foot]
+    x, y = in_world(axes, near_x, gait.left[foot] * near)
+    foothold[0], foothold[1] = stands[0] + x, stands[1] + y
+    ground = command.ground[i, foot]
+    foothold[2] = height_on(plane, foothold[0], foothold[1]) if math.isnan(ground) else ground
 
 
 @compiled
@@ -344,11 +304,11 @@ def _swing(
     share, rate, acceleration = rise(clock / (_ARRIVED * span), _ARRIVED * span)
     for axis in range(2):
         begin = memory.lifted[i, axis]
-        way = target.foothold[i, axis] - begin
+        way = target.foothold[i, foot, axis] - begin
         target.foot_position[i, foot, axis] = begin + way * share
         target.foot_velocity[i, foot, axis] = way * rate
         target.foot_acceleration[i, foot, axis] = way * acceleration
-    start, ground = memory.lifted[i, 2], target.foothold[i, 2]
+    start, ground = memory.lifted[i, 2], target.foothold[i, foot, 2]
     height, fall, pull = lift_and_land(
         clock, span, start, max(start, ground) + gait.lift, ground, gait.sink
     )
@@ -357,13 +317,12 @@ def _swing(
 
     # It lands turned to where the robot will head in the middle of the next step.
     left = max(span - clock, 0.0) / memory.hurry[i] + 0.5 * (timing.double + span)
-    turn = _wrapped(memory.heading[i] + turning * left - memory.lifted_heading[i])
+    turn = wrapped(memory.heading[i] + turning * left - memory.lifted_heading[i])
     angle = memory.lifted_heading[i] + turn * share
-    cosine, sine = math.cos(angle), math.sin(angle)
+    turned = axes_of(angle)
     for axis in range(3):
-        x, y = gait.level[foot, 0, axis], gait.level[foot, 1, axis]
-        target.world_from_foot[i, foot, 0, axis] = cosine * x - sine * y
-        target.world_from_foot[i, foot, 1, axis] = sine * x + cosine * y
+        x, y = in_world(turned, gait.level[foot, 0, axis], gait.level[foot, 1, axis])
+        target.world_from_foot[i, foot, 0, axis], target.world_from_foot[i, foot, 1, axis] = x, y
         target.world_from_foot[i, foot, 2, axis] = gait.level[foot, 2, axis]
     target.foot_velocity[i, foot, 5] = turn * rate
     target.foot_acceleration[i, foot, 5] = turn * acceleration

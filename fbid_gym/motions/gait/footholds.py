@@ -16,8 +16,7 @@ import math
 from typing import NamedTuple
 
 from fbid_gym.compiled import compiled
-
-Pair = tuple[float, float]
+from fbid_gym.motions.gait.heading import Pair
 
 
 class Leap(NamedTuple):
@@ -47,13 +46,6 @@ def point_ahead(leap: Leap, velocity: float, commanded: float) -> float:
     captured = velocity / leap.omega
     captured -= commanded * leap.stance / math.expm1(leap.omega * leap.stance)
     return neutral + leap.capture * (captured - neutral)
-
-
-@compiled
-def turned(angle: float, x: float, y: float) -> Pair:
-    """Return a horizontal vector, turned to the left by an angle (rad)."""
-    cosine, sine = math.cos(angle), math.sin(angle)
-    return cosine * x - sine * y, sine * x + cosine * y
 
 
 @compiled

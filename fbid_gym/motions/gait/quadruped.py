@@ -7,8 +7,9 @@ import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
-from fbid_gym.motions.gait.point_feet import PointFootGait
+from fbid_gym.motions.gait.point_gait import PointFootGait
 from fbid_gym.motions.gait.schedule import schedule_of
+from fbid_gym.motions.gait.slope import Sense
 from fbid_gym.robots import Robot
 
 # In units of the robot: of the pendulum time sqrt(h / g), the height h of the centre of mass, the
@@ -25,6 +26,7 @@ _SINK = 0.5
 _TOUCH = 0.01
 _UNLOAD = 0.14  # pendulum times
 _REACH = 0.95  # of the stretched leg
+_LEVEL = 0.02  # of the mean square distance of the feet from their middle
 _BENT = 0.7  # of the stretched leg: a robot that walks has its hips no higher
 
 _SAMPLES = 2000
@@ -62,8 +64,10 @@ def quadruped_gait(
     forward = stance.home_base_rotation[:2, 0] / np.linalg.norm(stance.home_base_rotation[:2, 0])
     level = np.array([[*forward, 0.0], [-forward[1], forward[0], 0.0], [0.0, 0.0, 1.0]])
     agility = _AGILITY * gravity
+    place = ((feet - base) @ level.T)[:, :2]
     return PointFootGait(
         schedule=schedule,
+        sense=Sense(schedule.period, _LEVEL * float(place.var(axis=0).mean())),
         omega=1.0 / time,
         capture=_CAPTURE,
         tracking=_TRACKING / time,
@@ -77,7 +81,7 @@ def quadruped_gait(
         sink=_SINK * speed,
         touch=_TOUCH * robot.weight,
         unload=_UNLOAD * time,
-        place=np.ascontiguousarray(((feet - base) @ level.T)[:, :2]),
+        place=np.ascontiguousarray(place),
         hip=np.ascontiguousarray((hips - base) @ level.T),
         reach=_REACH * lengths,
         foot_of_point=stance.geometry.foot_of_point,

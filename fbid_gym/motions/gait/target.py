@@ -4,6 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.compiled import compiled
+from fbid_gym.quantities import DynamicsTerms
+
 
 class GaitTarget(NamedTuple):
     """What robots that walk shall do now, made online by a gait; world axes.
@@ -41,3 +44,25 @@ class GaitTarget(NamedTuple):
     heading: np.ndarray
     turning: np.ndarray
     cycle: np.ndarray
+
+
+@compiled
+def standing_target(terms: DynamicsTerms) -> GaitTarget:
+    """Return a target of feet that stand where they are; how the body moves is not yet said."""
+    count, feet = terms.foot_position.shape[:2]
+    return GaitTarget(
+        planted=np.ones((count, feet), np.bool_),
+        foot_position=terms.foot_position.copy(),
+        world_from_foot=terms.world_from_foot.copy(),
+        foot_velocity=np.zeros((count, feet, 6)),
+        foot_acceleration=np.zeros((count, feet, 6)),
+        load=np.ones((count, feet)),
+        foothold=terms.foot_position.copy(),
+        clipped=np.zeros((count, feet), np.bool_),
+        velocity=np.empty((count, 2)),
+        com_acceleration=np.empty((count, 2)),
+        height=np.empty(count),
+        heading=np.empty(count),
+        turning=np.empty(count),
+        cycle=np.empty(count),
+    )

@@ -5,6 +5,8 @@ late in its swing stands from then on, whatever was planned, and one that has co
 swing without meeting it reaches on down until it does, or until it is due to lift again.
 """
 
+import numpy as np
+
 from fbid_gym.compiled import compiled
 
 STANCE, SWING, REACH = 0, 1, 2
@@ -33,3 +35,13 @@ def next_mode(mode: int, touches: bool, lifts: bool, share: float) -> int:
     if mode == SWING and share < 1.0:
         return STANCE if touches and share > _LAND else SWING
     return STANCE if touches else REACH
+
+
+@compiled
+def load_on(foot: int, foot_of_point: np.ndarray, contact_force: np.ndarray) -> float:
+    """Return what a foot carries, N, of the forces (P, 3) on the contact points."""
+    load = 0.0
+    for point in range(len(foot_of_point)):
+        if foot_of_point[point] == foot:
+            load += contact_force[point, 2]
+    return load

@@ -1,8 +1,10 @@
-"""What a gait on two flat feet is made of, what it remembers and what it asks for."""
+"""What a gait on two flat feet is made of, and what it remembers."""
 
 from typing import NamedTuple
 
 import numpy as np
+
+from fbid_gym.motions.gait.slope import Sense, level_moments
 
 STAND, DOUBLE, SWING = 0, 1, 2
 """Phases: on both feet; on the way to the foot that will carry; the other one in the air."""
@@ -12,12 +14,13 @@ class FlatFootGait(NamedTuple):
     """How a robot walks; constants, of which `biped_gait` makes those of a robot.
 
     Attributes:
+        sense: of the ground.
         omega: 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass).
         single: s in single support.
         double: s in double support.
         settle: s in which a robot that stands shifts its weight.
         gain: of the centre of pressure on errors of xi, which decay with gain * omega.
-        height: m, of the base above the ground.
+        height: m, of the base above the ground below it.
         width: m between the feet.
         least_apart: m between the feet, sideways.
         most_apart: m between the feet, sideways.
@@ -32,6 +35,7 @@ class FlatFootGait(NamedTuple):
         level: (2, 3, 3) rotations of the feet when the robot stands with heading 0.
     """
 
+    sense: Sense
     omega: float
     single: float
     double: float
@@ -67,7 +71,9 @@ class GaitMemory(NamedTuple):
         hurry: (N,) times as fast as planned that the foot swings.
         xi: (N, 2) m, when the feet that stand last changed.
         begun: (N, 2) m, centre of pressure then.
-        pressure: (N, 2) m, that of the last tick.
+        pressure: (N, 2) m, that of the last tick: what `GaitTarget.com_acceleration` does.
+        touched: (N, 2, 3) m, where each foot stands or last stood.
+        moments: (N, 5) m^2, of these places, see `slope.feel_ground`.
         lifted: (N, 3) m, where the foot in the air left the ground.
         lifted_heading: (N,) rad that it had then.
     """
@@ -84,50 +90,17 @@ class GaitMemory(NamedTuple):
     xi: np.ndarray
     begun: np.ndarray
     pressure: np.ndarray
+    touched: np.ndarray
+    moments: np.ndarray
     lifted: np.ndarray
     lifted_heading: np.ndarray
 
 
-class GaitTarget(NamedTuple):
-    """What the robots shall do now; world axes.
+def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
+    """Return the memory of robots that stand, with headings (N,) rad and feet at (N, 2, 3) m.
 
-    Attributes:
-        planted: (N, 2) bool, feet that shall stand. For these the following four say where they
-            are, at rest.
-        foot_position: (N, 2, 3) m.
-        world_from_foot: (N, 2, 3, 3) world from foot.
-        foot_velocity: (N, 2, 6) m/s, rad/s.
-        foot_acceleration: (N, 2, 6) m/s^2, rad/s^2.
-        pressure: (N, 2) m, centre of pressure.
-        com_acceleration: (N, 2) m/s^2, horizontal, of the centre of mass: what `pressure` does.
-        heading: (N,) rad, of the body.
-        turning: (N,) rad/s, of the heading.
-        height: (N,) m, of the base, world.
-        ground: (N,) m, height of the ground under the feet that stand.
-        foothold: (N, 3) m, where the foot in the air shall land; that of the carrier otherwise.
-        clipped: (N,) bool, the foothold would have to be farther away than a leg reaches, or
-            across the other foot.
-        cycle: (N,) share of the cycle of two steps that has passed, 0 while standing.
+    The ground below them is taken to be level until they have stood on it for a while.
     """
-
-    planted: np.ndarray
-    foot_position: np.ndarray
-    world_from_foot: np.ndarray
-    foot_velocity: np.ndarray
-    foot_acceleration: np.ndarray
-    pressure: np.ndarray
-    com_acceleration: np.ndarray
-    heading: np.ndarray
-    turning: np.ndarray
-    height: np.ndarray
-    ground: np.ndarray
-    foothold: np.ndarray
-    clipped: np.ndarray
-    cycle: np.ndarray
-
-
-def standing(heading: np.ndarray) -> GaitMemory:
-    """Return the memory of robots that stand, with headings (N,) rad."""
     count = len(heading)
     flat = np.zeros((5, count, 2))
     return GaitMemory(
@@ -143,6 +116,8 @@ def standing(heading: np.ndarray) -> GaitMemory:
         xi=flat[1],
         begun=flat[2],
         pressure=flat[3],
+        touched=np.array(foot_position, dtype=float),
+        moments=level_moments(foot_position),
         lifted=np.zeros((count, 3)),
         lifted_heading=np.zeros(count),
     )

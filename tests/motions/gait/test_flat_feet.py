@@ -10,11 +10,11 @@ from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.flat_feet import walk
+from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.motions.gait.walking import (
     STAND,
     FlatFootGait,
     GaitMemory,
-    GaitTarget,
     standing,
 )
 from fbid_gym.quantities import DynamicsTerms
@@ -53,7 +53,7 @@ class Pendulums:
         self.com, self.velocity = np.zeros((count, 3)), np.zeros((count, 3))
         self.feet = np.matvec(upright[:, None], beside)
         self.rotation = upright[:, None] @ self.gait.level
-        self.body, self.memory = self.heading.copy(), standing(self.heading)
+        self.body, self.memory = self.heading.copy(), standing(self.heading, self.feet)
 
     def step(
         self,
@@ -92,8 +92,9 @@ class Pendulums:
         target = walk(self.gait, command, terms, force, self.tick, self.memory)
         omega = self.gait.omega
         cosine, sine = np.cosh(omega * self.tick), np.sinh(omega * self.tick)
-        away = self.com[:, :2] - target.pressure
-        com = target.pressure + away * cosine + self.velocity[:, :2] / omega * sine
+        pressure = self.memory.pressure
+        away = self.com[:, :2] - pressure
+        com = pressure + away * cosine + self.velocity[:, :2] / omega * sine
         self.velocity[:, :2] = away * omega * sine + self.velocity[:, :2] * cosine
         self.com[:, :2] = com
         self.feet, self.rotation = target.foot_position.copy(), target.world_from_foot.copy()
@@ -168,16 +169,18 @@ def test_centre_of_pressure_stays_in_the_soles(gait: FlatFootGait) -> None:
             # would show that it has left the hull.
             angles = np.linspace(0.0, 2.0 * np.pi, 90)
             out = np.stack([np.cos(angles), np.sin(angles)])
-            assert (target.pressure[i] @ out <= (corners @ out).max(axis=0) + 1e-9).all()
+            assert (walkers.memory.pressure[i] @ out <= (corners @ out).max(axis=0) + 1e-9).all()
 
 
 def test_centre_of_pressure_does_not_jump_but_for_new_feet(gait: FlatFootGait) -> None:
     velocity = commands(gait, 8, seed=2)
     walkers = Pendulums(gait, np.zeros(8))
-    last, fastest = walkers.step(0.0 * velocity).pressure, 0.0
+    walkers.step(0.0 * velocity)
+    last, fastest = walkers.memory.pressure.copy(), 0.0
     for tick in range(ticks(gait, 16)):
         moving = ticks(gait, 2) < tick < ticks(gait, 10)
-        pressure = walkers.step(velocity if moving else 0.0 * velocity).pressure
+        walkers.step(velocity if moving else 0.0 * velocity)
+        pressure = walkers.memory.pressure.copy()
         fastest = max(fastest, np.linalg.norm(pressure - last, axis=1).max())
         last = pressure
     # A whole stride in a tenth of the double support would be ten times as much as it takes.
@@ -215,8 +218,8 @@ def test_feet_neither_cross_nor_overreach(gait: FlatFootGait) -> None:
     clipped = False
     for _ in range(ticks(gait, 4)):
         target = walkers.step(np.array([0.1, 0.0, 0.0]))
-        carrier = walkers.memory.carrier
-        way = target.foothold[:, :2] - walkers.feet[np.arange(32), carrier, :2]
+        carrier, every = walkers.memory.carrier, np.arange(32)
+        way = target.foothold[every, 1 - carrier, :2] - walkers.feet[every, carrier, :2]
         way = np.vecmat(way, turned(target.heading)[:, :2, :2])[~target.planted.all(axis=1)]
         side = -gait.left[carrier][~target.planted.all(axis=1)]
         assert (np.abs(way[:, 0]) <= gait.longest + 1e-9).all()
@@ -232,7 +235,8 @@ def test_heading_does_not_matter(gait: FlatFootGait) -> None:
     rotation = turned(np.array([angle]))[0]
     for _ in range(ticks(gait, 5)):
         a, b = here.step(velocity), there.step(velocity)
-    np.testing.assert_allclose(a.pressure @ rotation[:2, :2].T, b.pressure, atol=1e-8)
+    pressure = here.memory.pressure @ rotation[:2, :2].T
+    np.testing.assert_allclose(pressure, there.memory.pressure, atol=1e-8)
     np.testing.assert_allclose(a.foot_position @ rotation.T, b.foot_position, atol=1e-8)
     np.testing.assert_allclose(rotation @ a.world_from_foot, b.world_from_foot, atol=1e-8)
     np.testing.assert_allclose(a.cycle, b.cycle, atol=1e-12)
@@ -242,6 +246,7 @@ def test_a_robot_four_times_as_long_walks_half_as_fast(gait: FlatFootGait) -> No
     lengths = ("height", "width", "least_apart", "most_apart", "longest", "lift", "sole", "points")
     times = ("single", "double", "settle")
     large = gait._replace(
+        sense=gait.sense._replace(time=2.0 * gait.sense.time, level=16.0 * gait.sense.level),
         omega=gait.omega / 2.0,
         sink=2.0 * gait.sink,
         **{name: 4.0 * getattr(gait, name) for name in lengths},
@@ -251,7 +256,7 @@ def test_a_robot_four_times_as_long_walks_half_as_fast(gait: FlatFootGait) -> No
     small, tall = Pendulums(gait, np.zeros(5)), Pendulums(large, np.zeros(5), tick=2.0 * TICK)
     for _ in range(ticks(gait, 5)):
         a, b = small.step(velocity), tall.step(velocity * [2.0, 2.0, 0.5])
-    np.testing.assert_allclose(4.0 * a.pressure, b.pressure, atol=1e-8)
+    np.testing.assert_allclose(4.0 * small.memory.pressure, tall.memory.pressure, atol=1e-8)
     np.testing.assert_allclose(4.0 * a.foothold, b.foothold, atol=1e-8)
     np.testing.assert_allclose(a.com_acceleration, b.com_acceleration, atol=1e-7)
 
@@ -266,6 +271,9 @@ def test_each_robot_walks_alone(gait: FlatFootGait) -> None:
     for name in GaitTarget._fields:
         found = np.concatenate([getattr(target, name) for target in each])
         np.testing.assert_array_equal(getattr(all_of_them, name), found)
+    for name in GaitMemory._fields:
+        found = np.concatenate([getattr(walker.memory, name) for walker in alone])
+        np.testing.assert_array_equal(getattr(together.memory, name), found)
 
 
 def test_steps_come_as_often_as_asked(gait: FlatFootGait) -> None:
@@ -288,7 +296,8 @@ def test_a_shifted_foothold_lands_there(gait: FlatFootGait) -> None:
     velocity = np.array([0.2 * gait.width * gait.omega, 0.0, 0.0])
     while (target := walkers.step(velocity, shift=shift)).planted.all():
         pass
-    moved = target.foothold[:, :2] - target.foothold[0, :2]
+    foot = 1 - walkers.memory.carrier[0]
+    moved = target.foothold[:, foot, :2] - target.foothold[0, foot, :2]
     np.testing.assert_allclose(moved, shift, atol=1e-9)
 
 
@@ -302,7 +311,8 @@ def test_foothold_lies_on_the_ground_that_is_known(gait: FlatFootGait) -> None:
     for _ in range(round(0.9 * gait.single / TICK)):
         target = walkers.step(velocity, ground=np.array([np.nan, step]))
         highest = np.maximum(highest, target.foot_position[:, :, 2].max(axis=1))
-    np.testing.assert_allclose(target.foothold[:, 2], [0.0, step], atol=1e-12)
+    foot = 1 - walkers.memory.carrier[0]
+    np.testing.assert_allclose(target.foothold[:, foot, 2], [0.0, step], atol=1e-12)
     np.testing.assert_allclose(highest, [gait.lift, step + gait.lift], rtol=0.02)
 
 

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from fbid_gym.motions.gait.footholds import Leap, point_ahead, turned, within_reach
+from fbid_gym.motions.gait.footholds import Leap, point_ahead, within_reach
+from fbid_gym.motions.gait.heading import turned
 
 OMEGA, STANCE = 5.8, 0.27
 

@@ -9,12 +9,8 @@ import pytest
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import GaitCommand, no_command
-from fbid_gym.motions.gait.point_feet import (
-    GaitMemory,
-    PointFootGait,
-    standing,
-    walk,
-)
+from fbid_gym.motions.gait.point_feet import walk
+from fbid_gym.motions.gait.point_gait import GaitMemory, PointFootGait, standing
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms
@@ -40,8 +36,14 @@ def rows(values, chosen):
 class Ghost:
     """Robots whose feet go where they are told and whose bodies move as commanded."""
 
-    def __init__(self, gait: PointFootGait, terms: DynamicsTerms, floor: float = 0.0) -> None:
-        self.gait, self.terms, self.floor = gait, terms, floor
+    def __init__(
+        self,
+        gait: PointFootGait,
+        terms: DynamicsTerms,
+        floor: float = 0.0,
+        slope: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        self.gait, self.terms, self.floor, self.slope = gait, terms, floor, np.array(slope)
         count, feet = terms.foot_position.shape[:2]
         self.memory = standing(np.zeros(count), terms.foot_position)
         self.command = no_command(count, feet)
@@ -49,11 +51,12 @@ class Ghost:
 
     def tick(self) -> GaitTarget:
         """Go on by one tick; a foot that is not above the floor carries weight."""
-        self.force[:, :, 2] = FORCE * (self.terms.foot_position[:, :, 2] <= self.floor + 1e-9)
+        feet = self.terms.foot_position
+        self.force[:, :, 2] = FORCE * (feet[:, :, 2] <= self.ground(feet) + 1e-9)
         target = walk(self.gait, self.command, self.terms, self.force, TICK, self.memory)
         feet = target.foot_position.copy()
-        feet[:, :, 2] = np.maximum(feet[:, :, 2], self.floor)
-        step = np.append(target.velocity[0], 0.0) * TICK
+        feet[:, :, 2] = np.maximum(feet[:, :, 2], self.ground(feet))
+        step = np.append(target.velocity[0], target.velocity[0] @ self.slope) * TICK
         velocity = np.column_stack([target.velocity, np.zeros(len(feet))])
         self.terms = self.terms._replace(
             foot_position=feet,
@@ -62,6 +65,10 @@ class Ghost:
             com_velocity=velocity,
         )
         return target
+
+    def ground(self, places: np.ndarray) -> np.ndarray:
+        """Height of the floor at places (..., 3)."""
+        return self.floor + places[..., :2] @ self.slope
 
 
 def commanded(ghost: Ghost, *velocity: float) -> Ghost:
@@ -186,6 +193,39 @@ def test_a_foothold_lies_on_the_ground_that_is_known_there() -> None:
     assert target.foothold[0, other, 2] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("velocity", [(0.2, 0.0, 0.0), (-0.1, 0.1, 0.0), (0.1, -0.05, 0.3)])
+@pytest.mark.parametrize("slope", [(0.25, 0.0), (-0.2, 0.15)])
+def test_feet_aim_at_the_plane_on_which_they_stood(
+    slope: tuple[float, float], velocity: tuple[float, float, float]
+) -> None:
+    terms, steep = home(), np.linalg.norm(slope)
+    feet = terms.foot_position.copy()
+    feet[:, :, 2] += feet[:, :, :2] @ slope
+    ghost = commanded(Ghost(GAIT, terms._replace(foot_position=feet), 0.0, slope), *velocity)
+    for _ in range(round(6.0 * GAIT.schedule.period / TICK)):
+        ghost.tick()
+    for _ in range(round(GAIT.schedule.period / TICK)):
+        target = ghost.tick()
+        # 5 % short of the slope at most, for what draws it to level.
+        reach = np.abs(GAIT.place).max() + 0.5 * GAIT.schedule.period * np.abs(velocity[:2]).max()
+        aimed = target.foothold[~target.planted]
+        assert np.abs(aimed[:, 2] - ghost.ground(aimed)).max(initial=0.0) < 0.05 * steep * reach
+        above = target.height - ghost.ground(ghost.terms.base_position)
+        assert above == pytest.approx(GAIT.height, abs=0.05 * steep * reach)
+
+
+def test_level_ground_is_level_exactly() -> None:
+    ghost = commanded(Ghost(GAIT, home(), floor=0.0), 0.2, 0.1, 0.3)
+    feet = ghost.terms.foot_position
+    feet[:, :, 2] = 0.0
+    ghost = commanded(Ghost(GAIT, ghost.terms), 0.2, 0.1, 0.3)
+    for _ in range(800):
+        target = ghost.tick()
+        assert (target.foothold[:, :, 2] <= 1e-12).all()
+        assert np.abs(target.foothold[ghost.memory.mode == 1][:, 2]).max(initial=0.0) < 1e-12
+        assert target.height == pytest.approx(GAIT.height, abs=1e-12)
+
+
 def scattered(
     count: int, rng: np.random.Generator
 ) -> tuple[GaitCommand, DynamicsTerms, GaitMemory]:
@@ -203,7 +243,18 @@ def scattered(
     memory.velocity[:] = command.velocity * 0.9
     memory.settled[:] = rng.random(count)
     memory.load[:] = rng.random((count, 4))
+    memory.touched[:] += rng.normal(0.0, 0.02, memory.touched.shape)
+    memory.moments[:, 3:] = rng.normal(0.0, 0.002, (count, 2))
     return command, terms, memory
+
+
+def turned_moments(moments: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """The moments (N, 5) of places that are turned about the vertical."""
+    xx, xy, yy = moments[:, :3].T
+    square = np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0)
+    square = turn[:2, :2] @ square @ turn[:2, :2].T
+    across = moments[:, 3:] @ turn[:2, :2].T
+    return np.column_stack([square[:, 0, 0], square[:, 0, 1], square[:, 1, 1], across])
 
 
 def test_many_robots_are_as_each_alone(rng: np.random.Generator) -> None:
@@ -230,7 +281,7 @@ def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> N
             [0.0, 0.0, 1.0],
         ]
     )
-    moved = np.array([0.7, -2.0, 0.0])
+    moved = np.array([0.7, -2.0, 0.3])
     there = terms._replace(
         base_position=terms.base_position @ turn.T + moved,
         world_from_base=turn @ terms.world_from_base,
@@ -239,7 +290,10 @@ def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> N
         foot_position=terms.foot_position @ turn.T + moved,
     )
     past = rows(memory, slice(None))._replace(
-        heading=memory.heading + angle, begun=memory.begun @ turn.T + moved
+        heading=memory.heading + angle,
+        begun=memory.begun @ turn.T + moved,
+        touched=memory.touched @ turn.T + moved,
+        moments=turned_moments(memory.moments, turn),
     )
     force = rng.uniform(0.0, 0.05 * ROBOT.weight, (9, 4, 3))
     here = walk(GAIT, command, terms, force, TICK, memory)
@@ -254,8 +308,9 @@ def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> N
     for name in ("velocity", "com_acceleration"):
         assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn[:2, :2].T)
     assert turned.heading - here.heading == pytest.approx(np.full(9, angle))
-    for name in ("load", "turning", "height", "cycle"):
+    for name in ("load", "turning", "cycle"):
         assert getattr(turned, name) == pytest.approx(getattr(here, name))
+    assert turned.height == pytest.approx(here.height + moved[2])
 
 
 def test_a_robot_of_another_size_walks_alike_in_its_own_time(dog: Callable[..., Robot]) -> None:

@@ -1,0 +1,113 @@
+"""Whether walking depends on how often law and physics run: `python -m eval.rates`.
+
+The environments' own rates, which are cheap, beside the papers'; same starts, commands and pushes.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import tyro
+
+from eval.pages import RATES_PAGE, splice
+from eval.walking import ROBOTS, Trial, Walked, WalkingConfig, walk
+from fbid_gym.errors import FbidError
+
+EXACT: dict[str, Any] = {
+    "physics_hz": 1000,
+    "control_hz": 500,
+    "friction_cone": "elliptic",
+    "solver_iterations": None,
+}
+"""How the papers' experiments run."""
+
+SETTINGS: dict[str, dict[str, Any]] = {
+    "as in the papers": EXACT,
+    "law at 250 Hz": EXACT | {"control_hz": 250},
+    "law and physics at 250 Hz": EXACT | {"control_hz": 250, "physics_hz": 250},
+    "and pyramids": {"control_hz": 250, "physics_hz": 250, "friction_cone": "pyramidal"},
+    "and 20 iterations: the environment's own": {},
+}
+"""Name -> arguments that differ from the environment's, from the dearest to the cheapest."""
+
+WITHIN = 0.1
+"""Share by which survival and error of velocity may differ."""
+
+
+@dataclass(frozen=True)
+class RatesConfig:
+    """Walk without a policy at several rates, and tell what they change."""
+
+    robots: tuple[str, ...] = ("go1", "biped", "humanoid")
+    """Built-in robots, each with its first gait."""
+    layers: tuple[str, ...] = ("base_acceleration", "joint_position")
+    """Action layers."""
+    episodes: int = 32
+    """Robots that walk side by side, environment i with seed i."""
+    seconds: float = 20.0
+    """Length of an episode."""
+    push: float = 0.0
+    """N, of pushes of 0.15 s every 1.5 to 3 s in a random direction."""
+    steps: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Also the settings between the dearest and the cheapest: which of them makes a difference."""
+    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Put the table into docs/rates.md."""
+
+
+def settings(config: RatesConfig) -> dict[str, dict[str, Any]]:
+    """Return what is compared, the dearest first."""
+    names = list(SETTINGS)
+    return {name: SETTINGS[name] for name in (names if config.steps else [names[0], names[-1]])}
+
+
+def apart(one: Walked, other: Walked) -> tuple[float, float]:
+    """Return by which share of `other` survival and error of velocity are greater in `one`."""
+    survival = one.survival - other.survival
+    if survival:  # else both may be 0
+        survival /= max(one.survival, other.survival)
+    return survival, one.velocity_error / other.velocity_error - 1.0
+
+
+_HEAD = ("Robot", "Layer", "Setting", "Up", "Velocity error (m/s)", "Up, apart",
+         "Velocity error, apart")  # fmt: skip
+
+
+def rows(config: RatesConfig) -> Iterator[str]:
+    """Yield the lines of the table, each when it is there."""
+    walking = WalkingConfig(episodes=config.episodes, seconds=config.seconds, push=config.push)
+    yield f"| {' | '.join(_HEAD)} |"
+    yield f"|{' --- |' * len(_HEAD)}"
+    for robot in config.robots:
+        for layer in config.layers:
+            trial, exact = Trial(robot, ROBOTS[robot][1][0], layer), None
+            for name, arguments in settings(config).items():
+                walked = walk(trial, walking, **arguments)
+                exact = exact or walked
+                up = f"{round(walked.survival * config.episodes)} of {config.episodes}"
+                cells = [robot, f"`{layer}`", name, up, f"{walked.velocity_error:.3f}"]
+                if walked is exact:
+                    cells += ["", ""]
+                else:
+                    cells += [
+                        f"{100 * share:+.0f} %{'' if abs(share) <= WITHIN else ' (missed)'}"
+                        for share in apart(walked, exact)
+                    ]
+                yield f"| {' | '.join(cells)} |"
+
+
+def main(config: RatesConfig) -> None:
+    """Walk, print, write."""
+    table = f"{config.episodes} robots each, {config.seconds:g} s, pushes of {config.push:g} N.\n"
+    for row in rows(config):
+        print(row, flush=True)
+        table += f"\n{row}"
+    if config.write_docs:
+        splice(RATES_PAGE, table)
+
+
+if __name__ == "__main__":
+    try:
+        main(tyro.cli(RatesConfig, prog="python -m eval.rates"))
+    except FbidError as error:
+        sys.exit(f"{error}")

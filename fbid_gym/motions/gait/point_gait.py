@@ -1,0 +1,107 @@
+"""What a gait on point feet is made of, and what it remembers."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fbid_gym.motions.gait.schedule import Schedule
+from fbid_gym.motions.gait.slope import Sense, level_moments
+from fbid_gym.motions.gait.touchdown import STANCE
+
+
+class PointFootGait(NamedTuple):
+    """How a robot walks; constants, of which `quadruped_gait` makes those of a robot. F feet.
+
+    Attributes:
+        schedule: of the feet.
+        sense: of the ground.
+        omega: 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass).
+        capture: share of an error of velocity that one step takes away.
+        tracking: 1/s, rate at which the feet that stand take away errors of velocity.
+        standing: 1/s^2, stiffness with which a robot that stands keeps over its feet.
+        agility: (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the commanded velocity.
+        rest: m/s below which a robot is at rest.
+        astray: m between feet and their places below which a robot may stand still.
+        margin: m, distance of the capture point from the middle of the feet at which a robot that
+            stands has to step.
+        height: m, of the base above the ground below it.
+        lift: m that a foot is lifted above the higher end of its step.
+        sink: m/s with which a foot reaches for the ground.
+        touch: N on a foot that count as contact.
+        unload: s in which a foot gives up its load, or takes it.
+        place: (F, 2) m, of each foot from the base at home, ahead and to the left.
+        hip: (F, 3) m, of each hip from the base at home, ahead, to the left and up.
+        reach: (F,) m, greatest distance of a foothold from its hip.
+        foot_of_point: (P,) int64.
+    """
+
+    schedule: Schedule
+    sense: Sense
+    omega: float
+    capture: float
+    tracking: float
+    standing: float
+    agility: np.ndarray
+    rest: float
+    astray: float
+    margin: float
+    height: float
+    lift: float
+    sink: float
+    touch: float
+    unload: float
+    place: np.ndarray
+    hip: np.ndarray
+    reach: np.ndarray
+    foot_of_point: np.ndarray
+
+
+class GaitMemory(NamedTuple):
+    """What gaits remember from tick to tick, see `standing`.
+
+    Attributes:
+        phase: (N,) of the schedule.
+        walking: (N,) bool, whether feet may lift.
+        settled: (N,) share to which a robot that stands is held over its feet.
+        velocity: (N, 3) m/s, m/s, rad/s: the command as it is followed.
+        heading: (N,) rad, integral of the rate that is followed.
+        touched: (N, F, 3) m, where each foot stands or last stood.
+        moments: (N, 5) m^2, of these places, see `slope.feel_ground`.
+        mode: (N, F) int64, what each foot is doing: `STANCE`, `SWING` or `REACH`.
+        clock: (N, F) s since a foot has begun to reach.
+        begun: (N, F, 3) m, where a foot lifted, or began to reach.
+        load: (N, F) share of its greatest force that a foot may take.
+    """
+
+    phase: np.ndarray
+    walking: np.ndarray
+    settled: np.ndarray
+    velocity: np.ndarray
+    heading: np.ndarray
+    touched: np.ndarray
+    moments: np.ndarray
+    mode: np.ndarray
+    clock: np.ndarray
+    begun: np.ndarray
+    load: np.ndarray
+
+
+def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
+    """Return the memory of robots that stand, with headings (N,) rad and feet at (N, F, 3) m.
+
+    The ground below them is taken to be level until they have stood on it for a while.
+    """
+    feet = foot_position.shape[:2]
+    return GaitMemory(
+        phase=np.zeros(len(heading)),
+        walking=np.zeros(len(heading), bool),
+        settled=np.ones(len(heading)),
+        velocity=np.zeros((len(heading), 3)),
+        heading=np.array(heading, dtype=float),
+        touched=np.array(foot_position, dtype=float),
+        moments=level_moments(foot_position),
+        mode=np.full(feet, STANCE),
+        clock=np.zeros(feet),
+        begun=np.array(foot_position, dtype=float),
+        load=np.ones(feet),
+    )
