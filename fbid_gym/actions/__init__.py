@@ -15,7 +15,7 @@ from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
 from fbid_gym.actions.layer import ActionLayer
 from fbid_gym.actions.torque import Torque
-from fbid_gym.actions.walking_base import WalkingBaseAcceleration, WalkingComWrench
+from fbid_gym.actions.walking_base import walking_base_acceleration, walking_com_wrench
 from fbid_gym.actions.walking_joints import (
     walking_feedforward,
     walking_joint_acceleration,
@@ -52,8 +52,8 @@ WALKING_LAYERS: dict[str, Callable[..., ActionLayer]] = {
     "joint_position": walking_joint_position,
     "joint_position_feedforward": walking_feedforward,
     "joint_acceleration": walking_joint_acceleration,
-    "base_acceleration": WalkingBaseAcceleration.of,
-    "com_wrench": WalkingComWrench.of,
+    "base_acceleration": walking_base_acceleration,
+    "com_wrench": walking_com_wrench,
 }
 """The same layers on a gait, called as `(robot, control_hz, omega, **options)`."""
 

@@ -3,7 +3,11 @@
 All feet, standing and swinging, are held to accelerations of their own, J a + Jdot v = a_feet:
 those that stand come to rest, those in the air go where the gait wants them. Forces come from the
 feet that stand alone. The body follows in the null space of that, eq. (19) of [M10], the joints in
-what it leaves; then come forces within the friction cones and torques, as without a gait.
+what it leaves; then come forces within the friction cones and torques, as without a gait. What the
+body shall do is said in `walking_tasks`.
+
+Where a foot lands or lifts, what is asked of it changes at once, and so do the forces that may act
+on it. The torque goes on from where it was, and what is new fades in (`ContactRamp`).
 """
 
 import math
@@ -12,7 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.actions.com_wrench import turning_inertia
 from fbid_gym.actions.contact_options import ContactOptions
+from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.law_memory import LawMemory
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
@@ -41,6 +47,7 @@ from fbid_gym.robots import Robot
 _SOLE = 0.9  # of a flat foot, that carries: its edges are where it tips
 _LEAST_LOAD = 0.02  # of a foot's greatest force, so that it is held down
 _MOST_LOAD = 1.5  # of the weight, on a point foot
+_RAMP = 0.14  # pendulum times that the torque takes to what is new at a touchdown or a lift-off
 
 
 class WalkingGains(NamedTuple):
@@ -82,7 +89,7 @@ _ON_POINTS = WalkingGains(4.4, 3.4, 5.9, 4.3, 26.0, 10.0, 5.0, 0.0, 0.34)
 _ON_SOLES = WalkingGains(7.84, 5.6, 6.25, 5.0, 49.0, 14.0, 2.9, 4.84, 4.4)
 
 
-class _Constants(NamedTuple):
+class WalkingConstants(NamedTuple):
     """Of the law on one robot, see `WalkingLaw`."""
 
     gains: WalkingGains
@@ -94,6 +101,19 @@ class _Constants(NamedTuple):
     gravity: float
     damping: np.ndarray  # (n,)
     home: np.ndarray  # (nq,)
+    turning_inertia: np.ndarray  # (3, 3) kg·m², of `turning_inertia`, ahead, to the left and up
+
+
+class BodyAim(NamedTuple):
+    """What the body shall do once the feet do theirs, and how all moves that this leaves free.
+
+    Attributes:
+        task: of the body.
+        reference: (N, nv) accelerations that the robot stays near to.
+    """
+
+    task: TaskCommand
+    reference: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,17 +123,22 @@ class WalkingLaw:
     Attributes:
         robot: whose joints.
         constants: of the law.
+        ramp: leads the torque through touchdowns and lift-offs.
     """
 
     robot: Robot
-    constants: _Constants
+    constants: WalkingConstants
+    ramp: ContactRamp
 
     @classmethod
-    def of(cls, robot: Robot, omega: float, contact: ContactOptions) -> "WalkingLaw":
+    def of(
+        cls, robot: Robot, control_hz: int, omega: float, contact: ContactOptions
+    ) -> "WalkingLaw":
         """Build the law on what `contact` says of the contacts.
 
         Args:
             robot: whose joints.
+            control_hz: control ticks per second.
             omega: 1/s, rate at which the robot falls, see `Gait`.
             contact: the options; which points are on the ground is the gait's to say.
         """
@@ -123,7 +148,9 @@ class WalkingLaw:
         # points there is little of a moment to give away.
         cost = (1.0, 1.0, 1.0, 0.05, 0.05, 0.05) if soles else None
         length = stance.length if soles else 0.3 * stance.length
-        constants = _Constants(
+        ahead = stance.home_base_rotation[:2, 0] / np.linalg.norm(stance.home_base_rotation[:2, 0])
+        level = np.array([[*ahead, 0.0], [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
+        constants = WalkingConstants(
             gains=WalkingGains.of(robot, omega),
             geometry=contact_geometry(robot, share=_SOLE),
             limited=limits is not None,
@@ -133,16 +160,23 @@ class WalkingLaw:
             gravity=robot.gravity,
             damping=contact.damping(robot),
             home=robot.home_qpos,
+            turning_inertia=level @ turning_inertia(robot, "inverse_dynamics") @ level.T,
         )
-        return cls(robot, constants)
+        ticks = max(1, round(_RAMP / omega * control_hz))
+        return cls(robot, constants, ContactRamp(ticks))
 
     def memory(self, num_robots: int) -> Memory:
-        """Warm start of the contact forces, and the diagnostics."""
-        return LawMemory.fresh(num_robots)._asdict()
+        """Warm start of the contact forces, the diagnostics, and what the ramp goes on from."""
+        feet, joints = self.robot.num_feet, self.robot.num_joints
+        return (
+            LawMemory.fresh(num_robots)._asdict()
+            | self.ramp.memory(num_robots, feet, joints)
+            | {"sudden_torque": np.zeros((num_robots, joints))}
+        )
 
     def torque(
         self,
-        task: TaskCommand,
+        aim: BodyAim,
         state: RobotState,
         target: GaitTarget,
         terms: DynamicsTerms,
@@ -151,7 +185,7 @@ class WalkingLaw:
         """Return joint torques.
 
         Args:
-            task: of the body, from `base_task` or a law of another kind.
+            aim: of the body, see `walking_tasks`.
             state: of the robots.
             target: of the gait.
             terms: of the robots.
@@ -160,7 +194,11 @@ class WalkingLaw:
         Returns:
             (N, n) N·m.
         """
-        return _walk(self.constants, task, state, target, terms, LawMemory.of(memory))
+        torque = _walk(self.constants, aim, state, target, terms, LawMemory.of(memory))
+        # What a foot would have done had it not landed is no more: its last torque stands for it.
+        before = memory["sudden_torque"].copy()
+        memory["sudden_torque"][:] = torque
+        return self.ramp.torque(torque, target.planted, lambda rows, _: before[rows], memory)
 
 
 def _has_soles(robot: Robot) -> bool:
@@ -168,89 +206,36 @@ def _has_soles(robot: Robot) -> bool:
     return robot.num_points > robot.num_feet
 
 
-@kernel
-def base_task(
-    gains: WalkingGains,
-    added: np.ndarray,
-    state: RobotState,
-    target: GaitTarget,
-    terms: DynamicsTerms,
-) -> TaskCommand:
-    """What the centre of mass (horizontally) and the base (its height and rotation) shall do.
-
-    Args:
-        gains: of the robot.
-        added: (N, 6) to add: m/s^2 along the heading, and rad/s^2 in the base's axes.
-        state: of the robots.
-        target: of the gait.
-        terms: of the robots.
-    """
-    count, size = state.qvel.shape
-    jacobian, bias = np.zeros((count, 6, size)), np.zeros((count, 6))
-    acceleration = np.empty((count, 6))
-    for i in range(count):
-        mass = terms.mass_matrix[i, 0, 0]
-        for k in range(2):
-            for j in range(size):
-                jacobian[i, k, j] = terms.mass_matrix[i, k, j] / mass
-            bias[i, k] = terms.bias[i, k] / mass
-        for k in range(2, 6):
-            jacobian[i, k, k] = 1.0
-        cosine, sine = math.cos(target.heading[i]), math.sin(target.heading[i])
-        ahead, left = added[i, 0], added[i, 1]
-        acceleration[i, 0] = target.com_acceleration[i, 0] + cosine * ahead - sine * left
-        acceleration[i, 1] = target.com_acceleration[i, 1] + sine * ahead + cosine * left
-        rise = target.height[i] - terms.base_position[i, 2]
-        acceleration[i, 2] = gains.height * rise - gains.height_damping * state.qvel[i, 2]
-        acceleration[i, 2] += added[i, 2]
-        error = lean(target, terms, i)
-        for k in range(3):
-            rate = terms.world_from_base[i, 2, k] * target.turning[i] - state.qvel[i, 3 + k]
-            acceleration[i, 3 + k] = gains.rotation * error[k] + gains.rotation_damping * rate
-            acceleration[i, 3 + k] += added[i, 3 + k]
-    return TaskCommand(jacobian, bias, acceleration)
-
-
 @compiled
-def lean(target: GaitTarget, terms: DynamicsTerms, i: int) -> tuple[float, float, float]:
-    """Axis times sine of the rotation from the base to upright in its heading; base axes."""
-    cosine, sine = math.cos(target.heading[i]), math.sin(target.heading[i])
-    base = terms.world_from_base
-    # E = R^T D, D the turn about the vertical; its axial vector.
-    ahead = (cosine, sine, 0.0)
-    left = (-sine, cosine, 0.0)
-    e10 = base[i, 0, 1] * ahead[0] + base[i, 1, 1] * ahead[1]
-    e20 = base[i, 0, 2] * ahead[0] + base[i, 1, 2] * ahead[1]
-    e01 = base[i, 0, 0] * left[0] + base[i, 1, 0] * left[1]
-    e21 = base[i, 0, 2] * left[0] + base[i, 1, 2] * left[1]
-    e02, e12 = base[i, 2, 0], base[i, 2, 1]
-    return 0.5 * (e21 - e12), 0.5 * (e02 - e20), 0.5 * (e10 - e01)
+def posture(law: WalkingConstants, state: RobotState) -> np.ndarray:
+    """Accelerations (N, nv) that lead the joints home; of the base none."""
+    count, size = state.qvel.shape
+    result = np.zeros((count, size))
+    for i in range(count):
+        for k in range(6, size):
+            error = law.home[k + 1] - state.qpos[i, k + 1]
+            rate = law.gains.posture_damping * state.qvel[i, k]
+            result[i, k] = law.gains.posture * error - rate
+    return result
 
 
 @kernel
 def _walk(
-    law: _Constants,
-    task: TaskCommand,
+    law: WalkingConstants,
+    aim: BodyAim,
     state: RobotState,
     target: GaitTarget,
     terms: DynamicsTerms,
     memory: LawMemory,
 ) -> np.ndarray:
-    """Torques (N, n) for a task of the body; updates the memory."""
+    """Torques (N, n) for an aim of the body; updates the memory."""
     count, size = state.qvel.shape
     points = len(law.geometry.offset)
-    moving = _with_moving_feet(law.gains, target, terms)
-    every = ActivePoints(np.ones((1, points), np.bool_), False)
-    contacts = reduce_contacts(law.geometry, every, moving)
+    moving = with_foot_bias(terms, _moving_feet(law.gains, target, terms))
+    contacts = reduce_contacts(law.geometry, all_points(law), moving)
     constraint = Constraint(contacts.jacobian, contacts.bias)
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
-    posture = np.zeros((count, size))
-    for i in range(count):
-        for k in range(6, size):
-            error = law.home[k + 1] - state.qpos[i, k + 1]
-            rate = law.gains.posture_damping * state.qvel[i, k]
-            posture[i, k] = law.gains.posture * error - rate
-    desired = serve_task(constraint, task, posture, np.ones(size), LEAST_GAIN).motion
+    desired = serve_task(constraint, aim.task, aim.reference, np.ones(size), LEAST_GAIN).motion
 
     mask, rows = np.empty((count, points), np.bool_), np.empty((count, points, 3))
     for i in range(count):
@@ -290,10 +275,24 @@ def _walk(
 
 
 @compiled
-def _with_moving_feet(
-    gains: WalkingGains, target: GaitTarget, terms: DynamicsTerms
-) -> DynamicsTerms:
-    """The terms with feet whose "Jdot v" is short of the acceleration that each shall have."""
+def feet_on_their_way(
+    law: WalkingConstants, target: GaitTarget, terms: DynamicsTerms
+) -> Constraint:
+    """What all feet shall do, J a + "Jdot v" = 0 with what is asked of them in the bias."""
+    moving = with_foot_bias(terms, _moving_feet(law.gains, target, terms))
+    contacts = reduce_contacts(law.geometry, all_points(law), moving)
+    return Constraint(contacts.jacobian, contacts.bias)
+
+
+@compiled
+def all_points(law: WalkingConstants) -> ActivePoints:
+    """All points of all feet."""
+    return ActivePoints(np.ones((1, len(law.geometry.offset)), np.bool_), False)
+
+
+@compiled
+def _moving_feet(gains: WalkingGains, target: GaitTarget, terms: DynamicsTerms) -> np.ndarray:
+    """The feet's "Jdot v", (N, F, 6), short of the acceleration that each shall have."""
     count, feet = target.planted.shape
     bias = terms.foot_bias.copy()
     for i in range(count):
@@ -309,6 +308,12 @@ def _with_moving_feet(
                     error = target.foot_position[i, foot, k] - terms.foot_position[i, foot, k]
                 bias[i, foot, k] -= target.foot_acceleration[i, foot, k]
                 bias[i, foot, k] -= gains.swing * error + gains.swing_damping * rate
+    return bias
+
+
+@compiled
+def with_foot_bias(terms: DynamicsTerms, foot_bias: np.ndarray) -> DynamicsTerms:
+    """The terms with another "Jdot v" of the feet, (N, F, 6)."""
     return DynamicsTerms(
         terms.mass_matrix,
         terms.bias,
@@ -320,7 +325,7 @@ def _with_moving_feet(
         terms.world_from_foot,
         terms.foot_velocity,
         terms.foot_jacobian,
-        bias,
+        foot_bias,
     )
 
 
