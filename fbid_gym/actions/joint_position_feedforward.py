@@ -10,9 +10,9 @@ from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.joint_gains import JointGains
 from fbid_gym.actions.law_memory import DIAGNOSTICS
-from fbid_gym.actions.smooth_target import Offset, SmoothTarget
+from fbid_gym.actions.smooth_target import Offset, SmoothTarget, TargetMemory, follow
 from fbid_gym.checks import check_at_least_zero, check_positive
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
 from fbid_gym.quantities import (
@@ -21,6 +21,7 @@ from fbid_gym.quantities import (
     Memory,
     Reference,
     RobotState,
+    SupportFrame,
     TaskCommand,
 )
 from fbid_gym.robots import Robot
@@ -29,6 +30,20 @@ from fbid_gym.small_matrices import dot
 # Feedback need only be as stiff as falling is fast: the model carries the weight and the motion.
 _STIFFER_THAN_FALLING = 1.0
 _JOINTS_FIRST = 1e-3  # base priority: where the contacts do not allow both, the base follows
+
+
+class _Balance(NamedTuple):
+    """Of the centre of mass above the feet.
+
+    Attributes:
+        stiffness: w^2, 1/s^2; 0 for eq. (18) without balance.
+        damping: 2 w, 1/s.
+        heading: of the feet.
+    """
+
+    stiffness: float
+    damping: float
+    heading: Heading
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +69,7 @@ class JointPositionFeedforward:
         stance: the home stance.
         target: of the offset.
         gains: K_P and K_D.
-        balance_stiffness: w^2, 1/s^2; 0 for eq. (18) without balance.
-        balance_damping: 2 w, 1/s.
+        balance: of the centre of mass.
         scale: rad (m for slides) at action 1.
     """
 
@@ -63,8 +77,7 @@ class JointPositionFeedforward:
     stance: Stance
     target: SmoothTarget
     gains: JointGains
-    balance_stiffness: float
-    balance_damping: float
+    balance: _Balance
     scale: float
 
     @classmethod
@@ -102,15 +115,14 @@ class JointPositionFeedforward:
         gains = JointGains.of(
             robot, control_hz, natural_frequency, damping_ratio, _STIFFER_THAN_FALLING
         )
-        balance = 2.0 * np.pi * balance_frequency
+        stance, omega = Stance.of(robot), 2.0 * np.pi * balance_frequency
         return cls(
             AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST),
-            Stance.of(robot),
+            stance,
             SmoothTarget(2.0 * np.pi * target_frequency, 1.0 / control_hz),
             gains,
-            balance_stiffness=balance**2,
-            balance_damping=2.0 * balance,
-            scale=scale,
+            _Balance(omega**2, 2.0 * omega, stance.heading),
+            scale,
         )
 
     @property
@@ -133,8 +145,8 @@ class JointPositionFeedforward:
 
     def memory(self, num_robots: int) -> Memory:
         """Of the law and of the offset."""
-        target = self.target.memory(num_robots, self.law.robot.num_joints)
-        return self.law.memory(num_robots) | target
+        target = TargetMemory.fresh(num_robots, self.law.robot.num_joints)
+        return self.law.memory(num_robots) | target._asdict()
 
     def torque(
         self,
@@ -145,44 +157,73 @@ class JointPositionFeedforward:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        known, offset = terms(), self.target.step(self.scale * action, memory)
-        gains = self.balance_stiffness, self.balance_damping
-        desired, balance = _desire(*gains, self.stance.heading, reference, offset, known)
-        model = self.law.torque(desired, state, reference, known, memory, balance)
-        return _add_feedback(model, self.gains, state, reference, offset)
+        known, goal, target = terms(), self.scale * action, TargetMemory.of(memory)
+        robots = state, reference, known
+        wanted = _ask(self.balance, self.gains, self.target, goal, target, *robots)
+        model = self.law.torque(wanted.motion, *robots, memory, wanted.balance)
+        return model + wanted.feedback
 
 
-class _Desired(NamedTuple):
-    acceleration: np.ndarray  # (N, nv)
+class _Asked(NamedTuple):
+    """What eq. (18) asks of InvDyn, and what it adds to that.
+
+    Attributes:
+        motion: (N, nv) qdd_d, before balance.
+        balance: of eq. (19); no rows for none.
+        feedback: (N, n) N·m.
+    """
+
+    motion: np.ndarray
     balance: TaskCommand
+    feedback: np.ndarray
 
 
 @kernel
-def _desire(
-    stiffness: float,
-    damping: float,
-    heading: Heading,
+def _ask(
+    balance: _Balance,
+    gains: JointGains,
+    smooth: SmoothTarget,
+    goal: np.ndarray,
+    memory: TargetMemory,
+    state: RobotState,
     reference: Reference,
-    offset: Offset,
     terms: DynamicsTerms,
-) -> _Desired:
-    """Desired accelerations, and what the centres of mass shall do in x and y, eq. (20).
+) -> _Asked:
+    """The tick's terms of eq. (18), in one call; goals (N, n); updates the memory."""
+    offset, frame = follow(smooth, goal, memory), support_frame(balance.heading, terms)
+    return _Asked(
+        _desired_motion(frame, reference, offset),
+        _balancing(balance, frame, reference, terms),
+        _feedback(gains, state, reference, offset),
+    )
 
-    No rows of the latter if `stiffness` is zero.
-    """
-    frame = support_frame(heading, terms)
-    count, nv = terms.bias.shape
-    rows = 2 if stiffness > 0.0 else 0
-    desired = np.empty((count, nv))
-    jacobian, bias = np.empty((count, rows, nv)), np.empty((count, rows))
-    acceleration = np.empty((count, rows))
+
+@compiled
+def _desired_motion(frame: SupportFrame, reference: Reference, offset: Offset) -> np.ndarray:
+    """The reference's accelerations and the offset's: (N, nv), the base's linear ones in world."""
+    count, joints = offset.value.shape
+    desired = np.empty((count, 6 + joints))
     for i in range(count):
         row = min(i, len(reference.qacc) - 1)
         for k in range(3):
             desired[i, k] = dot(frame.world_from_support[i, k], reference.qacc[row, :3])
             desired[i, k + 3] = reference.qacc[row, k + 3]
-        for j in range(nv - 6):
+        for j in range(joints):
             desired[i, 6 + j] = reference.qacc[row, 6 + j] + offset.acceleration[i, j]
+    return desired
+
+
+@compiled
+def _balancing(
+    balance: _Balance, frame: SupportFrame, reference: Reference, terms: DynamicsTerms
+) -> TaskCommand:
+    """What the centres of mass shall do in x and y, eq. (20); no rows without stiffness."""
+    count, nv = terms.bias.shape
+    rows = 2 if balance.stiffness > 0.0 else 0
+    jacobian, bias = np.empty((count, rows, nv)), np.empty((count, rows))
+    acceleration = np.empty((count, rows))
+    for i in range(count):
+        row = min(i, len(reference.qacc) - 1)
         mass = terms.mass_matrix[i, 0, 0]
         for k in range(rows):
             for j in range(nv):
@@ -194,25 +235,21 @@ def _desire(
             )
             rate = dot(axis, reference.com_velocity_in_support[row]) - terms.com_velocity[i, k]
             acceleration[i, k] = dot(axis, reference.com_acceleration_in_support[row])
-            acceleration[i, k] += stiffness * place + damping * rate
-    return _Desired(desired, TaskCommand(jacobian, bias, acceleration))
+            acceleration[i, k] += balance.stiffness * place + balance.damping * rate
+    return TaskCommand(jacobian, bias, acceleration)
 
 
-@kernel
-def _add_feedback(
-    model: np.ndarray,
-    gains: JointGains,
-    state: RobotState,
-    reference: Reference,
-    offset: Offset,
+@compiled
+def _feedback(
+    gains: JointGains, state: RobotState, reference: Reference, offset: Offset
 ) -> np.ndarray:
-    """Torques (N, n): that of the model (N, n) and that of the feedback, eq. (18)."""
-    count, joints = model.shape
+    """K_P (q_d - q) + K_D (qdot_d - qdot) of eq. (18): (N, n) N·m."""
+    count, joints = offset.value.shape
     torque = np.empty((count, joints))
     for i in range(count):
         row = min(i, len(reference.qpos) - 1)
         for j in range(joints):
             error = reference.qpos[row, 7 + j] + offset.value[i, j] - state.qpos[i, 7 + j]
             rate = reference.qvel[row, 6 + j] + offset.rate[i, j] - state.qvel[i, 6 + j]
-            torque[i, j] = model[i, j] + gains.stiffness[j] * error + gains.damping[j] * rate
+            torque[i, j] = gains.stiffness[j] * error + gains.damping[j] * rate
     return torque

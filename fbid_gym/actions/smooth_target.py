@@ -1,6 +1,5 @@
 """A target that follows a policy's steps smoothly enough to have a rate and an acceleration."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -9,22 +8,7 @@ from fbid_gym.compiled import kernel
 from fbid_gym.quantities import Memory
 
 
-class Offset(NamedTuple):
-    """Where the target of N robots is; n coordinates.
-
-    Attributes:
-        value: (N, n).
-        rate: (N, n) per s.
-        acceleration: (N, n) per s^2.
-    """
-
-    value: np.ndarray
-    rate: np.ndarray
-    acceleration: np.ndarray
-
-
-@dataclass(frozen=True)
-class SmoothTarget:
+class SmoothTarget(NamedTuple):
     """Critically damped second-order response to a goal u that is held for a control tick.
 
     xdd = w^2 (u - x) - 2 w xdot, solved exactly: with e = x - u and c = xdot + w e at a tick, the
@@ -38,31 +22,54 @@ class SmoothTarget:
     omega: float
     tick: float
 
-    def memory(self, num_robots: int, size: int) -> Memory:
+
+class TargetMemory(NamedTuple):
+    """Where the targets of N robots are, n coordinates each; updated from tick to tick.
+
+    Attributes:
+        target: (N, n).
+        target_rate: (N, n) per s.
+    """
+
+    target: np.ndarray
+    target_rate: np.ndarray
+
+    @classmethod
+    def of(cls, memory: Memory) -> "TargetMemory":
+        """Return the target's part of a layer's memory, to be updated in place."""
+        return cls(memory["target"], memory["target_rate"])
+
+    @classmethod
+    def fresh(cls, num_robots: int, size: int) -> "TargetMemory":
         """Return targets that rest at zero."""
-        return {name: np.zeros((num_robots, size)) for name in ("target", "target_rate")}
-
-    def step(self, goal: np.ndarray, memory: Memory) -> Offset:
-        """Return where the target is at this tick, and move it on to the next.
-
-        Args:
-            goal: (N, n) u.
-            memory: of the robots; updated.
-        """
-        offset = Offset(memory["target"], memory["target_rate"], np.empty(goal.shape))
-        memory["target"], memory["target_rate"] = _follow(goal, self.omega, self.tick, offset)
-        return offset
+        return cls(np.zeros((num_robots, size)), np.zeros((num_robots, size)))
 
 
-class _Next(NamedTuple):
+class Offset(NamedTuple):
+    """Where the targets of N robots are at a tick.
+
+    Attributes:
+        value: (N, n).
+        rate: (N, n) per s.
+        acceleration: (N, n) per s^2.
+    """
+
     value: np.ndarray
     rate: np.ndarray
+    acceleration: np.ndarray
 
 
 @kernel
-def _follow(goal: np.ndarray, omega: float, tick: float, offset: Offset) -> _Next:
-    """Write the acceleration of targets (N, n); return their values and rates a tick later."""
-    value_after, rate_after = np.empty(goal.shape), np.empty(goal.shape)
+def follow(smooth: SmoothTarget, goal: np.ndarray, memory: TargetMemory) -> Offset:
+    """Return where targets are at this tick, and move them on to the next.
+
+    Args:
+        smooth: how they move.
+        goal: (N, n) u.
+        memory: of the robots; updated.
+    """
+    offset = Offset(memory.target.copy(), memory.target_rate.copy(), np.empty(goal.shape))
+    omega, tick = smooth.omega, smooth.tick
     decay = np.exp(-omega * tick)
     for i in range(len(goal)):
         for j in range(goal.shape[1]):
@@ -70,6 +77,6 @@ def _follow(goal: np.ndarray, omega: float, tick: float, offset: Offset) -> _Nex
             slope = offset.rate[i, j] + omega * error
             travel = slope * tick
             offset.acceleration[i, j] = -omega * (slope + offset.rate[i, j])
-            value_after[i, j] = goal[i, j] + (error + travel) * decay
-            rate_after[i, j] = (offset.rate[i, j] - omega * travel) * decay
-    return _Next(value_after, rate_after)
+            memory.target[i, j] = goal[i, j] + (error + travel) * decay
+            memory.target_rate[i, j] = (offset.rate[i, j] - omega * travel) * decay
+    return offset

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from fbid_gym.actions import make_layer
-from fbid_gym.actions.smooth_target import SmoothTarget
+from fbid_gym.actions.smooth_target import SmoothTarget, TargetMemory, follow
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import point_jacobian
 from fbid_gym.envs.rates import Rates
@@ -58,13 +58,13 @@ def com_jacobian(robot, qpos):
 def test_the_target_is_the_exact_critically_damped_response(rng):
     """Goals that change at any tick, against the matrix exponential."""
     smooth, tick = SmoothTarget(2 * np.pi * 3.0, 0.002), 0.002
-    memory, state = smooth.memory(4, 3), np.zeros((3, 4, 3))
+    memory, state = TargetMemory.fresh(4, 3), np.zeros((3, 4, 3))
     exact, w = second_order(3.0, tick), 2 * np.pi * 3.0
     for k in range(120):
         if k % 7 == 0:
             goal = rng.normal(size=(4, 3))
         state[2] = goal
-        found = smooth.step(goal, memory)
+        found = follow(smooth, goal, memory)
         np.testing.assert_allclose(found.value, state[0], atol=1e-12)
         np.testing.assert_allclose(found.rate, state[1], atol=1e-11)
         expected = w**2 * (goal - state[0]) - 2 * w * state[1]
@@ -74,8 +74,8 @@ def test_the_target_is_the_exact_critically_damped_response(rng):
 
 def test_the_target_reaches_a_constant_goal_without_overshoot():
     smooth = SmoothTarget(2 * np.pi * 2.0, 0.002)
-    memory, goal = smooth.memory(1, 1), np.full((1, 1), 0.3)
-    values = np.array([smooth.step(goal, memory).value.item() for _ in range(1000)])
+    memory, goal = TargetMemory.fresh(1, 1), np.full((1, 1), 0.3)
+    values = np.array([follow(smooth, goal, memory).value.item() for _ in range(1000)])
     assert (np.diff(values) >= 0.0).all() and values[0] == 0.0
     assert values[-1] == pytest.approx(0.3, rel=1e-6)
     # At t = 1 / w it has gone 1 - 2 / e of the way.
