@@ -5,6 +5,8 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
+from fbid_gym.robots.mjcf import listed
+
 _LEAST_ITERATIONS = 10
 _ITERATIONS = 100
 _LINE_SEARCHES = 50
@@ -43,7 +45,7 @@ def set_armature(spec: mujoco.MjSpec, armature: Mapping[str, float]) -> list[str
     for joint in spec.joints:
         if joint.name in armature:
             joint.armature = armature[joint.name]
-    return [f"Armature of {len(armature)} joints is that given."] if armature else []
+    return [f"Armature as given on {len(armature)} joints: {listed(armature)}."] if armature else []
 
 
 def set_solver(spec: mujoco.MjSpec) -> list[str]:

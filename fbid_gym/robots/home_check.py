@@ -31,6 +31,7 @@ _UNEVEN = 0.02
 _CARRIES_NOTHING = 0.001
 """Share of the weight."""
 
+_TICKS_PER_PERIOD = 20
 _SETTLING = 0.2  # s
 
 _LOCKED = 1e4
@@ -159,8 +160,9 @@ def _unloaded(home: _Home, contact_sensor: np.ndarray) -> list[str]:
 def _too_light(home: _Home) -> list[str]:
     """Joints that cannot be held as stiffly as standing needs, at the rate of control.
 
-    Held for a tick, a torque of stiffness k lets an inertia I oscillate beyond k = I hz². What
-    stands on a joint falls over unless k makes up for its weight at its height.
+    What stands on a joint falls over unless its stiffness makes up for the weight at its height.
+    With that stiffness, the joint's own inertia in the air oscillates; torques that are held for
+    a tick damp what they meet often enough in a period.
     """
     model = home.model
     mass = np.empty((model.nv, model.nv))
@@ -169,7 +171,7 @@ def _too_light(home: _Home) -> list[str]:
     needed = _needed_stiffness(home)
     told = []
     for index, joint in enumerate(moving_joints(model)):
-        least = needed[index] / CONTROL_HZ**2
+        least = needed[index] / (2.0 * np.pi * CONTROL_HZ / _TICKS_PER_PERIOD) ** 2
         if giving_way[index] < least:
             name = object_name(model, _OBJ.mjOBJ_JOINT, joint)
             told.append(

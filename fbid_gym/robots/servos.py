@@ -111,9 +111,9 @@ def use_motors(
     if servos or added:
         _drop_controls_of_keyframes(spec)
     return [
-        *_note(servos, "{} servos became torque motors; their gains are kept in servo_gains."),
-        *_note(added, "{} torque motors added: {}."),
-        *_note(limited, "{} torque limits are those given: {}."),
+        *_note(servos, "Torque motors in place of {} servos; their gains are kept in servo_gains."),
+        *_note(added, "Torque motors added on {} joints: {}."),
+        *_note(limited, "Torque limits as given on {} joints: {}."),
     ]
 
 
