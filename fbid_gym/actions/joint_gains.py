@@ -1,4 +1,4 @@
-"""Joint PD controllers: gains from the response that they shall give the home stance."""
+"""Joint PD controllers: gains from a response of the home stance, or those of a file's servos."""
 
 from typing import NamedTuple
 
@@ -11,6 +11,9 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots import Robot
 
+SERVO = "servo"
+"""In place of a natural frequency: the gains of the file's servos."""
+
 
 class JointGains(NamedTuple):
     """K_P = I (2 pi f)^2 and K_D = 2 zeta I (2 pi f), of every joint.
@@ -22,12 +25,24 @@ class JointGains(NamedTuple):
     Attributes:
         stiffness: (n,) N·m/rad.
         damping: (n,) N·m·s/rad.
-        natural_frequency: f, Hz.
+        natural_frequency: f, Hz; infinite for gains that come from elsewhere.
     """
 
     stiffness: np.ndarray
     damping: np.ndarray
     natural_frequency: float
+
+    @classmethod
+    def of_servos(cls, robot: Robot, control_hz: int) -> "JointGains":
+        """Take the gains of the file's servos.
+
+        Raises:
+            InvalidValueError: see `servo_fault`.
+        """
+        servos, fault = robot.servo_gains, servo_fault(robot, control_hz)
+        if servos is None or fault:
+            raise InvalidValueError("natural_frequency", SERVO, f"a number in Hz: {fault}")
+        return cls(servos.stiffness.copy(), servos.damping.copy(), np.inf)
 
     @classmethod
     def of(
@@ -67,6 +82,21 @@ class JointGains(NamedTuple):
             )
         gains = _gains(robot, control_hz, natural_frequency, damping_ratio)
         return cls(*gains, float(natural_frequency))
+
+
+def servo_fault(robot: Robot, control_hz: int) -> str:
+    """Say why the gains of the file's servos do not serve; an empty string if they do.
+
+    They do where they hold every joint and let every mode decay in the air, sampled, with the help
+    of the joints' own damping.
+    """
+    servos = robot.servo_gains
+    if servos is None or not np.all(servos.stiffness > 0.0):
+        return f"{robot.name} came without position servos on all joints"
+    damping = servos.damping + robot.joint_damping
+    if sampled_growth(robot, servos.stiffness, damping, control_hz) >= 1.0:
+        return f"sampled at {control_hz} Hz, the servos of {robot.name} oscillate in the air"
+    return ""
 
 
 def _gains(

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fbid_gym.actions.joint_gains import JointGains, holding_torque
+from fbid_gym.actions.joint_gains import SERVO, JointGains, holding_torque, servo_fault
 from fbid_gym.checks import check_positive
 from fbid_gym.compiled import kernel
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
@@ -36,7 +37,7 @@ class JointPosition:
         robot: Robot,
         control_hz: int,
         *,
-        natural_frequency: float | None = None,
+        natural_frequency: float | str | None = None,
         damping_ratio: float = 1.0,
         scale: float = 0.3,
     ) -> "JointPosition":
@@ -47,10 +48,11 @@ class JointPosition:
         Args:
             robot: whose joints.
             control_hz: control ticks per second.
-            natural_frequency: f in Hz. Default: 3.4 times that of the robot falling over, the
-                pendulum frequency sqrt(g / height of the centre of mass) / (2 pi), or the largest
-                that `control_hz` allows, if that is less. Stiffer joints take harder pushes
-                untrained, but turn exploration noise into falls.
+            natural_frequency: f in Hz; or "servo", the gains that the file's servos had. Default:
+                theirs, if they held every joint and are steady at `control_hz`; else 3.4 times that
+                of the robot falling over, the pendulum frequency sqrt(g / height of the centre of
+                mass) / (2 pi), or the largest that `control_hz` allows, if that is less. Stiffer
+                joints take harder pushes untrained, but turn exploration noise into falls.
             damping_ratio: zeta.
             scale: rad (m for slides) at action 1.
 
@@ -58,15 +60,13 @@ class JointPosition:
             InvalidValueError: not positive, or so stiff that the sampled controller oscillates.
         """
         check_positive(scale=scale)
-        gains = JointGains.of(
-            robot, control_hz, natural_frequency, damping_ratio, _STIFFER_THAN_FALLING
-        )
+        gains = _gains(robot, control_hz, natural_frequency, damping_ratio)
         return cls(robot, holding_torque(robot), gains, float(scale))
 
     @property
-    def natural_frequency(self) -> float:
-        """Hz, of the response that the gains give."""
-        return self.gains.natural_frequency
+    def natural_frequency(self) -> float | str:
+        """Hz, of the response that the gains give; or "servo"."""
+        return self.gains.natural_frequency if np.isfinite(self.gains.natural_frequency) else SERVO
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -92,6 +92,19 @@ class JointPosition:
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         return _feedback(self.hold, self.gains, self.scale, action, state, reference)
+
+
+def _gains(
+    robot: Robot, control_hz: int, natural_frequency: float | str | None, damping_ratio: float
+) -> JointGains:
+    if natural_frequency is None and not servo_fault(robot, control_hz):
+        natural_frequency = SERVO
+    if natural_frequency == SERVO:
+        return JointGains.of_servos(robot, control_hz)
+    if isinstance(natural_frequency, str):
+        expected = f"a positive number in Hz, or {SERVO!r}"
+        raise InvalidValueError("natural_frequency", natural_frequency, expected)
+    return JointGains.of(robot, control_hz, natural_frequency, damping_ratio, _STIFFER_THAN_FALLING)
 
 
 @kernel

@@ -271,9 +271,9 @@ def _known_task(name: Any) -> str:
     return name
 
 
-def _derived(value: float) -> float:
-    """To nine digits: platforms may sum up a robot's mass in another order."""
-    return float(f"{value:.9g}")
+def _derived(value: float | str) -> float | str:
+    """To nine digits: platforms may sum up a robot's mass in another order. Words stay."""
+    return value if isinstance(value, str) else float(f"{value:.9g}")
 
 
 def _plain(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Feet and their contact points: found by name in a compiled model and checked."""
+"""Feet and their contact points: found in a compiled model and checked."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import InvalidValueError, RobotError
-from fbid_gym.robots.mjcf import listed, object_name
+from fbid_gym.robots.mjcf import can_touch, listed, object_name
+from fbid_gym.robots.touching import touching_points
 
 _GEOM = mujoco.mjtGeom
 _OBJ = mujoco.mjtObj
@@ -16,6 +17,7 @@ MAX_POINTS_PER_FOOT = 8
 """More add no force a rigid foot can use (four corners span its 6 dimensions) but cost time."""
 
 _DISTINCT = 1e-6  # m
+_ROUND = (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,9 +27,9 @@ class Foot:
     Attributes:
         name: the foot's name.
         body: MuJoCo id of the body that carries the points.
-        point_names: P names of sites or geoms.
-        points: (P, 3) m, body frame: positions of sites, centres of spheres.
-        radius: m. 0 for sites; for spheres their radius: the contact lies `radius` below
+        point_names: P names, of sites or geoms where the points are such.
+        points: (P, 3) m, body frame: places on the body's surface, or centres of spheres.
+        radius: m. 0 for places; for spheres their radius: the contact lies `radius` below
             (world -z) the point.
     """
 
@@ -48,15 +50,16 @@ class ContactPoint:
     """One contact point of a foot, as found in the compiled model.
 
     Attributes:
-        name: name of the site or geom.
-        is_site: whether it is a site; else a sphere, or the end of a capsule.
+        name: name of the site or geom; of a point found by the body's shape, the foot's and a
+            number.
+        geom: id of the sphere or capsule that it is named after; -1 if it is a place on the body.
         body: id of the body that carries it.
         position: (3,) m, in the body's frame.
-        radius: m. 0 for a site.
+        radius: m. 0 for a place on the surface.
     """
 
     name: str
-    is_site: bool
+    geom: int
     body: int
     position: np.ndarray
     radius: float
@@ -66,16 +69,19 @@ def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str,
     """Bring both ways of naming feet into one form.
 
     Args:
-        feet: foot name -> names of its points, or a sequence of names, each a one-point foot.
+        feet: foot name -> names of its points, or of its body; or a sequence of names, each of a
+            foot with one point, or of its body.
 
     Returns:
-        Foot name -> names of its points.
+        Foot name -> names of its points, or the one of its body.
 
     Raises:
         InvalidValueError: neither form, or no foot.
         RobotError: a foot or point given twice, or too few or too many points on a foot.
     """
-    expected = "foot name -> names of its sites or sphere geoms, or a list of such names"
+    expected = (
+        "foot name -> its body, or names of its sites or sphere geoms; or a list of such names"
+    )
     if isinstance(feet, str) or not isinstance(feet, Mapping | Sequence):
         raise InvalidValueError("feet", feet, expected)
     if isinstance(feet, Mapping):
@@ -104,13 +110,24 @@ def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str,
     return groups
 
 
-def find_foot(model: mujoco.MjModel, foot: str, names: Sequence[str]) -> list[ContactPoint]:
+def find_foot(
+    model: mujoco.MjModel, at_home: mujoco.MjData, foot: str, names: Sequence[str]
+) -> list[ContactPoint]:
     """Find the contact points of one foot, rigid to each other and alike.
+
+    Args:
+        model: the model.
+        at_home: kinematics of the home pose, which say where a body touches level ground.
+        foot: the foot's name.
+        names: of its points; or of its body alone.
 
     Raises:
         RobotError: a point cannot be used, or they lie on different bodies or at the same place,
             mix sites and geoms, or have different radii.
     """
+    body = mujoco.mj_name2id(model, _OBJ.mjOBJ_BODY, names[0])
+    if len(names) == 1 and body > 0 and not _is_point(model, names[0]):
+        return points_of_body(model, at_home, foot, body)
     points = [_find_point(model, name) for name in names]
     if len({p.body for p in points}) > 1:
         where = ", ".join(
@@ -119,8 +136,8 @@ def find_foot(model: mujoco.MjModel, foot: str, names: Sequence[str]) -> list[Co
         raise RobotError(
             f"Foot {foot!r} has points on different bodies: {where}. Expected one body."
         )
-    if len({p.is_site for p in points}) > 1:
-        kinds = ", ".join(f"{p.name} ({'site' if p.is_site else 'geom'})" for p in points)
+    if len({p.geom < 0 for p in points}) > 1:
+        kinds = ", ".join(f"{p.name} ({'site' if p.geom < 0 else 'geom'})" for p in points)
         raise RobotError(f"Foot {foot!r} mixes sites and geoms: {kinds}. Expected one kind.")
     for i, first in enumerate(points):
         for second in points[:i]:
@@ -137,6 +154,24 @@ def find_foot(model: mujoco.MjModel, foot: str, names: Sequence[str]) -> list[Co
     return points
 
 
+def points_of_body(
+    model: mujoco.MjModel, at_home: mujoco.MjData, foot: str, body: int
+) -> list[ContactPoint]:
+    """Find the contact points of a foot by the shape of its body.
+
+    Raises:
+        RobotError: nothing on the body can touch, or the body is fixed to the world.
+    """
+    if model.body_weldid[body] == 0:
+        raise RobotError(f"Body {foot!r} is fixed to the world. Expected a body of the robot.")
+    positions, radius = touching_points(model, at_home, body)
+    names = [foot] if len(positions) == 1 else [f"{foot}_{i}" for i in range(len(positions))]
+    return [
+        ContactPoint(name, -1, body, position, radius)
+        for name, position in zip(names, positions, strict=True)
+    ]
+
+
 def point_names(model: mujoco.MjModel) -> list[str]:
     """Names that can serve as contact points: the robot's sites, sphere and capsule geoms."""
     names = [
@@ -147,25 +182,47 @@ def point_names(model: mujoco.MjModel) -> list[str]:
     names += [
         mujoco.mj_id2name(model, _OBJ.mjOBJ_GEOM, i)
         for i in range(model.ngeom)
-        if model.body_weldid[model.geom_bodyid[i]] != 0
-        and int(model.geom_type[i]) in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE)
+        if model.body_weldid[model.geom_bodyid[i]] != 0 and int(model.geom_type[i]) in _ROUND
     ]
     return sorted({name for name in names if name})
+
+
+def body_names(model: mujoco.MjModel) -> list[str]:
+    """Names of the robot's bodies that have something to touch the ground with."""
+    bodies = sorted(set(model.geom_bodyid[can_touch(model)].tolist()))
+    names = [
+        mujoco.mj_id2name(model, _OBJ.mjOBJ_BODY, b) for b in bodies if model.body_weldid[b] != 0
+    ]
+    return [name for name in names if name]
+
+
+def _is_point(model: mujoco.MjModel, name: str) -> bool:
+    """Whether a site or a sphere or capsule has this name."""
+    geom = mujoco.mj_name2id(model, _OBJ.mjOBJ_GEOM, name)
+    return mujoco.mj_name2id(model, _OBJ.mjOBJ_SITE, name) >= 0 or (
+        geom >= 0 and int(model.geom_type[geom]) in _ROUND
+    )
 
 
 def _find_point(model: mujoco.MjModel, name: str) -> ContactPoint:
     """Find a contact point: a site, a sphere, or the end of a capsule.
 
     A capsule counts by its end farther from the body's origin: the tip of a leg. Where a site and a
-    geom share the name, the site is meant.
+    sphere or capsule that touches share the name, the latter is meant: the site in its middle would
+    leave it in the ground.
     """
     site = mujoco.mj_name2id(model, _OBJ.mjOBJ_SITE, name)
     geom = mujoco.mj_name2id(model, _OBJ.mjOBJ_GEOM, name)
     if site < 0 and geom < 0:
-        raise RobotError(f"No site or geom {name!r}. Valid choices: {listed(point_names(model))}.")
-    if site >= 0:
+        raise RobotError(
+            f"No site or geom {name!r}. Valid choices: {listed(point_names(model))}. A foot can "
+            f"also be named by its body: {listed(body_names(model))}."
+        )
+    if site >= 0 and not (
+        geom >= 0 and int(model.geom_type[geom]) in _ROUND and can_touch(model)[geom]
+    ):
         body = int(model.site_bodyid[site])
-        point = ContactPoint(name, True, body, model.site_pos[site].copy(), 0.0)
+        point = ContactPoint(name, -1, body, model.site_pos[site].copy(), 0.0)
     else:
         body = int(model.geom_bodyid[geom])
         position, radius = model.geom_pos[geom].copy(), float(model.geom_size[geom, 0])
@@ -176,9 +233,9 @@ def _find_point(model: mujoco.MjModel, name: str) -> ContactPoint:
             shape = _GEOM(model.geom_type[geom]).name.removeprefix("mjGEOM_").lower()
             raise RobotError(
                 f"Geom {name!r} is a {shape}, which has no single contact point. Name sites at its "
-                f"corners instead, or one of: {listed(point_names(model))}."
+                f"corners instead, or its body, or one of: {listed(point_names(model))}."
             )
-        point = ContactPoint(name, False, body, position, radius)
+        point = ContactPoint(name, geom, body, position, radius)
     if model.body_weldid[body] == 0:
         raise RobotError(
             f"Contact point {name!r} is fixed to the world. Valid choices: "

@@ -1,4 +1,4 @@
-"""The home pose: from what a user gives to a checked configuration with the feet on the ground."""
+"""The home pose: what a user gives, checked, with the feet on the ground."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,21 +15,21 @@ from fbid_gym.errors import (
 from fbid_gym.robots.feet import Foot
 from fbid_gym.robots.mjcf import moving_joints, object_name
 
+STAND = "stand"
+"""Name of the home pose that `fbid_gym.robots.stand` finds."""
+
 _KEYFRAME = "home"
 _TOLERANCE = 1e-6  # rad: angles copied with rounding may sit on a limit
 
 
-def home_configuration(
-    model: mujoco.MjModel,
-    home: Mapping[str, float] | Sequence[float] | np.ndarray | str | None,
-    feet: Sequence[Foot],
+def home_pose(
+    model: mujoco.MjModel, home: Mapping[str, float] | Sequence[float] | np.ndarray | str | None
 ) -> np.ndarray:
-    """Resolve the home pose and put the robot on the ground.
+    """Resolve the home pose; its height is still as given.
 
     Args:
         model: compiled model with the free joint first.
-        home: see `Robot.from_mjcf`.
-        feet: feet whose lowest contact point shall touch z = 0.
+        home: see `Robot.from_mjcf`. For STAND this is the pose from which to stand up.
 
     Returns:
         qpos (nq,), base quaternion normalised.
@@ -42,10 +42,12 @@ def home_configuration(
         RobotError: a zero base quaternion, or joints outside their range.
     """
     keyframes = {model.key(i).name: model.key(i).qpos.copy() for i in range(model.nkey)}
-    if isinstance(home, str):
+    if isinstance(home, str) and home == STAND:
+        qpos = keyframes.get(_KEYFRAME, _reference_pose(model))
+    elif isinstance(home, str):
         if home not in keyframes:
             names = [name for name in keyframes if name]
-            raise UnknownOptionError("keyframe", home, names or ["(none)"])
+            raise UnknownOptionError("keyframe", home, [*names, STAND])
         qpos = keyframes[home]
     elif home is None or isinstance(home, Mapping):
         qpos = keyframes.get(_KEYFRAME, _reference_pose(model))
@@ -70,8 +72,14 @@ def home_configuration(
         raise RobotError("The base quaternion home[3:7] is zero. Expected a unit quaternion.")
     qpos[3:7] /= length
     _check_ranges(model, qpos)
-    qpos[2] -= _lowest_contact(model, qpos, feet)
     return qpos
+
+
+def on_the_ground(model: mujoco.MjModel, qpos: np.ndarray, feet: Sequence[Foot]) -> np.ndarray:
+    """Return a pose (nq,) with the lowest contact point at z = 0."""
+    raised = qpos.copy()
+    raised[2] -= _lowest_contact(model, qpos, feet)
+    return raised
 
 
 def _number(joint: str, value: float) -> float:

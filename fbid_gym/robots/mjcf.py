@@ -1,7 +1,6 @@
 """Reading an MJCF as a floating-base robot: one free-floating tree of hinges and slides."""
 
 from collections.abc import Iterable
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -12,25 +11,8 @@ _JOINT = mujoco.mjtJoint
 _OBJ = mujoco.mjtObj
 
 
-def read_spec(path: str | Path) -> mujoco.MjSpec:
-    """Parse an MJCF file.
-
-    Raises:
-        RobotError: the file does not exist or MuJoCo cannot parse it.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise RobotError(
-            f"Robot file {str(path)!r} does not exist. Expected the path of an MJCF file."
-        )
-    try:
-        return mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise RobotError(f"Robot file {str(path)!r} is not a valid MJCF: {error}") from error
-
-
-def compile_spec(spec: mujoco.MjSpec, path: str | Path) -> mujoco.MjModel:
-    """Compile a spec.
+def compile_spec(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:
+    """Compile a spec, which messages call `label`.
 
     Raises:
         RobotError: MuJoCo cannot compile it.
@@ -38,7 +20,7 @@ def compile_spec(spec: mujoco.MjSpec, path: str | Path) -> mujoco.MjModel:
     try:
         return spec.compile()
     except ValueError as error:
-        raise RobotError(f"Robot file {str(path)!r} does not compile: {error}") from error
+        raise RobotError(f"{label} does not compile: {error}") from error
 
 
 def object_name(model: mujoco.MjModel, kind: int, index: int) -> str:
@@ -79,6 +61,21 @@ def free_joints(model: mujoco.MjModel) -> list[int]:
 def moving_joints(model: mujoco.MjModel) -> list[int]:
     """Ids of the hinges and slides, in dof order."""
     return [int(j) for j in np.flatnonzero(model.jnt_type != _JOINT.mjJNT_FREE)]
+
+
+def name_joints(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[str, ...]:
+    """Give hinges and slides without a name one; returns all of them, in dof order."""
+    joints = {joint.id: joint for joint in spec.joints}
+    for j, joint in joints.items():
+        joint.name = joint.name or f"joint_{j}"
+    return tuple(joints[j].name for j in moving_joints(model))
+
+
+def can_touch(model: mujoco.MjModel) -> np.ndarray:
+    """(ngeom,) bool, geoms that are not only drawn."""
+    paired = np.concatenate([model.pair_geom1, model.pair_geom2])
+    in_pair = np.isin(np.arange(model.ngeom), paired)
+    return (model.geom_contype != 0) | (model.geom_conaffinity != 0) | in_pair
 
 
 def check_tree(model: mujoco.MjModel) -> int:

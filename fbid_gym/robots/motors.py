@@ -34,14 +34,15 @@ def motor_of_each_joint(
         if reason:
             raise RobotError(
                 f"Actuator {object_name(model, _OBJ.mjOBJ_ACTUATOR, a)!r} {reason}. "
-                "Expected plain torque motors (<motor joint=... ctrlrange=...>)."
+                "Expected plain torque motors (<motor joint=... ctrlrange=...>), or servos."
             )
         driven[int(model.actuator_trnid[a, 0])].append(a)
     joints = moving_joints(model)
     missing = [object_name(model, _OBJ.mjOBJ_JOINT, j) for j in joints if not driven[j]]
     if missing:
         raise RobotError(
-            f"Joints without an actuator: {listed(missing)}. Expected one motor per joint."
+            f"Joints without an actuator: {listed(missing)}. Expected one motor per joint. One is "
+            "added where torque_limit= says how strong (N·m, by the joint's name or a pattern)."
         )
     for j in joints:
         if len(driven[j]) > 1:
@@ -97,7 +98,7 @@ def _torque_limit(model: mujoco.MjModel, a: int, j: int) -> float:
     if not ranges:
         raise RobotError(
             f"Motor {name!r} has no torque limit. Give it a ctrlrange or forcerange, or its joint "
-            "an actuatorfrcrange."
+            "an actuatorfrcrange, or pass torque_limit= (N·m, by the joint's name or a pattern)."
         )
     low = max(float(np.min(r)) for r in ranges)
     high = min(float(np.max(r)) for r in ranges)

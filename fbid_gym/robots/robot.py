@@ -1,23 +1,34 @@
 """A floating-base robot: compiled model, feet with their contact points, limits, home pose."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots import mjcf
-from fbid_gym.robots.feet import Foot, find_foot, group_points
-from fbid_gym.robots.home import home_configuration
+from fbid_gym.robots import home_check, mjcf
+from fbid_gym.robots.by_joint import ByJoint, by_joint
+from fbid_gym.robots.contact_sensors import add_contact_sensors
+from fbid_gym.robots.corrections import free_the_base, set_armature, set_solver
+from fbid_gym.robots.feet import ContactPoint, Foot, find_foot, group_points, points_of_body
+from fbid_gym.robots.home import STAND, home_pose, on_the_ground
+from fbid_gym.robots.limbs import bodies_of_feet
 from fbid_gym.robots.motors import motor_of_each_joint
-from fbid_gym.robots.scene import add_contact_sensors, add_ground
+from fbid_gym.robots.scene import add_ground
+from fbid_gym.robots.servos import ServoGains, servo_gains, use_motors
+from fbid_gym.robots.source import RobotSource, Source
+from fbid_gym.robots.stand import standing_pose
+from fbid_gym.robots.urdf import prepare_urdf, root_link
 
+_JOINT = mujoco.mjtJoint
+_UNNAMED = mujoco.MjSpec().modelname
 _OBJ = mujoco.mjtObj
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot:
     """One floating-base robot with a torque motor on every joint. Immutable; share it freely.
 
@@ -41,6 +52,8 @@ class Robot:
         contact_sensor: (P, 3) columns of `sensordata` that hold the world-frame force on the robot
             at each contact point, N. Points in the order of the feet.
         mass: kg.
+        notes: what was changed of the file, one sentence each.
+        servo_gains: of the file's servos, which are torque motors now; None if it had none.
     """
 
     name: str
@@ -56,6 +69,10 @@ class Robot:
     gear: np.ndarray
     contact_sensor: np.ndarray
     mass: float
+    notes: tuple[str, ...] = ()
+    servo_gains: ServoGains | None = None
+
+    _made: ClassVar[tuple[Callable[..., "Robot"], tuple[Any, ...]] | None] = None
 
     def __post_init__(self) -> None:
         """Protect the arrays: built-in robots are shared."""
@@ -108,83 +125,198 @@ class Robot:
         """(n,) viscous damping of the joints, N·m·s/rad. Not part of the bias force h."""
         return np.array(self.model.dof_damping[6:])
 
+    def check(self) -> list[str]:
+        """Say what speaks against the home pose and the model; one sentence each, with the number.
+
+        See `fbid_gym.robots.home_check`.
+        """
+        return home_check.findings(self.model, self.home_qpos, self.feet, self.contact_sensor)
+
+    def __repr__(self) -> str:
+        """Say what it is, and what was changed of its file."""
+        size = f"{self.num_joints} joints, {self.num_feet} feet on {self.num_points} points"
+        return "\n- ".join([f"<Robot {self.name!r}: {size}, {self.mass:.3g} kg>", *self.notes])
+
+    def __copy__(self) -> "Robot":
+        """Return itself: nothing in it changes."""
+        return self
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "Robot":
+        """Return itself: nothing in it changes."""
+        return self
+
+    def __reduce__(self) -> tuple[Callable[..., "Robot"], tuple[Any, ...]]:
+        """Pickle how it was made; unpickling makes it again.
+
+        Raises:
+            RobotError: it was changed after it was loaded.
+        """
+        if self._made is None:
+            raise RobotError(
+                f"Robot {self.name!r} was changed after it was loaded, so it cannot be pickled. "
+                "Load the changed MJCF instead."
+            )
+        return self._made
+
+    def made_by(self, function: Callable[..., "Robot"], *arguments: Any) -> "Robot":
+        """Remember how this robot was made, for pickling; returns it."""
+        object.__setattr__(self, "_made", (function, arguments))
+        return self
+
     @classmethod
     def from_mjcf(
         cls,
-        path: str | Path,
-        feet: Mapping[str, Sequence[str]] | Sequence[str],
+        source: RobotSource,
+        feet: Mapping[str, Sequence[str]] | Sequence[str] | None = None,
         *,
         name: str | None = None,
         home: Mapping[str, float] | Sequence[float] | np.ndarray | str | None = None,
         base: str | None = None,
+        torque_limit: ByJoint | None = None,
+        armature: ByJoint | None = None,
     ) -> "Robot":
-        """Load a robot from an MJCF file.
+        """Load a robot from an MJCF or a URDF.
 
-        A ground plane, light and sky are added if the file has nothing to stand on. The integrator
-        becomes `implicitfast` and the constraint Jacobian dense; everything else in the file stays.
+        What does not fit is set right where that is plain, and noted in `notes`: position and
+        velocity servos become torque motors with the same force limits, motors are added where a
+        joint has none and its limit is known, the free joint loses armature and friction, one
+        solver iteration becomes enough. A ground plane, light and sky are added if the file has
+        nothing to stand on. The integrator becomes `implicitfast` and the constraint Jacobian
+        dense; everything else in the file stays.
 
         Args:
-            path: an MJCF with one floating base: one free joint on a top-level body, hinges and
-                slides below it, one torque motor with a finite limit on each.
-            feet: foot name -> names of its contact points; or a sequence of names, each a foot with
-                one point. A point is a site, a sphere, or a capsule (its end farther from the
-                body's origin). The points of one foot lie on one body; its spheres are equal.
+            source: path or text of an MJCF or URDF, an `mujoco.MjSpec`, or a name of
+                `robot_descriptions`. It holds one robot of hinges and slides: in an MJCF with one
+                free joint on a top-level body; a URDF's root link is made to float.
+            feet: foot name -> names of its contact points, or of its body; or a sequence of names,
+                each of a foot with one point, or of its body. A point is a site, a sphere, or a
+                capsule (its end farther from the body's origin). The points of one foot lie on one
+                body; its spheres are equal. Of a body, the points are those where its geometry
+                touches level ground at home. Default: the lowest bodies at the ends of the limbs.
             name: the robot's name; the model's name by default.
             home: joint name -> rad (m for slides), the rest from the default; or a whole qpos
-                (nq,); or the name of a keyframe. Default: the keyframe "home" if there is one, else
-                the model's reference pose moved into the joint ranges. The base height is always
-                set so that the lowest contact point touches z = 0.
+                (nq,); or the name of a keyframe; or "stand", a standing pose that is searched for.
+                Default: the keyframe "home" if there is one, else the model's reference pose moved
+                into the joint ranges. The base height is always set so that the lowest contact
+                point touches z = 0.
             base: a top-level body that shall float, if the file has no free joint.
+            torque_limit: N·m (N for slides), one for all joints or by name or pattern ("*_knee");
+                in place of the file's limits, and for joints without motor.
+            armature: kg·m² (kg for slides) likewise.
 
         Raises:
             RobotError: the file or the robot in it cannot be used.
             FbidError: an argument cannot be used. Both name the value and the valid choices.
         """
-        groups = group_points(feet)
-        spec = mjcf.read_spec(path)
-        plain = mjcf.compile_spec(spec, path)
-        if base is not None and not mjcf.free_joints(plain):
-            mjcf.float_base(spec, base)
-            plain = mjcf.compile_spec(spec, path)
-        base_body = mjcf.check_tree(plain)
-        base_name = mjcf.object_name(plain, _OBJ.mjOBJ_BODY, base_body)
-        if base is not None and base != base_name:
-            raise RobotError(f"The free joint is on body {base_name!r}, not on base={base!r}.")
-        actuator, gear, torque_limit = motor_of_each_joint(plain)
-        points = [find_foot(plain, foot, names) for foot, names in groups.items()]
+        source = Source.of(source)
+        named = None if feet is None else group_points(feet)
+        spec, notes = _floating(source, base)
+        plain = mjcf.compile_spec(spec, source.label)
+        base_body = _checked_base(plain, base)
+        joint_names = mjcf.name_joints(spec, plain)
+        gains = servo_gains(plain)
+        notes += free_the_base(spec, plain)
+        notes += set_armature(spec, by_joint("armature", armature, joint_names))
+        notes += use_motors(spec, plain, by_joint("torque_limit", torque_limit, joint_names))
+        notes += set_solver(spec)
+        plain = mjcf.compile_spec(spec, source.label)
+        actuator, gear, limit = motor_of_each_joint(plain)
+        qpos = home_pose(plain, home)
+        points = _points_of_feet(plain, qpos, named)
+        if named is None:
+            notes += [f"Feet found: {', '.join(points)}."]
+        built = tuple(_foot(foot, found) for foot, found in points.items())
+        if isinstance(home, str) and home == STAND:
+            qpos = standing_pose(plain, qpos, built)
 
         # Bodies, joints and actuators keep their ids: only geoms, sites, lights and sensors join.
-        add_ground(spec, plain, base_body)
-        sensors = add_contact_sensors(spec, points)
-        spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        model = mjcf.compile_spec(spec, path)
+        bodies = {body.id: body for body in spec.bodies}  # ids are gone once something is added
+        add_ground(spec, plain, bodies[base_body])
+        sensors = add_contact_sensors(spec, plain, bodies, list(points.values()))
+        model = mjcf.compile_spec(spec, source.label)
 
-        built = tuple(
-            Foot(
-                name=foot,
-                body=found[0].body,
-                point_names=tuple(point.name for point in found),
-                points=np.array([point.position for point in found]),
-                radius=found[0].radius,
-            )
-            for foot, found in zip(groups, points, strict=True)
-        )
         joints = mjcf.moving_joints(model)
         limited = model.jnt_limited[joints].astype(bool)[:, None]
         columns = [model.sensor_adr[model.sensor(s).id] + np.arange(3) for s in sensors]
-        return cls(
-            name=name or spec.modelname or Path(path).stem,
+        robot = cls(
+            name=name or _model_name(spec) or source.name,
             model=model,
             spec=spec,
             feet=built,
             base_body=base_body,
-            home_qpos=home_configuration(model, home, built),
-            joint_names=tuple(mjcf.object_name(model, _OBJ.mjOBJ_JOINT, j) for j in joints),
-            torque_limit=torque_limit,
+            home_qpos=on_the_ground(model, qpos, built),
+            joint_names=joint_names,
+            torque_limit=limit,
             joint_range=np.where(limited, model.jnt_range[joints], [-np.inf, np.inf]),
             actuator=actuator,
             gear=gear,
             contact_sensor=np.array(columns, dtype=int),
             mass=float(model.body_subtreemass[base_body]),
+            notes=tuple(notes),
+            servo_gains=gains,
         )
+        options = {
+            "name": name,
+            "home": home,
+            "base": base,
+            "torque_limit": torque_limit,
+            "armature": armature,
+        }
+        return robot.made_by(_again, source, feet, options)
+
+
+def _again(source: Source, feet: Any, options: dict[str, Any]) -> Robot:
+    return Robot.from_mjcf(source, feet, **options)
+
+
+def _model_name(spec: mujoco.MjSpec) -> str:
+    return "" if spec.modelname == _UNNAMED else str(spec.modelname)
+
+
+def _floating(source: Source, base: str | None) -> tuple[mujoco.MjSpec, list[str]]:
+    """Read a robot's spec; a URDF's root, or the body that shall, floats."""
+    spec, notes = source.read(), list[str]()
+    if source.is_urdf:
+        folder = source.content.parent if isinstance(source.content, Path) else None
+        notes += prepare_urdf(spec, folder)
+        base = base or root_link(spec)
+    if base is not None and not any(joint.type == _JOINT.mjJNT_FREE for joint in spec.joints):
+        mjcf.float_base(spec, base)
+        notes.append(f"Body {base!r} was made to float.")
+    return spec, notes
+
+
+def _checked_base(model: mujoco.MjModel, base: str | None) -> int:
+    """Id of the floating body of a checked tree."""
+    body = mjcf.check_tree(model)
+    name = mjcf.object_name(model, _OBJ.mjOBJ_BODY, body)
+    if base is not None and base != name:
+        raise RobotError(f"The free joint is on body {name!r}, not on base={base!r}.")
+    return body
+
+
+def _points_of_feet(
+    model: mujoco.MjModel, qpos: np.ndarray, named: dict[str, tuple[str, ...]] | None
+) -> dict[str, list[ContactPoint]]:
+    """Contact points of the feet that are named, or found."""
+    at_home = mujoco.MjData(model)
+    at_home.qpos[:] = qpos
+    mujoco.mj_kinematics(model, at_home)
+    mujoco.mj_comPos(model, at_home)
+    if named is not None:
+        return {foot: find_foot(model, at_home, foot, names) for foot, names in named.items()}
+    found: dict[str, list[ContactPoint]] = {}
+    for body in bodies_of_feet(model, at_home):
+        foot = mujoco.mj_id2name(model, _OBJ.mjOBJ_BODY, body) or f"foot_{len(found)}"
+        found[foot] = points_of_body(model, at_home, foot, body)
+    return found
+
+
+def _foot(name: str, points: Sequence[ContactPoint]) -> Foot:
+    return Foot(
+        name=name,
+        body=points[0].body,
+        point_names=tuple(point.name for point in points),
+        points=np.array([point.position for point in points]),
+        radius=points[0].radius,
+    )

@@ -30,7 +30,7 @@ def undrawn(robot: Robot) -> Robot:
         np.allclose(getattr(model, name), getattr(robot.model, name), rtol=1e-12, atol=1e-12)
         for name in _INERTIA
     )
-    return replace(robot, spec=spec, model=model) if same else robot
+    return replace(robot, spec=spec, model=model).made_by(undrawn, robot) if same else robot
 
 
 def alone(world: mujoco.MjModel) -> mujoco.MjModel:

@@ -475,9 +475,9 @@ def test_ant_with_sites(tmp_path: Path) -> None:
     np.testing.assert_allclose(data.sensordata[robot.contact_sensor], expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("names", [["a", "b", "c", "d"], ["middle"], ["d", "a"]])
+@pytest.mark.parametrize("names", [["a", "b", "c", "d"], ["middle"], ["d", "a"], ["a", "b"]])
 def test_sites_on_a_box_foot(tmp_path: Path, names: list[str]) -> None:
-    """Corner sites each carry their corner; a single site carries the whole foot."""
+    """The named sites carry the whole foot between them, and corners each their own."""
     robot = box_foot(tmp_path, names)
     data = at(robot, robot.home_qpos)
     for _ in range(1000):
@@ -486,11 +486,18 @@ def test_sites_on_a_box_foot(tmp_path: Path, names: list[str]) -> None:
     mujoco.mj_forward(robot.model, data)
     forces = data.sensordata[robot.contact_sensor]
     total = ground_forces(robot, data)[robot.model.geom_bodyid == robot.feet[0].body].sum(axis=0)
-    if len(names) == 2:
-        assert np.all(forces[:, 2] > 0) and forces[:, 2].sum() < total[2]
-    else:
-        np.testing.assert_allclose(forces.sum(axis=0), total, atol=1e-9)
-        np.testing.assert_allclose(forces.sum(axis=0)[2], robot.weight, rtol=1e-3)
+    assert np.all(forces[:, 2] > 0)
+    np.testing.assert_allclose(forces.sum(axis=0), total, atol=1e-9)
+    np.testing.assert_allclose(forces.sum(axis=0)[2], robot.weight, rtol=1e-3)
+    if len(names) == 4:
+        corners = data.xpos[robot.feet[0].body] + robot.feet[0].points
+        for corner, force in zip(corners, forces, strict=True):
+            near = [
+                i for i in range(data.ncon) if np.linalg.norm(data.contact[i].pos - corner) < 0.02
+            ]
+            wrench = np.empty(6)
+            mujoco.mj_contactForce(robot.model, data, near[0], wrench)
+            assert len(near) == 1 and force[2] == pytest.approx(wrench[0])
 
 
 def test_base_floats_a_fixed_file(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def test_missing_asset() -> None:
 
 
 def test_missing_file(tmp_path: Path) -> None:
-    with fails(RobotError, "no.xml' does not exist. Expected the path of an MJCF file."):
+    with fails(RobotError, "no.xml' does not exist. Expected the path of an MJCF or URDF."):
         Robot.from_mjcf(tmp_path / "no.xml", ["toe"])
 
 
@@ -141,11 +141,20 @@ def change(old: str, new: str) -> str:
         ),
         (
             change(KNEE, '<position name="knee" joint="knee" kp="5"/>'),
+            "Motor 'knee' has no torque limit. Give it a ctrlrange or forcerange, or its joint an "
+            "actuatorfrcrange, or pass torque_limit= (N·m, by the joint's name or a pattern).",
+        ),
+        (
+            change(
+                KNEE,
+                '<general name="knee" joint="knee" gaintype="affine" biastype="affine" '
+                'ctrlrange="-1 1"/>',
+            ),
             "Actuator 'knee' is a servo: its torque depends on the joint's position or velocity.",
         ),
         (
             change(KNEE, '<velocity name="knee" joint="knee" kv="5"/>'),
-            "Actuator 'knee' is a servo",
+            "Motor 'knee' has no torque limit.",
         ),
         (
             change(KNEE, '<general name="knee" joint="knee" dyntype="filter" dynprm="0.1"/>'),
@@ -179,7 +188,7 @@ def change(old: str, new: str) -> str:
         (
             change(KNEE, '<motor name="knee" joint="knee"/>'),
             "Motor 'knee' has no torque limit. Give it a ctrlrange or forcerange, or its joint an "
-            "actuatorfrcrange.",
+            "actuatorfrcrange, or pass torque_limit=",
         ),
         (
             change(KNEE, KNEE.replace("-5 5", "0 5")),
@@ -236,7 +245,7 @@ QPOS = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.2, -0.3]
 @pytest.mark.parametrize(
     "home, kind, message",
     [
-        ("crouch", UnknownOptionError, "Unknown keyframe 'crouch'. Valid choices: (none)."),
+        ("crouch", UnknownOptionError, "Unknown keyframe 'crouch'. Valid choices: stand."),
         (
             {"ankle": 0.1},
             UnknownOptionError,

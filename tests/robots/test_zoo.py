@@ -1,5 +1,7 @@
 """The zoo's robots are what they were drawn to be, and stand."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
@@ -90,20 +92,54 @@ def test_feet_and_nothing_else_meet_a_floor_that_is_there(animal: zoo.Morphology
     assert set(model.geom_bodyid[data.contact.geom].max(axis=1)) == feet
 
 
-def test_robots_on_spheres_with_motors_load_as_they_are(tmp_path) -> None:
-    loaded = 0
-    for animal in map(zoo.draw, range(120)):
-        if (animal.foot, animal.actuators) == ("sphere", "motor"):
-            text = zoo.mjcf(animal)
-            for number in range(animal.legs):  # today's loader takes shapes by their names
-                body = text.index(f'name="foot{number}"')
-                geom = text.index("<geom ", body) + len("<geom ")
-                text = f'{text[:geom]}name="tip{number}" {text[geom:]}'
-            path = tmp_path / f"{animal.seed}.xml"
-            path.write_text(text)
-            robot = Robot.from_mjcf(path, [f"tip{number}" for number in range(animal.legs)])
-            assert robot.mass == pytest.approx(animal.mass)
-            np.testing.assert_allclose(robot.torque_limit, zoo.torque_limit(animal))
-            assert robot.home_qpos[2] == pytest.approx(robot.model.qpos0[2], abs=1e-9)
-            loaded += 1
-    assert loaded >= 5
+def load_animal(animal: zoo.Morphology, feet: Any = None, home: Any = None) -> Robot:
+    limit = zoo.torque_limit(animal) if animal.actuators == "none" else None
+    return Robot.from_mjcf(zoo.mjcf(animal), feet, home=home, torque_limit=limit)
+
+
+def test_it_loads_as_drawn_by_the_bodies_of_its_feet(animal: zoo.Morphology) -> None:
+    robot = load_animal(animal, animal.foot_names)
+    assert robot.mass == pytest.approx(animal.mass)
+    np.testing.assert_allclose(robot.torque_limit, zoo.torque_limit(animal))
+    assert robot.home_qpos[2] == pytest.approx(robot.model.qpos0[2], abs=1e-9)
+    assert robot.check() == []
+    model, data = in_reference_pose(animal)
+    for foot, name in zip(robot.feet, animal.foot_names, strict=True):
+        assert foot.num_points == {"sphere": 1, "box": 4, "capsule": 2}[animal.foot]
+        expected = lowest_points(model, data, int(model.body(name).geomadr[0]))
+        rotation = data.body(name).xmat.reshape(3, 3)
+        found = data.body(name).xpos + foot.points @ rotation.T - [0.0, 0.0, foot.radius]
+        gap = np.linalg.norm(found[:, None] - expected, axis=-1)
+        assert gap.min(axis=0).max() < 1e-9 and gap.min(axis=1).max() < 1e-9
+
+
+def test_its_servos_gains_are_kept(animal: zoo.Morphology) -> None:
+    gains = load_animal(animal).servo_gains
+    if animal.actuators == "servo":
+        assert gains is not None
+        np.testing.assert_allclose(gains.stiffness, 4 * zoo.torque_limit(animal), rtol=1e-6)
+    else:
+        assert gains is None
+
+
+def test_its_feet_are_found(animal: zoo.Morphology) -> None:
+    assert load_animal(animal).foot_names == animal.foot_names
+
+
+def test_a_standing_pose_is_found(animal: zoo.Morphology) -> None:
+    """Level on the ground, within the joint ranges, nothing to say against it."""
+    robot = load_animal(animal, animal.foot_names, home="stand")
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos
+    mujoco.mj_forward(robot.model, data)
+    points = np.concatenate(
+        [
+            data.xpos[foot.body] + foot.points @ data.xmat[foot.body].reshape(3, 3).T
+            for foot in robot.feet
+        ]
+    )
+    np.testing.assert_allclose(points[:, 2] - robot.feet[0].radius, 0.0, atol=1e-3 * animal.leg)
+    off = data.subtree_com[robot.base_body] - points.mean(axis=0)
+    assert np.linalg.norm(off[:2]) < 0.01 * animal.leg
+    assert np.all(np.abs(robot.home_qpos[7:]) <= 1.2)
+    assert robot.check() == []

@@ -1,0 +1,39 @@
+"""Values that a user gives for joints: one for all, or by name or pattern."""
+
+from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
+
+ByJoint = float | Mapping[str, float]
+"""One number for every joint, or joint name or pattern ("*_knee") -> number."""
+
+
+def by_joint(what: str, given: ByJoint | None, joints: Sequence[str]) -> dict[str, float]:
+    """Return joint name -> value, for the joints that `given` speaks of; later patterns win.
+
+    Args:
+        what: the argument's name.
+        given: what the user gave.
+        joints: names of all joints.
+
+    Raises:
+        UnknownOptionError: a pattern that fits no joint.
+        InvalidValueError: a value that is not a positive number.
+    """
+    if given is None:
+        return {}
+    patterns = given if isinstance(given, Mapping) else {"*": given}
+    values: dict[str, float] = {}
+    for pattern, value in patterns.items():
+        fitting = [joint for joint in joints if fnmatchcase(joint, str(pattern))]
+        if not fitting:
+            raise UnknownOptionError(f"joint in {what}", pattern, joints)
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+            raise InvalidValueError(f"{what} of {pattern}", value, "a number")
+        if not (np.isfinite(value) and value > 0):
+            raise InvalidValueError(f"{what} of {pattern}", value, "a positive number")
+        values |= dict.fromkeys(fitting, float(value))
+    return values

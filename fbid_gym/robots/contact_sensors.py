@@ -1,0 +1,165 @@
+"""Contact-force sensors: what each contact point of a foot carries, all of it together."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from fbid_gym.robots.feet import ContactPoint
+from fbid_gym.robots.mjcf import can_touch
+
+_GEOM = mujoco.mjtGeom
+_OBJ = mujoco.mjtObj
+_FAR = 1e3  # m, beyond any robot
+# Shapes touch the ground symmetrically, contacts between two points included: not on the border.
+_MIDDLE = 0.5001
+
+
+class Cell(NamedTuple):
+    """A box about one contact point, where its contacts lie; body frame.
+
+    Attributes:
+        centre: (3,) m.
+        half_size: (3,) m.
+        axes: (3, 3) columns along its edges.
+    """
+
+    centre: np.ndarray
+    half_size: np.ndarray
+    axes: np.ndarray
+
+
+def add_contact_sensors(
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    bodies: Mapping[int, mujoco.MjsBody],
+    feet: Sequence[Sequence[ContactPoint]],
+) -> list[str]:
+    """Add one sensor per contact point: net contact force on the robot there, world frame, N.
+
+    The points of a foot share out whatever its body touches, and what is welded to it. Where all of
+    that are the geoms which the points are named after, each point counts its geom. Else the
+    foot's space is cut into cells, and each point counts what lies in its own.
+
+    MuJoCo's contact sensor reports the force that the first matched object exerts on the second, so
+    the robot is named second.
+
+    Args:
+        spec: the spec to extend.
+        model: the same, compiled before anything was added.
+        bodies: its bodies, by their id.
+        feet: the points of each foot.
+
+    Returns:
+        Names of the sensors, in the order of the points.
+    """
+    names: list[str] = []
+    for foot in feet:
+        whole = _whole_foot(model, bodies, foot[0].body)
+        for point, cell in zip(foot, cells(np.array([p.position for p in foot])), strict=True):
+            name = f"fbid_contact_{len(names)}"
+            matched = whole
+            if _touches_by_its_points_alone(model, foot):
+                matched = {"reftype": _OBJ.mjOBJ_GEOM, "refname": point.name}
+            elif len(foot) > 1:
+                bodies[point.body].add_site(
+                    name=name,
+                    type=_GEOM.mjGEOM_BOX,
+                    pos=cell.centre,
+                    size=cell.half_size,
+                    quat=_quaternion(cell.axes),
+                    group=5,
+                )
+                matched = whole | {"objtype": _OBJ.mjOBJ_SITE, "objname": name}
+            sensor = spec.add_sensor(name=name, type=mujoco.mjtSensor.mjSENS_CONTACT, **matched)
+            # data="force", reduce="netforce", num="1"
+            sensor.intprm[:3] = [1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1]
+            names.append(name)
+    return names
+
+
+def cells(points: np.ndarray) -> list[Cell]:
+    """Cut space into one box around each of P distinct points (P, 3), none left out.
+
+    Again and again it is cut where the gap between points is widest, square to one of two axes:
+    those whose narrowest cut is the widest. For a sole's corners these are its quarters.
+    """
+    if len(points) == 1:
+        return [Cell(np.zeros(3), np.full(3, _FAR), np.eye(3))]
+    normal = np.linalg.svd(points - points.mean(axis=0))[2][-1]
+    tries = []
+    for i, j in itertools.combinations(range(len(points)), 2):
+        along = points[j] - points[i]
+        along = along - normal * (normal @ along)
+        if np.linalg.norm(along) > 0.0:
+            along /= np.linalg.norm(along)
+            axes = np.column_stack([along, np.cross(normal, along), normal])
+            tries.append((*_cut(points @ axes), axes))
+    narrowest = [gap for gap, _, _ in tries]
+    _, bounds, axes = tries[int(np.argmax(narrowest))]
+    return [
+        Cell(axes @ (0.5 * (low + high)), 0.5 * (high - low), axes)
+        for low, high in zip(bounds[:, 0], bounds[:, 1], strict=True)
+    ]
+
+
+def _cut(points: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the narrowest gap (m) cut through, and each point's box (P, 2, 3): low and high."""
+    bounds = np.tile([np.full(3, -_FAR), np.full(3, _FAR)], (len(points), 1, 1))
+    narrowest, open_groups = np.inf, [np.arange(len(points))]
+    while open_groups:
+        group = open_groups.pop()
+        if len(group) == 1:
+            continue
+        orders = [group[np.argsort(points[group, axis])] for axis in range(2)]
+        gaps = [np.diff(points[order, axis]) for axis, order in enumerate(orders)]
+        axis = int(np.argmax([gap.max() for gap in gaps]))
+        first = int(np.argmax(gaps[axis]))
+        low, high = orders[axis][: first + 1], orders[axis][first + 1 :]
+        border = points[low[-1], axis] + _MIDDLE * gaps[axis][first]
+        bounds[low, 1, axis] = bounds[high, 0, axis] = border
+        narrowest = min(narrowest, float(gaps[axis][first]))
+        open_groups += [low, high]
+    return narrowest, bounds
+
+
+def _touches_by_its_points_alone(model: mujoco.MjModel, foot: Sequence[ContactPoint]) -> bool:
+    """Whether the foot's colliding geoms are those which its points are named after."""
+    welded = model.body_weldid[model.geom_bodyid] == model.body_weldid[foot[0].body]
+    touching = set(np.flatnonzero(welded & can_touch(model)).tolist())
+    return touching == {point.geom for point in foot}
+
+
+def _whole_foot(
+    model: mujoco.MjModel, bodies: Mapping[int, mujoco.MjsBody], body: int
+) -> dict[str, object]:
+    """What a sensor matches to count all contacts of a body, and of what is welded to it.
+
+    MuJoCo matches one body, or one with all that hangs from it: the latter where nothing that
+    hangs there moves by itself.
+    """
+    root = int(model.body_weldid[body])
+    below = [b for b in range(root + 1, model.nbody) if _hangs_from(model, b, root)]
+    if below and all(model.body_weldid[b] == root for b in below):
+        return {"reftype": _OBJ.mjOBJ_XBODY, "refname": _named(bodies[root])}
+    return {"reftype": _OBJ.mjOBJ_BODY, "refname": _named(bodies[body])}
+
+
+def _hangs_from(model: mujoco.MjModel, body: int, root: int) -> bool:
+    while body > root:
+        body = int(model.body_parentid[body])
+    return body == root
+
+
+def _named(body: mujoco.MjsBody) -> str:
+    if not body.name:
+        body.name = f"fbid_foot_body_{body.id}"
+    return str(body.name)
+
+
+def _quaternion(axes: np.ndarray) -> np.ndarray:
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).ravel())
+    return quaternion

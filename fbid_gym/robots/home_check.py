@@ -1,0 +1,242 @@
+"""One check of a robot at home, which speaks: each finding a sentence, with the number.
+
+What is found does not stop a robot from being simulated, but makes layers do worse than they could,
+or numbers mean something else than they say.
+"""
+
+import copy
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from fbid_gym.robots.feet import Foot
+from fbid_gym.robots.mjcf import can_touch, moving_joints, object_name
+from fbid_gym.robots.polygon import margin_within
+from fbid_gym.robots.touching import lowest
+
+_OBJ = mujoco.mjtObj
+
+CONTROL_HZ = 500
+"""Control ticks per second that joints are checked for: the environments' default."""
+
+ASSUMED_FRICTION = 0.7
+"""What layers assume of the feet, if they are not told."""
+
+_SUNK = 0.01
+_UNEVEN = 0.02
+"""Shares of the height of the centre of mass."""
+
+_CARRIES_NOTHING = 0.001
+"""Share of the weight."""
+
+_TICKS_PER_PERIOD = 20
+_SETTLING = 0.2  # s
+
+_LOCKED = 1e4
+"""m²: this times the mass is an inertia that no contact moves."""
+
+
+class _Home(NamedTuple):
+    """A robot at home.
+
+    Attributes:
+        model: of the robot.
+        data: forward dynamics of the home pose.
+        feet: of the robot.
+        points: (P, 3) m, world, where the contact points touch.
+        height: m, of the centre of mass above the lowest of them.
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    feet: Sequence[Foot]
+    points: np.ndarray
+    height: float
+
+
+def findings(
+    model: mujoco.MjModel, home_qpos: np.ndarray, feet: Sequence[Foot], contact_sensor: np.ndarray
+) -> list[str]:
+    """Say what speaks against a robot's home pose and model.
+
+    Args:
+        model: of the robot, on level ground.
+        home_qpos: (nq,) its home pose.
+        feet: of the robot.
+        contact_sensor: (P, 3) columns of `sensordata`, the forces on the points.
+
+    Returns:
+        A sentence for each finding.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:] = home_qpos
+    mujoco.mj_forward(model, data)
+    points = np.concatenate([_touching(data, foot) for foot in feet])
+    base = model.jnt_bodyid[0]
+    height = float(data.subtree_com[base][2] - points[:, 2].min())
+    home = _Home(model, data, feet, points, height)
+    return [
+        *_penetration(home),
+        *_uneven(home),
+        *_off_balance(home),
+        *_unloaded(home, contact_sensor),
+        *_too_light(home),
+        *_springs(home),
+        *_slippery(home),
+    ]
+
+
+def _touching(data: mujoco.MjData, foot: Foot) -> np.ndarray:
+    """(P, 3) m, world."""
+    rotation = data.xmat[foot.body].reshape(3, 3)
+    return data.xpos[foot.body] + foot.points @ rotation.T - np.array([0.0, 0.0, foot.radius])
+
+
+def _robot_geoms(model: mujoco.MjModel) -> np.ndarray:
+    return np.flatnonzero(can_touch(model) & (model.body_weldid[model.geom_bodyid] != 0))
+
+
+def _penetration(home: _Home) -> list[str]:
+    geoms = _robot_geoms(home.model)
+    if not geoms.size:
+        return ["Nothing on the robot can touch the ground: no geom collides."]
+    low = [lowest(home.model, home.data, [geom]) for geom in geoms]
+    deepest = int(np.argmin(low))
+    if low[deepest] > -_SUNK * home.height:
+        if low[deepest] > _SUNK * home.height:
+            return [
+                f"The robot hovers: its lowest geometry is {1e3 * low[deepest]:.3g} mm above the "
+                "ground, its contact points are on it."
+            ]
+        return []
+    body = object_name(home.model, _OBJ.mjOBJ_BODY, int(home.model.geom_bodyid[geoms[deepest]]))
+    return [f"Body {body!r} is {-1e3 * low[deepest]:.3g} mm in the ground at home."]
+
+
+def _uneven(home: _Home) -> list[str]:
+    spread = float(np.ptp(home.points[:, 2]))
+    if spread <= _UNEVEN * home.height:
+        return []
+    return [f"The contact points differ by {1e3 * spread:.3g} mm in height at home."]
+
+
+def _off_balance(home: _Home) -> list[str]:
+    base = home.model.jnt_bodyid[0]
+    outside = -margin_within(home.points[:, :2], home.data.subtree_com[base][:2])
+    if outside <= _SUNK * home.height:
+        return []
+    return [
+        f"The centre of mass is {1e3 * outside:.3g} mm outside of the contact points at home: "
+        "the robot will fall over."
+    ]
+
+
+def _unloaded(home: _Home, contact_sensor: np.ndarray) -> list[str]:
+    """Points that carry nothing of a robot that settles with its joints locked."""
+    model = copy.copy(home.model)
+    model.dof_armature[6:] += _LOCKED * model.body_subtreemass[model.jnt_bodyid[0]]
+    data = mujoco.MjData(model)
+    data.qpos[:] = home.data.qpos
+    steps = int(_SETTLING / model.opt.timestep)
+    forces = np.zeros((steps, len(contact_sensor)))
+    for step in range(steps):
+        mujoco.mj_step(model, data)
+        forces[step] = data.sensordata[contact_sensor[:, 2]]
+    force = forces[steps // 2 :].mean(axis=0)
+    weight = float(model.body_subtreemass[model.jnt_bodyid[0]] * np.linalg.norm(model.opt.gravity))
+    names = [name for foot in home.feet for name in foot.point_names]
+    idle = [name for name, f in zip(names, force, strict=True) if f < _CARRIES_NOTHING * weight]
+    share = float(force.sum()) / weight
+    if not np.isfinite(share):
+        return ["The robot does not settle on its feet: the simulation diverges."]
+    told = [f"Points {', '.join(idle)} carry nothing at home."] if idle else []
+    if share < 0.9:
+        told.append(f"The contact points carry {share:.0%} of the weight at home, others the rest.")
+    return told
+
+
+def _too_light(home: _Home) -> list[str]:
+    """Joints that cannot be held as stiffly as standing needs, at the rate of control.
+
+    What stands on a joint falls over unless its stiffness makes up for the weight at its height.
+    With that stiffness, the joint's own inertia in the air oscillates; torques that are held for
+    a tick damp what they meet often enough in a period.
+    """
+    model = home.model
+    mass = np.empty((model.nv, model.nv))
+    mujoco.mj_fullM(model, home.data, mass)
+    giving_way = 1.0 / np.diag(np.linalg.inv(mass))[6:]
+    needed = _needed_stiffness(home)
+    told = []
+    for index, joint in enumerate(moving_joints(model)):
+        least = needed[index] / (2.0 * np.pi * CONTROL_HZ / _TICKS_PER_PERIOD) ** 2
+        if giving_way[index] < least:
+            name = object_name(model, _OBJ.mjOBJ_JOINT, joint)
+            told.append(
+                f"Joint {name!r} moves {giving_way[index]:.2g} kg·m² in the air, too little to be "
+                f"held at {CONTROL_HZ} Hz by what standing needs: give it armature={least:.2g} or "
+                "more."
+            )
+    return told
+
+
+def _needed_stiffness(home: _Home) -> np.ndarray:
+    """(n,) N·m/rad against falling over; 0 for joints that bear no foot."""
+    model, gravity = home.model, float(np.linalg.norm(home.model.opt.gravity))
+    weight = gravity * float(model.body_subtreemass[model.jnt_bodyid[0]]) / len(home.feet)
+    needed = np.zeros(model.nv - 6)
+    for foot in home.feet:
+        body = foot.body
+        while body != model.jnt_bodyid[0]:
+            first = int(model.body_jntadr[body])
+            for joint in range(first, first + int(model.body_jntnum[body])):
+                if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
+                    lever = home.data.subtree_com[model.jnt_bodyid[0]][2]
+                    lever -= home.data.xanchor[joint][2]
+                    dof = int(model.jnt_dofadr[joint]) - 6
+                    needed[dof] = weight * max(float(lever), 0.0)
+            body = int(model.body_parentid[body])
+    return needed
+
+
+def _springs(home: _Home) -> list[str]:
+    model = home.model
+    sprung = [j for j in moving_joints(model) if np.any(model.jnt_stiffness[j])]
+    if not sprung:
+        return []
+    names = [object_name(model, _OBJ.mjOBJ_JOINT, j) for j in sprung]
+    most = float(model.jnt_stiffness[sprung].max())
+    return [
+        f"Springs on {len(names)} joints ({', '.join(names)}; up to {most:.3g} N·m/rad) are not "
+        "in what layers know of the dynamics."
+    ]
+
+
+def _slippery(home: _Home) -> list[str]:
+    friction = friction_of_feet(home.model, home.feet)
+    if friction >= ASSUMED_FRICTION:
+        return []
+    return [
+        f"The feet's friction is {friction:.3g}; layers assume {ASSUMED_FRICTION:g} unless told "
+        f"friction={friction:.3g}."
+    ]
+
+
+def friction_of_feet(model: mujoco.MjModel, feet: Sequence[Foot]) -> float:
+    """Least coefficient of sliding friction between a foot and the ground.
+
+    As MuJoCo mixes it: that of the geom with the higher priority, else the larger of both.
+    """
+    static = (model.body_weldid[model.geom_bodyid] == 0) & can_touch(model)
+    grounds, found = np.flatnonzero(static), [np.inf]
+    for foot in feet:
+        welded = model.body_weldid[model.geom_bodyid] == model.body_weldid[foot.body]
+        for geom in np.flatnonzero(welded & can_touch(model)):
+            for ground in grounds:
+                pair, priority = [geom, ground], model.geom_priority[[geom, ground]]
+                if priority[0] != priority[1]:
+                    pair = [pair[int(np.argmax(priority))]]
+                found.append(float(model.geom_friction[pair, 0].max()))
+    return min(found)

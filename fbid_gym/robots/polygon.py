@@ -1,0 +1,78 @@
+"""The hull of a few points in the plane."""
+
+import numpy as np
+
+_FEWEST, _MOST = 4, 8
+_SPARED = 0.03  # share of the area that a corner less may cost
+
+
+def few_corners(points: np.ndarray) -> list[int]:
+    """Indices of the corners that span points (K, 2): counterclockwise, no more than needed.
+
+    Where the hull has many corners, those that cost the least area go: down to eight, and on to
+    four as long as each costs next to nothing.
+    """
+    corners = convex_hull(points)
+    while len(corners) > _FEWEST:
+        shape = points[corners]
+        before, after = np.roll(shape, 1, axis=0) - shape, np.roll(shape, -1, axis=0) - shape
+        lost = 0.5 * np.abs(_cross(before, after))
+        least = int(np.argmin(lost))
+        if len(corners) <= _MOST and lost[least] > _SPARED * _area(shape):
+            break
+        del corners[least]
+    return corners
+
+
+def convex_hull(points: np.ndarray) -> list[int]:
+    """Indices of the corners of the hull of points (K, 2), counterclockwise.
+
+    Andrew's monotone chain; points closer than a thousandth of the whole are one.
+    """
+    apart = 1e-3 * float(np.ptp(points, axis=0).max()) + 1e-9
+    order = np.lexsort((points[:, 1], points[:, 0]))
+    chains = []
+    for turn in (order, order[::-1]):
+        chain: list[int] = []
+        for index in turn.tolist():
+            while len(chain) > 1:
+                last, previous = points[chain[-1]], points[chain[-2]]
+                base = points[index] - previous
+                if _cross(last - previous, base) > apart * np.linalg.norm(base):
+                    break
+                chain.pop()
+            if not chain or np.linalg.norm(points[index] - points[chain[-1]]) > apart:
+                chain.append(index)
+        chains.append(chain)
+    lower, upper = chains
+    return lower if len(lower) == 1 else _distinct(points, lower[:-1] + upper[:-1], apart)
+
+
+def _distinct(points: np.ndarray, corners: list[int], apart: float) -> list[int]:
+    kept: list[int] = []
+    for corner in corners:
+        if all(np.linalg.norm(points[corner] - points[other]) > apart for other in kept):
+            kept.append(corner)
+    return kept
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _area(corners: np.ndarray) -> float:
+    return 0.5 * abs(float(np.sum(_cross(corners, np.roll(corners, -1, axis=0)))))
+
+
+def margin_within(points: np.ndarray, place: np.ndarray) -> float:
+    """How far a place (2,) lies within the hull of points (P, 2), m; negative outside."""
+    corners = points[convex_hull(points)]
+    ahead = np.roll(corners, -1, axis=0) - corners
+    to_place = place - corners
+    length = np.linalg.norm(ahead, axis=1)
+    if len(corners) < 3:
+        along = ahead[0] / max(length[0], 1e-12)
+        nearest = corners[0] + along * np.clip(to_place[0] @ along, 0.0, length[0])
+        return -float(np.linalg.norm(place - nearest))
+    across = (ahead[:, 0] * to_place[:, 1] - ahead[:, 1] * to_place[:, 0]) / length
+    return float(across.min())

@@ -1,0 +1,136 @@
+"""What a robot can be read from: a file, a text, a spec, or the name of a published robot."""
+
+import hashlib
+import importlib
+import importlib.util
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Union
+
+import mujoco
+
+from fbid_gym.errors import InvalidValueError, RobotError
+
+_EXPECTED = "the path or text of an MJCF or URDF, an mujoco.MjSpec, or a name of robot_descriptions"
+_PUBLISHED = "_description"
+
+RobotSource = Union[str, Path, mujoco.MjSpec, "Source"]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a robot's description comes from; reading it twice gives the same robot.
+
+    Attributes:
+        content: path of a file; text of an MJCF or URDF; or a spec, as a zip of its MJCF and
+            assets.
+        digest: SHA-256 of the content, of a file without what it includes.
+    """
+
+    content: Path | str | bytes
+    digest: str
+
+    @classmethod
+    def of(cls, source: RobotSource) -> "Source":
+        """Resolve what a user gives.
+
+        Raises:
+            InvalidValueError: none of the kinds.
+            RobotError: no such file, or no such published robot.
+        """
+        if isinstance(source, Source):
+            return source
+        if isinstance(source, mujoco.MjSpec):
+            return cls._known(_packed(source))
+        if isinstance(source, str) and source.lstrip().startswith("<"):
+            return cls._known(source)
+        if not isinstance(source, str | Path):
+            raise InvalidValueError("robot", source, _EXPECTED)
+        path = Path(source)
+        if isinstance(source, str) and source.endswith(_PUBLISHED) and not path.exists():
+            path = _published(source)
+        if not path.is_file():
+            raise RobotError(
+                f"Robot file {str(path)!r} does not exist. Expected the path of an MJCF or URDF."
+            )
+        return cls._known(path.resolve())
+
+    @classmethod
+    def _known(cls, content: Path | str | bytes) -> "Source":
+        return cls(content, hashlib.sha256(_bytes(content)).hexdigest())
+
+    @property
+    def label(self) -> str:
+        """What messages call it."""
+        return f"Robot file {str(self.content)!r}" if self.is_file else "The robot's description"
+
+    @property
+    def is_file(self) -> bool:
+        """Whether it is a file."""
+        return isinstance(self.content, Path)
+
+    @property
+    def name(self) -> str:
+        """The robot's name, where the description gives none."""
+        return self.content.stem if isinstance(self.content, Path) else "robot"
+
+    @property
+    def is_urdf(self) -> bool:
+        """Whether it is a URDF."""
+        if isinstance(self.content, bytes):
+            return False
+        root = re.search(rb"<(robot|mujoco)\b", _bytes(self.content))
+        return root is not None and root.group(1) == b"robot"
+
+    def read(self) -> mujoco.MjSpec:
+        """Parse it.
+
+        Raises:
+            RobotError: MuJoCo cannot parse it, or the file has changed.
+        """
+        if self.is_file and self._known(self.content).digest != self.digest:
+            raise RobotError(f"{self.label} has changed since the robot was loaded.")
+        try:
+            if isinstance(self.content, bytes):
+                return mujoco.MjSpec.from_zip(io.BytesIO(self.content))
+            if isinstance(self.content, str):
+                return mujoco.MjSpec.from_string(self.content)
+            return mujoco.MjSpec.from_file(str(self.content))
+        except ValueError as error:
+            kind = "URDF" if self.is_urdf else "MJCF"
+            raise RobotError(f"{self.label} is not a valid {kind}: {error}") from error
+
+
+def _bytes(content: Path | str | bytes) -> bytes:
+    if isinstance(content, Path):
+        return content.read_bytes()
+    return content.encode() if isinstance(content, str) else content
+
+
+def _packed(spec: mujoco.MjSpec) -> bytes:
+    """A zip of a spec's MJCF and assets; the spec itself stays as it is."""
+    packed = io.BytesIO()
+    try:
+        spec.copy().to_zip(packed)
+    except (ValueError, RuntimeError) as error:
+        raise RobotError(f"The robot's spec cannot be written as an MJCF: {error}") from error
+    return packed.getvalue()
+
+
+def _published(name: str) -> Path:
+    """Path of a robot of `robot_descriptions`, which keeps a cache of its own."""
+    if importlib.util.find_spec("robot_descriptions") is None:
+        raise RobotError(
+            f"{name!r} is no file, and the package robot_descriptions, which would know a robot of "
+            "this name, is not installed (pip install robot_descriptions)."
+        )
+    try:
+        module = importlib.import_module(f"robot_descriptions.{name}")
+    except ModuleNotFoundError:
+        raise RobotError(f"The package robot_descriptions has no robot {name!r}.") from None
+    path = getattr(module, "MJCF_PATH", None) or getattr(module, "URDF_PATH", None)
+    if path is None:
+        raise RobotError(f"{name!r} of robot_descriptions has neither an MJCF nor a URDF.")
+    return Path(path)

@@ -1,0 +1,187 @@
+"""A standing pose found from the model: legs bent, the centre of mass above the feet."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from scipy.optimize import least_squares
+
+from fbid_gym.errors import RobotError
+from fbid_gym.robots.feet import Foot
+from fbid_gym.robots.mjcf import listed, moving_joints, object_name
+
+_JOINT = mujoco.mjtJoint
+
+_STRETCH = {False: 0.95, True: 0.8}
+"""Length of a leg in the pose, of its length when straight: on two feet, and on more."""
+
+# Weights of what matters: firmly, as wished, and where nothing else says.
+_FIRM, _WISH, _SHY = 100.0, 0.3, 0.02
+_TOLERANCE = 0.01  # of a leg's length
+
+
+class Leg(NamedTuple):
+    """A leg as a triangle.
+
+    Attributes:
+        hip: id of its first joint.
+        knee: id of the joint farthest from both its ends.
+        foot: the foot.
+    """
+
+    hip: int
+    knee: int
+    foot: Foot
+
+
+def standing_pose(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]) -> np.ndarray:
+    """Find a pose in which the robot stands: the joints change, the base keeps its orientation.
+
+    All contact points are level, the centre of mass is above the middle of them, the hips are 95 %
+    of a straight leg's length from their feet (80 % on more than two feet) and joints are within
+    their ranges; least squares decides what is left: feet under their hips as in `start`, joints
+    near to it, knees towards the middle of their range.
+
+    Args:
+        model: compiled model.
+        start: (nq,) the pose to begin with.
+        feet: of the robot.
+
+    Returns:
+        qpos (nq,), the height of the base as at the start.
+
+    Raises:
+        RobotError: no such pose was found.
+    """
+    joints = moving_joints(model)
+    legs = _legs(model, start, feet)
+    low, high = _bounds(model, joints)
+    wanted = start[7:].copy()
+    bent = np.isfinite(low) & np.isfinite(high)
+    for leg in legs:  # a straight knee does not know which way to bend
+        knee = joints.index(leg.knee)
+        if bent[knee]:
+            wanted[knee] += 0.4 * (0.5 * (low[knee] + high[knee]) - wanted[knee])
+    scene = _Scene(model, start, legs)
+    found = least_squares(
+        lambda angles: np.concatenate([scene.residuals(angles), _SHY * (angles - wanted)]),
+        np.clip(wanted, low + 1e-9, high - 1e-9),
+        bounds=(low, high),
+        x_scale=1.0,
+        max_nfev=200,
+    )
+    uneven, off = scene.failings(found.x)
+    if max(uneven, off) > _TOLERANCE:
+        raise RobotError(
+            f"No standing pose found: contact points differ by {uneven * scene.length:.3g} m in "
+            f"height, and the centre of mass is {off * scene.length:.3g} m off their middle, at "
+            "best. Give home= as a whole pose."
+        )
+    return np.concatenate([start[:7], found.x])
+
+
+class _Scene:
+    """What a pose looks like, in lengths of a straight leg."""
+
+    def __init__(self, model: mujoco.MjModel, start: np.ndarray, legs: Sequence[Leg]) -> None:
+        self._model, self._start, self._legs = model, start, legs
+        self._data = mujoco.MjData(model)
+        points, _, triangles = self._look(start[7:])
+        self._straight = np.array(
+            [np.linalg.norm(k - h) + np.linalg.norm(f - k) for h, k, f in triangles]
+        )
+        self.length = float(self._straight.mean())
+        self._under = np.array([f[:2] - h[:2] for h, _, f in triangles])
+        self._stretch = _STRETCH[len(legs) > 2]
+
+    def residuals(self, angles: np.ndarray) -> np.ndarray:
+        """What shall vanish."""
+        points, com, triangles = self._look(angles)
+        stretch = [np.linalg.norm(f - h) for h, _, f in triangles] / self._straight
+        under = np.array([f[:2] - h[:2] for h, _, f in triangles]) - self._under
+        parts = [
+            _FIRM * (points[:, 2] - points[:, 2].mean()) / self.length,
+            _FIRM * (com - points.mean(axis=0))[:2] / self.length,
+            stretch - self._stretch,
+            _WISH * under.ravel() / self.length,
+        ]
+        return np.concatenate(parts)
+
+    def failings(self, angles: np.ndarray) -> tuple[float, float]:
+        """How far the points are from level, and the centre of mass from above their middle."""
+        points, com, _ = self._look(angles)
+        off = float(np.linalg.norm((com - points.mean(axis=0))[:2]))
+        return float(np.ptp(points[:, 2])) / self.length, off / self.length
+
+    def _look(
+        self, angles: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray, np.ndarray]]]:
+        """Contacts (P, 3), centre of mass (3,); hip, knee and foot of each leg; m, world."""
+        data = self._data
+        data.qpos[:] = self._start
+        data.qpos[7:] = angles
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_comPos(self._model, data)
+        points, triangles = [], []
+        for leg in self._legs:
+            foot, rotation = leg.foot, data.xmat[leg.foot.body].reshape(3, 3)
+            touch = data.xpos[foot.body] + foot.points @ rotation.T - [0.0, 0.0, foot.radius]
+            points.append(touch)
+            anchors = data.xanchor[leg.hip].copy(), data.xanchor[leg.knee].copy()
+            triangles.append((*anchors, touch.mean(axis=0)))
+        base = self._model.jnt_bodyid[0]
+        return np.concatenate(points), data.subtree_com[base].copy(), triangles
+
+
+def _legs(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]) -> list[Leg]:
+    """Find the hip and knee above each foot.
+
+    Raises:
+        RobotError: no hinge moves a foot and no other.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:] = start
+    mujoco.mj_kinematics(model, data)
+    chains = [_hinges_above(model, foot.body) for foot in feet]
+    legs = []
+    for foot, chain in zip(feet, chains, strict=True):
+        # Joints of a spine move other feet as well.
+        own = [j for j in chain if sum(j in other for other in chains) == 1]
+        if not own:
+            raise RobotError(
+                f"No standing pose found: no hinge moves foot {foot.name!r} and no other."
+            )
+        end = data.xpos[foot.body] + data.xmat[foot.body].reshape(3, 3) @ foot.points.mean(axis=0)
+        away = data.xanchor[own]
+        reach = np.minimum(
+            np.linalg.norm(away - away[0], axis=1), np.linalg.norm(away - end, axis=1)
+        )
+        legs.append(Leg(own[0], own[int(np.argmax(reach))], foot))
+    return legs
+
+
+def _hinges_above(model: mujoco.MjModel, body: int) -> list[int]:
+    """Hinges between the base and a body, from the base on."""
+    chain: list[int] = []
+    while body > 0 and model.jnt_bodyid[0] != body:
+        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        chain[:0] = range(first, first + count)
+        body = int(model.body_parentid[body])
+    return [j for j in chain if model.jnt_type[j] == _JOINT.mjJNT_HINGE]
+
+
+def _bounds(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    limited = model.jnt_limited[joints].astype(bool)
+    low = np.where(limited, model.jnt_range[joints, 0], -np.inf)
+    high = np.where(limited, model.jnt_range[joints, 1], np.inf)
+    locked = [
+        object_name(model, mujoco.mjtObj.mjOBJ_JOINT, j)
+        for j, a, b in zip(joints, low, high, strict=True)
+        if a >= b
+    ]
+    if locked:
+        raise RobotError(
+            f"No standing pose found: joints {listed(locked)} have no range to move in."
+        )
+    return low, high

@@ -1,0 +1,121 @@
+"""What the check at home says of robots that are spoilt one way at a time."""
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots.home_check import friction_of_feet
+from tests.robots import zoo
+
+ANIMAL = next(
+    animal
+    for animal in map(zoo.draw, range(100))
+    if (animal.legs, animal.foot, animal.actuators) == (4, "sphere", "motor")
+)
+TEXT = zoo.mjcf(ANIMAL)
+
+
+def check(text: str = TEXT, **options: object) -> list[str]:
+    return Robot.from_mjcf(text, **{"feet": ANIMAL.foot_names, **options}).check()
+
+
+def number(sentence: str) -> float:
+    found = re.search(r"[\d.]+(e-?\d+)?", sentence.split("Joint")[-1].split("'")[-1])
+    assert found is not None, sentence
+    return float(found.group())
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_nothing_speaks_against_built_in_robots(name: str) -> None:
+    assert load(name).check() == []
+
+
+def test_geometry_in_the_ground() -> None:
+    sites = TEXT
+    for leg in range(4):
+        sites = sites.replace(f'<body name="foot{leg}"', f'<body name="foot{leg}"', 1)
+        start = sites.index(f'name="foot{leg}"')
+        geom = sites.index("<geom", start)
+        place = re.search(r'pos="([^"]*)"', sites[geom:]).group(1)  # type: ignore[union-attr]
+        sites = f'{sites[:geom]}<site name="middle{leg}" pos="{place}"/>{sites[geom:]}'
+    told = check(sites, feet=[f"middle{leg}" for leg in range(4)])
+    assert "in the ground at home" in told[0]
+    assert number(told[0]) == pytest.approx(50.0 * ANIMAL.leg, rel=1e-2)  # the spheres' radius, mm
+
+
+def test_points_above_what_touches() -> None:
+    below = TEXT.replace("</body>", '<site name="below" pos="0 0 -1"/></body>', 1)
+    told = check(below, feet=["below"])
+    assert told[0].startswith("The robot hovers: its lowest geometry is ")
+
+
+def test_uneven_feet() -> None:
+    angles = {f"leg0_{joint}": 0.3 for joint in ("hip_pitch", "knee")}
+    robot = Robot.from_mjcf(TEXT, ANIMAL.foot_names, home=angles)
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos
+    mujoco.mj_forward(robot.model, data)
+    heights = [data.body(f"foot{leg}").xpos[2] for leg in range(4)]
+    told = [sentence for sentence in robot.check() if "differ by" in sentence]
+    assert number(told[0]) == pytest.approx(1e3 * np.ptp(heights), rel=0.2)
+
+
+def test_a_centre_of_mass_outside_of_the_feet() -> None:
+    told = check(feet=["foot0", "foot1"])
+    assert any(
+        "outside of the contact points at home: the robot will fall over" in sentence
+        for sentence in told
+    )
+
+
+def test_points_that_carry_nothing_and_others_that_do() -> None:
+    told = check(TEXT, feet=["foot0", "foot3"], home=None)
+    assert any("% of the weight at home, others the rest." in sentence for sentence in told)
+    extra = TEXT.replace("</body>", '<site name="idle" pos="0 0 -0.0001"/></body>', 1)
+    robot = Robot.from_mjcf(extra, {"a": "foot0", "b": "foot1", "c": "foot2", "d": "foot3"})
+    assert robot.check() == []
+
+
+def test_joints_too_light_to_be_held() -> None:
+    bare = re.sub(r'armature="[^"]*"', "", TEXT)
+    told = [sentence for sentence in check(bare) if "give it armature=" in sentence]
+    for sentence in told:
+        least = float(sentence.split("armature=")[1].split(" ")[0])
+        assert number(sentence) < 1.1 * least
+    named = {sentence.split("'")[1]: 2.0 * _least(sentence) for sentence in told}
+    assert named and check(bare, armature=named) == []
+
+
+def _least(sentence: str) -> float:
+    return float(sentence.split("armature=")[1].split(" ")[0])
+
+
+def test_springs() -> None:
+    told = check(TEXT.replace("<joint armature", '<joint stiffness="3" armature'))
+    assert len(told) == 1 and told[0].startswith(f"Springs on {4 * ANIMAL.joints} joints (leg0_")
+    assert "up to 3 N·m/rad" in told[0]
+
+
+def test_slippery_feet() -> None:
+    told = check(TEXT.replace('friction="0.8', 'friction="0.4'))
+    assert told == ["The feet's friction is 0.4; layers assume 0.7 unless told friction=0.4."]
+
+
+def test_friction_is_what_mujoco_makes_of_a_foot_on_the_ground() -> None:
+    """With and without priority, against the contacts themselves."""
+    for text in (
+        TEXT,
+        TEXT.replace('priority="1"', ""),
+        TEXT.replace('friction="0.8', 'friction="1.3'),
+    ):
+        robot = Robot.from_mjcf(text, ANIMAL.foot_names)
+        data = mujoco.MjData(robot.model)
+        data.qpos[:] = robot.home_qpos
+        data.qpos[2] -= 1e-3
+        mujoco.mj_forward(robot.model, data)
+        assert friction_of_feet(robot.model, robot.feet) == pytest.approx(
+            data.contact.friction[:, 0].min()
+        )

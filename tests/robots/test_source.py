@@ -1,0 +1,79 @@
+"""Whatever a robot is read from, it is the same robot; and how it fails to be read."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.errors import InvalidValueError, RobotError
+from fbid_gym.robots import Robot
+from tests.robots import zoo
+from tests.robots.test_source_urdf import urdf
+
+ANIMAL = zoo.draw(22)
+TEXT = zoo.mjcf(ANIMAL)
+
+
+def published(folder: Path, monkeypatch: pytest.MonkeyPatch, module: str) -> None:
+    """A package robot_descriptions with a single robot, `dog_description`."""
+    package = folder / "robot_descriptions"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "dog_description.py").write_text(module)
+    monkeypatch.syspath_prepend(folder)
+    for name in ("robot_descriptions", "robot_descriptions.dog_description"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+
+
+def test_path_text_and_spec_give_the_same_robot(tmp_path: Path) -> None:
+    path = tmp_path / "zoo.xml"
+    path.write_text(TEXT)
+    spec = mujoco.MjSpec.from_string(TEXT)
+    sources: list[Any] = [path, str(path), TEXT, spec]
+    robots = [Robot.from_mjcf(source, ANIMAL.foot_names) for source in sources]
+    for robot in robots:
+        assert robot.name == f"zoo{ANIMAL.seed}"
+        assert robot.mass == pytest.approx(ANIMAL.mass)
+        np.testing.assert_allclose(robot.home_qpos, robots[0].home_qpos, atol=1e-5)
+    assert len(list(spec.sensors)) == 0  # the user's own spec stays as it was
+
+
+def test_a_published_robot_is_loaded_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "dog.xml"
+    path.write_text(TEXT)
+    published(tmp_path, monkeypatch, f"MJCF_PATH = {str(path)!r}")
+    assert Robot.from_mjcf("dog_description").mass == pytest.approx(ANIMAL.mass)
+    with pytest.raises(RobotError, match="robot_descriptions has no robot 'cat_description'."):
+        Robot.from_mjcf("cat_description")
+
+
+def test_a_published_urdf_is_loaded_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "dog.urdf"
+    path.write_text(urdf())
+    published(tmp_path, monkeypatch, f"URDF_PATH = {str(path)!r}")
+    assert Robot.from_mjcf("dog_description").num_joints == 8
+
+
+def test_a_published_robot_of_neither_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    published(tmp_path, monkeypatch, "")
+    with pytest.raises(RobotError, match="has neither an MJCF nor a URDF"):
+        Robot.from_mjcf("dog_description")
+
+
+def test_published_robots_need_their_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(RobotError, match="package robot_descriptions, .* is not installed"):
+        Robot.from_mjcf("dog_description")
+
+
+@pytest.mark.parametrize("source", [3, None, ["a.xml"]])
+def test_nothing_that_holds_a_robot(source: Any) -> None:
+    with pytest.raises(InvalidValueError, match="Expected the path or text of an MJCF or URDF"):
+        Robot.from_mjcf(source)

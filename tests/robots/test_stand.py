@@ -1,0 +1,64 @@
+"""Standing poses of robots whose own are known, and of those that cannot stand."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.errors import RobotError
+from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots.stand import standing_pose
+from tests.robots import zoo
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_built_in_robots_stand_up_from_straight_legs(name: str) -> None:
+    """From the reference pose, on bent knees that point where those of their own home do."""
+    robot = load(name)
+    reference = robot.model.qpos0.copy()
+    reference[7:] = np.clip(reference[7:], *robot.joint_range.T)
+    pose = standing_pose(robot.model, reference, robot.feet)
+    knees = [i for i, joint in enumerate(robot.joint_names) if "knee" in joint]
+    assert np.all(np.abs(pose[7:][knees]) > 0.3)
+    assert np.all(np.sign(pose[7:][knees]) == np.sign(robot.home_qpos[7:][knees]))
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = pose
+    mujoco.mj_forward(robot.model, data)
+    points = np.concatenate(
+        [
+            data.xpos[foot.body] + foot.points @ data.xmat[foot.body].reshape(3, 3).T
+            for foot in robot.feet
+        ]
+    )
+    size = robot.home_qpos[2]
+    assert np.ptp(points[:, 2]) < 1e-3 * size
+    com = data.subtree_com[robot.base_body]
+    np.testing.assert_allclose(com[:2], points.mean(axis=0)[:2], atol=1e-3 * size)
+
+
+def test_a_keyframe_is_where_standing_up_begins() -> None:
+    animal = zoo.draw(22)
+    robot = Robot.from_mjcf(zoo.mjcf(animal), home="stand")
+    pose = robot.home_qpos.copy()
+    pose[3:7] = [np.cos(0.3), 0.0, 0.0, np.sin(0.3)]  # turned
+    key = f'<keyframe><key name="home" qpos="{" ".join(map(str, pose))}"/></keyframe>'
+    turned = Robot.from_mjcf(zoo.mjcf(animal).replace("</mujoco>", key + "</mujoco>"), home="stand")
+    np.testing.assert_allclose(turned.home_qpos[3:7], pose[3:7])
+    np.testing.assert_allclose(turned.home_qpos[7:], pose[7:], atol=0.02)
+
+
+def test_feet_that_no_hinge_moves() -> None:
+    text = """
+    <mujoco><worldbody><body name="trunk"><freejoint/><geom size="0.1"/>
+      <body name="arm"><joint name="hip" axis="0 1 0"/><geom size="0.1" pos="1 0 0"/></body>
+      <body name="stump"><geom size="0.1" pos="0 0 -1"/></body>
+    </body></worldbody></mujoco>"""
+    with pytest.raises(RobotError, match="No standing pose found: no hinge moves foot 'stump'"):
+        Robot.from_mjcf(text, ["stump"], home="stand", torque_limit=1)
+
+
+def test_a_robot_that_cannot_get_above_its_feet() -> None:
+    animal = zoo.draw(3)  # on two legs
+    trunk = f'size="{" ".join(f"{value:.17g}" for value in animal.trunk)}"'
+    text = zoo.mjcf(animal).replace(trunk, f'{trunk} pos="{3 * animal.leg} 0 0"', 1)
+    with pytest.raises(RobotError, match="No standing pose found: contact points differ by"):
+        Robot.from_mjcf(text, home="stand", torque_limit=zoo.torque_limit(animal))
