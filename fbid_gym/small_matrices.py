@@ -78,6 +78,13 @@ def add_transposed_times(matrix: np.ndarray, vector: np.ndarray, result: np.ndar
 
 
 @compiled
+def copy(source: np.ndarray, target: np.ndarray) -> None:
+    """Write one vector to another; `target[:] = source` takes a tenth as long again to compile."""
+    for i in range(len(source)):
+        target[i] = source[i]
+
+
+@compiled
 def dot(a: np.ndarray, b: np.ndarray) -> float:
     """The inner product."""
     total = 0.0

@@ -8,8 +8,8 @@ import numpy as np
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
-from fbid_gym.actions.law_memory import LawMemory
-from fbid_gym.compiled import kernel
+from fbid_gym.actions.law_memory import LawMemory, remember
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
 from fbid_gym.control.inverse_dynamics import invert_dynamics
@@ -32,6 +32,7 @@ from fbid_gym.quantities import (
     TaskCommand,
 )
 from fbid_gym.robots import Robot
+from fbid_gym.small_matrices import copy
 
 
 class _Constants(NamedTuple):
@@ -39,7 +40,6 @@ class _Constants(NamedTuple):
 
     Attributes:
         geometry: of the contact points.
-        limited: whether contact forces have limits; else they can pull and never slip.
         limits: (1, P, 3) of `limit_rows`.
         nearness: of accelerations and wrenches.
         gravity: m/s².
@@ -47,7 +47,6 @@ class _Constants(NamedTuple):
     """
 
     geometry: ContactGeometry
-    limited: bool
     limits: np.ndarray
     nearness: Nearness
     gravity: float
@@ -63,14 +62,14 @@ class AccelerationLaw:
         belief: which points are taken to be in contact.
         ramp: leads from one set of contacts to the next; None where the torque may jump.
         constants: of the law.
-        no_task: of no rows.
+        limited: whether contact forces have limits; else they can pull and never slip.
     """
 
     robot: Robot
     belief: ContactBelief
     ramp: ContactRamp | None
     constants: _Constants
-    no_task: TaskCommand
+    limited: bool
 
     @classmethod
     def of(
@@ -88,7 +87,6 @@ class AccelerationLaw:
         stance, limits = Stance.of(robot), contact.limits(robot)
         constants = _Constants(
             geometry=stance.geometry,
-            limited=limits is not None,
             limits=limit_rows(limits or ContactLimits(), robot.num_points),
             nearness=Nearness(
                 1.0 / base_priority, stance.length, wrench_scale(stance.length, None)
@@ -96,13 +94,12 @@ class AccelerationLaw:
             gravity=robot.gravity,
             damping=contact.damping(robot),
         )
-        none = np.empty((1, 0, robot.nv)), np.empty((1, 0)), np.empty((1, 0))
         return cls(
             robot=robot,
             belief=contact.belief(robot, control_hz),
             ramp=contact.ramp(control_hz),
             constants=constants,
-            no_task=TaskCommand(*none),
+            limited=limits is not None,
         )
 
     def memory(self, num_robots: int) -> Memory:
@@ -137,56 +134,95 @@ class AccelerationLaw:
             (N, n) N·m.
         """
         active, own = self.belief(state, reference), LawMemory.of(memory)
-        part = self.no_task if task is None else task
-        torque = _realise(self.constants, active, terms, state.qvel, desired, part, own)
+        torque = self._realise(active, terms, state.qvel, desired, task, own)
 
         def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
             some = DynamicsTerms(*(value[rows] for value in terms))
-            few = part if task is None else TaskCommand(*(value[rows] for value in part))
-            robots = some, state.qvel[rows], desired[rows], few
-            return _realise(self.constants, active, *robots, own.copy(rows))
+            part = None if task is None else TaskCommand(*(value[rows] for value in task))
+            robots = some, state.qvel[rows], desired[rows], part
+            return self._realise(active, *robots, own.copy(rows))
 
         return through_contact_switches(self.ramp, active, torque, of_contacts, memory)
 
+    def _realise(
+        self,
+        active: ActivePoints,
+        terms: DynamicsTerms,
+        velocity: np.ndarray,
+        desired: np.ndarray,
+        task: TaskCommand | None,
+        memory: LawMemory,
+    ) -> np.ndarray:
+        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
+        if task is not None and task.acceleration.shape[1] > 0:
+            desired = _serve_first(self.constants.geometry, active, terms, task, desired)
+        law = _realise_within_limits if self.limited else _realise_without_limits
+        return law(self.constants, active, terms, velocity, desired, memory)
+
 
 @kernel
-def _realise(
+def _serve_first(
+    geometry: ContactGeometry,
+    active: ActivePoints,
+    terms: DynamicsTerms,
+    task: TaskCommand,
+    desired: np.ndarray,
+) -> np.ndarray:
+    """The accelerations (N, nv) that meet a task, then are as desired: eq. (19)."""
+    contacts = reduce_contacts(geometry, active, terms)
+    constraint, alike = Constraint(contacts.jacobian, contacts.bias), np.ones(desired.shape[1])
+    return serve_task(constraint, task, desired, alike, LEAST_GAIN).motion
+
+
+@kernel
+def _realise_within_limits(
     law: _Constants,
     active: ActivePoints,
     terms: DynamicsTerms,
     velocity: np.ndarray,
     desired: np.ndarray,
-    task: TaskCommand,
     memory: LawMemory,
 ) -> np.ndarray:
     """Torques (N, n) for accelerations (N, nv), at velocities (N, nv); updates the memory."""
     contacts = reduce_contacts(law.geometry, active, terms)
+    found = limit_dynamics(
+        EquationOfMotion(terms.mass_matrix, terms.bias),
+        contacts,
+        desired,
+        PointLimits(law.limits, active.mask),
+        law.nearness,
+        DEFAULT_ACCURACY,
+        law.gravity,
+        memory.warm_start,
+    )
+    remember(found.warm_start, found.residual, memory)
+    if active.switching:
+        copy(underactuation(contacts.jacobian), memory.underactuation)
+    return _overcome_damping(law, found.torque, velocity)
+
+
+@kernel
+def _realise_without_limits(
+    law: _Constants,
+    active: ActivePoints,
+    terms: DynamicsTerms,
+    velocity: np.ndarray,
+    desired: np.ndarray,
+    memory: LawMemory,
+) -> np.ndarray:
+    """The same by eq. (15), whose contact forces have no limits."""
+    contacts = reduce_contacts(law.geometry, active, terms)
     constraint = Constraint(contacts.jacobian, contacts.bias)
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
-    if task.acceleration.shape[1] > 0:
-        alike = np.ones(desired.shape[1])
-        desired = serve_task(constraint, task, desired, alike, LEAST_GAIN).motion
-    if law.limited:
-        limits = PointLimits(law.limits, active.mask)
-        found = limit_dynamics(
-            motion,
-            contacts,
-            desired,
-            limits,
-            law.nearness,
-            DEFAULT_ACCURACY,
-            law.gravity,
-            memory.warm_start,
-        )
-        torque = found.torque
-        memory.warm_start[:], memory.residual[:] = found.warm_start, found.residual
-        if active.switching:
-            memory.underactuation[:] = underactuation(contacts.jacobian)
-    else:
-        alike = np.empty((0, desired.shape[1] - 6))
-        free = invert_dynamics(motion, constraint, desired, alike, law.nearness.base_mobility)
-        torque = free.torque
-        memory.underactuation[:] = free.underactuation
+    alike = np.empty((0, desired.shape[1] - 6))
+    found = invert_dynamics(motion, constraint, desired, alike, law.nearness.base_mobility)
+    copy(found.underactuation, memory.underactuation)
+    return _overcome_damping(law, found.torque, velocity)
+
+
+@compiled
+def _overcome_damping(law: _Constants, torque: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Add to torques (N, n) what the joints' damping takes away, at velocities (N, nv)."""
     for i in range(len(torque)):
         for j in range(torque.shape[1]):
             torque[i, j] += law.damping[j] * velocity[i, 6 + j]

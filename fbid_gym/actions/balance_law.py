@@ -8,7 +8,7 @@ import numpy as np
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
-from fbid_gym.actions.law_memory import LawMemory
+from fbid_gym.actions.law_memory import LawMemory, remember
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.balance import balance_target, balance_wrench, body_motion
@@ -40,7 +40,7 @@ from fbid_gym.quantities import (
     rows_of,
 )
 from fbid_gym.robots import Robot
-from fbid_gym.small_matrices import dot
+from fbid_gym.small_matrices import copy, dot
 
 # A swinging leg follows its own command; the other joints make up for what that does to contacts
 # and momentum.
@@ -226,9 +226,9 @@ def _balance(
         )
     else:
         found = share_freely(torque_map, path, wrench, law.scale, law.weight)
-    memory.warm_start[:], memory.residual[:] = found.warm_start, found.residual
+    remember(found.warm_start, found.residual, memory)
     if active.switching:
-        memory.underactuation[:] = underactuation(contacts.jacobian)
+        copy(underactuation(contacts.jacobian), memory.underactuation)
     torque = found.torque
     for i in range(len(torque)):
         for j in range(torque.shape[1]):

@@ -4,7 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.compiled import compiled
 from fbid_gym.quantities import Memory
+from fbid_gym.small_matrices import copy
 
 DIAGNOSTICS = ("residual", "underactuation")
 """Share of the weight by which the base wrench misses the commanded one; and the number of base
@@ -37,3 +39,11 @@ class LawMemory(NamedTuple):
     def copy(self, rows: np.ndarray) -> "LawMemory":
         """Return what is remembered of some robots, in arrays of its own."""
         return LawMemory(*(part[rows] for part in self))
+
+
+@compiled
+def remember(warm_start: np.ndarray, residual: np.ndarray, memory: LawMemory) -> None:
+    """Write the warm start (N, 6) of the next tick and the residual (N,) of this one."""
+    copy(residual, memory.residual)
+    for i in range(len(warm_start)):
+        copy(warm_start[i], memory.warm_start[i])

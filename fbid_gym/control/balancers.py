@@ -44,7 +44,7 @@ from fbid_gym.quantities import (
     ReducedContacts,
     TorqueMap,
 )
-from fbid_gym.small_matrices import dot, factor, gram, multiply, solve_factored, times
+from fbid_gym.small_matrices import copy, dot, factor, gram, multiply, solve_factored, times
 
 # Relative to the mean squared singular value of Jbar_q. Near a straight knee the joints cannot move
 # the contacts as they should, and this bounds what they do instead. At home it lets the contacts'
@@ -253,7 +253,7 @@ def _with_base(
 ) -> None:
     """Write joint accelerations (n,), and before them those of a base that keeps the momentum."""
     full[:6] = 0.0
-    full[6:] = acceleration
+    copy(acceleration, full[6:])
     for k in range(6):
         change = dot(matrix[k, 6:], acceleration)
         for i in range(6):

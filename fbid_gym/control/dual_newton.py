@@ -14,7 +14,7 @@ import numpy as np
 
 from fbid_gym.compiled import compiled
 from fbid_gym.quantities import Accuracy
-from fbid_gym.small_matrices import add_transposed_times, dot, factor, gram, solve_factored
+from fbid_gym.small_matrices import add_transposed_times, copy, dot, factor, gram, solve_factored
 
 _SLOPE_REDUCTION = 0.5
 _STEPS = (0.0, 0.004, 0.016, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 6.0)
@@ -291,7 +291,7 @@ def _stick(problem: Problem, found: Forces) -> bool:
     gram(problem.maps, problem.maps, _FAINT, wrench_gram)
     factor(wrench_gram)
     dual, force = found.dual, found.force
-    dual[:] = problem.wrench
+    copy(problem.wrench, dual)
     solve_factored(wrench_gram, dual)
     flat = force.reshape(force.size)
     flat[:] = 0.0
@@ -340,18 +340,20 @@ def deliver(
     points = Points(wrenches, problem.wrench, problem.limits)
     point = Point(np.empty(6), np.empty((count, 3)), found.force, found.missing, np.empty(6))
     trial = Point(np.empty(6), np.empty((count, 3)), np.empty((count, 3)), np.empty(6), np.empty(6))
-    point.dual[:] = start
+    copy(start, point.dual)
     eps, tolerance = accuracy.regularisation, accuracy.tolerance * weight
     budget = accuracy.max_iterations
     error, taken = _newton(points, eps, tolerance, budget, point, trial)
     if error > tolerance:
         taken += _persist(points, eps, tolerance, 2 * budget, point, trial)
         error = np.sqrt(dot(point.gradient, point.gradient))
-    found.dual[:] = point.dual
+    copy(point.dual, found.dual)
     if error > tolerance:
         # The better of the last forces and those of the warm start.
-        trial.dual[:] = start
+        copy(start, trial.dual)
         evaluate(points, eps, trial)
         if dot(trial.missing, trial.missing) < dot(found.missing, found.missing):
-            found.force[:], found.missing[:] = trial.force, trial.missing
+            copy(trial.missing, found.missing)
+            for i in range(count):
+                copy(trial.force[i], found.force[i])
     return taken

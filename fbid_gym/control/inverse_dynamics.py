@@ -31,6 +31,7 @@ from fbid_gym.control.equations import checked_equations
 from fbid_gym.quantities import Constraint, EquationOfMotion
 from fbid_gym.small_matrices import (
     add_transposed_times,
+    copy,
     dot,
     gram,
     multiply,
@@ -191,7 +192,7 @@ def invert_dynamics(
         times(motion.mass_matrix[i], own, force)
         force += motion.bias[i]
         times(cost, force, error)
-        missing[:] = force[:6]
+        copy(force[:6], missing)
         for k in range(rows):
             for row in range(6):
                 missing[row] -= spread[k, row] * error[k]

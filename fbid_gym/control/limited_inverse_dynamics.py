@@ -197,7 +197,8 @@ def limit_dynamics(
         iterations[i] = deliver(Problem(maps, wrench, values), accuracy, weight, start[i], found)
         residual[i] = np.sqrt(dot(missing, missing)) / weight
         if residual[i] != 0.0:
-            delivered[:] = missing / nearness.scale
+            for row in range(6):
+                delivered[row] = missing[row] / nearness.scale[row]
             _yield_to(mass_matrix, jacobian, held, nearness, delivered, force)
             acceleration[i] += force
             times(mass_matrix, acceleration[i], force)

@@ -237,7 +237,9 @@ def serve_task(
     gains, inverse, share = np.empty((size, size)), np.empty((size, size)), np.empty(size)
     for i in range(count):
         contact, part = constraint.jacobian[i], task.jacobian[min(i, len(task.jacobian) - 1)]
-        weighted[:] = contact * mobility
+        for k in range(rows):
+            for j in range(velocities):
+                weighted[k, j] = contact[k, j] * mobility[j]
         gram(weighted, contact, _RIDGE, held)
         factor(held)
         motion[i] = reference[min(i, len(reference) - 1)]
@@ -250,7 +252,9 @@ def serve_task(
             add_transposed_times(weighted, push, motion[i])
 
         # Rows of J_t A^-1 less the part that would move the contacts; A^-1 = diag(mobility).
-        free[:] = part * mobility
+        for m in range(size):
+            for j in range(velocities):
+                free[m, j] = part[m, j] * mobility[j]
         for _ in range(2):
             multiply_by_transpose(contact, free, moved)
             solve_factored_columns(held, moved)

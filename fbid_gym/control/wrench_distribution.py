@@ -215,7 +215,8 @@ def share_freely(
             delivered,
             found.torque[robot],
         )
-        missing[:] = (delivered - wrench[robot]) * scale
+        for row in range(6):
+            missing[row] = (delivered[row] - wrench[robot, row]) * scale[row]
         found.residual[robot] = np.sqrt(dot(missing, missing)) / weight[min(robot, len(weight) - 1)]
         found.warm_start[robot] = 0.0
     return found
@@ -257,7 +258,8 @@ def share_within_limits(
         problem = Problem(scaled, wanted, values)
         forces = Forces(point_force, missing, found.warm_start[robot])
         deliver(problem, accuracy, own_weight, start[robot], forces)
-        delivered[:] = wrench[robot] + missing / scale
+        for row in range(6):
+            delivered[row] = wrench[robot, row] + missing[row] / scale[row]
         times(own_map, force, row_force)
         torque_of_forces(offset, jacobian, per_wrench, row_force, delivered, torque)
 
@@ -270,7 +272,8 @@ def share_within_limits(
             times(maps, force, delivered)
             times(slope, force, torque)
             torque += offset
-            missing[:] = (delivered - wrench[robot]) * scale
+            for row in range(6):
+                missing[row] = (delivered[row] - wrench[robot, row]) * scale[row]
         found.residual[robot] = np.sqrt(dot(missing, missing)) / own_weight
         if len(path.world_from_contact) > 0:
             turn_forces(path.world_from_contact[robot], point_force)
