@@ -3,6 +3,7 @@
 The environments' own rates, which are cheap, beside the papers'; same starts, commands and pushes.
 """
 
+import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "as in the papers": EXACT,
     "law at 250 Hz": EXACT | {"control_hz": 250},
     "law and physics at 250 Hz": EXACT | {"control_hz": 250, "physics_hz": 250},
-    "and pyramids": {"control_hz": 250, "physics_hz": 250, "friction_cone": "pyramidal"},
+    "and pyramids": {"solver_iterations": None},
     "and 20 iterations: the environment's own": {},
 }
 """Name -> arguments that differ from the environment's, from the dearest to the cheapest."""
@@ -63,10 +64,15 @@ def settings(config: RatesConfig) -> dict[str, dict[str, Any]]:
 
 def apart(one: Walked, other: Walked) -> tuple[float, float]:
     """Return by which share of `other` survival and error of velocity are greater in `one`."""
-    survival = one.survival - other.survival
-    if survival:  # else both may be 0
-        survival /= max(one.survival, other.survival)
-    return survival, one.velocity_error / other.velocity_error - 1.0
+    return _greater(one.survival, other.survival), _greater(
+        one.velocity_error, other.velocity_error
+    )
+
+
+def _greater(one: float, other: float) -> float:
+    if one == other:
+        return 0.0
+    return one / other - 1.0 if other else math.inf
 
 
 _HEAD = ("Robot", "Layer", "Setting", "Up", "Velocity error (m/s)", "Up, apart",

@@ -12,11 +12,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import tyro
 
+from eval.walking import ready
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_choices, check_positive, whole_number
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots.terrain import LEVELLED
 from train.runs.exit_status import exit_status
@@ -76,10 +75,7 @@ def walk(row: Row, difficulty: float, robots: int, seconds: float) -> Walked:
         "height_scan": row.scan,
         "episode_seconds": seconds,
     }
-    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[row.env] | arguments), robots)
-    for robot in range(robots):
-        batch.seed(robot, np.random.default_rng(robot))
-    batch.reset(np.arange(robots))
+    batch = ready(ENVIRONMENTS[row.env] | arguments, robots)
     action = np.zeros((robots, len(batch.action_names)))
     walking, fell = np.ones(robots, bool), np.zeros(robots, bool)
     errors, steps = 0.0, 0
@@ -155,8 +151,8 @@ def run(config: TerrainConfig) -> None:
         ]
         lines.append(line(row, walked))
         print(lines[-1], flush=True)
-    if config.write_docs:
-        PAGE.write_text(page(config, lines), encoding="utf-8")
+        if config.write_docs:  # row by row: what is interrupted leaves what it has
+            PAGE.write_text(page(config, lines), encoding="utf-8")
 
 
 def main(argv: list[str] | None = None) -> int:

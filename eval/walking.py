@@ -4,7 +4,7 @@ All layers and gaits meet the same commands and pushes.
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -94,10 +94,7 @@ def walk(trial: Trial, config: WalkingConfig, **others: Any) -> Walked:
         "push_force": (config.push, config.push),
         **others,
     }
-    batch = EnvBatch(EnvConfig.of(arguments), config.episodes)
-    for env in range(config.episodes):
-        batch.seed(env, np.random.default_rng(env))
-    batch.reset(np.arange(config.episodes))
+    batch = ready(arguments, config.episodes)
     zero = np.zeros((config.episodes, len(batch.action_names)))
     names = list(batch.task.observation_names)
     seen = [names.index(f"base velocity {way} (m/s, heading)") for way in ("ahead", "to the left")]
@@ -117,6 +114,15 @@ def walk(trial: Trial, config: WalkingConfig, **others: Any) -> Walked:
         found["way"].append(step.info["speed"])
     told = {key: np.array(value) for key, value in found.items()}
     return summarised(told, batch.rates.policy, batch.robot.weight)
+
+
+def ready(arguments: Mapping[str, Any], count: int) -> EnvBatch:
+    """Return environments at the start of an episode, environment i with seed i."""
+    batch = EnvBatch(EnvConfig.of(arguments), count)
+    for env in range(count):
+        batch.seed(env, np.random.default_rng(env))
+    batch.reset(np.arange(count))
+    return batch
 
 
 def _spin(batch: EnvBatch) -> np.ndarray:

@@ -39,7 +39,7 @@ class TerrainEnv(RobotEnv):
     height of the ground (m, at most 10) above that under the feet, at the places
     `fbid_gym.tasks.height_scan.SCAN` times h: from 1 h behind to 2 h ahead of the base and up to
     0.8 h beside it, in the frame of its heading. Then the gait knows the ground as well: it sets
-    feet down at its height.
+    feet down at its height. Otherwise it takes the ground to be the plane on which its feet stood.
 
     ## Rewards
     As in the other environments of task `walk`.

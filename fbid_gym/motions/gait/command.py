@@ -25,7 +25,7 @@ class GaitCommand(NamedTuple):
         shift: (N, F, 2) m ahead and to the left that each next foothold is moved by.
         rate: (N,) cycles per planned cycle, positive; 1 for the planned frequency.
         ground: (N, F) m, height of the ground at the next foothold of each foot; NaN where it is
-            not known, for that of the ground on which the robot stands.
+            not known, for that of the plane on which the feet last stood.
     """
 
     velocity: np.ndarray

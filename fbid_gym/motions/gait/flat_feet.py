@@ -235,7 +235,8 @@ def _balance(
     for foot in range(2):
         target.planted[i, foot] = phase != SWING or foot == carrier
         target.load[i, foot] = 1.0 if target.planted[i, foot] else 0.0
-        if target.planted[i, foot]:
+        # A foot that has not landed in time has found that the ground is no higher.
+        if target.planted[i, foot] or memory.progress[i] > timing.single:
             for axis in range(3):
                 memory.touched[i, foot, axis] = feet[foot, axis]
     for point in range(len(gait.points)):

@@ -16,6 +16,8 @@ from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.motions.gait.touchdown import SWING
 from fbid_gym.quantities import DynamicsTerms
 
+_RAMP = 0.4  # pendulum times in which a foot that finds no ground comes to reach for it
+
 
 @compiled
 def swing_or_reach(
@@ -47,7 +49,7 @@ def swing_or_reach(
         _begin(target.foothold, memory, i, foot)
         memory.clock[i, foot] = 0.0
     memory.clock[i, foot] += tick
-    way = below(memory.clock[i, foot], 1.0 / gait.omega, gait.sink)
+    way = below(memory.clock[i, foot], _RAMP / gait.omega, gait.sink)
     for axis in range(3):
         target.foothold[i, foot, axis] = memory.begun[i, foot, axis]
         _aim(Motion(memory.begun[i, foot, axis], 0.0, 0.0), target, i, foot, axis)

@@ -18,7 +18,7 @@ from fbid_gym.motions.gait.lifting import all_stand, lift_or_land, start_or_stop
 from fbid_gym.motions.gait.point_gait import GaitMemory, PointFootGait
 from fbid_gym.motions.gait.slope import feel_ground, height_on
 from fbid_gym.motions.gait.target import GaitTarget, standing_target
-from fbid_gym.motions.gait.touchdown import STANCE, load_on
+from fbid_gym.motions.gait.touchdown import REACH, STANCE, load_on
 from fbid_gym.quantities import DynamicsTerms
 
 
@@ -95,9 +95,10 @@ def _stand_on(
             planted += 1
             for axis in range(2):
                 middle[axis] += terms.foot_position[i, foot, axis]
-            if touches[foot]:
-                for axis in range(3):
-                    memory.touched[i, foot, axis] = terms.foot_position[i, foot, axis]
+        # A foot that reaches has found that the ground is no higher.
+        if memory.mode[i, foot] == REACH or (memory.mode[i, foot] == STANCE and touches[foot]):
+            for axis in range(3):
+                memory.touched[i, foot, axis] = terms.foot_position[i, foot, axis]
     if planted > 0:
         middle /= planted
     else:

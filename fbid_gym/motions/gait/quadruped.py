@@ -22,10 +22,11 @@ _REST = 0.1  # of the speed
 _ASTRAY = 0.25  # of the height
 _MARGIN = 0.5  # of the way to the edge of the feet
 _LIFT = 0.25
-_SINK = 0.5
+_SINK = 1.0
 _TOUCH = 0.01
 _UNLOAD = 0.14  # pendulum times
 _REACH = 0.95  # of the stretched leg
+_FELT = 0.25  # cycles over which the ground is felt
 _LEVEL = 0.02  # of the mean square distance of the feet from their middle
 _BENT = 0.7  # of the stretched leg: a robot that walks has its hips no higher
 
@@ -67,7 +68,7 @@ def quadruped_gait(
     place = ((feet - base) @ level.T)[:, :2]
     return PointFootGait(
         schedule=schedule,
-        sense=Sense(schedule.period, _LEVEL * float(place.var(axis=0).mean())),
+        sense=Sense(_FELT * schedule.period, _LEVEL * float(place.var(axis=0).mean())),
         omega=1.0 / time,
         capture=_CAPTURE,
         tracking=_TRACKING / time,
