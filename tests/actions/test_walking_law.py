@@ -6,8 +6,8 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.walking_base import momentum_task
-from fbid_gym.actions.walking_law import WalkingLaw, base_task
+from fbid_gym.actions.walking_law import WalkingLaw
+from fbid_gym.actions.walking_tasks import base_aim, base_task, wrench_aim
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.motions.gait.gait import gait_of
@@ -16,6 +16,7 @@ from fbid_gym.quantities import RobotState
 
 ROBOTS = ("go1", "biped")
 FRICTION = 0.6
+HZ = 250
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
@@ -25,7 +26,7 @@ def robot(request):
 
 def law_of(robot, **options):
     contact = ContactOptions(friction=FRICTION, compensate_damping=False, **options)
-    return WalkingLaw.of(robot, gait_of(robot, 250).omega, contact)
+    return WalkingLaw.of(robot, HZ, gait_of(robot, HZ).omega, contact)
 
 
 def near_home(robot, rng, noise):
@@ -94,9 +95,8 @@ def momentum_rate(robot, state, acceleration, step=1e-5):
 
 def test_the_momentum_task_is_the_rate_of_the_momentum(robot, rng):
     state, terms = near_home(robot, rng, 0.3)
-    law = law_of(robot)
-    gains, target = law.constants.gains, target_of(robot, terms, rng)
-    task = momentum_task(gains, robot.gravity, np.zeros((1, 6)), state, target, terms)
+    law, target = law_of(robot), target_of(robot, terms, rng)
+    task = wrench_aim(law.constants, np.zeros((1, 6)), state, target, terms).task
     acceleration = rng.normal(size=robot.nv)
     said = task.jacobian[0] @ acceleration + task.bias[0]
     force, moment = momentum_rate(robot, state, acceleration)
@@ -108,10 +108,10 @@ def test_the_momentum_task_is_the_rate_of_the_momentum(robot, rng):
 
 def test_an_action_pushes_along_the_heading(robot, rng):
     state, terms = near_home(robot, rng, 0.1)
-    gains, target = law_of(robot).constants.gains, target_of(robot, terms, rng)
+    law, target = law_of(robot), target_of(robot, terms, rng)
     push = rng.normal(size=6)
     tasks = [
-        momentum_task(gains, robot.gravity, size * push[None], state, target, terms)
+        wrench_aim(law.constants, size * push[None], state, target, terms).task
         for size in (0.0, 1.0)
     ]
     more = tasks[1].acceleration[0] - tasks[0].acceleration[0]
@@ -120,6 +120,48 @@ def test_an_action_pushes_along_the_heading(robot, rng):
     *_, inertia = momentum(robot, state.qpos[0], state.qvel[0])
     np.testing.assert_allclose(more[:3], turn @ push[:3] / robot.mass)
     np.testing.assert_allclose(more[3:], np.linalg.solve(inertia, turn @ push[3:]))
+
+
+def test_the_wrench_is_what_carrying_the_base_takes_while_the_feet_swing(robot, rng):
+    state, _ = near_home(robot, rng, 0.3)
+    state.qpos[0, 3:7] = np.cos(0.2), 0.0, 0.0, np.sin(0.2)
+    state.qvel[:] = 0.0
+    terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
+    law, target = law_of(robot), target_of(robot, terms, rng)
+    # Upright, at its height and at rest: no spring pulls, and no momentum is late.
+    target = target._replace(foot_velocity=np.zeros((1, robot.num_feet, 6)))
+    aim = wrench_aim(law.constants, np.zeros((1, 6)), state, target, terms)
+    carried = aim.reference[0]
+    np.testing.assert_allclose(carried[2:6], 0.0, atol=1e-3)
+    for foot in range(robot.num_feet):
+        gap = target.foot_position[0, foot] - terms.foot_position[0, foot]
+        told = target.foot_acceleration[0, foot, :3] + law.constants.gains.swing * gap
+        moved = terms.foot_jacobian[0, foot, :3] @ carried + terms.foot_bias[0, foot, :3]
+        told = 0.0 if target.planted[0, foot] else told
+        np.testing.assert_allclose(moved, told, atol=1e-3)
+    force, moment = momentum_rate(robot, state, carried)
+    *_, inertia = momentum(robot, state.qpos[0], state.qvel[0])
+    wanted = aim.task.acceleration[0]
+    np.testing.assert_allclose(wanted[:3], force / robot.mass, atol=1e-4)
+    np.testing.assert_allclose(wanted[3:], np.linalg.solve(inertia, moment), atol=1e-4)
+
+
+def test_a_moment_turns_the_base_back_and_a_force_lifts_it(robot, rng):
+    state, terms = near_home(robot, rng, 0.0)
+    law, target = law_of(robot), target_of(robot, terms, rng)
+    constants, rise, turn = law.constants, 0.02, 0.3
+    moved = target._replace(height=target.height + rise, heading=target.heading + turn)
+    there, here = (
+        wrench_aim(constants, np.zeros((1, 6)), state, aimed, terms).task.acceleration[0]
+        for aimed in (moved, target)
+    )
+    *_, inertia = momentum(robot, state.qpos[0], state.qvel[0])
+    heading = moved.heading[0]
+    cosine, sine = np.cos(heading), np.sin(heading)
+    level = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    moment = constants.gains.rotation * np.sin(turn) * level @ constants.turning_inertia[:, 2]
+    np.testing.assert_allclose((there - here)[2], constants.gains.height * rise, atol=1e-9)
+    np.testing.assert_allclose(inertia @ (there - here)[3:], moment, atol=1e-6)
 
 
 def test_the_base_task_is_the_centre_of_mass_and_the_base(robot, rng):
@@ -178,8 +220,8 @@ def test_feet_accelerate_as_they_are_told_and_only_those_on_the_ground_carry(rob
     for _ in range(3):
         state, terms = near_home(robot, rng, 0.02)
         target = target_of(robot, terms, rng)
-        task = base_task(law.constants.gains, np.zeros((1, 6)), state, target, terms)
-        torque = law.torque(task, state, target, terms, law.memory(1))[0]
+        aim = base_aim(law.constants, np.zeros((1, 6)), state, target, terms)
+        torque = law.torque(aim, state, target, terms, law.memory(1))[0]
         acceleration, force = forward(robot, law, state, target, terms, torque)
         rows = force.shape[1]
         gains = law.constants.gains
@@ -234,7 +276,7 @@ def test_the_torque_does_not_depend_on_the_heading(robot, rng):
     added = rng.normal(size=(1, 6))
     torques = []
     for now, goal, known in ((state, target, terms), (turned, aim, also)):
-        task = base_task(law.constants.gains, added, now, goal, known)
-        torques.append(law.torque(task, now, goal, known, law.memory(1)))
+        aim_of_body = base_aim(law.constants, added, now, goal, known)
+        torques.append(law.torque(aim_of_body, now, goal, known, law.memory(1)))
     # The forces' solver stops at its accuracy, and friction cones are cut by no axes.
     np.testing.assert_allclose(*torques, atol=2e-3 * robot.torque_limit.max())

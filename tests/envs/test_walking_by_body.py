@@ -1,0 +1,76 @@
+"""Walking without a policy, by the layers that say how the body moves."""
+
+import numpy as np
+import pytest
+
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.env_batch import EnvBatch
+
+LAYERS = ("base_acceleration", "com_wrench")
+WALKS = {
+    "go1": "fbid_gym/QuadrupedWalk-v0",
+    "biped": "fbid_gym/BipedWalk-v0",
+    "humanoid": "fbid_gym/HumanoidWalk-v0",
+}
+
+
+def walking(robot, layer, count, **arguments):
+    """Robots that walk, each to its own commands, without pushes."""
+    known = {"robot": robot, "action_layer": layer, "push_force": (0.0, 0.0)} | arguments
+    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[WALKS[robot]] | known), count)
+    for env in range(count):
+        batch.seed(env, np.random.default_rng(env))
+    batch.reset(np.arange(count))
+    return batch, np.zeros((count, len(batch.action_names)))
+
+
+@pytest.mark.parametrize("robot", WALKS)
+@pytest.mark.parametrize("layer", LAYERS)
+def test_a_zero_action_walks_upright(robot, layer):
+    batch, zero = walking(robot, layer, 8)
+    up = [f"up direction {axis} (base frame)" for axis in "xyz"]
+    vertical = [batch.task.observation_names.index(name) for name in up]
+    for _ in range(5 * batch.rates.policy):
+        step = batch.step(zero)
+        assert not step.terminated.any()
+        assert (step.observation[:, vertical[2]] > np.cos(0.5)).all()
+
+
+class _Watched:
+    """A layer, and what it says from tick to tick."""
+
+    def __init__(self, layer):
+        self._layer, self.planted, self.torque_said, self.sudden = layer, [], [], []
+
+    def __getattr__(self, name):
+        return getattr(self._layer, name)
+
+    def torque(self, action, state, reference, terms, memory):
+        said = self._layer.torque(action, state, reference, terms, memory)
+        self.planted.append(reference.planted.copy())
+        self.torque_said.append(said.copy())
+        self.sudden.append(memory["sudden_torque"].copy())
+        return said
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_on_soles_the_torque_goes_through_touchdown_and_lift_off(layer):
+    batch, zero = walking("biped", layer, 4)
+    batch.layer = seen = _Watched(batch.layer)
+    for _ in range(3 * batch.rates.policy):
+        batch.step(zero)
+    planted, torque = np.array(seen.planted), np.array(seen.torque_said)
+    sudden, ticks = np.array(seen.sudden), batch.layer.law.ramp.ticks
+    switched = (planted[1:] != planted[:-1]).any(axis=2)
+    down = (planted[1:] & ~planted[:-1]).any(axis=2)
+    assert down.sum() > 10
+    assert switched.sum() > down.sum() + 10
+    # What is left of the last switch goes on fading, and nothing else happens.
+    added = np.abs(torque - sudden)
+    change, jump = np.abs(np.diff(torque, axis=0)), np.abs(np.diff(sudden, axis=0))
+    assert (change[switched] <= added.max() / ticks + 1e-9).all()
+    assert change[switched].max() < 0.1 * jump[switched].max()
+    # Nothing is added for ever: a ramp's time after the last switch the law has its own way.
+    quiet = np.lib.stride_tricks.sliding_window_view(~switched, ticks, axis=0).all(axis=-1)
+    np.testing.assert_array_equal(added[ticks:][quiet], 0.0)
