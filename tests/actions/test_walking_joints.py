@@ -14,8 +14,14 @@ from fbid_gym.envs.env_batch import EnvBatch
 HZ = 250
 
 
-@pytest.mark.parametrize("layer", ["joint_position_feedforward", "joint_acceleration"])
-@pytest.mark.parametrize("robot", ["go1", "quadruped"])
+@pytest.mark.parametrize(
+    "robot, layer",
+    [
+        ("go1", "joint_position_feedforward"),
+        ("quadruped", "joint_position_feedforward"),
+        ("go1", "joint_acceleration"),
+    ],
+)
 def test_the_zero_action_walks(robot, layer):
     """Robots on point feet, five seconds, whatever is commanded."""
     count = 4
