@@ -13,7 +13,7 @@ import tyro
 
 from eval.pages import RATES_PAGE, splice
 from eval.walking import ROBOTS, Trial, Walked, WalkingConfig, walk
-from fbid_gym.errors import FbidError
+from train.runs.exit_status import exit_status
 
 EXACT: dict[str, Any] = {
     "physics_hz": 1000,
@@ -113,7 +113,5 @@ def main(config: RatesConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(RatesConfig, prog="python -m eval.rates"))
-    except FbidError as error:
-        sys.exit(f"{error}")
+    chosen = tyro.cli(RatesConfig, prog="python -m eval.rates")
+    sys.exit(exit_status(lambda: main(chosen)))

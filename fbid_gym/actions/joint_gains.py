@@ -68,7 +68,7 @@ class JointGains(NamedTuple):
             InvalidValueError: not positive, or so stiff that the sampled controller oscillates.
         """
         check_positive(damping_ratio=damping_ratio)
-        most = _steady_frequency(robot, control_hz, damping_ratio)
+        most = steady_frequency(robot, control_hz, damping_ratio)
         if natural_frequency is None:
             pendulum = np.sqrt(robot.gravity / Stance.of(robot).home_com[2])
             natural_frequency = min(stiffer_than_falling * pendulum / (2.0 * np.pi), most)
@@ -110,7 +110,7 @@ def _gains(
     )
 
 
-def _steady_frequency(robot: Robot, control_hz: int, damping_ratio: float) -> float:
+def steady_frequency(robot: Robot, control_hz: int, damping_ratio: float) -> float:
     """Largest natural frequency (Hz) whose gains, sampled, let every mode decay in the air.
 
     Gains of the stance are high for what a joint moves in the air, the foot above all.

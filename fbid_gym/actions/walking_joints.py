@@ -6,14 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.actions.joint_acceleration import JointAcceleration
+from fbid_gym.actions.joint_gains import steady_frequency
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
 from fbid_gym.actions.layer import ActionLayer
 from fbid_gym.actions.torque import Torque
-from fbid_gym.dynamics.stance import Stance
+from fbid_gym.actions.walking_law import WalkingGains
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.motions import home_reference
-from fbid_gym.motions.gait.joints import Legs, joint_reference, legs_of
+from fbid_gym.motions.gait.joints import joint_reference, legs_of
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
@@ -21,19 +22,21 @@ from fbid_gym.robots import Robot
 REFERENCES = ("gait", "home")
 
 
+ReferenceOf = Callable[[GaitTarget, RobotState, Callable[[], DynamicsTerms]], Reference]
+"""What a layer follows, from the target of a gait and the robots as they are."""
+
+
 @dataclass(frozen=True, eq=False)
-class JointsOfGait:
-    """A layer that tracks joints, on a gait: its zero action follows the gait's joint motion.
+class Following:
+    """A layer that follows another reference than the gait's target; an `ActionLayer`.
 
     Attributes:
         inner: the layer.
-        legs: of the robot.
-        stance: of the robot.
+        reference_of: what it follows.
     """
 
     inner: ActionLayer
-    legs: Legs
-    stance: Stance
+    reference_of: ReferenceOf
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -58,52 +61,36 @@ class JointsOfGait:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        known = terms()
-        joints = joint_reference(self.legs, reference, state, known, self.stance.frame(known))
-        return self.inner.torque(action, state, joints, terms, memory)
+        followed = self.reference_of(reference, state, terms)
+        return self.inner.torque(action, state, followed, terms, memory)
 
 
-@dataclass(frozen=True, eq=False)
-class JointsAtHome:
-    """A layer on the home posture while the task walks: no gait, the action is all there is.
+def joints_of_gait(robot: Robot, *, aware: bool) -> ReferenceOf:
+    """Return what makes the joint motion of a gait: the zero action walks; see `Legs.aware`."""
+    legs = legs_of(robot, aware)
+    return lambda target, state, terms: joint_reference(legs, target, state, terms())
 
-    Attributes:
-        inner: the layer.
-        home: what it follows.
-    """
 
-    inner: ActionLayer
-    home: Reference
+def home_posture(robot: Robot) -> ReferenceOf:
+    """Return what stays at home while the task walks: no gait, the action is all there is."""
+    home = home_reference(robot)
+    return lambda target, state, terms: home
 
-    @property
-    def action_names(self) -> tuple[str, ...]:
-        """Of the layer."""
-        return self.inner.action_names
 
-    @property
-    def diagnostics(self) -> tuple[str, ...]:
-        """Of the layer."""
-        return self.inner.diagnostics
+def body_frequency(robot: Robot, omega: float) -> float:
+    """Hz with which the base is held where it is a task of its own: its height and rotation."""
+    gains = WalkingGains.of(robot, omega)
+    return float(np.sqrt(max(gains.height, gains.rotation))) / (2.0 * np.pi)
 
-    def memory(self, num_robots: int) -> Memory:
-        """Of the layer."""
-        return self.inner.memory(num_robots)
 
-    def torque(
-        self,
-        action: np.ndarray,
-        state: RobotState,
-        reference: GaitTarget,
-        terms: Callable[[], DynamicsTerms],
-        memory: Memory,
-    ) -> np.ndarray:
-        """See `ActionLayer.torque`."""
-        return self.inner.torque(action, state, self.home, terms, memory)
+def swing_frequency(robot: Robot, omega: float) -> float:
+    """Hz with which a foot in the air is held to its path where it is a task of its own."""
+    return float(np.sqrt(WalkingGains.of(robot, omega).swing)) / (2.0 * np.pi)
 
 
 def walking_torque(robot: Robot, control_hz: int, omega: float) -> ActionLayer:
     """Build layer `torque`: the action is the torque, beside that which holds the home stance."""
-    return JointsAtHome(Torque.of(robot, control_hz), home_reference(robot))
+    return Following(Torque.of(robot, control_hz), home_posture(robot))
 
 
 def walking_joint_position(
@@ -135,10 +122,10 @@ def walking_joint_position(
         scale=scale,
     )
     if reference == "home":
-        return JointsAtHome(inner, home_reference(robot))
+        return Following(inner, home_posture(robot))
     if reference != "gait":
         raise UnknownOptionError("reference", reference, REFERENCES)
-    return _on_gait(robot, inner)
+    return Following(inner, joints_of_gait(robot, aware=False))
 
 
 def walking_feedforward(
@@ -151,7 +138,22 @@ def walking_feedforward(
     scale: float = 0.3,
     target_frequency: float = 2.0,
 ) -> ActionLayer:
-    """Build layer `joint_position_feedforward`; arguments as for `JointPositionFeedforward`."""
+    """Build layer `joint_position_feedforward`; other arguments as for `JointPositionFeedforward`.
+
+    Args:
+        robot: whose joints.
+        control_hz: control ticks per second.
+        omega: 1/s, rate at which the robot falls, see `Gait`.
+        natural_frequency: Hz of the feedback. Default: as the legs that stand hold the base, see
+            `body_frequency`, or the largest that `control_hz` allows, if that is less. Legs in
+            the air move less inertia, and are as much stiffer.
+        damping_ratio: of the feedback.
+        scale: rad at action 1.
+        target_frequency: Hz, at which the offset follows the action.
+    """
+    if natural_frequency is None:
+        most = steady_frequency(robot, control_hz, damping_ratio)
+        natural_frequency = min(body_frequency(robot, omega), most)
     inner = JointPositionFeedforward.of(
         robot,
         control_hz,
@@ -160,7 +162,7 @@ def walking_feedforward(
         scale=scale,
         target_frequency=target_frequency,
     )
-    return _on_gait(robot, inner)
+    return Following(inner, joints_of_gait(robot, aware=True))
 
 
 def walking_joint_acceleration(
@@ -168,11 +170,23 @@ def walking_joint_acceleration(
     control_hz: int,
     omega: float,
     *,
-    natural_frequency: float = 3.0,
+    natural_frequency: float | None = None,
     damping_ratio: float = 1.0,
     scale: float = 30.0,
 ) -> ActionLayer:
-    """Build layer `joint_acceleration`; arguments as for `JointAcceleration`."""
+    """Build layer `joint_acceleration`.
+
+    Args:
+        robot: whose joints.
+        control_hz: control ticks per second.
+        omega: 1/s, rate at which the robot falls, see `Gait`.
+        natural_frequency: Hz, of the joints' return to their reference. Default: what the feet in
+            the air need, see `swing_frequency`.
+        damping_ratio: see `JointAcceleration`.
+        scale: rad/s^2 at action 1.
+    """
+    if natural_frequency is None:
+        natural_frequency = swing_frequency(robot, omega)
     inner = JointAcceleration.of(
         robot,
         control_hz,
@@ -180,8 +194,4 @@ def walking_joint_acceleration(
         damping_ratio=damping_ratio,
         scale=scale,
     )
-    return _on_gait(robot, inner)
-
-
-def _on_gait(robot: Robot, inner: ActionLayer) -> ActionLayer:
-    return JointsOfGait(inner, legs_of(robot), Stance.of(robot))
+    return Following(inner, joints_of_gait(robot, aware=True))

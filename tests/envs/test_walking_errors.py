@@ -103,7 +103,7 @@ def test_a_gait_for_a_robot_with_too_few_feet(planar):
 
 def test_feet_that_no_inverse_kinematics_places(planar):
     with pytest.raises(RobotError, match="Foot 'fl' .* hangs from 2 joints .* at least three"):
-        legs_of(planar(list(PLACES)))
+        legs_of(planar(list(PLACES)), aware=True)
     with pytest.raises(RobotError, match="Foot 'fl' .* hangs from 2 joints .* at least three"):
         gym.make(QUADRUPED, robot=planar(list(PLACES)), action_layer="joint_position")
 

@@ -1,8 +1,12 @@
 """Joint motions of a gait, by inverse kinematics: for layers that track joints.
 
 The body is taken to move as the gait wants it, at its height, upright and in its heading, and each
-foot to be where its target is. One damped Newton step from the joints' present angles finds those
-that fit, and the same Jacobians the rates. Joints of no leg stay at home.
+foot to be where its target is. One damped Newton step from the joints'
+present angles finds those that fit, the same Jacobians the rates, and the accelerations,
+
+    qdd = J_q^+ (a_foot - Jdot v - J_base a_base).
+
+Joints of no leg stay at home.
 """
 
 from typing import NamedTuple
@@ -11,11 +15,12 @@ import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.dynamics.support import support_frame
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.target import GaitTarget
-from fbid_gym.quantities import DynamicsTerms, Reference, RobotState, SupportFrame
+from fbid_gym.quantities import DynamicsTerms, Heading, Reference, RobotState
 from fbid_gym.robots import Robot
-from fbid_gym.small_matrices import factor, solve_factored
+from fbid_gym.small_matrices import add_transposed_times, factor, gram, solve_factored
 
 _DAMPING = 1e-4  # of the mean squared gain of a leg, near a stretched knee
 _LONGEST = 0.3  # rad, of a step
@@ -30,7 +35,10 @@ class Legs(NamedTuple):
         home: (nq,) of the robot.
         low: (n,) rad and
         high: (n,) rad, ends of the joints' ranges.
-        upright: (3, 3) of the base at home, its heading zero.
+        heading: of the feet.
+        aware: whether the feet in the air are led to their targets from the body as it moves,
+            rather than as it shall move. That closes a loop through the base, which moves as the
+            legs do: for layers that know its dynamics. Joint PD alone is less stable with it.
     """
 
     joints: np.ndarray
@@ -38,11 +46,16 @@ class Legs(NamedTuple):
     home: np.ndarray
     low: np.ndarray
     high: np.ndarray
-    upright: np.ndarray
+    heading: Heading
+    aware: bool
 
 
-def legs_of(robot: Robot) -> Legs:
+def legs_of(robot: Robot, aware: bool) -> Legs:
     """Return the legs of a robot.
+
+    Args:
+        robot: the robot.
+        aware: see `Legs`.
 
     Raises:
         RobotError: a foot has no joints of its own to place it.
@@ -61,17 +74,28 @@ def legs_of(robot: Robot) -> Legs:
         home=robot.home_qpos,
         low=np.ascontiguousarray(low),
         high=np.ascontiguousarray(high),
-        upright=stance.home_base_rotation.copy(),
+        heading=stance.heading,
+        aware=aware,
     )
+
+
+class _Motion(NamedTuple):
+    """What is left to go, and how fast; of the base (6,), or of a foot's rows; buffers.
+
+    Attributes:
+        gap: m, rad.
+        rate: m/s, rad/s.
+        acceleration: m/s^2, rad/s^2.
+    """
+
+    gap: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
 
 
 @kernel
 def joint_reference(
-    legs: Legs,
-    target: GaitTarget,
-    state: RobotState,
-    terms: DynamicsTerms,
-    frame: SupportFrame,
+    legs: Legs, target: GaitTarget, state: RobotState, terms: DynamicsTerms
 ) -> Reference:
     """Return what the joints shall do for a gait, with the body's motion for that of the base.
 
@@ -83,52 +107,73 @@ def joint_reference(
     qpos, qvel, qacc = state.qpos.copy(), np.zeros((count, size)), np.zeros((count, size))
     com, com_velocity = np.zeros((count, 3)), np.zeros((count, 3))
     com_acceleration = np.zeros((count, 3))
-    body, lag = np.zeros(6), np.zeros(6)
-    gap, rate, jacobian = np.empty(rows), np.empty(rows), np.empty((rows, joints))
+    body = _Motion(np.zeros(6), np.zeros(6), np.zeros(6))
+    as_is = _Motion(np.zeros(6), np.empty(6), body.acceleration)
+    left = _Motion(np.empty(rows), np.empty(rows), np.empty(rows))
+    jacobian, change = np.empty((rows, joints)), np.empty(joints)
+    frame = support_frame(legs.heading, terms)
     for i in range(count):
-        qpos[i, 7:] = legs.home[7:]
+        _see_body(target, terms, body, i)
+        as_is.rate[:] = state.qvel[i, :6]
         for k in range(3):
             for axis in range(3):
                 share = frame.world_from_support[i, axis, k]
                 com[i, k] += share * (terms.com[i, axis] - frame.centre[i, axis])
                 com_velocity[i, k] += share * terms.com_velocity[i, axis]
-                if axis < 2:
-                    com_acceleration[i, k] += share * target.com_acceleration[i, axis]
-        # How the base is to move, and by how much it is off: height and rotation.
-        body[:], lag[:] = 0.0, 0.0
-        body[0], body[1] = target.velocity[i, 0], target.velocity[i, 1]
-        lag[2] = target.height[i] - terms.base_position[i, 2]
-        _turn_left(target.heading[i], terms.world_from_base[i], lag)
-        for k in range(3):
-            body[3 + k] = terms.world_from_base[i, 2, k] * target.turning[i]
+                com_acceleration[i, k] += share * body.acceleration[axis]
+            qacc[i, k] = com_acceleration[i, k]
+        qpos[i, 7:] = legs.home[7:]
         for foot in range(feet):
             for r in range(rows):
-                gap[r] = 0.0
-                if r < 3:
-                    here = terms.foot_position[i, foot, r]
-                    gap[r] = target.foot_position[i, foot, r] - here
-                rate[r] = target.foot_velocity[i, foot, r]
-                for k in range(6):
-                    share = terms.foot_jacobian[i, foot, r, k]
-                    gap[r] -= share * lag[k]
-                    rate[r] -= share * body[k]
                 for j in range(joints):
                     own = legs.joints[foot, j]
                     jacobian[r, j] = terms.foot_jacobian[i, foot, r, 6 + j] if own else 0.0
-            if rows == 6:
-                _add_rotation(target.world_from_foot[i, foot], terms.world_from_foot[i, foot], gap)
-            _solve_leg(jacobian, gap, rate)
+            seen = as_is if legs.aware and not target.planted[i, foot] else body
+            _see_foot(target, terms, seen, left, i, foot)
+            _solve_leg(jacobian, left)
+            change[:] = 0.0
+            add_transposed_times(jacobian, left.gap, change)
+            add_transposed_times(jacobian, left.rate, qvel[i, 6:])
+            add_transposed_times(jacobian, left.acceleration, qacc[i, 6:])
             for j in range(joints):
                 if legs.joints[foot, j]:
-                    change = 0.0
-                    for r in range(rows):
-                        change += jacobian[r, j] * gap[r]
-                        qvel[i, 6 + j] += jacobian[r, j] * rate[r]
-                    change = min(max(change, -_LONGEST), _LONGEST)
-                    angle = state.qpos[i, 7 + j] + change
+                    angle = state.qpos[i, 7 + j] + min(max(change[j], -_LONGEST), _LONGEST)
                     qpos[i, 7 + j] = min(max(angle, legs.low[j]), legs.high[j])
     planted = target.planted.copy()
     return Reference(qpos, qvel, qacc, com, com_velocity, com_acceleration, planted, True)
+
+
+@compiled
+def _see_body(target: GaitTarget, terms: DynamicsTerms, body: _Motion, i: int) -> None:
+    """Write how the base is off, in height and rotation, and how it is to move."""
+    body.gap[2] = target.height[i] - terms.base_position[i, 2]
+    _turn_left(target.heading[i], terms.world_from_base[i], body.gap)
+    for axis in range(2):
+        body.rate[axis] = target.velocity[i, axis]
+        body.acceleration[axis] = target.com_acceleration[i, axis]
+    for k in range(3):
+        body.rate[3 + k] = terms.world_from_base[i, 2, k] * target.turning[i]
+
+
+@compiled
+def _see_foot(
+    target: GaitTarget, terms: DynamicsTerms, body: _Motion, left: _Motion, i: int, foot: int
+) -> None:
+    """Write what of a foot's motion is left to its joints, beside that of the body."""
+    rows = len(left.gap)
+    left.gap[:] = 0.0
+    for r in range(min(rows, 3)):
+        left.gap[r] = target.foot_position[i, foot, r] - terms.foot_position[i, foot, r]
+    if rows == 6:
+        _add_rotation(target.world_from_foot[i, foot], terms.world_from_foot[i, foot], left.gap)
+    for r in range(rows):
+        left.rate[r] = target.foot_velocity[i, foot, r]
+        left.acceleration[r] = target.foot_acceleration[i, foot, r] - terms.foot_bias[i, foot, r]
+        for k in range(6):
+            share = terms.foot_jacobian[i, foot, r, k]
+            left.gap[r] -= share * body.gap[k]
+            left.rate[r] -= share * body.rate[k]
+            left.acceleration[r] -= share * body.acceleration[k]
 
 
 @compiled
@@ -154,19 +199,16 @@ def _add_rotation(target: np.ndarray, now: np.ndarray, gap: np.ndarray) -> None:
 
 
 @compiled
-def _solve_leg(jacobian: np.ndarray, gap: np.ndarray, rate: np.ndarray) -> None:
-    """Overwrite gap and rate (r,) with what J^T (…) makes joint changes and rates of; damped."""
+def _solve_leg(jacobian: np.ndarray, left: _Motion) -> None:
+    """Overwrite a foot's motion with what J^T (…) makes that of the joints of; damped."""
     rows = len(jacobian)
     lower, trace = np.empty((rows, rows)), 0.0
+    gram(jacobian, jacobian, 0.0, lower)
     for a in range(rows):
-        for b in range(a + 1):
-            total = 0.0
-            for j in range(jacobian.shape[1]):
-                total += jacobian[a, j] * jacobian[b, j]
-            lower[a, b] = total
         trace += lower[a, a]
     for a in range(rows):
         lower[a, a] += _DAMPING * trace / rows
     factor(lower)
-    solve_factored(lower, gap)
-    solve_factored(lower, rate)
+    solve_factored(lower, left.gap)
+    solve_factored(lower, left.rate)
+    solve_factored(lower, left.acceleration)

@@ -6,7 +6,6 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.gait.joints import joint_reference, legs_of
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import RobotState
@@ -17,10 +16,10 @@ def robot(request):
     return robots.load(request.param)
 
 
-def state_of(robot, qpos):
-    zero = np.zeros((1, robot.nv))
+def state_of(robot, qpos, qvel=None):
+    qvel = np.zeros((1, robot.nv)) if qvel is None else qvel
     rest = np.zeros((1, robot.num_points, 3)), np.zeros(1, np.int64)
-    return RobotState(qpos, zero, *rest), MuJoCoDynamics(robot).terms(qpos, zero)
+    return RobotState(qpos, qvel, *rest), MuJoCoDynamics(robot).terms(qpos, qvel)
 
 
 def target_of(robot, terms, rng):
@@ -53,7 +52,7 @@ def foot_places(robot, qpos):
 
 
 def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
-    legs, stance = legs_of(robot), Stance.of(robot)
+    legs = legs_of(robot, aware=False)
     qpos = robot.home_qpos[None].copy()
     state, terms = state_of(robot, qpos)
     _, before = foot_places(robot, qpos[0])
@@ -66,7 +65,7 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
     for _ in range(12):
         state, terms = state_of(robot, qpos)
         gaps.append(np.abs(target.foot_position - terms.foot_position).max())
-        found = joint_reference(legs, target, state, terms, stance.frame(terms))
+        found = joint_reference(legs, target, state, terms)
         qpos = np.concatenate([qpos[:, :7], found.qpos[:, 7:]], axis=1)
     # Newton's steps converge.
     assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
@@ -83,3 +82,59 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
     )
     low, high = robot.joint_range.T
     assert ((found.qpos[0, 7:] >= low) & (found.qpos[0, 7:] <= high)).all()
+
+
+@pytest.mark.parametrize("aware", [False, True])
+def test_accelerations_are_the_rate_of_the_rates_along_a_swing(robot, rng, aware):
+    """Body and feet move as the gait wants them, and the joints with them, for a moment."""
+    legs, tick = legs_of(robot, aware), 1e-5
+    qpos = robot.home_qpos[None].copy()
+    qpos[:, 7:] += 0.05 * rng.normal(size=(1, robot.num_joints))
+    state, terms = state_of(robot, qpos)
+    now = target_of(robot, terms, rng)._replace(
+        planted=np.zeros((1, robot.num_feet), bool),
+        foot_acceleration=2.0 * rng.normal(size=(1, robot.num_feet, 6)),
+        com_acceleration=rng.normal(size=(1, 2)),
+        turning=np.zeros(1),
+    )
+    # The gait's own motion, and a tick later.
+    qvel = np.zeros((1, robot.nv))
+    qvel[:, :2] = now.velocity
+    state, terms = state_of(robot, qpos, qvel)
+    qvel[:, 6:] = joint_reference(legs, now, state, terms).qvel[:, 6:]
+    found = joint_reference(legs, now, *state_of(robot, qpos, qvel))
+    later = now._replace(
+        foot_velocity=now.foot_velocity + tick * now.foot_acceleration,
+        velocity=now.velocity + tick * now.com_acceleration,
+    )
+    qpos = qpos.copy()
+    mujoco.mj_integratePos(robot.model, qpos[0], qvel[0], tick)
+    qvel = qvel.copy()
+    qvel[:, :2] = later.velocity
+    after = joint_reference(legs, later, *state_of(robot, qpos, qvel))
+    rate = (after.qvel - found.qvel)[0, 6:] / tick
+    # But for what is damped: at home a biped's knees are almost stretched.
+    np.testing.assert_allclose(found.qacc[0, 6:], rate, atol=2e-2 * np.abs(rate).max())
+
+
+def test_a_foot_in_the_air_is_led_from_the_body_as_it_moves_by_those_who_know(robot, rng):
+    """Whatever the body does, J v is what the foot shall do; a Newton step closes its gap."""
+    legs = legs_of(robot, aware=True)
+    qpos, qvel = robot.home_qpos[None].copy(), 0.2 * rng.normal(size=(1, robot.nv))
+    qpos[:, 7:] += 0.05 * rng.normal(size=(1, robot.num_joints))
+    state, terms = state_of(robot, qpos, qvel)
+    target = target_of(robot, terms, rng)._replace(planted=np.zeros((1, robot.num_feet), bool))
+    found = joint_reference(legs, target, state, terms)
+    velocity = np.concatenate([qvel[0, :6], found.qvel[0, 6:]])
+    np.testing.assert_allclose(
+        terms.foot_jacobian[0, :, : legs.rows] @ velocity,
+        target.foot_velocity[0, :, : legs.rows],
+        atol=2e-2,
+    )
+    gaps = [np.abs(target.foot_position - terms.foot_position).max()]
+    for _ in range(8):
+        qpos = np.concatenate([qpos[:, :7], found.qpos[:, 7:]], axis=1)
+        state, terms = state_of(robot, qpos, qvel)
+        found = joint_reference(legs, target, state, terms)
+        gaps.append(np.abs(target.foot_position - terms.foot_position).max())
+    assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
