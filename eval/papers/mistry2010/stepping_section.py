@@ -53,13 +53,13 @@ def show(result: Result) -> list[str]:
             f"{_cm(numbers['half_sole'])} that half a sole has. So our motion is low (knees at "
             "1.6 rad), the feet stand 28 cm apart and each is up for 0.15 s only. The paper "
             "does not give its robot's mass or stance.",
-            "Our controller (<code>stepper.py</code>) is eq. (19) with another task: the "
-            "centre of mass follows a law for ξ, with the centre of pressure clipped to the "
-            "soles, the base the height of the squat, the trunk its tilt. Forces are limited "
-            "to the friction cones, the trunk's moment gives way first, and a foot in the air "
-            "is a task in space. A planned step waits until ξ is within 2.5 cm of its plan, "
-            "and if ξ gets to the ends of the soles, a foot steps there. All these are our "
-            "choices, not the paper's.",
+            "Our controller (<code>stepper.py</code>) is the walk of this package on flat feet, "
+            "eq. (19) with another task: the centre of mass follows a law for ξ, with the centre "
+            "of pressure within the soles, the base the height of the squat, the trunk upright. "
+            "Forces are limited to the friction cones, the trunk's moment gives way first, and a "
+            "foot in the air is a task in space. A planned step waits until ξ is within 3 cm of "
+            "the middle of the feet, and if ξ gets to the ends of the soles, the robot steps to "
+            "where it can be caught. All these are our choices, not the paper's.",
             _counts(numbers),
         ),
         figure(

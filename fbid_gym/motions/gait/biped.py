@@ -10,6 +10,9 @@ from fbid_gym.motions.gait.slope import Sense
 from fbid_gym.motions.gait.walking import FlatFootGait
 from fbid_gym.robots import Robot
 
+SOLE = 0.8
+"""Share of the sole that the centre of pressure may use."""
+
 # In units of the robot: of the pendulum time sqrt(h / g), the leg's length (hips or base above the
 # soles), its speed sqrt(g l), its weight and its soles.
 _PERIOD = 1.7  # pendulum times a step
@@ -19,7 +22,6 @@ _GAIN = 2.0
 _LIFT = 0.07
 _SINK = 0.03
 _LOAD = 0.05
-_SOLE = 0.8  # of the sole, for the centre of pressure
 _LONGEST = 0.6
 _WIDEST = 0.35  # of the leg, beyond the width
 _GAP = 0.01  # of the leg, between soles side by side
@@ -73,8 +75,8 @@ def biped_gait(robot: Robot) -> FlatFootGait:
         lift=_LIFT * leg,
         sink=_SINK * math.sqrt(gravity * leg),
         load=_LOAD * robot.weight,
-        sole=_SOLE * sole,
-        points=_SOLE * points,
+        sole=SOLE * sole,
+        points=SOLE * points,
         foot_of_point=geometry.foot_of_point,
         left=np.sign(feet[:, 1] - feet[:, 1].mean()),
         level=np.ascontiguousarray(turn),
