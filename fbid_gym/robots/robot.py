@@ -13,6 +13,7 @@ from fbid_gym.robots import home_check, mjcf
 from fbid_gym.robots.by_joint import ByJoint, by_joint
 from fbid_gym.robots.contact_sensors import add_contact_sensors
 from fbid_gym.robots.corrections import free_the_base, set_armature, set_solver
+from fbid_gym.robots.description import described
 from fbid_gym.robots.feet import ContactPoint, Foot, find_foot, group_points, points_of_body
 from fbid_gym.robots.home import STAND, home_pose, on_the_ground
 from fbid_gym.robots.limbs import bodies_of_feet
@@ -162,6 +163,28 @@ class Robot:
         """Remember how this robot was made, for pickling; returns it."""
         object.__setattr__(self, "_made", (function, arguments))
         return self
+
+    @classmethod
+    def load(
+        cls,
+        source: RobotSource,
+        feet: Mapping[str, Sequence[str]] | Sequence[str] | None = None,
+        **options: Any,
+    ) -> "Robot":
+        """Load a robot with what the `robot.toml` beside its file says of it.
+
+        Args:
+            source: as for `from_mjcf`; or the path of a `robot.toml`, whose key `mjcf` names the
+                file. The others are arguments of `from_mjcf`.
+            feet: as for `from_mjcf`, and
+            options: its others; they go before those of the file.
+
+        Raises:
+            FbidError: as `from_mjcf`, or a `robot.toml` that cannot be used.
+        """
+        source, written = described(source)
+        given = options if feet is None else {"feet": feet, **options}
+        return cls.from_mjcf(source, **(written | given))
 
     @classmethod
     def from_mjcf(

@@ -96,9 +96,7 @@ def test_a_servo_becomes_a_motor_with_its_force_limits(kind: str) -> None:
         if kind == "affine general" and share == 3.0:
             expected[1] = 9.0
         np.testing.assert_allclose(torque(robot, share * robot.torque_limit), expected)
-    assert robot.notes == (
-        "Torque motors in place of 1 servos; their gains are kept in servo_gains.",
-    )
+    assert robot.notes == ("Torque motors in place of 1 servos: see servo_gains.",)
     assert robot.notes[0] in repr(robot)
 
 
@@ -136,13 +134,13 @@ def test_missing_motors_are_added_where_limits_are_known(knee: str) -> None:
     robot = Robot.from_mjcf(text(HIP, knee=knee), ["toe"], torque_limit=given)
     np.testing.assert_allclose(robot.torque_limit, [5.0, 3.0])
     np.testing.assert_allclose(torque(robot, np.array([9.0, 9.0])), [5.0, 3.0])
-    assert robot.notes == ("Torque motors added on 1 joints: knee.",)
+    assert robot.notes == ("Torque motors added on knee.",)
 
 
 def test_without_any_actuator_one_number_will_do() -> None:
     robot = Robot.from_mjcf(text(""), ["toe"], torque_limit=7)
     np.testing.assert_allclose(robot.torque_limit, 7.0)
-    assert robot.notes == ("Torque motors added on 2 joints: hip, knee.",)
+    assert robot.notes == ("Torque motors added on all joints.",)
 
 
 def test_limits_that_are_given_replace_those_of_the_file() -> None:
@@ -154,7 +152,7 @@ def test_limits_that_are_given_replace_those_of_the_file() -> None:
     )
     np.testing.assert_allclose(robot.torque_limit, [4.0, 20.0])
     np.testing.assert_allclose(torque(robot, np.array([-9.0, 90.0])), [-4.0, 20.0])
-    assert robot.notes == ("Torque limits as given on 2 joints: hip, knee.",)
+    assert robot.notes == ("Torque limits as given on all joints.",)
 
 
 def test_armature_by_name_and_pattern() -> None:
@@ -162,7 +160,7 @@ def test_armature_by_name_and_pattern() -> None:
         text("", default=""), ["toe"], torque_limit=7, armature={"*": 0.02, "hip": 0.03}
     )
     np.testing.assert_allclose(robot.model.dof_armature, [0.0] * 6 + [0.03, 0.02])
-    assert "Armature as given on 2 joints: hip, knee." in robot.notes
+    assert "Armature as given on hip, knee." in robot.notes
 
 
 def test_keyframes_keep_their_poses_when_actuators_come() -> None:

@@ -151,7 +151,7 @@ def test_cells_share_out_space(rng: np.random.Generator, count: int) -> None:
     """Each point lies in its own cell; any place lies in exactly one."""
     for flat in (True, False):
         points = rng.normal(size=(count, 3)) * ([1.0, 0.4, 0.0] if flat else [1.0, 0.4, 0.1])
-        found = cells(points)
+        found = cells(points, 20.0)
         places = np.concatenate([points, rng.normal(size=(500, 3))])
         inside = np.array(
             [
@@ -165,6 +165,6 @@ def test_cells_share_out_space(rng: np.random.Generator, count: int) -> None:
 
 def test_cells_of_a_sole_are_its_quarters() -> None:
     corners = np.array([[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.05, 0.05)])
-    for corner, cell in zip(corners, cells(corners), strict=True):
+    for corner, cell in zip(corners, cells(corners, 1.0), strict=True):
         for place in corner * np.array([[0.1, 0.1, 0.0], [3.0, 0.1, 0.0], [0.1, 3.0, 0.0]]):
             assert np.all(np.abs((place - cell.centre) @ cell.axes) <= cell.half_size)
