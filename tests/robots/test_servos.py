@@ -14,7 +14,10 @@ LEG = """
 <mujoco>
   <compiler angle="radian" autolimits="true"/>
   <option gravity="0 0 0"/>
-  <default><joint {default}/></default>
+  <default>
+    <joint {default}/>
+    <default class="strong"><position kp="40" kv="3" forcerange="-8 8" ctrlrange="-1 1"/></default>
+  </default>
   <worldbody>
     <body name="trunk" pos="0 0 1">
       {root}
@@ -40,6 +43,7 @@ SERVOS = {
         '<position joint="knee" kp="40" kv="3" forcerange="-8 8" ctrlrange="-1 1"/>',
         8.0,
     ),
+    "position by default": ('<position joint="knee" class="strong"/>', 8.0),
     "position with a gear": (
         '<position joint="knee" kp="4" kv="0.5" gear="3" forcerange="-2 2"/>',
         6.0,
@@ -88,7 +92,7 @@ def torque(robot: Robot, values: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("kind", SERVOS)
 def test_a_servo_becomes_a_motor_with_its_force_limits(kind: str) -> None:
     servo, limit = SERVOS[kind]
-    knee = 'actuatorfrcrange="-9 9"' if "forcerange" not in servo else ""
+    knee = 'actuatorfrcrange="-9 9"' if limit == 9.0 else ""
     robot = Robot.from_mjcf(text(HIP + servo, knee=knee), ["toe"])
     np.testing.assert_allclose(robot.torque_limit, [5.0, limit])
     for share in (0.5, -1.0, 3.0):
