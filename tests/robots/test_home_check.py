@@ -1,5 +1,6 @@
 """What the check at home says of robots that are spoilt one way at a time."""
 
+import pickle
 import re
 
 import mujoco
@@ -43,6 +44,14 @@ def test_geometry_in_the_ground() -> None:
     told = check(inside, feet=names)
     assert len(told) == 1 and "in the ground at home" in told[0]
     assert number(told[0]) == pytest.approx(30.0 * ANIMAL.leg, rel=1e-2)  # mm
+
+
+def test_loading_speaks_and_making_it_again_does_not(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot.from_mjcf(TEXT.replace('friction="0.8', 'friction="0.4'), name="skater")
+    said = ["skater: The feet's friction is 0.4; layers assume 0.7 unless told friction=0.4."]
+    assert caplog.messages == said
+    pickle.loads(pickle.dumps(robot))
+    assert caplog.messages == said
 
 
 def test_points_above_what_touches() -> None:
