@@ -12,7 +12,6 @@ from fbid_gym.robots.mjcf import can_touch
 
 _GEOM = mujoco.mjtGeom
 _OBJ = mujoco.mjtObj
-_FAR = 1e3  # m, beyond any robot
 # Shapes touch the ground symmetrically, contacts between two points included: not on the border.
 _MIDDLE = 0.5001
 
@@ -58,7 +57,8 @@ def add_contact_sensors(
     names: list[str] = []
     for foot in feet:
         whole = _whole_foot(model, bodies, foot[0].body)
-        for point, cell in zip(foot, cells(np.array([p.position for p in foot])), strict=True):
+        places = np.array([point.position for point in foot])
+        for point, cell in zip(foot, cells(places, 2.0 * model.stat.extent), strict=True):
             name = f"fbid_contact_{len(names)}"
             matched = whole
             if _touches_by_its_points_alone(model, foot):
@@ -80,14 +80,14 @@ def add_contact_sensors(
     return names
 
 
-def cells(points: np.ndarray) -> list[Cell]:
-    """Cut space into one box around each of P distinct points (P, 3), none left out.
+def cells(points: np.ndarray, far: float) -> list[Cell]:
+    """Cut space, `far` (m) each way, into one box around each of P distinct points (P, 3).
 
     Again and again it is cut where the gap between points is widest, square to one of two axes:
     those whose narrowest cut is the widest. For a sole's corners these are its quarters.
     """
     if len(points) == 1:
-        return [Cell(np.zeros(3), np.full(3, _FAR), np.eye(3))]
+        return [Cell(np.zeros(3), np.full(3, far), np.eye(3))]
     normal = np.linalg.svd(points - points.mean(axis=0))[2][-1]
     tries = []
     for i, j in itertools.combinations(range(len(points)), 2):
@@ -96,7 +96,7 @@ def cells(points: np.ndarray) -> list[Cell]:
         if np.linalg.norm(along) > 0.0:
             along /= np.linalg.norm(along)
             axes = np.column_stack([along, np.cross(normal, along), normal])
-            tries.append((*_cut(points @ axes), axes))
+            tries.append((*_cut(points @ axes, far), axes))
     narrowest = [gap for gap, _, _ in tries]
     _, bounds, axes = tries[int(np.argmax(narrowest))]
     return [
@@ -105,9 +105,9 @@ def cells(points: np.ndarray) -> list[Cell]:
     ]
 
 
-def _cut(points: np.ndarray) -> tuple[float, np.ndarray]:
+def _cut(points: np.ndarray, far: float) -> tuple[float, np.ndarray]:
     """Return the narrowest gap (m) cut through, and each point's box (P, 2, 3): low and high."""
-    bounds = np.tile([np.full(3, -_FAR), np.full(3, _FAR)], (len(points), 1, 1))
+    bounds = np.tile([np.full(3, -far), np.full(3, far)], (len(points), 1, 1))
     narrowest, open_groups = np.inf, [np.arange(len(points))]
     while open_groups:
         group = open_groups.pop()

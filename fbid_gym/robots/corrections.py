@@ -45,7 +45,7 @@ def set_armature(spec: mujoco.MjSpec, armature: Mapping[str, float]) -> list[str
     for joint in spec.joints:
         if joint.name in armature:
             joint.armature = armature[joint.name]
-    return [f"Armature as given on {len(armature)} joints: {listed(armature)}."] if armature else []
+    return [f"Armature as given on {listed(armature)}."] if armature else []
 
 
 def set_solver(spec: mujoco.MjSpec) -> list[str]:

@@ -17,6 +17,7 @@ MAX_POINTS_PER_FOOT = 8
 """More add no force a rigid foot can use (four corners span its 6 dimensions) but cost time."""
 
 _DISTINCT = 1e-6  # m
+_MIDDLE = 0.1  # of a sphere's radius
 _ROUND = (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE)
 
 
@@ -55,7 +56,7 @@ class ContactPoint:
         geom: id of the sphere or capsule that it is named after; -1 if it is a place on the body.
         body: id of the body that carries it.
         position: (3,) m, in the body's frame.
-        radius: m. 0 for a place on the surface.
+        radius: m. 0 for a place on the surface, else of the sphere about it.
     """
 
     name: str
@@ -207,9 +208,9 @@ def _is_point(model: mujoco.MjModel, name: str) -> bool:
 def _find_point(model: mujoco.MjModel, name: str) -> ContactPoint:
     """Find a contact point: a site, a sphere, or the end of a capsule.
 
-    A capsule counts by its end farther from the body's origin: the tip of a leg. Where a site and a
-    sphere or capsule that touches share the name, the latter is meant: the site in its middle would
-    leave it in the ground.
+    A capsule counts by its end farther from the body's origin: the tip of a leg. A site in the
+    middle of a sphere that touches means the sphere, or it would be left in the ground; so does one
+    that shares its name with a sphere or capsule that touches.
     """
     site = mujoco.mj_name2id(model, _OBJ.mjOBJ_SITE, name)
     geom = mujoco.mj_name2id(model, _OBJ.mjOBJ_GEOM, name)
@@ -221,8 +222,8 @@ def _find_point(model: mujoco.MjModel, name: str) -> ContactPoint:
     if site >= 0 and not (
         geom >= 0 and int(model.geom_type[geom]) in _ROUND and can_touch(model)[geom]
     ):
-        body = int(model.site_bodyid[site])
-        point = ContactPoint(name, -1, body, model.site_pos[site].copy(), 0.0)
+        body, position = int(model.site_bodyid[site]), model.site_pos[site].copy()
+        point = ContactPoint(name, -1, body, position, _radius_about(model, body, position))
     else:
         body = int(model.geom_bodyid[geom])
         position, radius = model.geom_pos[geom].copy(), float(model.geom_size[geom, 0])
@@ -242,6 +243,16 @@ def _find_point(model: mujoco.MjModel, name: str) -> ContactPoint:
             f"{listed(point_names(model))}."
         )
     return point
+
+
+def _radius_about(model: mujoco.MjModel, body: int, place: np.ndarray) -> float:
+    """Radius (m) of the sphere on a body whose middle is at a place (3,); 0 if there is none."""
+    touching = (model.geom_bodyid == body) & can_touch(model)
+    for geom in np.flatnonzero(touching & (model.geom_type == _GEOM.mjGEOM_SPHERE)):
+        radius = float(model.geom_size[geom, 0])
+        if np.linalg.norm(model.geom_pos[geom] - place) < _MIDDLE * radius:
+            return radius
+    return 0.0
 
 
 def _axis(quaternion: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """A floating-base robot: compiled model, feet with their contact points, limits, home pose."""
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from fbid_gym.robots import home_check, mjcf
 from fbid_gym.robots.by_joint import ByJoint, by_joint
 from fbid_gym.robots.contact_sensors import add_contact_sensors
 from fbid_gym.robots.corrections import free_the_base, set_armature, set_solver
+from fbid_gym.robots.description import described
 from fbid_gym.robots.feet import ContactPoint, Foot, find_foot, group_points, points_of_body
 from fbid_gym.robots.home import STAND, home_pose, on_the_ground
 from fbid_gym.robots.limbs import bodies_of_feet
@@ -22,6 +24,8 @@ from fbid_gym.robots.servos import ServoGains, servo_gains, use_motors
 from fbid_gym.robots.source import RobotSource, Source
 from fbid_gym.robots.stand import standing_pose
 from fbid_gym.robots.urdf import prepare_urdf, root_link
+
+_LOG = logging.getLogger("fbid_gym")
 
 _JOINT = mujoco.mjtJoint
 _UNNAMED = mujoco.MjSpec().modelname
@@ -164,6 +168,28 @@ class Robot:
         return self
 
     @classmethod
+    def load(
+        cls,
+        source: RobotSource,
+        feet: Mapping[str, Sequence[str]] | Sequence[str] | None = None,
+        **options: Any,
+    ) -> "Robot":
+        """Load a robot with what the `robot.toml` beside its file says of it.
+
+        Args:
+            source: as for `from_mjcf`; or the path of a `robot.toml`, whose key `mjcf` names the
+                file. The others are arguments of `from_mjcf`.
+            feet: as for `from_mjcf`, and
+            options: its others; they go before those of the file.
+
+        Raises:
+            FbidError: as `from_mjcf`, or a `robot.toml` that cannot be used.
+        """
+        source, written = described(source)
+        given = options if feet is None else {"feet": feet, **options}
+        return cls.from_mjcf(source, **(written | given))
+
+    @classmethod
     def from_mjcf(
         cls,
         source: RobotSource,
@@ -182,7 +208,7 @@ class Robot:
         joint has none and its limit is known, the free joint loses armature and friction, one
         solver iteration becomes enough. A ground plane, light and sky are added if the file has
         nothing to stand on. The integrator becomes `implicitfast` and the constraint Jacobian
-        dense; everything else in the file stays.
+        dense; everything else in the file stays. What `check` finds is logged as warnings.
 
         Args:
             source: path or text of an MJCF or URDF, an `mujoco.MjSpec`, or a name of
@@ -209,64 +235,69 @@ class Robot:
             FbidError: an argument cannot be used. Both name the value and the valid choices.
         """
         source = Source.of(source)
-        named = None if feet is None else group_points(feet)
-        spec, notes = _floating(source, base)
-        plain = mjcf.compile_spec(spec, source.label)
-        base_body = _checked_base(plain, base)
-        joint_names = mjcf.name_joints(spec, plain)
-        gains = servo_gains(plain)
-        notes += free_the_base(spec, plain)
-        notes += set_armature(spec, by_joint("armature", armature, joint_names))
-        notes += use_motors(spec, plain, by_joint("torque_limit", torque_limit, joint_names))
-        notes += set_solver(spec)
-        plain = mjcf.compile_spec(spec, source.label)
-        actuator, gear, limit = motor_of_each_joint(plain)
-        qpos = home_pose(plain, home)
-        points = _points_of_feet(plain, qpos, named)
-        if named is None:
-            notes += [f"Feet found: {', '.join(points)}."]
-        built = tuple(_foot(foot, found) for foot, found in points.items())
-        if isinstance(home, str) and home == STAND:
-            qpos = standing_pose(plain, qpos, built)
-
-        # Bodies, joints and actuators keep their ids: only geoms, sites, lights and sensors join.
-        bodies = {body.id: body for body in spec.bodies}  # ids are gone once something is added
-        add_ground(spec, plain, bodies[base_body])
-        sensors = add_contact_sensors(spec, plain, bodies, list(points.values()))
-        model = mjcf.compile_spec(spec, source.label)
-
-        joints = mjcf.moving_joints(model)
-        limited = model.jnt_limited[joints].astype(bool)[:, None]
-        columns = [model.sensor_adr[model.sensor(s).id] + np.arange(3) for s in sensors]
-        robot = cls(
-            name=name or _model_name(spec) or source.name,
-            model=model,
-            spec=spec,
-            feet=built,
-            base_body=base_body,
-            home_qpos=on_the_ground(model, qpos, built),
-            joint_names=joint_names,
-            torque_limit=limit,
-            joint_range=np.where(limited, model.jnt_range[joints], [-np.inf, np.inf]),
-            actuator=actuator,
-            gear=gear,
-            contact_sensor=np.array(columns, dtype=int),
-            mass=float(model.body_subtreemass[base_body]),
-            notes=tuple(notes),
-            servo_gains=gains,
-        )
-        options = {
-            "name": name,
-            "home": home,
-            "base": base,
-            "torque_limit": torque_limit,
-            "armature": armature,
-        }
-        return robot.made_by(_again, source, feet, options)
+        robot = _build(source, feet, name, home, base, torque_limit, armature)
+        for sentence in robot.check():
+            _LOG.warning("%s: %s", robot.name, sentence)
+        return robot
 
 
-def _again(source: Source, feet: Any, options: dict[str, Any]) -> Robot:
-    return Robot.from_mjcf(source, feet, **options)
+def _build(
+    source: Source,
+    feet: Any,
+    name: str | None,
+    home: Any,
+    base: str | None,
+    torque_limit: ByJoint | None,
+    armature: ByJoint | None,
+) -> Robot:
+    """Load a robot, see `Robot.from_mjcf`; unpickling does this once more."""
+    named = None if feet is None else group_points(feet)
+    spec, notes = _floating(source, base)
+    plain = mjcf.compile_spec(spec, source.label)
+    base_body = _checked_base(plain, base)
+    joint_names = mjcf.name_joints(spec, plain)
+    gains = servo_gains(plain)
+    notes += free_the_base(spec, plain)
+    notes += set_armature(spec, by_joint("armature", armature, joint_names))
+    notes += use_motors(spec, plain, by_joint("torque_limit", torque_limit, joint_names))
+    notes += set_solver(spec)
+    plain = mjcf.compile_spec(spec, source.label)
+    actuator, gear, limit = motor_of_each_joint(plain)
+    qpos = home_pose(plain, home)
+    points = _points_of_feet(plain, qpos, named)
+    if named is None:
+        notes += [f"Feet found: {', '.join(points)}."]
+    built = tuple(_foot(foot, found) for foot, found in points.items())
+    if isinstance(home, str) and home == STAND:
+        qpos = standing_pose(plain, qpos, built)
+
+    # Bodies, joints and actuators keep their ids: only geoms, sites, lights and sensors join.
+    bodies = {body.id: body for body in spec.bodies}  # ids are gone once something is added
+    add_ground(spec, plain, bodies[base_body])
+    sensors = add_contact_sensors(spec, plain, bodies, list(points.values()))
+    model = mjcf.compile_spec(spec, source.label)
+
+    joints = mjcf.moving_joints(model)
+    limited = model.jnt_limited[joints].astype(bool)[:, None]
+    columns = [model.sensor_adr[model.sensor(s).id] + np.arange(3) for s in sensors]
+    robot = Robot(
+        name=name or _model_name(spec) or source.name,
+        model=model,
+        spec=spec,
+        feet=built,
+        base_body=base_body,
+        home_qpos=on_the_ground(model, qpos, built),
+        joint_names=joint_names,
+        torque_limit=limit,
+        joint_range=np.where(limited, model.jnt_range[joints], [-np.inf, np.inf]),
+        actuator=actuator,
+        gear=gear,
+        contact_sensor=np.array(columns, dtype=int),
+        mass=float(model.body_subtreemass[base_body]),
+        notes=tuple(notes),
+        servo_gains=gains,
+    )
+    return robot.made_by(_build, source, feet, name, home, base, torque_limit, armature)
 
 
 def _model_name(spec: mujoco.MjSpec) -> str:

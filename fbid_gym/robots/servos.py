@@ -111,9 +111,9 @@ def use_motors(
     if servos or added:
         _drop_controls_of_keyframes(spec)
     return [
-        *_note(servos, "Torque motors in place of {} servos; their gains are kept in servo_gains."),
-        *_note(added, "Torque motors added on {} joints: {}."),
-        *_note(limited, "Torque limits as given on {} joints: {}."),
+        *[f"Torque motors in place of {len(servos)} servos: see servo_gains."] * bool(servos),
+        *_note("Torque motors added", added, model),
+        *_note("Torque limits as given", limited, model),
     ]
 
 
@@ -133,7 +133,8 @@ def _drop_controls_of_keyframes(spec: mujoco.MjSpec) -> None:
         key.ctrl, key.act = [], []
 
 
-def _note(changed: Sequence[object], sentence: str) -> list[str]:
-    if not changed:
+def _note(change: str, joints: Sequence[str], model: mujoco.MjModel) -> list[str]:
+    if not joints:
         return []
-    return [sentence.format(len(changed), listed(map(str, changed)))]
+    every = len(joints) == len(moving_joints(model))
+    return [f"{change} on {'all joints' if every else listed(joints)}."]

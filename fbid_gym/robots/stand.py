@@ -19,6 +19,8 @@ _STRETCH = {False: 0.95, True: 0.8}
 # Weights of what matters: firmly, as wished, and where nothing else says.
 _FIRM, _WISH, _SHY = 100.0, 0.3, 0.02
 _TOLERANCE = 0.01  # of a leg's length
+_STRAIGHT = 0.995
+_DIGITS = 7
 
 
 class Leg(NamedTuple):
@@ -57,18 +59,12 @@ def standing_pose(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]
     joints = moving_joints(model)
     legs = _legs(model, start, feet)
     low, high = _bounds(model, joints)
-    wanted = start[7:].copy()
-    bent = np.isfinite(low) & np.isfinite(high)
-    for leg in legs:  # a straight knee does not know which way to bend
-        knee = joints.index(leg.knee)
-        if bent[knee]:
-            wanted[knee] += 0.4 * (0.5 * (low[knee] + high[knee]) - wanted[knee])
     scene = _Scene(model, start, legs)
+    wanted = scene.bent(start[7:], low, high, [joints.index(leg.knee) for leg in legs])
     found = least_squares(
         lambda angles: np.concatenate([scene.residuals(angles), _SHY * (angles - wanted)]),
-        np.clip(wanted, low + 1e-9, high - 1e-9),
+        wanted,
         bounds=(low, high),
-        x_scale=1.0,
         max_nfev=200,
     )
     uneven, off = scene.failings(found.x)
@@ -78,7 +74,7 @@ def standing_pose(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]
             f"height, and the centre of mass is {off * scene.length:.3g} m off their middle, at "
             "best. Give home= as a whole pose."
         )
-    return np.concatenate([start[:7], found.x])
+    return np.concatenate([start[:7], np.clip(np.round(found.x, _DIGITS), low, high)])
 
 
 class _Scene:
@@ -94,6 +90,27 @@ class _Scene:
         self.length = float(self._straight.mean())
         self._under = np.array([f[:2] - h[:2] for h, _, f in triangles])
         self._stretch = _STRETCH[len(legs) > 2]
+
+    def bent(
+        self, angles: np.ndarray, low: np.ndarray, high: np.ndarray, knees: Sequence[int]
+    ) -> np.ndarray:
+        """Bend knees: a straight leg does not know which way.
+
+        Towards the middle of their range; where that is straight, with the knee ahead.
+        """
+        angles = angles.copy()
+        for knee in knees:
+            if np.isfinite(low[knee]) and np.isfinite(high[knee]):
+                angles[knee] += 0.4 * (0.5 * (low[knee] + high[knee]) - angles[knee])
+        _, _, before = self._look(angles)
+        for leg, knee in enumerate(knees):
+            hip, _, foot = before[leg]
+            if np.linalg.norm(foot - hip) > _STRAIGHT * self._straight[leg]:
+                turned = angles.copy()
+                turned[knee] += 0.5
+                ahead = self._look(turned)[2][leg][2][0] - foot[0]
+                angles[knee] += -0.5 if ahead > 0.0 else 0.5
+        return np.clip(angles, low + 1e-9, high - 1e-9)
 
     def residuals(self, angles: np.ndarray) -> np.ndarray:
         """What shall vanish."""

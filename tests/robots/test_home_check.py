@@ -1,5 +1,6 @@
 """What the check at home says of robots that are spoilt one way at a time."""
 
+import pickle
 import re
 
 import mujoco
@@ -34,16 +35,23 @@ def test_nothing_speaks_against_built_in_robots(name: str) -> None:
 
 
 def test_geometry_in_the_ground() -> None:
-    sites = TEXT
-    for leg in range(4):
-        sites = sites.replace(f'<body name="foot{leg}"', f'<body name="foot{leg}"', 1)
-        start = sites.index(f'name="foot{leg}"')
-        geom = sites.index("<geom", start)
-        place = re.search(r'pos="([^"]*)"', sites[geom:]).group(1)  # type: ignore[union-attr]
-        sites = f'{sites[:geom]}<site name="middle{leg}" pos="{place}"/>{sites[geom:]}'
-    told = check(sites, feet=[f"middle{leg}" for leg in range(4)])
-    assert "in the ground at home" in told[0]
-    assert number(told[0]) == pytest.approx(50.0 * ANIMAL.leg, rel=1e-2)  # the spheres' radius, mm
+    """Sites a little below the middle of the spheres, whose radius is 0.05 legs."""
+    inside, names = TEXT, [f"inside{leg}" for leg in range(4)]
+    for leg, name in enumerate(names):
+        sphere = inside.index("<geom", inside.index(f'name="foot{leg}"'))
+        site = f'<site name="{name}" pos="0 0 {(0.05 - 0.1 - 0.02) * ANIMAL.leg}"/>'
+        inside = inside[:sphere] + site + inside[sphere:]
+    told = check(inside, feet=names)
+    assert len(told) == 1 and "in the ground at home" in told[0]
+    assert number(told[0]) == pytest.approx(30.0 * ANIMAL.leg, rel=1e-2)  # mm
+
+
+def test_loading_speaks_and_making_it_again_does_not(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot.from_mjcf(TEXT.replace('friction="0.8', 'friction="0.4'), name="skater")
+    said = ["skater: The feet's friction is 0.4; layers assume 0.7 unless told friction=0.4."]
+    assert caplog.messages == said
+    pickle.loads(pickle.dumps(robot))
+    assert caplog.messages == said
 
 
 def test_points_above_what_touches() -> None:

@@ -18,6 +18,16 @@ def test_the_hull_is_scipys(rng: np.random.Generator, count: int) -> None:
     assert area == pytest.approx(ConvexHull(points).volume, rel=2e-3)  # positive: counterclockwise
 
 
+def test_rows_of_points_level_but_for_rounding(rng: np.random.Generator) -> None:
+    """Soles side by side: their outer corners are the hull, however the rows are rounded."""
+    x, y = np.meshgrid([-0.3, -0.2, 0.0, 0.1, 0.3, 0.4], [-0.2, -0.1, 0.1, 0.2])
+    exact = np.column_stack([x.ravel(), y.ravel()])
+    for _ in range(50):
+        points = exact + rng.normal(size=exact.shape) * 1e-9
+        corners = points[convex_hull(points)]
+        assert ConvexHull(corners).volume == pytest.approx(0.7 * 0.4)
+
+
 def test_hulls_without_an_area() -> None:
     assert convex_hull(np.array([[1.0, 2.0]])) == [0]
     assert convex_hull(np.array([[1.0, 2.0]] * 3)) in ([0], [1], [2])

@@ -14,7 +14,10 @@ LEG = """
 <mujoco>
   <compiler angle="radian" autolimits="true"/>
   <option gravity="0 0 0"/>
-  <default><joint {default}/></default>
+  <default>
+    <joint {default}/>
+    <default class="strong"><position kp="40" kv="3" forcerange="-8 8" ctrlrange="-1 1"/></default>
+  </default>
   <worldbody>
     <body name="trunk" pos="0 0 1">
       {root}
@@ -40,6 +43,7 @@ SERVOS = {
         '<position joint="knee" kp="40" kv="3" forcerange="-8 8" ctrlrange="-1 1"/>',
         8.0,
     ),
+    "position by default": ('<position joint="knee" class="strong"/>', 8.0),
     "position with a gear": (
         '<position joint="knee" kp="4" kv="0.5" gear="3" forcerange="-2 2"/>',
         6.0,
@@ -88,7 +92,7 @@ def torque(robot: Robot, values: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("kind", SERVOS)
 def test_a_servo_becomes_a_motor_with_its_force_limits(kind: str) -> None:
     servo, limit = SERVOS[kind]
-    knee = 'actuatorfrcrange="-9 9"' if "forcerange" not in servo else ""
+    knee = 'actuatorfrcrange="-9 9"' if limit == 9.0 else ""
     robot = Robot.from_mjcf(text(HIP + servo, knee=knee), ["toe"])
     np.testing.assert_allclose(robot.torque_limit, [5.0, limit])
     for share in (0.5, -1.0, 3.0):
@@ -96,9 +100,7 @@ def test_a_servo_becomes_a_motor_with_its_force_limits(kind: str) -> None:
         if kind == "affine general" and share == 3.0:
             expected[1] = 9.0
         np.testing.assert_allclose(torque(robot, share * robot.torque_limit), expected)
-    assert robot.notes == (
-        "Torque motors in place of 1 servos; their gains are kept in servo_gains.",
-    )
+    assert robot.notes == ("Torque motors in place of 1 servos: see servo_gains.",)
     assert robot.notes[0] in repr(robot)
 
 
@@ -136,13 +138,13 @@ def test_missing_motors_are_added_where_limits_are_known(knee: str) -> None:
     robot = Robot.from_mjcf(text(HIP, knee=knee), ["toe"], torque_limit=given)
     np.testing.assert_allclose(robot.torque_limit, [5.0, 3.0])
     np.testing.assert_allclose(torque(robot, np.array([9.0, 9.0])), [5.0, 3.0])
-    assert robot.notes == ("Torque motors added on 1 joints: knee.",)
+    assert robot.notes == ("Torque motors added on knee.",)
 
 
 def test_without_any_actuator_one_number_will_do() -> None:
     robot = Robot.from_mjcf(text(""), ["toe"], torque_limit=7)
     np.testing.assert_allclose(robot.torque_limit, 7.0)
-    assert robot.notes == ("Torque motors added on 2 joints: hip, knee.",)
+    assert robot.notes == ("Torque motors added on all joints.",)
 
 
 def test_limits_that_are_given_replace_those_of_the_file() -> None:
@@ -154,7 +156,7 @@ def test_limits_that_are_given_replace_those_of_the_file() -> None:
     )
     np.testing.assert_allclose(robot.torque_limit, [4.0, 20.0])
     np.testing.assert_allclose(torque(robot, np.array([-9.0, 90.0])), [-4.0, 20.0])
-    assert robot.notes == ("Torque limits as given on 2 joints: hip, knee.",)
+    assert robot.notes == ("Torque limits as given on all joints.",)
 
 
 def test_armature_by_name_and_pattern() -> None:
@@ -162,7 +164,7 @@ def test_armature_by_name_and_pattern() -> None:
         text("", default=""), ["toe"], torque_limit=7, armature={"*": 0.02, "hip": 0.03}
     )
     np.testing.assert_allclose(robot.model.dof_armature, [0.0] * 6 + [0.03, 0.02])
-    assert "Armature as given on 2 joints: hip, knee." in robot.notes
+    assert "Armature as given on hip, knee." in robot.notes
 
 
 def test_keyframes_keep_their_poses_when_actuators_come() -> None:

@@ -68,6 +68,15 @@ def test_a_urdf_floats_and_has_motors_as_strong_as_its_effort() -> None:
     assert "Body 'base' was made to float." in robot.notes
 
 
+@pytest.mark.parametrize("kind", ["floating", "fixed"])
+def test_a_link_called_world_is_the_world(kind: str) -> None:
+    joint = f'<joint name="root" type="{kind}"><parent link="world"/><child link="base"/></joint>'
+    text = urdf().replace('<link name="base"/>', f'<link name="world"/><link name="base"/>{joint}')
+    robot = Robot.from_mjcf(text)
+    assert robot.model.body(robot.base_body).name == "base" and robot.num_joints == 8
+    assert ("Body 'base' was made to float." in robot.notes) == (kind == "fixed")
+
+
 def test_feet_on_fixed_joints_can_be_named_and_carry_the_weight() -> None:
     robot = Robot.from_mjcf(urdf(), [f"{leg}_foot" for leg in LEGS], home="stand")
     data = mujoco.MjData(robot.model)

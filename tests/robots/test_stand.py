@@ -8,6 +8,7 @@ from fbid_gym.errors import RobotError
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.stand import standing_pose
 from tests.robots import zoo
+from tests.robots.test_source_urdf import urdf
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -44,6 +45,13 @@ def test_a_keyframe_is_where_standing_up_begins() -> None:
     turned = Robot.from_mjcf(zoo.mjcf(animal).replace("</mujoco>", key + "</mujoco>"), home="stand")
     np.testing.assert_allclose(turned.home_qpos[3:7], pose[3:7])
     np.testing.assert_allclose(turned.home_qpos[7:], pose[7:], atol=0.02)
+
+
+def test_straight_legs_bend_even_where_ranges_do_not_say_which_way() -> None:
+    robot = Robot.from_mjcf(urdf(), home="stand")  # knees from -2 to 2 rad
+    knees = [i for i, joint in enumerate(robot.joint_names) if "knee" in joint]
+    assert np.all(robot.home_qpos[7:][knees] > 0.5)  # about y: the knees ahead of the feet
+    assert robot.home_qpos[2] == pytest.approx(0.8 * 0.4 + 0.02, abs=0.02)
 
 
 def test_feet_that_no_hinge_moves() -> None:

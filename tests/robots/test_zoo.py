@@ -1,5 +1,6 @@
 """The zoo's robots are what they were drawn to be, and stand."""
 
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -143,3 +144,18 @@ def test_a_standing_pose_is_found(animal: zoo.Morphology) -> None:
     assert np.linalg.norm(off[:2]) < 0.01 * animal.leg
     assert np.all(np.abs(robot.home_qpos[7:]) <= 1.2)
     assert robot.check() == []
+
+
+@pytest.mark.parametrize("sole", zoo.SOLES)
+@pytest.mark.parametrize("seed", range(0, 40, 4))
+def test_soles_of_other_shapes_stand_like_boxes(seed: int, sole: str) -> None:
+    """On the same four corners, and so in the same pose."""
+    drawn = zoo.draw(seed)
+    boxes = load_animal(replace(drawn, foot="box"), drawn.foot_names, home="stand")
+    robot = load_animal(replace(drawn, foot=sole), drawn.foot_names, home="stand")
+    assert robot.check() == []
+    assert [foot.num_points for foot in robot.feet] == [4] * drawn.legs
+    for foot, box in zip(robot.feet, boxes.feet, strict=True):
+        gap = np.linalg.norm(foot.points[:, None, :2] - box.points[:, :2], axis=-1)
+        assert gap.min(axis=0).max() < 1e-4 * drawn.leg
+    np.testing.assert_allclose(robot.home_qpos[7:], boxes.home_qpos[7:], atol=0.05)

@@ -2,8 +2,8 @@
 
 Every robot stands in its reference pose: knees bent, feet level on the ground z = 0, the centre of
 mass above them. Masses follow from the shapes' own, so inertias agree with what one sees. Bodies
-`foot0`, `foot1`, … carry one geometry each, a sphere, a box or a capsule that lies lengthwise; legs
-come in pairs, left (even) and right (odd), front to back.
+`foot0`, `foot1`, … carry one geometry each, a sphere, a box or a capsule that lies lengthwise (or
+one of SOLES, for those who ask); legs come in pairs, left (even) and right (odd), front to back.
 """
 
 from dataclasses import dataclass
@@ -20,6 +20,9 @@ JOINTS = {
 """A leg's joints, hip to foot, by their number."""
 
 FEET = ("sphere", "box", "capsule")
+SOLES = ("mesh", "spheres")
+"""Feet that nobody is drawn with, but may be given: a rounded sole, and nine small spheres."""
+
 ACTUATORS = ("motor", "servo", "none")
 _AXES = {"roll": "1 0 0", "pitch": "0 1 0", "knee": "0 1 0", "yaw": "0 0 1"}
 
@@ -33,7 +36,7 @@ class Morphology:
         mass: kg.
         legs: 2, 4 or 6.
         joints: of each leg, 3 to 7.
-        foot: one of FEET.
+        foot: one of FEET, or of SOLES.
         actuators: one of ACTUATORS: torque motors, position servos, or none in the file.
         ground: whether the file has a floor.
         leg: length of a straight leg, hip to ankle.
@@ -105,6 +108,7 @@ def mjcf(robot: Morphology) -> str:
         <joint armature="{_armature(robot):.9g}" damping="{_damping(robot):.9g}"/>
         <geom contype="0" conaffinity="1"/>
       </default>
+      {_sole_mesh(robot)}
       <worldbody>
         {floor}
         <body name="trunk" pos="0 0 {height:.17g}">
@@ -207,18 +211,42 @@ def _link(end: np.ndarray, radius: float, mass: float) -> str:
 def _foot(robot: Morphology, mass: float) -> str:
     """Below the ankle, its lowest points `_sole` below it."""
     down, size = _sole(robot), 0.05 * robot.leg
-    shape = {
+    length, width = 0.14 * robot.leg, 0.07 * robot.leg
+    shapes = {
         "sphere": f'type="sphere" size="{size:.9g}" pos="0 0 {size - down:.17g}"',
         "capsule": (
             f'type="capsule" size="{size:.9g} {2 * size:.9g}" pos="0 0 {size - down:.17g}" '
             'euler="0 1.57079632679489662 0"'
         ),
         "box": (
-            f'type="box" size="{0.14 * robot.leg:.9g} {0.07 * robot.leg:.9g} {0.4 * size:.9g}" '
+            f'type="box" size="{length:.9g} {width:.9g} {0.4 * size:.9g}" '
             f'pos="0 0 {0.4 * size - down:.17g}"'
         ),
-    }[robot.foot]
-    return f'<geom {shape} mass="{mass:.17g}" friction="0.8 0.01 0.001" priority="1"/>'
+        "mesh": 'type="mesh" mesh="sole"',
+    }
+    small = 0.2 * size
+    spheres = [
+        f'type="sphere" size="{small:.9g}" pos="{x:.9g} {y:.9g} {small - down:.17g}"'
+        for x in (-length, 0.0, length)
+        for y in (-width, 0.0, width)
+    ]
+    chosen = spheres if robot.foot == "spheres" else [shapes[robot.foot]]
+    alike = f'mass="{mass / len(chosen):.17g}" friction="0.8 0.01 0.001" priority="1"'
+    return "".join(f"<geom {shape} {alike}/>" for shape in chosen)
+
+
+def _sole_mesh(robot: Morphology) -> str:
+    """A sole with a rounded top; its frame is the ankle's."""
+    if robot.foot != "mesh":
+        return ""
+    down, half = _sole(robot), robot.leg * np.array([0.14, 0.07])
+    bottom = [(x, y, -down) for x in (-half[0], half[0]) for y in (-half[1], half[1])]
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    rim = np.column_stack([np.cos(angle), np.sin(angle)]) * half * 0.8
+    vertices = _numbers(
+        np.concatenate([np.ravel(bottom), np.column_stack([rim, 0 * angle - 0.5 * down]).ravel()])
+    )
+    return f'<asset><mesh name="sole" vertex="{vertices}"/></asset>'
 
 
 def _actuator(robot: Morphology, joint: str) -> str:

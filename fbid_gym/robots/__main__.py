@@ -1,0 +1,80 @@
+"""Show what is understood of a robot: `python -m fbid_gym.robots my.xml [--feet left_foot …]`."""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fbid_gym.errors import FbidError, InvalidValueError
+from fbid_gym.robots import ROBOTS, load
+from fbid_gym.robots.portrait import portrait, write_png
+from fbid_gym.robots.robot import Robot
+from fbid_gym.robots.summary import summary
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print a robot's joints, limits, feet and check at home, and draw it; returns 1 on errors."""
+    given = _parser().parse_args(arguments)
+    try:
+        options = {
+            name: _value(name, text)
+            for name in ("home", "torque_limit", "armature", "base", "name")
+            if (text := getattr(given, name)) is not None
+        }
+        if given.robot in ROBOTS and not options and not given.feet:
+            robot = load(given.robot)
+        else:
+            robot = Robot.load(given.robot, _feet(given.feet), **options)
+        print(summary(robot))
+        path = Path(given.picture or f"{robot.name}.png")
+        write_png(path, portrait(robot))
+    except FbidError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    print(f"\nPicture: {path} (red: contact points, yellow: their hull, blue: centre of mass)")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m fbid_gym.robots", description=__doc__)
+    parser.add_argument(
+        "robot", help="path of an MJCF, URDF or robot.toml, or a name of robot_descriptions"
+    )
+    parser.add_argument(
+        "--feet",
+        nargs="+",
+        help='names of bodies, sites or spheres; or as JSON, \'{"left": ["heel", "toe"], …}\'',
+    )
+    parser.add_argument("--home", help="a keyframe's name, stand, or joint angles as JSON")
+    parser.add_argument("--torque-limit", help="N·m; or as JSON, '{\"*_knee\": 30, …}'")
+    parser.add_argument("--armature", help="kg·m², likewise")
+    parser.add_argument("--base", help="the body that shall float, if the file has no free joint")
+    parser.add_argument("--name", help="of the robot")
+    parser.add_argument("--picture", help="where to draw it; by default, the robot's name .png")
+    return parser
+
+
+def _feet(words: list[str] | None) -> Any:
+    if words and words[0][:1] in "{[":
+        return _json("feet", " ".join(words))
+    return words
+
+
+def _value(name: str, text: str) -> Any:
+    """A word, a number, or what JSON says."""
+    if name in ("home", "torque_limit", "armature") and text[:1] in "{[-0123456789.":
+        return _json(name, text)
+    return text
+
+
+def _json(name: str, text: str) -> Any:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        raise InvalidValueError(name, text, "JSON") from None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,53 @@
+"""`robot.toml`: what a file of a robot does not say of it, beside the file."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from fbid_gym.errors import RobotError, UnknownOptionError
+
+FILE = "robot.toml"
+
+KEYS = ("mjcf", "feet", "name", "home", "base", "torque_limit", "armature")
+"""What may stand in it: the file, `robot.xml` by default, and arguments of `Robot.from_mjcf`."""
+
+
+def described(source: Any) -> tuple[Any, dict[str, Any]]:
+    """Look for what a `robot.toml` says of a robot.
+
+    Args:
+        source: path of a `robot.toml`, or what `Robot.from_mjcf` takes: a file is looked up in the
+            `robot.toml` of its folder, if that is about this file.
+
+    Returns:
+        What to load, and the other arguments of `Robot.from_mjcf`.
+
+    Raises:
+        RobotError: a file that is not TOML.
+        UnknownOptionError: a key that means nothing.
+    """
+    if not isinstance(source, str | Path) or str(source).lstrip().startswith("<"):
+        return source, {}
+    path = Path(source)
+    if path.suffix == ".toml":
+        options = _read(path)
+        return path.parent / options.pop("mjcf", "robot.xml"), options
+    beside = path.parent / FILE
+    if not (path.is_file() and beside.is_file()):
+        return source, {}
+    options = _read(beside)
+    about = beside.parent / options.pop("mjcf", "robot.xml")
+    return source, options if about.resolve() == path.resolve() else {}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        options = tomllib.loads(path.read_text())
+    except FileNotFoundError:
+        raise RobotError(f"Robot file {str(path)!r} does not exist.") from None
+    except tomllib.TOMLDecodeError as error:
+        raise RobotError(f"Robot file {str(path)!r} is not valid TOML: {error}") from error
+    for key in options:
+        if key not in KEYS:
+            raise UnknownOptionError(f"key in {path.name}", key, KEYS)
+    return options

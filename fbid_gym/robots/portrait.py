@@ -1,0 +1,128 @@
+"""A picture of a robot at home: its contact points, their hull, and its centre of mass."""
+
+import copy
+import struct
+import zlib
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from fbid_gym.errors import FbidError
+from fbid_gym.robots.polygon import convex_hull
+from fbid_gym.robots.robot import Robot
+
+_GEOM = mujoco.mjtGeom
+_WIDTH, _HEIGHT = 1280, 960
+_POINT = (0.9, 0.25, 0.1, 1.0)
+_HULL = (0.95, 0.6, 0.1, 1.0)
+_BONE = (0.35, 0.35, 0.35, 0.6)
+_COM = (0.1, 0.35, 0.85, 1.0)
+
+
+def portrait(robot: Robot) -> np.ndarray:
+    """Draw a robot at home, its shapes half transparent: (960, 1280, 3) uint8.
+
+    Red are the contact points, yellow is their hull, blue the centre of mass, with its place on the
+    ground; grey lines join the bodies' origins.
+
+    Raises:
+        FbidError: nothing to draw with.
+    """
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos
+    mujoco.mj_forward(robot.model, data)
+    points = np.concatenate(
+        [
+            data.xpos[foot.body]
+            + foot.points @ data.xmat[foot.body].reshape(3, 3).T
+            - [0.0, 0.0, foot.radius]
+            for foot in robot.feet
+        ]
+    )
+    com = data.subtree_com[robot.base_body]
+    robots_own = robot.model.body_weldid[robot.model.geom_bodyid] != 0
+    centres = np.concatenate([data.geom_xpos[robots_own], points])
+    middle, size = 0.5 * (centres.min(axis=0) + centres.max(axis=0)), np.ptp(centres, axis=0)
+    reach = float(np.linalg.norm(size))
+    option, camera = mujoco.MjvOption(), mujoco.MjvCamera()
+    option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
+    camera.lookat[:] = middle
+    camera.distance, camera.azimuth, camera.elevation = 1.7 * reach, 130.0, -25.0
+    model = copy.copy(robot.model)
+    if not model.nlight:
+        model.vis.headlight.ambient, model.vis.headlight.diffuse = [0.6] * 3, [0.8] * 3
+    model.vis.global_.offwidth, model.vis.global_.offheight = _WIDTH, _HEIGHT
+    try:
+        renderer = mujoco.Renderer(model, height=_HEIGHT, width=_WIDTH)
+    except Exception as error:  # the GL back ends raise types of their own
+        raise FbidError(
+            f"Cannot draw without a display: {error}. "
+            "Set MUJOCO_GL to 'egl' or 'osmesa' and install its library."
+        ) from error
+    with renderer:
+        renderer.update_scene(data, camera, option)
+        thin = 0.004 * reach
+        for body in range(robot.base_body + 1, model.nbody):
+            parent = data.xpos[model.body_parentid[body]]
+            _line(renderer.scene, parent, data.xpos[body], thin, _BONE)
+        corners = points[convex_hull(points[:, :2])]
+        for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            _line(renderer.scene, start, end, thin, _HULL)
+        below = np.array([*com[:2], points[:, 2].min()])
+        _line(renderer.scene, com, below, 0.5 * thin, _COM)
+        for place in points:
+            _ball(renderer.scene, place, 2.0 * thin, _POINT)
+        _ball(renderer.scene, com, 3.0 * thin, _COM)
+        _ball(renderer.scene, below, 1.5 * thin, _COM)
+        return np.asarray(renderer.render())
+
+
+def write_png(path: Path, pixels: np.ndarray) -> None:
+    """Write pixels (H, W, 3) uint8 as a PNG."""
+    height, width, _ = pixels.shape
+    rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)], axis=1)
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes())), (b"IEND", b""))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(*chunk) for chunk in chunks))
+
+
+def _chunk(kind: bytes, content: bytes) -> bytes:
+    check = struct.pack(">I", zlib.crc32(kind + content))
+    return struct.pack(">I", len(content)) + kind + content + check
+
+
+def _line(
+    scene: mujoco.MjvScene,
+    start: np.ndarray,
+    end: np.ndarray,
+    width: float,
+    colour: tuple[float, float, float, float],
+) -> None:
+    geom = _next(scene, _GEOM.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), colour)
+    mujoco.mjv_connector(geom, _GEOM.mjGEOM_CAPSULE, width, start, end)
+
+
+def _ball(
+    scene: mujoco.MjvScene,
+    place: np.ndarray,
+    radius: float,
+    colour: tuple[float, float, float, float],
+) -> None:
+    _next(scene, _GEOM.mjGEOM_SPHERE, np.full(3, radius), place, colour)
+
+
+def _next(
+    scene: mujoco.MjvScene,
+    kind: mujoco.mjtGeom,
+    size: np.ndarray,
+    place: np.ndarray,
+    colour: tuple[float, float, float, float],
+) -> mujoco.MjvGeom:
+    geom = scene.geoms[scene.ngeom]
+    mujoco.mjv_initGeom(
+        geom, kind, size, place, np.eye(3).ravel(), np.array(colour, dtype=np.float32)
+    )
+    scene.ngeom += 1
+    return geom

@@ -1,0 +1,76 @@
+"""`python -m fbid_gym.robots`: what it prints and draws."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from fbid_gym.robots import load
+from fbid_gym.robots.__main__ import main
+from fbid_gym.robots.portrait import portrait, write_png
+from tests.robots import zoo
+from tests.robots.test_source_urdf import urdf
+
+ANIMAL = zoo.draw(26)  # of no actuators, four feet on two points each
+
+
+@pytest.fixture
+def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "zoo.xml"
+    path.write_text(zoo.mjcf(ANIMAL))
+    return path
+
+
+def test_a_robot_is_described_and_drawn(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--feet", *ANIMAL.foot_names, "--torque-limit", '{"*": 20, "*knee": 40}']
+    assert main([str(path), *options, "--home", "stand", "--name", "cat"]) == 0
+    told = capsys.readouterr().out
+    assert "cat: 16 joints, 4 feet on 8 points, 13.53 kg" in told
+    rows = {line.split()[0]: line.split() for line in told.splitlines() if line.strip()}
+    assert rows["leg3_knee"][4] == "40" and rows["leg3_hip_roll"][4] == "20"
+    assert rows["foot2"][1:3] == ["foot2", "2"]
+    assert "Torque motors added on all joints." in told
+    assert "At home:\n- Nothing speaks against it." in told
+    with Image.open("cat.png") as picture:
+        assert picture.size == (1280, 960)
+
+
+def test_feet_as_json_and_what_speaks_against_a_home(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    feet = '{"left": ["foot0"], "right": ["foot1"]}'
+    assert main([str(path), "--feet", feet, "--torque-limit", "20", "--picture", "a/b.png"]) == 0
+    told = capsys.readouterr().out
+    assert "outside of the contact points at home" in told
+    assert Path("a/b.png").is_file()
+
+
+def test_a_urdf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "dog.urdf"
+    path.write_text(urdf())
+    assert main([str(path), "--picture", str(tmp_path / "dog.png")]) == 0
+    assert "Body 'base' was made to float." in capsys.readouterr().out
+
+
+def test_errors_are_told_in_one_line(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([str(path), "--torque-limit", "{"]) == 1
+    assert capsys.readouterr().err == "error: Invalid torque_limit: '{'. Expected JSON.\n"
+    assert main([str(path), "--feet", "paw", "--torque-limit", "3"]) == 1
+    assert capsys.readouterr().err.startswith("error: No site or geom 'paw'.")
+
+
+def test_the_portrait_shows_points_hull_and_centre_of_mass() -> None:
+    pixels = portrait(load("biped")).astype(int)
+    red, green, blue = pixels[..., 0], pixels[..., 1], pixels[..., 2]
+    assert np.sum((red > 120) & (green < 0.5 * red) & (blue < 0.4 * red)) > 50
+    assert np.sum((red > 120) & (green > 0.5 * red) & (blue < 0.4 * red)) > 200
+    assert np.sum((blue > 100) & (red < 0.5 * blue)) > 100
+
+
+def test_a_png_is_what_was_drawn(tmp_path: Path, rng: np.random.Generator) -> None:
+    pixels = rng.integers(0, 256, (7, 5, 3), dtype=np.uint8)
+    write_png(tmp_path / "noise.png", pixels)
+    with Image.open(tmp_path / "noise.png") as picture:
+        np.testing.assert_array_equal(np.asarray(picture), pixels)

@@ -1,0 +1,78 @@
+"""`robot.toml` says of a robot what its file does not."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fbid_gym.errors import FbidError, RobotError, UnknownOptionError
+from fbid_gym.robots import Robot
+from tests.robots import zoo
+
+ANIMAL = zoo.draw(26)  # of no actuators
+TOML = """
+mjcf = "zoo.xml"
+name = "mine"
+feet = ["foot0", "foot1", "foot2", "foot3"]
+home = "stand"
+armature = 0.05
+
+[torque_limit]
+"*" = 5.0
+"*_knee" = 30
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "zoo.xml").write_text(zoo.mjcf(ANIMAL))
+    (tmp_path / "robot.toml").write_text(TOML)
+    return tmp_path
+
+
+@pytest.mark.parametrize("file", ["robot.toml", "zoo.xml"])
+def test_the_file_and_what_is_beside_it_are_one_robot(folder: Path, file: str) -> None:
+    robot = Robot.load(folder / file)
+    assert (robot.name, robot.foot_names) == ("mine", ANIMAL.foot_names)
+    limit = dict(zip(robot.joint_names, robot.torque_limit, strict=True))
+    assert limit["leg2_knee"] == 30.0 and limit["leg2_hip_roll"] == 5.0
+    np.testing.assert_allclose(robot.model.dof_armature[6:], 0.05)
+    asked = {"home": "stand", "torque_limit": {"*": 5.0, "*_knee": 30.0}, "armature": 0.05}
+    told = Robot.from_mjcf(folder / "zoo.xml", ANIMAL.foot_names, **asked)
+    np.testing.assert_array_equal(robot.home_qpos, told.home_qpos)
+
+
+def test_what_is_said_in_python_goes_first(folder: Path) -> None:
+    robot = Robot.load(str(folder / "robot.toml"), {"all": "foot1"}, home=None, torque_limit=7)
+    assert robot.foot_names == ("all",)
+    np.testing.assert_allclose(robot.torque_limit, 7.0)
+    assert robot.home_qpos[2] == pytest.approx(robot.model.qpos0[2], abs=1e-9)
+
+
+def test_another_file_in_the_folder_is_not_meant(folder: Path) -> None:
+    (folder / "other.xml").write_text(zoo.mjcf(ANIMAL))
+    with pytest.raises(RobotError, match="Joints without an actuator"):
+        Robot.load(folder / "other.xml")
+
+
+def test_without_a_description_it_is_the_file() -> None:
+    assert Robot.load(zoo.zoo(22)).name == "zoo22"
+
+
+@pytest.mark.parametrize(
+    "text, kind, message",
+    [
+        ("feet = [", RobotError, "robot.toml' is not valid TOML: "),
+        ("foot = 3", UnknownOptionError, "Unknown key in robot.toml 'foot'. Valid choices: mjcf"),
+        ("", RobotError, "robot.xml' does not exist."),
+    ],
+)
+def test_bad_descriptions(folder: Path, text: str, kind: type[FbidError], message: str) -> None:
+    (folder / "robot.toml").write_text(text)
+    with pytest.raises(kind, match=message):
+        Robot.load(folder / "robot.toml")
+
+
+def test_a_description_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(RobotError, match="robot.toml' does not exist."):
+        Robot.load(tmp_path / "robot.toml")
