@@ -10,17 +10,20 @@ contact forces within friction cones. What is added here:
 - A robot that is about to fall beyond its toes or heels gets the same command.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from eval.papers.mistry2010.controllers import SplitTorque
 from eval.papers.trial import Memory
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS
-from fbid_gym.actions.walking_law import WalkingLaw, base_task
+from fbid_gym.actions.walking_law import WalkingLaw
+from fbid_gym.actions.walking_tasks import base_aim
 from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.motions import Steps, stepping
 from fbid_gym.motions.gait.biped import SOLE, biped_gait
 from fbid_gym.motions.gait.command import GaitCommand, no_command
-from fbid_gym.motions.gait.gait import FlatFeet
+from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.walking import DOUBLE, STAND, SWING
 from fbid_gym.quantities import Reference, RobotState
 from fbid_gym.robots import Robot
@@ -78,8 +81,8 @@ class Stepper:
             most_apart=width + FARTHER, longest=LONGEST, lift=LIFT, sole=np.array(REACH),
             points=walk.points / SOLE * USED,
         )  # fmt: skip
-        self.gait = FlatFeet(walk, 1.0 / self.plan.hz)
-        self.law = WalkingLaw.of(robot, omega, CONTACT_DEFAULTS)
+        self.gait = replace(gait_of(robot, self.plan.hz), constants=walk)
+        self.law = WalkingLaw.of(robot, self.plan.hz, omega, CONTACT_DEFAULTS)
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""
@@ -112,8 +115,8 @@ class Stepper:
             height=ground + plan.qpos[:, 2],
             com_acceleration=target.com_acceleration * share[:, None],
         )
-        task = base_task(gains, added, state, target, terms)
-        torque = self.law.torque(task, state, target, terms, memory)
+        aim = base_aim(self.law.constants, added, state, target, terms)
+        torque = self.law.torque(aim, state, target, terms, memory)
         base = terms.base_position[:, :2] - terms.foot_position[..., :2].mean(axis=1)
         memory["base"], memory["base_target"] = _ahead(base, memory), plan.qpos[:, :2]
         return SplitTorque(torque, np.zeros_like(torque))
