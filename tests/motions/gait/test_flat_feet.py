@@ -39,6 +39,7 @@ class Pendulums:
     gait: FlatFootGait
     heading: np.ndarray
     tick: float = TICK
+    slope: tuple[float, float] = (0.0, 0.0)
     com: np.ndarray = field(init=False)
     velocity: np.ndarray = field(init=False)
     feet: np.ndarray = field(init=False)
@@ -52,6 +53,7 @@ class Pendulums:
         beside[:, 1] = 0.5 * self.gait.width * self.gait.left
         self.com, self.velocity = np.zeros((count, 3)), np.zeros((count, 3))
         self.feet = np.matvec(upright[:, None], beside)
+        self.feet[..., 2] = self.floor(self.feet)
         self.rotation = upright[:, None] @ self.gait.level
         self.body, self.memory = self.heading.copy(), standing(self.heading, self.feet)
 
@@ -79,7 +81,7 @@ class Pendulums:
             foot_bias=np.zeros((count, 2, 6)),
         )
         force = np.zeros((count, len(self.gait.points), 3))
-        touches = self.feet[:, self.gait.foot_of_point, 2] <= 0.0
+        touches = (self.feet[..., 2] <= self.floor(self.feet) + 1e-12)[:, self.gait.foot_of_point]
         force[..., 2] = np.where(touches, 2.0 * self.gait.load, 0.0)
         command = no_command(count, 2)
         command.velocity[:] = velocity
@@ -98,9 +100,13 @@ class Pendulums:
         self.velocity[:, :2] = away * omega * sine + self.velocity[:, :2] * cosine
         self.com[:, :2] = com
         self.feet, self.rotation = target.foot_position.copy(), target.world_from_foot.copy()
-        self.feet[..., 2] = np.maximum(self.feet[..., 2], 0.0)
+        self.feet[..., 2] = np.maximum(self.feet[..., 2], self.floor(self.feet))
         self.body = target.heading.copy()
         return target
+
+    def floor(self, places: np.ndarray) -> np.ndarray:
+        """Height of the ground at places (..., 3)."""
+        return places[..., :2] @ np.array(self.slope)
 
     def ahead(self, vectors: np.ndarray) -> np.ndarray:
         """Vectors (N, 2) along the bodies' headings."""
@@ -314,6 +320,31 @@ def test_foothold_lies_on_the_ground_that_is_known(gait: FlatFootGait) -> None:
     foot = 1 - walkers.memory.carrier[0]
     np.testing.assert_allclose(target.foothold[:, foot, 2], [0.0, step], atol=1e-12)
     np.testing.assert_allclose(highest, [gait.lift, step + gait.lift], rtol=0.02)
+
+
+def test_feet_aim_at_the_plane_on_which_they_stood(gait: FlatFootGait) -> None:
+    slope = np.array([0.06, -0.03])
+    heading = np.linspace(-3.0, 3.0, 6)
+    level = Pendulums(gait, heading)
+    walkers = Pendulums(gait, heading, slope=(slope[0], slope[1]))
+    velocity = np.array([0.5 * gait.width * gait.omega, 0.0, 0.0])
+    for _ in range(ticks(gait, 12)):
+        walkers.step(velocity)
+        level.step(velocity)
+    for _ in range(ticks(gait, 2)):
+        target, flat = walkers.step(velocity), level.step(velocity)
+        # 10 % short of the slope at most, for what draws it to level.
+        near = 0.1 * np.linalg.norm(slope) * gait.longest
+        np.testing.assert_allclose(
+            target.foothold[..., 2], walkers.floor(target.foothold), atol=near
+        )
+        np.testing.assert_allclose(
+            target.height, walkers.floor(walkers.com) + gait.height, atol=near
+        )
+        # A foot that is late tells of the ground where it then is: less than a tick above it.
+        late = gait.sink * TICK
+        np.testing.assert_allclose(flat.foothold[..., 2], 0.0, atol=late)
+        np.testing.assert_allclose(flat.height, gait.height, atol=late)
 
 
 def test_four_feet_are_refused() -> None:

@@ -159,6 +159,8 @@ def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands() -> None:
         if ghost.terms.foot_position[0, 0, 2] <= ghost.floor:
             break
     assert reached and lowest <= ghost.floor
+    # While it reaches, the base comes down with it.
+    assert target.height[0] < GAIT.height + 0.25 * ghost.floor * 0.9
     assert ghost.tick().planted[0, 0]
 
 
