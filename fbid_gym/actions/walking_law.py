@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.com_wrench import turning_inertia
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.law_memory import LawMemory
@@ -29,6 +28,7 @@ from fbid_gym.control.inverse_dynamics import invert_dynamics
 from fbid_gym.control.limited_inverse_dynamics import limit_dynamics
 from fbid_gym.control.operational_space import LEAST_GAIN, serve_task
 from fbid_gym.control.underactuation import underactuation
+from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry, reduce_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.gait.target import GaitTarget
@@ -103,7 +103,7 @@ class WalkingConstants(NamedTuple):
     gravity: float
     damping: np.ndarray  # (n,)
     home: np.ndarray  # (nq,)
-    turning_inertia: np.ndarray  # (3, 3) kg·m², of `turning_inertia`, ahead, to the left and up
+    turning_inertia: np.ndarray  # (3, 3), see `_turning_inertia`
 
 
 class BodyAim(NamedTuple):
@@ -150,8 +150,6 @@ class WalkingLaw:
         # points there is little of a moment to give away.
         cost = (1.0, 1.0, 1.0, 0.05, 0.05, 0.05) if soles else None
         length = stance.length if soles else 0.3 * stance.length
-        ahead = stance.home_base_rotation[:2, 0] / np.linalg.norm(stance.home_base_rotation[:2, 0])
-        level = np.array([[*ahead, 0.0], [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
         constants = WalkingConstants(
             gains=WalkingGains.of(robot, omega),
             geometry=contact_geometry(robot, share=_SOLE),
@@ -162,7 +160,7 @@ class WalkingLaw:
             gravity=robot.gravity,
             damping=contact.damping(robot),
             home=robot.home_qpos,
-            turning_inertia=level @ turning_inertia(robot, "inverse_dynamics") @ level.T,
+            turning_inertia=_turning_inertia(robot),
         )
         ticks = max(1, round(_RAMP / omega * control_hz))
         return cls(robot, constants, ContactRamp(ticks) if soles else None)
@@ -209,6 +207,26 @@ class WalkingLaw:
 def _has_soles(robot: Robot) -> bool:
     """Whether a foot has more than a point to stand on."""
     return robot.num_points > robot.num_feet
+
+
+def _turning_inertia(robot: Robot) -> np.ndarray:
+    """What a moment has to overcome to turn the base: (3, 3) kg·m², ahead, to the left and up.
+
+    In the home stance, the angular momentum per angular velocity of the base while the feet, the
+    centre of mass and the base's height stay and the joints move as little as this law lets them.
+    """
+    stance = Stance.of(robot)
+    terms, body = stance.terms, centroidal_terms(stance.terms, np.zeros((1, robot.nv)))
+    rows = 6 if _has_soles(robot) else 3
+    feet = terms.foot_jacobian[0, :, :rows].reshape(-1, robot.nv)
+    held = np.concatenate([feet, terms.mass_matrix[0, :2] / robot.mass, np.eye(6, robot.nv)[2:]])
+    turn = np.zeros((len(held), 3))
+    turn[-3:] = terms.world_from_base[0].T
+    inertia = body.matrix[0, 3:] @ np.linalg.pinv(held, rcond=1e-6) @ turn
+    ahead = stance.home_base_rotation[:2, 0] / np.linalg.norm(stance.home_base_rotation[:2, 0])
+    level = np.array([[*ahead, 0.0], [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
+    inertia = level @ inertia @ level.T
+    return 0.5 * (inertia + inertia.T)
 
 
 @compiled

@@ -8,10 +8,9 @@ its feet go as the gait wants and its base is carried along evenly,
     h' = h_d' + K e + D (h_d - h) + action,    K = w^2 I,
 
 with springs on the base's height and rotation error e. I is the mass, and for the rotation what a
-moment has to overcome to turn the base between feet that stay: a tenth or less of the locked
-robot's inertia on long legs, whose momentum makes up for the trunk's. For the same reason h_d' is
-no detail: a moment that ignored what the legs' swing takes would turn the trunk with ten times the
-acceleration of the legs.
+moment has to overcome to turn the base between feet that stay: a sixth to a third of the locked
+robot's inertia on long legs, which turn against the trunk. For the same reason h_d' is no detail: a
+moment that ignored what the legs' swing takes would turn the trunk instead.
 """
 
 import math
