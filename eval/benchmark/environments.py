@@ -25,7 +25,7 @@ compared on robots that stand."""
 
 RELATIVE_LIMIT = {("biped", "base_acceleration"): Limit(0.55, at_least=True)}
 THREAD_LIMIT = Limit(1.7, at_least=True)
-SINGLE_LIMIT = Limit(60.0)
+SINGLE_LIMIT = Limit(45.0)
 
 
 def env_id(robot: str) -> str:

@@ -20,7 +20,7 @@ SETTLE, TICKS = 25, 50
 """Control ticks of a round, after it put the robots on their feet: untimed, then timed."""
 
 LIMITS = {
-    ("biped", "terms + eq. 15"): Limit(0.35),
+    ("biped", "terms + eq. 15"): Limit(0.15),
     ("biped", "terms + friction-limited forces"): Limit(0.8),
 }
 
