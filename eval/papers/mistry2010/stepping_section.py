@@ -74,8 +74,9 @@ def show(result: Result) -> list[str]:
             _detail(result, numbers["every"]),
             f"Base and left leg, crouched, pushed with {FORCE:.0f} N. The paper's controller "
             "follows the joints of the motion, ours puts the feet where they belong, so its "
-            "legs are elsewhere while a foot is in the air or stands elsewhere. Base: from the "
-            "middle of the feet.",
+            "legs are elsewhere while a foot is in the air or stands elsewhere. Nor does it sway "
+            "with the motion: it leans over a foot only to step. Base: from the middle of the "
+            "feet.",
             3,
         ),
         heading("Contact-force feedback on the upright motion"),
