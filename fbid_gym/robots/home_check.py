@@ -135,6 +135,8 @@ def _off_balance(home: _Home) -> list[str]:
 
 def _unloaded(home: _Home, contact_sensor: np.ndarray) -> list[str]:
     """Points that carry nothing of a robot that settles with its joints locked."""
+    if not np.any(home.model.opt.gravity):
+        return []
     model = copy.copy(home.model)
     model.dof_armature[6:] += _LOCKED * model.body_subtreemass[model.jnt_bodyid[0]]
     data = mujoco.MjData(model)
