@@ -47,12 +47,11 @@ _OPTIONS = {
     "fastmath": {"reassoc", "contract"},
     "no_cfunc_wrapper": True,
 }
-_INNER = _OPTIONS | {"no_cpython_wrapper": True}
 
 
 def compiled(function: Function) -> Function:
     """Compile a function for the use of kernels."""
-    return njit(**_INNER)(function)
+    return njit(**_OPTIONS)(function)
 
 
 def kernel(function: Function) -> Function:
@@ -85,7 +84,7 @@ def kernel(function: Function) -> Function:
     update_wrapper(door, function)
     door.entry = entry
     implementation.__signature__ = inspect.signature(function)
-    overload(door, jit_options=_INNER)(implementation)
+    overload(door, jit_options=_OPTIONS)(implementation)
     return door
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
+from fbid_gym.actions.joint_damping import overcome_damping
 from fbid_gym.actions.law_memory import LawMemory, remember
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
 from fbid_gym.control.inverse_dynamics import invert_dynamics
@@ -198,7 +199,7 @@ def _realise_within_limits(
     remember(found.warm_start, found.residual, memory)
     if active.switching:
         copy(underactuation(contacts.jacobian), memory.underactuation)
-    return _overcome_damping(law, found.torque, velocity)
+    return overcome_damping(law.damping, found.torque, velocity)
 
 
 @kernel
@@ -217,13 +218,4 @@ def _realise_without_limits(
     alike = np.empty((0, desired.shape[1] - 6))
     found = invert_dynamics(motion, constraint, desired, alike, law.nearness.base_mobility)
     copy(found.underactuation, memory.underactuation)
-    return _overcome_damping(law, found.torque, velocity)
-
-
-@compiled
-def _overcome_damping(law: _Constants, torque: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Add to torques (N, n) what the joints' damping takes away, at velocities (N, nv)."""
-    for i in range(len(torque)):
-        for j in range(torque.shape[1]):
-            torque[i, j] += law.damping[j] * velocity[i, 6 + j]
-    return torque
+    return overcome_damping(law.damping, found.torque, velocity)

@@ -8,6 +8,7 @@ import numpy as np
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
+from fbid_gym.actions.joint_damping import overcome_damping
 from fbid_gym.actions.law_memory import LawMemory, remember
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
@@ -229,11 +230,7 @@ def _balance(
     remember(found.warm_start, found.residual, memory)
     if active.switching:
         copy(underactuation(contacts.jacobian), memory.underactuation)
-    torque = found.torque
-    for i in range(len(torque)):
-        for j in range(torque.shape[1]):
-            torque[i, j] += law.damping[j] * state.qvel[i, 6 + j]
-    return torque
+    return overcome_damping(law.damping, found.torque, state.qvel)
 
 
 @kernel

@@ -20,7 +20,8 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
-from fbid_gym.actions.law_memory import LawMemory
+from fbid_gym.actions.joint_damping import overcome_damping
+from fbid_gym.actions.law_memory import LawMemory, remember
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
@@ -41,10 +42,12 @@ from fbid_gym.quantities import (
     Memory,
     Nearness,
     PointLimits,
+    ReducedContacts,
     RobotState,
     TaskCommand,
 )
 from fbid_gym.robots import Robot
+from fbid_gym.small_matrices import copy
 
 _SOLE = 0.9  # of a flat foot, that carries: its edges are where it tips
 _LEAST_LOAD = 0.02  # of a foot's greatest force, so that it is held down
@@ -96,7 +99,6 @@ class WalkingConstants(NamedTuple):
 
     gains: WalkingGains
     geometry: ContactGeometry
-    limited: bool
     limits: np.ndarray  # (1, P, 3) of `limit_rows`
     most_load: float  # of the weight, on one foot
     nearness: Nearness
@@ -126,11 +128,13 @@ class WalkingLaw:
         robot: whose joints.
         constants: of the law.
         ramp: leads the torque through touchdowns and lift-offs; None on point feet.
+        limited: whether contact forces have limits; else they can pull and never slip.
     """
 
     robot: Robot
     constants: WalkingConstants
     ramp: ContactRamp | None
+    limited: bool
 
     @classmethod
     def of(
@@ -153,7 +157,6 @@ class WalkingLaw:
         constants = WalkingConstants(
             gains=WalkingGains.of(robot, omega),
             geometry=contact_geometry(robot, share=_SOLE),
-            limited=limits is not None,
             limits=limit_rows(limits or ContactLimits(), robot.num_points),
             most_load=math.inf if soles else _MOST_LOAD,
             nearness=Nearness(1.0 if soles else 1e-5, length, wrench_scale(length, cost)),
@@ -163,7 +166,8 @@ class WalkingLaw:
             turning_inertia=_turning_inertia(robot),
         )
         ticks = max(1, round(_RAMP / omega * control_hz))
-        return cls(robot, constants, ContactRamp(ticks) if soles else None)
+        ramp = ContactRamp(ticks) if soles else None
+        return cls(robot, constants, ramp, limits is not None)
 
     def memory(self, num_robots: int) -> Memory:
         """Warm start of the contact forces, the diagnostics, and what the ramp goes on from."""
@@ -194,7 +198,8 @@ class WalkingLaw:
         Returns:
             (N, n) N·m.
         """
-        torque = _walk(self.constants, aim, state, target, terms, LawMemory.of(memory))
+        walk = _walk_within_limits if self.limited else _walk_without_limits
+        torque = walk(self.constants, aim, state, target, terms, LawMemory.of(memory))
         if self.ramp is None:
             return torque
         # What a foot would do had it not landed or lifted nobody plans: its last torque stands
@@ -242,8 +247,54 @@ def posture(law: WalkingConstants, state: RobotState) -> np.ndarray:
     return result
 
 
+class _Wanted(NamedTuple):
+    """What the robots shall do at a tick, and on what.
+
+    Attributes:
+        contacts: all feet, with what is asked of them.
+        standing: those that stand alone.
+        limits: of the forces on them.
+        acceleration: (N, nv) desired.
+    """
+
+    contacts: ReducedContacts
+    standing: ReducedContacts
+    limits: PointLimits
+    acceleration: np.ndarray
+
+
+@compiled
+def _want(
+    law: WalkingConstants,
+    aim: BodyAim,
+    state: RobotState,
+    target: GaitTarget,
+    terms: DynamicsTerms,
+) -> _Wanted:
+    """The feet first, the body in what they leave, eq. (19), then the joints."""
+    count, size = state.qvel.shape
+    points = len(law.geometry.offset)
+    moving = with_foot_bias(terms, _moving_feet(law.gains, target, terms))
+    contacts = reduce_contacts(law.geometry, all_points(law), moving)
+    constraint = Constraint(contacts.jacobian, contacts.bias)
+    desired = serve_task(constraint, aim.task, aim.reference, np.ones(size), LEAST_GAIN).motion
+    mask, rows = np.empty((count, points), np.bool_), np.empty((count, points, 3))
+    for i in range(count):
+        weight = law.gravity * terms.mass_matrix[i, 0, 0]
+        for point in range(points):
+            foot = law.geometry.foot_of_point[point]
+            mask[i, point] = target.planted[i, foot]
+            load = max(target.load[i, foot], _LEAST_LOAD)
+            friction, least, most = law.limits[0, point]
+            most = min(most, load * law.most_load * weight)
+            rows[i, point, 0], rows[i, point, 1] = friction, min(least, most)
+            rows[i, point, 2] = most
+    standing = reduce_contacts(law.geometry, ActivePoints(mask, True), moving)
+    return _Wanted(contacts, standing, PointLimits(rows, mask), desired)
+
+
 @kernel
-def _walk(
+def _walk_within_limits(
     law: WalkingConstants,
     aim: BodyAim,
     state: RobotState,
@@ -252,49 +303,40 @@ def _walk(
     memory: LawMemory,
 ) -> np.ndarray:
     """Torques (N, n) for an aim of the body; updates the memory."""
-    count, size = state.qvel.shape
-    points = len(law.geometry.offset)
-    moving = with_foot_bias(terms, _moving_feet(law.gains, target, terms))
-    contacts = reduce_contacts(law.geometry, all_points(law), moving)
-    constraint = Constraint(contacts.jacobian, contacts.bias)
-    motion = EquationOfMotion(terms.mass_matrix, terms.bias)
-    desired = serve_task(constraint, aim.task, aim.reference, np.ones(size), LEAST_GAIN).motion
+    wanted = _want(law, aim, state, target, terms)
+    found = limit_dynamics(
+        EquationOfMotion(terms.mass_matrix, terms.bias),
+        wanted.contacts,
+        wanted.acceleration,
+        wanted.limits,
+        law.nearness,
+        DEFAULT_ACCURACY,
+        law.gravity,
+        memory.warm_start,
+    )
+    remember(found.warm_start, found.residual, memory)
+    copy(underactuation(wanted.standing.jacobian), memory.underactuation)
+    return overcome_damping(law.damping, found.torque, state.qvel)
 
-    mask, rows = np.empty((count, points), np.bool_), np.empty((count, points, 3))
-    for i in range(count):
-        weight = law.gravity * terms.mass_matrix[i, 0, 0]
-        for point in range(points):
-            foot = law.geometry.foot_of_point[point]
-            mask[i, point] = target.planted[i, foot]
-            load = max(target.load[i, foot], _LEAST_LOAD)
-            rows[i, point] = law.limits[0, point]
-            rows[i, point, 2] = min(rows[i, point, 2], load * law.most_load * weight)
-            rows[i, point, 1] = min(rows[i, point, 1], rows[i, point, 2])
-    standing = reduce_contacts(law.geometry, ActivePoints(mask, True), moving)
-    if law.limited:
-        found = limit_dynamics(
-            motion,
-            contacts,
-            desired,
-            PointLimits(rows, mask),
-            law.nearness,
-            DEFAULT_ACCURACY,
-            law.gravity,
-            memory.warm_start,
-        )
-        torque = found.torque
-        memory.warm_start[:], memory.residual[:] = found.warm_start, found.residual
-        memory.underactuation[:] = underactuation(standing.jacobian)
-    else:
-        alike = np.empty((0, size - 6))
-        own = Constraint(standing.jacobian, standing.bias)
-        free = invert_dynamics(motion, own, desired, alike, law.nearness.base_mobility)
-        torque = free.torque
-        memory.underactuation[:] = free.underactuation
-    for i in range(count):
-        for j in range(torque.shape[1]):
-            torque[i, j] += law.damping[j] * state.qvel[i, 6 + j]
-    return torque
+
+@kernel
+def _walk_without_limits(
+    law: WalkingConstants,
+    aim: BodyAim,
+    state: RobotState,
+    target: GaitTarget,
+    terms: DynamicsTerms,
+    memory: LawMemory,
+) -> np.ndarray:
+    """The same by eq. (15), whose contact forces have no limits."""
+    wanted = _want(law, aim, state, target, terms)
+    motion = EquationOfMotion(terms.mass_matrix, terms.bias)
+    standing = Constraint(wanted.standing.jacobian, wanted.standing.bias)
+    alike = np.empty((0, state.qvel.shape[1] - 6))
+    mobility = law.nearness.base_mobility
+    found = invert_dynamics(motion, standing, wanted.acceleration, alike, mobility)
+    copy(found.underactuation, memory.underactuation)
+    return overcome_damping(law.damping, found.torque, state.qvel)
 
 
 @compiled

@@ -51,7 +51,7 @@ def promised(layer, acceleration, terms, active=None):
         acceleration,
         contacts.bias,
     )
-    if not law.limited:
+    if not layer.law.limited:
         free = orthogonal_inverse_dynamics(*arguments, base_priority=priority)
         forces = np.matvec(contacts.point_map.mT, free.contact_force)
         return free.torque, free.acceleration, forces.reshape(len(forces), -1, 3)

@@ -62,7 +62,7 @@ def test_info_tells_what_the_layer_did(robot, layer):
         diagnostics |= {"layer_residual", "layer_underactuation"}
     assert {key for key in info if key.startswith("layer_")} == diagnostics
     rest = {"height", "height_command", "height_error", "torque_rms", "power", "slip"}
-    rest |= {"push", "torque", "contact_force", "termination"}
+    rest |= {"push", "push_velocity", "torque", "contact_force", "termination"}
     assert info.keys() == {f"reward_{r}" for r in rewards} | diagnostics | rest
 
 

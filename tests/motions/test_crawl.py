@@ -118,7 +118,7 @@ def test_between_planned_speeds_it_is_nearly_what_would_be_planned(walk: Crawl) 
     wanted = exact.reference(tick, np.full(len(tick), speed))
     assert np.array_equal(found.planted, wanted.planted)
     assert np.abs(found.qpos - wanted.qpos).max() < 1e-3
-    assert np.abs(found.com_in_support - wanted.com).max() < 1e-4
+    assert np.abs(found.com_in_support - wanted.com_in_support).max() < 1e-4
     assert np.abs(found.qvel - wanted.qvel).max() < 2e-3 * np.abs(wanted.qvel).max()
     assert np.abs(found.qacc - wanted.qacc).max() < 5e-3 * np.abs(wanted.qacc).max()
     np.testing.assert_allclose(np.linalg.norm(found.qpos[:, 3:7], axis=1), 1.0, atol=1e-12)

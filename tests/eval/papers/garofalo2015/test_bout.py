@@ -151,10 +151,10 @@ def test_the_moving_goal_has_its_own_rates():
         before, now, after = (goal(time + k * step, terms).target for k in (-1, 0, 1))
         rate = {
             name: (getattr(after, name) - getattr(before, name)) / (2 * step)
-            for name in ("com", "rotation", "com_velocity", "angular_momentum")
+            for name in ("com", "world_from_base", "com_velocity", "angular_momentum")
         }
         np.testing.assert_allclose(now.com_velocity, rate["com"], atol=1e-4)
-        spin = rate["rotation"] @ now.world_from_base.mT
+        spin = rate["world_from_base"] @ now.world_from_base.mT
         found = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
         np.testing.assert_allclose(now.angular_velocity, found, atol=1e-4)
         force = robot.mass * rate["com_velocity"]
