@@ -75,6 +75,11 @@ class JointAcceleration:
         return cls(law, _Gains(omega**2, 2.0 * damping_ratio * omega), float(scale))
 
     @property
+    def natural_frequency(self) -> float:
+        """Hz, of every joint's return to its reference."""
+        return float(np.sqrt(self.gains.stiffness)) / (2.0 * np.pi)
+
+    @property
     def action_names(self) -> tuple[str, ...]:
         """One acceleration a joint."""
         joints = self.law.robot.joint_names

@@ -144,14 +144,15 @@ def walking_feedforward(
         robot: whose joints.
         control_hz: control ticks per second.
         omega: 1/s, rate at which the robot falls, see `Gait`.
-        natural_frequency: Hz of the feedback. Default: as the legs that stand hold the base, see
-            `body_frequency`, or the largest that `control_hz` allows, if that is less. Legs in
-            the air move less inertia, and are as much stiffer.
+        natural_frequency: Hz of the feedback. Default, on point feet: as the legs that stand hold
+            the base, see `body_frequency`, or the largest that `control_hz` allows, if that is
+            less. Legs in the air move less inertia, and are as much stiffer. On soles that of
+            `JointPositionFeedforward`: stiffer ankles tip them.
         damping_ratio: of the feedback.
         scale: rad at action 1.
         target_frequency: Hz, at which the offset follows the action.
     """
-    if natural_frequency is None:
+    if natural_frequency is None and robot.num_points == robot.num_feet:
         most = steady_frequency(robot, control_hz, damping_ratio)
         natural_frequency = min(body_frequency(robot, omega), most)
     inner = JointPositionFeedforward.of(

@@ -58,6 +58,7 @@ def target_of(robot, terms, rng, lifted=0):
         foothold=position,
         clipped=np.zeros((1, feet), bool),
         velocity=np.zeros((1, 2)),
+        offset=np.zeros((1, 2)),
         com_acceleration=np.zeros((1, 2)),
         height=terms.base_position[:, 2].copy(),
         heading=heading,

@@ -217,6 +217,8 @@ def _balance(
             if phase == STAND:
                 end = 0.5 * (feet[0, axis] + feet[1, axis])
                 xi_end = end
+                settled = min(memory.clock[i] / memory.span[i], 1.0)
+                target.offset[i, axis] = settled * (end - terms.com[i, axis])
             else:
                 end = feet[carrier, axis]
                 xi_end = end + offset[axis]

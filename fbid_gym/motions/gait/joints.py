@@ -145,7 +145,9 @@ def joint_reference(
 
 @compiled
 def _see_body(target: GaitTarget, terms: DynamicsTerms, body: _Motion, i: int) -> None:
-    """Write how the base is off, in height and rotation, and how it is to move."""
+    """Write how the base is off, and how it is to move."""
+    for axis in range(2):
+        body.gap[axis] = target.offset[i, axis]
     body.gap[2] = target.height[i] - terms.base_position[i, 2]
     _turn_left(target.heading[i], terms.world_from_base[i], body.gap)
     for axis in range(2):

@@ -128,6 +128,6 @@ def _lean(
     target.com_acceleration[i, 1] = memory.velocity[i, 2] * x
     for axis in range(2):
         error = target.velocity[i, axis] - terms.com_velocity[i, axis]
-        offset = middle[axis] - terms.com[i, axis]
+        target.offset[i, axis] = memory.settled[i] * (middle[axis] - terms.com[i, axis])
         target.com_acceleration[i, axis] += gait.tracking * error
-        target.com_acceleration[i, axis] += gait.standing * memory.settled[i] * offset
+        target.com_acceleration[i, axis] += gait.standing * target.offset[i, axis]

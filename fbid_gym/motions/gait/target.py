@@ -15,7 +15,7 @@ class GaitTarget(NamedTuple):
         planted: (N, F) bool, feet that shall stand. For these the next four say where they are, at
             rest.
         foot_position: (N, F, 3) m.
-        world_from_foot: (N, F, 3, 3) world from foot.
+        world_from_foot: (N, F, 3, 3).
         foot_velocity: (N, F, 6) m/s, rad/s; for point feet the first three count.
         foot_acceleration: (N, F, 6) m/s^2, rad/s^2.
         load: (N, F) share of its greatest force that a foot may take: 0 in the air, and on the way
@@ -23,6 +23,8 @@ class GaitTarget(NamedTuple):
         foothold: (N, F, 3) m, where a foot in the air shall land; that of a foot that stands.
         clipped: (N, F) bool, the foothold would have to be farther away than the leg reaches.
         velocity: (N, 2) m/s, of the base.
+        offset: (N, 2) m, horizontal, from the centre of mass to where it shall stand; zero while
+            the robot walks.
         com_acceleration: (N, 2) m/s^2, horizontal, of the centre of mass.
         height: (N,) m, of the base.
         heading: (N,) rad, of the body.
@@ -39,6 +41,7 @@ class GaitTarget(NamedTuple):
     foothold: np.ndarray
     clipped: np.ndarray
     velocity: np.ndarray
+    offset: np.ndarray
     com_acceleration: np.ndarray
     height: np.ndarray
     heading: np.ndarray
@@ -60,6 +63,7 @@ def standing_target(terms: DynamicsTerms) -> GaitTarget:
         foothold=terms.foot_position.copy(),
         clipped=np.zeros((count, feet), np.bool_),
         velocity=np.empty((count, 2)),
+        offset=np.zeros((count, 2)),
         com_acceleration=np.empty((count, 2)),
         height=np.empty(count),
         heading=np.empty(count),
