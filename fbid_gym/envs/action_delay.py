@@ -48,9 +48,9 @@ class ActionDelay:
         chosen[:, 1:] = chosen[:, :-1]
         chosen[:, 0] = action
 
-    def due(self, tick: int) -> bool:
-        """Whether some robot's next action arrives at this tick of the policy step."""
-        return bool((self.arrays["ticks"] % self.rates.ticks == tick).any())
+    def arrivals(self) -> set[int]:
+        """Return the ticks of a policy step from which on some robot has another action."""
+        return {0, *(self.arrays["ticks"] % self.rates.ticks).tolist()}
 
     def arrived(self, tick: int) -> np.ndarray:
         """Return the actions (N, A) that hold at this tick of the policy step."""

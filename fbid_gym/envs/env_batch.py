@@ -178,12 +178,14 @@ class EnvBatch:
         forces = pushes.forces(self._plan, ticks, self.rates.control)
         jumps = pushes.jumps(self._plan, ticks)
         self._delay.send(action)
+        arrivals = self._delay.arrivals()
+        jumping: np.ndarray = jumps.any(axis=(1, 2))
         for tick, (push, jump) in enumerate(zip(forces, jumps, strict=True)):
-            if tick == 0 or self._delay.due(tick):
+            if tick in arrivals:
                 arrived = self._delay.arrived(tick)
                 own = np.ascontiguousarray(arrived[:, : self._num_own])
                 steering = self.footholds.steering(arrived[:, self._num_own :])
-            if jump.any():
+            if jumping[tick]:
                 self.simulation.jump(jump)
                 self._look()
             terms = _once(self.plant.terms)
