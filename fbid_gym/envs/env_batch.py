@@ -179,7 +179,7 @@ class EnvBatch:
         jumps = pushes.jumps(self._plan, ticks)
         self._delay.send(action)
         arrivals = self._delay.arrivals()
-        jumping: np.ndarray = jumps.any(axis=(1, 2))
+        jumping = np.asarray(jumps.any(axis=(1, 2)))
         for tick, (push, jump) in enumerate(zip(forces, jumps, strict=True)):
             if tick in arrivals:
                 arrived = self._delay.arrived(tick)
