@@ -29,7 +29,7 @@ class LawMemory(NamedTuple):
     @classmethod
     def of(cls, memory: Memory) -> "LawMemory":
         """Return the law's part of a layer's memory, to be updated in place."""
-        return cls(*(memory[name] for name in cls._fields))
+        return cls(memory["warm_start"], memory["residual"], memory["underactuation"])
 
     @classmethod
     def fresh(cls, num_robots: int) -> "LawMemory":
