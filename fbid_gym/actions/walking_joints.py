@@ -11,7 +11,7 @@ from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
 from fbid_gym.actions.layer import ActionLayer
 from fbid_gym.actions.torque import Torque
-from fbid_gym.actions.walking_law import WalkingGains
+from fbid_gym.actions.walking_gains import WalkingGains
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.motions import home_reference
 from fbid_gym.motions.gait.joints import joint_reference, legs_of
@@ -152,7 +152,7 @@ def walking_feedforward(
         scale: rad at action 1.
         target_frequency: Hz, at which the offset follows the action.
     """
-    if natural_frequency is None and robot.num_points == robot.num_feet:
+    if natural_frequency is None and not robot.has_soles:
         most = steady_frequency(robot, control_hz, damping_ratio)
         natural_frequency = min(body_frequency(robot, omega), most)
     inner = JointPositionFeedforward.of(

@@ -22,6 +22,7 @@ from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.joint_damping import overcome_damping
 from fbid_gym.actions.law_memory import LawMemory, remember
+from fbid_gym.actions.walking_gains import WalkingGains
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
@@ -53,45 +54,6 @@ _SOLE = 0.9  # of a flat foot, that carries: its edges are where it tips
 _LEAST_LOAD = 0.02  # of a foot's greatest force, so that it is held down
 _MOST_LOAD = 1.5  # of the weight, on a point foot
 _RAMP = 0.14  # pendulum times that the torque on soles takes to what a switch makes of it
-
-
-class WalkingGains(NamedTuple):
-    """Of a robot that walks: stiffness 1/s^2, damping 1/s.
-
-    Attributes:
-        height: of the base.
-        height_damping: of the base.
-        rotation: of the base.
-        rotation_damping: of the base.
-        swing: of feet in the air.
-        swing_damping: of feet in the air.
-        hold: 1/s, of feet that stand, on what they move.
-        posture: of the joints.
-        posture_damping: of the joints.
-    """
-
-    height: float
-    height_damping: float
-    rotation: float
-    rotation_damping: float
-    swing: float
-    swing_damping: float
-    hold: float
-    posture: float
-    posture_damping: float
-
-    @classmethod
-    def of(cls, robot: Robot, omega: float) -> "WalkingGains":
-        """Derive the gains from the rate omega (1/s) at which the robot falls."""
-        of_kind = _ON_SOLES if _has_soles(robot) else _ON_POINTS
-        powers = cls(2, 1, 2, 1, 2, 1, 1, 2, 1)
-        return cls(*(gain * omega**power for gain, power in zip(of_kind, powers, strict=True)))
-
-
-# In units of omega, to the power of the unit. On points a robot has no ankles: what it does with
-# its joints is all in its feet and its body.
-_ON_POINTS = WalkingGains(4.4, 3.4, 5.9, 4.3, 26.0, 10.0, 5.0, 0.0, 0.34)
-_ON_SOLES = WalkingGains(7.84, 5.6, 6.25, 5.0, 49.0, 14.0, 2.9, 4.84, 4.4)
 
 
 class WalkingConstants(NamedTuple):
@@ -149,7 +111,7 @@ class WalkingLaw:
             contact: the options; which points are on the ground is the gait's to say.
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
-        soles = _has_soles(robot)
+        soles = robot.has_soles
         # On soles the centre of pressure balances: the horizontal force goes before the moment. On
         # points there is little of a moment to give away.
         cost = (1.0, 1.0, 1.0, 0.05, 0.05, 0.05) if soles else None
@@ -209,11 +171,6 @@ class WalkingLaw:
         return self.ramp.torque(torque, target.planted, lambda rows, _: before[rows], memory)
 
 
-def _has_soles(robot: Robot) -> bool:
-    """Whether a foot has more than a point to stand on."""
-    return robot.num_points > robot.num_feet
-
-
 def _turning_inertia(robot: Robot) -> np.ndarray:
     """What a moment has to overcome to turn the base: (3, 3) kg·m², ahead, to the left and up.
 
@@ -222,7 +179,7 @@ def _turning_inertia(robot: Robot) -> np.ndarray:
     """
     stance = Stance.of(robot)
     terms, body = stance.terms, centroidal_terms(stance.terms, np.zeros((1, robot.nv)))
-    rows = 6 if _has_soles(robot) else 3
+    rows = 6 if robot.has_soles else 3
     feet = terms.foot_jacobian[0, :, :rows].reshape(-1, robot.nv)
     held = np.concatenate([feet, terms.mass_matrix[0, :2] / robot.mass, np.eye(6, robot.nv)[2:]])
     turn = np.zeros((len(held), 3))

@@ -17,10 +17,10 @@ import math
 
 import numpy as np
 
+from fbid_gym.actions.walking_gains import WalkingGains
 from fbid_gym.actions.walking_law import (
     BodyAim,
     WalkingConstants,
-    WalkingGains,
     all_points,
     feet_on_their_way,
     posture,

@@ -110,6 +110,11 @@ class Robot:
         return sum(foot.num_points for foot in self.feet)
 
     @property
+    def has_soles(self) -> bool:
+        """Whether a foot has more than a point to stand on."""
+        return self.num_points > self.num_feet
+
+    @property
     def foot_names(self) -> tuple[str, ...]:
         """Names of the feet."""
         return tuple(foot.name for foot in self.feet)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fbid_gym.compiled import kernel
+from fbid_gym.motions.gait.heading import axes_of_base, in_world
 from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots.terrain.grid import HeightGrid, height_at
 
@@ -25,11 +26,8 @@ def scan_heights(
     count = len(below)
     found = np.empty((count, len(offsets)))
     for i in range(count):
-        base, rotation = terms.base_position[i], terms.world_from_base[i]
-        size = np.hypot(rotation[0, 0], rotation[1, 0]) + 1e-12
-        cosine, sine = rotation[0, 0] / size, rotation[1, 0] / size
+        base, axes = terms.base_position[i], axes_of_base(terms.world_from_base[i])
         for k in range(len(offsets)):
-            x = base[0] + cosine * offsets[k, 0] - sine * offsets[k, 1]
-            y = base[1] + sine * offsets[k, 0] + cosine * offsets[k, 1]
-            found[i, k] = height_at(ground, x, y) - below[i]
+            x, y = in_world(axes, offsets[k, 0], offsets[k, 1])
+            found[i, k] = height_at(ground, base[0] + x, base[1] + y) - below[i]
     return found

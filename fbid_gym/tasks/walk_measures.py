@@ -4,7 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import kernel
+from fbid_gym.motions.gait.heading import along, axes_of_base
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Memory
 from fbid_gym.tasks.body import Posture, bell, level, see_limbs, side_by_side
@@ -175,7 +176,8 @@ def observe(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes)
         angle = 2.0 * np.pi * notes.cycle[i]
         seen.clock[i, 0], seen.clock[i, 1] = np.sin(angle), np.cos(angle)
         base = terms.world_from_base[i]
-        seen.velocity[i, 0], seen.velocity[i, 1] = _by_heading(base, state.qvel[i])
+        ahead, left = along(axes_of_base(base), state.qvel[i, 0], state.qvel[i, 1])
+        seen.velocity[i, 0], seen.velocity[i, 1] = ahead, left
         seen.velocity[i, 2] = state.qvel[i, 2]
         height = terms.base_position[i, 2] - notes.ground[i]
         seen.height[i, 0] = height - scales.home_height
@@ -210,7 +212,7 @@ def judge(
     down = np.empty(feet, np.bool_)
     for i in range(count):
         base, qvel = terms.world_from_base[i], state.qvel[i]
-        ahead, left = _by_heading(base, qvel)
+        ahead, left = along(axes_of_base(base), qvel[0], qvel[1])
         moved.velocity_error[i] = np.hypot(ahead - command[i, 0], left - command[i, 1])
         moved.speed[i] = np.hypot(ahead, left)
         notes.distance[i] += moved.speed[i] * outcome.seconds
@@ -234,14 +236,3 @@ def judge(
         share.steady[i] = bell(tumble, 0.3)
         share.torque[i] = bell(torque / scales.mean_torque_limit, 0.5)
     return Judged(share, moved)
-
-
-@compiled
-def _by_heading(world_from_base: np.ndarray, velocity: np.ndarray) -> tuple[float, float]:
-    """A horizontal velocity, m/s, world, as that ahead and to the left of a base."""
-    size = np.hypot(world_from_base[0, 0], world_from_base[1, 0]) + 1e-12
-    cosine, sine = world_from_base[0, 0] / size, world_from_base[1, 0] / size
-    return (
-        cosine * velocity[0] + sine * velocity[1],
-        cosine * velocity[1] - sine * velocity[0],
-    )

@@ -32,6 +32,13 @@ def axes_of(heading: float) -> Pair:
 
 
 @compiled
+def axes_of_base(world_from_base: np.ndarray) -> Pair:
+    """Return the cosine and sine of the heading of a base with a rotation (3, 3)."""
+    size = np.hypot(world_from_base[0, 0], world_from_base[1, 0]) + 1e-12
+    return world_from_base[0, 0] / size, world_from_base[1, 0] / size
+
+
+@compiled
 def in_world(axes: Pair, ahead: float, left: float) -> Pair:
     """Return in the world a vector that is given along the axes of a heading."""
     return axes[0] * ahead - axes[1] * left, axes[1] * ahead + axes[0] * left

@@ -70,7 +70,7 @@ def legs_of(robot: Robot, aware: bool) -> Legs:
     low, high = robot.joint_range.T
     return Legs(
         joints=stance.legs,
-        rows=6 if robot.num_points > robot.num_feet else 3,
+        rows=6 if robot.has_soles else 3,
         home=robot.home_qpos,
         low=np.ascontiguousarray(low),
         high=np.ascontiguousarray(high),
