@@ -17,6 +17,7 @@ from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots.undrawn import alone, undrawn
 from fbid_gym.tasks import Walk
 from fbid_gym.tasks.outcome import Outcome
+from fbid_gym.tasks.task import Now
 
 _ACTION_TOLERANCE = 1e-6
 _LOW = 2**64 - 1
@@ -189,7 +190,8 @@ class EnvBatch:
                 self.simulation.jump(jump)
                 self._look()
             terms = _once(self.plant.terms)
-            reference = self.task.reference(self._plan, state, terms, steering, self._planned)
+            now = Now(state, terms, steering, self._planned)
+            reference = self.task.reference(self._plan, now)
             torque = self.layer.torque(own, state, reference, terms, self._memory)
             self.simulation.tick(torque, push, effort, state)
         self._torque = effort.torque

@@ -45,6 +45,11 @@ class Foot:
         """Number of contact points."""
         return len(self.point_names)
 
+    def touching(self, data: mujoco.MjData) -> np.ndarray:
+        """Return where its points touch level ground: (P, 3) m, world."""
+        rotation = data.xmat[self.body].reshape(3, 3)
+        return data.xpos[self.body] + self.points @ rotation.T - [0.0, 0.0, self.radius]
+
 
 @dataclass(frozen=True, eq=False)
 class ContactPoint:

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.robots.feet import Foot
-from fbid_gym.robots.mjcf import can_touch, moving_joints, object_name
+from fbid_gym.robots.mjcf import can_touch, moving_joints, object_name, weight_of
 from fbid_gym.robots.polygon import margin_within
 from fbid_gym.robots.touching import lowest
 
@@ -73,7 +73,7 @@ def findings(
     data = mujoco.MjData(model)
     data.qpos[:] = home_qpos
     mujoco.mj_forward(model, data)
-    points = np.concatenate([_touching(data, foot) for foot in feet])
+    points = np.concatenate([foot.touching(data) for foot in feet])
     base = model.jnt_bodyid[0]
     height = float(data.subtree_com[base][2] - points[:, 2].min())
     home = _Home(model, data, feet, points, height)
@@ -86,12 +86,6 @@ def findings(
         *_springs(home),
         *_slippery(home),
     ]
-
-
-def _touching(data: mujoco.MjData, foot: Foot) -> np.ndarray:
-    """(P, 3) m, world."""
-    rotation = data.xmat[foot.body].reshape(3, 3)
-    return data.xpos[foot.body] + foot.points @ rotation.T - np.array([0.0, 0.0, foot.radius])
 
 
 def _robot_geoms(model: mujoco.MjModel) -> np.ndarray:
@@ -147,7 +141,7 @@ def _unloaded(home: _Home, contact_sensor: np.ndarray) -> list[str]:
         mujoco.mj_step(model, data)
         forces[step] = data.sensordata[contact_sensor[:, 2]]
     force = forces[steps // 2 :].mean(axis=0)
-    weight = float(model.body_subtreemass[model.jnt_bodyid[0]] * np.linalg.norm(model.opt.gravity))
+    weight = weight_of(model)
     names = [name for foot in home.feet for name in foot.point_names]
     idle = [name for name, f in zip(names, force, strict=True) if f < _CARRIES_NOTHING * weight]
     share = float(force.sum()) / weight
@@ -186,8 +180,8 @@ def _too_light(home: _Home) -> list[str]:
 
 def _needed_stiffness(home: _Home) -> np.ndarray:
     """(n,) N·m/rad against falling over; 0 for joints that bear no foot."""
-    model, gravity = home.model, float(np.linalg.norm(home.model.opt.gravity))
-    weight = gravity * float(model.body_subtreemass[model.jnt_bodyid[0]]) / len(home.feet)
+    model = home.model
+    weight = weight_of(model) / len(home.feet)
     needed = np.zeros(model.nv - 6)
     for foot in home.feet:
         body = foot.body

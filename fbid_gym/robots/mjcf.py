@@ -53,6 +53,16 @@ def float_base(spec: mujoco.MjSpec, base: str) -> None:
     body.add_freejoint()
 
 
+def weight_of(model: mujoco.MjModel) -> float:
+    """Return the weight in N of the robot, the tree of the first joint."""
+    return float(model.body_subtreemass[model.jnt_bodyid[0]]) * gravity_of(model)
+
+
+def gravity_of(model: mujoco.MjModel) -> float:
+    """Return the size of gravity in m/s²."""
+    return float(np.linalg.norm(model.opt.gravity))
+
+
 def free_joints(model: mujoco.MjModel) -> list[int]:
     """Ids of the free joints."""
     return [int(j) for j in np.flatnonzero(model.jnt_type == _JOINT.mjJNT_FREE)]

@@ -32,14 +32,7 @@ def portrait(robot: Robot) -> np.ndarray:
     data = mujoco.MjData(robot.model)
     data.qpos[:] = robot.home_qpos
     mujoco.mj_forward(robot.model, data)
-    points = np.concatenate(
-        [
-            data.xpos[foot.body]
-            + foot.points @ data.xmat[foot.body].reshape(3, 3).T
-            - [0.0, 0.0, foot.radius]
-            for foot in robot.feet
-        ]
-    )
+    points = np.concatenate([foot.touching(data) for foot in robot.feet])
     com = data.subtree_com[robot.base_body]
     robots_own = robot.model.body_weldid[robot.model.geom_bodyid] != 0
     centres = np.concatenate([data.geom_xpos[robots_own], points])

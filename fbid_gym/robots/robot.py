@@ -127,7 +127,7 @@ class Robot:
     @property
     def gravity(self) -> float:
         """Size of the gravity that its model lives in, m/s²."""
-        return float(np.linalg.norm(self.model.opt.gravity))
+        return mjcf.gravity_of(self.model)
 
     @property
     def joint_damping(self) -> np.ndarray:

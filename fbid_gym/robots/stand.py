@@ -142,8 +142,7 @@ class _Scene:
         mujoco.mj_comPos(self._model, data)
         points, triangles = [], []
         for leg in self._legs:
-            foot, rotation = leg.foot, data.xmat[leg.foot.body].reshape(3, 3)
-            touch = data.xpos[foot.body] + foot.points @ rotation.T - [0.0, 0.0, foot.radius]
+            touch = leg.foot.touching(data)
             points.append(touch)
             anchors = data.xanchor[leg.hip].copy(), data.xanchor[leg.knee].copy()
             triangles.append((*anchors, touch.mean(axis=0)))

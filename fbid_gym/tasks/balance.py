@@ -8,15 +8,15 @@ import numpy as np
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions import home_reference
-from fbid_gym.quantities import Memory, Reference
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.ahead import Ahead
 from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, Posture, bell, level, weighted
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
+from fbid_gym.tasks.task import Now
 
 
 class BalanceReward(NamedTuple):
@@ -46,7 +46,7 @@ REWARD_WEIGHTS = BalanceReward(
 
 
 @dataclass(frozen=True, eq=False)
-class Balance(Ahead):
+class Balance:
     """The task, for one robot; a `Task`.
 
     Attributes:
@@ -130,7 +130,11 @@ class Balance(Ahead):
             "command": self.body.home_height * rng.uniform(*self.height_range, size=count),
         }
 
-    def planned(self, plan: Plan, tick: np.ndarray) -> Reference:
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """Nothing: the motion is planned ahead."""
+        return {}
+
+    def reference(self, plan: Plan, now: Now) -> Reference:
         """Return the motion that the action layers follow: the home stance.
 
         The commanded height is not among it: to follow that is the policy's part.

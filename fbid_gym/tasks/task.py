@@ -1,7 +1,7 @@
 """What every task is: what chance decides, what is asked, how it is judged."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -11,6 +11,22 @@ from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
+
+
+class Now(NamedTuple):
+    """What a reference may depend on at a control tick, beside the plan.
+
+    Attributes:
+        state: of the robots.
+        terms: returns the dynamics at this state.
+        steering: what the policy changes of a gait.
+        memory: of the robots, what `Task.memory` began; updated.
+    """
+
+    state: RobotState
+    terms: Callable[[], DynamicsTerms]
+    steering: Steering
+    memory: Memory
 
 
 class Task(Protocol):
@@ -53,22 +69,8 @@ class Task(Protocol):
         """Return what is remembered of robots that begin an episode where they are."""
         ...
 
-    def reference(
-        self,
-        plan: Plan,
-        state: RobotState,
-        terms: Callable[[], DynamicsTerms],
-        steering: Steering,
-        memory: Memory,
-    ) -> Any:
+    def reference(self, plan: Plan, now: Now) -> Any:
         """Return what the action layers follow at this control tick, and go on by it.
-
-        Args:
-            plan: of the robots.
-            state: of the robots, now.
-            terms: returns the dynamics at this state.
-            steering: what the policy changes of it, where it is a gait.
-            memory: of the robots; updated.
 
         Returns:
             A `Reference`, or the target of a gait.

@@ -8,15 +8,15 @@ import numpy as np
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.quantities import Memory, Reference
+from fbid_gym.quantities import DynamicsTerms, Memory, Reference
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.ahead import Ahead
 from fbid_gym.tasks.body import Body, Posture, bell, level, side_by_side, weighted
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
+from fbid_gym.tasks.task import Now
 
 
 class TrackingReward(NamedTuple):
@@ -59,7 +59,7 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Tracking(Ahead):
+class Tracking:
     """The task, for one robot and one motion; a `Task`.
 
     Attributes:
@@ -134,14 +134,18 @@ class Tracking(Ahead):
             **pushes,
         }
 
-    def planned(self, plan: Plan, tick: np.ndarray) -> Reference:
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """Nothing: the motion is planned ahead."""
+        return {}
+
+    def reference(self, plan: Plan, now: Now) -> Reference:
         """Return what the robots shall do: the motion at each one's phase and speed."""
-        return self.motion.reference(plan["phase"] + tick, plan["speed"])
+        return self._planned(plan, now.state.tick)
 
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
         body, tick = self.body, outcome.state.tick
-        reference = self.planned(plan, tick)
+        reference = self._planned(plan, tick)
         angle = 2.0 * np.pi / self.motion.period * (plan["phase"] + tick)
         home = body.stance.home_base, body.robot.home_qpos
         asked = _ask(angle, plan["speed"], reference, *home)
@@ -152,7 +156,7 @@ class Tracking(Ahead):
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step; see `Task.reward`."""
         body, posture = self.body, self.body.posture(outcome)
-        reference = self.planned(plan, outcome.state.tick)
+        reference = self._planned(plan, outcome.state.tick)
         scales = _Scales(
             body.home_height, body.mean_torque_limit, body.stance.geometry.foot_of_point
         )
@@ -170,6 +174,9 @@ class Tracking(Ahead):
             "slip": posture.slip,
         }
         return weighted(shares, REWARD_WEIGHTS), metrics
+
+    def _planned(self, plan: Plan, tick: np.ndarray) -> Reference:
+        return self.motion.reference(plan["phase"] + tick, plan["speed"])
 
 
 class _Asked(NamedTuple):

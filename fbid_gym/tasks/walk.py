@@ -1,16 +1,15 @@
 """Task `walk`: follow velocity commands on foot, despite pushes."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions.gait.command import GaitCommand, Steering
+from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.gait import Gait, default_gait, gait_of
 from fbid_gym.motions.gait.target import GaitTarget
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
+from fbid_gym.quantities import DynamicsTerms, Memory
 from fbid_gym.robots import Robot
 from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
 from fbid_gym.tasks.body import Body, weighted
@@ -19,6 +18,7 @@ from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
+from fbid_gym.tasks.task import Now
 from fbid_gym.tasks.walk_measures import (
     Notes,
     Scales,
@@ -184,24 +184,17 @@ class Walk:
         """Of the gait, and what is noted for observation, reward and metrics."""
         return self.gait.memory(terms) | Notes.standing(terms).memory()
 
-    def reference(
-        self,
-        plan: Plan,
-        state: RobotState,
-        terms: Callable[[], DynamicsTerms],
-        steering: Steering,
-        memory: Memory,
-    ) -> GaitTarget:
+    def reference(self, plan: Plan, now: Now) -> GaitTarget:
         """Return what the gait asks for, and go on by a tick."""
-        known, notes = terms(), Notes.of(memory)
+        terms, notes = now.terms(), Notes.of(now.memory)
         command = GaitCommand(
-            velocity=self.command(plan, state.tick),
-            shift=steering.shift,
-            rate=steering.rate,
+            velocity=self.command(plan, now.state.tick),
+            shift=now.steering.shift,
+            rate=now.steering.rate,
             ground=self._foreseen(notes.foothold),
         )
-        target = self.gait.target(command, known, state.contact_force, memory)
-        note(target, known.foot_position, notes)
+        target = self.gait.target(command, terms, now.state.contact_force, now.memory)
+        note(target, terms.foot_position, notes)
         return target
 
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:

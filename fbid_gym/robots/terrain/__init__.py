@@ -141,8 +141,8 @@ def _scale(robot: Robot) -> Scale:
 def _reach(robot: Robot) -> float:
     """Largest horizontal distance of a contact point from the base at home, m."""
     data = _at_home(robot)
-    points = [data.xpos[f.body] + f.points @ data.xmat[f.body].reshape(3, 3).T for f in robot.feet]
-    offset = (np.concatenate(points) - data.xpos[robot.base_body])[:, :2]
+    points = np.concatenate([foot.touching(data) for foot in robot.feet])
+    offset = (points - data.xpos[robot.base_body])[:, :2]
     return float(np.linalg.norm(offset, axis=1).max())
 
 
