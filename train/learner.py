@@ -73,6 +73,8 @@ def build(config: TrainConfig, robots: VecEnv) -> PPO:
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},
         },
     )
+    with torch.no_grad():
+        learner.policy.value_net.bias.fill_(ppo.expected_reward / max(1.0 - ppo.gamma, 1e-3))
     learner.set_logger(Logger(folder=None, output_formats=[]))
     return learner
 

@@ -165,20 +165,21 @@ class BaseAcceleration:
         terms: DynamicsTerms,
     ) -> np.ndarray:
         """Return the desired acceleration (N, nv)."""
-        heading, added = self.stance.heading, self.scale * action
-        return _stabilise(self.gains, heading, added, state, reference, terms)
+        asked = self.gains, self.stance.heading, self.scale, action
+        return _stabilise(*asked, state, reference, terms)
 
 
 @kernel
 def _stabilise(
     gains: _Gains,
     heading: Heading,
-    added: np.ndarray,
+    scale: np.ndarray,
+    action: np.ndarray,
     state: RobotState,
     reference: Reference,
     terms: DynamicsTerms,
 ) -> np.ndarray:
-    """Return what `BaseAcceleration.acceleration` does, for accelerations (N, 6) to add."""
+    """Return what `BaseAcceleration.acceleration` does; actions (N, 6) and their scale (6,)."""
     frame = support_frame(heading, terms)
     count, size = state.qvel.shape
     result = np.empty((count, size))
@@ -205,7 +206,7 @@ def _stabilise(
             lead[k] = (
                 reference.com_acceleration_in_support[row, k] if of_com else reference.qacc[row, k]
             )
-            lead[k] += added[i, k] + damping[k] * velocity
+            lead[k] += scale[k] * action[i, k] + damping[k] * velocity
             if k < 3:
                 place = reference.com_in_support[row, k] if of_com else reference.qpos[row, k]
                 lead[k] += stiffness[k] * place

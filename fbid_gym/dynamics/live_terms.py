@@ -95,18 +95,17 @@ class LiveTerms:
             "foot_jacobian": (count, feet, 6, nv),
             "foot_bias": (count, feet, 6),
         }
-        self._shapes = [shapes[name] for name in DynamicsTerms._fields]
+        self._terms = DynamicsTerms(**{name: np.empty(shape) for name, shape in shapes.items()})
         self._batch = batch
 
     def __call__(self) -> DynamicsTerms:
-        """Return the terms, in arrays of their own."""
+        """Return the terms, in arrays that the next call writes anew."""
         masses = self._batch.expanded("body_mass")
-        terms = DynamicsTerms(*map(np.empty, self._shapes))
         # The velocities are parts of the batch's state: one robot's do not follow another's.
         qvel = np.ascontiguousarray(self._qvel)
         body_mass = self._body_mass if masses is None else masses
-        _read(self._layout, self._buffers, qvel, body_mass, terms)
-        return terms
+        _read(self._layout, self._buffers, qvel, body_mass, self._terms)
+        return self._terms
 
 
 @kernel

@@ -42,7 +42,7 @@ class MuJoCoDynamics:
             self._state = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._state[0][:], self._state[1][:] = qpos, qvel
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
-        return self._live()
+        return DynamicsTerms(*(part.copy() for part in self._live()))
 
 
 def check_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -88,7 +88,8 @@ class EnvBatch:
         self._num_actions = len(self.action_names)
         longest = randomisation.action_delay[1]
         self._delay = ActionDelay.of(num_envs, self._num_actions, self.rates, longest)
-        self._planned = self.task.memory(simulation.terms())
+        planned = self.task.memory(simulation.terms())
+        self._planned = {name: value.copy() for name, value in planned.items()}
         self._progress = Progress.of(num_envs, self.terrain.tiles, config.difficulty)
         self._all_ticks = np.arange(self.rates.ticks)[:, None]
 
@@ -150,14 +151,20 @@ class EnvBatch:
         """Hold the checked actions (N, A) for one policy step."""
         effort, pushed = self._act(action)
         lost = effort.lost | self.simulation.diverged()
-        if lost.any():
-            self._retire(np.flatnonzero(lost))
-            effort.power[lost] = 0.0  # velocities that nobody trusts have a part in it
+        gone = np.flatnonzero(lost)
+        if len(gone):
+            self._retire(gone)
+            effort.power[gone] = 0.0  # velocities that nobody trusts have a part in it
         outcome = self._outcome(effort)
-        rewards, metrics = self.task.reward(outcome, self._plan, self._planned)
-        rewards = {f"reward_{name}": np.where(lost, 0.0, x) for name, x in rewards.items()}
-        # A diverged robot has no state worth observing: its last observation stands.
-        self._observation = np.where(lost[:, None], self._observation, self._observe(outcome))
+        terms, metrics = self.task.reward(outcome, self._plan, self._planned)
+        rewards = {f"reward_{name}": share for name, share in terms.items()}
+        seen = self._observe(outcome)
+        if len(gone):
+            for share in rewards.values():
+                share[gone] = 0.0
+            # A diverged robot has no state worth observing: its last observation stands.
+            seen[gone] = self._observation[gone]
+        self._observation = seen
         fallen = self.task.body.fallen(outcome)
         terminated = fallen | lost
         strayed = self.terrain.tiles.left(self._progress.level, self._state.qpos[:, :2])

@@ -102,7 +102,7 @@ class Simulation:
         return len(self.qpos)
 
     def terms(self) -> DynamicsTerms:
-        """Return the dynamics at the current state, computed once per state."""
+        """Return the dynamics at the current state, in arrays that the next state's overwrite."""
         if self._terms is None:
             self._terms = self._live()
         return self._terms

@@ -72,6 +72,9 @@ class WalkingEnv(RobotEnv):
     | 1       | commanded velocity ahead (m/s)                                    | 10    |
     | 1       | commanded velocity to the left (m/s)                              | 10    |
     | 1       | commanded yaw rate (rad/s)                                        | 10    |
+    | 1       | velocity ahead short of the command (m/s)                         | 100   |
+    | 1       | velocity to the left short of the command (m/s)                   | 100   |
+    | 1       | yaw rate short of the command (rad/s)                             | 100   |
     | F       | planned to stand (1)                                              | 1     |
     | 1       | height of the base above the ground, from home (m)                | 10    |
     | 3       | up direction (base frame)                                         | 1     |

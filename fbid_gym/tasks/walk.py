@@ -135,6 +135,8 @@ class Walk:
             "commanded velocity ahead (m/s)",
             "commanded velocity to the left (m/s)",
             "commanded yaw rate (rad/s)",
+            *(f"velocity {way} short of the command (m/s)" for way in ("ahead", "to the left")),
+            "yaw rate short of the command (rad/s)",
             *(f"{foot} planned to stand (1)" for foot in robot.foot_names),
             "height of the base above the ground, from home (m)",
             *(f"up direction {axis} (base frame)" for axis in "xyz"),
@@ -151,6 +153,7 @@ class Walk:
         bound = Seen(
             clock=np.ones(2),
             command=10.0 * axes,
+            wanting=100.0 * axes,
             planted=feet,
             height=np.full(1, 10.0),
             up=axes,

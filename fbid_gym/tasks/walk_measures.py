@@ -4,10 +4,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.motions.gait.heading import along, axes_of_base
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Memory
+from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.body import Posture, bell, level, see_limbs, side_by_side
 from fbid_gym.tasks.outcome import Outcome
 
@@ -93,6 +94,7 @@ class Seen(NamedTuple):
 
     clock: np.ndarray  # (N, 2)
     command: np.ndarray  # (N, 3)
+    wanting: np.ndarray  # (N, 3) what the velocity lacks of the command
     planted: np.ndarray  # (N, F)
     height: np.ndarray  # (N, 1) m, from home
     up: np.ndarray  # (N, 3) the vertical, base frame
@@ -126,6 +128,12 @@ def command_at(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.n
         for axis in range(3):
             found[i, axis] = command[i, index, axis]
     return found
+
+
+@compiled
+def yaw_rate(world_from_base: np.ndarray, qvel: np.ndarray) -> float:
+    """rad/s about the vertical, of one robot: (3, 3) and (nv,)."""
+    return dot(world_from_base[2], qvel[3:6])
 
 
 @kernel
@@ -166,6 +174,7 @@ def observe(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes)
     seen = Seen(
         np.empty((count, 2)),
         np.empty((count, 3)),
+        np.empty((count, 3)),
         np.empty((count, feet)),
         np.empty((count, 1)),
         np.empty((count, 3)),
@@ -181,6 +190,9 @@ def observe(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes)
         seen.velocity[i, 2] = state.qvel[i, 2]
         height = terms.base_position[i, 2] - notes.ground[i]
         seen.height[i, 0] = height - scales.home_height
+        seen.wanting[i, 0] = command[i, 0] - ahead
+        seen.wanting[i, 1] = command[i, 1] - left
+        seen.wanting[i, 2] = command[i, 2] - yaw_rate(base, state.qvel[i])
         for k in range(3):
             seen.command[i, k] = command[i, k]
             seen.up[i, k] = base[2, k]
@@ -217,8 +229,7 @@ def judge(
         moved.speed[i] = np.hypot(ahead, left)
         notes.distance[i] += moved.speed[i] * outcome.seconds
         notes.energy[i] += outcome.power[i] * outcome.seconds
-        spin = base[2, 0] * qvel[3] + base[2, 1] * qvel[4] + base[2, 2] * qvel[5]
-        moved.turning_error[i] = abs(spin - command[i, 2])
+        moved.turning_error[i] = abs(yaw_rate(base, qvel) - command[i, 2])
         down[:] = False
         for point in range(points):
             if posture.touching[i, point]:

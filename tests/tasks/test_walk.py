@@ -71,12 +71,16 @@ def test_the_observation_is_what_its_names_say(batch, step):
     phase = 2.0 * np.pi * memory["seen_cycle"]
     base = terms.world_from_base
     ahead, left = np.einsum("nij,nj->in", heading_axes(batch), qvel[:, :2])
+    yaw_rate = np.einsum("ni,nij,nj->n", [[0.0, 0.0, 1.0]] * len(base), base, qvel[:, 3:6])
     said = {
         "sine of the gait's cycle (1)": np.sin(phase),
         "cosine of the gait's cycle (1)": np.cos(phase),
         "commanded velocity ahead (m/s)": command[:, 0],
         "commanded velocity to the left (m/s)": command[:, 1],
         "commanded yaw rate (rad/s)": command[:, 2],
+        "velocity ahead short of the command (m/s)": command[:, 0] - ahead,
+        "velocity to the left short of the command (m/s)": command[:, 1] - left,
+        "yaw rate short of the command (rad/s)": command[:, 2] - yaw_rate,
         "base velocity ahead (m/s, heading)": ahead,
         "base velocity to the left (m/s, heading)": left,
         "base velocity up (m/s, heading)": qvel[:, 2],

@@ -71,6 +71,11 @@ class PPOConfig:
     """After each hidden layer."""
     clip_observation: float = 10.0
     """Observations are scaled to unit variance, then clipped to this."""
+    expected_reward: float = 0.0
+    """Reward of a policy step that the value network takes for granted before it has learnt
+    anything: it begins with what that sums up to. Rewards lie in [0, 1]; robots that do well from
+    the start have returns that are large and hardly differ, and a network that begins at zero
+    takes long to come near them."""
     normalise_reward: bool = False
     """Divide rewards by the running standard deviation of their discounted sum. Rewards lie in
     [0, 1] whatever the layer, so there is no scale to take out, and the running one would differ
@@ -216,7 +221,7 @@ _RANGES = {
     "ppo.learning_rate": (0.0, 1.0), "ppo.gamma": (0.0, 1.0), "ppo.gae_lambda": (0.0, 1.0),
     "ppo.clip_range": (1e-6, 1.0), "ppo.ent_coef": (0.0, 1.0), "ppo.vf_coef": (0.0, 10.0),
     "ppo.max_grad_norm": (1e-6, 1e6), "ppo.log_std_init": (-10.0, 2.0),
-    "ppo.clip_observation": (1e-3, 1e6),
+    "ppo.clip_observation": (1e-3, 1e6), "ppo.expected_reward": (0.0, 1.0),
 }  # fmt: skip
 
 

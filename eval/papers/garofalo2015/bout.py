@@ -8,7 +8,7 @@ import numpy as np
 from eval.papers.garofalo2015.pendulum import Bob, Pendulum, world_with_pendulum
 from eval.papers.trial import RATES, Disturbance, Plan, Trial, Wanted, height_of
 from fbid_gym.control import BalanceTarget, resting_target
-from fbid_gym.dynamics import DynamicsTerms, centroidal_terms
+from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics, centroidal_terms
 from fbid_gym.dynamics.frames import rotation_vector
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import Robot
@@ -56,7 +56,9 @@ def balancing(start: np.ndarray, goal: GoalAt | None = None) -> Plan[Goal]:
     def begin(simulation: Simulation, ticks: np.ndarray) -> Callable[[np.ndarray], Wanted[Goal]]:
         count, still = simulation.num_robots, np.zeros_like(simulation.qvel)
         simulation.place(np.arange(count), np.tile(start, (count, 1)), still)
-        first, goal_at = simulation.terms(), goal or stay(start[7:])
+        # The simulation's own terms go on with the robots.
+        first = MuJoCoDynamics(simulation.robot).terms(simulation.qpos, simulation.qvel)
+        goal_at = goal or stay(start[7:])
         height = height_of(first)
 
         def wanted(tick: np.ndarray) -> Wanted[Goal]:
