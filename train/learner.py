@@ -17,6 +17,9 @@ from train.runs.config import PPOConfig, TrainConfig
 MakeEnv = Callable[..., VecEnv]
 """`fbid_gym.make_sb3`, or what stands in for it: (env_id, num_envs=, seed=, **env_args)."""
 
+_LONGEST = 1e-3
+"""One over the policy steps beyond which nothing is expected."""
+
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 
 
@@ -73,10 +76,18 @@ def build(config: TrainConfig, robots: VecEnv) -> PPO:
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},
         },
     )
-    with torch.no_grad():
-        learner.policy.value_net.bias.fill_(ppo.expected_reward / max(1.0 - ppo.gamma, 1e-3))
+    _expect(learner, ppo)
     learner.set_logger(Logger(folder=None, output_formats=[]))
     return learner
+
+
+def _expect(learner: PPO, ppo: PPOConfig) -> None:
+    """Let a policy begin with the zero action, which every layer does something sensible on."""
+    network = learner.policy
+    with torch.no_grad():
+        network.action_net.weight.zero_()
+        network.action_net.bias.zero_()
+        network.value_net.bias.fill_(ppo.expected_reward / max(1.0 - ppo.gamma, _LONGEST))
 
 
 def _learning_rate(ppo: PPOConfig) -> float | Callable[[float], float]:

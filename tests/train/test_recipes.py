@@ -70,7 +70,7 @@ def test_parsing_does_not_change_the_recipe():
         ("[ppo]\nlr = 1.0", "Unknown setting of recipe 'mine' 'lr'. Valid choices: n_steps"),
         ("ppo = 3", "recipe 'mine': ppo is 3. Expected a table."),
         ("seed = 3", "Unknown setting of recipe 'mine' 'seed'"),
-        ("[[exceptions]]\nnum_envs = 3", "an exception without action_layer"),
+        ("[[exceptions]]\nnum_envs = 3", "an exception for layers None. Expected a list"),
         ("num_envs = [", "is no TOML"),
     ],
 )

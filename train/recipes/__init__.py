@@ -7,9 +7,8 @@ command line says goes before both. Environments that no recipe names are traine
     num_envs = 512                           # any field of TrainConfig but those that name the run
     [ppo]                                    # of PPOConfig
     [eval]                                   # of EvaluationConfig
-    [[exceptions]]                           # other values, for an action layer with such options
-    action_layer = "joint_position"
-    layer_options = { reference = "home" }
+    [[exceptions]]                           # other values, for action layers with such options
+    layers = [{ action_layer = "joint_position", layer_options = { reference = "home" } }]
     ppo = { log_std_init = -0.7 }
 
 `train.recipes.zoo` says the same to RL Zoo.
@@ -31,7 +30,6 @@ NONE = "none"
 
 SETTINGS = ("total_steps", "num_envs", "torch_threads", "ppo", "eval")
 """Fields of `TrainConfig` that a recipe may set."""
-_CONDITIONS = ("action_layer", "layer_options")
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,8 @@ class Recipe:
         name: of its file.
         envs: environment ids that it is for.
         settings: by field of `TrainConfig`; "ppo" and "eval" hold settings in turn.
-        exceptions: further settings, each with the action layer and the options it is for.
+        exceptions: further settings, each with the "layers" that it is for: "action_layer", and
+            "layer_options" where it takes such.
     """
 
     name: str
@@ -54,10 +53,8 @@ class Recipe:
         """Return the settings for an action layer with options that were given to it."""
         found = dict(self.settings)
         for exception in self.exceptions:
-            wanted = exception.get("layer_options", {})
-            same = all(layer_options.get(name) == value for name, value in wanted.items())
-            if exception["action_layer"] == action_layer and same:
-                found = _merged(found, _without(exception, _CONDITIONS))
+            if any(_fits(layer, action_layer, layer_options) for layer in exception["layers"]):
+                found = _merged(found, _settings_of(exception))
         return found
 
 
@@ -157,10 +154,15 @@ def _read(path: Path) -> Recipe:
     envs, valid = tuple(data.pop("envs", ())), valid_settings()
     check(f"recipe {path.stem!r}", data, valid)
     for exception in exceptions:
-        if "action_layer" not in exception:
-            raise RunError(f"{path}: an exception without action_layer. Expected one in each.")
-        settings = _without(exception, ("layer_options",))
-        check(f"recipe {path.stem!r}", settings, valid | {"action_layer": ""})
+        layers = exception.get("layers")
+        if not isinstance(layers, list) or not all(
+            isinstance(layer, dict) and "action_layer" in layer for layer in layers
+        ):
+            raise RunError(
+                f"{path}: an exception for layers {layers!r}. Expected a list of tables, an "
+                "action_layer in each."
+            )
+        check(f"recipe {path.stem!r}", _settings_of(exception), valid)
     return Recipe(path.stem, envs, data, exceptions)
 
 
@@ -182,5 +184,11 @@ def _merged(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _without(data: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
-    return {name: value for name, value in data.items() if name not in names}
+def _fits(layer: Mapping[str, Any], action_layer: str, options: Mapping[str, Any]) -> bool:
+    wanted = layer.get("layer_options", {})
+    same = all(options.get(name) == value for name, value in wanted.items())
+    return layer["action_layer"] == action_layer and same
+
+
+def _settings_of(exception: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in exception.items() if name != "layers"}

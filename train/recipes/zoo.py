@@ -4,7 +4,8 @@ r"""The recipes for RL Zoo: `python -m train.recipes.zoo` writes `hyperparams/pp
         --conf-file hyperparams/ppo.yml
 
 One entry per environment that a recipe is for, through the layer that `train.ppo` takes by
-default; the learning rate of RL Zoo falls to zero or is constant.
+default; the learning rate of RL Zoo falls to zero or is constant. `PPOConfig.expected_reward` it
+cannot be told, so its value networks begin at zero.
 """
 
 from pathlib import Path
