@@ -139,6 +139,39 @@ def solve_factored_columns(lower: np.ndarray, columns: np.ndarray) -> None:
 
 
 @compiled
+def rank_of(matrix: np.ndarray, rtol: float) -> int:
+    """Return the rank of a symmetric positive semidefinite matrix, whose lower half is overwritten.
+
+    By Cholesky's method, always with the largest diagonal entry that is left; one at or below
+    `rtol` times the first counts as zero. Zero for a matrix that is not finite.
+    """
+    size, first = len(matrix), 0.0
+    for step in range(size):
+        best = step
+        for i in range(step, size):
+            if not np.isfinite(matrix[i, i]):
+                return 0
+            if matrix[i, i] > matrix[best, best]:
+                best = i
+        pivot = matrix[best, best]
+        if step == 0:
+            first = pivot
+        if not pivot > rtol * first:
+            return step
+        # Rows and columns change places, in the lower half.
+        matrix[best, best] = matrix[step, step]
+        for k in range(step + 1, best):
+            matrix[k, step], matrix[best, k] = matrix[best, k], matrix[k, step]
+        for k in range(best + 1, size):
+            matrix[k, step], matrix[k, best] = matrix[k, best], matrix[k, step]
+        for i in range(step + 1, size):
+            share = matrix[i, step] / pivot
+            for k in range(step + 1, i + 1):
+                matrix[i, k] -= share * matrix[k, step]
+    return size
+
+
+@compiled
 def pseudo_inverse(matrix: np.ndarray, rtol: float, inverse: np.ndarray) -> int:
     """Write the inverse (a, a) of a symmetric positive semidefinite matrix; returns its rank.
 

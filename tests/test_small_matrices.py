@@ -71,3 +71,14 @@ def test_pseudo_inverse(rng: np.random.Generator, size: int, lost: int) -> None:
     matrix[0, 0] = np.nan
     assert small.pseudo_inverse(matrix, 1e-10, inverse) == 0
     assert np.isnan(inverse).all()
+
+
+@pytest.mark.parametrize(("size", "lost"), [(1, 0), (6, 0), (6, 1), (6, 3), (9, 2), (6, 6)])
+def test_rank(rng: np.random.Generator, size: int, lost: int) -> None:
+    for _ in range(20):
+        basis, _ = np.linalg.qr(rng.normal(size=(size, size)))
+        values = np.append(rng.uniform(0.01, 1.0, size - lost), np.zeros(lost))
+        matrix = (basis * values) @ basis.T
+        assert small.rank_of(np.tril(matrix), 1e-8) == (0 if lost == size else size - lost)
+    matrix[0, -1] = matrix[-1, 0] = np.nan
+    assert small.rank_of(matrix, 1e-8) == 0

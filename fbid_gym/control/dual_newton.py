@@ -8,11 +8,14 @@ Mostly the smallest forces that deliver w are within the limits. They are tried 
 they are. All here is of one robot: robots need very different numbers of steps.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from fbid_gym.compiled import compiled
+from fbid_gym.dynamics.vectors import Vector, add, scale, store, subtract, vector
+from fbid_gym.dynamics.vectors import dot as inner
 from fbid_gym.quantities import Accuracy
 from fbid_gym.small_matrices import add_transposed_times, copy, dot, factor, gram, solve_factored
 
@@ -50,6 +53,15 @@ class Points(NamedTuple):
     limits: np.ndarray  # (P, 3)
 
 
+class Nearest(NamedTuple):
+    """The force within a point's limits that is nearest to another."""
+
+    force: Vector  # N
+    slide: float  # N, tangential size s of the other
+    cone: float  # N, (z + mu s) / (1 + mu^2)
+    ratio: float  # factor on its tangential force
+
+
 class Point(NamedTuple):
     """A dual point of one robot, and what follows from it; buffers to write to."""
 
@@ -61,10 +73,8 @@ class Point(NamedTuple):
 
 
 @compiled
-def nearest_force(
-    free: np.ndarray, limits: np.ndarray, force: np.ndarray
-) -> tuple[float, float, float]:
-    """Write the nearest force within a point's limits to `force`, exactly.
+def nearest_force(free: Vector, limits: Vector) -> Nearest:
+    """Return the nearest force within a point's limits, exactly.
 
     In the half-plane of tangential size s and normal force z the limits are a wedge s <= mu z cut
     at two heights. Its nearest point has the normal force clip(max(z, (z + mu s) / (1 + mu^2))),
@@ -72,84 +82,83 @@ def nearest_force(
     to mu times the normal force if it is longer.
 
     Args:
-        free: (3,) N, tangential, tangential, normal.
-        limits: (3,) friction coefficient mu, least and greatest normal force.
-        force: (3,) N, to write to.
-
-    Returns:
-        The tangential size s, (z + mu s) / (1 + mu^2), and the factor on the tangential force.
+        free: N, tangential, tangential, normal.
+        limits: friction coefficient mu, least and greatest normal force.
     """
-    friction = limits[0]
-    slide = np.sqrt(free[0] * free[0] + free[1] * free[1]) + _TINY
-    cone = (free[2] + friction * slide) / (1.0 + friction * friction)
-    normal = np.minimum(np.maximum(np.maximum(free[2], cone), limits[1]), limits[2])
-    ratio = np.minimum(friction * normal / slide, 1.0)
-    force[0], force[1], force[2] = ratio * free[0], ratio * free[1], normal
-    return slide, cone, ratio
+    x, y, z = free
+    friction, lowest, highest = limits
+    slide = math.sqrt(x * x + y * y) + _TINY
+    cone = (z + friction * slide) / (1.0 + friction * friction)
+    normal = min(max(max(z, cone), lowest), highest)
+    ratio = min(friction * normal / slide, 1.0)
+    return Nearest((ratio * x, ratio * y, normal), slide, cone, ratio)
 
 
 @compiled
 def evaluate(problem: Points, regularisation: float, point: Point) -> float:
     """Update a point from its dual; returns the norm of the gradient."""
-    missing = point.missing
+    wrenches, missing = problem.wrenches, point.missing
     for row in range(6):
         missing[row] = -problem.wrench[row]
     for i in range(len(problem.limits)):
-        wrenches = problem.wrenches[i]
         for axis in range(3):
             total = 0.0
             for row in range(6):
-                total += wrenches[axis, row] * point.dual[row]
+                total += wrenches[i, axis, row] * point.dual[row]
             point.free[i, axis] = total
-        nearest_force(point.free[i], problem.limits[i], point.force[i])
-        for axis in range(3):
-            for row in range(6):
-                missing[row] += wrenches[axis, row] * point.force[i, axis]
+        nearest = nearest_force(vector(point.free, (i,)), vector(problem.limits, (i,)))
+        store(nearest.force, point.force, (i,))
+        x, y, z = nearest.force
+        for row in range(6):
+            missing[row] += x * wrenches[i, 0, row] + y * wrenches[i, 1, row]
+            missing[row] += z * wrenches[i, 2, row]
     _go(missing, point.dual, regularisation, point.gradient)
     return np.sqrt(dot(point.gradient, point.gradient))
 
 
 @compiled
 def jacobian_at(problem: Points, regularisation: float, point: Point, jacobian: np.ndarray) -> None:
-    """Write a generalised Jacobian of the gradient, sum G_i D_i G_i^T + eps, to `jacobian` (6, 6).
+    """Write the lower half of a generalised Jacobian of the gradient to `jacobian` (6, 6).
 
-    A sticking point passes its force on unchanged, but not a normal force at its bounds. A sliding
-    point passes it on along the cone's side (mu r + n, r the direction of sliding), and across r
-    scaled by the tangential factor.
+    It is the sum G_i D_i G_i^T + eps. A sticking point passes its force on unchanged, but not a
+    normal force at its bounds. A sliding point passes it on along the cone's side (mu r + n, r the
+    direction of sliding), and across r scaled by the tangential factor. So D_i is a sum of at most
+    three dyads, of a size and a direction each.
     """
-    slope, scratch, passed = np.empty((3, 3)), np.empty(3), np.empty(6)
-    jacobian[:] = 0.0
+    way = np.empty(6)
     for row in range(6):
+        for column in range(row):
+            jacobian[row, column] = 0.0
         jacobian[row, row] = regularisation
     for i in range(len(problem.limits)):
-        friction, lowest, highest = problem.limits[i]
-        slide, cone, ratio = nearest_force(point.free[i], problem.limits[i], scratch)
-        normal = scratch[2]
-        slope[:] = 0.0
-        if ratio >= 1.0:
-            slope[0, 0] = slope[1, 1] = 1.0
-            slope[2, 2] = 1.0 if normal == point.free[i, 2] else 0.0
-        elif normal > 0.0:
-            x, y = point.free[i, 0] / slide, point.free[i, 1] / slide
-            slope[0, 0], slope[1, 1] = ratio * y * y, ratio * x * x
-            slope[0, 1] = slope[1, 0] = -ratio * x * y
-            if lowest <= cone <= highest:
-                side = (friction * x, friction * y, 1.0)
-                for a in range(3):
-                    for b in range(3):
-                        slope[a, b] += side[a] * side[b] / (1.0 + friction * friction)
-        else:
-            continue
-        wrenches = problem.wrenches[i]
-        for a in range(3):
-            for row in range(6):
-                passed[row] = 0.0
-            for b in range(3):
-                for row in range(6):
-                    passed[row] += slope[a, b] * wrenches[b, row]
-            for row in range(6):
-                for column in range(6):
-                    jacobian[row, column] += wrenches[a, row] * passed[column]
+        free, limits = vector(point.free, (i,)), vector(problem.limits, (i,))
+        friction, lowest, highest = limits
+        nearest = nearest_force(free, limits)
+        if nearest.ratio >= 1.0:
+            _add_dyad(problem, i, 1.0, (1.0, 0.0, 0.0), way, jacobian)
+            _add_dyad(problem, i, 1.0, (0.0, 1.0, 0.0), way, jacobian)
+            if nearest.force[2] == free[2]:
+                _add_dyad(problem, i, 1.0, (0.0, 0.0, 1.0), way, jacobian)
+        elif nearest.force[2] > 0.0:
+            x, y = free[0] / nearest.slide, free[1] / nearest.slide
+            _add_dyad(problem, i, nearest.ratio, (-y, x, 0.0), way, jacobian)
+            if lowest <= nearest.cone <= highest:
+                size = 1.0 / (1.0 + friction * friction)
+                _add_dyad(problem, i, size, (friction * x, friction * y, 1.0), way, jacobian)
+
+
+@compiled
+def _add_dyad(
+    problem: Points, i: int, size: float, direction: Vector, way: np.ndarray, jacobian: np.ndarray
+) -> None:
+    """Add size g g^T, g = G_i direction, to the lower half of `jacobian`; `way` is a buffer."""
+    wrenches, (x, y, z) = problem.wrenches, direction
+    for row in range(6):
+        way[row] = x * wrenches[i, 0, row] + y * wrenches[i, 1, row] + z * wrenches[i, 2, row]
+    for row in range(6):
+        share = size * way[row]
+        for column in range(row + 1):
+            jacobian[row, column] += share * way[column]
 
 
 @compiled
@@ -177,14 +186,12 @@ def _slope(
 
     It needs the free forces, which are linear on the way, and no product with the map.
     """
-    slope, free, force = offset + growth * step, np.empty(3), np.empty(3)
+    slope = offset + growth * step
     for i in range(len(problem.limits)):
-        for axis in range(3):
-            way = trial.free[i, axis] - point.free[i, axis]
-            free[axis] = point.free[i, axis] + step * way
-        nearest_force(free, problem.limits[i], force)
-        for axis in range(3):
-            slope += force[axis] * (trial.free[i, axis] - point.free[i, axis])
+        start = vector(point.free, (i,))
+        way = subtract(vector(trial.free, (i,)), start)
+        free = add(start, scale(step, way))
+        slope += inner(nearest_force(free, vector(problem.limits, (i,))).force, way)
     return slope
 
 
@@ -315,8 +322,8 @@ def deliver(
 
     The smallest forces are tried first. Newton's method follows where they are not within the
     limits, and after `max_iterations` steps a cold start by way of stronger regularisations, in
-    four rounds of at most twice as many steps. What that leaves unsolved gets the better of its
-    last forces and those at `start`.
+    four rounds of at most four times as many steps. What that leaves unsolved gets the better of
+    its last forces and those at `start`.
 
     Args:
         problem: of the robot.
@@ -345,7 +352,7 @@ def deliver(
     budget = accuracy.max_iterations
     error, taken = _newton(points, eps, tolerance, budget, point, trial)
     if error > tolerance:
-        taken += _persist(points, eps, tolerance, 2 * budget, point, trial)
+        taken += _persist(points, eps, tolerance, 4 * budget, point, trial)
         error = np.sqrt(dot(point.gradient, point.gradient))
     copy(point.dual, found.dual)
     if error > tolerance:

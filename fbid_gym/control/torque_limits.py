@@ -18,6 +18,7 @@ import numpy as np
 
 from fbid_gym.compiled import compiled
 from fbid_gym.control.dual_newton import Problem, nearest_force
+from fbid_gym.dynamics.vectors import store, vector
 from fbid_gym.quantities import Accuracy
 from fbid_gym.small_matrices import (
     add_transposed_times,
@@ -125,8 +126,8 @@ def _split(
         for i in range(columns):
             free[i] = _relaxed(free[i], inside[i]) + force_debt[i]
         for point in range(len(limits)):
-            part = slice(3 * point, 3 * point + 3)
-            nearest_force(free[part], limits[point], inside[part])
+            nearest = nearest_force(vector(free, (), 3 * point), vector(limits, (point,)))
+            store(nearest.force, inside, (), 3 * point)
         for i in range(columns):
             force_debt[i] = free[i] - inside[i]
 

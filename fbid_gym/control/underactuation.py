@@ -3,7 +3,7 @@
 import numpy as np
 
 from fbid_gym.compiled import kernel
-from fbid_gym.small_matrices import gram, pseudo_inverse
+from fbid_gym.small_matrices import gram, rank_of
 
 # Contacts whose shortest lever arm is below a thousandth of the longest count as a line or a point.
 _RTOL = 1e-6
@@ -18,11 +18,11 @@ def underactuation(jacobian: np.ndarray) -> np.ndarray:
     """
     count, rows, _ = jacobian.shape
     missing = np.empty(count)
-    base, push, inverse = np.empty((6, rows)), np.empty((6, 6)), np.empty((6, 6))
+    base, push = np.empty((6, rows)), np.empty((6, 6))
     for i in range(count):
         for row in range(6):
             for k in range(rows):
                 base[row, k] = jacobian[i, k, row]
         gram(base, base, 0.0, push)
-        missing[i] = 6.0 - pseudo_inverse(push, _RTOL, inverse)
+        missing[i] = 6.0 - rank_of(push, _RTOL)
     return missing
