@@ -83,11 +83,11 @@ def build(config: TrainConfig, robots: VecEnv) -> PPO:
 
 def _expect(learner: PPO, ppo: PPOConfig) -> None:
     """Let a policy begin with the zero action, which every layer does something sensible on."""
-    network = learner.policy
-    with torch.no_grad():
-        network.action_net.weight.zero_()
-        network.action_net.bias.zero_()
-        network.value_net.bias.fill_(ppo.expected_reward / max(1.0 - ppo.gamma, _LONGEST))
+    action = cast(torch.nn.Linear, learner.policy.action_net)
+    torch.nn.init.zeros_(action.weight)
+    torch.nn.init.zeros_(action.bias)
+    expected = ppo.expected_reward / max(1.0 - ppo.gamma, _LONGEST)
+    torch.nn.init.constant_(learner.policy.value_net.bias, expected)
 
 
 def _learning_rate(ppo: PPOConfig) -> float | Callable[[float], float]:
