@@ -2,13 +2,13 @@
 
 import inspect
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.com_wrench import ComWrench
-from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.footholds import Footholds
 from fbid_gym.actions.joint_acceleration import JointAcceleration
 from fbid_gym.actions.joint_position import JointPosition
@@ -66,8 +66,7 @@ _STEERS = ("base_acceleration", "com_wrench")  # by default
 
 def walking_layer_options(name: str) -> dict[str, Any]:
     """Return the options of a layer on a gait, with their defaults."""
-    parameters = inspect.signature(_layer(name, WALKING_LAYERS)).parameters.values()
-    own = {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+    own = _flat(_own_options(_layer(name, WALKING_LAYERS)))
     return own | {"footholds": name in _STEERS, "step_rate": False}
 
 
@@ -99,15 +98,14 @@ def make_walking_layer(
     for option, value in steers.items():
         if not isinstance(value, bool | np.bool_):
             raise InvalidValueError(option, value, "True or False")
-    layer = WALKING_LAYERS[name](robot, control_hz, omega, **given)
+    build = WALKING_LAYERS[name]
+    layer = build(robot, control_hz, omega, **_grouped(_own_options(build), given))
     return layer, Footholds.of(robot, **steers)
 
 
 def layer_options(name: str) -> dict[str, Any]:
     """Return the options of a layer with their defaults, those about contacts among them."""
-    options = _own_options(name)
-    contact = options.pop("contact", None)
-    return options if contact is None else options | vars(contact)
+    return _flat(_own_options(_layer(name)))
 
 
 def make_layer(
@@ -124,21 +122,34 @@ def make_layer(
     Raises:
         FbidError: unknown layer, unknown option or invalid value; the message names the choices.
     """
-    build, own, valid = _layer(name), _own_options(name), layer_options(name)
+    build, valid = _layer(name), layer_options(name)
     given = dict(options or {})
     for option in given:
         if option not in valid:
             raise UnknownOptionError(f"option of action layer {name!r}", option, valid or ["none"])
-    if "contact" in own:
-        about_contacts = {key: given.pop(key) for key in list(given) if key not in own}
-        given["contact"] = ContactOptions(**about_contacts)
-    return build(robot, control_hz, **given)
+    return build(robot, control_hz, **_grouped(_own_options(build), given))
 
 
-def _own_options(name: str) -> dict[str, Any]:
+def _own_options(build: Callable[..., ActionLayer]) -> dict[str, Any]:
     """The keyword arguments of a layer's constructor; `contact` holds those about contacts."""
-    parameters = inspect.signature(_layer(name)).parameters.values()
+    parameters = inspect.signature(build).parameters.values()
     return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+
+
+def _flat(own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options of a constructor with keyword arguments `own`, one by one."""
+    options = dict(own)
+    contact = options.pop("contact", None)
+    return options if contact is None else options | vars(contact)
+
+
+def _grouped(own: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options one by one as such a constructor takes them."""
+    if "contact" not in own:
+        return dict(given)
+    about_contacts = {name: value for name, value in given.items() if name not in own}
+    rest = {name: value for name, value in given.items() if name in own}
+    return rest | {"contact": replace(own["contact"], **about_contacts)}
 
 
 def _layer(

@@ -7,7 +7,7 @@ import numpy as np
 
 from fbid_gym.actions.base_acceleration import action_scale
 from fbid_gym.actions.com_wrench import wrench_scale_of
-from fbid_gym.actions.contact_options import ContactOptions
+from fbid_gym.actions.contact_options import WALKING_CONTACT_DEFAULTS, WalkingContact
 from fbid_gym.actions.law_memory import DIAGNOSTICS
 from fbid_gym.actions.walking_law import BodyAim, WalkingConstants, WalkingLaw
 from fbid_gym.actions.walking_tasks import base_aim, wrench_aim
@@ -33,12 +33,14 @@ class WalkingBody:
 
     Attributes:
         law: from the body's aim to torque.
+        contact_ramp: s, of the law; see `WalkingContact`.
         aim: one of `walking_tasks`.
         scale: (6,) of the action, in the units of `aim`.
         action_names: six entries.
     """
 
     law: WalkingLaw
+    contact_ramp: float
     aim: Aim
     scale: np.ndarray
     action_names: tuple[str, ...]
@@ -67,9 +69,7 @@ def walking_base_acceleration(
     control_hz: int,
     omega: float,
     *,
-    contact_limits: str = "friction",
-    friction: float = 0.6,
-    compensate_damping: bool = True,
+    contact: WalkingContact = WALKING_CONTACT_DEFAULTS,
 ) -> WalkingBody:
     """Build the layer `base_acceleration` on a gait.
 
@@ -80,18 +80,16 @@ def walking_base_acceleration(
         robot: whose joints.
         control_hz: control ticks per second.
         omega: 1/s, rate at which the robot falls, see `Gait`.
-        contact_limits: "friction" limits the contact forces; "none" is the papers' form.
-        friction: coefficient assumed of every contact.
-        compensate_damping: add the torque that the joints' viscous damping takes away.
+        contact: what it assumes of contacts.
     """
-    contact = ContactOptions(
-        contact_limits=contact_limits, friction=friction, compensate_damping=compensate_damping
-    )
     names = [f"base acceleration {axis}, heading" for axis in _AXES]
     names += [f"base angular acceleration {axis}, base frame" for axis in "xyz"]
-    scale = action_scale(robot, Stance.of(robot), friction)
-    law = WalkingLaw.of(robot, control_hz, omega, contact)
-    return WalkingBody(law, base_aim, scale, _named(names, scale, "m/s^2", "rad/s^2"))
+    scale = action_scale(robot, Stance.of(robot), contact.friction)
+    options = contact.options(robot, omega)
+    law = WalkingLaw.of(robot, control_hz, omega, options)
+    return WalkingBody(
+        law, options.contact_ramp, base_aim, scale, _named(names, scale, "m/s^2", "rad/s^2")
+    )
 
 
 def walking_com_wrench(
@@ -99,23 +97,21 @@ def walking_com_wrench(
     control_hz: int,
     omega: float,
     *,
-    contact_limits: str = "friction",
-    friction: float = 0.6,
-    compensate_damping: bool = True,
+    contact: WalkingContact = WALKING_CONTACT_DEFAULTS,
 ) -> WalkingBody:
     """Build the layer `com_wrench` on a gait; arguments as for `walking_base_acceleration`.
 
     What that is for the base, this is for the momentum: a desired wrench at the centre of mass, as
     in [G15] (38), (39), through full inverse dynamics. Scales as in `ComWrench`.
     """
-    contact = ContactOptions(
-        contact_limits=contact_limits, friction=friction, compensate_damping=compensate_damping
-    )
     names = [f"force {axis} at the centre of mass, heading" for axis in _AXES]
     names += [f"moment {axis} about the centre of mass, heading" for axis in _AXES]
-    scale = wrench_scale_of(robot, Stance.of(robot), friction)
-    law = WalkingLaw.of(robot, control_hz, omega, contact)
-    return WalkingBody(law, wrench_aim, scale, _named(names, scale, "N", "N·m"))
+    scale = wrench_scale_of(robot, Stance.of(robot), contact.friction)
+    options = contact.options(robot, omega)
+    law = WalkingLaw.of(robot, control_hz, omega, options)
+    return WalkingBody(
+        law, options.contact_ramp, wrench_aim, scale, _named(names, scale, "N", "N·m")
+    )
 
 
 def _named(names: list[str], scale: np.ndarray, linear: str, angular: str) -> tuple[str, ...]:

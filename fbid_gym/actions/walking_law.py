@@ -53,7 +53,6 @@ from fbid_gym.small_matrices import copy
 _SOLE = 0.9  # of a flat foot, that carries: its edges are where it tips
 _LEAST_LOAD = 0.02  # of a foot's greatest force, so that it is held down
 _MOST_LOAD = 1.5  # of the weight, on a point foot
-_RAMP = 0.14  # pendulum times that the torque on soles takes to what a switch makes of it
 
 
 class WalkingConstants(NamedTuple):
@@ -89,7 +88,7 @@ class WalkingLaw:
     Attributes:
         robot: whose joints.
         constants: of the law.
-        ramp: leads the torque through touchdowns and lift-offs; None on point feet.
+        ramp: leads the torque through touchdowns and lift-offs; None where it may jump.
         limited: whether contact forces have limits; else they can pull and never slip.
     """
 
@@ -127,9 +126,7 @@ class WalkingLaw:
             home=robot.home_qpos,
             turning_inertia=_turning_inertia(robot),
         )
-        ticks = max(1, round(_RAMP / omega * control_hz))
-        ramp = ContactRamp(ticks) if soles else None
-        return cls(robot, constants, ramp, limits is not None)
+        return cls(robot, constants, contact.ramp(control_hz), limits is not None)
 
     def memory(self, num_robots: int) -> Memory:
         """Warm start of the contact forces, the diagnostics, and what the ramp goes on from."""

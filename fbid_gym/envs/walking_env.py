@@ -56,8 +56,10 @@ class WalkingEnv(RobotEnv):
     | `joint_position_feedforward` | `natural_frequency`, `damping_ratio`, `scale`,                |
     |                              | `target_frequency`                                            |
     | `joint_acceleration`         | `natural_frequency`, `damping_ratio`, `scale`                 |
-    | `base_acceleration`          | `contact_limits`, `friction`, `compensate_damping`            |
-    | `com_wrench`                 | `contact_limits`, `friction`, `compensate_damping`            |
+    | `base_acceleration`          | `contact_limits`, `contact_ramp`, `friction`,                 |
+    |                              | `compensate_damping`                                          |
+    | `com_wrench`                 | `contact_limits`, `contact_ramp`, `friction`,                 |
+    |                              | `compensate_damping`                                          |
 
     `reference="home"` holds the PD controller's targets at the home posture: no gait, the action is
     all there is.

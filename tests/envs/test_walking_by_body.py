@@ -54,9 +54,10 @@ class _Watched:
         return said
 
 
+@pytest.mark.parametrize(("robot", "options"), [("biped", {}), ("go1", {"contact_ramp": 0.048})])
 @pytest.mark.parametrize("layer", LAYERS)
-def test_on_soles_the_torque_goes_through_touchdown_and_lift_off(layer):
-    batch, zero = walking("biped", layer, 4)
+def test_with_a_ramp_the_torque_goes_through_touchdown_and_lift_off(robot, options, layer):
+    batch, zero = walking(robot, layer, 4, layer_options=options)
     batch.layer = seen = _Watched(batch.layer)
     for _ in range(3 * batch.rates.policy):
         batch.step(zero)

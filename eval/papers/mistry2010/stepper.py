@@ -82,8 +82,8 @@ class Stepper:
             points=walk.points / SOLE * USED,
         )  # fmt: skip
         self.gait = replace(gait_of(robot, self.plan.hz), constants=walk)
-        law = WalkingLaw.of(robot, self.plan.hz, omega, CONTACT_DEFAULTS)
-        self.law = replace(law, ramp=None)  # contacts switch instantly, as in [M10] IV.D
+        # Contacts switch instantly, as in [M10] IV.D.
+        self.law = WalkingLaw.of(robot, self.plan.hz, omega, CONTACT_DEFAULTS)
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""
