@@ -54,9 +54,13 @@ class _Watched:
         return said
 
 
-@pytest.mark.parametrize(("robot", "options"), [("biped", {}), ("go1", {"contact_ramp": 0.048})])
+@pytest.mark.parametrize(
+    ("robot", "options", "share"),
+    # In a trot two feet lift as two others land, and their ramps run at the same time.
+    [("biped", {}, 0.1), ("go1", {"contact_ramp": 0.048}, 0.15)],
+)
 @pytest.mark.parametrize("layer", LAYERS)
-def test_with_a_ramp_the_torque_goes_through_touchdown_and_lift_off(robot, options, layer):
+def test_with_a_ramp_the_torque_goes_through_touchdown_and_lift_off(robot, options, share, layer):
     batch, zero = walking(robot, layer, 4, layer_options=options)
     batch.layer = seen = _Watched(batch.layer)
     for _ in range(3 * batch.rates.policy):
@@ -71,7 +75,7 @@ def test_with_a_ramp_the_torque_goes_through_touchdown_and_lift_off(robot, optio
     added = np.abs(torque - sudden)
     change, jump = np.abs(np.diff(torque, axis=0)), np.abs(np.diff(sudden, axis=0))
     assert (change[switched] <= added.max() / ticks + 1e-9).all()
-    assert change[switched].max() < 0.1 * jump[switched].max()
+    assert change[switched].max() < share * jump[switched].max()
     # Nothing is added for ever: a ramp's time after the last switch the law has its own way.
     quiet = np.lib.stride_tricks.sliding_window_view(~switched, ticks, axis=0).all(axis=-1)
     np.testing.assert_array_equal(added[ticks:][quiet], 0.0)
