@@ -17,6 +17,7 @@ from eval.report import page
 from eval.results import Settings
 from eval.wording import headline
 from fbid_gym.errors import InvalidValueError
+from train.environments import register
 from train.runs.exit_status import exit_status
 from train.runs.reading import load
 
@@ -29,12 +30,15 @@ class CompareConfig:
     """Run folders or exported policies, all of one environment."""
     out: Path = Path("report.html")
     """The page. Its numbers go into a file of the same name ending in .json."""
+    register: tuple[str, ...] = ()
+    """Modules to import first, which register environments of yours."""
     settings: Annotated[Settings, tyro.conf.arg(name="")] = field(default_factory=Settings)
     """How to compare."""
 
 
 def run(config: CompareConfig, console: Console, command: list[str]) -> None:
     """Compare, then write the page and its numbers."""
+    register(config.register)
     check_output(config.out, "out", (".html", ".htm"))
     check(config.settings)
     runs = [load(path) for path in config.runs]

@@ -23,7 +23,7 @@ from eval.video import record
 from fbid_gym.checks import check_positive, count
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy
-from train.environments import make_env, make_envs, step_seconds
+from train.environments import make_env, make_envs, register, step_seconds
 from train.episodes import METRICS, Actor, Episodes, play
 from train.runs.config import parse_object
 from train.runs.environment import changed_meaning
@@ -135,6 +135,8 @@ class RolloutConfig:
     """Action layer, with --zero-action."""
     zero_action: bool = False
     """Play the zero action instead of a policy."""
+    register: tuple[str, ...] = ()
+    """Modules to import first, which register environments of yours."""
     env_args: str = "{}"
     """Further environment arguments as a JSON object; they replace those of the run."""
     episodes: int = 50
@@ -228,6 +230,7 @@ def metrics_csv(episodes: Episodes) -> str:
 
 def run(config: RolloutConfig, console: Console) -> None:
     """Do what the command line asks."""
+    register(config.register)
     count("seed", config.seed)
     check_positive(video_seconds=config.video_seconds)
     if config.out is not None:

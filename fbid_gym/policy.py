@@ -268,11 +268,18 @@ class _Sizes:
                 raise PolicyFileError(f"{file}: {key} is {value!r}. Expected a positive number.")
             return float(value)
 
+        env_id = get("env_id", str)
+        if ":" in env_id:  # Gymnasium imports what stands before it
+            raise PolicyFileError(
+                f"{file}: env_id is {env_id!r}, which names a module to import. Expected the id "
+                "alone, of an environment that is registered; --register MODULE imports one of "
+                "yours."
+            )
         hidden = [size("network.hidden", value) for value in get("network.hidden", list)]
         observations = size("observation_size", data.get("observation_size"))
         actions = size("action_size", data.get("action_size"))
         return cls(
-            env_id=get("env_id", str),
+            env_id=env_id,
             env_args=get("env_args", dict),
             widths=(observations, *hidden, actions),
             activation=get("network.activation", str),

@@ -194,6 +194,10 @@ DAMAGE = {
     ),
     "network": (lambda f: _edit_json(f, network=None), "network.hidden is None"),
     "env id": (lambda f: _edit_json(f, env_id=3), "env_id is 3. Expected a value of type str"),
+    "module": (
+        lambda f: _edit_json(f, env_id="friend.evil:fbid_gym/BipedBalance-v0"),
+        "env_id is 'friend.evil:fbid_gym/BipedBalance-v0', which names a module to import",
+    ),
     "clip": (
         lambda f: _edit_json(f, normalisation={"clip": -1, "epsilon": 1e-8}),
         "normalisation.clip is -1. Expected a positive number",

@@ -1,6 +1,7 @@
 """Environments as episodes are played in them: many at a time, or one that draws itself."""
 
-from collections.abc import Mapping
+import importlib
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -9,6 +10,21 @@ from gymnasium.vector import VectorEnv
 from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from train.runs.config import cores
+
+
+def register(modules: Iterable[str]) -> None:
+    """Import modules that register environments: those that the user has named, and no others.
+
+    Raises:
+        InvalidValueError: one that cannot be imported.
+    """
+    for module in modules:
+        try:
+            importlib.import_module(module)
+        except (ImportError, ValueError) as error:
+            raise InvalidValueError(
+                "register", module, f"a module that can be imported ({error})"
+            ) from error
 
 
 def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> VectorEnv:

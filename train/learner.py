@@ -125,7 +125,7 @@ def export(learner: PPO, config: TrainConfig, versions: dict[str, Any]) -> Polic
     layers = [module for module in modules if isinstance(module, torch.nn.Linear)]
     observation, _ = moments(learner)
     return Policy(
-        env_id=config.env,
+        env_id=config.env.rpartition(":")[2],  # a policy says where, not what to import for it
         env_args=config.make_args(),
         mean=observation.mean,
         variance=observation.var,

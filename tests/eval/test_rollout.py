@@ -2,6 +2,7 @@
 
 import csv
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -115,6 +116,33 @@ def test_mistakes_are_one_line(
     captured = capsys.readouterr()
     assert captured.err.startswith("error: ") and captured.err.count("\n") == 1
     assert message in captured.err and "Traceback" not in captured.out + captured.err
+
+
+def test_a_module_is_imported_only_where_the_user_names_it(
+    exported: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "own_robots.py").write_text(
+        "import gymnasium as gym\n"
+        "from tests.eval.conftest import StandIn\n"
+        "gym.register('own_robots/Mine-v0', entry_point=StandIn)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    data = Path(exported) / "policy.json"
+    for env_id, message in (
+        ("own_robots:own_robots/Mine-v0", "which names a module to import"),
+        ("own_robots/Mine-v0", "Unknown environment 'own_robots/Mine-v0'"),
+    ):
+        data.write_text(json.dumps(json.loads(data.read_text()) | {"env_id": env_id}))
+        assert main([exported, "--episodes", "1"]) == 2
+        assert message in capsys.readouterr().err
+        assert "own_robots" not in sys.modules
+    assert main([exported, "--episodes", "1", "--register", "own_robots"]) == 0
+    assert "own_robots" in sys.modules
+    assert main([exported, "--register", "no_such_robots"]) == 2
+    assert "Invalid register: 'no_such_robots'" in capsys.readouterr().err
 
 
 def test_a_policy_for_another_size_is_refused(

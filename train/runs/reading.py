@@ -82,7 +82,7 @@ def load(path: Path) -> Run:
         if key not in config:
             raise RunError(f"{folder.config}: {key!r} is missing.")
     policy = Policy.load(path)
-    if policy.env_id != config["env_id"]:
+    if policy.env_id != str(config["env_id"]).rpartition(":")[2]:
         raise RunError(
             f"{path}: {folder.config.name} says {config['env_id']}, the policy in it was trained "
             f"in {policy.env_id}."
