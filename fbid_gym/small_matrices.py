@@ -215,3 +215,33 @@ def pseudo_inverse(matrix: np.ndarray, rtol: float, inverse: np.ndarray) -> int:
                 for j in range(rows):
                     inverse[i, j] += vectors[i, k] * vectors[j, k] / values[k]
     return rank
+
+
+@compiled
+def invert_damped(matrix: np.ndarray, least: float, inverse: np.ndarray) -> None:
+    """Write the inverse (a, a) of a symmetric positive semidefinite matrix, bounded.
+
+    Eigenvalues x below `least` are inverted to 1 / (x + d), d / least = (1 - x / least)^2: that is
+    continuous with its derivative, 1 / least at zero, and nowhere more than 1.34 / least. Plain
+    inversion serves matrices that are certified to have none.
+    """
+    size = len(matrix)
+    lower = matrix.copy()
+    factor(lower)
+    for i in range(size):
+        for j in range(size):
+            inverse[i, j] = 1.0 if i == j else 0.0
+    solve_factored_columns(lower, inverse)
+    square = 0.0
+    for i in range(size):
+        square += dot(inverse[i], inverse[i])
+    if square < least**-2:
+        return
+    inverse[:] = np.nan
+    # LAPACK takes finite matrices only.
+    if np.isfinite(matrix).all():
+        values, vectors = np.linalg.eigh(matrix)
+        values = np.maximum(values / least, 0.0)
+        damping = np.maximum(1.0 - values, 0.0) ** 2
+        scaled = vectors / ((values + damping) * least)
+        multiply_by_transpose(scaled, vectors, inverse)

@@ -28,24 +28,20 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.checks import check_positive, check_shape, contiguous
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import kernel
+from fbid_gym.control.held import invert_contacts
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import Constraint, TaskCommand
 from fbid_gym.small_matrices import (
     add_transposed_times,
     dot,
-    factor,
-    gram,
+    invert_damped,
+    multiply,
     multiply_by_transpose,
-    solve_factored,
-    solve_factored_columns,
     times,
 )
 
 LEAST_GAIN = 0.05
-# Added to the Gram matrix of J_C, whose null space does not matter: a pseudo-inverse would be the
-# same.
-_RIDGE = 1e-11
 
 
 class TaskMotion(NamedTuple):
@@ -232,22 +228,26 @@ def serve_task(
     count, rows, velocities = constraint.jacobian.shape
     size = task.acceleration.shape[1]
     motion, task_error = np.empty((count, velocities)), np.empty((count, size))
-    weighted, held, push = np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows)
-    moved, free = np.empty((rows, size)), np.empty((size, velocities))
+    weighted, held = np.empty((rows, velocities)), np.empty((rows, rows))
+    wrong, push = np.empty(rows), np.empty(rows)
+    pushed, moved, free = (
+        np.empty((rows, size)),
+        np.empty((rows, size)),
+        np.empty((size, velocities)),
+    )
     gains, inverse, share = np.empty((size, size)), np.empty((size, size)), np.empty(size)
     for i in range(count):
         contact, part = constraint.jacobian[i], task.jacobian[min(i, len(task.jacobian) - 1)]
         for k in range(rows):
             for j in range(velocities):
                 weighted[k, j] = contact[k, j] * mobility[j]
-        gram(weighted, contact, _RIDGE, held)
-        factor(held)
+        invert_contacts(weighted, contact, held)
         motion[i] = reference[min(i, len(reference) - 1)]
-        # A second pass takes out what the ridge left.
+        # A second pass takes out what rounding left.
         for _ in range(2):
-            times(contact, motion[i], push)
-            push += constraint.bias[i]
-            solve_factored(held, push)
+            times(contact, motion[i], wrong)
+            wrong += constraint.bias[i]
+            times(held, wrong, push)
             push *= -1.0
             add_transposed_times(weighted, push, motion[i])
 
@@ -257,48 +257,19 @@ def serve_task(
                 free[m, j] = part[m, j] * mobility[j]
         for _ in range(2):
             multiply_by_transpose(contact, free, moved)
-            solve_factored_columns(held, moved)
-            moved *= -1.0
+            multiply(held, moved, pushed)
             for m in range(size):
                 for k in range(rows):
                     for j in range(velocities):
-                        free[m, j] += moved[k, m] * weighted[k, j]
+                        free[m, j] -= pushed[k, m] * weighted[k, j]
         multiply_by_transpose(part, free, gains)
         times(part, motion[i], share)
         error, drift = task_error[i], task.bias[min(i, len(task.bias) - 1)]
         for m in range(size):
             error[m] = task.acceleration[i, m] - drift[m] - share[m]
-        _invert_damped(gains, least_gain, inverse)
+        invert_damped(gains, least_gain**2, inverse)
         times(inverse, error, share)
         add_transposed_times(free, share, motion[i])
         for m in range(size):
             error[m] -= dot(gains[m], share)
     return TaskMotion(motion, task_error)
-
-
-@compiled
-def _invert_damped(gains: np.ndarray, least_gain: float, inverse: np.ndarray) -> None:
-    """Write the inverse of a Gram matrix (m, m), bounded as the module says.
-
-    Plain inversion serves those that are certified to have no gain below `least_gain`.
-    """
-    size = len(gains)
-    lower = gains.copy()
-    factor(lower)
-    for i in range(size):
-        for j in range(size):
-            inverse[i, j] = 1.0 if i == j else 0.0
-    solve_factored_columns(lower, inverse)
-    square = 0.0
-    for i in range(size):
-        square += dot(inverse[i], inverse[i])
-    if square < least_gain**-4:
-        return
-    inverse[:] = np.nan
-    # LAPACK takes finite matrices only.
-    if np.isfinite(gains).all():
-        values, vectors = np.linalg.eigh(gains)
-        values = np.maximum(values / least_gain**2, 0.0)  # squared gains in units of the least
-        damping = np.maximum(1.0 - values, 0.0) ** 2
-        scaled = vectors / ((values + damping) * least_gain**2)
-        multiply_by_transpose(scaled, vectors, inverse)
