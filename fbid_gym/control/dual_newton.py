@@ -322,7 +322,7 @@ def deliver(
 
     The smallest forces are tried first. Newton's method follows where they are not within the
     limits, and after `max_iterations` steps a cold start by way of stronger regularisations, in
-    four rounds of at most four times as many steps. What that leaves unsolved gets the better of
+    four rounds of at most twice as many steps. What that leaves unsolved gets the better of
     its last forces and those at `start`.
 
     Args:
@@ -352,7 +352,7 @@ def deliver(
     budget = accuracy.max_iterations
     error, taken = _newton(points, eps, tolerance, budget, point, trial)
     if error > tolerance:
-        taken += _persist(points, eps, tolerance, 4 * budget, point, trial)
+        taken += _persist(points, eps, tolerance, 2 * budget, point, trial)
         error = np.sqrt(dot(point.gradient, point.gradient))
     copy(point.dual, found.dual)
     if error > tolerance:

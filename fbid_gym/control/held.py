@@ -3,11 +3,12 @@
 import numpy as np
 
 from fbid_gym.compiled import compiled
-from fbid_gym.small_matrices import gram, invert_damped
+from fbid_gym.small_matrices import dot, gram, invert_damped
 
 # Legs without a joint that turns their sole that way hold each other in it: what such a constraint
 # asks of the joints is a thousand times the motion, and comes from rounding and from real contacts
-# being soft. So directions whose squared gain is less than this share of all fade out.
+# being soft. So directions whose squared gain is less than this share of all fade out, whatever the
+# metric A.
 _FAINT = 1e-6
 
 
@@ -25,7 +26,7 @@ def invert_contacts(weighted: np.ndarray, jacobian: np.ndarray, inverse: np.ndar
     gram(weighted, jacobian, 0.0, gains)
     total = 0.0
     for i in range(rows):
-        total += gains[i, i]
+        total += dot(jacobian[i], jacobian[i])
     if total == 0.0:
         total = 1.0
     for i in range(rows):

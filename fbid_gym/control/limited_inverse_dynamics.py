@@ -236,11 +236,13 @@ def _make_consistent(
     held: _Held, jacobian: np.ndarray, jacobian_bias: np.ndarray, acceleration: np.ndarray
 ) -> None:
     """Change an acceleration (nv,) as little as the contacts demand, [M10] eq. (4)."""
-    times(jacobian, acceleration, held.wrong)
-    for k in range(len(held.wrong)):
-        held.wrong[k] = -(held.wrong[k] + jacobian_bias[k])
-    times(held.inverse, held.wrong, held.force)
-    add_transposed_times(held.weighted, held.force, acceleration)
+    # A second pass takes out what rounding left: the metric may weigh a base by thousands.
+    for _ in range(2):
+        times(jacobian, acceleration, held.wrong)
+        for k in range(len(held.wrong)):
+            held.wrong[k] = -(held.wrong[k] + jacobian_bias[k])
+        times(held.inverse, held.wrong, held.force)
+        add_transposed_times(held.weighted, held.force, acceleration)
 
 
 @compiled
@@ -270,10 +272,11 @@ def _yield_to(
     for j in range(velocities):
         for row in range(6):
             response[j, row] = mass_matrix[row, j] * (nearness.base_mobility if j < 6 else 1.0)
-    multiply(jacobian, response, moved)
-    multiply(held.inverse, moved, pushed)
-    multiply_transposed(held.weighted, pushed, back)
-    response -= back
+    for _ in range(2):
+        multiply(jacobian, response, moved)
+        multiply(held.inverse, moved, pushed)
+        multiply_transposed(held.weighted, pushed, back)
+        response -= back
     multiply(mass_matrix[:6], response, inertia)
     ridge = _RESPONSE_RIDGE * mass_matrix[0, 0] ** 2
     for row in range(6):

@@ -8,9 +8,9 @@ from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.robots import Robot
 from tests.robots import zoo
 
-# On soles with four or five joints a leg, two, four and six of them, 1.3 to 158 kg: closed chains
-# that can hardly move in some directions, and not at all in others.
-SEEDS = (2, 10, 29, 32)
+# On soles with five joints a leg, two, four and six of them, 1.3 to 4.4 kg: closed chains that can
+# hardly move in some directions, and not at all in others.
+SEEDS = (2, 20, 29, 32)
 
 
 @pytest.mark.parametrize("layer", ["base_acceleration", "joint_acceleration"])
@@ -25,7 +25,7 @@ def test_it_stands(seed, layer):
         batch.seed(env, np.random.default_rng(env))
     batch.reset(np.arange(4))
     zero = np.zeros((4, len(batch.action_names)))
-    for _ in range(3 * batch.rates.policy):
+    for _ in range(5 * batch.rates.policy):
         step = batch.step(zero)
         assert not step.terminated.any()
     assert step.info["layer_residual"].max() < 1e-3
