@@ -218,30 +218,34 @@ def pseudo_inverse(matrix: np.ndarray, rtol: float, inverse: np.ndarray) -> int:
 
 
 @compiled
-def invert_damped(matrix: np.ndarray, least: float, inverse: np.ndarray) -> None:
-    """Write the inverse (a, a) of a symmetric positive semidefinite matrix, bounded.
+def factor_damped(matrix: np.ndarray, least: float) -> None:
+    """Overwrite the lower half of a symmetric positive semidefinite matrix with a Cholesky factor.
 
-    Eigenvalues x below `least` are inverted to 1 / (x + d), d / least = (1 - x / least)^2: that is
-    continuous with its derivative, 1 / least at zero, and nowhere more than 1.34 / least. Plain
-    inversion serves matrices that are certified to have none.
+    Of the matrix itself if no eigenvalue is below `least`. Otherwise those below, x, become x + d,
+    d / least = (1 - x / least)^2: what is solved with it is continuous with its derivative, and
+    nowhere more than 1.34 / least of what it is solved for. Only the lower half is read.
     """
-    size = len(matrix)
-    lower = matrix.copy()
-    factor(lower)
-    for i in range(size):
-        for j in range(size):
-            inverse[i, j] = 1.0 if i == j else 0.0
-    solve_factored_columns(lower, inverse)
-    square = 0.0
-    for i in range(size):
-        square += dot(inverse[i], inverse[i])
-    if square < least**-2:
+    size, given = len(matrix), matrix.copy()
+    factor(matrix)
+    # The trace of the inverse, from the columns of that of the factor, bounds the least eigenvalue.
+    trace, column = 0.0, np.empty(size)
+    for j in range(size):
+        for i in range(j, size):
+            total = 1.0 if i == j else 0.0
+            for k in range(j, i):
+                total -= matrix[i, k] * column[k]
+            column[i] = total / matrix[i, i]
+            trace += column[i] * column[i]
+    if trace * least < 1.0:
         return
-    inverse[:] = np.nan
+    for i in range(size):
+        for j in range(i):
+            given[j, i] = given[i, j]
+    matrix[:] = np.nan
     # LAPACK takes finite matrices only.
-    if np.isfinite(matrix).all():
-        values, vectors = np.linalg.eigh(matrix)
-        values = np.maximum(values / least, 0.0)
-        damping = np.maximum(1.0 - values, 0.0) ** 2
-        scaled = vectors / ((values + damping) * least)
-        multiply_by_transpose(scaled, vectors, inverse)
+    if np.isfinite(given).all():
+        values, vectors = np.linalg.eigh(given)
+        values = np.maximum(values, 0.0)
+        values += least * np.maximum(1.0 - values / least, 0.0) ** 2
+        multiply_by_transpose(vectors * values, vectors, matrix)
+        factor(matrix)

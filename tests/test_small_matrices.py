@@ -82,3 +82,21 @@ def test_rank(rng: np.random.Generator, size: int, lost: int) -> None:
         assert small.rank_of(np.tril(matrix), 1e-8) == (0 if lost == size else size - lost)
     matrix[0, -1] = matrix[-1, 0] = np.nan
     assert small.rank_of(matrix, 1e-8) == 0
+
+
+@pytest.mark.parametrize("size", SIZES[1:])
+def test_factor_damped(rng: np.random.Generator, size: int) -> None:
+    """Eigenvalues below the least are raised as promised, the others kept."""
+    basis, _ = np.linalg.qr(rng.normal(size=(size, size)))
+    for least in (1e-6, 0.01, 10.0):
+        values = np.append(0.0, np.geomspace(1e-4, 1.0, size - 1)) if size > 1 else np.ones(1)
+        for spectrum in (values, values + least):
+            raised = spectrum + least * np.maximum(1.0 - spectrum / least, 0.0) ** 2
+            matrix = np.tril((basis * spectrum) @ basis.T)
+            small.factor_damped(matrix, least)
+            lower = np.tril(matrix)
+            np.testing.assert_allclose(lower @ lower.T, (basis * raised) @ basis.T, atol=1e-12)
+            assert (raised >= least / 1.34).all()
+    matrix = np.full((size, size), np.nan)
+    small.factor_damped(matrix, 0.1)
+    assert np.isnan(matrix).all()

@@ -17,8 +17,8 @@ from train.runs.config import PPOConfig, TrainConfig
 MakeEnv = Callable[..., VecEnv]
 """`fbid_gym.make_sb3`, or what stands in for it: (env_id, num_envs=, seed=, **env_args)."""
 
-_LONGEST = 1e-3
-"""One over the policy steps beyond which nothing is expected."""
+_FORESIGHT = 1000
+"""Policy steps beyond which nothing is expected."""
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 
@@ -76,17 +76,17 @@ def build(config: TrainConfig, robots: VecEnv) -> PPO:
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},
         },
     )
-    _expect(learner, ppo)
+    _begin(learner, ppo)
     learner.set_logger(Logger(folder=None, output_formats=[]))
     return learner
 
 
-def _expect(learner: PPO, ppo: PPOConfig) -> None:
-    """Let a policy begin with the zero action, which every layer does something sensible on."""
+def _begin(learner: PPO, ppo: PPOConfig) -> None:
+    """Let the policy begin with the zero action, and the value network at what that earns."""
     action = cast(torch.nn.Linear, learner.policy.action_net)
     torch.nn.init.zeros_(action.weight)
     torch.nn.init.zeros_(action.bias)
-    expected = ppo.expected_reward / max(1.0 - ppo.gamma, _LONGEST)
+    expected = ppo.expected_reward / max(1.0 - ppo.gamma, 1.0 / _FORESIGHT)
     torch.nn.init.constant_(learner.policy.value_net.bias, expected)
 
 

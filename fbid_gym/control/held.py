@@ -3,7 +3,7 @@
 import numpy as np
 
 from fbid_gym.compiled import compiled
-from fbid_gym.small_matrices import dot, gram, invert_damped
+from fbid_gym.small_matrices import dot, factor_damped, gram
 
 # Legs without a joint that turns their sole that way hold each other in it: what such a constraint
 # asks of the joints is a thousand times the motion, and comes from rounding and from real contacts
@@ -13,26 +13,20 @@ _FAINT = 1e-6
 
 
 @compiled
-def invert_contacts(weighted: np.ndarray, jacobian: np.ndarray, inverse: np.ndarray) -> None:
-    """Write the inverse (k, k) of J A^-1 J^T, of what the contacts can be held by.
+def factor_contacts(weighted: np.ndarray, jacobian: np.ndarray, lower: np.ndarray) -> None:
+    """Write the Cholesky factor of J A^-1 J^T, as far as contacts can be held.
 
     Args:
         weighted: (k, nv) J A^-1.
         jacobian: (k, nv) J; repeated and zero rows are fine.
-        inverse: to write to.
+        lower: (k, k), whose lower half is written to.
     """
-    rows = len(jacobian)
-    gains = np.empty((rows, rows))
-    gram(weighted, jacobian, 0.0, gains)
+    gram(weighted, jacobian, 0.0, lower)
     total = 0.0
-    for i in range(rows):
+    for i in range(len(jacobian)):
         total += dot(jacobian[i], jacobian[i])
-    if total == 0.0:
-        total = 1.0
-    for i in range(rows):
+    for i in range(len(jacobian)):
         # A row of zeros holds nothing, whatever its force.
-        if gains[i, i] == 0.0:
-            gains[i, i] = total
-        for j in range(i):
-            gains[j, i] = gains[i, j]
-    invert_damped(gains, _FAINT * total, inverse)
+        if lower[i, i] == 0.0:
+            lower[i, i] = max(total, 1.0)
+    factor_damped(lower, _FAINT * total)

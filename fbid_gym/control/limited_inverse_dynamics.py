@@ -29,7 +29,7 @@ from fbid_gym.control.contact_forces import (
 )
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
 from fbid_gym.control.equations import checked_equations
-from fbid_gym.control.held import invert_contacts
+from fbid_gym.control.held import factor_contacts
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import (
     Accuracy,
@@ -45,6 +45,7 @@ from fbid_gym.small_matrices import (
     multiply,
     multiply_transposed,
     solve_factored,
+    solve_factored_columns,
     times,
 )
 
@@ -173,9 +174,7 @@ def limit_dynamics(
     values, maps = np.empty((columns // 3, 3)), np.empty((6, columns))
     base_rows, delivered = np.empty((6, rows)), np.empty(6)
     force, wrench, missing = np.empty(velocities), np.empty(6), np.empty(6)
-    held = _Held(
-        np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows), np.empty(rows)
-    )
+    held = _Held(np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows))
     for i in range(count):
         own_map = contacts.point_map[min(i, len(contacts.point_map) - 1)]
         jacobian, mass_matrix = contacts.jacobian[i], motion.mass_matrix[i]
@@ -217,8 +216,7 @@ class _Held(NamedTuple):
     """What holding the contacts takes; buffers of one robot."""
 
     weighted: np.ndarray  # (k, nv): J A^-1
-    inverse: np.ndarray  # (k, k): of J A^-1 J^T
-    wrong: np.ndarray  # (k,)
+    factor: np.ndarray  # (k, k), lower half: see `factor_contacts`
     force: np.ndarray  # (k,)
 
 
@@ -228,7 +226,7 @@ def _hold(jacobian: np.ndarray, base_mobility: float, held: _Held) -> None:
     for k in range(len(jacobian)):
         for j in range(jacobian.shape[1]):
             held.weighted[k, j] = jacobian[k, j] * (base_mobility if j < 6 else 1.0)
-    invert_contacts(held.weighted, jacobian, held.inverse)
+    factor_contacts(held.weighted, jacobian, held.factor)
 
 
 @compiled
@@ -236,13 +234,11 @@ def _make_consistent(
     held: _Held, jacobian: np.ndarray, jacobian_bias: np.ndarray, acceleration: np.ndarray
 ) -> None:
     """Change an acceleration (nv,) as little as the contacts demand, [M10] eq. (4)."""
-    # A second pass takes out what rounding left: the metric may weigh a base by thousands.
-    for _ in range(2):
-        times(jacobian, acceleration, held.wrong)
-        for k in range(len(held.wrong)):
-            held.wrong[k] = -(held.wrong[k] + jacobian_bias[k])
-        times(held.inverse, held.wrong, held.force)
-        add_transposed_times(held.weighted, held.force, acceleration)
+    times(jacobian, acceleration, held.force)
+    for k in range(len(held.force)):
+        held.force[k] = -(held.force[k] + jacobian_bias[k])
+    solve_factored(held.factor, held.force)
+    add_transposed_times(held.weighted, held.force, acceleration)
 
 
 @compiled
@@ -267,16 +263,15 @@ def _yield_to(
         change: (nv,) to write to.
     """
     rows, velocities = jacobian.shape
-    response, moved, pushed = np.empty((velocities, 6)), np.empty((rows, 6)), np.empty((rows, 6))
+    response, moved = np.empty((velocities, 6)), np.empty((rows, 6))
     back, inertia = np.empty((velocities, 6)), np.empty((6, 6))
     for j in range(velocities):
         for row in range(6):
             response[j, row] = mass_matrix[row, j] * (nearness.base_mobility if j < 6 else 1.0)
-    for _ in range(2):
-        multiply(jacobian, response, moved)
-        multiply(held.inverse, moved, pushed)
-        multiply_transposed(held.weighted, pushed, back)
-        response -= back
+    multiply(jacobian, response, moved)
+    solve_factored_columns(held.factor, moved)
+    multiply_transposed(held.weighted, moved, back)
+    response -= back
     multiply(mass_matrix[:6], response, inertia)
     ridge = _RESPONSE_RIDGE * mass_matrix[0, 0] ** 2
     for row in range(6):

@@ -29,15 +29,17 @@ import numpy as np
 
 from fbid_gym.checks import check_positive, check_shape, contiguous
 from fbid_gym.compiled import kernel
-from fbid_gym.control.held import invert_contacts
+from fbid_gym.control.held import factor_contacts
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import Constraint, TaskCommand
 from fbid_gym.small_matrices import (
     add_transposed_times,
+    copy,
     dot,
-    invert_damped,
-    multiply,
+    factor_damped,
     multiply_by_transpose,
+    solve_factored,
+    solve_factored_columns,
     times,
 )
 
@@ -228,47 +230,41 @@ def serve_task(
     count, rows, velocities = constraint.jacobian.shape
     size = task.acceleration.shape[1]
     motion, task_error = np.empty((count, velocities)), np.empty((count, size))
-    weighted, held = np.empty((rows, velocities)), np.empty((rows, rows))
-    wrong, push = np.empty(rows), np.empty(rows)
-    pushed, moved, free = (
-        np.empty((rows, size)),
-        np.empty((rows, size)),
-        np.empty((size, velocities)),
-    )
-    gains, inverse, share = np.empty((size, size)), np.empty((size, size)), np.empty(size)
+    weighted, held, push = np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows)
+    moved, free = np.empty((rows, size)), np.empty((size, velocities))
+    gains, lower, share = np.empty((size, size)), np.empty((size, size)), np.empty(size)
     for i in range(count):
         contact, part = constraint.jacobian[i], task.jacobian[min(i, len(task.jacobian) - 1)]
         for k in range(rows):
             for j in range(velocities):
                 weighted[k, j] = contact[k, j] * mobility[j]
-        invert_contacts(weighted, contact, held)
+        factor_contacts(weighted, contact, held)
         motion[i] = reference[min(i, len(reference) - 1)]
-        # A second pass takes out what rounding left.
-        for _ in range(2):
-            times(contact, motion[i], wrong)
-            wrong += constraint.bias[i]
-            times(held, wrong, push)
-            push *= -1.0
-            add_transposed_times(weighted, push, motion[i])
+        times(contact, motion[i], push)
+        push += constraint.bias[i]
+        solve_factored(held, push)
+        push *= -1.0
+        add_transposed_times(weighted, push, motion[i])
 
         # Rows of J_t A^-1 less the part that would move the contacts; A^-1 = diag(mobility).
         for m in range(size):
             for j in range(velocities):
                 free[m, j] = part[m, j] * mobility[j]
-        for _ in range(2):
-            multiply_by_transpose(contact, free, moved)
-            multiply(held, moved, pushed)
-            for m in range(size):
-                for k in range(rows):
-                    for j in range(velocities):
-                        free[m, j] -= pushed[k, m] * weighted[k, j]
+        multiply_by_transpose(contact, free, moved)
+        solve_factored_columns(held, moved)
+        for m in range(size):
+            for k in range(rows):
+                for j in range(velocities):
+                    free[m, j] -= moved[k, m] * weighted[k, j]
         multiply_by_transpose(part, free, gains)
         times(part, motion[i], share)
         error, drift = task_error[i], task.bias[min(i, len(task.bias) - 1)]
         for m in range(size):
             error[m] = task.acceleration[i, m] - drift[m] - share[m]
-        invert_damped(gains, least_gain**2, inverse)
-        times(inverse, error, share)
+        lower[:] = gains
+        factor_damped(lower, least_gain**2)
+        copy(error, share)
+        solve_factored(lower, share)
         add_transposed_times(free, share, motion[i])
         for m in range(size):
             error[m] -= dot(gains[m], share)
