@@ -14,13 +14,16 @@ from fbid_gym.robots import Robot
 SERVO = "servo"
 """In place of a natural frequency: the gains of the file's servos."""
 
+_NEAR_GROWTH = 0.75
+
 
 class JointGains(NamedTuple):
-    """K_P = I (2 pi f)^2 and K_D = 2 zeta I (2 pi f), of every joint.
+    """K_P = I (2 pi f)^2 and K_D = 2 zeta I (2 pi f), of every joint, as far as sampling allows.
 
-    I is the inertia that the joint moves while its foot stands (`Stance.standing_inertia`). K_D
-    stays below the inertia that the joint moves in the air times the control rate, beyond which
-    sampled damping itself oscillates.
+    I is the inertia that the joint moves while its foot stands (`Stance.standing_inertia`); in the
+    air it moves far less, a foot above all. So both are limited: joint by joint to the dead-beat
+    gains of what it moves in the air, with which one joint comes to rest in two ticks; and together
+    to three quarters of those limits with which the robot in the air would begin to oscillate.
 
     Attributes:
         stiffness: (n,) N·m/rad.
@@ -59,29 +62,30 @@ class JointGains(NamedTuple):
             robot: whose joints.
             control_hz: control ticks per second.
             natural_frequency: f in Hz. None: `stiffer_than_falling` times that of the robot falling
-                over, the pendulum frequency sqrt(g / height of the centre of mass) / (2 pi), or the
-                largest that `control_hz` allows, if that is less.
+                over, the pendulum frequency sqrt(g / height of the centre of mass) / (2 pi).
             damping_ratio: zeta.
             stiffer_than_falling: see there.
 
         Raises:
-            InvalidValueError: not positive, or so stiff that the sampled controller oscillates.
+            InvalidValueError: not positive, or beyond what any joint can be held with.
         """
         check_positive(damping_ratio=damping_ratio)
-        most = steady_frequency(robot, control_hz, damping_ratio)
         if natural_frequency is None:
             pendulum = np.sqrt(robot.gravity / Stance.of(robot).home_com[2])
-            natural_frequency = min(stiffer_than_falling * pendulum / (2.0 * np.pi), most)
+            natural_frequency = float(stiffer_than_falling * pendulum / (2.0 * np.pi))
         check_positive(natural_frequency=natural_frequency)
-        if natural_frequency > most:
+        inertia, omega = Stance.of(robot).standing_inertia, 2.0 * np.pi * natural_frequency
+        wanted = cls(inertia * omega**2, 2.0 * damping_ratio * omega * inertia, natural_frequency)
+        gains = _steady(robot, control_hz, wanted)
+        if np.all(gains.stiffness < wanted.stiffness):
+            most = np.sqrt((gains.stiffness / inertia).max()) / (2.0 * np.pi)
             raise InvalidValueError(
                 "natural_frequency",
                 natural_frequency,
-                f"at most {most:.3g} Hz at {control_hz} control ticks per second: beyond, "
-                f"{robot.name} oscillates in the air",
+                f"at most {most:.3g} Hz at {control_hz} control ticks per second: beyond, no joint "
+                f"of {robot.name} can be held so firmly without oscillating in the air",
             )
-        gains = _gains(robot, control_hz, natural_frequency, damping_ratio)
-        return cls(*gains, float(natural_frequency))
+        return gains
 
 
 def servo_fault(robot: Robot, control_hz: int) -> str:
@@ -99,31 +103,32 @@ def servo_fault(robot: Robot, control_hz: int) -> str:
     return ""
 
 
-def _gains(
-    robot: Robot, control_hz: int, natural_frequency: float, damping_ratio: float
-) -> tuple[np.ndarray, np.ndarray]:
-    stance, omega = Stance.of(robot), 2.0 * np.pi * natural_frequency
-    damping = 2.0 * damping_ratio * omega * stance.standing_inertia
-    return (
-        stance.standing_inertia * omega**2,
-        np.minimum(damping, stance.hanging_inertia * control_hz),
-    )
+def _steady(robot: Robot, control_hz: int, wanted: JointGains) -> JointGains:
+    """Limit gains, see `JointGains`."""
+    # One joint of inertia I, sampled every T, comes to rest in two ticks with K_P = I / T^2 and
+    # K_D = 1.5 I / T.
+    most = control_hz / np.diag(_mobility(robot))
 
+    def limited(share: float) -> JointGains:
+        stiffness = np.minimum(wanted.stiffness, share * control_hz * most)
+        return wanted._replace(
+            stiffness=stiffness, damping=np.minimum(wanted.damping, 1.5 * share * most)
+        )
 
-def steady_frequency(robot: Robot, control_hz: int, damping_ratio: float) -> float:
-    """Largest natural frequency (Hz) whose gains, sampled, let every mode decay in the air.
-
-    Gains of the stance are high for what a joint moves in the air, the foot above all.
-    """
-    low, high = 0.0, float(control_hz)
-    while high - low > 1e-3 * high:
+    low, high = 0.0, 1.0 / _NEAR_GROWTH
+    while high - low > 1e-3:
         middle = 0.5 * (low + high)
-        gains = _gains(robot, control_hz, middle, damping_ratio)
-        if sampled_growth(robot, *gains, control_hz) < 1.0:
+        gains = limited(middle)
+        if sampled_growth(robot, gains.stiffness, gains.damping, control_hz) < 1.0:
             low = middle
         else:
             high = middle
-    return low
+    return limited(_NEAR_GROWTH * low)
+
+
+def _mobility(robot: Robot) -> np.ndarray:
+    """Inverse inertia (n, n) of the joints of a robot that hangs in the air at home."""
+    return np.linalg.inv(Stance.of(robot).terms.mass_matrix[0])[6:, 6:]
 
 
 def holding_torque(robot: Robot) -> np.ndarray:
@@ -151,7 +156,7 @@ def sampled_growth(
         damping: (n,) N·m·s/rad.
         control_hz: control ticks per second.
     """
-    mobility = np.linalg.inv(Stance.of(robot).terms.mass_matrix[0])[6:, 6:]
+    mobility = _mobility(robot)
     tick, one = 1.0 / control_hz, np.eye(robot.num_joints)
     stiff, damp = mobility * stiffness, mobility * damping
     step = np.block(

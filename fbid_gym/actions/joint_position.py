@@ -51,13 +51,13 @@ class JointPosition:
             natural_frequency: f in Hz; or "servo", the gains that the file's servos had. Default:
                 theirs, if they held every joint and are steady at `control_hz`; else 3.4 times that
                 of the robot falling over, the pendulum frequency sqrt(g / height of the centre of
-                mass) / (2 pi), or the largest that `control_hz` allows, if that is less. Stiffer
-                joints take harder pushes untrained, but turn exploration noise into falls.
+                mass) / (2 pi). Stiffer joints take harder pushes untrained, but turn exploration
+                noise into falls.
             damping_ratio: zeta.
             scale: rad (m for slides) at action 1.
 
         Raises:
-            InvalidValueError: not positive, or so stiff that the sampled controller oscillates.
+            InvalidValueError: not positive, or beyond what any joint can be held with.
         """
         check_positive(scale=scale)
         gains = _gains(robot, control_hz, natural_frequency, damping_ratio)

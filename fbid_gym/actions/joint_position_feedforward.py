@@ -100,7 +100,7 @@ class JointPositionFeedforward:
             control_hz: control ticks per second.
             natural_frequency: Hz of the feedback, see `JointGains`. Default: that of the robot
                 falling over, the pendulum frequency sqrt(g / height of the centre of mass) /
-                (2 pi), or the largest that `control_hz` allows, if that is less.
+                (2 pi).
             damping_ratio: of the feedback.
             scale: rad (m for slides) at action 1.
             target_frequency: Hz, at which the offset follows the action.
@@ -108,7 +108,7 @@ class JointPositionFeedforward:
             contact: what it assumes of contacts.
 
         Raises:
-            InvalidValueError: not positive, or so stiff that the sampled controller oscillates.
+            InvalidValueError: not positive, or beyond what any joint can be held with.
         """
         check_positive(scale=scale, target_frequency=target_frequency)
         check_at_least_zero(balance_frequency=balance_frequency)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.actions.joint_acceleration import JointAcceleration
-from fbid_gym.actions.joint_gains import steady_frequency
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
 from fbid_gym.actions.layer import ActionLayer
@@ -145,16 +144,14 @@ def walking_feedforward(
         control_hz: control ticks per second.
         omega: 1/s, rate at which the robot falls, see `Gait`.
         natural_frequency: Hz of the feedback. Default, on point feet: as the legs that stand hold
-            the base, see `body_frequency`, or the largest that `control_hz` allows, if that is
-            less. Legs in the air move less inertia, and are as much stiffer. On soles that of
-            `JointPositionFeedforward`: stiffer ankles tip them.
+            the base, see `body_frequency`. Legs in the air move less inertia, and are as much
+            stiffer. On soles that of `JointPositionFeedforward`: stiffer ankles tip them.
         damping_ratio: of the feedback.
         scale: rad at action 1.
         target_frequency: Hz, at which the offset follows the action.
     """
     if natural_frequency is None and not robot.has_soles:
-        most = steady_frequency(robot, control_hz, damping_ratio)
-        natural_frequency = min(body_frequency(robot, omega), most)
+        natural_frequency = body_frequency(robot, omega)
     inner = JointPositionFeedforward.of(
         robot,
         control_hz,

@@ -11,8 +11,6 @@ from fbid_gym.dynamics.support import heading_of, support_frame
 from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, SupportFrame
 from fbid_gym.robots import Robot
 
-_OTHERS_DAMPED = 1.5
-
 
 @dataclass(frozen=True, eq=False)
 class Stance:
@@ -92,20 +90,6 @@ class Stance:
                 velocity[:6] = np.linalg.solve(jacobian[:, :6], -jacobian[:, 6 + joint])
                 inertia[joint] = velocity @ matrix @ velocity / len(feet)
         return inertia
-
-    @cached_property
-    def hanging_inertia(self) -> np.ndarray:
-        """Inertia that bounds each joint's damping in the air: (n,) kg·m².
-
-        Damping that is sampled once a tick and held oscillates by itself beyond twice the inertia
-        it acts on, divided by the tick. That inertia lies between two: the diagonal of M, with the
-        base and all other joints held, and the inverse of the diagonal of M^-1, with all of them
-        giving way. The first alone is too much where a heavy shank hangs from a light pelvis. The
-        second counts one and a half times, since the others are damped, too.
-        """
-        matrix = self.terms.mass_matrix[0]
-        giving_way = 1.0 / np.diag(np.linalg.inv(matrix))
-        return np.minimum(np.diag(matrix), _OTHERS_DAMPED * giving_way)[6:]
 
     @cached_property
     def legs(self) -> np.ndarray:

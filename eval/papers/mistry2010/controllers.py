@@ -60,13 +60,27 @@ class PdGains:
         inertia = stance.standing_inertia
         omega = 2.0 * np.pi * np.asarray(hertz, float)[..., None]
         damping = 2.0 * np.asarray(zeta, float)[..., None] * omega * inertia
-        return cls(inertia * omega**2, np.minimum(damping, stance.hanging_inertia * RATES.control))
+        return cls(inertia * omega**2, np.minimum(damping, _most_damping(stance)))
 
     def torque(self, state: RobotState, reference: Reference) -> np.ndarray:
         """K_P (q_d - q) + K_D (qdot_d - qdot): (N, n) N·m."""
         error = reference.qpos[:, 7:] - state.qpos[:, 7:]
         rate = reference.qvel[:, 6:] - state.qvel[:, 6:]
         return self.stiffness * error + self.damping * rate
+
+
+def _most_damping(stance: Stance) -> np.ndarray:
+    """What a sampled joint can be damped with in the air: (n,) N·m·s/rad.
+
+    Damping that is sampled once a tick and held oscillates by itself beyond twice the inertia
+    it acts on, divided by the tick. That inertia lies between two: the diagonal of M, with the
+    base and all other joints held, and the inverse of the diagonal of M^-1, with all of them
+    giving way. The first alone is too much where a heavy shank hangs from a light pelvis. The
+    second counts one and a half times, since the others are damped, too.
+    """
+    matrix = stance.terms.mass_matrix[0]
+    giving_way = 1.0 / np.diag(np.linalg.inv(matrix))
+    return np.minimum(np.diag(matrix), 1.5 * giving_way)[6:] * RATES.control
 
 
 ContactBelief = Callable[[RobotState, Reference], np.ndarray | None]
