@@ -256,14 +256,11 @@ class Nearness(NamedTuple):
     """What "nearest" means where not all that is desired can be had.
 
     Attributes:
-        base_mobility: of accelerations: how much more readily the base departs from its desired one
-            than the joints do, 1 / base_priority.
-        length: m, lever arm that makes moments comparable to forces.
+        mobility: (nv,) of accelerations: how readily each coordinate departs from its desired one.
         scale: (6,) of wrenches: turns N and N·m into N whose squares are comparable.
     """
 
-    base_mobility: float
-    length: float
+    mobility: np.ndarray
     scale: np.ndarray
 
 

@@ -42,6 +42,7 @@ class _Constants(NamedTuple):
     Attributes:
         geometry: of the contact points.
         limits: (1, P, 3) of `limit_rows`.
+        least_gain: m, of a task that goes first, see `operational_space`.
         nearness: of accelerations and wrenches.
         gravity: m/s².
         damping: (n,) N·m·s/rad of the joints, to be compensated; zero for none.
@@ -49,6 +50,7 @@ class _Constants(NamedTuple):
 
     geometry: ContactGeometry
     limits: np.ndarray
+    least_gain: float
     nearness: Nearness
     gravity: float
     damping: np.ndarray
@@ -89,9 +91,8 @@ class AccelerationLaw:
         constants = _Constants(
             geometry=stance.geometry,
             limits=limit_rows(limits or ContactLimits(), robot.num_points),
-            nearness=Nearness(
-                1.0 / base_priority, stance.length, wrench_scale(stance.length, None)
-            ),
+            least_gain=LEAST_GAIN * stance.home_com[2],
+            nearness=Nearness(stance.mobility(base_priority), wrench_scale(stance.length, None)),
             gravity=robot.gravity,
             damping=contact.damping(robot),
         )
@@ -156,23 +157,24 @@ class AccelerationLaw:
     ) -> np.ndarray:
         # Chosen here and not in compiled code: what a layer does not use is then not compiled.
         if task is not None and task.acceleration.shape[1] > 0:
-            desired = _serve_first(self.constants.geometry, active, terms, task, desired)
+            desired = _serve_first(self.constants, active, terms, task, desired)
         law = _realise_within_limits if self.limited else _realise_without_limits
         return law(self.constants, active, terms, velocity, desired, memory)
 
 
 @kernel
 def _serve_first(
-    geometry: ContactGeometry,
+    law: _Constants,
     active: ActivePoints,
     terms: DynamicsTerms,
     task: TaskCommand,
     desired: np.ndarray,
 ) -> np.ndarray:
-    """The accelerations (N, nv) that meet a task, then are as desired: eq. (19)."""
-    contacts = reduce_contacts(geometry, active, terms)
-    constraint, alike = Constraint(contacts.jacobian, contacts.bias), np.ones(desired.shape[1])
-    return serve_task(constraint, task, desired, alike, LEAST_GAIN).motion
+    """The accelerations (N, nv) that meet a task in m, then are as desired: eq. (19)."""
+    contacts = reduce_contacts(law.geometry, active, terms)
+    constraint = Constraint(contacts.jacobian, contacts.bias)
+    least = np.full(task.acceleration.shape[1], law.least_gain)
+    return serve_task(constraint, task, desired, law.nearness.mobility, least).motion
 
 
 @kernel
@@ -216,6 +218,6 @@ def _realise_without_limits(
     constraint = Constraint(contacts.jacobian, contacts.bias)
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
     alike = np.empty((0, desired.shape[1] - 6))
-    found = invert_dynamics(motion, constraint, desired, alike, law.nearness.base_mobility)
+    found = invert_dynamics(motion, constraint, desired, alike, law.nearness.mobility)
     copy(found.underactuation, memory.underactuation)
     return overcome_damping(law.damping, found.torque, velocity)

@@ -8,6 +8,7 @@ import numpy as np
 
 from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
+from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.law_memory import DIAGNOSTICS
 from fbid_gym.checks import check_positive
 from fbid_gym.compiled import kernel
@@ -76,10 +77,10 @@ class BaseAcceleration:
         robot: Robot,
         control_hz: int,
         *,
-        balance_frequency: float = 1.0,
-        height_frequency: float = 1.2,
-        rotation_frequency: float = 1.2,
-        posture_frequency: float = 1.0,
+        balance_frequency: float | Falling = Falling(1.7),
+        height_frequency: float | Falling = Falling(2.0),
+        rotation_frequency: float | Falling = Falling(2.0),
+        posture_frequency: float | Falling = Falling(1.7),
         damping_ratio: float = 1.0,
         base_priority: float = 1e3,
         contact: ContactOptions = CONTACT_DEFAULTS,
@@ -100,22 +101,18 @@ class BaseAcceleration:
                 up more often.
             contact: what it assumes of contacts.
         """
-        check_positive(
+        frequencies = in_hertz(
+            robot,
             balance_frequency=balance_frequency,
             height_frequency=height_frequency,
             rotation_frequency=rotation_frequency,
             posture_frequency=posture_frequency,
-            damping_ratio=damping_ratio,
-            base_priority=base_priority,
         )
+        check_positive(**frequencies, damping_ratio=damping_ratio, base_priority=base_priority)
+        balance, height, rotation, posture = 2.0 * np.pi * np.array(list(frequencies.values()))
         law = AccelerationLaw.of(robot, control_hz, contact, base_priority=base_priority)
         stance = Stance.of(robot)
-        omega = (
-            2.0
-            * np.pi
-            * np.array([balance_frequency] * 2 + [height_frequency] + [rotation_frequency] * 3)
-        )
-        posture = 2.0 * np.pi * posture_frequency
+        omega = np.array([balance, balance, height, rotation, rotation, rotation])
         gains = _Gains(
             stiffness=omega**2,
             damping=2.0 * damping_ratio * omega,

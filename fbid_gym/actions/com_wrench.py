@@ -7,6 +7,7 @@ import numpy as np
 
 from fbid_gym.actions.balance_law import BalanceLaw, PostureGains, desired_wrench
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
+from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.law_memory import DIAGNOSTICS
 from fbid_gym.checks import check_positive
 from fbid_gym.control import BalanceGains
@@ -69,11 +70,11 @@ class ComWrench:
         control_hz: int,
         *,
         balancer: str = "garofalo2015",
-        balance_frequency: float = 0.7,
-        height_frequency: float = 1.2,
-        rotation_frequency: float = 1.2,
-        posture_frequency: float = 1.0,
-        swing_frequency: float = 4.0,
+        balance_frequency: float | Falling = Falling(1.2),
+        height_frequency: float | Falling = Falling(2.0),
+        rotation_frequency: float | Falling = Falling(2.0),
+        posture_frequency: float | Falling = Falling(1.7),
+        swing_frequency: float | Falling = Falling(6.8),
         damping_ratio: float = 1.5,
         moment_priority: float = 1.0,
         contact: ContactOptions = CONTACT_DEFAULTS,
@@ -99,29 +100,30 @@ class ComWrench:
         """
         if balancer not in BALANCERS:
             raise UnknownOptionError("balancer", balancer, BALANCERS)
-        check_positive(
+        frequencies = in_hertz(
+            robot,
             balance_frequency=balance_frequency,
             height_frequency=height_frequency,
             rotation_frequency=rotation_frequency,
             posture_frequency=posture_frequency,
             swing_frequency=swing_frequency,
-            damping_ratio=damping_ratio,
-            moment_priority=moment_priority,
         )
+        check_positive(**frequencies, damping_ratio=damping_ratio, moment_priority=moment_priority)
+        balance, height, rotation, posture, swing = map(float, frequencies.values())
         stance = Stance.of(robot)
         inertia = turning_inertia(robot, balancer)
         gains = BalanceGains.from_frequencies(
             robot.mass,
             inertia,
-            linear=(balance_frequency, balance_frequency, height_frequency),
-            rotation=rotation_frequency,
+            linear=(balance, balance, height),
+            rotation=rotation,
             damping_ratio=damping_ratio,
         )
         on_velocity = balancer == "ott2011"
         if on_velocity:
             gains = gains.on_velocity(robot.mass, inertia)
         on_errors = gains.of_velocity() if on_velocity else gains.of_momentum()
-        on_joints = PostureGains.of(posture_frequency, swing_frequency, damping_ratio)
+        on_joints = PostureGains.of(posture, swing, damping_ratio)
         return cls(
             law=BalanceLaw.of(
                 robot,

@@ -8,13 +8,16 @@ import numpy as np
 
 from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
+from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.law_memory import DIAGNOSTICS
 from fbid_gym.checks import check_positive
 from fbid_gym.compiled import kernel
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
 _JOINTS_FIRST = 1e-3  # base priority: the base follows the joints
+_SCALE = 2.2
 
 
 class _Gains(NamedTuple):
@@ -52,9 +55,9 @@ class JointAcceleration:
         robot: Robot,
         control_hz: int,
         *,
-        natural_frequency: float = 0.5,
+        natural_frequency: float | Falling = Falling(0.85),
         damping_ratio: float = 1.0,
-        scale: float = 30.0,
+        scale: float | None = None,
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "JointAcceleration":
         """Build the layer.
@@ -64,13 +67,15 @@ class JointAcceleration:
             control_hz: control ticks per second.
             natural_frequency: w / (2 pi) in Hz of every joint's return to its reference.
             damping_ratio: zeta.
-            scale: rad/s^2 (m/s^2 for slides) at action 1.
+            scale: rad/s^2 (m/s^2 for slides) at action 1. Default: 2.2 times the square of the rate
+                at which the robot falls, see `Falling`.
             contact: what it assumes of contacts.
         """
-        check_positive(
-            natural_frequency=natural_frequency, damping_ratio=damping_ratio, scale=scale
-        )
-        omega = 2.0 * np.pi * natural_frequency
+        (frequency,) = in_hertz(robot, natural_frequency=natural_frequency).values()
+        if scale is None:
+            scale = _SCALE * Stance.of(robot).falling_rate ** 2
+        check_positive(natural_frequency=frequency, damping_ratio=damping_ratio, scale=scale)
+        omega = 2.0 * np.pi * frequency
         law = AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST)
         return cls(law, _Gains(omega**2, 2.0 * damping_ratio * omega), float(scale))
 

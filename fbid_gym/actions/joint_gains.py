@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.checks import check_positive
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
@@ -52,36 +53,31 @@ class JointGains(NamedTuple):
         cls,
         robot: Robot,
         control_hz: int,
-        natural_frequency: float | None,
+        natural_frequency: float | Falling,
         damping_ratio: float,
-        stiffer_than_falling: float,
     ) -> "JointGains":
         """Derive the gains.
 
         Args:
             robot: whose joints.
             control_hz: control ticks per second.
-            natural_frequency: f in Hz. None: `stiffer_than_falling` times that of the robot falling
-                over, the pendulum frequency sqrt(g / height of the centre of mass) / (2 pi).
+            natural_frequency: f in Hz, or in units of falling.
             damping_ratio: zeta.
-            stiffer_than_falling: see there.
 
         Raises:
             InvalidValueError: not positive, or beyond what any joint can be held with.
         """
         check_positive(damping_ratio=damping_ratio)
-        if natural_frequency is None:
-            pendulum = np.sqrt(robot.gravity / Stance.of(robot).home_com[2])
-            natural_frequency = float(stiffer_than_falling * pendulum / (2.0 * np.pi))
-        check_positive(natural_frequency=natural_frequency)
-        inertia, omega = Stance.of(robot).standing_inertia, 2.0 * np.pi * natural_frequency
-        wanted = cls(inertia * omega**2, 2.0 * damping_ratio * omega * inertia, natural_frequency)
+        (frequency,) = in_hertz(robot, natural_frequency=natural_frequency).values()
+        check_positive(natural_frequency=frequency)
+        inertia, omega = Stance.of(robot).standing_inertia, 2.0 * np.pi * frequency
+        wanted = cls(inertia * omega**2, 2.0 * damping_ratio * omega * inertia, float(frequency))
         gains = _steady(robot, control_hz, wanted)
         if np.all(gains.stiffness < wanted.stiffness):
             most = np.sqrt((gains.stiffness / inertia).max()) / (2.0 * np.pi)
             raise InvalidValueError(
                 "natural_frequency",
-                natural_frequency,
+                frequency,
                 f"at most {most:.3g} Hz at {control_hz} control ticks per second: beyond, no joint "
                 f"of {robot.name} can be held so firmly without oscillating in the air",
             )

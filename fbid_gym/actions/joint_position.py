@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fbid_gym.actions.falling import Falling
 from fbid_gym.actions.joint_gains import SERVO, JointGains, holding_torque, servo_fault
 from fbid_gym.checks import check_positive
 from fbid_gym.compiled import kernel
@@ -12,7 +13,7 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
-_STIFFER_THAN_FALLING = 3.4
+_FREQUENCY = Falling(3.4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +51,8 @@ class JointPosition:
             control_hz: control ticks per second.
             natural_frequency: f in Hz; or "servo", the gains that the file's servos had. Default:
                 theirs, if they held every joint and are steady at `control_hz`; else 3.4 times that
-                of the robot falling over, the pendulum frequency sqrt(g / height of the centre of
-                mass) / (2 pi). Stiffer joints take harder pushes untrained, but turn exploration
-                noise into falls.
+                at which the robot falls, see `Falling`. Stiffer joints take harder pushes
+                untrained, but turn exploration noise into falls.
             damping_ratio: zeta.
             scale: rad (m for slides) at action 1.
 
@@ -104,7 +104,8 @@ def _gains(
     if isinstance(natural_frequency, str):
         expected = f"a positive number in Hz, or {SERVO!r}"
         raise InvalidValueError("natural_frequency", natural_frequency, expected)
-    return JointGains.of(robot, control_hz, natural_frequency, damping_ratio, _STIFFER_THAN_FALLING)
+    frequency = _FREQUENCY if natural_frequency is None else natural_frequency
+    return JointGains.of(robot, control_hz, frequency, damping_ratio)
 
 
 @kernel

@@ -8,6 +8,7 @@ import numpy as np
 
 from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
+from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.joint_gains import JointGains
 from fbid_gym.actions.law_memory import DIAGNOSTICS
 from fbid_gym.actions.smooth_target import Offset, SmoothTarget, TargetMemory, follow
@@ -28,7 +29,6 @@ from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 
 # Feedback need only be as stiff as falling is fast: the model carries the weight and the motion.
-_STIFFER_THAN_FALLING = 1.0
 _JOINTS_FIRST = 1e-3  # base priority: where the contacts do not allow both, the base follows
 
 
@@ -86,11 +86,11 @@ class JointPositionFeedforward:
         robot: Robot,
         control_hz: int,
         *,
-        natural_frequency: float | None = None,
+        natural_frequency: float | Falling = Falling(1.0),
         damping_ratio: float = 1.0,
         scale: float = 0.3,
-        target_frequency: float = 2.0,
-        balance_frequency: float = 1.0,
+        target_frequency: float | Falling = Falling(3.4),
+        balance_frequency: float | Falling = Falling(1.7),
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "JointPositionFeedforward":
         """Build the layer.
@@ -98,9 +98,7 @@ class JointPositionFeedforward:
         Args:
             robot: whose joints.
             control_hz: control ticks per second.
-            natural_frequency: Hz of the feedback, see `JointGains`. Default: that of the robot
-                falling over, the pendulum frequency sqrt(g / height of the centre of mass) /
-                (2 pi).
+            natural_frequency: Hz of the feedback, see `JointGains`.
             damping_ratio: of the feedback.
             scale: rad (m for slides) at action 1.
             target_frequency: Hz, at which the offset follows the action.
@@ -110,16 +108,16 @@ class JointPositionFeedforward:
         Raises:
             InvalidValueError: not positive, or beyond what any joint can be held with.
         """
-        check_positive(scale=scale, target_frequency=target_frequency)
-        check_at_least_zero(balance_frequency=balance_frequency)
-        gains = JointGains.of(
-            robot, control_hz, natural_frequency, damping_ratio, _STIFFER_THAN_FALLING
-        )
-        stance, omega = Stance.of(robot), 2.0 * np.pi * balance_frequency
+        (target,) = in_hertz(robot, target_frequency=target_frequency).values()
+        (balance,) = in_hertz(robot, balance_frequency=balance_frequency).values()
+        check_positive(scale=scale, target_frequency=target)
+        check_at_least_zero(balance_frequency=balance)
+        gains = JointGains.of(robot, control_hz, natural_frequency, damping_ratio)
+        stance, omega = Stance.of(robot), 2.0 * np.pi * balance
         return cls(
             AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST),
             stance,
-            SmoothTarget(2.0 * np.pi * target_frequency, 1.0 / control_hz),
+            SmoothTarget(2.0 * np.pi * target, 1.0 / control_hz),
             gains,
             _Balance(omega**2, 2.0 * omega, stance.heading),
             scale,

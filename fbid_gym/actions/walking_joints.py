@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fbid_gym.actions.falling import Falling
 from fbid_gym.actions.joint_acceleration import JointAcceleration
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
@@ -135,7 +136,7 @@ def walking_feedforward(
     natural_frequency: float | None = None,
     damping_ratio: float = 1.0,
     scale: float = 0.3,
-    target_frequency: float = 2.0,
+    target_frequency: float | Falling = Falling(3.4),
 ) -> ActionLayer:
     """Build layer `joint_position_feedforward`; other arguments as for `JointPositionFeedforward`.
 
@@ -150,12 +151,11 @@ def walking_feedforward(
         scale: rad at action 1.
         target_frequency: Hz, at which the offset follows the action.
     """
-    if natural_frequency is None and not robot.has_soles:
-        natural_frequency = body_frequency(robot, omega)
+    own = Falling(1.0) if robot.has_soles else body_frequency(robot, omega)
     inner = JointPositionFeedforward.of(
         robot,
         control_hz,
-        natural_frequency=natural_frequency,
+        natural_frequency=own if natural_frequency is None else natural_frequency,
         damping_ratio=damping_ratio,
         scale=scale,
         target_frequency=target_frequency,
@@ -170,7 +170,7 @@ def walking_joint_acceleration(
     *,
     natural_frequency: float | None = None,
     damping_ratio: float = 1.0,
-    scale: float = 30.0,
+    scale: float | None = None,
 ) -> ActionLayer:
     """Build layer `joint_acceleration`.
 
@@ -181,7 +181,7 @@ def walking_joint_acceleration(
         natural_frequency: Hz, of the joints' return to their reference. Default: what the feet in
             the air need, see `swing_frequency`.
         damping_ratio: see `JointAcceleration`.
-        scale: rad/s^2 at action 1.
+        scale: rad/s^2 at action 1, see `JointAcceleration`.
     """
     if natural_frequency is None:
         natural_frequency = swing_frequency(robot, omega)

@@ -62,7 +62,9 @@ class WalkingConstants(NamedTuple):
     geometry: ContactGeometry
     limits: np.ndarray  # (1, P, 3) of `limit_rows`
     most_load: float  # of the weight, on one foot
-    nearness: Nearness
+    mobility: np.ndarray  # (nv,) how readily each coordinate gives way to feet and body
+    least_gain: np.ndarray  # (6,) of the body's task
+    nearness: Nearness  # and to the limits of the contact forces
     gravity: float
     damping: np.ndarray  # (n,)
     home: np.ndarray  # (nq,)
@@ -120,7 +122,9 @@ class WalkingLaw:
             geometry=contact_geometry(robot, share=_SOLE),
             limits=limit_rows(limits or ContactLimits(), robot.num_points),
             most_load=math.inf if soles else _MOST_LOAD,
-            nearness=Nearness(1.0 if soles else 1e-5, length, wrench_scale(length, cost)),
+            mobility=stance.mobility(1.0),
+            least_gain=LEAST_GAIN * np.repeat([stance.home_com[2], 1.0], 3),
+            nearness=Nearness(stance.mobility(1.0 if soles else 1e5), wrench_scale(length, cost)),
             gravity=robot.gravity,
             damping=contact.damping(robot),
             home=robot.home_qpos,
@@ -226,12 +230,11 @@ def _want(
     terms: DynamicsTerms,
 ) -> _Wanted:
     """The feet first, the body in what they leave, eq. (19), then the joints."""
-    count, size = state.qvel.shape
-    points = len(law.geometry.offset)
+    count, points = len(state.qvel), len(law.geometry.offset)
     moving = with_foot_bias(terms, _moving_feet(law.gains, target, terms))
     contacts = reduce_contacts(law.geometry, all_points(law), moving)
     constraint = Constraint(contacts.jacobian, contacts.bias)
-    desired = serve_task(constraint, aim.task, aim.reference, np.ones(size), LEAST_GAIN).motion
+    desired = serve_task(constraint, aim.task, aim.reference, law.mobility, law.least_gain).motion
     mask, rows = np.empty((count, points), np.bool_), np.empty((count, points, 3))
     for i in range(count):
         weight = law.gravity * terms.mass_matrix[i, 0, 0]
@@ -287,8 +290,7 @@ def _walk_without_limits(
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
     standing = Constraint(wanted.standing.jacobian, wanted.standing.bias)
     alike = np.empty((0, state.qvel.shape[1] - 6))
-    mobility = law.nearness.base_mobility
-    found = invert_dynamics(motion, standing, wanted.acceleration, alike, mobility)
+    found = invert_dynamics(motion, standing, wanted.acceleration, alike, law.nearness.mobility)
     copy(found.underactuation, memory.underactuation)
     return overcome_damping(law.damping, found.torque, state.qvel)
 

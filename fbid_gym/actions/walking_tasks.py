@@ -27,7 +27,7 @@ from fbid_gym.actions.walking_law import (
     with_foot_bias,
 )
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.operational_space import LEAST_GAIN, serve_task
+from fbid_gym.control.operational_space import serve_task
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import reduce_contacts
 from fbid_gym.motions.gait.target import GaitTarget
@@ -212,11 +212,10 @@ def _carried(
     accelerations least far from their posture's.
     """
     count, size = state.qvel.shape
-    alike = np.ones(size)
     even = base_task(law.gains, np.zeros((count, 6)), state, target, terms)
     even.acceleration[:, 2:] = 0.0
     feet = feet_on_their_way(law, target, terms)
-    acceleration = serve_task(feet, even, posture(law, state), alike, LEAST_GAIN).motion
+    acceleration = serve_task(feet, even, posture(law, state), law.mobility, law.least_gain).motion
 
     steady = np.zeros((count, 6))
     for i in range(count):
@@ -230,7 +229,7 @@ def _carried(
         Constraint(rows.jacobian, rows.bias),
         TaskCommand(even.jacobian, np.zeros((count, 6)), steady),
         still,
-        alike,
-        LEAST_GAIN,
+        law.mobility,
+        law.least_gain,
     ).motion
     return velocity, acceleration

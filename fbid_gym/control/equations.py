@@ -1,8 +1,10 @@
 """What the laws of [M10] start from, checked."""
 
+from typing import Any
+
 import numpy as np
 
-from fbid_gym.checks import check_shape, contiguous
+from fbid_gym.checks import check_shape, contiguous, positive_numbers
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import Constraint, EquationOfMotion
 
@@ -39,3 +41,18 @@ def checked_equations(
         Constraint(contiguous(jacobian), contiguous(jacobian_bias)),
         contiguous(acceleration),
     )
+
+
+def mobility_of(velocities: int, base_priority: Any) -> np.ndarray:
+    """How readily coordinates depart from their desired acceleration: (nv,), one for joints.
+
+    Args:
+        velocities: nv.
+        base_priority: weight of squared base accelerations, one or six of them.
+
+    Raises:
+        InvalidValueError: `base_priority` is not positive and finite.
+    """
+    mobility = np.ones(velocities)
+    mobility[:6] /= positive_numbers("base_priority", base_priority, 1, 6)
+    return mobility

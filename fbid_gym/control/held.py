@@ -7,8 +7,8 @@ from fbid_gym.small_matrices import dot, factor_damped, gram
 
 # Legs without a joint that turns their sole that way hold each other in it: what such a constraint
 # asks of the joints is a thousand times the motion, and comes from rounding and from real contacts
-# being soft. So directions whose squared gain is less than this share of all fade out, whatever the
-# metric A.
+# being soft. So directions whose squared gain is less than this share of what joints move fade out,
+# whatever the metric A.
 _FAINT = 1e-6
 
 
@@ -24,7 +24,7 @@ def factor_contacts(weighted: np.ndarray, jacobian: np.ndarray, lower: np.ndarra
     gram(weighted, jacobian, 0.0, lower)
     total = 0.0
     for i in range(len(jacobian)):
-        total += dot(jacobian[i], jacobian[i])
+        total += dot(jacobian[i, 6:], jacobian[i, 6:])
     for i in range(len(jacobian)):
         # A row of zeros holds nothing, whatever its force.
         if lower[i, i] == 0.0:

@@ -25,9 +25,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_positive, check_shape, contiguous
+from fbid_gym.checks import check_shape, contiguous
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.equations import checked_equations
+from fbid_gym.control.equations import checked_equations, mobility_of
 from fbid_gym.quantities import Constraint, EquationOfMotion
 from fbid_gym.small_matrices import (
     add_transposed_times,
@@ -76,7 +76,7 @@ def orthogonal_inverse_dynamics(
     jacobian_bias: np.ndarray,
     *,
     torque_cost: np.ndarray | None = None,
-    base_priority: float = 1.0,
+    base_priority: float | np.ndarray = 1.0,
 ) -> InverseDynamics:
     """Torques that realise a desired acceleration with the least torque, [M10] eq. (15).
 
@@ -94,7 +94,8 @@ def orthogonal_inverse_dynamics(
         jacobian_bias: (N, k) Jdot v.
         torque_cost: (n,) or (N, n) positive diagonal of W in [M10] eq. (16): a larger entry makes
             the joint do less. Default: ones.
-        base_priority: positive weight of base accelerations beside one for joints.
+        base_priority: positive weight of base accelerations beside one for joints, or one for each
+            of the six.
 
     Returns:
         InverseDynamics.
@@ -106,14 +107,14 @@ def orthogonal_inverse_dynamics(
     motion, constraint, desired = checked_equations(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
     )
-    check_positive(base_priority=base_priority)
     count, joints = len(desired), desired.shape[1] - 6
     cost = np.empty((0, joints))
     if torque_cost is not None:
         if torque_cost.shape != (joints,):
             check_shape("torque_cost", torque_cost, (count, joints), "(N, n)")
         cost = contiguous(np.atleast_2d(torque_cost))
-    return invert_dynamics(motion, constraint, desired, cost, 1.0 / base_priority)
+    mobility = mobility_of(joints + 6, base_priority)
+    return invert_dynamics(motion, constraint, desired, cost, mobility)
 
 
 @kernel
@@ -122,7 +123,7 @@ def invert_dynamics(
     constraint: Constraint,
     desired: np.ndarray,
     torque_cost: np.ndarray,
-    base_mobility: float,
+    mobility: np.ndarray,
 ) -> InverseDynamics:
     """The law of the module, robot by robot.
 
@@ -131,7 +132,7 @@ def invert_dynamics(
         constraint: of the contacts.
         desired: (N, nv) acceleration.
         torque_cost: (N, n) or (1, n) diagonal of W; (0, n) for ones.
-        base_mobility: one over the weight of base accelerations.
+        mobility: (nv,) one over the weights of accelerations: diagonal of A^-1.
     """
     count, rows, velocities = constraint.jacobian.shape
     joints = velocities - 6
@@ -145,12 +146,12 @@ def invert_dynamics(
     base, spread, given = np.empty((rows, 6)), np.empty((rows, 6)), np.empty(6)
     push, push_inverse, missing = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
     force = np.empty(velocities)
-    push_rtol = _BASE_RTOL * min(1.0, base_mobility)
+    push_rtol = _BASE_RTOL * min(1.0, mobility[:6].min())
     for i in range(count):
         jacobian, own = constraint.jacobian[i], acceleration[i]
         for k in range(rows):
             for j in range(velocities):
-                weighted[k, j] = jacobian[k, j] * (base_mobility if j < 6 else 1.0)
+                weighted[k, j] = jacobian[k, j] * mobility[j]
         gram(weighted, jacobian, 0.0, product)
         rank[i] = pseudo_inverse(product, _CONTACT_RTOL, inverse)
 
@@ -185,7 +186,7 @@ def invert_dynamics(
                 inverse,
                 push,
                 push_inverse,
-                base_mobility,
+                mobility,
                 own,
             )
 
@@ -214,7 +215,7 @@ def _make_achievable(
     inverse: np.ndarray,
     push: np.ndarray,
     push_inverse: np.ndarray,
-    base_mobility: float,
+    mobility: np.ndarray,
     acceleration: np.ndarray,
 ) -> None:
     """Change an acceleration (nv,) as little as it takes to need no wrench beyond the contacts.
@@ -229,7 +230,7 @@ def _make_achievable(
         push: (6, 6) and
         push_inverse: (6, 6), whose product projects onto the base directions that contacts can
             push.
-        base_mobility: of A^-1.
+        mobility: (nv,) diagonal of A^-1.
         acceleration: (nv,) consistent with the contacts; overwritten.
     """
     rows, velocities = weighted.shape
@@ -247,7 +248,7 @@ def _make_achievable(
     for j in range(velocities):
         for row in range(6):
             columns[j, row] = motion.mass_matrix[row, j]
-            response[j, row] = columns[j, row] * (base_mobility if j < 6 else 1.0)
+            response[j, row] = columns[j, row] * mobility[j]
     moved, held, back = np.empty((rows, 6)), np.empty((rows, 6)), np.empty((velocities, 6))
     multiply(weighted, columns, moved)
     multiply(inverse, moved, held)

@@ -10,7 +10,8 @@ they deliver; and the torques, from the joint rows of M a + h = S^T tau + J^T la
     a = a_0 + P M_b^T (M_b P M_b^T)^+ (what they miss),   P = A^-1 - A^-1 J^T (J A^-1 J^T)^+ J A^-1
     tau = (M a + h - J^T lambda)_joints
 
-with A the diagonal metric of "nearest" and M_b the first six rows of M.
+with A the diagonal metric of "nearest" and M_b the first six rows of M. What contacts leave no
+motion for, on legs of few joints, comes with P = A^-1: there the contacts give way.
 """
 
 from typing import NamedTuple
@@ -28,7 +29,7 @@ from fbid_gym.control.contact_forces import (
     wrench_scale,
 )
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
-from fbid_gym.control.equations import checked_equations
+from fbid_gym.control.equations import checked_equations, mobility_of
 from fbid_gym.control.held import factor_contacts
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import (
@@ -42,6 +43,7 @@ from fbid_gym.small_matrices import (
     add_transposed_times,
     dot,
     factor,
+    factor_damped,
     multiply,
     multiply_transposed,
     solve_factored,
@@ -49,9 +51,8 @@ from fbid_gym.small_matrices import (
     times,
 )
 
-# Added to the response of the base wrench, whose null space does not matter; in units of the
-# robot's squared mass.
-_RESPONSE_RIDGE = 1e-9
+# Contacts that leave less than this share of the base wrench's free response give way instead.
+_FAINT = 1e-6
 
 
 class LimitedInverseDynamics(NamedTuple):
@@ -60,7 +61,8 @@ class LimitedInverseDynamics(NamedTuple):
     Attributes:
         torque: (N, n) N·m.
         contact_force: (N, k) generalized forces of the rows of J.
-        acceleration: (N, nv) the robot will have with these torques and contact forces.
+        acceleration: (N, nv) the robot will have with these torques and contact forces; where
+            J a + Jdot v is not zero the contacts give way.
         point_force: (N, P, 3) N, per contact point: two tangential components, then the normal one.
         residual: (N,) how far the base wrench is from the one the command asks for, per weight.
         iterations: (N,) int64, Newton steps the contact forces took.
@@ -86,7 +88,7 @@ def limited_inverse_dynamics(
     *,
     point_map: np.ndarray | None = None,
     active: np.ndarray | None = None,
-    base_priority: float = 1.0,
+    base_priority: float | np.ndarray = 1.0,
     length: float = 1.0,
     wrench_cost: tuple[float, ...] | None = None,
     warm_start: np.ndarray | None = None,
@@ -111,7 +113,8 @@ def limited_inverse_dynamics(
         point_map: (N, k, 3 P), gives the generalized forces of the rows of J from stacked point
             forces. Default: rows of J are stacked point rows, k = 3 P.
         active: (N, P) bool, points in contact; the others get zero force. Default: all.
-        base_priority: positive weight of base accelerations beside one for joints in "nearest".
+        base_priority: positive weight of base accelerations beside one for joints in "nearest", or
+            one for each of the six.
         length: m, lever arm that makes base moments comparable to forces.
         wrench_cost: six positive weights of the squared base wrench errors. Default: ones.
         warm_start: (N, 6) `warm_start` of the previous result. Default: zeros.
@@ -129,8 +132,8 @@ def limited_inverse_dynamics(
     motion, constraint, desired = checked_equations(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
     )
-    check_positive(base_priority=base_priority, gravity=gravity)
-    count, rows, _ = jacobian.shape
+    check_positive(gravity=gravity)
+    count, rows, velocities = jacobian.shape
     if point_map is None:
         if rows % 3:
             raise ShapeError("jacobian", tuple(jacobian.shape), "k = 3 P rows without a point_map")
@@ -145,7 +148,7 @@ def limited_inverse_dynamics(
         ReducedContacts(*constraint, contiguous(point_map)),
         desired,
         point_limits(limits, active, count, point_map.shape[-1] // 3),
-        Nearness(1.0 / base_priority, length, wrench_scale(length, wrench_cost)),
+        Nearness(mobility_of(velocities, base_priority), wrench_scale(length, wrench_cost)),
         accuracy,
         gravity,
         warm_start_of(warm_start, count),
@@ -178,7 +181,7 @@ def limit_dynamics(
     for i in range(count):
         own_map = contacts.point_map[min(i, len(contacts.point_map) - 1)]
         jacobian, mass_matrix = contacts.jacobian[i], motion.mass_matrix[i]
-        _hold(jacobian, nearness.base_mobility, held)
+        _hold(jacobian, nearness.mobility, held)
         acceleration[i] = desired[i]
         _make_consistent(held, jacobian, contacts.bias[i], acceleration[i])
 
@@ -197,7 +200,7 @@ def limit_dynamics(
         if residual[i] != 0.0:
             for row in range(6):
                 delivered[row] = missing[row] / nearness.scale[row]
-            _yield_to(mass_matrix, jacobian, held, nearness, delivered, force)
+            _yield_to(mass_matrix, jacobian, held, nearness.mobility, delivered, force)
             acceleration[i] += force
             times(mass_matrix, acceleration[i], force)
             force += motion.bias[i]
@@ -221,11 +224,11 @@ class _Held(NamedTuple):
 
 
 @compiled
-def _hold(jacobian: np.ndarray, base_mobility: float, held: _Held) -> None:
-    """Fill `held` for a Jacobian (k, nv); A^-1 has base_mobility for the base, 1 for joints."""
+def _hold(jacobian: np.ndarray, mobility: np.ndarray, held: _Held) -> None:
+    """Fill `held` for a Jacobian (k, nv) and the diagonal of A^-1, (nv,)."""
     for k in range(len(jacobian)):
         for j in range(jacobian.shape[1]):
-            held.weighted[k, j] = jacobian[k, j] * (base_mobility if j < 6 else 1.0)
+            held.weighted[k, j] = jacobian[k, j] * mobility[j]
     factor_contacts(held.weighted, jacobian, held.factor)
 
 
@@ -246,36 +249,55 @@ def _yield_to(
     mass_matrix: np.ndarray,
     jacobian: np.ndarray,
     held: _Held,
-    nearness: Nearness,
+    mobility: np.ndarray,
     wrench: np.ndarray,
     change: np.ndarray,
 ) -> None:
-    """Write the least acceleration that keeps the contacts and changes the base wrench.
+    """Write the least acceleration that changes the base wrench, of those that keep the contacts.
 
-    That is P M_b^T (M_b P M_b^T)^+ wrench, see the module.
+    That is P M_b^T (M_b P M_b^T)^+ wrench, see the module; and the least of all for what is left.
 
     Args:
         mass_matrix: (nv, nv).
         jacobian: (k, nv).
         held: of the Jacobian.
-        nearness: of accelerations, and the lever arm that makes moments comparable to forces.
+        mobility: see `Nearness`.
         wrench: (6,) N, N·m; overwritten.
         change: (nv,) to write to.
     """
     rows, velocities = jacobian.shape
-    response, moved = np.empty((velocities, 6)), np.empty((rows, 6))
-    back, inertia = np.empty((velocities, 6)), np.empty((6, 6))
+    shape = velocities, 6
+    free, kept, back = np.empty(shape), np.empty(shape), np.empty(shape)
+    moved = np.empty((rows, 6))
+    gains, inertia, lower = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
     for j in range(velocities):
         for row in range(6):
-            response[j, row] = mass_matrix[row, j] * (nearness.base_mobility if j < 6 else 1.0)
-    multiply(jacobian, response, moved)
+            free[j, row] = mass_matrix[row, j] * mobility[j]
+    multiply(jacobian, free, moved)
     solve_factored_columns(held.factor, moved)
     multiply_transposed(held.weighted, moved, back)
-    response -= back
-    multiply(mass_matrix[:6], response, inertia)
-    ridge = _RESPONSE_RIDGE * mass_matrix[0, 0] ** 2
+    for j in range(velocities):
+        for row in range(6):
+            kept[j, row] = free[j, row] - back[j, row]
+    multiply(mass_matrix[:6], free, inertia)
+    multiply(mass_matrix[:6], kept, gains)
+    # Shares of what a robot without contacts would yield, so that no unit matters.
     for row in range(6):
-        inertia[row, row] += ridge if row < 3 else ridge * nearness.length**2
+        for column in range(6):
+            lower[row, column] = gains[row, column] / np.sqrt(
+                inertia[row, row] * inertia[column, column]
+            )
+    factor_damped(lower, _FAINT)
+    share = np.empty(6)
+    for row in range(6):
+        share[row] = wrench[row] / np.sqrt(inertia[row, row])
+    solve_factored(lower, share)
+    for row in range(6):
+        share[row] /= np.sqrt(inertia[row, row])
+    times(kept, share, change)
+    for row in range(6):
+        wrench[row] -= dot(gains[row], share)
     factor(inertia)
     solve_factored(inertia, wrench)
-    times(response, wrench, change)
+    for j in range(velocities):
+        change[j] += dot(free[j], wrench)

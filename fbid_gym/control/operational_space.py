@@ -34,7 +34,6 @@ from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import Constraint, TaskCommand
 from fbid_gym.small_matrices import (
     add_transposed_times,
-    copy,
     dot,
     factor_damped,
     multiply_by_transpose,
@@ -206,7 +205,7 @@ def _nearest(
         TaskCommand(*map(contiguous, (part, task.bias, task.acceleration))),
         contiguous(reference),
         1.0 / contiguous(motion_cost),
-        least_gain,
+        np.full(part.shape[1], float(least_gain)),
     )
 
 
@@ -216,7 +215,7 @@ def serve_task(
     task: TaskCommand,
     reference: np.ndarray,
     mobility: np.ndarray,
-    least_gain: float,
+    least_gain: np.ndarray,
 ) -> TaskMotion:
     """The law of the module, robot by robot.
 
@@ -225,7 +224,7 @@ def serve_task(
         task: what goes before the reference.
         reference: (N, nv) or (1, nv) motion to stay near to.
         mobility: (nv,) how readily each coordinate departs from it.
-        least_gain: see the module.
+        least_gain: (m,) of each row of the task, see the module.
     """
     count, rows, velocities = constraint.jacobian.shape
     size = task.acceleration.shape[1]
@@ -261,10 +260,13 @@ def serve_task(
         error, drift = task_error[i], task.bias[min(i, len(task.bias) - 1)]
         for m in range(size):
             error[m] = task.acceleration[i, m] - drift[m] - share[m]
-        lower[:] = gains
-        factor_damped(lower, least_gain**2)
-        copy(error, share)
+        for m in range(size):
+            share[m] = error[m] / least_gain[m]
+            for k in range(size):
+                lower[m, k] = gains[m, k] / (least_gain[m] * least_gain[k])
+        factor_damped(lower, 1.0)
         solve_factored(lower, share)
+        share /= least_gain
         add_transposed_times(free, share, motion[i])
         for m in range(size):
             error[m] -= dot(gains[m], share)

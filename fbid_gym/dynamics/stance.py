@@ -23,6 +23,7 @@ class Stance:
         home_base: (3,) m, base from the centre of the contact points.
         home_com: (3,) m, centre of mass from the same.
         home_base_rotation: (3, 3) of the base.
+        falling_rate: 1/s, sqrt(g / height of the centre of mass).
         layout: (P, 2) m, contact points from their centre, seen from above.
     """
 
@@ -32,6 +33,7 @@ class Stance:
     home_base: np.ndarray
     home_com: np.ndarray
     home_base_rotation: np.ndarray
+    falling_rate: float
     layout: np.ndarray
 
     @staticmethod
@@ -43,13 +45,15 @@ class Stance:
         points = point_positions(geometry, terms)[0]
         centre = points.mean(axis=0)
         layout = (points - centre)[:, :2]
+        home_com = terms.com[0] - centre
         return Stance(
             geometry=geometry,
             heading=heading_of(geometry, layout),
             terms=terms,
             home_base=terms.base_position[0] - centre,
-            home_com=terms.com[0] - centre,
+            home_com=home_com,
             home_base_rotation=terms.world_from_base[0],
+            falling_rate=float(np.sqrt(robot.gravity / home_com[2])),
             layout=layout,
         )
 
@@ -70,6 +74,17 @@ class Stance:
     def length(self) -> float:
         """m, lever arm that makes moments on the robot comparable to forces."""
         return self.radius or 1.0
+
+    def mobility(self, base_priority: float) -> np.ndarray:
+        """How readily each coordinate departs from its desired acceleration: (nv,).
+
+        One over its weight in "nearest": `base_priority` for the base, one for the joints. The
+        base's position counts in heights of the centre of mass, so that no unit matters.
+        """
+        mobility = np.ones(self.terms.mass_matrix.shape[1])
+        mobility[:6] /= base_priority
+        mobility[:3] *= self.home_com[2] ** 2
+        return mobility
 
     @cached_property
     def standing_inertia(self) -> np.ndarray:

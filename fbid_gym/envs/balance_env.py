@@ -119,16 +119,18 @@ class BalanceEnv(RobotEnv):
 
     ## Rewards
     The reward of a step is the sum of six terms, each between 0 and its weight; the weights sum to
-    1, so a return is at most the number of steps. With `bell(x) = exp(-x^2)` and H the home height
-    of the base above the contact points:
+    1, so a return is at most the number of steps. With `bell(x) = exp(-x^2)`, H the home height of
+    the base above the contact points and g gravity:
 
     | Term        | Weight | Formula                                                               |
     | ----------- | ------ | --------------------------------------------------------------------- |
     | `height`    | 0.25   | `bell((height - commanded height) / (0.03 H))`                        |
     | `upright`   | 0.15   | `exp(-(1 - cos(tilt of the base)) / (1 - cos(0.2 rad)))`              |
     | `position`  | 0.15   | `bell(horizontal distance of the base from home / (0.06 H))`          |
-    | `stillness` | 0.15   | `bell(norm of the base's linear and angular velocity / 0.5)`          |
-    | `contact`   | 0.15   | `share of the points on the ground * bell(their speed / (0.1 m/s))`   |
+    | `stillness` | 0.15   | `bell(norm of the base's velocity in sqrt(g H) and rate of turning in |
+    |             |        | sqrt(g / H) / 0.16)`                                                  |
+    | `contact`   | 0.15   | `share of the points on the ground * bell(their speed / (0.033        |
+    |             |        | sqrt(g H)))`                                                          |
     | `torque`    | 0.15   | `bell(rms of the torques / (0.3 * mean torque limit))`                |
 
     Height and distance count in the support frame. A point is on the ground while it carries more

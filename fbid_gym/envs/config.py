@@ -19,6 +19,7 @@ from fbid_gym.actions import (
     make_walking_layer,
     walking_layer_options,
 )
+from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.footholds import Footholds
 from fbid_gym.checks import by_name, count, flag, number, pair, whole_number
 from fbid_gym.envs.randomisation import Randomisation
@@ -201,6 +202,8 @@ class EnvConfig:
         for name, value in options.items():
             if value is None:
                 options[name] = _derived(getattr(getattr(layer, "inner", layer), name))
+            elif isinstance(value, Falling):
+                options[name] = _derived(*in_hertz(robot, **{name: value}).values())
         filled = {
             "layer_options": options,
             "push_force": [_derived(newtons) for newtons in self._push_force(robot)],

@@ -51,7 +51,7 @@ class TrackingEnv(RobotEnv):
 
     ## Rewards
     The sum of six terms, each between 0 and its weight; the weights sum to 1. With
-    `bell(x) = exp(-x^2)` and H the home height of the base above the contact points:
+    `bell(x) = exp(-x^2)`, H the home height of the base above the contact points and g gravity:
 
     | Term       | Weight | Formula                                                                |
     | ---------- | ------ | ---------------------------------------------------------------------- |
@@ -59,9 +59,9 @@ class TrackingEnv(RobotEnv):
     | `base`     | 0.2    | `bell(distance of the base from its reference / (0.06 H))`             |
     | `upright`  | 0.15   | `exp(-(1 - cos(angle)) / (1 - cos(0.2 rad)))`, the angle between the   |
     |            |        | vertical as base and reference see it                                  |
-    | `velocity` | 0.15   | `bell(horizontal velocity error of the base / (0.3 H per second))`     |
+    | `velocity` | 0.15   | `bell(horizontal velocity error of the base / (0.1 sqrt(g H)))`        |
     | `contact`  | 0.1    | `share of the points that are on the ground or off it as planned *     |
-    |            |        | bell(speed of those on the ground / (0.1 m/s))`                        |
+    |            |        | bell(speed of those on the ground / (0.033 sqrt(g H)))`                |
     | `torque`   | 0.1    | `bell(rms of the torques / (0.3 * mean torque limit))`                 |
 
     ## Starting State

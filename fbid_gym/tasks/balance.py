@@ -161,7 +161,7 @@ class Balance:
         """
         body = self.body
         posture, command = body.posture(outcome), self.command(plan, outcome.state.tick)
-        scales = _Scales(body.stance.home_base, body.mean_torque_limit)
+        scales = _Scales(body.stance.home_base, body.speed, body.mean_torque_limit)
         shares = _judge(scales, posture, outcome, command)
         height = posture.base[:, 2]
         metrics = {
@@ -179,6 +179,7 @@ class _Scales(NamedTuple):
     """What the reward measures by."""
 
     home_base: np.ndarray  # (3,) m, support frame
+    speed: float  # m/s, see `Body.speed`
     torque_limit: float  # N·m, mean of the joints
 
 
@@ -209,15 +210,17 @@ def _judge(
         np.empty(count),
     )
     home = scales.home_base
-    size = home[2]  # lengths scale with the robot
+    # Lengths, speeds and rates scale with the robot.
+    size, speed, rate = home[2], scales.speed, scales.speed / home[2]
     for i in range(count):
         base, qvel = posture.base[i], outcome.state.qvel[i]
         drift = np.hypot(base[0] - home[0], base[1] - home[1])
         torque = np.sqrt(outcome.torque_square[i])
+        motion = dot(qvel[:3], qvel[:3]) / speed**2 + dot(qvel[3:6], qvel[3:6]) / rate**2
         share.height[i] = bell(base[2] - command[i], 0.03 * size)
         share.upright[i] = level(posture.upright[i])
         share.position[i] = bell(drift, 0.06 * size)
-        share.stillness[i] = bell(np.sqrt(dot(qvel[:6], qvel[:6])), 0.5)
-        share.contact[i] = posture.touching[i].mean() * bell(posture.slip[i], 0.1)
+        share.stillness[i] = bell(np.sqrt(motion), 0.16)
+        share.contact[i] = posture.touching[i].mean() * bell(posture.slip[i], 0.033 * speed)
         share.torque[i] = bell(torque / scales.torque_limit, 0.3)
     return share

@@ -100,6 +100,11 @@ class Body:
         return float(self.stance.home_base[2])
 
     @cached_property
+    def speed(self) -> float:
+        """What makes speeds of robots of all sizes comparable: sqrt(g * home height), m/s."""
+        return float(np.sqrt(self.robot.gravity * self.home_height))
+
+    @cached_property
     def mean_torque_limit(self) -> float:
         """Mean of the joints' torque limits, N·m."""
         return float(self.robot.torque_limit.mean())

@@ -157,9 +157,8 @@ class Tracking:
         """Judge a policy step; see `Task.reward`."""
         body, posture = self.body, self.body.posture(outcome)
         reference = self._planned(plan, outcome.state.tick)
-        scales = _Scales(
-            body.home_height, body.mean_torque_limit, body.stance.geometry.foot_of_point
-        )
+        sizes = body.home_height, body.speed, body.mean_torque_limit
+        scales = _Scales(*sizes, body.stance.geometry.foot_of_point)
         joint_error, shares = _judge(scales, posture, outcome, reference)
         height, asked = posture.base[:, 2], reference.qpos[:, 2]
         metrics = {
@@ -233,6 +232,7 @@ class _Scales(NamedTuple):
     """What the reward measures by."""
 
     size: float  # m, home height
+    speed: float  # m/s, see `Body.speed`
     torque_limit: float  # N·m, mean of the joints
     foot_of_point: np.ndarray  # (P,)
 
@@ -273,11 +273,11 @@ def _judge(scales: _Scales, posture: Posture, outcome: Outcome, reference: Refer
             stands = reference.planted[row, scales.foot_of_point[point]]
             as_planned += posture.touching[i, point] == stands
         torque = np.sqrt(outcome.torque_square[i])
-        # Lengths scale with the robot.
+        # Lengths and speeds scale with the robot.
         share.joints[i] = bell(joint_error[i], 0.1)
         share.base[i] = bell(np.sqrt(drift), 0.06 * scales.size)
         share.upright[i] = level(dot(target[2], world_from_base[i, 2]))
-        share.velocity[i] = bell(np.sqrt(rush), 0.3 * scales.size)
-        share.contact[i] = as_planned / points * bell(posture.slip[i], 0.1)
+        share.velocity[i] = bell(np.sqrt(rush), 0.1 * scales.speed)
+        share.contact[i] = as_planned / points * bell(posture.slip[i], 0.033 * scales.speed)
         share.torque[i] = bell(torque / scales.torque_limit, 0.3)
     return _Judged(joint_error, share)

@@ -11,6 +11,7 @@ from fbid_gym.actions import make_layer
 from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions import home_reference
 from fbid_gym.quantities import RobotState
 
@@ -42,7 +43,7 @@ def settled(robot, count, layer="base_acceleration", seconds=4.0, **options):
 def promised(layer, acceleration, terms, active=None):
     """What the inverse dynamics say of a desired acceleration: (torque, acceleration, forces)."""
     law = layer.law.constants
-    priority = 1.0 / law.nearness.base_mobility
+    priority = 1.0 / law.nearness.mobility[:6]
     contacts = reduced_contacts(law.geometry, terms, active)
     arguments = (
         terms.mass_matrix,
@@ -61,7 +62,7 @@ def promised(layer, acceleration, terms, active=None):
         point_map=contacts.point_map,
         active=active,
         base_priority=priority,
-        length=law.nearness.length,
+        length=Stance.of(layer.law.robot).length,
     )
     return limited.torque, limited.acceleration, limited.point_force
 

@@ -9,14 +9,18 @@ import scipy.linalg
 
 from fbid_gym import robots
 from fbid_gym.control import (
+    ContactLimits,
     contact_force_of_torque,
     estimated_force_inverse_dynamics,
     force_feedback_inverse_dynamics,
     inertia_weighted_inverse_dynamics,
+    limited_inverse_dynamics,
     orthogonal_inverse_dynamics,
 )
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
+from fbid_gym.robots import Robot
+from tests.robots import zoo
 
 ROBOTS = ("biped", "quadruped")
 
@@ -226,3 +230,34 @@ def test_torque_is_continuous_along_a_motion_where_q_is_not(name: str, pivoting:
     assert flips >= 2
     assert min(jumps) > 0.5
     assert jerks[1] < 0.3 * jerks[0]
+
+
+# Legs of four and five joints on soles: contacts that leave the body two or four motions.
+@pytest.mark.parametrize("seed", [2, 3, 20, 38])
+@pytest.mark.parametrize("base_priority", [1.0, 1e3])
+def test_what_limited_forces_give_is_what_is_promised(seed: int, base_priority: float) -> None:
+    """M a + h = S^T tau + J^T lambda, though the contacts leave the body hardly a motion."""
+    animal, rng = zoo.draw(seed), np.random.default_rng(seed)
+    limit = zoo.torque_limit(animal) if animal.actuators == "none" else None
+    robot = Robot.from_mjcf(zoo.mjcf(animal), animal.foot_names, torque_limit=limit)
+    qpos = np.tile(robot.home_qpos, (32, 1))
+    qpos[:, 7:] += rng.normal(0.0, 0.1, (32, robot.num_joints))
+    qvel = rng.normal(0.0, 0.3, (32, robot.nv))
+    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    jacobian, drift = point_jacobian(contact_geometry(robot), terms)
+    solution = limited_inverse_dynamics(
+        terms.mass_matrix,
+        terms.bias,
+        jacobian,
+        rng.normal(0.0, 5.0, qvel.shape),
+        drift,
+        ContactLimits(0.6),
+        base_priority=base_priority,
+        length=robot.home_qpos[2],
+    )
+    assert (solution.residual > 1e-2).any()
+    given = np.matvec(jacobian.mT, solution.contact_force)
+    given[:, 6:] += solution.torque
+    needed = np.matvec(terms.mass_matrix, solution.acceleration) + terms.bias
+    scale = robot.weight * np.array([1.0] * 3 + [robot.home_qpos[2]] * (robot.nv - 3))
+    np.testing.assert_allclose((needed - given) / scale, 0.0, atol=1e-8)

@@ -22,7 +22,7 @@ from fbid_gym.quantities import DynamicsTerms, Heading, Reference, RobotState
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import add_transposed_times, factor, gram, solve_factored
 
-_DAMPING = 1e-4  # of the mean squared gain of a leg, near a stretched knee
+_DAMPING = 1e-4  # of a leg's mean squared gain in place, and in rotation, near a stretched knee
 _LONGEST = 0.3  # rad, of a step
 
 
@@ -204,12 +204,13 @@ def _add_rotation(target: np.ndarray, now: np.ndarray, gap: np.ndarray) -> None:
 def _solve_leg(jacobian: np.ndarray, left: _Motion) -> None:
     """Overwrite a foot's motion with what J^T (…) makes that of the joints of; damped."""
     rows = len(jacobian)
-    lower, trace = np.empty((rows, rows)), 0.0
+    lower = np.empty((rows, rows))
     gram(jacobian, jacobian, 0.0, lower)
-    for a in range(rows):
-        trace += lower[a, a]
-    for a in range(rows):
-        lower[a, a] += _DAMPING * trace / rows
+    # Three rows of m, three of rad: each kind by itself, so that no unit matters.
+    for first in range(0, rows, 3):
+        mean = (lower[first, first] + lower[first + 1, first + 1] + lower[first + 2, first + 2]) / 3
+        for a in range(first, first + 3):
+            lower[a, a] += _DAMPING * mean
     factor(lower)
     solve_factored(lower, left.gap)
     solve_factored(lower, left.rate)

@@ -1,0 +1,53 @@
+"""Dynamically similar robots: the same motions at another size, in proportionate time.
+
+Lengths are multiplied by s, masses by s^3, gravity stays. Then times go with sqrt(s), forces with
+s^3 and torques with s^4, and nothing that a robot does may tell its size.
+"""
+
+import mujoco
+import numpy as np
+
+from fbid_gym import robots
+from fbid_gym.robots import Robot
+from fbid_gym.robots.assets import asset_path
+
+
+def similar(name: str, size: float) -> Robot:
+    """A built-in robot, `size` times as long."""
+    own = getattr(robots, name)
+    spec, time = mujoco.MjSpec.from_file(str(asset_path(own.ASSET))), np.sqrt(size)
+    spec.option.timestep *= time
+    for body in spec.bodies:
+        _multiply(body, size, "pos", "ipos")
+        body.mass *= size**3
+        _multiply(body, size**5, "inertia", "fullinertia")
+    for geom in spec.geoms:
+        if geom.type != mujoco.mjtGeom.mjGEOM_PLANE:
+            _multiply(geom, size, "pos", "size", "fromto")
+            geom.mass *= size**3
+        _soften(geom, size)
+    for site in spec.sites:
+        _multiply(site, size, "pos", "size", "fromto")
+    for joint in spec.joints:
+        _multiply(joint, size, "pos")
+        # N·m/(rad/s) and N·m/rad, as every joint but the base's turns.
+        joint.damping *= size**4 * time
+        joint.stiffness *= size**4
+        joint.armature *= size**5
+        joint.frictionloss *= size**4
+    for actuator in spec.actuators:
+        _multiply(actuator, size**4, "ctrlrange", "forcerange")
+    return Robot.from_mjcf(spec, own.FEET, name=f"{name} x {size:g}", home=own.HOME)
+
+
+def _multiply(element: object, factor: float, *attributes: str) -> None:
+    for attribute in attributes:
+        setattr(element, attribute, factor * np.asarray(getattr(element, attribute)))
+
+
+def _soften(geom: mujoco.MjsGeom, size: float) -> None:
+    """Contacts that give way in proportion: their time constant and their depth."""
+    geom.solref = geom.solref * [np.sqrt(size), 1.0]
+    geom.solimp = geom.solimp * [1.0, 1.0, size, 1.0, 1.0]
+    geom.margin *= size
+    geom.gap *= size
