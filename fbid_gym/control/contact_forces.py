@@ -32,7 +32,7 @@ from fbid_gym.control.dual_newton import Forces, Problem, deliver
 from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.quantities import Accuracy, PointLimits
 
-DEFAULT_ACCURACY = Accuracy(regularisation=1e-4, tolerance=1e-4, max_iterations=8, torque_steps=24)
+DEFAULT_ACCURACY = Accuracy(regularisation=1e-4, tolerance=1e-6, max_iterations=8, torque_steps=24)
 _LARGEST = float(np.finfo(np.float64).max)
 
 

@@ -6,10 +6,10 @@ from fbid_gym.compiled import compiled
 from fbid_gym.small_matrices import dot, factor_damped, gram
 
 # Legs without a joint that turns their sole that way hold each other in it: what such a constraint
-# asks of the joints is a thousand times the motion, and comes from rounding and from real contacts
+# asks of the joints is hundreds of times the motion, and comes from rounding and from real contacts
 # being soft. So directions whose squared gain is less than this share of what joints move fade out,
 # whatever the metric A.
-_FAINT = 1e-6
+_FAINT = 5e-6
 
 
 @compiled

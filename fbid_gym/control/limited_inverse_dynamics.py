@@ -281,19 +281,18 @@ def _yield_to(
             kept[j, row] = free[j, row] - back[j, row]
     multiply(mass_matrix[:6], free, inertia)
     multiply(mass_matrix[:6], kept, gains)
-    # Shares of what a robot without contacts would yield, so that no unit matters.
+    # Shares of what a robot without contacts would yield, so that neither units nor axes matter.
+    size, share = np.empty(6), np.empty(6)
+    for first in (0, 3):
+        mean = (inertia[first, first] + inertia[first + 1, first + 1]) / 3.0
+        size[first : first + 3] = np.sqrt(mean + inertia[first + 2, first + 2] / 3.0)
     for row in range(6):
+        share[row] = wrench[row] / size[row]
         for column in range(6):
-            lower[row, column] = gains[row, column] / np.sqrt(
-                inertia[row, row] * inertia[column, column]
-            )
+            lower[row, column] = gains[row, column] / (size[row] * size[column])
     factor_damped(lower, _FAINT)
-    share = np.empty(6)
-    for row in range(6):
-        share[row] = wrench[row] / np.sqrt(inertia[row, row])
     solve_factored(lower, share)
-    for row in range(6):
-        share[row] /= np.sqrt(inertia[row, row])
+    share /= size
     times(kept, share, change)
     for row in range(6):
         wrench[row] -= dot(gains[row], share)

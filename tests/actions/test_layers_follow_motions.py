@@ -118,12 +118,7 @@ def test_joint_acceleration_adds_the_reference_to_its_springs(robot, states, mov
         wanted[6:] = reference.qacc[row, 6:] + 5.0 * action[row]
         wanted[6:] += w**2 * (reference.qpos[row, 7:] - state.qpos[row, 7:])
         wanted[6:] += 2 * 0.6 * w * (reference.qvel[row, 6:] - state.qvel[row, 6:])
-        weight = np.sqrt(
-            np.r_[
-                np.full(6, 1.0 / layer.law.constants.nearness.base_mobility),
-                np.ones(robot.num_joints),
-            ]
-        )
+        weight = 1.0 / np.sqrt(layer.law.constants.nearness.mobility)
         error = jacobian[row] @ wanted + bias[row]
         nearest = wanted - np.linalg.pinv(jacobian[row] / weight, rcond=1e-9) @ error / weight
         free = np.eye(robot.nv) - np.linalg.pinv(jacobian[row], rcond=1e-9) @ jacobian[row]

@@ -15,7 +15,7 @@ from fbid_gym.robots import Robot
 # In units of the robot: of the pendulum time sqrt(h / g), the height h of the centre of mass, the
 # speed sqrt(g h), gravity g and the weight.
 _CAPTURE = 1.0
-_TRACKING = 2.0
+_TRACKING = 4.0
 _STANDING = 1.0
 _AGILITY = 0.4  # of gravity
 _REST = 0.1  # of the speed
