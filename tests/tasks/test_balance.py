@@ -196,6 +196,7 @@ def test_standing_perfectly_earns_everything(task):
 def test_rewards_are_their_formulas(task, rng):
     """The table of the environment's docstring, computed from MjData."""
     robot, plan, size = task.body.robot, plans(task, 20), task.body.home_height
+    speed = np.sqrt(9.81 * size)
     qpos, qvel, rest = at_random(task, rng, 20)
     qvel *= 0.2
     rest["torque"] *= 0.5
@@ -214,12 +215,13 @@ def test_rewards_are_their_formulas(task, rng):
         down = rest["contact"][row, :, 2] > 0.01 * robot.weight
         slip = np.linalg.norm(velocities[down], axis=1).mean() if down.any() else 0.0
         effort = np.sqrt(np.mean(rest["torque"][row] ** 2)) / robot.torque_limit.mean()
+        moving = np.concatenate([qvel[row, :3] / speed, qvel[row, 3:6] / (speed / size)])
         expected = {
             "height": np.exp(-(((base[2] - command) / (0.03 * size)) ** 2)),
             "upright": np.exp(-(1 - np.cos(tilt)) / (1 - np.cos(0.2))),
             "position": np.exp(-((abs(ahead) / (0.06 * size)) ** 2)),
-            "stillness": np.exp(-((np.linalg.norm(qvel[row, :6]) / 0.5) ** 2)),
-            "contact": down.mean() * np.exp(-((slip / 0.1) ** 2)),
+            "stillness": np.exp(-((np.linalg.norm(moving) / 0.16) ** 2)),
+            "contact": down.mean() * np.exp(-((slip / (0.033 * speed)) ** 2)),
             "torque": np.exp(-((effort / 0.3) ** 2)),
         }
         for name, share in expected.items():
