@@ -105,13 +105,13 @@ def walk(trial: Trial, config: WalkingConfig, **others: Any) -> Walked:
     for _ in range(batch.num_steps):
         step = batch.step(zero)
         up = up & ~step.terminated
-        if not up.any():
-            break
         found["up"].append(up)
         found["miss"].append(step.observation[:, seen] - step.observation[:, said])
         found["turn"].append(_spin(batch) - step.observation[:, turn])
         found["power"].append(step.info["power"])
         found["way"].append(step.info["speed"])
+        if not up.any():
+            break
     told = {key: np.array(value) for key, value in found.items()}
     return summarised(told, batch.rates.policy, batch.robot.weight)
 
@@ -141,8 +141,6 @@ def summarised(told: dict[str, np.ndarray], hz: int, weight: float) -> Walked:
         weight: N, of the robot.
     """
     up = told["up"]
-    if not len(up):
-        return Walked(0.0, *[np.nan] * 5)
     miss, turn = told["miss"], told["turn"]
     whole = len(up) // hz
     # A second counts if the robot is up at its end.
@@ -154,11 +152,11 @@ def summarised(told: dict[str, np.ndarray], hz: int, weight: float) -> Walked:
     way = float(told["way"][up].sum())
     return Walked(
         survival=float(up[-1].mean()),
-        velocity_error=float(np.linalg.norm(miss, axis=2)[up].mean()),
+        velocity_error=_mean(np.linalg.norm(miss, axis=2)[up]),
         mean_velocity_error=_mean(np.linalg.norm(by_second(miss), axis=1)),
-        turning_error=float(np.abs(turn)[up].mean()),
+        turning_error=_mean(np.abs(turn)[up]),
         mean_turning_error=_mean(np.abs(by_second(turn))),
-        transport=float(told["power"][up].sum()) / (weight * way),
+        transport=float(told["power"][up].sum()) / (weight * way) if way else np.nan,
     )
 
 

@@ -16,10 +16,6 @@ class Falling(NamedTuple):
 
     times: float
 
-    def __str__(self) -> str:
-        """What documentation calls it."""
-        return f"{self.times:g} x falling"
-
 
 def in_hertz(robot: Robot, **frequencies: Any) -> dict[str, Any]:
     """Return frequencies by name, those that are `Falling` in Hz and others as they are."""

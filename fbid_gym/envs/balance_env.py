@@ -64,7 +64,8 @@ class BalanceEnv(RobotEnv):
     `env.unwrapped.batch.layer.action_names` names each entry of the action with its scale and unit.
 
     Options of the layers (`layer_options`; `fbid_gym.actions.layer_options(name)` has the
-    defaults):
+    defaults). Frequencies are in Hz; a default of `Falling(1.7)` is 1.7 times that at which the
+    robot falls over, sqrt(g / height of the centre of mass) / (2 pi):
 
     | Layer                        | Options                                                       |
     | ---------------------------- | ------------------------------------------------------------- |
