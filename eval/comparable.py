@@ -8,6 +8,7 @@ from fbid_gym.errors import RunError
 from train.runs.differences import differences, in_words, made_with, training_settings
 from train.runs.environment import changed_meaning
 from train.runs.reading import Run
+from train.runs.robots import another
 
 
 def group(runs: Sequence[Run]) -> dict[str, list[Run]]:
@@ -50,8 +51,13 @@ def check_comparable(runs: Sequence[Run]) -> list[str]:
                 f"{run.path} and {first.path} have different environment arguments, so a return "
                 f"means different things: {in_words(different)}."
             )
-    changed = (changed_meaning(run.path) for run in runs)
-    return [warning for warning in changed if warning] + _training_warnings(runs)
+    changed = [
+        warning
+        for run in runs
+        for warning in (another(run.path, run.env_args, run.robot), changed_meaning(run.path))
+        if warning is not None
+    ]
+    return changed + _training_warnings(runs)
 
 
 def _training_warnings(runs: Sequence[Run]) -> list[str]:

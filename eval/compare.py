@@ -20,6 +20,7 @@ from fbid_gym.errors import InvalidValueError
 from train.environments import register
 from train.runs.exit_status import exit_status
 from train.runs.reading import load
+from train.runs.robots import chosen
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,10 @@ class CompareConfig:
     """The page. Its numbers go into a file of the same name ending in .json."""
     register: tuple[str, ...] = ()
     """Modules to import first, which register environments of yours."""
+    robot: str | None = None
+    """Play all on this one: a built-in robot, an MJCF, a URDF, a robot.toml or a robot.zip."""
+    feet: tuple[str, ...] = ()
+    """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
     settings: Annotated[Settings, tyro.conf.arg(name="")] = field(default_factory=Settings)
     """How to compare."""
 
@@ -41,7 +46,8 @@ def run(config: CompareConfig, console: Console, command: list[str]) -> None:
     register(config.register)
     check_output(config.out, "out", (".html", ".htm"))
     check(config.settings)
-    runs = [load(path) for path in config.runs]
+    robot = chosen(config.robot, config.feet)
+    runs = [load(path, robot) for path in config.runs]
     with console.status("comparing") as status:
         comparison = compare(runs, config.settings, status.update)
         clips = None

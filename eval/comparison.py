@@ -18,6 +18,7 @@ from eval.wording import number
 from train.environments import make_env
 from train.episodes import METRICS, Episodes
 from train.runs.command_line import stored_options
+from train.runs.folder import RunFolder
 from train.runs.reading import Run
 
 Say = Callable[[str], None]
@@ -187,7 +188,9 @@ def _result(run: Run, episodes: Episodes, sweep: list[float]) -> RunResult:
 def _command(run: Run) -> str:
     if run.config is None:
         return ""
-    return shlex.join(["python", "-m", "train.ppo", *stored_options(run.config)])
+    return shlex.join(
+        ["python", "-m", "train.ppo", *stored_options(run.config, RunFolder.of(run.path))]
+    )
 
 
 def _means(episodes: Episodes) -> dict[str, float]:
@@ -200,7 +203,7 @@ def _survival(player: Player, pushes: Sequence[float], settings: Settings) -> li
     for push in pushes:
         env_args = {**player.env_args, "push_force": [push, push]}
         env_args["episode_seconds"] = settings.sweep_seconds
-        pushed = Player(player.name, player.env_id, env_args, player.policy)
+        pushed = replace(player, env_args=env_args)
         episodes = play_player(pushed, settings.sweep_episodes, settings.seed)
         shares.append(float(np.mean(episodes.survived)))
     return shares
@@ -285,7 +288,7 @@ def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: No
         say(f"{layer.name}: clip of {chosen.name}")
         run = next(run for run in runs if str(run.path) == chosen.path)
         player = Player.of(run, push_force=[push, push])
-        env = make_env(player.env_id, player.env_args)
+        env = make_env(player.env_id, player.make_args)
         try:
             actor = player.actor(env.observation_space, env.action_space)
             clip = record(env, actor, settings.seed, settings.video_seconds, layer.name)

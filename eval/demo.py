@@ -27,6 +27,7 @@ from fbid_gym.checks import check_positive
 from fbid_gym.envs import ENVIRONMENTS
 from train.environments import make_env
 from train.recipes import config_for
+from train.runs import robots
 from train.runs.config import EvaluationConfig, TrainConfig, cores
 from train.runs.exit_status import exit_status
 from train.runs.folder import RunFolder
@@ -43,6 +44,11 @@ class DemoConfig:
     """Folder of the runs and of report.html."""
     env: str = "fbid_gym/QuadrupedWalk-v0"
     """Environment id. How to train in it is its recipe's, in train/recipes."""
+    robot: str | None = None
+    """Instead of the environment's: a built-in robot, or your own: an MJCF, a URDF, a robot.toml
+    or a robot.zip."""
+    feet: tuple[str, ...] = ()
+    """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
     layers: tuple[str, ...] = ("base_acceleration", "joint_position")
     """Action layers. The slowest first keeps all cores busy to the end."""
     seeds: tuple[int, ...] = (0, 1)
@@ -72,6 +78,8 @@ def trainings(config: DemoConfig) -> dict[tuple[str, int], TrainConfig]:
     return {
         (layer, seed): replace(
             config_for(config.env, layer),
+            robot=config.robot,
+            feet=config.feet,
             seed=seed,
             total_steps=config.total_steps,
             num_threads=1,
@@ -88,8 +96,9 @@ def film_zero_action(config: DemoConfig) -> Path:
     path = config.out / "zero_action.mp4"
     check_output(path, "out", (".mp4",))
     first = next(iter(trainings(config).values()))
-    player = Player("zero action", first.env, first.make_args(), None)
-    env = make_env(player.env_id, player.env_args)
+    robot = robots.chosen(config.robot, config.feet)
+    player = Player("zero action", first.env, first.make_args(), None, robot)
+    env = make_env(player.env_id, player.make_args)
     try:
         actor = player.actor(env.observation_space, env.action_space)
         title = f"{first.action_layer}, zero action"

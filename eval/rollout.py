@@ -7,7 +7,7 @@ python -m eval.rollout --env fbid_gym/BipedBalance-v0 --action-layer base_accele
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,12 +23,14 @@ from eval.video import record
 from fbid_gym.checks import check_positive, count
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy
+from fbid_gym.robots import Robot
 from train.environments import make_env, make_envs, register, step_seconds
 from train.episodes import METRICS, Actor, Episodes, play
 from train.runs.config import parse_object
 from train.runs.environment import changed_meaning
 from train.runs.exit_status import exit_status
 from train.runs.reading import Run
+from train.runs.robots import another, chosen, named, of_policy
 from train.runs.tables import to_csv
 
 
@@ -44,6 +46,8 @@ class Player:
     """Keyword arguments of the environment, the action layer among them."""
     policy: Policy | None
     """None: the zero action, which asks the layer to hold the home posture."""
+    robot: Robot | None = None
+    """None: the one that the arguments name."""
 
     @classmethod
     def of(cls, run: Run, *, trained: bool = True, **env_args: Any) -> "Player":
@@ -56,7 +60,12 @@ class Player:
         """
         policy = run.policy
         arguments = {**policy.env_args, **env_args}
-        return cls(run.layer, policy.env_id, arguments, policy if trained else None)
+        return cls(run.layer, policy.env_id, arguments, policy if trained else None, run.robot)
+
+    @property
+    def make_args(self) -> dict[str, Any]:
+        """What the environment is made with: the arguments with the robot itself."""
+        return self.env_args if self.robot is None else {**self.env_args, "robot": self.robot}
 
     def actor(self, observations: gym.Space[Any], actions: gym.Space[Any]) -> Actor:
         """Map observations (N, O) to actions (N, A).
@@ -95,7 +104,7 @@ def play_player(
         raise InvalidValueError("episodes", episodes, "a positive number")
     if num_envs is not None and num_envs < 1:
         raise InvalidValueError("num_envs", num_envs, "a positive number")
-    envs = make_envs(player.env_id, player.env_args, min(episodes, num_envs or 128))
+    envs = make_envs(player.env_id, player.make_args, min(episodes, num_envs or 128))
     try:
         actor = player.actor(envs.single_observation_space, envs.single_action_space)
         return play(envs, actor, episodes, seed, step_seconds(envs), on_episode)
@@ -103,15 +112,17 @@ def play_player(
         envs.close()
 
 
-def load_player(source: Path, env_args: Mapping[str, Any]) -> Player:
+def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None = None) -> Player:
     """Load a run folder or an exported policy.
 
     Args:
         source: the folder.
         env_args: replace those the policy was trained with.
+        robot: instead of the one that it was trained on.
     """
     policy = Policy.load(source)
-    return Player(source.name, policy.env_id, {**policy.env_args, **env_args}, policy)
+    robot = of_policy(source, policy.env_args, robot)
+    return Player(source.name, policy.env_id, {**policy.env_args, **env_args}, policy, robot)
 
 
 def parse_env_args(text: str) -> dict[str, Any]:
@@ -133,6 +144,11 @@ class RolloutConfig:
     """Environment id, with --zero-action."""
     action_layer: str | None = None
     """Action layer, with --zero-action."""
+    robot: str | None = None
+    """Instead of the environment's or the policy's: a built-in robot, or your own: an MJCF, a URDF,
+    a robot.toml or a robot.zip."""
+    feet: tuple[str, ...] = ()
+    """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
     zero_action: bool = False
     """Play the zero action instead of a policy."""
     register: tuple[str, ...] = ()
@@ -156,6 +172,10 @@ class RolloutConfig:
 def player_of(config: RolloutConfig) -> Player:
     """Decide who plays; InvalidValueError if the command line says too much or too little."""
     env_args = parse_env_args(config.env_args)
+    name = env_args.pop("robot", config.robot)
+    if not isinstance(name, str | None) or config.robot not in (None, name):
+        raise InvalidValueError("robot in --env-args", name, "none; name it by --robot")
+    robot = chosen(name, config.feet)
     if not config.zero_action:
         if config.source is None:
             raise InvalidValueError("source", None, "a run folder or policy, or --zero-action")
@@ -165,15 +185,26 @@ def player_of(config: RolloutConfig) -> Player:
                 (config.env, config.action_layer),
                 "neither beside a policy, which brings its own",
             )
-        return load_player(config.source, env_args)
+        return load_player(config.source, env_args, robot)
     if config.source is not None:
-        trained = load_player(config.source, env_args)
-        return Player(f"{trained.name}, zero action", trained.env_id, trained.env_args, None)
+        trained = load_player(config.source, env_args, robot)
+        return replace(trained, name=f"{trained.name}, zero action", policy=None)
     if config.env is None:
         raise InvalidValueError("--env", None, "an environment id, with --zero-action")
     if config.action_layer is not None:
         env_args["action_layer"] = config.action_layer
-    return Player("zero action", config.env, env_args, None)
+    if robot is not None:
+        env_args["robot"] = named(robot)
+    return Player("zero action", config.env, env_args, None, robot)
+
+
+def _warnings(config: RolloutConfig, player: Player) -> list[str]:
+    """Say how what is played differs from what was trained."""
+    if config.source is None:
+        return []
+    path = config.source
+    found = (another(path, player.env_args, player.robot), changed_meaning(path))
+    return [warning for warning in found if warning is not None]
 
 
 def table(player: Player, episodes: Episodes) -> Table:
@@ -238,7 +269,7 @@ def run(config: RolloutConfig, console: Console) -> None:
     if config.video is not None:
         check_output(config.video, "video", (".mp4",))
     player = player_of(config)
-    if config.source is not None and (warning := changed_meaning(config.source)) is not None:
+    for warning in _warnings(config, player):
         console.print(warning, style="yellow", markup=False, highlight=False, soft_wrap=True)
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("episodes", total=config.episodes)
@@ -256,7 +287,7 @@ def run(config: RolloutConfig, console: Console) -> None:
         write(config.out, text)
         console.print(f"wrote {config.out}")
     if config.video is not None:
-        env = make_env(player.env_id, player.env_args)
+        env = make_env(player.env_id, player.make_args)
         try:
             actor = player.actor(env.observation_space, env.action_space)
             clip = record(env, actor, config.seed, config.video_seconds, player.name, fps=50.0)

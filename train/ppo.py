@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ from train.runs.config import TrainConfig
 from train.runs.exit_status import exit_status
 from train.runs.interrupt import stop_requests
 from train.runs.opening import OpenRun, open_run
+from train.runs.robots import chosen, is_built_in, named
 from train.runs.tables import EVALUATIONS, PROGRESS, TableWriter, check_kept
 from train.runs.versions import package_versions
 from train.tensorboard import TensorBoardLog
@@ -61,17 +63,26 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
     """
     with ExitStack() as stack:
         args = {**config.make_args(), "num_threads": config.threads}
+        if (robot := chosen(config.robot, config.feet)) is not None:
+            args["robot"] = robot
         seed = seeds(config.seed)["robots"]
         robots = stack.enter_context(
             closing(make_env(config.env, num_envs=config.num_envs, seed=seed, **args))
         )
+        # Whoever makes the environments may have brought a robot, too.
+        robot = getattr(robots, "robot", robot)
+        own = None if robot is None or is_built_in(robot) else robot
+        if robot is not None and (own is not None or config.robot is not None):
+            args["robot"] = robot
+            names = {**config.env_args, "robot": named(robot)}
+            config = replace(config, env_args=names, robot=None, feet=())
         evaluated = None
         if config.eval.every:
             evaluated = stack.enter_context(
                 closing(make_envs(config.env, args, config.eval.episodes))
             )
         learner = build(config, robots)
-        run = stack.enter_context(open_run(config))
+        run = stack.enter_context(open_run(config, own))
         training = _Training(config, run, learner, evaluated, stack)
         with stop_requests(training.announce_stop) as stop:
             training.until_done(stop)

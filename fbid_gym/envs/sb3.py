@@ -14,6 +14,7 @@ from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
 from fbid_gym.envs.vector_env import spaces
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
+from fbid_gym.robots import Robot
 
 
 class SB3VecEnv(VecEnv):
@@ -48,6 +49,11 @@ class SB3VecEnv(VecEnv):
         self._started = time.monotonic()
         self._actions: np.ndarray | None = None
         self._renderers: dict[int, RobotRenderer] = {}
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.chunks.batches[0].robot
 
     def reset(self) -> np.ndarray:
         """Start new episodes everywhere: (N, O) float32."""

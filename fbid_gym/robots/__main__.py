@@ -1,21 +1,21 @@
 """Show what is understood of a robot: `python -m fbid_gym.robots my.xml [--feet left_foot …]`."""
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fbid_gym.errors import FbidError, InvalidValueError
+from fbid_gym.errors import FbidError
 from fbid_gym.robots import ROBOTS, load
+from fbid_gym.robots.description import feet_in_words, in_json
 from fbid_gym.robots.portrait import portrait, write_png
 from fbid_gym.robots.robot import Robot
 from fbid_gym.robots.summary import summary
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print a robot's joints, limits, feet and check at home, and draw it; returns 1 on errors."""
+    """Print a robot's joints, limits, feet and check at home, and draw it; returns 2 on errors."""
     given = _parser().parse_args(arguments)
     try:
         options = {
@@ -26,13 +26,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.robot in ROBOTS and not options and not given.feet:
             robot = load(given.robot)
         else:
-            robot = Robot.load(given.robot, _feet(given.feet), **options)
+            robot = Robot.load(given.robot, feet_in_words(given.feet), **options)
         print(summary(robot))
         path = Path(given.picture or f"{robot.name}.png")
         write_png(path, portrait(robot))
     except FbidError as error:
         print(f"error: {error}", file=sys.stderr)
-        return 1
+        return 2
     print(f"\nPicture: {path} (red: contact points, yellow: their hull, blue: centre of mass)")
     return 0
 
@@ -56,24 +56,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _feet(words: list[str] | None) -> Any:
-    if words and words[0][:1] in "{[":
-        return _json("feet", " ".join(words))
-    return words
-
-
 def _value(name: str, text: str) -> Any:
     """A word, a number, or what JSON says."""
     if name in ("home", "torque_limit", "armature") and text[:1] in "{[-0123456789.":
-        return _json(name, text)
+        return in_json(name, text)
     return text
-
-
-def _json(name: str, text: str) -> Any:
-    try:
-        return json.loads(text)
-    except json.JSONDecodeError:
-        raise InvalidValueError(name, text, "JSON") from None
 
 
 if __name__ == "__main__":

@@ -1,14 +1,18 @@
 """`robot.toml`: what a file of a robot does not say of it, beside the file."""
 
+import json
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fbid_gym.errors import RobotError, UnknownOptionError
+from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
+from fbid_gym.robots.archive import ARGUMENTS, SUFFIX, split
+from fbid_gym.robots.source import Source
 
 FILE = "robot.toml"
 
-KEYS = ("mjcf", "feet", "name", "home", "base", "torque_limit", "armature")
+KEYS = ("mjcf", *ARGUMENTS)
 """What may stand in it: the file, `robot.xml` by default, and arguments of `Robot.from_mjcf`."""
 
 
@@ -16,14 +20,15 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
     """Look for what a `robot.toml` says of a robot.
 
     Args:
-        source: path of a `robot.toml`, or what `Robot.from_mjcf` takes: a file is looked up in the
-            `robot.toml` of its folder, if that is about this file.
+        source: path of a `robot.toml` or of what `Robot.save` wrote, or what `Robot.from_mjcf`
+            takes: a file is looked up in the `robot.toml` of its folder, if that is about this
+            file.
 
     Returns:
         What to load, and the other arguments of `Robot.from_mjcf`.
 
     Raises:
-        RobotError: a file that is not TOML.
+        RobotError: a file that is not TOML, or no archive of a robot.
         UnknownOptionError: a key that means nothing.
     """
     if not isinstance(source, str | Path) or str(source).lstrip().startswith("<"):
@@ -32,12 +37,41 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
     if path.suffix == ".toml":
         options = _read(path)
         return path.parent / options.pop("mjcf", "robot.xml"), options
+    if path.suffix == SUFFIX:
+        packed, options = split(path, repr(str(path)))
+        return Source.packed(packed), options
     beside = path.parent / FILE
     if not (path.is_file() and beside.is_file()):
         return source, {}
     options = _read(beside)
     about = beside.parent / options.pop("mjcf", "robot.xml")
     return source, options if about.resolve() == path.resolve() else {}
+
+
+def feet_in_words(words: Sequence[str] | None) -> Any:
+    """Return the argument `feet` of `Robot.from_mjcf` from the words of a command line.
+
+    Args:
+        words: names of feet, or what JSON says; None or none: the feet are found.
+
+    Raises:
+        InvalidValueError: text that begins as JSON and is none.
+    """
+    if words and words[0][:1] in ("{", "["):
+        return in_json("feet", " ".join(words))
+    return list(words) if words else None
+
+
+def in_json(name: str, text: str) -> Any:
+    """Return what JSON says.
+
+    Raises:
+        InvalidValueError: it is none.
+    """
+    try:
+        return json.loads(text)
+    except ValueError:
+        raise InvalidValueError(name, text, "JSON") from None
 
 
 def _read(path: Path) -> dict[str, Any]:

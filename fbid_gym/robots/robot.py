@@ -1,5 +1,6 @@
 """A floating-base robot: compiled model, feet with their contact points, limits, home pose."""
 
+import io
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,8 +10,9 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 
-from fbid_gym.errors import RobotError
-from fbid_gym.robots import home_check, mjcf
+from fbid_gym.bundles import write_file
+from fbid_gym.errors import InvalidValueError, RobotError
+from fbid_gym.robots import archive, home_check, mjcf
 from fbid_gym.robots.by_joint import ByJoint, by_joint
 from fbid_gym.robots.contact_sensors import add_contact_sensors
 from fbid_gym.robots.corrections import free_the_base, set_armature, set_solver
@@ -167,6 +169,38 @@ class Robot:
             )
         return self._made
 
+    def save(self, path: str | Path) -> None:
+        """Write one file that `load` reads, with all the robot needs: its name ends in ".zip".
+
+        MuJoCo rounds the numbers of an MJCF to six digits when it writes them; see
+        `portable`.
+
+        Raises:
+            RobotError: it was changed after it was loaded.
+            InvalidValueError: another kind of file name.
+        """
+        path = Path(path)
+        if path.suffix != archive.SUFFIX:
+            raise InvalidValueError("path", str(path), f"a name that ends in {archive.SUFFIX!r}")
+        write_file(path, self._archive())
+
+    def portable(self) -> "Robot":
+        """Return this robot as `load` reads it from what `save` writes: equal to the last bit."""
+        packed, options = archive.split(io.BytesIO(self._archive()), repr(self.name))
+        return Robot.from_mjcf(Source.packed(packed), **options)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what `save` writes: equal for the same robot alone."""
+        return archive.digest(self._archive())
+
+    def _archive(self) -> bytes:
+        source, feet, _, home, base, torque_limit, armature = self.__reduce__()[1]
+        content = source.content
+        packed = content if isinstance(content, bytes) else archive.pack(_floating(source, base)[0])
+        options = {"home": home, "base": base, "torque_limit": torque_limit, "armature": armature}
+        return archive.with_arguments(packed, {"feet": feet, "name": self.name, **options})
+
     def made_by(self, function: Callable[..., "Robot"], *arguments: Any) -> "Robot":
         """Remember how this robot was made, for pickling; returns it."""
         object.__setattr__(self, "_made", (function, arguments))
@@ -182,8 +216,8 @@ class Robot:
         """Load a robot with what the `robot.toml` beside its file says of it.
 
         Args:
-            source: as for `from_mjcf`; or the path of a `robot.toml`, whose key `mjcf` names the
-                file. The others are arguments of `from_mjcf`.
+            source: as for `from_mjcf`; or the path of what `save` wrote; or of a `robot.toml`,
+                whose key `mjcf` names the file, and whose others are arguments of `from_mjcf`.
             feet: as for `from_mjcf`, and
             options: its others; they go before those of the file.
 

@@ -12,9 +12,11 @@ from typing import Union
 import mujoco
 
 from fbid_gym.errors import InvalidValueError, RobotError
+from fbid_gym.robots.archive import pack
 
 _EXPECTED = "the path or text of an MJCF or URDF, an mujoco.MjSpec, or a name of robot_descriptions"
-_PUBLISHED = "_description"
+PUBLISHED = "_description"
+"""How the names of `robot_descriptions` end."""
 
 RobotSource = Union[str, Path, mujoco.MjSpec, "Source"]
 
@@ -43,19 +45,24 @@ class Source:
         if isinstance(source, Source):
             return source
         if isinstance(source, mujoco.MjSpec):
-            return cls._known(_packed(source))
+            return cls._known(pack(source))
         if isinstance(source, str) and source.lstrip().startswith("<"):
             return cls._known(source)
         if not isinstance(source, str | Path):
             raise InvalidValueError("robot", source, _EXPECTED)
         path = Path(source)
-        if isinstance(source, str) and source.endswith(_PUBLISHED) and not path.exists():
+        if isinstance(source, str) and source.endswith(PUBLISHED) and not path.exists():
             path = _published(source)
         if not path.is_file():
             raise RobotError(
                 f"Robot file {str(path)!r} does not exist. Expected the path of an MJCF or URDF."
             )
         return cls._known(path.resolve())
+
+    @classmethod
+    def packed(cls, content: bytes) -> "Source":
+        """Return a source of what `fbid_gym.robots.archive.pack` gave."""
+        return cls._known(content)
 
     @classmethod
     def _known(cls, content: Path | str | bytes) -> "Source":
@@ -107,16 +114,6 @@ def _bytes(content: Path | str | bytes) -> bytes:
     if isinstance(content, Path):
         return content.read_bytes()
     return content.encode() if isinstance(content, str) else content
-
-
-def _packed(spec: mujoco.MjSpec) -> bytes:
-    """A zip of a spec's MJCF and assets; the spec itself stays as it is."""
-    packed = io.BytesIO()
-    try:
-        spec.copy().to_zip(packed)
-    except (ValueError, RuntimeError) as error:
-        raise RobotError(f"The robot's spec cannot be written as an MJCF: {error}") from error
-    return packed.getvalue()
 
 
 def _published(name: str) -> Path:

@@ -55,9 +55,9 @@ def test_a_urdf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_errors_are_told_in_one_line(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([str(path), "--torque-limit", "{"]) == 1
+    assert main([str(path), "--torque-limit", "{"]) == 2
     assert capsys.readouterr().err == "error: Invalid torque_limit: '{'. Expected JSON.\n"
-    assert main([str(path), "--feet", "paw", "--torque-limit", "3"]) == 1
+    assert main([str(path), "--feet", "paw", "--torque-limit", "3"]) == 2
     assert capsys.readouterr().err.startswith("error: No site or geom 'paw'.")
 
 

@@ -11,6 +11,7 @@ import tyro
 
 from train.recipes import NONE, config_for, recipes
 from train.runs.config import TrainConfig, parse_object
+from train.runs.folder import RunFolder
 
 # Said twice in the JSON, for readers of the environment's arguments alone.
 _REPEATED = ("action_layer", "layer_options")
@@ -45,11 +46,12 @@ def options(config: TrainConfig) -> tuple[str, ...]:
     return tuple(_options(asdict(config), asdict(_plain(usual))))
 
 
-def stored_options(stored: Mapping[str, Any]) -> tuple[str, ...]:
+def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, ...]:
     """Return the command line that trains again what a `config.json` says, in the usual folder.
 
     Args:
         stored: as `TrainConfig.to_json` gives it, of this version of the package or another.
+        folder: where it is; holds the robot, if that is none of the built-in ones.
     """
     env = stored["env_id"]
     layer, layer_options = stored.get("action_layer", ""), stored.get("layer_options", {})
@@ -58,8 +60,13 @@ def stored_options(stored: Mapping[str, Any]) -> tuple[str, ...]:
     for name in ("num_threads", "checkpoint_every", "env_id"):
         del usual[name]
     arguments = {k: v for k, v in stored.get("env_args", {}).items() if k not in _REPEATED}
-    usual |= {"env": TrainConfig.env, "env_args": {}}
-    return tuple(_options({**stored, "env": env, "env_args": arguments}, usual))
+    usual |= {"env": TrainConfig.env, "env_args": {}, "robot": None}
+    robot = arguments.get("robot")
+    if isinstance(robot, Mapping):
+        robot = str(folder.robot)
+    arguments.pop("robot", None)
+    again = {**stored, "env": env, "env_args": arguments, "robot": robot}
+    return tuple(_options(again, usual))
 
 
 def _chosen(given: list[str]) -> tuple[argparse.Namespace, list[str]]:

@@ -106,6 +106,11 @@ class TrainConfig:
     """Options of the action layer, as JSON: '{"contact_limits": "none"}'."""
     env_args: JsonObject = field(default_factory=dict)
     """Further arguments of the environment, as JSON: '{"push_force": [50, 150]}'."""
+    robot: str | None = None
+    """Instead of the environment's: a built-in robot, or your own: an MJCF, a URDF, a robot.toml
+    or a robot.zip. The run folder keeps it."""
+    feet: tuple[str, ...] = ()
+    """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
     seed: int = 0
     """Seed of the initial network, the exploration and the robots."""
     total_steps: int = 1_000_000
@@ -168,8 +173,8 @@ class TrainConfig:
                 raise InvalidValueError(
                     name, getattr(self, name), f"values JSON can hold ({error})"
                 ) from error
-        taken = sorted({"action_layer", "layer_options", "seed", "num_envs", "num_threads"}
-                       & set(self.env_args))  # fmt: skip
+        own = {"action_layer", "layer_options", "seed", "num_envs", "num_threads"}
+        taken = sorted((own | ({"robot"} if self.robot else set())) & set(self.env_args))
         if taken:
             raise InvalidValueError(
                 "env_args", self.env_args, f"no {taken[0]!r}, which has an option of its own"
@@ -206,7 +211,9 @@ class TrainConfig:
     def to_json(self) -> dict[str, Any]:
         """Return the resolved configuration as written to `config.json`."""
         data = asdict(self)
-        del data["env"], data["out"], data["overwrite"]
+        # A robot of its own is named among the environment's arguments, see `train.runs.robots`.
+        for name in ("env", "out", "overwrite", "robot", "feet"):
+            del data[name]
         data = {"env_id": self.env, **data, "env_args": self.make_args()}
         data["num_threads"] = self.threads
         return json.loads(json.dumps(data))

@@ -6,13 +6,19 @@ from typing import Any
 
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import FbidError
+from fbid_gym.robots import Robot
 from train.runs.differences import differences, in_words
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
+from train.runs.robots import of_policy
 
 
-def meaning(config: Mapping[str, Any]) -> dict[str, Any] | None:
+def meaning(config: Mapping[str, Any], robot: Robot | None = None) -> dict[str, Any] | None:
     """Return what the environment's arguments in a `config.json` mean today.
+
+    Args:
+        config: as `TrainConfig.to_json` gives it.
+        robot: instead of the one that they name.
 
     Returns:
         As `environment.json` holds it; None where the environment is not one of ours.
@@ -20,7 +26,10 @@ def meaning(config: Mapping[str, Any]) -> dict[str, Any] | None:
     Raises:
         FbidError: they are not valid today.
     """
-    return resolved_arguments(str(config.get("env_id")), config.get("env_args") or {})
+    arguments = dict(config.get("env_args") or {})
+    if robot is not None:
+        arguments["robot"] = robot
+    return resolved_arguments(str(config.get("env_id")), arguments)
 
 
 def changed_meaning(path: Path) -> str | None:
@@ -41,7 +50,7 @@ def changed_meaning(path: Path) -> str | None:
         return None
     config = read_json(folder.config)
     try:
-        today = meaning(config)
+        today = meaning(config, of_policy(path, config.get("env_args") or {}))
     except FbidError as error:
         return f"{path.name} was trained in an environment that is not valid today: {error}"
     different = differences(read_json(folder.environment), today or {})

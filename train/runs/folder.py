@@ -15,6 +15,8 @@ class RunFolder(NamedTuple):
     """Of Python, packages, this repository and the platform, when the run began: JSON."""
     environment: Path
     """What the arguments of an environment of ours meant when the run began: JSON."""
+    robot: Path
+    """The robot, where it is none of the built-in ones: as `Robot.save` writes it."""
     progress: Path
     """One row per iteration: CSV."""
     evaluations: Path
@@ -34,7 +36,7 @@ class RunFolder(NamedTuple):
     def of(cls, path: Path) -> "RunFolder":
         """Return the paths in a folder, there or not."""
         names = (
-            *("config.json", "versions.json", "environment.json", "progress.csv"),
+            *("config.json", "versions.json", "environment.json", "robot.zip", "progress.csv"),
             *("evaluations.csv", "checkpoint", "policy", "policy_best", "tensorboard", ".lock"),
         )
         return cls(path, *(path / name for name in names))
@@ -43,9 +45,10 @@ class RunFolder(NamedTuple):
     def results(self) -> set[Path]:
         """All that a run writes beside its configuration, with what a killed write may leave."""
         bundles = {self.checkpoint, self.policy, self.best_policy}
-        replaced = {self.config, self.versions, self.environment, *bundles}
+        replaced = {self.config, self.versions, self.environment, self.robot, *bundles}
         return {
-            *(self.versions, self.environment, self.progress, self.evaluations, self.tensorboard),
+            *(self.versions, self.environment, self.robot),
+            *(self.progress, self.evaluations, self.tensorboard),
             *bundles,
             *(path.with_name(f"{path.name}.new") for path in replaced),
             *(path.with_name(f"{path.name}.old") for path in bundles),

@@ -11,6 +11,7 @@ from typing import Any
 
 from fbid_gym.bundles import load_bundle, present_bundle
 from fbid_gym.errors import RunError
+from fbid_gym.robots import Robot
 from train.runs.config import TrainConfig
 from train.runs.differences import Difference, differences, in_words, made_with, run_differences
 from train.runs.environment import meaning
@@ -31,6 +32,8 @@ class OpenRun:
     """What the arguments of its environment mean; None where that is not known."""
     resumes: bool
     """There is a checkpoint to continue from."""
+    robot: Robot | None
+    """That it is of, where it is none of the built-in ones."""
     changes: tuple[str, ...]
     """Versions and meanings of the environment's arguments that are not those the run began with,
     so that it may round differently or learn something else."""
@@ -44,17 +47,23 @@ class OpenRun:
             write(folder.versions, to_json(versions()))
             if self.meaning is not None:
                 write(folder.environment, to_json(self.meaning))
+            if self.robot is not None:
+                self.robot.save(folder.robot)
         if not folder.config.exists() or read_json(folder.config) != self.config:
             write(folder.config, to_json(self.config))
 
 
 @contextmanager
-def open_run(config: TrainConfig) -> Iterator[OpenRun]:
+def open_run(config: TrainConfig, robot: Robot | None = None) -> Iterator[OpenRun]:
     """Open the run folder of a configuration, alone, until the context ends.
 
     A folder that holds this run is continued; what it holds of this run without a checkpoint is
     started anew. Files that a run does not write are never touched. Refused or not, all that is
     written before `OpenRun.begin` is the folder with its lock.
+
+    Args:
+        config: the run.
+        robot: that it is of, where it is none of the built-in ones.
 
     Raises:
         RunError: the folder holds another run (names what differs), or no run but other files, or
@@ -62,14 +71,14 @@ def open_run(config: TrainConfig) -> Iterator[OpenRun]:
         FbidError: the arguments of the environment are not valid.
     """
     folder, asked = RunFolder.of(config.folder), config.to_json()
-    means = meaning(asked)
+    means = meaning(asked, robot)
     _check_same_run(folder, asked, config.overwrite)
     folder.path.mkdir(parents=True, exist_ok=True)
     with _locked(folder):
         # Again: another process may have had the folder in between.
         resumes = _check_same_run(folder, asked, config.overwrite)
         changes = _changes(folder, means) if resumes else ()
-        yield OpenRun(folder, asked, means, resumes, changes)
+        yield OpenRun(folder, asked, means, resumes, robot, changes)
 
 
 def _check_same_run(folder: RunFolder, asked: Mapping[str, Any], overwrite: bool) -> bool:

@@ -9,8 +9,10 @@ import numpy as np
 
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
+from fbid_gym.robots import Robot
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
+from train.runs.robots import of_policy
 from train.runs.tables import read_rows
 
 _LAYER_ARGS = ("action_layer", "layer_options")
@@ -46,6 +48,8 @@ class Run:
     """Of Python and packages, the commit and the platform, as far as they are known."""
     curve: Curve | None
     """None for an exported policy."""
+    robot: Robot | None = None
+    """To be played on; None for the one that the policy's arguments name."""
 
     @property
     def layer(self) -> str:
@@ -58,11 +62,16 @@ class Run:
         return {k: v for k, v in self.policy.env_args.items() if k not in _LAYER_ARGS}
 
 
-def load(path: Path) -> Run:
+def load(path: Path, robot: Robot | None = None) -> Run:
     """Load a run folder, or the folder of an exported policy.
 
+    Args:
+        path: the folder.
+        robot: to be played on instead of the one that it was trained on.
+
     Raises:
-        RunError: the folder or a file in it is missing, unreadable or incomplete.
+        RunError: the folder or a file in it is missing, unreadable or incomplete, or so is the
+            robot.
         PolicyFileError: the policy is, or the folder is neither.
     """
     if not path.is_dir():
@@ -70,7 +79,8 @@ def load(path: Path) -> Run:
     folder = RunFolder.of(path)
     if not folder.config.is_file():
         policy = Policy.load(path)
-        return Run(path, None, policy, None, dict(policy.versions), None)
+        robot = of_policy(path, policy.env_args, robot)
+        return Run(path, None, policy, None, dict(policy.versions), None, robot)
     for file in (folder.versions, folder.evaluations):
         if not file.is_file():
             raise RunError(
@@ -93,7 +103,8 @@ def load(path: Path) -> Run:
             f"{path}: trained for {curve.steps[-1]:.0f} of {config['total_steps']} steps. "
             "Resume it, or leave it out."
         )
-    return Run(path, int(config["seed"]), policy, config, read_json(folder.versions), curve)
+    robot = of_policy(path, policy.env_args, robot)
+    return Run(path, int(config["seed"]), policy, config, read_json(folder.versions), curve, robot)
 
 
 def _read_curve(path: Path) -> Curve:

@@ -10,6 +10,7 @@
     action_layer = "joint_position"
     layer_options = { reference = "home" }
     env_args = {}                            # further arguments of the environment
+    robot = "dog/robot.toml"                 # instead of the environment's, as --robot; and feet
     total_steps = 5_000_000                  # any setting of a recipe, for this arm
 
 What a study does not say is as the recipe of the environment has it. Each arm with each of its
@@ -26,7 +27,10 @@ from fbid_gym.errors import RunError, UnknownOptionError
 from train.recipes import SETTINGS, check, config_for, valid_settings
 from train.runs.config import TrainConfig
 
-_OF_ARM = ("name", "env", "action_layer", "layer_options", "env_args", "seeds", "recipe")
+_OF_ARM = (
+    *("name", "env", "action_layer", "layer_options", "env_args"),
+    *("robot", "feet", "seeds", "recipe"),
+)
 _REQUIRED = ("name", "env", "action_layer")
 
 
@@ -109,6 +113,11 @@ def _cells(
     seeds = arm.get("seeds", seeds)
     if not isinstance(seeds, list) or not seeds:
         raise RunError(f"{path}: seeds of arm {arm['name']!r} are {seeds!r}. Expected a list.")
+    robot, feet = arm.get("robot"), arm.get("feet", [])
+    if not isinstance(robot, str | None):
+        raise RunError(f"{path}: robot of arm {arm['name']!r} is {robot!r}. Expected a name.")
+    if not isinstance(feet, list) or not all(isinstance(foot, str) for foot in feet):
+        raise RunError(f"{path}: feet of arm {arm['name']!r} are {feet!r}. Expected names.")
     usual = config_for(arm["env"], arm["action_layer"], arm.get("layer_options"), arm.get("recipe"))
     usual = _with(_with(usual, shared), own)
     place = f"{environment_name(arm['env'])}-{arm['name'].replace(' ', '_')}"
@@ -120,6 +129,8 @@ def _cells(
             replace(
                 usual,
                 env_args=dict(arm.get("env_args", {})),
+                robot=robot,
+                feet=tuple(feet),
                 seed=seed,
                 num_threads=1,
                 out=out / f"{place}-s{seed}",

@@ -5,6 +5,9 @@ import pytest
 
 from train.runs.command_line import options, parse, stored_options
 from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
+from train.runs.folder import RunFolder
+
+FOLDER = RunFolder.of(Path("runs/some"))
 
 
 @pytest.mark.parametrize(
@@ -31,7 +34,7 @@ from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
 def test_options_are_the_command_line_of_the_configuration(config):
     assert parse(list(options(config))) == config
     again = dataclasses.replace(config, num_threads=0, out=None, overwrite=False)
-    assert parse(list(stored_options(config.to_json()))) == again
+    assert parse(list(stored_options(config.to_json(), FOLDER))) == again
 
 
 def test_options_say_only_what_is_not_the_default():
@@ -46,4 +49,14 @@ def test_stored_options_of_another_version_are_those_that_there_are():
     stored = TrainConfig(seed=3).to_json()
     del stored["torch_threads"]
     stored["ppo"]["rollouts"] = 7
-    assert stored_options({**stored, "colour": "blue", "checkpoint_every": 5}) == ("--seed", "3")
+    stored |= {"colour": "blue", "checkpoint_every": 5}
+    assert stored_options(stored, FOLDER) == ("--seed", "3")
+
+
+@pytest.mark.parametrize(
+    ("robot", "words"),
+    [("go1", ("--robot", "go1")), ({"name": "dog"}, ("--robot", str(FOLDER.robot)))],
+)
+def test_stored_options_name_the_robot_or_the_file_that_keeps_it(robot, words):
+    stored = TrainConfig(env_args={"robot": robot, "push_force": [1, 2]}).to_json()
+    assert stored_options(stored, FOLDER) == ("--env-args", '{"push_force": [1, 2]}', *words)

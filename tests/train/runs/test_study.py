@@ -132,3 +132,19 @@ def test_a_sweep_goes_on_where_it_was_and_says_what_failed(tmp_path, monkeypatch
     after = (out / "QuadrupedWalk-v0-a-s0" / "progress.csv").read_bytes()
     assert after.startswith(kept) and len(after) > len(kept)
     assert standing(read_study(longer, out)).row_count == 1
+
+
+def test_arms_may_name_a_robot_of_their_own(tmp_path):
+    text = f'{ARM}robot = "dog/robot.toml"\nfeet = ["a", "b"]\n'
+    cell = read_study(write(tmp_path, text), tmp_path).cells[0]
+    assert (cell.config.robot, cell.config.feet) == ("dog/robot.toml", ("a", "b"))
+    assert parse(list(training_job(cell.name, cell.config).command[3:])) == cell.config
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [("robot = 3", "robot of arm 'a' is 3"), ("feet = [1]", "feet of arm 'a' are [1]")],
+)
+def test_a_robot_that_is_no_name_is_refused(tmp_path, line, message):
+    with pytest.raises(FbidError, match=re.escape(message)):
+        read_study(write(tmp_path, ARM + line + "\n"), tmp_path)

@@ -1,0 +1,146 @@
+"""A robot in one file: its MJCF, the files that needs, and what else is said of it.
+
+`robot.zip` is a zip as `mujoco.MjSpec.from_zip` reads it, with a `robot.json` of arguments of
+`Robot.from_mjcf` beside the MJCF.
+"""
+
+import hashlib
+import io
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from fbid_gym.errors import RobotError, UnknownOptionError
+
+SUFFIX = ".zip"
+ARGUMENTS = ("feet", "name", "home", "base", "torque_limit", "armature")
+"""What `robot.json` may say: arguments of `Robot.from_mjcf`."""
+
+_FILE = "robot.json"
+_MOST_BYTES = 2**28
+
+
+def pack(spec: mujoco.MjSpec) -> bytes:
+    """Return a spec as a zip of its MJCF and of the files that needs; the spec stays as it is.
+
+    Raises:
+        RobotError: it cannot be written, or a file is not there.
+    """
+    spec = spec.copy()
+    files: dict[str, bytes] = {}
+
+    def keep(file: str, folder: str) -> str:
+        """Keep a file, and return its name: after what it holds, so that it is kept once."""
+        content = _content(spec, file, folder)
+        name = hashlib.sha256(content).hexdigest()[:16] + Path(file).suffix.lower()
+        files[name] = content
+        return name
+
+    for part in (*spec.meshes, *spec.hfields, *spec.skins):
+        if part.file:
+            part.file = keep(part.file, spec.meshdir)
+    for texture in spec.textures:
+        if texture.file:
+            texture.file = keep(texture.file, spec.texturedir)
+        for face, file in enumerate(texture.cubefiles):
+            if file:
+                texture.cubefiles[face] = keep(file, spec.texturedir)
+    spec.meshdir = spec.texturedir = ""
+    spec.assets = files  # written where it compiles
+    try:
+        text = spec.to_xml()
+    except (ValueError, RuntimeError) as error:
+        raise RobotError(f"The robot's spec cannot be written as an MJCF: {error}") from error
+    return _zipped({**files, "robot.xml": text.encode()})
+
+
+def _content(spec: mujoco.MjSpec, file: str, folder: str) -> bytes:
+    inside = Path(file).name if spec.strippath else file
+    for name in (str(Path(folder, inside)), inside):
+        if name in spec.assets:
+            found = spec.assets[name]
+            return found if isinstance(found, bytes) else str(found).encode()
+    path = Path(spec.modelfiledir, folder, inside)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise RobotError(
+            f"The robot needs {str(path)!r}, which cannot be read ({error.strerror})."
+        ) from error
+
+
+def _zipped(files: Mapping[str, bytes]) -> bytes:
+    """A zip that depends on the contents alone."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name in sorted(files):
+            entry = zipfile.ZipInfo(name)  # of 1980
+            archive.writestr(entry, files[name], zipfile.ZIP_DEFLATED)
+    return packed.getvalue()
+
+
+def with_arguments(packed: bytes, arguments: Mapping[str, Any]) -> bytes:
+    """Return what `pack` gave with arguments of `Robot.from_mjcf` in it; None are left out."""
+    given = {name: value for name, value in arguments.items() if value is not None}
+    text = json.dumps(given, indent=1, default=lambda array: array.tolist())
+    archive = io.BytesIO(packed)
+    with zipfile.ZipFile(archive, "a") as file:
+        # A date of its own would make two archives of one robot different files.
+        file.writestr(zipfile.ZipInfo(_FILE), text + "\n")
+    return archive.getvalue()
+
+
+def split(file: Path | io.BytesIO, name: str) -> tuple[bytes, dict[str, Any]]:
+    """Read an archive, and return what `pack` gave and the arguments.
+
+    Args:
+        file: the archive.
+        name: what messages call it.
+
+    Raises:
+        RobotError: no archive of a robot, or more than 256 MB of it.
+        UnknownOptionError: an argument that there is not.
+    """
+    label = f"Robot file {name}"
+    try:
+        with zipfile.ZipFile(file) as opened:
+            entries = opened.infolist()
+            if sum(entry.file_size for entry in entries) > _MOST_BYTES:
+                raise RobotError(f"{label} unpacks to more than {_MOST_BYTES >> 20} MB.")
+            contents = {entry.filename: opened.read(entry) for entry in entries}
+    except FileNotFoundError:
+        raise RobotError(f"{label} does not exist.") from None
+    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
+        raise RobotError(f"{label} is not a zip that can be read: {error}") from error
+    arguments = _arguments(label, contents.pop(_FILE, None))
+    return _zipped(contents), arguments
+
+
+def digest(archive: bytes) -> str:
+    """Return the SHA-256 of what is in an archive, however it is packed."""
+    found = hashlib.sha256()
+    with zipfile.ZipFile(io.BytesIO(archive)) as file:
+        for name in sorted(file.namelist()):
+            for part in (name.encode(), file.read(name)):
+                found.update(len(part).to_bytes(8, "big") + part)
+    return found.hexdigest()
+
+
+def _arguments(label: str, text: bytes | None) -> dict[str, Any]:
+    if text is None:
+        raise RobotError(f"{label} holds no {_FILE}. Expected a file that `Robot.save` wrote.")
+    try:
+        arguments = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RobotError(f"{label}: {_FILE} is not JSON ({error}).") from error
+    if not isinstance(arguments, dict):
+        raise RobotError(f"{label}: {_FILE} is not a JSON object.")
+    for name in arguments:
+        if name not in ARGUMENTS:
+            raise UnknownOptionError(f"argument in {_FILE}", name, ARGUMENTS)
+    return arguments

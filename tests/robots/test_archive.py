@@ -1,0 +1,180 @@
+"""A robot is written into one file, and read back from it to the bit."""
+
+import io
+import json
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.errors import FbidError, InvalidValueError, RobotError, UnknownOptionError
+from fbid_gym.robots import ROBOTS, Robot, load
+from tests.robots import zoo
+from tests.robots.test_copies import same
+from tests.robots.test_source_urdf import urdf
+
+TETRAHEDRON = "v 0 0 .1\nv .1 0 -.1\nv -.1 .1 -.1\nv -.1 -.1 -.1\n" + (
+    "f 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n"
+)
+
+
+def told(seed: int) -> Robot:
+    """A robot of the zoo, with all that can be said of it."""
+    animal = zoo.draw(seed)
+    options: dict[str, Any] = {"torque_limit": 40.0, "armature": {"*": 0.01, "*knee": 0.02}}
+    return Robot.from_mjcf(
+        zoo.mjcf(animal), animal.foot_names, home="stand", name="mine", **options
+    )
+
+
+def again(robot: Robot, folder: Path) -> Robot:
+    robot.save(folder / "robot.zip")
+    return Robot.load(folder / "robot.zip")
+
+
+def close(one: Robot, other: Robot) -> None:
+    """Equal but for the digits that MuJoCo leaves out when it writes."""
+    for name in ("body_mass", "body_inertia", "body_pos", "geom_size", "dof_armature"):
+        two = getattr(one.model, name), getattr(other.model, name)
+        np.testing.assert_allclose(*two, rtol=1e-5, atol=1e-6, err_msg=name)
+    np.testing.assert_allclose(one.home_qpos, other.home_qpos, atol=2e-6)
+    np.testing.assert_allclose(one.torque_limit, other.torque_limit, rtol=1e-6)
+    assert (one.name, one.foot_names) == (other.name, other.foot_names)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_read_back_is_what_was_written(seed: int, tmp_path: Path) -> None:
+    robot = told(seed)
+    portable = robot.portable()
+    close(robot, portable)
+    read = again(portable, tmp_path)
+    assert same(portable, read) and same(portable, again(robot, tmp_path))
+    assert robot.digest == portable.digest == read.digest
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_built_in_robots_are_written_too(name: str, tmp_path: Path) -> None:
+    close(load(name), again(load(name), tmp_path))
+
+
+def test_a_urdf_comes_back_as_it_was_prepared(tmp_path: Path) -> None:
+    robot = Robot.from_mjcf(urdf(), home="stand")
+    close(robot, again(robot, tmp_path))
+
+
+def test_files_that_a_robot_needs_are_in_it(tmp_path: Path) -> None:
+    """Meshes and included files; then the original may go."""
+    animal = zoo.draw(22)
+    parts = '<asset><mesh name="hull" file="parts/hull.obj"/></asset><include file="sky.xml"/>'
+    text = zoo.mjcf(animal).replace("<worldbody>", f"{parts}<worldbody>")
+    text = text.replace("<freejoint", '<geom type="mesh" mesh="hull" density="1"/><freejoint', 1)
+    assert text.count('mesh="hull"') == 1
+    source = tmp_path / "from"
+    (source / "parts").mkdir(parents=True)
+    (source / "parts" / "hull.obj").write_text(TETRAHEDRON)
+    (source / "sky.xml").write_text("<mujoco><option gravity='0 0 -3.7'/></mujoco>")
+    (source / "dog.xml").write_text(text)
+    robot = Robot.from_mjcf(source / "dog.xml", animal.foot_names)
+    robot.save(tmp_path / "robot.zip")
+    for file in (*source.glob("*.xml"), source / "parts" / "hull.obj"):
+        file.unlink()
+    read = Robot.load(tmp_path / "robot.zip")
+    close(robot, read)
+    assert read.gravity == pytest.approx(3.7) and read.model.nmesh == 1
+    assert read.portable().digest == read.digest
+
+
+def test_the_digest_tells_robots_apart() -> None:
+    animal = zoo.draw(22)
+    plain: dict[str, Any] = {"feet": animal.foot_names}
+    others: list[dict[str, Any]] = [
+        {"home": "stand"},
+        {"armature": 0.1},
+        {"torque_limit": 3.0},
+        {"name": "b"},
+        {"feet": animal.foot_names[::-1]},
+    ]
+    heavier = replace(animal, mass=1.01 * animal.mass)
+    digests = [Robot.from_mjcf(zoo.mjcf(animal), **(plain | other)).digest for other in others]
+    digests += [Robot.from_mjcf(zoo.mjcf(its), **plain).digest for its in (animal, heavier)]
+    assert len(set(digests)) == len(digests)
+    assert digests[-2] == Robot.from_mjcf(zoo.mjcf(animal), list(animal.foot_names)).digest
+
+
+def test_a_spec_is_written_as_well(tmp_path: Path) -> None:
+    animal = zoo.draw(22)
+    spec = mujoco.MjSpec.from_string(zoo.mjcf(animal))
+    robot = Robot.from_mjcf(spec, animal.foot_names)
+    assert same(robot, again(robot, tmp_path))
+
+
+def test_what_cannot_be_written() -> None:
+    with pytest.raises(RobotError, match="was changed after it was loaded"):
+        replace(load("go1"), mass=3.0).save("x.zip")
+    with pytest.raises(InvalidValueError, match="a name that ends in '.zip'"):
+        load("go1").save("x.xml")
+
+
+def packed(entries: dict[str, str]) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in entries.items():
+            archive.writestr(name, text)
+    return file.getvalue()
+
+
+XML = zoo.mjcf(zoo.draw(22))
+BAD = {
+    "no zip": (b"robot", RobotError, "not a zip that can be read"),
+    "empty": (b"", RobotError, "not a zip that can be read"),
+    "no arguments": (packed({"a.xml": XML}), RobotError, "holds no robot.json"),
+    "no robot": (packed({"robot.json": "{}"}), RobotError, "not a valid MJCF"),
+    "no MJCF": (packed({"robot.json": "{}", "a.xml": "<x/>"}), RobotError, "not a valid MJCF"),
+    "no JSON": (packed({"robot.json": "{", "a.xml": XML}), RobotError, "robot.json is not JSON"),
+    "deep": (packed({"robot.json": "[" * 10**5, "a.xml": XML}), RobotError, "is not JSON"),
+    "a list": (packed({"robot.json": "[]", "a.xml": XML}), RobotError, "not a JSON object"),
+    "a key": (packed({"robot.json": '{"code": 1}', "a.xml": XML}), UnknownOptionError, "code"),
+    "its feet": (packed({"robot.json": '{"feet": [3]}', "a.xml": XML}), FbidError, "feet"),
+    "a bomb": (
+        packed({"robot.json": "{}", "a.xml": " " * (2**28 + 1)}),
+        RobotError,
+        "more than 256 MB",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_files_that_are_no_robot_are_refused(name: str, tmp_path: Path) -> None:
+    content, error, message = BAD[name]
+    (tmp_path / "robot.zip").write_bytes(content)
+    with pytest.raises(error, match=message):
+        Robot.load(tmp_path / "robot.zip")
+
+
+def test_every_damaged_archive_is_refused_or_is_another_robot(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    path = tmp_path / "robot.zip"
+    told(22).save(path)
+    whole, digest = path.read_bytes(), told(22).digest
+    for _ in range(60):
+        damaged = bytearray(whole)
+        damaged[rng.integers(len(whole))] ^= 1 << int(rng.integers(8))
+        cut = damaged if rng.random() < 0.7 else damaged[: rng.integers(len(whole))]
+        path.write_bytes(bytes(cut))
+        try:
+            robot = Robot.load(path)
+        except FbidError:
+            continue
+        assert robot.digest == digest  # a bit that means nothing, such as a date
+
+
+def test_the_arguments_are_readable(tmp_path: Path) -> None:
+    told(22).save(tmp_path / "robot.zip")
+    with zipfile.ZipFile(tmp_path / "robot.zip") as archive:
+        said = json.loads(archive.read("robot.json"))
+    assert said["home"] == "stand" and said["armature"] == {"*": 0.01, "*knee": 0.02}

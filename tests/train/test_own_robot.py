@@ -1,0 +1,183 @@
+"""A run on a robot of the user's keeps it, and nothing is played on another one unsaid."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import eval.rollout
+import train.ppo
+from eval.compare import main as compare
+from fbid_gym import make_sb3
+from fbid_gym.errors import InvalidValueError, RunError
+from fbid_gym.policy import Policy
+from fbid_gym.robots import Robot, load
+from tests.robots import zoo
+from train.runs.config import EvaluationConfig, TrainConfig
+from train.runs.reading import load as load_run
+from train.runs.robots import chosen, named, of_policy
+from train.runs.tables import read_rows
+
+ANIMAL = zoo.draw(22)
+ENV = "fbid_gym/QuadrupedBalance-v0"
+EPISODES = 3
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a robot.toml and a run of it."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "dog.xml").write_text(zoo.mjcf(ANIMAL))
+    feet = json.dumps(ANIMAL.foot_names)
+    (folder / "robot.toml").write_text(f'mjcf = "dog.xml"\nname = "dog"\nfeet = {feet}\n')
+    train.ppo.main(config(folder))
+    return folder
+
+
+def config(folder: Path, **changes: Any) -> TrainConfig:
+    small = TrainConfig(
+        env=ENV,
+        action_layer="joint_position",
+        env_args={"episode_seconds": 0.5},
+        robot=str(folder / "robot.toml"),
+        total_steps=64,
+        num_envs=4,
+        num_threads=1,
+        out=folder / "run",
+        eval=EvaluationConfig(every=32, episodes=EPISODES),
+    )
+    small = replace(small, ppo=replace(small.ppo, n_steps=8, batch_size=32))
+    return replace(small, **changes)
+
+
+def returns(folder: Path, *words: str) -> float:
+    out = folder / "metrics.json"
+    arguments = [*("--episodes", str(EPISODES)), *("--seed", "10000"), *("--out", str(out))]
+    assert eval.rollout.main([*words, *arguments]) == 0
+    return json.loads(out.read_text())["summary"]["returned"]["mean"]
+
+
+def test_the_run_says_which_robot_and_keeps_it(folder: Path) -> None:
+    own = Robot.load(folder / "robot.toml")
+    run = load_run(folder / "run")
+    assert run.robot is not None and run.robot.digest == own.digest
+    asked = json.loads((folder / "run" / "config.json").read_text())
+    name = {"name": "dog", "sha256": own.digest}
+    assert asked["env_args"]["robot"] == run.policy.env_args["robot"] == name
+    assert "robot" not in asked and "feet" not in asked
+
+
+def test_it_is_played_where_it_was_trained(folder: Path) -> None:
+    """Also without the files that it came from; to the last digit."""
+    moved = folder / "moved"
+    shutil.copytree(folder / "run", moved)
+    (folder / "dog.xml").rename(folder / "gone.xml")
+    last = float(read_rows(moved / "evaluations.csv")[-1]["return_mean"])
+    try:
+        assert returns(folder, str(moved)) == pytest.approx(last, rel=1e-12)
+        assert returns(folder, str(moved / "policy")) == pytest.approx(last, rel=1e-12)
+    finally:
+        (folder / "gone.xml").rename(folder / "dog.xml")
+
+
+def test_a_policy_alone_asks_for_its_robot(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    policy = tmp_path / "policy"
+    shutil.copytree(folder / "run" / "policy", policy)
+    assert eval.rollout.main([str(policy), "--episodes", "1"]) == 2
+    assert "the policy was trained on robot 'dog' (" in capsys.readouterr().err
+    with pytest.raises(InvalidValueError, match="robot"):
+        gym.make(ENV, **Policy.load(policy).env_args)
+    words = [str(policy), "--robot", str(folder / "run" / "robot.zip")]
+    assert returns(tmp_path, *words) == returns(tmp_path, str(folder / "run"))
+    assert "is played on" not in capsys.readouterr().out
+
+
+def test_another_robot_is_played_on_only_with_a_word(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = str(folder / "run")
+    returns(tmp_path, run, "--robot", "quadruped")
+    assert "run was trained on robot 'dog' (" in capsys.readouterr().out
+    out = tmp_path / "report.html"
+    few = ["--episodes", "2", "--sweep", "1", "--sweep-episodes", "2", "--samples", "50"]
+    words = [run, "--robot", "quadruped", "--out", str(out), "--video-seconds", "0", *few]
+    assert compare(words) == 0
+    assert "is played on robot 'quadruped'" in " ".join(capsys.readouterr().out.split())
+    assert "is played on robot" in out.read_text()
+
+
+def test_the_report_names_the_command_that_trains_it_again(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "report.html"
+    few = ["--episodes", "2", "--sweep", "1", "--sweep-episodes", "2", "--samples", "50"]
+    assert compare([str(folder / "run"), "--out", str(out), "--video-seconds", "0", *few]) == 0
+    assert f"--robot {folder / 'run' / 'robot.zip'}" in out.read_text()
+
+
+def test_a_resume_is_of_the_same_robot(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path / "own")
+    mine = tmp_path / "own"
+    again = config(mine, total_steps=96)
+    train.ppo.main(again)
+    heavier = zoo.mjcf(replace(ANIMAL, mass=1.1 * ANIMAL.mass))
+    (mine / "dog.xml").write_text(heavier)
+    before = (mine / "run" / "config.json").read_bytes()
+    with pytest.raises(RunError, match=r"env_args.robot.sha256 .* instead of"):
+        train.ppo.main(replace(again, total_steps=128))
+    assert (mine / "run" / "config.json").read_bytes() == before
+    kept = replace(again, robot=str(mine / "run" / "robot.zip"), total_steps=128)
+    train.ppo.main(kept)
+    assert int(read_rows(mine / "run" / "progress.csv")[-1]["steps"]) == 128
+
+
+def test_a_robot_that_comes_with_the_environments_is_kept_too(tmp_path: Path) -> None:
+    robot = Robot.from_mjcf(zoo.mjcf(ANIMAL), ANIMAL.foot_names)
+
+    def make_env(env_id: str, **arguments: Any) -> Any:
+        return make_sb3(env_id, **{**arguments, "robot": robot})
+
+    run = train.ppo.main(config(tmp_path, robot=None), make_env)
+    kept = of_policy(run, Policy.load(run).env_args)
+    assert kept is not None and kept.digest == robot.digest
+    last = float(read_rows(run / "evaluations.csv")[-1]["return_mean"])
+    np.testing.assert_allclose(returns(tmp_path, str(run)), last, rtol=1e-3)
+
+
+def test_built_in_robots_are_called_by_their_name(tmp_path: Path) -> None:
+    run = train.ppo.main(config(tmp_path, robot="go1"))
+    assert Policy.load(run).env_args["robot"] == "go1" and not (run / "robot.zip").exists()
+    assert load_run(run).robot is None
+    assert named(load("go1")) == "go1" and chosen("go1") is load("go1") and chosen(None) is None
+
+
+def test_a_robot_that_is_not_the_one_of_the_policy_is_refused(folder: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(folder / "run", run)
+    load("quadruped").save(run / "robot.zip")
+    with pytest.raises(RunError, match="holds robot 'quadruped'.*Expected the robot of the policy"):
+        load_run(run)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--robot", "nodog"], "Unknown robot 'nodog'. Valid choices: biped"),
+        (["--feet", "a"], "Invalid --feet: 'a'. Expected none without --robot"),
+        (["--robot", "go1", "--feet", "a"], "Expected none for 'go1', which has its"),
+        (["--robot", __file__, "--feet", '{"a'], "Invalid feet: '{\"a'. Expected JSON"),
+        (["--robot", __file__], "is not a valid MJCF"),
+        (["--env-args", '{"robot": {"name": "x"}}'], "Invalid robot in --env-args"),
+        (["--env-args", '{"robot": "g1"}', "--robot", "go1"], "Invalid robot in --env-args"),
+    ],
+)
+def test_nonsense_is_refused_in_one_line(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert eval.rollout.main(["--zero-action", "--env", ENV, *words]) == 2
+    assert message in capsys.readouterr().err

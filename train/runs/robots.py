@@ -1,0 +1,103 @@
+"""Robots of users in run folders: which one a run is of, so that none is played on another unsaid.
+
+In `config.json` and in a policy a built-in robot is its name, another one its name and digest; the
+run folder keeps that as `robot.zip`.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
+from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots.description import feet_in_words
+from fbid_gym.robots.source import PUBLISHED
+from train.runs.folder import RunFolder
+
+
+def chosen(robot: str | None, feet: Sequence[str] = ()) -> Robot | None:
+    """Return the robot that a command line names; None where it names none.
+
+    Args:
+        robot: the name of a built-in robot, or what `Robot.load` takes.
+        feet: the words of `--feet`.
+
+    Raises:
+        FbidError: no such robot, or one that cannot be used.
+    """
+    if robot is None:
+        if feet:
+            raise InvalidValueError("--feet", " ".join(feet), "none without --robot")
+        return None
+    if robot in ROBOTS:
+        if feet:
+            raise InvalidValueError("--feet", " ".join(feet), f"none for {robot!r}, which has its")
+        return load(robot)
+    if not (Path(robot).exists() or robot.endswith(PUBLISHED)):
+        raise UnknownOptionError("robot", robot, (*ROBOTS, "the path of a file"))
+    return Robot.load(robot, feet_in_words(feet)).portable()
+
+
+def named(robot: Robot) -> str | dict[str, str]:
+    """Return what `config.json` and policies call a robot."""
+    if is_built_in(robot):
+        return robot.name
+    return {"name": robot.name, "sha256": robot.digest}
+
+
+def is_built_in(robot: Robot) -> bool:
+    """Whether its name says all of it."""
+    return robot.name in ROBOTS and load(robot.name) is robot
+
+
+def of_policy(path: Path, env_args: Mapping[str, Any], given: Robot | None = None) -> Robot | None:
+    """Return the robot that a policy shall act on; None for the one that its arguments name.
+
+    Args:
+        path: its run folder, or the folder of the policy.
+        env_args: arguments that it was trained with.
+        given: a robot that shall be played on instead.
+
+    Raises:
+        RunError: it was trained on a robot that is neither built in nor kept beside it.
+    """
+    its = env_args.get("robot")
+    if given is not None or not isinstance(its, Mapping):
+        return given
+    for file in (RunFolder.of(folder).robot for folder in (path, path.parent)):
+        if file.is_file():
+            robot = Robot.load(file)
+            if robot.digest == its.get("sha256"):
+                return robot
+            raise RunError(
+                f"{file}: holds {_words(named(robot))}. Expected the robot of the policy, "
+                f"{_words(its)}."
+            )
+    raise RunError(
+        f"{path}: the policy was trained on {_words(its)}, which is not beside it. Give it with "
+        "--robot."
+    )
+
+
+def another(path: Path, env_args: Mapping[str, Any], robot: Robot | None) -> str | None:
+    """Say that a policy is played on another robot than it was trained on.
+
+    Args:
+        path: of the policy.
+        env_args: arguments that it was trained with.
+        robot: as `of_policy` gives it.
+
+    Returns:
+        One sentence; None where it is the same.
+    """
+    its = env_args.get("robot")
+    if robot is None or its == named(robot):
+        return None
+    trained = "the robot of its environment" if its is None else _words(its)
+    return f"{path.name} was trained on {trained} and is played on {_words(named(robot))}."
+
+
+def _words(robot: Any) -> str:
+    if isinstance(robot, Mapping):
+        return f"robot {robot.get('name')!r} ({str(robot.get('sha256'))[:12]}…)"
+    return f"robot {robot!r}"
