@@ -8,8 +8,8 @@ import numpy as np
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
-from fbid_gym.actions.joint_damping import overcome_damping
 from fbid_gym.actions.law_memory import LawMemory, remember
+from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.compiled import kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
@@ -45,7 +45,7 @@ class _Constants(NamedTuple):
         least_gain: m, of a task that goes first, see `operational_space`.
         nearness: of accelerations and wrenches.
         gravity: m/s².
-        damping: (n,) N·m·s/rad of the joints, to be compensated; zero for none.
+        passive: what joints take of their torques, to be given back.
     """
 
     geometry: ContactGeometry
@@ -53,7 +53,7 @@ class _Constants(NamedTuple):
     least_gain: float
     nearness: Nearness
     gravity: float
-    damping: np.ndarray
+    passive: PassiveJoints
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ class AccelerationLaw:
             least_gain=LEAST_GAIN * stance.home_com[2],
             nearness=Nearness(stance.mobility(base_priority), wrench_scale(stance.length, None)),
             gravity=robot.gravity,
-            damping=contact.damping(robot),
+            passive=contact.passive(robot),
         )
         return cls(
             robot=robot,
@@ -136,12 +136,12 @@ class AccelerationLaw:
             (N, n) N·m.
         """
         active, own = self.belief(state, reference), LawMemory.of(memory)
-        torque = self._realise(active, terms, state.qvel, desired, task, own)
+        torque = self._realise(active, terms, state, desired, task, own)
 
         def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
             some = DynamicsTerms(*(value[rows] for value in terms))
             part = None if task is None else TaskCommand(*(value[rows] for value in task))
-            robots = some, state.qvel[rows], desired[rows], part
+            robots = some, RobotState(*(value[rows] for value in state)), desired[rows], part
             return self._realise(active, *robots, own.copy(rows))
 
         return through_contact_switches(self.ramp, active, torque, of_contacts, memory)
@@ -150,7 +150,7 @@ class AccelerationLaw:
         self,
         active: ActivePoints,
         terms: DynamicsTerms,
-        velocity: np.ndarray,
+        state: RobotState,
         desired: np.ndarray,
         task: TaskCommand | None,
         memory: LawMemory,
@@ -159,7 +159,7 @@ class AccelerationLaw:
         if task is not None and task.acceleration.shape[1] > 0:
             desired = _serve_first(self.constants, active, terms, task, desired)
         law = _realise_within_limits if self.limited else _realise_without_limits
-        return law(self.constants, active, terms, velocity, desired, memory)
+        return law(self.constants, active, terms, state, desired, memory)
 
 
 @kernel
@@ -182,11 +182,11 @@ def _realise_within_limits(
     law: _Constants,
     active: ActivePoints,
     terms: DynamicsTerms,
-    velocity: np.ndarray,
+    state: RobotState,
     desired: np.ndarray,
     memory: LawMemory,
 ) -> np.ndarray:
-    """Torques (N, n) for accelerations (N, nv), at velocities (N, nv); updates the memory."""
+    """Torques (N, n) for accelerations (N, nv); updates the memory."""
     contacts = reduce_contacts(law.geometry, active, terms)
     found = limit_dynamics(
         EquationOfMotion(terms.mass_matrix, terms.bias),
@@ -201,7 +201,7 @@ def _realise_within_limits(
     remember(found.warm_start, found.residual, memory)
     if active.switching:
         copy(underactuation(contacts.jacobian), memory.underactuation)
-    return overcome_damping(law.damping, found.torque, velocity)
+    return give_back(law.passive, found.torque, state.qpos, state.qvel)
 
 
 @kernel
@@ -209,7 +209,7 @@ def _realise_without_limits(
     law: _Constants,
     active: ActivePoints,
     terms: DynamicsTerms,
-    velocity: np.ndarray,
+    state: RobotState,
     desired: np.ndarray,
     memory: LawMemory,
 ) -> np.ndarray:
@@ -220,4 +220,4 @@ def _realise_without_limits(
     alike = np.empty((0, desired.shape[1] - 6))
     found = invert_dynamics(motion, constraint, desired, alike, law.nearness.mobility)
     copy(found.underactuation, memory.underactuation)
-    return overcome_damping(law.damping, found.torque, velocity)
+    return give_back(law.passive, found.torque, state.qpos, state.qvel)

@@ -8,8 +8,8 @@ import numpy as np
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
-from fbid_gym.actions.joint_damping import overcome_damping
 from fbid_gym.actions.law_memory import LawMemory, remember
+from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.balance import balance_target, balance_wrench, body_motion
@@ -87,7 +87,7 @@ class _Constants(NamedTuple):
         torque_limit: (1, n) N·m.
         weight: (1,) N, of the robot.
         scale: (6,) turns errors of the wrench into N whose squares are comparable.
-        damping: (n,) N·m·s/rad of the joints, to be compensated; zero for none.
+        passive: what joints take of their torques, to be given back.
     """
 
     balancer: int
@@ -102,7 +102,7 @@ class _Constants(NamedTuple):
     torque_limit: np.ndarray
     weight: np.ndarray
     scale: np.ndarray
-    damping: np.ndarray
+    passive: PassiveJoints
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ class BalanceLaw:
             torque_limit=robot.torque_limit[None].copy(),
             weight=np.array([robot.weight]),
             scale=wrench_scale(stance.length, cost if limits is not None else None),
-            damping=contact.damping(robot),
+            passive=contact.passive(robot),
         )
         return cls(contact.belief(robot, control_hz), contact.ramp(control_hz), constants)
 
@@ -152,7 +152,7 @@ class BalanceLaw:
         """Warm start of the contact forces, the diagnostics, and a ramp's state."""
         memory = LawMemory.fresh(num_robots)._asdict()
         if self.ramp is not None:
-            points, joints = self.constants.limits.shape[1], len(self.constants.damping)
+            points, joints = self.constants.limits.shape[1], self.constants.torque_limit.shape[1]
             memory |= self.ramp.memory(num_robots, points, joints)
         return memory
 
@@ -230,7 +230,7 @@ def _balance(
     remember(found.warm_start, found.residual, memory)
     if active.switching:
         copy(underactuation(contacts.jacobian), memory.underactuation)
-    return overcome_damping(law.damping, found.torque, state.qvel)
+    return give_back(law.passive, found.torque, state.qpos, state.qvel)
 
 
 @kernel

@@ -6,9 +6,10 @@ import numpy as np
 
 from fbid_gym.actions.contact_belief import ContactBelief, Schedule, contact_belief
 from fbid_gym.actions.contact_ramp import ContactRamp
-from fbid_gym.checks import check_at_least_zero, check_share
+from fbid_gym.actions.passive_joints import PassiveJoints
+from fbid_gym.checks import check_at_least_zero, check_share, flag
 from fbid_gym.control import ContactLimits
-from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.errors import UnknownOptionError
 from fbid_gym.robots import Robot
 
 CONTACT_LIMITS = ("friction", "none")
@@ -33,7 +34,9 @@ class ContactOptions:
     max_normal_force: float = np.inf
     """Greatest, share of the weight."""
     compensate_damping: bool = True
-    """Add the torque that the joints' viscous damping takes away."""
+    """Add the torque that the joints' viscous damping takes away. What springs take always is."""
+    compensate_friction: bool = False
+    """Add the torque that the joints' dry friction takes away while they move."""
 
     def belief(self, robot: Robot, control_hz: int) -> ContactBelief:
         """Return which points the layer takes to be in contact."""
@@ -48,11 +51,11 @@ class ContactOptions:
         limits = ContactLimits(self.friction, least * robot.weight, most * robot.weight)
         return limits if self.contact_limits == "friction" else None
 
-    def damping(self, robot: Robot) -> np.ndarray:
-        """Return the joint damping to compensate: (n,) N·m·s/rad, zero for none."""
-        if not isinstance(self.compensate_damping, bool):
-            raise InvalidValueError("compensate_damping", self.compensate_damping, "True or False")
-        return robot.joint_damping * self.compensate_damping
+    def passive(self, robot: Robot) -> PassiveJoints:
+        """Return what the joints take of their torques, as far as it is given back."""
+        damping = flag("compensate_damping", self.compensate_damping)
+        friction = flag("compensate_friction", self.compensate_friction)
+        return PassiveJoints.of(robot, damping=damping, friction=friction)
 
     def ramp(self, control_hz: int) -> ContactRamp | None:
         """Return what smooths the switches; None if they are instantaneous."""
@@ -81,6 +84,8 @@ class WalkingContact:
     """Coefficient assumed of every contact."""
     compensate_damping: bool = True
     """As in `ContactOptions`."""
+    compensate_friction: bool = False
+    """As in `ContactOptions`."""
 
     def options(self, robot: Robot, omega: float) -> ContactOptions:
         """Return what they mean for a robot that falls at a rate omega (1/s)."""
@@ -90,6 +95,7 @@ class WalkingContact:
             contact_ramp=ramp if self.contact_ramp is None else self.contact_ramp,
             friction=self.friction,
             compensate_damping=self.compensate_damping,
+            compensate_friction=self.compensate_friction,
         )
 
 

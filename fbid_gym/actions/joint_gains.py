@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.actions.falling import Falling, in_hertz
+from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.checks import check_positive
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
@@ -128,14 +129,17 @@ def _mobility(robot: Robot) -> np.ndarray:
 
 
 def holding_torque(robot: Robot) -> np.ndarray:
-    """Return the least joint torques that keep the home stance in equilibrium: (n,) N·m."""
+    """Return the torques that keep the home stance in equilibrium: (n,) N·m.
+
+    With what the springs of the joints do, they are the least that do.
+    """
     stance = Stance.of(robot)
     contacts = reduced_contacts(stance.geometry, stance.terms)
     rest = np.zeros((1, robot.nv))
     solution = orthogonal_inverse_dynamics(
         stance.terms.mass_matrix, stance.terms.bias, contacts.jacobian, rest, contacts.bias
     )
-    return solution.torque[0]
+    return give_back(PassiveJoints.of(robot), solution.torque, robot.home_qpos[None], rest)[0]
 
 
 def sampled_growth(

@@ -20,8 +20,8 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
-from fbid_gym.actions.joint_damping import overcome_damping
 from fbid_gym.actions.law_memory import LawMemory, remember
+from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.actions.walking_gains import WalkingGains
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
@@ -66,7 +66,7 @@ class WalkingConstants(NamedTuple):
     least_gain: np.ndarray  # (6,) of the body's task
     nearness: Nearness  # and to the limits of the contact forces
     gravity: float
-    damping: np.ndarray  # (n,)
+    passive: PassiveJoints  # to be given back
     home: np.ndarray  # (nq,)
     turning_inertia: np.ndarray  # (3, 3), see `_turning_inertia`
 
@@ -126,7 +126,7 @@ class WalkingLaw:
             least_gain=LEAST_GAIN * np.repeat([stance.home_com[2], 1.0], 3),
             nearness=Nearness(stance.mobility(1.0 if soles else 1e5), wrench_scale(length, cost)),
             gravity=robot.gravity,
-            damping=contact.damping(robot),
+            passive=contact.passive(robot),
             home=robot.home_qpos,
             turning_inertia=_turning_inertia(robot),
         )
@@ -273,7 +273,7 @@ def _walk_within_limits(
     )
     remember(found.warm_start, found.residual, memory)
     copy(underactuation(wanted.standing.jacobian), memory.underactuation)
-    return overcome_damping(law.damping, found.torque, state.qvel)
+    return give_back(law.passive, found.torque, state.qpos, state.qvel)
 
 
 @kernel
@@ -292,7 +292,7 @@ def _walk_without_limits(
     alike = np.empty((0, state.qvel.shape[1] - 6))
     found = invert_dynamics(motion, standing, wanted.acceleration, alike, law.nearness.mobility)
     copy(found.underactuation, memory.underactuation)
-    return overcome_damping(law.damping, found.torque, state.qvel)
+    return give_back(law.passive, found.torque, state.qpos, state.qvel)
 
 
 @compiled

@@ -96,7 +96,8 @@ class BalanceEnv(RobotEnv):
     | `min_normal_force`   | `0.0`        | Least normal force of a point, share of the weight     |
     | `max_normal_force`   | `inf`        | Greatest, likewise                                     |
     | `compensate_damping` | `True`       | Add the torque that the joints' viscous damping takes  |
-    |                      |              | away                                                   |
+    |                      |              | away; what springs take always is                      |
+    | `compensate_friction` | `False`     | Add what dry friction takes while joints move          |
 
     ## Observation Space
     A `Box` of float32, the same for every layer. Values are clipped to the ranges below;

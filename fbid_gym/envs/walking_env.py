@@ -57,9 +57,9 @@ class WalkingEnv(RobotEnv):
     |                              | `target_frequency`                                            |
     | `joint_acceleration`         | `natural_frequency`, `damping_ratio`, `scale`                 |
     | `base_acceleration`          | `contact_limits`, `contact_ramp`, `friction`,                 |
-    |                              | `compensate_damping`                                          |
+    |                              | `compensate_damping`, `compensate_friction`                   |
     | `com_wrench`                 | `contact_limits`, `contact_ramp`, `friction`,                 |
-    |                              | `compensate_damping`                                          |
+    |                              | `compensate_damping`, `compensate_friction`                   |
 
     `reference="home"` holds the PD controller's targets at the home posture: no gait, the action is
     all there is.

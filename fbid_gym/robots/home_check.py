@@ -200,13 +200,14 @@ def _needed_stiffness(home: _Home) -> np.ndarray:
 def _springs(home: _Home) -> list[str]:
     model = home.model
     sprung = [j for j in moving_joints(model) if np.any(model.jnt_stiffness[j])]
-    if not sprung:
+    weight = weight_of(model)
+    pulls = np.abs(home.data.qfrc_spring[model.jnt_dofadr[sprung]])
+    if not np.any(pulls > _CARRIES_NOTHING * weight * home.height):
         return []
     names = [object_name(model, _OBJ.mjOBJ_JOINT, j) for j in sprung]
-    most = float(model.jnt_stiffness[sprung].max())
     return [
-        f"Springs on {len(names)} joints ({', '.join(names)}; up to {most:.3g} N·m/rad) are not "
-        "in what layers know of the dynamics."
+        f"Springs on {len(names)} joints ({', '.join(names)}) pull with up to {pulls.max():.3g} "
+        "N·m at home, which motors have to hold."
     ]
 
 

@@ -102,9 +102,11 @@ def _least(sentence: str) -> float:
 
 
 def test_springs() -> None:
-    told = check(TEXT.replace("<joint armature", '<joint stiffness="3" armature'))
+    text = TEXT.replace("<joint armature", '<joint stiffness="3" springref="{}" armature')
+    assert check(text.replace("{}", "0.001")) == []
+    told = check(text.replace("{}", "1"))
     assert len(told) == 1 and told[0].startswith(f"Springs on {4 * ANIMAL.joints} joints (leg0_")
-    assert "up to 3 N·m/rad" in told[0]
+    assert "up to 3 N·m at home" in told[0]
 
 
 def test_slippery_feet() -> None:

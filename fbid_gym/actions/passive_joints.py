@@ -1,0 +1,74 @@
+"""What springs, damping and friction of the joints take of their torques, given back."""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from fbid_gym.compiled import compiled
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.robots import Robot
+
+_SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
+
+# Of the robot's rate of falling. Where friction is overcome, joints slower than this keep a part of
+# it: all of it at rest, so that a joint never moves by the sign of a rounding error.
+_SLOW = 0.05
+
+
+class PassiveJoints(NamedTuple):
+    """What acts on the joints beside the motors, as far as a layer gives it back; rad or m.
+
+    Attributes:
+        rest: (n,) where springs do not pull.
+        spring: (n, 3) N·m/rad, N·m/rad², N·m/rad³ of its polynomial.
+        damping: (n, 3) N·m·s/rad, of the velocity, and of its square and cube.
+        friction: (n,) N·m of dry friction.
+        slow: (n,) rad/s below which dry friction is given back in part.
+    """
+
+    rest: np.ndarray
+    spring: np.ndarray
+    damping: np.ndarray
+    friction: np.ndarray
+    slow: np.ndarray
+
+    @classmethod
+    def of(cls, robot: Robot, *, damping: bool = True, friction: bool = False) -> "PassiveJoints":
+        """Return those of a robot: its springs, and what else shall be given back."""
+        model = robot.model
+        joints = model.dof_jntid[6:]
+        stance = Stance.of(robot)
+        slides = model.jnt_type[joints] == _SLIDE
+        return cls(
+            rest=model.qpos_spring[7:].copy(),
+            spring=np.column_stack([model.jnt_stiffness, model.jnt_stiffnesspoly])[joints],
+            damping=np.column_stack([model.dof_damping, model.dof_dampingpoly])[6:] * damping,
+            friction=model.dof_frictionloss[6:] * friction,
+            slow=_SLOW * stance.falling_rate * np.where(slides, stance.home_com[2], 1.0),
+        )
+
+
+@compiled
+def give_back(
+    passive: PassiveJoints, torque: np.ndarray, qpos: np.ndarray, qvel: np.ndarray
+) -> np.ndarray:
+    """Add to torques (N, n), in place, what passive joints take of them.
+
+    Args:
+        passive: what they do.
+        torque: changed and returned.
+        qpos: (N, nq) of the robots.
+        qvel: (N, nv) likewise.
+    """
+    for i in range(len(torque)):
+        for j in range(torque.shape[1]):
+            place, velocity = qpos[i, 7 + j] - passive.rest[j], qvel[i, 6 + j]
+            speed, spring, damping = abs(velocity), passive.spring[j], passive.damping[j]
+            sliding = min(max(velocity / passive.slow[j], -1.0), 1.0)
+            torque[i, j] += (
+                place * (spring[0] + place * (spring[1] + place * spring[2]))
+                + velocity * (damping[0] + speed * (damping[1] + speed * damping[2]))
+                + passive.friction[j] * sliding
+            )
+    return torque

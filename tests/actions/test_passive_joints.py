@@ -1,0 +1,141 @@
+"""What springs, damping and friction take of the joints, layers give back."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.actions import make_layer
+from fbid_gym.actions.joint_gains import holding_torque
+from fbid_gym.actions.passive_joints import PassiveJoints, give_back
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.motions import home_reference
+from fbid_gym.quantities import RobotState
+from fbid_gym.robots import Robot
+from tests.robots import zoo
+
+ANIMAL = zoo.draw(22)
+MODEL_BASED = (
+    "joint_position_feedforward",
+    "joint_acceleration",
+    "base_acceleration",
+    "com_wrench",
+)
+
+
+def animal(**joints: Any) -> Robot:
+    """A robot of the zoo, all its joints with these attributes."""
+    spec = mujoco.MjSpec.from_string(zoo.mjcf(ANIMAL))
+    for joint in spec.joints:
+        if joint.type != mujoco.mjtJoint.mjJNT_FREE:
+            for name, value in joints.items():
+                polynomial = name in ("stiffness", "damping")
+                setattr(joint, name, np.pad(value, (0, 3 - len(value))) if polynomial else value)
+    limit = zoo.torque_limit(ANIMAL) if ANIMAL.actuators == "none" else None
+    return Robot.from_mjcf(spec, ANIMAL.foot_names, torque_limit=limit)
+
+
+def pull(robot: Robot) -> float:
+    """A stiffness that makes springs, 0.1 rad off, as strong as the legs' work: N·m/rad."""
+    return float(np.abs(holding_torque(robot)).max()) / 0.1
+
+
+def test_what_is_given_back_is_what_is_lost(rng: np.random.Generator) -> None:
+    """Polynomials as well, as MuJoCo computes them."""
+    robot = animal(stiffness=[30.0, -4.0, 9.0], damping=[2.0, 1.0, 0.3], springref=0.4)
+    passive = PassiveJoints.of(robot)
+    data = mujoco.MjData(robot.model)
+    for _ in range(20):
+        data.qpos[:] = robot.home_qpos + np.r_[np.zeros(7), rng.normal(size=robot.num_joints)]
+        data.qvel[:] = rng.normal(size=robot.nv)
+        mujoco.mj_forward(robot.model, data)
+        found = give_back(
+            passive, np.zeros((1, robot.num_joints)), data.qpos[None], data.qvel[None]
+        )
+        np.testing.assert_allclose(found[0], -data.qfrc_passive[6:], rtol=1e-12, atol=1e-12)
+    assert np.abs(data.qfrc_spring[6:]).min() > 0.1 and np.abs(data.qfrc_damper[6:]).min() > 0.1
+
+
+def test_friction_given_back_never_drives(rng: np.random.Generator) -> None:
+    """It is no more than friction takes, along the motion, and all of it once joints move."""
+    robot = animal(frictionloss=3.0)
+    passive = PassiveJoints.of(robot, friction=True)
+    qvel = rng.normal(size=(200, robot.nv)) * 10.0 ** rng.uniform(-4, 1, (200, 1))
+    zeros, qpos = np.zeros((200, robot.num_joints)), np.tile(robot.home_qpos, (200, 1))
+    found = give_back(passive, zeros.copy(), qpos, qvel) - give_back(
+        PassiveJoints.of(robot), zeros.copy(), qpos, qvel
+    )
+    speed = qvel[:, 6:]
+    assert (found * speed >= 0.0).all() and (np.abs(found) <= 3.0 * (1 + 1e-12)).all()
+    fast = np.abs(speed) >= passive.slow
+    assert fast.any() and not fast.all()
+    np.testing.assert_allclose(found[fast], 3.0 * np.sign(speed[fast]))
+
+
+@pytest.mark.parametrize("name", MODEL_BASED)
+@pytest.mark.parametrize("limits", ["friction", "none"])
+def test_springs_and_damping_are_added_to_the_same_torque(
+    name: str, limits: str, rng: np.random.Generator
+) -> None:
+    plain = animal(damping=[0.0])
+    sprung = animal(stiffness=[pull(plain)], damping=[0.05 * pull(plain)], springref=0.2)
+    count, joints = 5, plain.num_joints
+    qpos, qvel = np.tile(plain.home_qpos, (count, 1)), 0.2 * rng.normal(size=(count, plain.nv))
+    qpos[:, 7:] += 0.1 * rng.normal(size=(count, joints))
+    force = np.zeros((count, plain.num_points, 3))
+    force[..., 2] = plain.weight / plain.num_points
+    state = RobotState(qpos, qvel, force, np.zeros(count, np.int64))
+    torques = []
+    for robot in (plain, sprung):
+        layer = make_layer(name, robot, 500, {"contact_limits": limits})
+        terms, action = (
+            MuJoCoDynamics(robot).terms(qpos, qvel),
+            np.zeros((count, len(layer.action_names))),
+        )
+        inputs = action, state, home_reference(robot), lambda terms=terms: terms
+        torques.append(layer.torque(*inputs, layer.memory(count)))
+    lost = give_back(PassiveJoints.of(sprung), np.zeros((count, joints)), qpos, qvel)
+    assert np.abs(lost).max() > 0.3 * np.abs(torques[0]).max()
+    np.testing.assert_allclose(torques[1], torques[0] + lost, atol=1e-8 * np.abs(lost).max())
+
+
+def played(robot: Robot, task: str, name: str, seconds: float, **options: Any) -> EnvBatch:
+    """Some robots under the zero action, none of which has fallen."""
+    arguments = {"robot": robot, "task": task, "action_layer": name, "push_force": (0.0, 0.0)}
+    arguments |= {"episode_seconds": seconds + 1.0, "layer_options": options}
+    batch = EnvBatch(EnvConfig.of(arguments), 4)
+    for env in range(4):
+        batch.seed(env, np.random.default_rng(env))
+    batch.reset(np.arange(4))
+    for _ in range(round(50 * seconds)):
+        step = batch.step(np.zeros((4, len(batch.action_names))))
+        assert not step.terminated.any()
+    return batch
+
+
+@pytest.mark.parametrize("name", ["joint_position", *MODEL_BASED])
+def test_sprung_robots_stand_as_high_as_others(name: str) -> None:
+    plain = animal()
+    heights = []
+    for robot in (plain, animal(stiffness=[pull(plain)], springref=-0.5)):
+        batch = played(robot, "balance", name, 3.0)
+        heights.append(batch.simulation.qpos[:, 2])
+    np.testing.assert_allclose(heights[1], heights[0], rtol=0.01)
+    np.testing.assert_allclose(heights[1], plain.home_qpos[2], rtol=0.02)
+
+
+def test_sprung_and_rubbing_robots_walk() -> None:
+    plain = animal()
+    strength = pull(plain)
+    robot = animal(stiffness=[strength], frictionloss=0.01 * strength)
+    played(robot, "walk", "base_acceleration", 4.0, compensate_friction=True)
+
+
+@pytest.mark.parametrize("option", ["compensate_damping", "compensate_friction"])
+def test_nonsense_is_refused(option: str) -> None:
+    with pytest.raises(InvalidValueError, match=f"{option}: 'yes'. Expected True or False"):
+        make_layer("base_acceleration", animal(), 500, {option: "yes"})
