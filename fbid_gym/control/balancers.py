@@ -101,8 +101,9 @@ def torque_map_inverse_dynamics(
 ) -> TorqueMap:
     """Return the torques of full inverse dynamics, see the module.
 
-    With these torques and hard contacts the momentum changes by exactly the wrench that the contact
-    forces deliver (and gravity), at any velocity.
+    With these torques and hard contacts the momentum changes by the wrench that the contact forces
+    deliver (and gravity), at any velocity; but for what `RIDGE` costs, at postures 0.1 rad from
+    home up to 5e-4 of the weight (go1) or 2e-2 (biped).
 
     Args:
         terms: of the robots.
