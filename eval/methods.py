@@ -11,7 +11,8 @@ from eval.results import Comparison
 def methods(c: Comparison) -> str:
     """Say how everything was measured."""
     platform = str(c.versions.get("platform", "an unknown machine"))
-    cores = f" with {c.versions['cpu_count']} cores" if c.versions.get("cpu_count") else ""
+    cores = c.versions.get("cpu_count")
+    machine = f"{platform} with {cores} cores" if cores else platform
     return (
         "<h2>How it was measured</h2>"
         "<p>Robot, task, reward, observation, torque limits, training algorithm and its "
@@ -25,7 +26,7 @@ def methods(c: Comparison) -> str:
         "end, so that short episodes are not favoured. Episodes start from seeds that training "
         "does not evaluate on.</p>"
         "<p>Wall-clock is the time training spent on simulation, the layer and the network, "
-        f"without its periodic evaluations, on {escape(platform)}{cores}. It depends on the "
+        f"without its periodic evaluations, on {escape(machine)}. It depends on the "
         "machine and on what else ran there; steps do not.</p>"
     )
 

@@ -3,9 +3,9 @@
 import base64
 from collections.abc import Callable, Sequence
 from html import escape
-from pathlib import Path
 
 from eval.comparison import Clips
+from eval.document import document
 from eval.methods import methods, reproduction
 from eval.plots import Series, Strip, panel, strips
 from eval.results import Comparison, Layer
@@ -35,6 +35,14 @@ COLOURS = (
 )
 """A layer has the same colour in every report; layers with options take the remaining ones."""
 
+_TOGETHER = (
+    "const clips=[...document.querySelectorAll('video')];"
+    "const together=()=>clips.forEach(v=>{v.currentTime=0;v.play()});"
+    "document.getElementById('together').onclick=together;"
+    "if(!matchMedia('(prefers-reduced-motion: reduce)').matches)"
+    "addEventListener('load',together)"
+)
+
 _SHOWN = (
     "returned", "survived", "velocity_error", "turning_error", "height_error", "torque", "power",
     "slip", "cost_of_transport", "foothold_error",
@@ -62,15 +70,9 @@ def page(comparison: Comparison, clips: Clips | None, command: Sequence[str] = (
         methods(comparison),
         reproduction(comparison, command),
     ]
-    style = (Path(__file__).parent / "style.css").read_text()
     title = f"{_task(comparison)}: {' against '.join(layer.name for layer in comparison.layers)}"
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
-        + "\n".join(part for part in body if part)
-        + "\n</main>\n</body>\n</html>\n"
-    )
+    html = "\n".join(part for part in body if part)
+    return document(title, html, script="" if clips is None else _TOGETHER)
 
 
 def _colours(layers: Sequence[Layer]) -> dict[str, int]:
@@ -168,13 +170,6 @@ def _videos(clips: Clips | None, colours: dict[str, int]) -> str:
             f"<video muted loop playsinline controls "
             f'src="data:video/mp4;base64,{data}"></video></div>'
         )
-    script = (
-        "const clips=[...document.querySelectorAll('video')];"
-        "const together=()=>clips.forEach(v=>{v.currentTime=0;v.play()});"
-        "document.getElementById('together').onclick=together;"
-        "if(!matchMedia('(prefers-reduced-motion: reduce)').matches)"
-        "addEventListener('load',together)"
-    )
     same = (
         "Same seed, same start, the same commands if there are any, and the same pushes at the "
         "same times"
@@ -188,7 +183,6 @@ def _videos(clips: Clips | None, colours: dict[str, int]) -> str:
         "</p>"
         f'<figure class="wide"><div class="grid2">{"".join(blocks)}</div>'
         '<button type="button" id="together">Play together from the start</button>'
-        f"<script>{script}</script>"
         "</figure>"
     )
 

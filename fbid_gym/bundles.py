@@ -22,10 +22,11 @@ import safetensors
 import safetensors.numpy
 
 from fbid_gym.errors import FbidError, InvalidValueError
+from fbid_gym.reading import MOST_DATA, read_file, read_object
 
 Tensors = dict[str, np.ndarray]
 
-_DIGEST = "tensors_sha256"
+_DIGEST = "sha256"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +42,10 @@ class Bundle:
     tensors: Tensors
     """What the safetensors file holds."""
     digest: str
-    """SHA-256 of the safetensors file."""
+    """SHA-256 of what both files hold."""
 
     def check_digest(self, error: type[FbidError]) -> None:
-        """Raise `error` when the tensor file is not the one the JSON file was written with.
+        """Raise `error` when the files are not those that were written, together.
 
         Not part of `load_bundle`, so that checks which can say more (a missing tensor, a wrong
         shape) come first.
@@ -53,7 +54,7 @@ class Bundle:
         if expected != self.digest:
             raise error(
                 f"{self.tensor_file}: corrupt, or from another save than {self.data_file.name} "
-                f"beside it: its SHA-256 is {self.digest}. Expected {expected!r}."
+                f"beside it: their SHA-256 is {self.digest}. Expected {expected!r}."
             )
 
 
@@ -65,7 +66,7 @@ def save_bundle(
     Args:
         folder: where the bundle goes; created if missing.
         name: stem of both files.
-        data: what JSON can hold. A digest of the tensors is added.
+        data: what JSON can hold. A digest of all that is in the bundle is added.
         tensors: arrays of booleans, integers or floats, by name.
 
     Raises:
@@ -81,12 +82,13 @@ def save_bundle(
             )
     # safetensors writes the raw buffer, so the array must be contiguous; copy() keeps 0-d shapes.
     packed = safetensors.numpy.save({k: t.copy(order="C") for k, t in tensors.items()})
-    digest = hashlib.sha256(packed).hexdigest()
     try:
-        text = json.dumps({**data, _DIGEST: digest}, indent=2, allow_nan=False)
+        # Keys of other types than str would be read back as such, with another digest.
+        data = json.loads(json.dumps(dict(data), allow_nan=False))
     except (TypeError, ValueError) as error:
         raise InvalidValueError(f"{name}.json", data, f"values JSON can hold ({error})") from error
 
+    text = json.dumps({**data, _DIGEST: _digest(data, packed)}, indent=2)
     fresh, previous = _beside(folder, "new"), _beside(folder, "old")
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)
@@ -114,24 +116,19 @@ def load_bundle(folder: Path, name: str, error: type[FbidError]) -> Bundle:
     """
     folder = present_bundle(Path(folder))
     data_file, tensor_file = folder / f"{name}.json", folder / f"{name}.safetensors"
-    try:
-        text, packed = data_file.read_bytes(), tensor_file.read_bytes()
-    except OSError as reason:
-        raise error(
-            f"{reason.filename}: cannot be read ({reason.strerror}). Expected {name}.json and "
-            f"{name}.safetensors in {folder}."
-        ) from reason
-    try:
-        data = json.loads(text)
-    except ValueError as reason:
-        raise error(f"{data_file}: not JSON, truncated or corrupt ({reason}).") from reason
-    if not isinstance(data, dict):
-        raise error(f"{data_file}: holds {type(data).__name__}. Expected a JSON object.")
+    data, packed = read_object(data_file, error), read_file(tensor_file, MOST_DATA, error)
     try:
         tensors = safetensors.numpy.load(packed)
     except (safetensors.SafetensorError, ValueError, KeyError, TypeError) as reason:
         raise error(f"{tensor_file}: not safetensors, truncated or corrupt ({reason}).") from reason
-    return Bundle(data_file, tensor_file, data, tensors, hashlib.sha256(packed).hexdigest())
+    return Bundle(data_file, tensor_file, data, tensors, _digest(data, packed))
+
+
+def _digest(data: Mapping[str, Any], packed: bytes) -> str:
+    """SHA-256 of a bundle, of its JSON however it is laid out."""
+    plain = {name: value for name, value in data.items() if name != _DIGEST}
+    text = json.dumps(plain, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(hashlib.sha256(packed).digest() + text.encode()).hexdigest()
 
 
 def present_bundle(folder: Path) -> Path:

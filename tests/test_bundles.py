@@ -85,6 +85,7 @@ def test_a_crash_at_any_operation_leaves_the_old_or_the_new(tmp_path, monkeypatc
             seen.add(found == number)
             last = found
         else:
+            countdown = 0
             assert _read(folder) == number
             assert sorted(p.name for p in tmp_path.iterdir()) == ["b"]
             break
@@ -109,6 +110,30 @@ def test_a_kill_at_any_moment_leaves_a_bundle(tmp_path, attempt):
     child.send_signal(signal.SIGKILL)
     child.wait()
     _read(folder)
+
+
+@pytest.mark.parametrize("file", ["b.json", "b.safetensors"])
+def test_a_flipped_bit_is_noticed_or_changes_nothing(tmp_path, rng, file):
+    """Blanks between JSON's words may be others."""
+    data = {"steps": 1500, "rng": {"pos": 17, "gauss": 0.125}, "env_id": "some/Env-v0", "on": True}
+    tensors = {"x": rng.normal(size=7), "y": np.arange(5, dtype=np.uint32)}
+    save_bundle(tmp_path / "b", "b", data, tensors)
+    path = tmp_path / "b" / file
+    whole, accepted = path.read_bytes(), 0
+    for place in range(len(whole)):
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(bytes(damaged))
+        try:
+            bundle = load_bundle(tmp_path / "b", "b", RunError)
+            bundle.check_digest(RunError)
+        except RunError:
+            continue
+        accepted += 1
+        assert {name: bundle.data[name] for name in data} == data and len(bundle.data) == 5
+        for name, tensor in tensors.items():
+            np.testing.assert_array_equal(bundle.tensors[name], tensor)
+    assert accepted < 0.1 * len(whole)
 
 
 def test_folders_with_other_things_are_not_replaced(tmp_path):

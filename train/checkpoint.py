@@ -20,6 +20,8 @@ from train.learner import moments, normaliser, robots
 
 FORMAT = 1
 _NAME = "checkpoint"
+_MANY = 2**62
+_WORDS = 624  # of NumPy's Mersenne twister
 
 
 class Resumable(Protocol):
@@ -60,6 +62,7 @@ def restore(folder: Path, learner: PPO) -> dict[str, Any]:
         raise RunError(f"{bundle.data_file}: format is {found!r}. Expected {FORMAT}.")
     bundle.check_digest(RunError)
     try:
+        _check_counters(bundle.data)
         _put_back(learner, bundle.tensors, bundle.data)
         return dict(bundle.data["counters"])
     except (KeyError, ValueError, RuntimeError, TypeError, IndexError) as reason:
@@ -67,6 +70,26 @@ def restore(folder: Path, learner: PPO) -> dict[str, Any]:
             f"{bundle.tensor_file}: does not fit this run: {type(reason).__name__}: {reason}. "
             "Expected a checkpoint of the same network and environment."
         ) from reason
+
+
+def _check_counters(state: Mapping[str, Any]) -> None:
+    """Raise ValueError for numbers that no training has; a generator off its array reads memory."""
+    numpy_state, counters = state["rng_numpy"], state["counters"]
+    whole = {
+        "steps": (state["steps"], _MANY),
+        "updates": (state["updates"], _MANY),
+        "rng_numpy.pos": (numpy_state["pos"], _WORDS),
+        "rng_numpy.has_gauss": (numpy_state["has_gauss"], 1),
+        **{f"bytes.{name}": (size, _MANY) for name, size in counters["bytes"].items()},
+    }
+    for name, (value, most) in whole.items():
+        if type(value) is not int or not 0 <= value <= most:
+            raise ValueError(f"{name} is {value!r}, not a whole number from 0 to {most}")
+    for name in ("obs_count", "return_count"):
+        if not float(state[name]) >= 0.0:
+            raise ValueError(f"{name} is {state[name]!r}, not a number of at least 0")
+    if not float(counters["wall_seconds"]) >= 0.0:
+        raise ValueError(f"wall_seconds is {counters['wall_seconds']!r}, no time")
 
 
 def _capture(learner: PPO) -> tuple[Tensors, dict[str, Any]]:
@@ -158,6 +181,8 @@ def _put_back(learner: PPO, tensors: Tensors, state: Mapping[str, Any]) -> None:
 
     # The generators last: nothing above may draw from them afterwards.
     numpy_state = state["rng_numpy"]
+    if tensors["rng_numpy"].shape != (_WORDS,):
+        raise ValueError(f"rng_numpy is {tensors['rng_numpy'].shape}, not {(_WORDS,)}")
     np.random.set_state(
         {
             "bit_generator": "MT19937",

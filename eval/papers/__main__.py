@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from html import escape
 from itertools import product
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +19,7 @@ from rich.console import Console
 
 from eval.files import read_json, write
 from eval.pages import PAPERS_PAGE, splice, spliced
-from eval.papers.experiment import OUT, Experiment, load
+from eval.papers.experiment import OUT, Experiment, drawn, load
 from eval.papers.page import Paper, Section, page
 from eval.papers.registry import PAPERS, experiments
 from eval.papers.summary import summary
@@ -54,7 +55,7 @@ def _job(experiment: Experiment, config: PapersConfig) -> Job:
     def progress() -> Progress:
         try:
             return Progress(**read_json(folder / "progress.json"))
-        except (FileNotFoundError, RunError):  # not there yet
+        except (TypeError, RunError):  # not there yet
             return Progress(0.0)
 
     command = (sys.executable, "-m", experiment.module, "--out", str(config.out))
@@ -69,11 +70,12 @@ def _section(experiment: Experiment, config: PapersConfig) -> Section:
     about = experiment.name, experiment.title, experiment.about
     if not body.is_file():
         tail = log.read_text().splitlines()[-1:] if log.is_file() else ["not run"]
-        wrong = f'<div class="callout warning">This did not run to the end: {tail}.</div>'
+        said = escape(f"This did not run to the end: {tail}.")
+        wrong = f'<div class="callout warning">{said}</div>'
         return Section(*about, (), wrong, experiment.command(config.quick), 0.0, failed=True)
     result, run = load(experiment, config.out)
-    command = experiment.command(run["quick"])
-    return Section(*about, result.findings, body.read_text(), command, run["seconds"])
+    command = experiment.command(run.quick)
+    return Section(*about, result.findings, drawn(experiment, result), command, run.seconds)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -5,6 +5,8 @@ import json
 import shlex
 import sys
 import time
+import zipfile
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -16,6 +18,7 @@ import tyro
 from eval.files import read_json, to_json, write
 from eval.papers.parts import Finding
 from fbid_gym.errors import FbidError, RunError
+from fbid_gym.reading import MOST_DATA, read_file
 
 OUT = Path("runs/papers")
 _SHOWN_EVERY = 1.0
@@ -144,21 +147,65 @@ def save(experiment: Experiment, out: Path, result: Result, about: dict[str, Any
     write(folder / "numbers.json", to_json(numbers))
 
 
-def load(experiment: Experiment, out: Path) -> tuple[Result, dict[str, Any]]:
+@dataclass(frozen=True)
+class Run:
+    """How an experiment was run.
+
+    Attributes:
+        quick: in the quick form.
+        seconds: that it took.
+    """
+
+    quick: bool
+    seconds: float
+
+
+_UNFIT = (KeyError, ValueError, IndexError, TypeError, AttributeError, StopIteration)
+
+
+def load(experiment: Experiment, out: Path) -> tuple[Result, Run]:
     """Read what `save` wrote: the result, and how it was run.
 
     Raises:
-        RunError: the experiment has not been run.
+        RunError: the experiment has not been run, or its files are not what `save` wrote.
     """
     folder = experiment.folder(out)
     for name in ("data.npz", "numbers.json"):
         if not (folder / name).is_file():
             raise RunError(f"{folder} holds no {name}. Run: {experiment.command(False)}")
-    with np.load(folder / "data.npz", allow_pickle=False) as file:
-        arrays = dict(file)
-    saved = read_json(folder / "numbers.json")
-    findings = [Finding(**found) for found in saved["findings"]]
-    return Result(findings, saved["numbers"], arrays), saved["run"]
+    arrays, saved = _arrays(folder / "data.npz"), read_json(folder / "numbers.json")
+    try:
+        findings = [Finding(**found) for found in saved["findings"]]
+        run = Run(bool(saved["run"]["quick"]), float(saved["run"]["seconds"]))
+        return Result(findings, dict(saved["numbers"]), arrays), run
+    except _UNFIT as error:
+        raise RunError(f"{folder / 'numbers.json'}: not of this experiment ({error}).") from error
+
+
+def drawn(experiment: Experiment, result: Result) -> str:
+    """Return the section of a result, HTML.
+
+    Raises:
+        RunError: numbers or arrays that the experiment needs are not there, or others.
+    """
+    try:
+        return "".join(experiment.show(result))
+    except _UNFIT as error:
+        kind = type(error).__name__
+        raise RunError(f"{experiment.name}: its data do not fit it ({kind}: {error}).") from error
+
+
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    packed = io.BytesIO(read_file(path, MOST_DATA, RunError))
+    try:
+        with zipfile.ZipFile(packed) as file:
+            size = sum(entry.file_size for entry in file.infolist())
+        if size > MOST_DATA:
+            raise RunError(f"{path}: unpacks to more than {MOST_DATA >> 20} MB.")
+        with np.load(packed, allow_pickle=False) as arrays:
+            return dict(arrays)
+    except (*_UNFIT, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise RunError(f"{path}: no arrays, truncated or corrupt ({error}).") from error
 
 
 @dataclass(frozen=True)
@@ -188,11 +235,11 @@ def main(experiment: Experiment) -> NoReturn:
             seconds = time.monotonic() - began
             save(experiment, config.out, result, {"quick": config.quick, "seconds": seconds})
         result, run = load(experiment, config.out)
-        write(folder / "section.html", "".join(experiment.show(result)))
+        write(folder / "section.html", drawn(experiment, result))
     except FbidError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
     for finding in result.findings:
         print(f"{finding.what}: {finding.ours} (paper: {finding.paper})")
-    print(f"{run['seconds']:.0f} s. Section: {folder / 'section.html'}")
+    print(f"{run.seconds:.0f} s. Section: {folder / 'section.html'}")
     sys.exit(0)

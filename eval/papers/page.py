@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from pathlib import Path
 
+from eval.document import document
 from eval.papers.parts import Finding, findings_table
 from eval.wording import count, duration
 
@@ -69,7 +69,6 @@ def page(papers: Sequence[Paper], command: str, seconds: float, quick: bool) -> 
         seconds: that everything took.
         quick: whether this is the quick form.
     """
-    style = (Path(__file__).parents[1] / "style.css").read_text() + _STYLE
     body = [
         '<p class="eyebrow">The papers, reproduced</p>',
         "<h1>Every figure and claim of the papers' evaluations, beside what came out here</h1>",
@@ -86,12 +85,7 @@ def page(papers: Sequence[Paper], command: str, seconds: float, quick: bool) -> 
         body.append(_contents(paper))
         body += [_section(section) for section in paper.sections]
     body.append(f"<footer>Made by <code>{escape(command)}</code> in {duration(seconds)}.</footer>")
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>The papers, reproduced</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
-        "<main>\n" + "\n".join(body) + "\n</main>\n</body>\n</html>\n"
-    )
+    return document("The papers, reproduced", "\n".join(body), style=_STYLE)
 
 
 def _summary(papers: Sequence[Paper]) -> str:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from eval.comparable import check_comparable, group, shared_settings
 from eval.rollout import main
 from fbid_gym.errors import RunError
+from fbid_gym.policy import Policy
 from train import ppo
 from train.runs import versions
 from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
@@ -50,9 +52,9 @@ def test_other_environment_arguments_are_refused(run_folder: Build) -> None:
 
 def test_other_environments_are_refused(run_folder: Build) -> None:
     one, other = run_folder(), run_folder(seed=1)
-    for name in ("config.json", "policy/policy.json"):
-        path = other / name
-        path.write_text(path.read_text().replace("StandIn-v0", "Another-v0"))
+    path = other / "config.json"
+    path.write_text(path.read_text().replace("StandIn-v0", "Another-v0"))
+    replace(Policy.load(other), env_id="eval_tests/Another-v0").save(other / "policy")
     with pytest.raises(RunError, match="eval_tests/Another-v0.*one environment at a time"):
         check_comparable([load(one), load(other)])
 

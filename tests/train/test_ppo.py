@@ -1,6 +1,7 @@
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import safetensors.numpy
 import stand_in
 
 import train.ppo
+from fbid_gym.bundles import load_bundle, save_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from train.runs.config import EvaluationConfig, PPOConfig
@@ -196,6 +198,38 @@ def test_damaged_checkpoint(tmp_path, name):
     (tmp_path / "checkpoint" / name).write_bytes(content)
     with pytest.raises(RunError, match=message):
         _train(tmp_path, eval=EvaluationConfig(every=0))
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("rng_numpy.pos", 1_000_000_000),
+        ("rng_numpy.pos", 625),
+        ("rng_numpy.has_gauss", 2),
+        ("steps", -5),
+        ("steps", 1.5),
+        ("updates", "many"),
+        ("obs_count", -1.0),
+        ("counters.wall_seconds", None),
+        ("counters.bytes.progress", -1),
+        ("rng_python.version", 7),
+    ],
+)
+def test_forged_numbers_are_refused(straight, tmp_path, path, value):
+    """With a digest that fits them."""
+    shutil.copytree(straight, tmp_path / "run")
+    folder = tmp_path / "run" / "checkpoint"
+    bundle = load_bundle(folder, "checkpoint", RunError)
+    *outer, last = path.split(".")
+    place = bundle.data
+    for key in outer:
+        place = place[key]
+    place[last] = value
+    save_bundle(folder, "checkpoint", bundle.data, bundle.tensors)
+    before = {file: file.read_bytes() for file in (tmp_path / "run").rglob("*.*")}
+    with pytest.raises(RunError, match=r"checkpoint\.safetensors: does not fit this run"):
+        _train(tmp_path / "run", total_steps=512)
+    assert {file: file.read_bytes() for file in before} == before
 
 
 def test_checkpoint_of_another_network(tmp_path):

@@ -7,6 +7,7 @@ from typing import Any
 
 from fbid_gym.bundles import write_file
 from fbid_gym.errors import RunError
+from fbid_gym.reading import read_object
 
 
 def write(path: Path, content: str | bytes) -> None:
@@ -19,15 +20,9 @@ def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON object.
 
     Raises:
-        RunError: the file holds anything else.
+        RunError: the file cannot be read, or holds anything else.
     """
-    try:
-        value = json.loads(path.read_text())
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise RunError(f"{path}: not JSON, truncated or corrupt ({error}).") from error
-    if not isinstance(value, dict):
-        raise RunError(f"{path}: holds {type(value).__name__}. Expected a JSON object.")
-    return value
+    return read_object(path, RunError)
 
 
 def to_json(value: Any) -> str:

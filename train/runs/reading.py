@@ -88,11 +88,11 @@ def load(path: Path, robot: Robot | None = None) -> Run:
                 "evaluated."
             )
     config = read_json(folder.config)
-    for key in ("env_id", "seed", "total_steps"):
-        if key not in config:
-            raise RunError(f"{folder.config}: {key!r} is missing.")
+    for key, kind in (("env_id", str), ("seed", int), ("total_steps", int)):
+        if not isinstance(value := config.get(key), kind) or isinstance(value, bool):
+            raise RunError(f"{folder.config}: {key} is {value!r}. Expected {kind.__name__}.")
     policy = Policy.load(path)
-    if policy.env_id != str(config["env_id"]).rpartition(":")[2]:
+    if policy.env_id != config["env_id"].rpartition(":")[2]:
         raise RunError(
             f"{path}: {folder.config.name} says {config['env_id']}, the policy in it was trained "
             f"in {policy.env_id}."
@@ -104,7 +104,7 @@ def load(path: Path, robot: Robot | None = None) -> Run:
             "Resume it, or leave it out."
         )
     robot = of_policy(path, policy.env_args, robot)
-    return Run(path, int(config["seed"]), policy, config, read_json(folder.versions), curve, robot)
+    return Run(path, config["seed"], policy, config, read_json(folder.versions), curve, robot)
 
 
 def _read_curve(path: Path) -> Curve:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fbid_gym.errors import RunError
+from fbid_gym.reading import MOST_DATA, read_file
 
 PROGRESS = ("steps", "wall_seconds", "fps", "return_mean", "length_mean")
 """Columns of `progress.csv`; those of the learner follow."""
@@ -20,9 +21,18 @@ EVALUATIONS = (
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:
-    """Return the complete rows by column: none before the file is there, never half of one."""
-    text = path.read_text() if path.exists() else ""
-    return list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))
+    """Return the complete rows by column: none before the file is there, never half of one.
+
+    Raises:
+        RunError: it cannot be read as a table.
+    """
+    if not path.exists():
+        return []
+    try:
+        text = read_file(path, MOST_DATA, RunError).decode()
+        return list(csv.DictReader(text[: text.rfind("\n") + 1].splitlines()))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise RunError(f"{path}: no table, or corrupt ({error}).") from error
 
 
 def to_csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
@@ -41,7 +51,7 @@ def check_kept(path: Path, columns: Sequence[str], size: int) -> None:
         RunError: the file is shorter than that, or has another header.
     """
     header = to_csv(columns, ()).encode()
-    found = path.read_bytes() if path.exists() else b""
+    found = read_file(path, MOST_DATA, RunError) if path.exists() else b""
     if len(found) < size or not found.startswith(header):
         raise RunError(
             f"{path}: has {len(found)} bytes. Expected at least the {size} it had at the "

@@ -102,7 +102,7 @@ def renamed(folder: Path) -> None:
             ),
             "the steps do not increase",
         ),
-        (without("seed"), "config.json: 'seed' is missing"),
+        (without("seed"), "config.json: seed is None. Expected int."),
         (unfinished, "trained for 384 of 768 steps. Resume it, or leave it out."),
         (renamed, "config.json says other/Env-v0, the policy in it was trained in stand-in/"),
     ],
