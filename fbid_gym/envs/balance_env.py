@@ -195,7 +195,8 @@ class BalanceEnv(RobotEnv):
     | `terrain`         | str            | `"flat"`           | The ground: also `"obstacles"`     |
     |                   |                |                    | (planks) or `"rocks"`. An episode  |
     |                   |                |                    | starts on a level place of it      |
-    | `terrain_height`  | float          | `0.03`             | m, of the terrain's highest point  |
+    | `terrain_height`  | float or None  | `None`             | m, of the terrain's highest point; |
+    |                   |                |                    | 0.19 of the centre of mass's       |
     | `terrain_seed`    | int            | `0`                | Decides where everything lies      |
     | `difficulty`      | float          | `0.5`              | Of `"slopes"`, `"stairs"` and the  |
     |                   |                |                    | like, 0 to 1; see `TerrainEnv`     |

@@ -22,6 +22,7 @@ from fbid_gym.actions import (
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.footholds import Footholds
 from fbid_gym.checks import by_name, count, flag, number, pair, whole_number
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
@@ -62,8 +63,9 @@ class EnvConfig:
     """(least, most) s from the start of one push to the next."""
     terrain: str = "flat"
     """The ground: see `fbid_gym.robots.terrain.TERRAINS`."""
-    terrain_height: float = 0.03
-    """m, height of the terrain's highest point; 0 is flat."""
+    terrain_height: float | None = None
+    """m, height of the terrain's highest point; 0 is flat. Default: a fifth of the height of the
+    robot's centre of mass."""
     terrain_seed: int = 0
     """Decides where everything on the ground lies; every episode starts in another place of it."""
     difficulty: float = 0.5
@@ -153,7 +155,7 @@ class EnvConfig:
 
     def ground(self, robot: Robot) -> tuple[Terrain, mujoco.MjModel]:
         """Return the terrain, and the robot's world with it."""
-        height = number("terrain_height", self.terrain_height)
+        height = self._terrain_height(robot)
         if not isinstance(self.terrain, str):
             raise UnknownOptionError("terrain", self.terrain, TERRAINS)
         seed = count("terrain_seed", self.terrain_seed)
@@ -209,10 +211,16 @@ class EnvConfig:
             "push_force": [_derived(newtons) for newtons in self._push_force(robot)],
             "randomisation": asdict(self.randomisations()),
             "solver_iterations": self.solver_iterations or int(robot.model.opt.iterations),
+            "terrain_height": _derived(self._terrain_height(robot)),
         }
         if isinstance(task, Walk):
             filled["gait"] = task.gait_name
         return _plain(self.as_dict() | filled)
+
+    def _terrain_height(self, robot: Robot) -> float:
+        if self.terrain_height is None:
+            return _TERRAIN_HEIGHT * float(Stance.of(robot).home_com[2])
+        return number("terrain_height", self.terrain_height)
 
     def _push_force(self, robot: Robot) -> tuple[float, float]:
         if self.push_force is None:
@@ -245,6 +253,8 @@ def _ground(
     terrain = make_terrain(name, robot, height=height, difficulty=difficulty, seed=seed)
     return terrain, compile_world(robot, terrain)
 
+
+_TERRAIN_HEIGHT = 0.191  # 3 cm for the 16 cm of `quadruped`, as in [M10] IV.E
 
 _NOT_ITSELF = ("render_mode", "num_threads")
 

@@ -82,10 +82,10 @@ class TrackingEnv(RobotEnv):
     | `step_seconds` | `step`  | `3.0`   | s, period of the stepping: each foot steps once    |
     | `lift_seconds` | `step`  | `0.25`  | s it takes a foot to rise, and to come down again; |
     |                |         |         | 0 is the instant change of [M10]                   |
-    | `speed_range`  | `crawl` | `(0.0, 0.08)` | (least, most) m/s, commanded forward speed,  |
-    |                |         |         | constant in an episode                             |
-    | `step_seconds` | `crawl` | `1.5`   | s, period of the walk: each foot steps once        |
-    | `swing_height` | `crawl` | `0.05`  | m, how high a swinging foot is lifted              |
+    | `speed_range`  | `crawl` | `None`  | (least, most) m/s, commanded forward speed,        |
+    |                |         |         | constant in an episode; (0, 0.08) on `quadruped`   |
+    | `step_seconds` | `crawl` | `None`  | s, period of the walk: each foot steps once; 1.5   |
+    | `swing_height` | `crawl` | `None`  | m, how high a swinging foot is lifted; 0.05        |
 
     By default `squat` and `crawl` have no pushes, and those of `step` are 0.02 to 0.15 of the
     weight. The ground of `fbid_gym/QuadrupedRough-v0` is `terrain="obstacles"`.

@@ -1,6 +1,6 @@
 """Motions: what a robot's joints, base and feet shall do over time."""
 
-from fbid_gym.motions.crawl import Crawl, Gait, crawl
+from fbid_gym.motions.crawl import Crawl, Gait, crawl, gait_for
 from fbid_gym.motions.reference import home_reference
 from fbid_gym.motions.squat import periodic_squat, squat_bow
 from fbid_gym.motions.stepping import Steps, stepping
@@ -12,6 +12,7 @@ __all__ = [
     "MotionTable",
     "Steps",
     "crawl",
+    "gait_for",
     "home_reference",
     "periodic_squat",
     "squat_bow",

@@ -12,8 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import kernel
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.motions.curves import Curve, cosine
+from fbid_gym.motions.gait.schedule import corners_of
 from fbid_gym.motions.kinematics import (
     States,
     foot_radius,
@@ -27,8 +29,8 @@ from fbid_gym.quantities import Reference
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 
-FEET = ("hind_left", "front_left", "hind_right", "front_right")
-"""The feet in the order in which they swing."""
+_ORDER = (2, 0, 3, 1)
+"""In which the feet swing: hind left, front left, hind right, front right, of `corners_of`."""
 
 _MOST_TABLES = 6  # polynomials through more equally spaced points swing between them
 
@@ -71,6 +73,56 @@ Low and with feet wide apart, since what tips it over an obstacle is a centre of
 near the line of the outer feet: with the feet and the height of the home stance it falls over
 planks of 3 cm in most trials.
 """
+
+# Of that robot: m between the middles of hind and front feet, of right and left ones, and from the
+# feet to the centre of mass; and the time sqrt(height / g) in which it falls.
+_LENGTH, _WIDTH, _HEIGHT, _TIME = 0.202, 0.1197, 0.15706796, 0.126534600
+
+
+def gait_for(
+    robot: Robot,
+    hz: int,
+    *,
+    period: float | None = None,
+    swing_height: float | None = None,
+    speeds: tuple[float, float] | None = None,
+) -> Gait:
+    """Return the walk of `LITTLEDOG` on a robot of another size.
+
+    What goes up scales with the height of the centre of mass, what goes sideways or ahead with the
+    distances of the feet, and time with how fast the robot falls over.
+
+    Args:
+        robot: the robot.
+        hz: ticks per second; the period is a whole number of ticks.
+        period: s, instead.
+        swing_height: m, instead.
+        speeds: (slowest, fastest) m/s, instead.
+
+    Raises:
+        RobotError: the robot has not one foot at each corner.
+    """
+    corners, stance = corners_of(robot), Stance.of(robot)
+    feet = stance.terms.foot_position[0, np.argsort(corners), :2]
+    front, hind, left, right = (
+        feet[pair].mean(axis=0) for pair in ([0, 1], [2, 3], [0, 2], [1, 3])
+    )
+    long = float(np.linalg.norm(front - hind)) / _LENGTH
+    wide = float(np.linalg.norm(left - right)) / _WIDTH
+    high = float(stance.home_com[2]) / _HEIGHT
+    slow = 1.0 / (stance.falling_rate * _TIME)
+    usual = LITTLEDOG
+    ticks = round(slow * usual.period * hz)
+    return usual._replace(
+        period=ticks / hz if period is None else period,
+        swing_height=high * usual.swing_height if swing_height is None else swing_height,
+        height=high * usual.height,
+        sway=wide * usual.sway,
+        surge=long * usual.surge,
+        spread=wide * usual.spread,
+        slowest=long / slow * usual.slowest if speeds is None else speeds[0],
+        fastest=long / slow * usual.fastest if speeds is None else speeds[1],
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,12 +207,12 @@ def _blend(rows: np.ndarray, like: Reference, tick: np.ndarray, share: np.ndarra
     return found
 
 
-def crawl(robot: Robot, gait: Gait = LITTLEDOG, *, hz: int = 500) -> Crawl:
+def crawl(robot: Robot, gait: Gait | None = None, *, hz: int = 500) -> Crawl:
     """Plan a crawl.
 
     Args:
-        robot: a quadruped with one contact point on each foot of `FEET` and three joints to each.
-        gait: its numbers.
+        robot: a quadruped: at each corner a foot of one contact point, on three joints.
+        gait: its numbers. Default: those of `gait_for`.
         hz: ticks per second.
 
     Raises:
@@ -168,12 +220,13 @@ def crawl(robot: Robot, gait: Gait = LITTLEDOG, *, hz: int = 500) -> Crawl:
         InvalidValueError: a number is not valid, a foot cannot reach its place, or a joint leaves
             its range.
     """
-    if set(robot.foot_names) != set(FEET) or robot.num_points != 4 or robot.num_joints != 12:
+    if robot.num_feet != 4 or robot.num_points != 4 or robot.num_joints != 12:
         raise RobotError(
             f"Robot {robot.name!r} cannot crawl: it has {robot.num_joints} joints and the feet "
-            f"{', '.join(robot.foot_names)}. Expected 12 joints and one point on each of the feet "
-            f"{', '.join(FEET)}."
+            f"{', '.join(robot.foot_names)} on {robot.num_points} points. Expected 12 joints, and "
+            "four feet on one point each."
         )
+    gait = gait_for(robot, hz) if gait is None else gait
     _check(gait)
     ticks = period_ticks("stride frequency", 1.0 / gait.period, hz)
     speeds = np.linspace(gait.slowest, gait.fastest, gait.tables)
@@ -203,7 +256,7 @@ def _check(gait: Gait) -> None:
 
 
 def _schedule(gait: Gait, ticks: int) -> list[tuple[int, int]]:
-    """First tick in the air and first tick on the ground again, for each of `FEET`.
+    """First tick in the air and first tick on the ground again, for each foot of `_ORDER`.
 
     The two swings of a side follow each other; their middle is at a quarter, and three quarters.
     """
@@ -236,12 +289,14 @@ def _table(
     )
     points = home_points(robot)
     home = robot.home_qpos[:2].copy()
-    base.qpos[:, :2], base.qpos[:, 2] = home, robot.home_qpos[2] + gait.height
+    # The centre of mass above the middle of the feet, where it may not be at home.
+    base.qpos[:, :2] = home - Stance.of(robot).home_com[:2]
+    base.qpos[:, 2] = robot.home_qpos[2] + gait.height
     for axis, curve in ((0, forward.plus(surge)), (1, sway)):
         for whole, part in zip(base, curve, strict=True):
             whole[:, axis] += part
 
-    feet = [robot.foot_names.index(name) for name in FEET]
+    feet = [list(corners_of(robot)).index(corner) for corner in _ORDER]
     schedule = dict(zip(feet, _schedule(gait, ticks), strict=True))
     planted = np.ones((ticks, robot.num_feet), bool)
     for foot, (lift, touch) in schedule.items():

@@ -3,6 +3,7 @@
 from functools import lru_cache
 
 from fbid_gym import motions
+from fbid_gym.checks import number, pair
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
@@ -16,24 +17,28 @@ def crawl(
     pushes: Pushes,
     start: Start,
     *,
-    speed_range: tuple[float, float] = (0.0, 0.08),
-    step_seconds: float = 1.5,
-    swing_height: float = 0.05,
+    speed_range: tuple[float, float] | None = None,
+    step_seconds: float | None = None,
+    swing_height: float | None = None,
 ) -> Tracking:
     """Build the task.
 
     Args:
-        robot: the quadruped, or one with feet of the same names.
+        robot: a quadruped on point feet with three joints a leg.
         seconds: length of an episode.
         hz: control ticks per second.
         pushes: the disturbances.
         start: how an episode begins.
-        speed_range: (least, most) m/s, commanded forward speed, constant in an episode.
+        speed_range: (least, most) m/s, commanded forward speed, constant in an episode. None, as
+            for the others: what a robot of this size can do, see `motions.gait_for`.
         step_seconds: s, period of the walk: each foot steps once.
         swing_height: m, how high a swinging foot is lifted.
     """
-    motion = _motion(robot, hz, step_seconds, swing_height, *speed_range)
-    return Tracking.of(robot, seconds, hz, pushes, start, motion, speed_range)
+    speeds = None if speed_range is None else pair("speed_range", speed_range)
+    period = None if step_seconds is None else number("step_seconds", step_seconds)
+    lift = None if swing_height is None else number("swing_height", swing_height)
+    motion = _motion(robot, hz, period, lift, speeds)
+    return Tracking.of(robot, seconds, hz, pushes, start, motion, tuple(motion.speeds[[0, -1]]))
 
 
 # Planning takes seconds, and every chunk of a batch asks for the same.
@@ -41,12 +46,11 @@ def crawl(
 def _motion(
     robot: Robot,
     hz: int,
-    step_seconds: float,
-    swing_height: float,
-    slowest: float,
-    fastest: float,
+    period: float | None,
+    swing_height: float | None,
+    speeds: tuple[float, float] | None,
 ) -> motions.Crawl:
-    gait = motions.Gait(
-        period=step_seconds, swing_height=swing_height, slowest=slowest, fastest=fastest
-    )
+    if not (len(robot.feet) == 4 and robot.num_points == 4):
+        return motions.crawl(robot, motions.Gait(), hz=hz)  # which says why not
+    gait = motions.gait_for(robot, hz, period=period, swing_height=swing_height, speeds=speeds)
     return motions.crawl(robot, gait, hz=hz)

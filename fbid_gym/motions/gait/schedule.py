@@ -74,7 +74,7 @@ def schedule_of(
     if gait not in PATTERNS:
         raise UnknownOptionError("gait", gait, PATTERNS)
     pattern, stance = PATTERNS[gait], Stance.of(robot)
-    corners = _corners(robot, stance)
+    corners = corners_of(robot)
     if period is None:
         period = pattern.period * math.sqrt(stance.home_com[2] / robot.gravity)
     check_positive(period=period)
@@ -84,8 +84,13 @@ def schedule_of(
     return Schedule(float(period), float(duty), np.array(pattern.lift)[corners])
 
 
-def _corners(robot: Robot, stance: Stance) -> np.ndarray:
-    """Place of each foot among front left, front right, hind left, hind right: (F,)."""
+def corners_of(robot: Robot) -> np.ndarray:
+    """Return the place of each foot among front left, front right, hind left, hind right: (F,).
+
+    Raises:
+        RobotError: the robot has not one foot at each corner.
+    """
+    stance = Stance.of(robot)
     forward = stance.home_base_rotation[:2, 0] / np.linalg.norm(stance.home_base_rotation[:2, 0])
     feet = stance.terms.foot_position[0, :, :2]
     feet = feet - feet.mean(axis=0)
