@@ -26,9 +26,11 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.motions import Crawl
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.terrain import LEVELLED, TERRAINS, Terrain, compile_world, make_terrain
 from fbid_gym.tasks import TASKS, Pushes, Start, Task, Walk, make_task, task_kind, task_options
+from fbid_gym.tasks.tracking import Tracking
 
 
 @dataclass(frozen=True)
@@ -215,6 +217,13 @@ class EnvConfig:
         }
         if isinstance(task, Walk):
             filled["gait"] = task.gait_name
+        elif isinstance(task, Tracking) and isinstance(task.motion, Crawl):
+            gait = task.motion.gait
+            filled |= {
+                "speed_range": [_derived(gait.slowest), _derived(gait.fastest)],
+                "step_seconds": gait.period,
+                "swing_height": _derived(gait.swing_height),
+            }
         return _plain(self.as_dict() | filled)
 
     def _terrain_height(self, robot: Robot) -> float:

@@ -135,11 +135,13 @@ class Crawl:
         rows: (T, K, D) the numbers of `Reference` side by side, in its order, as coefficients of
             the polynomial through the planned speeds: of 1, u, u^2 ..., where u runs from 0 at the
             least speed to 1 at the largest.
+        gait: its numbers.
     """
 
     speeds: np.ndarray
     tables: tuple[MotionTable, ...]
     rows: np.ndarray
+    gait: Gait
 
     @property
     def period(self) -> int:
@@ -238,7 +240,7 @@ def crawl(robot: Robot, gait: Gait | None = None, *, hz: int = 500) -> Crawl:
     rows = [side_by_side(table.rows) for table in tables]
     powers = np.linspace(0.0, 1.0, gait.tables)[:, None] ** np.arange(gait.tables)
     coefficients = np.linalg.inv(powers) @ np.stack(rows, axis=1)
-    return Crawl(speeds, tuple(tables), coefficients)
+    return Crawl(speeds, tuple(tables), coefficients, gait)
 
 
 def _check(gait: Gait) -> None:

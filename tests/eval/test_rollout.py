@@ -4,6 +4,7 @@ import csv
 import json
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -120,6 +121,7 @@ def test_mistakes_are_one_line(
 
 def test_a_module_is_imported_only_where_the_user_names_it(
     exported: str,
+    policy: Callable[..., Policy],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -130,12 +132,11 @@ def test_a_module_is_imported_only_where_the_user_names_it(
         "gym.register('own_robots/Mine-v0', entry_point=StandIn)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    data = Path(exported) / "policy.json"
     for env_id, message in (
         ("own_robots:own_robots/Mine-v0", "which names a module to import"),
         ("own_robots/Mine-v0", "Unknown environment 'own_robots/Mine-v0'"),
     ):
-        data.write_text(json.dumps(json.loads(data.read_text()) | {"env_id": env_id}))
+        replace(policy(0.5), env_id=env_id).save(exported)
         assert main([exported, "--episodes", "1"]) == 2
         assert message in capsys.readouterr().err
         assert "own_robots" not in sys.modules
