@@ -1,6 +1,7 @@
 """Motions: what a robot's joints, base and feet shall do over time."""
 
-from fbid_gym.motions.crawl import Crawl, Gait, crawl, gait_for
+from fbid_gym.motions.crawl import Crawl, crawl
+from fbid_gym.motions.crawl_gait import Gait, gait_for
 from fbid_gym.motions.reference import home_reference
 from fbid_gym.motions.squat import periodic_squat, squat_bow
 from fbid_gym.motions.stepping import Steps, stepping

@@ -16,13 +16,16 @@ from typing import Any
 import mujoco
 
 from fbid_gym.errors import RobotError, UnknownOptionError
+from fbid_gym.reading import read_file
 
 SUFFIX = ".zip"
 ARGUMENTS = ("feet", "name", "home", "base", "torque_limit", "armature")
 """What `robot.json` may say: arguments of `Robot.from_mjcf`."""
 
+MOST_BYTES = 2**28
+"""Of a robot, packed or not, and of a file that it needs."""
+
 _FILE = "robot.json"
-_MOST_BYTES = 2**28
 
 
 def pack(spec: mujoco.MjSpec) -> bytes:
@@ -65,13 +68,7 @@ def _content(spec: mujoco.MjSpec, file: str, folder: str) -> bytes:
         if name in spec.assets:
             found = spec.assets[name]
             return found if isinstance(found, bytes) else str(found).encode()
-    path = Path(spec.modelfiledir, folder, inside)
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise RobotError(
-            f"The robot needs {str(path)!r}, which cannot be read ({error.strerror})."
-        ) from error
+    return read_file(Path(spec.modelfiledir, folder, inside), MOST_BYTES, RobotError)
 
 
 def _zipped(files: Mapping[str, bytes]) -> bytes:
@@ -95,11 +92,11 @@ def with_arguments(packed: bytes, arguments: Mapping[str, Any]) -> bytes:
     return archive.getvalue()
 
 
-def split(file: Path | io.BytesIO, name: str) -> tuple[bytes, dict[str, Any]]:
-    """Read an archive, and return what `pack` gave and the arguments.
+def split(archive: bytes, name: str) -> tuple[bytes, dict[str, Any]]:
+    """Take an archive apart, and return what `pack` gave and the arguments.
 
     Args:
-        file: the archive.
+        archive: as `with_arguments` gives it.
         name: what messages call it.
 
     Raises:
@@ -108,13 +105,11 @@ def split(file: Path | io.BytesIO, name: str) -> tuple[bytes, dict[str, Any]]:
     """
     label = f"Robot file {name}"
     try:
-        with zipfile.ZipFile(file) as opened:
+        with zipfile.ZipFile(io.BytesIO(archive)) as opened:
             entries = opened.infolist()
-            if sum(entry.file_size for entry in entries) > _MOST_BYTES:
-                raise RobotError(f"{label} unpacks to more than {_MOST_BYTES >> 20} MB.")
+            if sum(entry.file_size for entry in entries) > MOST_BYTES:
+                raise RobotError(f"{label} unpacks to more than {MOST_BYTES >> 20} MB.")
             contents = {entry.filename: opened.read(entry) for entry in entries}
-    except FileNotFoundError:
-        raise RobotError(f"{label} does not exist.") from None
     except (OSError, zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
         raise RobotError(f"{label} is not a zip that can be read: {error}") from error
     arguments = _arguments(label, contents.pop(_FILE, None))

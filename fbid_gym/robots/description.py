@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
-from fbid_gym.robots.archive import ARGUMENTS, SUFFIX, split
+from fbid_gym.reading import read_file
+from fbid_gym.robots.archive import ARGUMENTS, MOST_BYTES, SUFFIX, split
 from fbid_gym.robots.source import Source
 
 FILE = "robot.toml"
@@ -38,7 +39,8 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
         options = _read(path)
         return path.parent / options.pop("mjcf", "robot.xml"), options
     if path.suffix == SUFFIX:
-        packed, options = split(path, repr(str(path)))
+        archive = read_file(path, MOST_BYTES, RobotError)
+        packed, options = split(archive, repr(str(path)))
         return Source.packed(packed), options
     beside = path.parent / FILE
     if not (path.is_file() and beside.is_file()):

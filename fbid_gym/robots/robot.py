@@ -1,6 +1,5 @@
 """A floating-base robot: compiled model, feet with their contact points, limits, home pose."""
 
-import io
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -186,7 +185,7 @@ class Robot:
 
     def portable(self) -> "Robot":
         """Return this robot as `load` reads it from what `save` writes: equal to the last bit."""
-        packed, options = archive.split(io.BytesIO(self._archive()), repr(self.name))
+        packed, options = archive.split(self._archive(), repr(self.name))
         return Robot.from_mjcf(Source.packed(packed), **options)
 
     @property

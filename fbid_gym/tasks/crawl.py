@@ -50,7 +50,5 @@ def _motion(
     swing_height: float | None,
     speeds: tuple[float, float] | None,
 ) -> motions.Crawl:
-    if not (len(robot.feet) == 4 and robot.num_points == 4):
-        return motions.crawl(robot, motions.Gait(), hz=hz)  # which says why not
     gait = motions.gait_for(robot, hz, period=period, swing_height=swing_height, speeds=speeds)
     return motions.crawl(robot, gait, hz=hz)

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -153,6 +154,17 @@ def test_files_that_are_no_robot_are_refused(name: str, tmp_path: Path) -> None:
     (tmp_path / "robot.zip").write_bytes(content)
     with pytest.raises(error, match=message):
         Robot.load(tmp_path / "robot.zip")
+
+
+@pytest.mark.parametrize("kind", ["absent", "pipe", "folder"])
+def test_what_is_no_file_is_refused_at_once(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "robot.zip"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    with pytest.raises(RobotError, match=r"robot\.zip: cannot be read"):
+        Robot.load(path)
 
 
 def test_every_damaged_archive_is_refused_or_is_another_robot(
