@@ -26,11 +26,9 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from fbid_gym.motions import Crawl
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.terrain import LEVELLED, TERRAINS, Terrain, compile_world, make_terrain
 from fbid_gym.tasks import TASKS, Pushes, Start, Task, Walk, make_task, task_kind, task_options
-from fbid_gym.tasks.tracking import Tracking
 
 
 @dataclass(frozen=True)
@@ -210,20 +208,12 @@ class EnvConfig:
                 options[name] = _derived(*in_hertz(robot, **{name: value}).values())
         filled = {
             "layer_options": options,
-            "push_force": [_derived(newtons) for newtons in self._push_force(robot)],
+            "push_force": _derived(self._push_force(robot)),
             "randomisation": asdict(self.randomisations()),
             "solver_iterations": self.solver_iterations or int(robot.model.opt.iterations),
             "terrain_height": _derived(self._terrain_height(robot)),
         }
-        if isinstance(task, Walk):
-            filled["gait"] = task.gait_name
-        elif isinstance(task, Tracking) and isinstance(task.motion, Crawl):
-            gait = task.motion.gait
-            filled |= {
-                "speed_range": [_derived(gait.slowest), _derived(gait.fastest)],
-                "step_seconds": gait.period,
-                "swing_height": _derived(gait.swing_height),
-            }
+        filled |= {name: _derived(value) for name, value in task.derived.items()}
         return _plain(self.as_dict() | filled)
 
     def _terrain_height(self, robot: Robot) -> float:
@@ -293,8 +283,10 @@ def _known_task(name: Any) -> str:
     return name
 
 
-def _derived(value: float | str) -> float | str:
+def _derived(value: Any) -> Any:
     """To nine digits: platforms may sum up a robot's mass in another order. Words stay."""
+    if isinstance(value, tuple):
+        return [_derived(item) for item in value]
     return value if isinstance(value, str) else float(f"{value:.9g}")
 
 

@@ -79,9 +79,10 @@ class TrackingEnv(RobotEnv):
     | -------------- | ------- | ------- | -------------------------------------------------- |
     | `speed`        | `squat` | `1.0`   | How many times faster than the slow motion of      |
     |                |         |         | [M10] figure 4; figure 5 shows 5                   |
-    | `step_seconds` | `step`  | `3.0`   | s, period of the stepping: each foot steps once    |
-    | `lift_seconds` | `step`  | `0.25`  | s it takes a foot to rise, and to come down again; |
-    |                |         |         | 0 is the instant change of [M10]                   |
+    | `depth`        | `squat` | `None`  | rad, of the squat at the knee; 1.4 on `biped`      |
+    | `step_seconds` | `step`  | `None`  | s, period of the stepping: each foot steps once; 3 |
+    | `lift_seconds` | `step`  | `None`  | s it takes a foot to rise, and to come down again; |
+    |                |         |         | 0.25; 0 is the instant change of [M10]             |
     | `speed_range`  | `crawl` | `None`  | (least, most) m/s, commanded forward speed,        |
     |                |         |         | constant in an episode; (0, 0.08) on `quadruped`   |
     | `step_seconds` | `crawl` | `None`  | s, period of the walk: each foot steps once; 1.5   |

@@ -3,8 +3,8 @@
 from fbid_gym.motions.crawl import Crawl, crawl
 from fbid_gym.motions.crawl_gait import Gait, gait_for
 from fbid_gym.motions.reference import home_reference
-from fbid_gym.motions.squat import periodic_squat, squat_bow
-from fbid_gym.motions.stepping import Steps, stepping
+from fbid_gym.motions.squat import periodic_squat, squat_bow, squat_depth
+from fbid_gym.motions.stepping import Steps, stepping, steps_for
 from fbid_gym.motions.table import MotionTable
 
 __all__ = [
@@ -17,5 +17,7 @@ __all__ = [
     "home_reference",
     "periodic_squat",
     "squat_bow",
+    "squat_depth",
     "stepping",
+    "steps_for",
 ]

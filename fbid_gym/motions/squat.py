@@ -1,33 +1,29 @@
-"""Squats of the biped with flat feet, [M10] IV.B and IV.C: sinusoids at hip, knee and ankle.
+"""Squats on two flat feet, [M10] IV.B and IV.C: sinusoids at hip, knee and ankle.
 
 The paper shows plots and no formulas. Here knee and trunk pitch are sinusoids, and the ankle is
 linear in both, so that all three joint angles are combined sinusoids and the centre of mass stays
-over the soles:
+over the soles, see `lean`:
 
-    ankle = LEAN + LEAN_PER_KNEE knee + LEAN_PER_PITCH pitch,   hip = -knee - ankle - pitch
+    ankle = offset + per_knee knee + per_pitch pitch,   hip = -knee - ankle - pitch
 
 The second equation keeps the soles flat, so the feet stay where they are whatever the sinusoids.
+Angles count from the home posture, but for the knee: 0 is a straight leg.
 """
-
-from collections.abc import Sequence
 
 import numpy as np
 
-from fbid_gym.errors import InvalidValueError, RobotError
+from fbid_gym.checks import check_positive
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.curves import Curve, cosine, rise
 from fbid_gym.motions.kinematics import base_on_feet, home_points, seen_from_feet
+from fbid_gym.motions.lean import check_over_feet, legs_in_plane
+from fbid_gym.motions.legs import least_bend, legs_of
 from fbid_gym.motions.table import MotionTable
 from fbid_gym.robots import Robot
 
-LEAN, LEAN_PER_KNEE, LEAN_PER_PITCH = -0.0578, -0.4070, 0.1153
-"""Ankle angle in rad and its shares in knee angle and trunk pitch.
-
-Least squares over knees of 0 to 1.6 rad and pitches of 0 to 0.8 rad to the ankle that puts the
-built-in biped's centre of mass over the centre of its soles. It is then 8 mm away at most.
-"""
-
 SECONDS = 30.0
-"""Length of the squat/bow at speed 1, s."""
+"""Length of the squat/bow at speed 1, s, for a robot of the built-in biped's size."""
 
 _SQUAT_HZ, _BOW_HZ = 0.2, 0.1
 # Deep enough that at 5 times the speed joint feedback alone falls for nearly all gains; the centre
@@ -35,35 +31,55 @@ _SQUAT_HZ, _BOW_HZ = 0.2, 0.1
 # the weight.
 _KNEE, _SQUAT_DEPTH, _BOW_DEPTH = 0.45, 1.4, 0.6  # rad
 _EXTENSION = (5.0, 20.0)  # s
+_SAMPLES, _SPARE = 3001, 1e-3  # rad, more than a joint moves beyond its samples
+_BIPED_FALLS = 3.7299790106475283  # 1/s, rate at which the built-in biped falls over
 
 
-def squat_bow(robot: Robot, *, speed: float = 1.0, hz: int = 500) -> MotionTable:
+def squat_bow(
+    robot: Robot, *, speed: float = 1.0, depth: float | None = None, hz: int = 500
+) -> MotionTable:
     """Squat and bow in the sagittal plane while the knees extend fully, [M10] IV.B, figures 3-5.
 
     At speed 1 a squat of 1.4 rad at the knee every 5 s is combined with a bow of the trunk of
     0.6 rad every 10 s. The knee angle at the top of the squats is 0.45 rad in the first 5 s and
     falls to 0, its limit, at 20 s; the tops at 20, 25 and 30 s are at full extension, the second of
-    them in a bow. The motion starts and ends at rest.
+    them in a bow. The motion starts and ends at rest. Robots that fall slower than the built-in
+    biped squat as much slower, and the knees of others stop where their ranges do.
 
     Args:
-        robot: the biped, or one with joints of the same names.
+        robot: one on two soles, with hips, knees and ankles that pitch.
         speed: how many times faster than that; [M10] figure 5 shows 5.
+        depth: rad, of the squat at the knee. None: see `squat_depth`.
         hz: ticks per second.
 
     Raises:
-        RobotError: the robot lacks a joint of the motion.
-        InvalidValueError: `speed` is not positive and finite, or the motion leaves a joint's range.
+        RobotError: the robot has no such legs.
+        InvalidValueError: `speed` or `depth` is not positive and finite, or the motion leaves a
+            joint's range or the feet.
     """
-    if not (np.isfinite(speed) and speed > 0):
-        raise InvalidValueError("speed", speed, "a positive, finite number")
-    ticks = round(SECONDS / speed * hz)
-    time = np.arange(ticks + 1) / hz
-    squat_hz, bow_hz = _SQUAT_HZ * speed, _BOW_HZ * speed
-    extension = rise(time, *(moment / speed for moment in _EXTENSION))
-    squats = cosine(time, squat_hz).scaled(-_SQUAT_DEPTH / 2, _SQUAT_DEPTH / 2)
-    knee = extension.scaled(-_KNEE, _KNEE).plus(squats)
-    pitch = cosine(time, bow_hz).scaled(-_BOW_DEPTH / 2, _BOW_DEPTH / 2)
-    return _on_flat_feet(robot, legs_in_plane(robot, knee, pitch), hz, periodic=False)
+    check_positive(speed=speed)
+    pace = speed * Stance.of(robot).falling_rate / _BIPED_FALLS
+    time = np.arange(round(SECONDS / pace * hz) + 1) / hz
+    tops, squats, pitch = _squats_and_bows(robot, time, pace)
+    if depth is None:
+        depth = squat_depth(robot)
+    check_positive(depth=depth)
+    joints = legs_in_plane(robot, tops.plus(squats.scaled(depth)), pitch)
+    return _on_flat_feet(robot, joints, hz, periodic=False)
+
+
+def squat_depth(robot: Robot) -> float:
+    """Return how deep `squat_bow` is: 1.4 rad at the knee, or as deep as the joints' ranges allow.
+
+    Raises:
+        RobotError: the robot has not two legs that bend.
+    """
+    tops, squats, pitch = _squats_and_bows(robot, np.linspace(0.0, SECONDS, _SAMPLES), 1.0)
+    upright = legs_in_plane(robot, tops, pitch).value
+    more = legs_in_plane(robot, tops.plus(squats), pitch).value - upright
+    low, high = robot.joint_range.T
+    room, moves = np.where(more > 0.0, high - _SPARE - upright, low + _SPARE - upright), more != 0.0
+    return min(_SQUAT_DEPTH, float((room[moves] / more[moves]).min()))
 
 
 def periodic_squat(
@@ -79,15 +95,15 @@ def periodic_squat(
     It begins at the top, at rest.
 
     Args:
-        robot: the biped, or one with joints of the same names.
+        robot: one on two soles, with hips, knees and ankles that pitch.
         frequency: Hz; a period shall be a whole number of ticks.
-        knee: rad, mean knee angle.
-        amplitude: rad, of the knee angle.
+        knee: rad, mean of how far the knees are bent.
+        amplitude: rad, of that.
         hz: ticks per second.
 
     Raises:
-        RobotError: the robot lacks a joint of the motion.
-        InvalidValueError: a number is not valid, or the motion leaves a joint's range.
+        RobotError: the robot has no such legs.
+        InvalidValueError: a number is not valid, or the motion leaves a joint's range or the feet.
     """
     time = np.arange(period_ticks("frequency", frequency, hz)) / hz
     bend = cosine(time, frequency).scaled(-amplitude, knee)
@@ -104,51 +120,23 @@ def period_ticks(name: str, frequency: float, hz: int) -> int:
     return ticks
 
 
-def legs_in_plane(robot: Robot, knee: Curve, pitch: Curve) -> Curve:
-    """Return the joint motion of a squat, the same on both legs, all other joints at home.
+def _squats_and_bows(robot: Robot, time: np.ndarray, pace: float) -> tuple[Curve, Curve, Curve]:
+    """Knee angle at the tops, squats of 1 rad, and pitch of the trunk; times (T,) s.
 
     Args:
-        robot: the biped.
-        knee: (T,) rad, knee angle.
-        pitch: (T,) rad, pitch of the trunk.
-
-    Returns:
-        (T, n) rad.
+        robot: whose legs extend as far as they can.
+        time: (T,) s.
+        pace: how many times faster than the biped at speed 1.
     """
-    ankle = knee.scaled(LEAN_PER_KNEE, LEAN).plus(pitch.scaled(LEAN_PER_PITCH))
-    hip = knee.plus(ankle, pitch).scaled(-1.0)
-    shape = (len(knee.value), 1)
-    joints = Curve(
-        np.tile(robot.home_qpos[7:], shape),
-        np.zeros((len(knee.value), robot.num_joints)),
-        np.zeros((len(knee.value), robot.num_joints)),
-    )
-    for names, curve in (
-        (("left_hip_pitch", "right_hip_pitch"), hip),
-        (("left_knee", "right_knee"), knee),
-        (("left_ankle_pitch", "right_ankle_pitch"), ankle),
-    ):
-        columns = joint_columns(robot, names)
-        for whole, part in zip(joints, curve, strict=True):
-            whole[:, columns] = part[:, None]
-    return joints
-
-
-def joint_columns(robot: Robot, names: Sequence[str]) -> list[int]:
-    """Return which joints have these names.
-
-    Raises:
-        RobotError: the robot has no joint of a name.
-    """
-    for name in names:
-        if name not in robot.joint_names:
-            raise RobotError(
-                f"The motion moves joint {name!r}, which robot {robot.name!r} does not have. "
-                f"Its joints: {', '.join(robot.joint_names)}."
-            )
-    return [robot.joint_names.index(name) for name in names]
+    least = least_bend(legs_of(robot))
+    extension = rise(time, *(moment / pace for moment in _EXTENSION))
+    tops = extension.scaled(least - max(_KNEE, least), max(_KNEE, least))
+    squats = cosine(time, _SQUAT_HZ * pace).scaled(-0.5, 0.5)
+    pitch = cosine(time, _BOW_HZ * pace).scaled(-_BOW_DEPTH / 2, _BOW_DEPTH / 2)
+    return tops, squats, pitch
 
 
 def _on_flat_feet(robot: Robot, joints: Curve, hz: int, *, periodic: bool) -> MotionTable:
-    states = base_on_feet(robot, joints, home_points(robot))
-    return MotionTable(robot, seen_from_feet(robot, states), hz, periodic)
+    rows = seen_from_feet(robot, base_on_feet(robot, joints, home_points(robot)))
+    check_over_feet(robot, rows)
+    return MotionTable(robot, rows, hz, periodic)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.curves import Curve, cosine, rise
 from fbid_gym.motions.kinematics import (
@@ -12,12 +13,14 @@ from fbid_gym.motions.kinematics import (
     joints_on_feet,
     seen_from_feet,
 )
-from fbid_gym.motions.squat import joint_columns, legs_in_plane, period_ticks
+from fbid_gym.motions.lean import legs_in_plane
+from fbid_gym.motions.legs import legs_of
+from fbid_gym.motions.squat import period_ticks
 from fbid_gym.motions.table import MotionTable
 from fbid_gym.robots import Robot
 
-_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
-_LIFTED = ("hip_pitch", "knee", "ankle_pitch")
+# Of the built-in biped: m between its feet, and 1/s, the rate at which it falls over.
+_WIDTH, _FALLING_RATE = 0.18, 3.7299790106475283
 
 
 class Steps(NamedTuple):
@@ -26,11 +29,12 @@ class Steps(NamedTuple):
     Attributes:
         period: s, one step of either foot. The paper's.
         squat_frequency: Hz. The paper's; a whole number of squats shall fit the period.
-        knee: rad, mean knee angle.
+        knee: rad, mean of how far the knees are bent.
         amplitude: rad, of the squat at the knee.
         sway: m, amplitude of the base's way sideways, a sinusoid.
         single: share of the period that each foot is in the air.
-        lift: (3,) rad added to hip, knee and ankle pitch of the leg in the air.
+        lift: (3,) rad added to hip, knee and ankle pitch of the leg in the air; of knees that point
+            back, taken away.
         ramp: s it takes to add them and to take them away, within the time in the air; 0 for
             instant changes as in the paper. With 0.25 the feet come down where they rose; instant
             changes move them by a few centimetres per step, since a hip is slower than a knee.
@@ -52,6 +56,37 @@ PAPER = Steps()
 """The numbers of [M10] IV.D where the paper gives them."""
 
 
+def steps_for(
+    robot: Robot, hz: int, *, period: float | None = None, ramp: float | None = None
+) -> Steps:
+    """Return the paper's numbers on a robot of another size than the built-in biped.
+
+    The sway scales with the distance between the feet, and time with how fast the robot falls.
+
+    Args:
+        robot: one on two soles.
+        hz: ticks per second; the period is a whole number of ticks.
+        period: s, instead.
+        ramp: s, that a foot takes to rise and to come down. None: a twelfth of the period.
+
+    Raises:
+        RobotError: the robot has not two legs that bend.
+    """
+    left, right = Stance.of(robot).terms.foot_position[0, legs_of(robot).foot, :2]
+    squats = round(PAPER.period * PAPER.squat_frequency)
+    if period is None:
+        slow = _FALLING_RATE / Stance.of(robot).falling_rate
+        period = round(slow * PAPER.period * hz) / hz
+    else:
+        squats = max(1, round(squats * period / PAPER.period))
+    return PAPER._replace(
+        period=period,
+        squat_frequency=squats / period,
+        sway=PAPER.sway * float(np.linalg.norm(left - right)) / _WIDTH,
+        ramp=period / 12 if ramp is None else ramp,
+    )
+
+
 def stepping(robot: Robot, steps: Steps = PAPER, *, hz: int = 500) -> MotionTable:
     """Squat while stepping in place, [M10] IV.D, figures 8-9.
 
@@ -59,12 +94,12 @@ def stepping(robot: Robot, steps: Steps = PAPER, *, hz: int = 500) -> MotionTabl
     left foot lifts around a quarter of the period and the right foot around three quarters.
 
     Args:
-        robot: the biped, or one with joints and feet of the same names.
+        robot: one on two soles, with hips, knees and ankles that pitch.
         steps: its numbers.
         hz: ticks per second.
 
     Raises:
-        RobotError: the robot lacks a joint of the motion.
+        RobotError: the robot has no such legs.
         InvalidValueError: a number is not valid, a foot cannot be where it shall be, or the motion
             leaves a joint's range.
     """
@@ -85,20 +120,22 @@ def stepping(robot: Robot, steps: Steps = PAPER, *, hz: int = 500) -> MotionTabl
     centres = _centres(points, sizes)
     still = np.zeros((ticks, *centres.shape))
     place = Curve(still + centres, still, still)
-    moving = joint_columns(robot, [f"{side}_{name}" for side in ("left", "right") for name in _LEG])
+    legs = legs_of(robot)
     standing = np.ones((ticks, robot.num_feet), bool)
-    states = joints_on_feet(robot, base, lambda *_: place, standing, moving, in_plane.value)
+    states = joints_on_feet(
+        robot, base, lambda *_: place, standing, legs.joints.ravel().tolist(), in_plane.value
+    )
 
     joints = Curve(*(part[:, -robot.num_joints :].copy() for part in states))
     planted, jumps = standing.copy(), np.zeros(ticks, bool)
-    for side, middle in (("left", 0.25), ("right", 0.75)):
+    for leg, middle in enumerate((0.25, 0.75)):
         first, last = _airborne(steps, middle, hz)
-        planted[first:last, robot.foot_names.index(side)] = False
+        planted[first:last, legs.foot[leg]] = False
         if steps.ramp == 0.0:
             jumps[[first, last % ticks]] = True
-        columns = joint_columns(robot, [f"{side}_{name}" for name in _LIFTED])
+        columns, lift = legs.pitch[leg], legs.forward * legs.sign[leg] * steps.lift
         for whole, part in zip(joints, _lifted(steps, time, first, last, hz), strict=True):
-            whole[:, columns] += part[:, None] * steps.lift
+            whole[:, columns] += part[:, None] * lift
     states = base_on_feet(robot, joints, points, planted)
     return MotionTable(
         robot, seen_from_feet(robot, states, planted), hz, periodic=True, jumps=jumps

@@ -12,6 +12,7 @@ from fbid_gym.robots.mjcf import can_touch
 
 _GEOM = mujoco.mjtGeom
 _OBJ = mujoco.mjtObj
+_PREFIX = "fbid_contact_"
 # Shapes touch the ground symmetrically, contacts between two points included: not on the border.
 _MIDDLE = 0.5001
 
@@ -59,7 +60,7 @@ def add_contact_sensors(
         whole = _whole_foot(model, bodies, foot[0].body)
         places = np.array([point.position for point in foot])
         for point, cell in zip(foot, cells(places, 2.0 * model.stat.extent), strict=True):
-            name = f"fbid_contact_{len(names)}"
+            name = f"{_PREFIX}{len(names)}"
             matched = whole
             if _touches_by_its_points_alone(model, foot):
                 matched = {"reftype": _OBJ.mjOBJ_GEOM, "refname": point.name}
@@ -78,6 +79,13 @@ def add_contact_sensors(
             sensor.intprm[:3] = [1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1]
             names.append(name)
     return names
+
+
+def remove_contact_sensors(spec: mujoco.MjSpec) -> None:
+    """Remove what `add_contact_sensors` added, from a robot that was written out and is read."""
+    for element in [*spec.sensors, *spec.sites]:
+        if element.name.startswith(_PREFIX):
+            spec.delete(element)
 
 
 def cells(points: np.ndarray, far: float) -> list[Cell]:

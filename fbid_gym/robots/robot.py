@@ -13,7 +13,7 @@ from fbid_gym.bundles import write_file
 from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.robots import archive, home_check, mjcf
 from fbid_gym.robots.by_joint import ByJoint, by_joint
-from fbid_gym.robots.contact_sensors import add_contact_sensors
+from fbid_gym.robots.contact_sensors import add_contact_sensors, remove_contact_sensors
 from fbid_gym.robots.corrections import free_the_base, set_armature, set_solver
 from fbid_gym.robots.description import described
 from fbid_gym.robots.feet import ContactPoint, Foot, find_foot, group_points, points_of_body
@@ -345,6 +345,7 @@ def _model_name(spec: mujoco.MjSpec) -> str:
 def _floating(source: Source, base: str | None) -> tuple[mujoco.MjSpec, list[str]]:
     """Read a robot's spec; a URDF's root, or the body that shall, floats."""
     spec, notes = source.read(), list[str]()
+    remove_contact_sensors(spec)
     if source.is_urdf:
         folder = source.content.parent if isinstance(source.content, Path) else None
         notes += prepare_urdf(spec, folder)

@@ -1,5 +1,6 @@
 """Balance: stand on all feet, follow a commanded base height, survive random pushes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -104,6 +105,11 @@ class Balance:
             )
         body, home = Body.of(robot), home_reference(robot)
         return cls(body, seconds, hz, pushes, start, home, height_range, height_interval)
+
+    @property
+    def derived(self) -> Mapping[str, Any]:
+        """See `Task.derived`: shares of the home height need no robot."""
+        return {}
 
     @property
     def observation_names(self) -> tuple[str, ...]:

@@ -38,7 +38,14 @@ def crawl(
     period = None if step_seconds is None else number("step_seconds", step_seconds)
     lift = None if swing_height is None else number("swing_height", swing_height)
     motion = _motion(robot, hz, period, lift, speeds)
-    return Tracking.of(robot, seconds, hz, pushes, start, motion, tuple(motion.speeds[[0, -1]]))
+    gait = motion.gait
+    speeds = gait.slowest, gait.fastest
+    derived = {
+        "speed_range": speeds,
+        "step_seconds": gait.period,
+        "swing_height": gait.swing_height,
+    }
+    return Tracking.of(robot, seconds, hz, pushes, start, motion, speeds, derived)
 
 
 # Planning takes seconds, and every chunk of a batch asks for the same.

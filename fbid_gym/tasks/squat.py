@@ -2,7 +2,8 @@
 
 from functools import lru_cache
 
-from fbid_gym.motions import squat_bow
+from fbid_gym.checks import number
+from fbid_gym.motions import squat_bow, squat_depth
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
@@ -10,19 +11,29 @@ from fbid_gym.tasks.tracking import Tracking
 
 
 def squat(
-    robot: Robot, seconds: float, hz: int, pushes: Pushes, start: Start, *, speed: float = 1.0
+    robot: Robot,
+    seconds: float,
+    hz: int,
+    pushes: Pushes,
+    start: Start,
+    *,
+    speed: float = 1.0,
+    depth: float | None = None,
 ) -> Tracking:
     """Build the task.
 
     Args:
-        robot: the biped, or one with joints of the same names.
+        robot: one on two soles, with hips, knees and ankles that pitch.
         seconds: length of an episode.
         hz: control ticks per second.
         pushes: the disturbances.
         start: how an episode begins.
         speed: of the motion; 1 is the slow one of [M10] figure 4, 5 the fast one of figure 5.
+        depth: rad, of the squat at the knee. None: what the robot can, see `squat_depth`.
     """
-    return Tracking.of(robot, seconds, hz, pushes, start, _motion(robot, speed=speed, hz=hz))
+    depth = squat_depth(robot) if depth is None else number("depth", depth)
+    motion = _motion(robot, speed=speed, depth=depth, hz=hz)
+    return Tracking.of(robot, seconds, hz, pushes, start, motion, derived={"depth": depth})
 
 
 # Planning takes seconds, and every chunk of a batch asks for the same.

@@ -2,7 +2,8 @@
 
 from functools import lru_cache
 
-from fbid_gym.motions import MotionTable, Steps, stepping
+from fbid_gym.checks import number
+from fbid_gym.motions import stepping, steps_for
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
@@ -16,26 +17,29 @@ def step(
     pushes: Pushes,
     start: Start,
     *,
-    step_seconds: float = 3.0,
-    lift_seconds: float = 0.25,
+    step_seconds: float | None = None,
+    lift_seconds: float | None = None,
 ) -> Tracking:
     """Build the task.
 
     Args:
-        robot: the biped, or one with joints of the same names.
+        robot: one on two soles, with hips, knees and ankles that pitch.
         seconds: length of an episode.
         hz: control ticks per second.
         pushes: the disturbances.
         start: how an episode begins.
-        step_seconds: s, period of the stepping: each foot steps once.
+        step_seconds: s, period of the stepping: each foot steps once. None, as for the other: what
+            suits a robot of this size, see `motions.steps_for`.
         lift_seconds: s it takes a foot to rise, and to come down again; 0 is the instant change of
             the paper.
     """
-    motion = _motion(robot, hz, step_seconds, lift_seconds)
-    return Tracking.of(robot, seconds, hz, pushes, start, motion)
+    period = None if step_seconds is None else number("step_seconds", step_seconds)
+    ramp = None if lift_seconds is None else number("lift_seconds", lift_seconds)
+    steps = steps_for(robot, hz, period=period, ramp=ramp)
+    derived = {"step_seconds": steps.period, "lift_seconds": steps.ramp}
+    motion = _motion(robot, steps, hz=hz)
+    return Tracking.of(robot, seconds, hz, pushes, start, motion, derived=derived)
 
 
 # Planning takes seconds, and every chunk of a batch asks for the same.
-@lru_cache(maxsize=8)
-def _motion(robot: Robot, hz: int, step_seconds: float, lift_seconds: float) -> MotionTable:
-    return stepping(robot, Steps(period=step_seconds, ramp=lift_seconds), hz=hz)
+_motion = lru_cache(maxsize=8)(stepping)

@@ -1,6 +1,6 @@
 """What every task is: what chance decides, what is asked, how it is judged."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -49,6 +49,11 @@ class Task(Protocol):
     @property
     def pushes(self) -> Pushes:
         """The disturbances; their plan is part of the task's."""
+        ...
+
+    @property
+    def derived(self) -> Mapping[str, Any]:
+        """What the options mean that a robot decides where the user does not."""
         ...
 
     @property

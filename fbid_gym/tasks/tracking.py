@@ -1,6 +1,8 @@
 """Tracking: follow a reference motion, at a commanded speed where it has one, despite pushes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -70,6 +72,7 @@ class Tracking:
         start: how an episode begins: anywhere in the motion.
         motion: what to follow.
         speed_range: (least, most) m/s, commanded forward speed, constant in an episode.
+        derived: what the options mean that a robot decides where the user does not.
     """
 
     body: Body
@@ -79,6 +82,7 @@ class Tracking:
     start: Start
     motion: Motion
     speed_range: tuple[float, float]
+    derived: Mapping[str, Any]
 
     @classmethod
     def of(
@@ -90,11 +94,12 @@ class Tracking:
         start: Start,
         motion: Motion,
         speed_range: tuple[float, float] = (0.0, 0.0),
+        derived: Mapping[str, Any] = MappingProxyType({}),
     ) -> "Tracking":
         """Build the task; the arguments are its attributes."""
         if not -np.inf < speed_range[0] <= speed_range[1] < np.inf:
             raise InvalidValueError("speed_range", speed_range, "a pair least <= most of m/s")
-        return cls(Body.of(robot), seconds, hz, pushes, start, motion, speed_range)
+        return cls(Body.of(robot), seconds, hz, pushes, start, motion, speed_range, derived)
 
     @property
     def observation_names(self) -> tuple[str, ...]:

@@ -1,7 +1,9 @@
 """Task `walk`: follow velocity commands on foot, despite pushes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -124,6 +126,11 @@ class Walk:
     def on(self, ground: HeightGrid) -> "Walk":
         """Return the task on other ground."""
         return replace(self, ground=ground)
+
+    @property
+    def derived(self) -> Mapping[str, Any]:
+        """See `Task.derived`."""
+        return {"gait": self.gait_name}
 
     @property
     def observation_names(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from fbid_gym.motions.kinematics import (
     joints_on_feet,
     seen_from_feet,
 )
-from fbid_gym.motions.squat import legs_in_plane
+from fbid_gym.motions.lean import legs_in_plane
 from fbid_gym.robots import Robot, load
 
 HZ = 1000

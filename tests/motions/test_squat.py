@@ -71,7 +71,7 @@ def test_the_squat_stays_within_its_soles_at_two_hertz(pressure) -> None:
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_bad_speed_is_refused(speed: float) -> None:
-    with pytest.raises(FbidError, match="Invalid speed: .* Expected a positive, finite number"):
+    with pytest.raises(FbidError, match="Invalid speed: .* Expected a positive finite number"):
         squat_bow(load("biped"), speed=speed)
 
 
@@ -86,6 +86,6 @@ def test_a_period_that_is_no_number_of_ticks_is_refused(frequency: float) -> Non
         periodic_squat(load("biped"), frequency=frequency)
 
 
-def test_a_robot_without_the_joints_is_refused() -> None:
-    with pytest.raises(FbidError, match="moves joint 'left_hip_pitch', which robot 'quadruped'"):
+def test_a_robot_without_two_legs_is_refused() -> None:
+    with pytest.raises(FbidError, match="'quadruped' has 4 feet: front_left.* Expected two, left"):
         periodic_squat(load("quadruped"))

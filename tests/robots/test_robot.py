@@ -206,6 +206,17 @@ def test_shared_robots_cannot_be_written_to(robot: Robot) -> None:
 # Our own.
 
 
+def test_what_is_written_out_can_be_read_back(robot: Robot) -> None:
+    feet = {foot.name: foot.point_names for foot in robot.feet}
+    home = dict(zip(robot.joint_names, robot.home_qpos[7:].tolist(), strict=True))
+    for source in (robot.spec.to_xml(), robot.spec.copy()):
+        again = Robot.from_mjcf(source, feet, home=home)
+        assert again.model.nsensor == robot.model.nsensor and again.model.nsite == robot.model.nsite
+        assert again.model.ngeom == robot.model.ngeom
+        np.testing.assert_allclose(again.home_qpos, robot.home_qpos, atol=1e-5)
+        np.testing.assert_allclose(again.torque_limit, robot.torque_limit, rtol=1e-5)
+
+
 def test_load_returns_the_same_object() -> None:
     assert ROBOTS == ("biped", "quadruped", "humanoid", "go1", "g1")
     assert load("biped") is load("biped")
