@@ -10,6 +10,7 @@ BENCHMARK_PAGE = DOCS / "benchmark.md"
 PAPERS_PAGE = DOCS / "papers.md"
 WALKING_PAGE = DOCS / "walking.md"
 RATES_PAGE = DOCS / "rates.md"
+ZOO_PAGE = DOCS / "zoo.md"
 
 START, END = "<!-- tables: written by the command above -->", "<!-- end of tables -->"
 

@@ -12,8 +12,9 @@ from typing import Annotated, Any
 import tyro
 
 from eval.pages import RATES_PAGE, splice
-from eval.walking import ROBOTS, Trial, Walked, WalkingConfig, walk
+from eval.walking import Trial, Walked, WalkingConfig, gaits, walk
 from train.runs.exit_status import exit_status
+from train.runs.robots import chosen
 
 EXACT: dict[str, Any] = {
     "physics_hz": 1000,
@@ -41,7 +42,7 @@ class RatesConfig:
     """Walk without a policy at several rates, and tell what they change."""
 
     robots: tuple[str, ...] = ("go1", "biped", "humanoid")
-    """Built-in robots, each with its first gait."""
+    """Built-in robots or your own, each with its first gait."""
     layers: tuple[str, ...] = ("base_acceleration", "joint_position")
     """Action layers."""
     episodes: int = 32
@@ -84,14 +85,15 @@ def rows(config: RatesConfig) -> Iterator[str]:
     walking = WalkingConfig(episodes=config.episodes, seconds=config.seconds, push=config.push)
     yield f"| {' | '.join(_HEAD)} |"
     yield f"|{' --- |' * len(_HEAD)}"
-    for robot in config.robots:
+    robots = [robot for name in config.robots if (robot := chosen(name))]
+    for robot, gait in [(robot, gaits(robot)[0]) for robot in robots]:
         for layer in config.layers:
-            trial, exact = Trial(robot, ROBOTS[robot][1][0], layer), None
+            trial, exact = Trial(robot, gait, layer), None
             for name, arguments in settings(config).items():
                 walked = walk(trial, walking, **arguments)
                 exact = exact or walked
                 up = f"{round(walked.survival * config.episodes)} of {config.episodes}"
-                cells = [robot, f"`{layer}`", name, up, f"{walked.velocity_error:.3f}"]
+                cells = [robot.name, f"`{layer}`", name, up, f"{walked.velocity_error:.3f}"]
                 if walked is exact:
                     cells += ["", ""]
                 else:
@@ -113,5 +115,5 @@ def main(config: RatesConfig) -> None:
 
 
 if __name__ == "__main__":
-    chosen = tyro.cli(RatesConfig, prog="python -m eval.rates")
-    sys.exit(exit_status(lambda: main(chosen)))
+    given = tyro.cli(RatesConfig, prog="python -m eval.rates")
+    sys.exit(exit_status(lambda: main(given)))

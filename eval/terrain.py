@@ -19,6 +19,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots.terrain import LEVELLED
 from train.runs.exit_status import exit_status
+from train.runs.robots import chosen
 
 PAGE = Path("docs/terrain.md")
 
@@ -29,6 +30,10 @@ class TerrainConfig:
 
     envs: tuple[str, ...] = ("fbid_gym/QuadrupedTerrain-v0", "fbid_gym/BipedTerrain-v0")
     """Environments."""
+    robot: str | None = None
+    """A robot instead of the environments' own: a built-in one, or your own file."""
+    feet: tuple[str, ...] = ()
+    """Its feet, as `foot` or `foot=point,point`, where the file does not say."""
     layers: tuple[str, ...] = ("base_acceleration", "com_wrench", "joint_position")
     """Action layers."""
     terrains: tuple[str, ...] = LEVELLED
@@ -66,14 +71,16 @@ class Walked(NamedTuple):
     error: float
 
 
-def walk(row: Row, difficulty: float, robots: int, seconds: float) -> Walked:
+def walk(row: Row, difficulty: float, config: TerrainConfig) -> Walked:
     """Let robots walk by a zero action, each for one episode."""
+    robots, robot = config.robots, chosen(config.robot, config.feet)
     arguments = {
+        **({} if robot is None else {"robot": robot}),
         "action_layer": row.layer,
         "terrain": row.terrain,
         "difficulty": difficulty,
         "height_scan": row.scan,
-        "episode_seconds": seconds,
+        "episode_seconds": config.seconds,
     }
     batch = ready(ENVIRONMENTS[row.env] | arguments, robots)
     action = np.zeros((robots, len(batch.action_names)))
@@ -141,14 +148,12 @@ def run(config: TerrainConfig) -> None:
     for difficulty in config.difficulties:
         if not 0.0 <= difficulty <= 1.0:
             raise InvalidValueError("difficulty", difficulty, "a number from 0 to 1")
+    chosen(config.robot, config.feet)
     whole_number("robots", config.robots)
     check_positive(seconds=config.seconds)
     lines = []
     for row in rows(config):
-        walked = [
-            walk(row, difficulty, config.robots, config.seconds)
-            for difficulty in config.difficulties
-        ]
+        walked = [walk(row, difficulty, config) for difficulty in config.difficulties]
         lines.append(line(row, walked))
         print(lines[-1], flush=True)
         if config.write_docs:  # row by row: what is interrupted leaves what it has

@@ -17,26 +17,24 @@ from fbid_gym.checks import check_at_least_zero, check_choices, check_positive, 
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.schedule import PATTERNS
+from fbid_gym.robots import Robot
 from train.runs.exit_status import exit_status
+from train.runs.robots import chosen
 
-_QUADRUPED = tuple(gait for gait in PATTERNS if gait != "stand")
-ROBOTS: dict[str, tuple[str, tuple[str | None, ...]]] = {
-    "go1": ("fbid_gym/QuadrupedWalk-v0", _QUADRUPED),
-    "quadruped": ("fbid_gym/QuadrupedWalk-v0", _QUADRUPED),
-    "biped": ("fbid_gym/BipedWalk-v0", (None,)),
-    "humanoid": ("fbid_gym/HumanoidWalk-v0", (None,)),
-    "g1": ("fbid_gym/HumanoidWalk-v0", (None,)),
-}
-"""Robot -> the environment that it walks in, and its gaits; None for the only one."""
+ROBOTS = ("go1", "quadruped", "biped", "humanoid", "g1")
+"""What walks by default."""
+
+_PATTERNS = tuple(gait for gait in PATTERNS if gait != "stand")
 
 
 @dataclass(frozen=True)
 class WalkingConfig:
     """Walk without a policy through every layer, and tell how well."""
 
-    robots: tuple[str, ...] = tuple(ROBOTS)
-    """Built-in robots."""
+    robots: tuple[str, ...] = ROBOTS
+    """Built-in robots, or your own: paths as `--robot` of other commands takes them."""
     layers: tuple[str, ...] = tuple(LAYERS)
     """Action layers."""
     episodes: int = 32
@@ -52,7 +50,7 @@ class WalkingConfig:
 class Trial(NamedTuple):
     """What walks."""
 
-    robot: str
+    robot: Robot
     gait: str | None
     layer: str
 
@@ -79,14 +77,31 @@ class Walked(NamedTuple):
 
 def trials(config: WalkingConfig) -> list[Trial]:
     """Return what walks, in the order of the table: first each robot by its first gait."""
-    walks = [(robot, gait) for robot in config.robots for gait in ROBOTS[robot][1]]
+    robots = [robot for name in config.robots if (robot := chosen(name))]
+    walks = [(robot, gait) for robot in robots for gait in gaits(robot)]
     walks.sort(key=lambda one: one[1] not in (None, "trot"))
     return [Trial(robot, gait, layer) for robot, gait in walks for layer in config.layers]
 
 
+def environment(robot: Robot) -> str:
+    """Return the environment that a robot walks in: on two feet, or on more."""
+    return f"fbid_gym/{'Biped' if robot.num_feet == 2 else 'Quadruped'}Walk-v0"
+
+
+def gaits(robot: Robot) -> tuple[str | None, ...]:
+    """Return the gaits of a robot; None for the only one.
+
+    Raises:
+        RobotError: it has none.
+    """
+    known = (None,) if robot.num_feet == 2 else _PATTERNS
+    gait_of(robot, ENVIRONMENTS[environment(robot)]["control_hz"], known[0])
+    return known
+
+
 def walk(trial: Trial, config: WalkingConfig, **others: Any) -> Walked:
     """Walk, and measure; `others` are arguments of the environment that differ from its own."""
-    arguments = ENVIRONMENTS[ROBOTS[trial.robot][0]] | {
+    arguments = ENVIRONMENTS[environment(trial.robot)] | {
         "robot": trial.robot,
         "gait": trial.gait,
         "action_layer": trial.layer,
@@ -176,17 +191,17 @@ def rows(config: WalkingConfig) -> Iterator[str]:
         walked = walk(trial, config)
         figures = [f"{value:.2f}" if np.isfinite(value) else "–" for value in walked[1:]]
         up = f"{round(walked.survival * config.episodes)} of {config.episodes}"
-        cells = [trial.robot, trial.gait or "walk", f"`{trial.layer}`", up, *figures]
+        cells = [trial.robot.name, trial.gait or "walk", f"`{trial.layer}`", up, *figures]
         yield f"| {' | '.join(cells)} |"
 
 
 def run(config: WalkingConfig) -> None:
     """Walk, print, write; what can be refused is refused before."""
-    check_choices("robot", config.robots, ROBOTS)
     check_choices("action layer", config.layers, LAYERS)
     whole_number("episodes", config.episodes)
     check_positive(seconds=config.seconds)
     check_at_least_zero(push=config.push)
+    trials(config)
     said = f"{config.episodes} robots each, {config.seconds:g} s, pushes of {config.push:g} N."
     table = f"{said}\n"
     for row in rows(config):

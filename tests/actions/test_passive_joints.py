@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from eval.zoo import morphology as zoo
 from fbid_gym.actions import make_layer
 from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
@@ -16,7 +17,6 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions import home_reference
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
-from tests.robots import zoo
 
 ANIMAL = zoo.draw(22)
 MODEL_BASED = (

@@ -5,12 +5,12 @@ import re
 import numpy as np
 import pytest
 
+from eval.zoo import morphology as zoo
 from fbid_gym.actions import make_layer
 from fbid_gym.actions.joint_gains import sampled_growth
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots import Robot, load
-from tests.robots import zoo
 
 ANIMAL = next(
     animal

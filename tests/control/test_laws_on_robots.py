@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from eval.zoo import morphology as zoo
 from fbid_gym import robots
 from fbid_gym.control import (
     ContactLimits,
@@ -20,7 +21,6 @@ from fbid_gym.control import (
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
 from fbid_gym.robots import Robot
-from tests.robots import zoo
 
 ROBOTS = ("biped", "quadruped")
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from eval.zoo import morphology as zoo
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch, Step
 from fbid_gym.robots import Robot
-from tests.robots import zoo
 
 # On soles with five joints a leg, two, four and six of them, 1.3 to 4.4 kg: closed chains that can
 # hardly move in some directions, and not at all in others.

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from eval.walking import Trial, WalkingConfig, summarised, walk
+from fbid_gym.robots import load
 
 
 def told(up: np.ndarray) -> dict[str, np.ndarray]:
@@ -41,4 +42,4 @@ def test_where_all_fall_none_is_up():
 
 def test_a_biped_without_a_gait_falls_every_time():
     config = WalkingConfig(episodes=2, seconds=10.0)
-    assert walk(Trial("biped", None, "torque"), config).survival == 0.0
+    assert walk(Trial(load("biped"), None, "torque"), config).survival == 0.0

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from eval.zoo import morphology as zoo
 from fbid_gym.dynamics import PinocchioDynamics
 from fbid_gym.dynamics.frames import rotation_vector
 from fbid_gym.dynamics.stance import Stance
@@ -10,7 +11,6 @@ from fbid_gym.errors import FbidError
 from fbid_gym.motions import Crawl, Gait, MotionTable, crawl, gait_for
 from fbid_gym.motions.gait.schedule import corners_of
 from fbid_gym.robots import ROBOTS, Robot, load
-from tests.robots import zoo
 from tests.robots.similar import similar
 
 

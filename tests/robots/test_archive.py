@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from eval.zoo import morphology as zoo
 from fbid_gym.errors import FbidError, InvalidValueError, RobotError, UnknownOptionError
 from fbid_gym.robots import ROBOTS, Robot, load
-from tests.robots import zoo
 from tests.robots.test_copies import same
 from tests.robots.test_source_urdf import urdf
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from eval.zoo import morphology as zoo
 from fbid_gym.robots import load
 from fbid_gym.robots.__main__ import main
 from fbid_gym.robots.portrait import portrait, write_png
-from tests.robots import zoo
 from tests.robots.test_source_urdf import urdf
 
 ANIMAL = zoo.draw(26)  # of no actuators, four feet on two points each

@@ -12,10 +12,10 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import fbid_gym  # noqa: F401
+from eval.zoo import morphology as zoo
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.undrawn import undrawn
-from tests.robots import zoo
 
 ENV = "fbid_gym/QuadrupedBalance-v0"
 

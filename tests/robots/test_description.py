@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eval.zoo import morphology as zoo
 from fbid_gym.errors import FbidError, RobotError, UnknownOptionError
 from fbid_gym.robots import Robot
-from tests.robots import zoo
 
 ANIMAL = zoo.draw(26)  # of no actuators
 TOML = """

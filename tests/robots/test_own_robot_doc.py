@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from eval.zoo import morphology as zoo
 from fbid_gym.robots import Robot
-from tests.robots import zoo
 from tests.robots.test_source_urdf import urdf
 
 DOC = (Path(__file__).parents[2] / "docs" / "own_robot.md").read_text()

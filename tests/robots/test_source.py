@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from eval.zoo import morphology as zoo
 from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.robots import Robot
-from tests.robots import zoo
 from tests.robots.test_source_urdf import urdf
 
 ANIMAL = zoo.draw(22)

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from eval.zoo import morphology as zoo
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.stand import standing_pose
-from tests.robots import zoo
 from tests.robots.test_source_urdf import urdf
 
 

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from eval.zoo import morphology as zoo
 from fbid_gym.robots import Robot
-from tests.robots import zoo
 
 SEEDS = range(40)
 

@@ -13,11 +13,11 @@ import pytest
 import eval.rollout
 import train.ppo
 from eval.compare import main as compare
+from eval.zoo import morphology as zoo
 from fbid_gym import make_sb3
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.policy import Policy
 from fbid_gym.robots import Robot, load
-from tests.robots import zoo
 from train.runs.config import EvaluationConfig, TrainConfig
 from train.runs.reading import load as load_run
 from train.runs.robots import chosen, named, of_policy

@@ -1,0 +1,1 @@
+"""Robots that nobody has seen, drawn from seeds, and how they do without a policy."""
