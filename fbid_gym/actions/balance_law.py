@@ -212,6 +212,7 @@ def _balance(
     wrench = desired_wrench(law.wrench, law.gravity, push, state, reference, terms, body, frame)
     posture = _posture(law, active, state, reference)
     torque_map = map_torques(law.balancer, motion, body, constraint, posture, RIDGE)
+    give_back(law.passive, torque_map.offset, state.qpos, state.qvel)  # before limits are kept
     path = ForcePath(body.to_com, contacts.point_map, np.empty((0, len(law.geometry.offset), 3, 3)))
     if law.limited:
         limits = Limits(PointLimits(law.limits, active.mask), law.torque_limit)
@@ -230,7 +231,7 @@ def _balance(
     remember(found.warm_start, found.residual, memory)
     if active.switching:
         copy(underactuation(contacts.jacobian), memory.underactuation)
-    return give_back(law.passive, found.torque, state.qpos, state.qvel)
+    return found.torque
 
 
 @kernel

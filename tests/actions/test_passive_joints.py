@@ -27,15 +27,16 @@ MODEL_BASED = (
 )
 
 
-def animal(**joints: Any) -> Robot:
-    """A robot of the zoo, all its joints with these attributes."""
+def animal(limit: float | None = None, **joints: Any) -> Robot:
+    """A robot of the zoo, all its joints with these attributes; `limit` N·m of their motors."""
     spec = mujoco.MjSpec.from_string(zoo.mjcf(ANIMAL))
     for joint in spec.joints:
         if joint.type != mujoco.mjtJoint.mjJNT_FREE:
             for name, value in joints.items():
                 polynomial = name in ("stiffness", "damping")
                 setattr(joint, name, np.pad(value, (0, 3 - len(value))) if polynomial else value)
-    limit = zoo.torque_limit(ANIMAL) if ANIMAL.actuators == "none" else None
+    if limit is None and ANIMAL.actuators == "none":
+        limit = zoo.torque_limit(ANIMAL)
     return Robot.from_mjcf(spec, ANIMAL.foot_names, torque_limit=limit)
 
 
@@ -81,8 +82,9 @@ def test_friction_given_back_never_drives(rng: np.random.Generator) -> None:
 def test_springs_and_damping_are_added_to_the_same_torque(
     name: str, limits: str, rng: np.random.Generator
 ) -> None:
-    plain = animal(damping=[0.0])
-    sprung = animal(stiffness=[pull(plain)], damping=[0.05 * pull(plain)], springref=0.2)
+    strong = 1e4  # N·m: no motor comes to its limit
+    plain = animal(strong, damping=[0.0])
+    sprung = animal(strong, stiffness=[pull(plain)], damping=[0.05 * pull(plain)], springref=0.2)
     count, joints = 5, plain.num_joints
     qpos, qvel = np.tile(plain.home_qpos, (count, 1)), 0.2 * rng.normal(size=(count, plain.nv))
     qpos[:, 7:] += 0.1 * rng.normal(size=(count, joints))
@@ -101,6 +103,27 @@ def test_springs_and_damping_are_added_to_the_same_torque(
     lost = give_back(PassiveJoints.of(sprung), np.zeros((count, joints)), qpos, qvel)
     assert np.abs(lost).max() > 0.3 * np.abs(torques[0]).max()
     np.testing.assert_allclose(torques[1], torques[0] + lost, atol=1e-8 * np.abs(lost).max())
+
+
+def test_motors_that_springs_work_against_are_not_asked_for_more_than_they_can() -> None:
+    """The balancer's torque limits hold for what the motors give, springs' part included."""
+    plain = animal(damping=[0.0])
+    limit = 1.1 * float(np.abs(holding_torque(plain)).max())
+    stretched = float(np.abs(plain.home_qpos[7:] + 3.0).min())
+    strong = animal(limit, damping=[0.0], stiffness=[0.5 * limit / stretched], springref=-3.0)
+    state = RobotState(
+        plain.home_qpos[None],
+        np.zeros((1, plain.nv)),
+        np.full((1, plain.num_points, 3), plain.weight / plain.num_points),
+        np.zeros(1, np.int64),
+    )
+    terms = MuJoCoDynamics(strong).terms(state.qpos, state.qvel)
+    layer = make_layer("com_wrench", strong, 500, {})
+    inputs = np.zeros((1, 6)), state, home_reference(strong), lambda: terms
+    torque = layer.torque(*inputs, layer.memory(1))[0]
+    lost = give_back(PassiveJoints.of(strong), np.zeros((1, plain.num_joints)), *state[:2])[0]
+    assert np.abs(holding_torque(plain) + lost).max() > 1.3 * limit
+    assert np.abs(torque).max() < 1.05 * limit
 
 
 def played(robot: Robot, task: str, name: str, seconds: float, **options: Any) -> EnvBatch:
