@@ -1,4 +1,4 @@
-"""Whose turn it is to compile: of processes that need the same, one compiles and the others wait."""
+"""Whose turn it is to compile: of processes that need the same, one compiles, the others wait."""
 
 import fcntl
 import time
@@ -14,7 +14,7 @@ _PATIENCE = 300.0
 
 
 class Turn:
-    """The turn to compile one function: a lock on a file, which the system opens when a process ends.
+    """The turn to compile a function: a lock on a file, which the system opens when a process ends.
 
     So a process that is killed leaves nothing behind that others would wait for. Where no file can
     be written or locked, it is everybody's turn at once.
