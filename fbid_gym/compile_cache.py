@@ -5,7 +5,8 @@ calls, whichever file that lies in, so a change anywhere leads to another folder
 this order, in NUMBA_CACHE_DIR if that is set, and nowhere else; beside the sources; in the user's
 cache (XDG_CACHE_HOME, by default ~/.cache), for an installation that cannot be written. Where none
 can be written, every process compiles for itself. Files that cannot be read, because a process was
-killed or a disk was full, count as absent and are written anew.
+killed or a disk was full, count as absent and are written anew. Of several processes that start at
+once, one compiles a function and the others wait for it (`compile_turn`).
 """
 
 import hashlib
@@ -24,6 +25,8 @@ from numba.core.caching import (
     IndexDataCacheFile,
     _CacheLocator,
 )
+
+from fbid_gym.compile_turn import Turn
 
 _MOMENT = 1.0
 """s of compiling without a word."""
@@ -49,6 +52,7 @@ def kept(dispatcher: Any, places: Sequence[Path]) -> Any:
 def say_nothing_of_compiling() -> None:
     """Let this process compile in silence: for a caller that shows by itself what it does."""
     _NEWS.know("compiling")
+    _NEWS.know("waiting")
 
 
 def _fingerprint(package: Path) -> str:
@@ -147,9 +151,15 @@ class _Cache(FunctionCache):
         super().__init__(function)
         name, stamp = self._impl.filename_base, self._impl.locator.get_source_stamp()
         self._cache_file = _Places([_Files(str(place), name, stamp) for place in places])
+        self._turn = Turn([place / f"{name}.lock" for place in places])
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        found = super().load_overload(signature, target)
+        def load() -> Any:
+            return super(_Cache, self).load_overload(signature, target)
+
+        found = load()
+        if found is None:
+            found = self._turn.take(load, _NEWS.waiting)
         if found is None:
             _NEWS.compiling()
         return found
@@ -157,6 +167,7 @@ class _Cache(FunctionCache):
     def save_overload(self, signature: Any, data: Any) -> None:
         _NEWS.compiled()
         super().save_overload(signature, data)
+        self._turn.give()
 
 
 class _News:
@@ -177,6 +188,11 @@ class _News:
         if what not in self._said:
             self.know(what)
             print(f"fbid_gym: {text}", file=sys.stderr, flush=True)
+
+    def waiting(self, seconds: float) -> None:
+        """Another process compiles, for some seconds now."""
+        if seconds >= _MOMENT:
+            self.say("waiting", "waiting for another process, which compiles the control laws.")
 
     def compiling(self) -> None:
         """Compilation begins; to be said once all of it has taken a moment."""

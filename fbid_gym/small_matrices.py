@@ -8,6 +8,9 @@ import numpy as np
 
 from fbid_gym.compiled import compiled
 
+# What sums over a few dozen products may get wrong of a matrix, as a share of its size.
+_ROUNDING = 1e-13
+
 
 @compiled
 def multiply(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> None:
@@ -103,6 +106,22 @@ def factor(matrix: np.ndarray) -> None:
         for j in range(i):
             matrix[i, j] = (matrix[i, j] - dot(matrix[i, :j], matrix[j, :j])) / matrix[j, j]
         matrix[i, i] = np.sqrt(matrix[i, i] - dot(matrix[i, :i], matrix[i, :i]))
+
+
+@compiled
+def lift(matrix: np.ndarray, ridge: float) -> None:
+    """Raise a diagonal that holds a ridge already to where rounding leaves the matrix definite.
+
+    Args:
+        matrix: symmetric positive semidefinite plus `ridge`; nothing happens to one of common size.
+        ridge: what its least eigenvalue is, but for rounding.
+    """
+    trace = 0.0
+    for i in range(len(matrix)):
+        trace += matrix[i, i]
+    if ridge < _ROUNDING * trace:
+        for i in range(len(matrix)):
+            matrix[i, i] += _ROUNDING * trace - ridge
 
 
 @compiled
@@ -223,9 +242,14 @@ def factor_damped(matrix: np.ndarray, least: float) -> None:
 
     Of the matrix itself if no eigenvalue is below `least`. Otherwise those below, x, become x + d,
     d / least = (1 - x / least)^2: what is solved with it is continuous with its derivative, and
-    nowhere more than 1.34 / least of what it is solved for. Only the lower half is read.
+    nowhere more than 1.34 / least of what it is solved for. Only the lower half is read. Rounding
+    takes part in it: `least` is no less than what it makes of a matrix of this size.
     """
     size, given = len(matrix), matrix.copy()
+    total = 0.0
+    for i in range(size):
+        total += matrix[i, i]
+    least = max(least, _ROUNDING * total)
     factor(matrix)
     # The trace of the inverse, from the columns of that of the factor, bounds the least eigenvalue.
     trace, column = 0.0, np.empty(size)
@@ -245,6 +269,7 @@ def factor_damped(matrix: np.ndarray, least: float) -> None:
     # LAPACK takes finite matrices only.
     if np.isfinite(given).all():
         values, vectors = np.linalg.eigh(given)
+        least = max(least, _ROUNDING * max(values[-1], -values[0]))
         values = np.maximum(values, 0.0)
         values += least * np.maximum(1.0 - values / least, 0.0) ** 2
         multiply_by_transpose(vectors * values, vectors, matrix)

@@ -22,6 +22,7 @@ PACKAGES = ("fbid_gym", "train", "eval")
 # whoever only reads runs waits for no torch, and nothing of the learner can slip in.
 # "fbid_gym" stands for fbid_gym/__init__.py, which gathers the public names.
 RANK = {
+    "compile_turn": -1,
     "errors": 0,
     "compile_cache": 0,
     "reading": 1,

@@ -1,5 +1,6 @@
 """What is compiled is kept on disk, found again, and never used once any of its sources changed."""
 
+import fcntl
 import os
 import subprocess
 import sys
@@ -63,21 +64,32 @@ def probe(tmp_path: Path) -> Path:
     return folder
 
 
-def run(probe: Path, moment: float = NEVER, **environment: str) -> tuple[list[str], list[str]]:
-    """What a fresh process computes and whether it found each kernel on disk, and what it says."""
+def start(probe: Path, moment: float = NEVER, **environment: str) -> subprocess.Popen[str]:
+    """Start a process that uses both kernels."""
     inherited = {
         k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
     }
     own = {"XDG_CACHE_HOME": str(probe.parent / "cache")}
-    result = subprocess.run(
+    return subprocess.Popen(
         [sys.executable, "-c", RUN.format(moment=moment, package=PACKAGE)],
         cwd=probe.parent,
         env=inherited | own | environment,
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        check=True,
     )
-    return result.stdout.split(), result.stderr.splitlines()
+
+
+def end(process: subprocess.Popen[str]) -> tuple[list[str], list[str]]:
+    """What a process computes and whether it found each kernel on disk, and what it says."""
+    said, complaints = process.communicate(timeout=100)
+    assert process.returncode == 0, complaints
+    return said.split(), complaints.splitlines()
+
+
+def run(probe: Path, moment: float = NEVER, **environment: str) -> tuple[list[str], list[str]]:
+    """Start a process, and wait for its end."""
+    return end(start(probe, moment, **environment))
 
 
 def forbid(folder: Path) -> str:
@@ -154,3 +166,29 @@ def test_one_line_says_that_something_is_compiled_and_only_then(probe: Path) -> 
     assert len(said) == 1
     assert "compiling" in said[0]
     assert run(probe, AT_ONCE) == (WARM, [])
+
+
+def test_of_processes_that_start_at_once_one_compiles_and_the_others_wait(probe: Path) -> None:
+    found = [end(process) for process in [start(probe) for _ in range(4)]]
+    assert all(said == [] and value == "2.0" for (value, *_), said in found)
+    # Each kernel was compiled once, whoever did it, and found on disk by the others.
+    for kernel in (1, 2):
+        assert sorted(result[kernel] for result, _ in found) == ["0", "1", "1", "1"]
+
+
+def test_one_line_says_that_another_process_compiles(probe: Path) -> None:
+    assert run(probe) == (COLD, [])
+    folder = next(probe.glob("__pycache__/compiled-*"))
+    for file in folder.glob("*scale*.nb[ic]"):
+        file.unlink()
+    (lock,) = folder.glob("*scale*.lock")
+    with open(lock) as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        process = start(probe, AT_ONCE)
+        line = process.stderr.readline()
+        assert "waiting for another process" in line
+        # Killed, it lets go.
+        fcntl.flock(other, fcntl.LOCK_UN)
+    found, said = end(process)
+    assert found == ["2.0", "0", "1"]
+    assert len(said) == 1 and "compiling" in said[0]

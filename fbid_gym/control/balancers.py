@@ -186,7 +186,8 @@ def map_torques(
         for i in range(rows):
             trace += lower[i, i]
         for i in range(rows):
-            lower[i, i] += ridge / rows * trace + ridge**3
+            # Without a trace, as in flight, there is nothing to solve for.
+            lower[i, i] += ridge / rows * trace if trace > 0.0 else 1.0
         factor(lower)
         for k in range(columns):
             solve_factored(lower, moved[k])

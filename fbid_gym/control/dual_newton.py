@@ -17,7 +17,15 @@ from fbid_gym.compiled import compiled
 from fbid_gym.dynamics.vectors import Vector, add, scale, store, subtract, vector
 from fbid_gym.dynamics.vectors import dot as inner
 from fbid_gym.quantities import Accuracy
-from fbid_gym.small_matrices import add_transposed_times, copy, dot, factor, gram, solve_factored
+from fbid_gym.small_matrices import (
+    add_transposed_times,
+    copy,
+    dot,
+    factor,
+    gram,
+    lift,
+    solve_factored,
+)
 
 _SLOPE_REDUCTION = 0.5
 _STEPS = (0.0, 0.004, 0.016, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 6.0)
@@ -255,6 +263,7 @@ def _newton(
         jacobian_at(problem, regularisation, point, jacobian)
         for row in range(6):
             change[row] = -point.gradient[row]
+        lift(jacobian, regularisation)
         factor(jacobian)
         solve_factored(jacobian, change)
         _go(point.dual, change, 1.0, trial.dual)
@@ -264,8 +273,10 @@ def _newton(
             if step != 1.0:
                 _go(point.dual, change, step, trial.dual)
                 error = evaluate(problem, regularisation, trial)
-        _copy(trial, point)
         taken += 1
+        if not error < np.inf:
+            return evaluate(problem, regularisation, point), taken
+        _copy(trial, point)
     return error, taken
 
 

@@ -204,7 +204,7 @@ def actuated_projection(
         raise ShapeError("jacobian", shape, "(N, k, nv) with nv of at least 6")
     check_shape("mass_matrix", mass_matrix, (shape[0], shape[2], shape[2]), "(N, nv, nv)")
     inverse, response, _, _ = _projector(mass_matrix, jacobian)
-    compliance = response[:, 6:, 6:]
+    compliance = _without_rounding(response[:, 6:, 6:], inverse[:, 6:, 6:])
     _, rank = symmetric_pseudo_inverse(compliance, _RTOL)
     return np.linalg.solve(inverse[:, 6:, 6:], compliance), rank
 
@@ -236,10 +236,11 @@ def inertia_weighted_inverse_dynamics(
         ShapeError: an array does not fit.
     """
     checked_equations(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
-    _, response, through, inertia = _projector(mass_matrix, jacobian)
+    inverse, response, through, inertia = _projector(mass_matrix, jacobian)
+    compliance = _without_rounding(response[:, 6:, 6:], inverse[:, 6:, 6:])
     # Jbar = M^-1 J^T (J M^-1 J^T)^+
     drift = -np.matvec(response, bias) - np.matvec(through.mT, np.matvec(inertia, jacobian_bias))
-    compliance_inverse, rank = symmetric_pseudo_inverse(response[:, 6:, 6:], _RTOL)
+    compliance_inverse, rank = symmetric_pseudo_inverse(compliance, _RTOL)
     torque = np.matvec(compliance_inverse, acceleration[:, 6:] - drift[:, 6:])
     achieved = np.matvec(response[:, :, 6:], torque) + drift
     load = bias - _joint_rows(torque)
@@ -257,6 +258,12 @@ def _projector(
     inertia, _ = symmetric_pseudo_inverse(0.5 * (gram + gram.mT), _RTOL)
     response = inverse - through.mT @ inertia @ through
     return inverse, 0.5 * (response + response.mT), through, inertia
+
+
+def _without_rounding(compliance: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """The joints' compliance; zero where contacts leave nothing of the free one but rounding."""
+    left, whole = (np.abs(part).max(axis=(1, 2), initial=0.0) for part in (compliance, free))
+    return np.where((left <= _RTOL * whole)[:, None, None], 0.0, compliance)
 
 
 def _joint_rows(torque: np.ndarray) -> np.ndarray:

@@ -28,5 +28,5 @@ def factor_contacts(weighted: np.ndarray, jacobian: np.ndarray, lower: np.ndarra
     for i in range(len(jacobian)):
         # A row of zeros holds nothing, whatever its force.
         if lower[i, i] == 0.0:
-            lower[i, i] = max(total, 1.0)
+            lower[i, i] = total if total > 0.0 else 1.0
     factor_damped(lower, _FAINT * total)

@@ -15,7 +15,8 @@ X = (J W' J^T)^+ its solution is
 
 for any rho > 0; lambda is the smallest that belongs to tau. G X G^T has the rank of the base
 columns of J: six if the contacts can push the base in every direction, less if the robot is
-underactuated.
+underactuated. Forces and moments on the base are compared at its radius of gyration, so that
+nothing here depends on the unit of length.
 
 Velocities are base first, v = [base (6), joints (n)], nv = 6 + n; M, h, J and accelerations are in
 the same coordinates. k counts the rows of J; all-zero rows and k = 0 are fine (flight).
@@ -31,7 +32,6 @@ from fbid_gym.control.equations import checked_equations, mobility_of
 from fbid_gym.quantities import Constraint, EquationOfMotion
 from fbid_gym.small_matrices import (
     add_transposed_times,
-    copy,
     dot,
     gram,
     multiply,
@@ -59,6 +59,8 @@ class InverseDynamics(NamedTuple):
             contacts and, if underactuated, achievable.
         rank: (N,) int64, of J.
         underactuation: (N,) int64, base directions out of six that no contact force can push.
+        residual: (N,) by how much the base rows of M a + h = J^T lambda are missed, as a share of
+            their summands; rounding, unless the problem's numbers are too far apart for that.
     """
 
     torque: np.ndarray
@@ -66,6 +68,7 @@ class InverseDynamics(NamedTuple):
     acceleration: np.ndarray
     rank: np.ndarray
     underactuation: np.ndarray
+    residual: np.ndarray
 
 
 def orthogonal_inverse_dynamics(
@@ -139,6 +142,7 @@ def invert_dynamics(
     torque, contact_force = np.empty((count, joints)), np.empty((count, rows))
     acceleration = desired.copy()
     rank, underactuation = np.empty(count, np.int64), np.empty(count, np.int64)
+    residual = np.empty(count)
 
     weighted, by_cost = np.empty((rows, velocities)), np.empty((rows, velocities))
     product, inverse = np.empty((rows, rows)), np.empty((rows, rows))
@@ -146,9 +150,11 @@ def invert_dynamics(
     base, spread, given = np.empty((rows, 6)), np.empty((rows, 6)), np.empty(6)
     push, push_inverse, missing = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
     force = np.empty(velocities)
-    push_rtol = _BASE_RTOL * min(1.0, mobility[:6].min())
     for i in range(count):
         jacobian, own = constraint.jacobian[i], acceleration[i]
+        own_motion = EquationOfMotion(motion.mass_matrix[i], motion.bias[i])
+        arm = _radius_of_gyration(own_motion.mass_matrix)
+        push_rtol = _BASE_RTOL * min(1.0, mobility[:3].min() / arm**2, mobility[3:6].min())
         for k in range(rows):
             for j in range(velocities):
                 weighted[k, j] = jacobian[k, j] * mobility[j]
@@ -169,31 +175,26 @@ def invert_dynamics(
             mean = entries.mean()
             for k in range(rows):
                 for j in range(velocities):
-                    by_cost[k, j] = jacobian[k, j] * (mean if j < 6 else entries[j - 6])
+                    weight = mean * arm**2 if j < 3 else mean if j < 6 else entries[j - 6]
+                    by_cost[k, j] = jacobian[k, j] * weight
             gram(by_cost, jacobian, 0.0, product)
             pseudo_inverse(product, _CONTACT_RTOL, cost_inverse)
             least, cost = cost_inverse, by_cost
         for k in range(rows):
             for row in range(6):
-                base[k, row] = jacobian[k, row]
+                base[k, row] = jacobian[k, row] / (1.0 if row < 3 else arm)
         multiply(least, base, spread)
         multiply_transposed(base, spread, push)
         underactuation[i] = 6 - pseudo_inverse(push, push_rtol, push_inverse)
         if underactuation[i] > 0:
-            _make_achievable(
-                EquationOfMotion(motion.mass_matrix[i], motion.bias[i]),
-                weighted,
-                inverse,
-                push,
-                push_inverse,
-                mobility,
-                own,
-            )
+            held = _Held(weighted, inverse, push, push_inverse)
+            _make_achievable(own_motion, held, mobility, arm, own)
 
         times(motion.mass_matrix[i], own, force)
         force += motion.bias[i]
         times(cost, force, error)
-        copy(force[:6], missing)
+        for row in range(6):
+            missing[row] = force[row] / (1.0 if row < 3 else arm)
         for k in range(rows):
             for row in range(6):
                 missing[row] -= spread[k, row] * error[k]
@@ -205,17 +206,66 @@ def invert_dynamics(
             for j in range(velocities):
                 force[j] -= contact_force[i, k] * jacobian[k, j]
         torque[i] = force[6:]
-    return InverseDynamics(torque, contact_force, acceleration, rank, underactuation)
+        residual[i] = _backward_error(own_motion, own, jacobian, contact_force[i], force)
+    return InverseDynamics(torque, contact_force, acceleration, rank, underactuation, residual)
+
+
+@compiled
+def _backward_error(
+    motion: EquationOfMotion,
+    acceleration: np.ndarray,
+    jacobian: np.ndarray,
+    contact_force: np.ndarray,
+    missing: np.ndarray,
+) -> float:
+    """Largest of the base rows of M a + h - J^T lambda, each as a share of its summands' sizes.
+
+    Args:
+        motion: M and h of the robot.
+        acceleration: (nv,).
+        jacobian: (k, nv).
+        contact_force: (k,).
+        missing: (nv,) M a + h - J^T lambda.
+    """
+    largest = 0.0
+    for row in range(6):
+        size = abs(motion.bias[row])
+        for j in range(len(acceleration)):
+            size += abs(motion.mass_matrix[row, j] * acceleration[j])
+        for k in range(len(contact_force)):
+            size += abs(jacobian[k, row] * contact_force[k])
+        if not np.isfinite(size):
+            return np.nan
+        if size > 0.0:
+            largest = max(largest, abs(missing[row]) / size)
+    return largest
+
+
+@compiled
+def _radius_of_gyration(mass_matrix: np.ndarray) -> float:
+    """Of a robot with locked joints about its base, m; from M (nv, nv)."""
+    mass, inertia = 0.0, 0.0
+    for axis in range(3):
+        mass += mass_matrix[axis, axis]
+        inertia += mass_matrix[3 + axis, 3 + axis]
+    return np.sqrt(inertia / mass)
+
+
+class _Held(NamedTuple):
+    """The contacts of one robot."""
+
+    weighted: np.ndarray  # (k, nv): J A^-1
+    inverse: np.ndarray  # (k, k): (J A^-1 J^T)^+
+    push: np.ndarray  # (6, 6), N and N·m at the radius of gyration,
+    push_inverse: np.ndarray  # (6, 6): their product projects onto what contacts can push
 
 
 @compiled
 def _make_achievable(
     motion: EquationOfMotion,
-    weighted: np.ndarray,
-    inverse: np.ndarray,
-    push: np.ndarray,
-    push_inverse: np.ndarray,
+    held: _Held,
     mobility: np.ndarray,
+    arm: float,
     acceleration: np.ndarray,
 ) -> None:
     """Change an acceleration (nv,) as little as it takes to need no wrench beyond the contacts.
@@ -225,43 +275,46 @@ def _make_achievable(
 
     Args:
         motion: M and h of the robot.
-        weighted: (k, nv) J A^-1.
-        inverse: (k, k) (J A^-1 J^T)^+.
-        push: (6, 6) and
-        push_inverse: (6, 6), whose product projects onto the base directions that contacts can
-            push.
+        held: its contacts.
         mobility: (nv,) diagonal of A^-1.
+        arm: m, the radius of gyration.
         acceleration: (nv,) consistent with the contacts; overwritten.
     """
-    rows, velocities = weighted.shape
+    rows, velocities = held.weighted.shape
     beyond, through = np.empty((6, 6)), np.empty((6, 6))
-    multiply(push, push_inverse, beyond)
+    multiply(held.push, held.push_inverse, beyond)
     for i in range(6):
         for j in range(6):
             beyond[i, j] = (1.0 if i == j else 0.0) - beyond[i, j]
+    columns, response = np.empty((velocities, 6)), np.empty((velocities, 6))
     wanted, change = np.empty(6), np.empty(6)
     for row in range(6):
+        lever = 1.0 if row < 3 else arm
         change[row] = dot(motion.mass_matrix[row], acceleration) + motion.bias[row]
+        change[row] /= lever
+        for j in range(velocities):
+            columns[j, row] = motion.mass_matrix[row, j] / lever
+            response[j, row] = columns[j, row] * mobility[j]
     times(beyond, change, wanted)
 
-    columns, response = np.empty((velocities, 6)), np.empty((velocities, 6))
-    for j in range(velocities):
-        for row in range(6):
-            columns[j, row] = motion.mass_matrix[row, j]
-            response[j, row] = columns[j, row] * mobility[j]
-    moved, held, back = np.empty((rows, 6)), np.empty((rows, 6)), np.empty((velocities, 6))
-    multiply(weighted, columns, moved)
-    multiply(inverse, moved, held)
-    multiply_transposed(weighted, held, back)
-    response -= back
+    moved, forces, back = np.empty((rows, 6)), np.empty((rows, 6)), np.empty((velocities, 6))
+    multiply(held.weighted, columns, moved)
+    multiply(held.inverse, moved, forces)
     inertia, regular = np.empty((6, 6)), np.empty((6, 6))
-    multiply(motion.mass_matrix[:6], response, inertia)
+    multiply_transposed(columns, response, inertia)
+    size = 0.0
+    for i in range(6):
+        size += inertia[i, i] / 6.0
+    multiply_transposed(held.weighted, forces, back)
+    response -= back
+    multiply_transposed(columns, response, inertia)
     multiply(beyond, inertia, through)
     multiply(through, beyond, regular)
-    # Regular although `beyond` is not: the identity stands in for the directions left out.
+    # Regular although `beyond` is not: what a robot in flight has stands in for the directions left
+    # out.
     for i in range(6):
         for j in range(6):
-            regular[i, j] += (1.0 if i == j else 0.0) - beyond[i, j]
+            regular[i, j] += size * ((1.0 if i == j else 0.0) - beyond[i, j])
     pseudo_inverse(regular, _REGULAR_RTOL, inertia)
     times(inertia, wanted, change)
     times(beyond, change, wanted)

@@ -24,6 +24,7 @@ from fbid_gym.small_matrices import (
     add_transposed_times,
     dot,
     factor,
+    lift,
     multiply_transposed,
     solve_factored_columns,
     times,
@@ -89,6 +90,7 @@ def _inverse(maps: np.ndarray, rows: np.ndarray, regularisation: float) -> np.nd
             lower[i, j] += _TORQUE_PENALTY * torques[i, j]
         lower[i, i] += regularisation + _FORCE_PENALTY
         inverse[i, i] = 1.0
+    lift(lower, regularisation + _FORCE_PENALTY)
     factor(lower)
     solve_factored_columns(lower, inverse)
     return inverse

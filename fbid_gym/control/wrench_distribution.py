@@ -297,6 +297,7 @@ def _empty(torque_map: TorqueMap, wrench: np.ndarray, points: int) -> Distributi
 @compiled
 def _exceeds(torque: np.ndarray, limit: np.ndarray) -> bool:
     for j in range(len(torque)):
-        if abs(torque[j]) > (1.0 + _EXCESS) * limit[j]:
+        # A limit that is no number makes torques that are none.
+        if abs(torque[j]) > (1.0 + _EXCESS) * limit[j] or np.isnan(limit[j]):
             return True
     return False

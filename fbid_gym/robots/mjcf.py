@@ -19,7 +19,7 @@ def compile_spec(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:
     """
     try:
         return spec.compile()
-    except ValueError as error:
+    except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
         raise RobotError(f"{label} does not compile: {error}") from error
 
 

@@ -12,7 +12,9 @@ from typing import Union
 import mujoco
 
 from fbid_gym.errors import InvalidValueError, RobotError
+from fbid_gym.reading import read_file
 from fbid_gym.robots.archive import pack
+from fbid_gym.robots.bounds import MOST_TEXT, check_bounds
 
 _EXPECTED = "the path or text of an MJCF or URDF, an mujoco.MjSpec, or a name of robot_descriptions"
 PUBLISHED = "_description"
@@ -95,24 +97,26 @@ class Source:
         """Parse it.
 
         Raises:
-            RobotError: MuJoCo cannot parse it, or the file has changed.
+            RobotError: MuJoCo cannot parse it, it asks for more than `bounds` allow, or the file
+                has changed.
         """
         if self.is_file and self._known(self.content).digest != self.digest:
             raise RobotError(f"{self.label} has changed since the robot was loaded.")
+        check_bounds(self.content, self.label)
         try:
             if isinstance(self.content, bytes):
                 return mujoco.MjSpec.from_zip(io.BytesIO(self.content))
             if isinstance(self.content, str):
                 return mujoco.MjSpec.from_string(self.content)
             return mujoco.MjSpec.from_file(str(self.content))
-        except ValueError as error:
+        except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
             kind = "URDF" if self.is_urdf else "MJCF"
             raise RobotError(f"{self.label} is not a valid {kind}: {error}") from error
 
 
 def _bytes(content: Path | str | bytes) -> bytes:
     if isinstance(content, Path):
-        return content.read_bytes()
+        return read_file(content, MOST_TEXT, RobotError)
     return content.encode() if isinstance(content, str) else content
 
 

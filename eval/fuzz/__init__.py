@@ -1,0 +1,1 @@
+"""The search for inputs that break what the package promises: `python -m eval.fuzz`."""

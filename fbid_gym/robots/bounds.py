@@ -1,0 +1,164 @@
+"""What a robot's file may ask of MuJoCo: measured on its text, before MuJoCo reads it.
+
+MuJoCo does what a file says: a `<replicate>` of a billion, or a texture of a million by a million
+pixels, takes all time or all memory there is, and no error comes back. So the numbers that say how
+many are looked at first. Whether the text is an MJCF or a URDF at all, MuJoCo knows best.
+"""
+
+import io
+import math
+import re
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NoReturn
+
+from fbid_gym.errors import RobotError
+from fbid_gym.reading import read_file
+
+MOST_TEXT = 2**24
+"""Bytes of a file of text."""
+
+MOST_DEPTH = 200
+"""Elements within each other."""
+
+MOST_ELEMENTS = 100_000
+"""With all that is repeated."""
+
+MOST_CELLS = 2**24
+"""Pixels of a texture, heights of a field, vertices of a flex."""
+
+MOST_MEMORY = 2**32
+"""Bytes of MuJoCo's own memory for a robot."""
+
+_MOST_FILES = 1000
+# What is never closed goes on to the end, and is not looked for again.
+_SKIPPED = re.compile(r"<!--(?:.*?-->|.*)|<\?(?:.*?\?>|.*)|<!\[CDATA\[(?:.*?\]\]>|.*)", re.DOTALL)
+_TAG = re.compile(r"""<(/?)([A-Za-z_][\w.:-]*)((?:[^"'<>]|"[^"<]*+"|'[^'<]*+')*+)>""")
+_ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_UNITS = {"K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40, "P": 2**50, "E": 2**60}
+# Elements that stand for many, and the attributes whose product says how many.
+_REPEATING = {"replicate": ("count",), "composite": ("count",), "flexcomp": ("count",)}
+_GRIDS = {"texture": ("width", "height"), "hfield": ("nrow", "ncol")}
+
+
+def check_bounds(content: Path | str | bytes, label: str) -> None:
+    """Refuse a description that MuJoCo could not read in bounded time and memory.
+
+    Args:
+        content: path of a file, with what it includes; a text; or a zip of files.
+        label: what messages call it.
+
+    Raises:
+        RobotError: it asks for too much, is no text, or holds a number that is not finite.
+    """
+    for number, text in enumerate(_texts(content, label)):
+        if number == _MOST_FILES:
+            _refuse(label, f"includes more than {_MOST_FILES} files")
+        _check(text, label)
+
+
+def _texts(content: Path | str | bytes, label: str) -> Iterator[bytes]:
+    if isinstance(content, str):
+        yield content.encode(errors="surrogateescape")
+    elif isinstance(content, bytes):
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            for entry in archive.infolist():
+                if entry.filename.endswith((".xml", ".urdf")):
+                    if entry.file_size > MOST_TEXT:
+                        _refuse(label, f"has more than {MOST_TEXT >> 20} MB of text")
+                    yield archive.read(entry)
+    else:
+        yield from _included(content, content.parent, set())
+
+
+def _included(path: Path, folder: Path, seen: set[Path]) -> Iterator[bytes]:
+    """The file's text, and that of all it includes, each once."""
+    if path in seen:
+        return
+    seen.add(path)
+    text = read_file(path, MOST_TEXT, RobotError)
+    yield text
+    for match in _TAG.finditer(_SKIPPED.sub("", text.decode(errors="replace"))):
+        if match[2] == "include":
+            named = dict(_attributes(match[3])).get("file", "")
+            # MuJoCo looks beside the first file, and says what is missing.
+            if named and "\0" not in named and (folder / named).exists():
+                yield from _included(folder / named, folder, seen)
+
+
+def _check(content: bytes, label: str) -> None:
+    """Walk through the tags of a text."""
+    # Comments may be of any encoding; MuJoCo does not read them.
+    text = _SKIPPED.sub("", content.decode(errors="surrogateescape"))
+    if "\0" in text or any("\udc80" <= letter <= "\udcff" for letter in text):
+        _refuse(label, "is not UTF-8 text")
+    if "<!ENTITY" in text:
+        _refuse(label, "declares entities, which MuJoCo does not know")
+    repeats, total, tags = [1], 0, 0
+    for match in _TAG.finditer(text):
+        tags += 1
+        closing, name, rest = match.groups()
+        if closing:
+            repeats = repeats[:-1] or [1]
+            continue
+        attributes = dict(_attributes(rest))
+        _check_numbers(name, attributes, label)
+        times = _product(attributes, _REPEATING.get(name, ()))
+        total += repeats[-1] * times
+        if total > MOST_ELEMENTS:
+            _refuse(label, f"describes more than {MOST_ELEMENTS} elements, <{name}> among them")
+        if not rest.rstrip().endswith("/"):
+            repeats.append(repeats[-1] * times)
+            if len(repeats) > MOST_DEPTH:
+                _refuse(label, f"nests more than {MOST_DEPTH} elements")
+    doctypes = len(re.findall(r"<!DOCTYPE", text, re.IGNORECASE))
+    if text.count("<") != tags + doctypes:
+        _refuse(label, "has a '<' that begins no tag")
+
+
+def _check_numbers(element: str, attributes: dict[str, str], label: str) -> None:
+    for name, value in attributes.items():
+        where = f"<{element} {name}="
+        if name != "name" and any(_is_infinite(word) for word in value.split()):
+            _refuse(label, f"has {where}{value[:40]!r}>, where a finite number is expected")
+        if element == "size" and _memory(value) > MOST_MEMORY:
+            _refuse(label, f"asks for more than {MOST_MEMORY >> 30} GB by {where}{value[:40]!r}>")
+        if element == "size" and name != "memory" and _memory(value) > MOST_ELEMENTS:
+            _refuse(label, f"asks for more than {MOST_ELEMENTS} by {where}{value[:40]!r}>")
+    if _product(attributes, _GRIDS.get(element, ())) > MOST_CELLS:
+        _refuse(label, f"asks for a <{element}> of more than {MOST_CELLS} cells")
+
+
+def _attributes(text: str) -> Iterator[tuple[str, str]]:
+    for name, double, single in _ATTRIBUTE.findall(text):
+        yield name, double or single
+
+
+def _product(attributes: dict[str, str], names: tuple[str, ...]) -> float:
+    """How many; 1 where that is not said, or not in numbers."""
+    words = (word for name in names for word in attributes.get(name, "").split())
+    return math.prod(max(number, 1.0) for word in words if (number := _number(word)) is not None)
+
+
+def _memory(word: str) -> float:
+    """Bytes of "512M", or a number."""
+    unit = _UNITS.get(word[-1:].upper())
+    return (_number(word[:-1] if unit else word) or 0.0) * (unit or 1)
+
+
+def _is_infinite(word: str) -> bool:
+    number = _number(word)
+    return number is not None and not math.isfinite(number)
+
+
+def _number(word: str) -> float | None:
+    # Python would also take "1_000", which MuJoCo does not.
+    try:
+        return float(word) if "_" not in word else None
+    except ValueError:
+        return None
+
+
+def _refuse(label: str, reason: str) -> NoReturn:
+    raise RobotError(f"{label} {reason}.")
