@@ -187,12 +187,12 @@ def make_dying(step: int, signal_number: int, make_env: Any = make) -> Any:
 
 
 if __name__ == "__main__":
-    import train.ppo
+    import train.training
 
     changes = json.loads(sys.argv[1])
-    maker = train.ppo.make_sb3 if changes.pop("real", False) else make
+    maker = train.training.make_sb3 if changes.pop("real", False) else make
     dying = make_dying(int(sys.argv[2]), int(sys.argv[3]), maker)
     try:
-        train.ppo.main(config(Path(changes.pop("out")), **changes), dying)
+        train.training.main(config(Path(changes.pop("out")), **changes), dying)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -13,6 +13,7 @@ import safetensors.numpy
 import stand_in
 
 import train.ppo
+import train.training
 from fbid_gym.bundles import load_bundle, save_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
@@ -260,7 +261,7 @@ def test_diverged_training_says_so_and_keeps_its_checkpoint(tmp_path):
 
 def test_command_line_reports_errors_in_one_line(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(sys, "argv", ["train.ppo", "--seed", "-1", "--out", str(tmp_path)])
-    assert train.ppo.command_line() == 2
+    assert train.training.command_line("ppo") == 2
     assert capsys.readouterr().err.splitlines() == [
         "error: Invalid seed: -1. Expected an integer of at least 0."
     ]
@@ -316,7 +317,7 @@ def test_a_falling_learning_rate_stands_where_the_run_does(tmp_path):
         config = stand_in.config(folder, ppo=ppo, checkpoint_every=128)
         with pytest.MonkeyPatch.context() as patch:
             done = property(lambda self, stop=stop: self.steps >= stop)
-            patch.setattr(train.ppo._Training, "done", done)
+            patch.setattr(train.training._Training, "done", done)
             train.ppo.main(config, stand_in.make)
         networks.append({k: v for k, v in _state(folder).items() if k.startswith("network.")})
     moved = [
