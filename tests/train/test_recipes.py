@@ -164,7 +164,7 @@ RL_ZOO = importlib.util.find_spec("rl_zoo3")
 def test_rl_zoo_trains_our_environments(tmp_path, algorithm):
     small = {
         "ppo": ("n_steps:16", "batch_size:64"),
-        "sac": ("learning_starts:64", "buffer_size:1000"),
+        "sac": ("learning_starts:64", "buffer_size:1000", "gradient_steps:1"),
     }[algorithm]
     done = subprocess.run(
         [
@@ -179,4 +179,4 @@ def test_rl_zoo_trains_our_environments(tmp_path, algorithm):
         timeout=300,
     )
     assert done.returncode == 0, done.stderr
-    assert list(tmp_path.glob(f"{algorithm}/*/{WALK.rpartition('/')[2]}.zip")), done.stdout
+    assert list(tmp_path.glob(f"{algorithm}/*/*QuadrupedWalk-v0.zip")), done.stdout

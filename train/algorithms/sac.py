@@ -55,8 +55,10 @@ def _build(config: TrainConfig, env: VecNormalize) -> SAC:
     torch.nn.init.zeros_(noise.weight)
     torch.nn.init.constant_(noise.bias, own.log_std_init)
     for network in learner.critic.q_networks:
-        last = cast(torch.nn.Sequential, network)[-1]
-        torch.nn.init.constant_(cast(torch.nn.Linear, last).bias, expected_return(own))
+        # The slope of a random network would be the first that the policy learns.
+        last = cast(torch.nn.Linear, cast(torch.nn.Sequential, network)[-1])
+        torch.nn.init.zeros_(last.weight)
+        torch.nn.init.constant_(last.bias, expected_return(own))
     learner.critic_target.load_state_dict(learner.critic.state_dict())
     return learner
 

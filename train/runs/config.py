@@ -96,7 +96,7 @@ class SACConfig:
     """Transitions per gradient step, drawn from the replay buffer."""
     buffer_size: int = 300_000
     """Transitions that the replay buffer holds, over all robots: the latest. The run folder keeps
-    them, too: some 500 bytes each."""
+    them, too: some 560 bytes each of a quadruped."""
     learning_starts: int = 2_000
     """Environment steps, over all robots, before the first gradient step. The policy acts from the
     beginning: actions drawn evenly from all there are would only show robots that fall."""
@@ -108,10 +108,11 @@ class SACConfig:
     """Discount per policy step."""
     tau: float = 0.005
     """Share of the value networks that their slow copies take over in each gradient step."""
-    ent_coef: float = 0.01
+    ent_coef: float = 0.001
     """Temperature at the beginning: what a nat of entropy is worth in rewards. It is then learnt,
-    so that the entropy becomes `target_entropy`. With 1, usual where rewards are larger, robots
-    would do nothing but shake at first."""
+    so that the entropy becomes `target_entropy`. Rewards lie in [0, 1] and differ by hundredths
+    where robots walk by a zero action: with 0.01 the noise grew until it was nearly all there is,
+    before the value networks knew what it costs."""
     target_entropy: float = -1.0
     """Nats per action. -1: a standard deviation of about 0.09."""
     log_std_init: float = -2.0
@@ -123,7 +124,7 @@ class SACConfig:
     clip_observation: float = 10.0
     """Observations are scaled to unit variance, then clipped to this."""
     expected_reward: float = 0.0
-    """As for PPO."""
+    """As for PPO: the value networks begin with what that sums up to, for every action."""
     normalise_reward: bool = False
     """As for PPO, by what is known when a transition is drawn from the buffer."""
 
