@@ -5,7 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from fbid_gym.errors import RunError
-from train.runs.differences import differences, in_words, made_with, training_settings
+from train.runs.differences import (
+    differences,
+    in_words,
+    made_with,
+    training_differences,
+    training_settings,
+)
 from train.runs.environment import changed_meaning
 from train.runs.reading import Run
 from train.runs.robots import another
@@ -63,9 +69,8 @@ def check_comparable(runs: Sequence[Run]) -> list[str]:
 def _training_warnings(runs: Sequence[Run]) -> list[str]:
     warnings = []
     trained = [run for run in runs if run.config is not None]
-    settings = [training_settings(run.config or {}) for run in trained]
-    for run, its in zip(trained[1:], settings[1:], strict=True):
-        different = differences(settings[0], its)
+    for run in trained[1:]:
+        different = training_differences(trained[0].config or {}, run.config or {})
         if different:
             warnings.append(
                 f"{run.path.name} was not trained like {trained[0].path.name}: "

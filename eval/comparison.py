@@ -18,6 +18,7 @@ from eval.wording import number
 from train.environments import make_env
 from train.episodes import METRICS, Episodes
 from train.runs.command_line import stored_options
+from train.runs.config import algorithm_of
 from train.runs.folder import RunFolder
 from train.runs.reading import Run
 
@@ -188,9 +189,9 @@ def _result(run: Run, episodes: Episodes, sweep: list[float]) -> RunResult:
 def _command(run: Run) -> str:
     if run.config is None:
         return ""
-    return shlex.join(
-        ["python", "-m", "train.ppo", *stored_options(run.config, RunFolder.of(run.path))]
-    )
+    program = f"train.{algorithm_of(run.config)}"
+    options = stored_options(run.config, RunFolder.of(run.path))
+    return shlex.join(["python", "-m", program, *options])
 
 
 def _means(episodes: Episodes) -> dict[str, float]:

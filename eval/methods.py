@@ -15,10 +15,11 @@ def methods(c: Comparison) -> str:
     machine = f"{platform} with {cores} cores" if cores else platform
     return (
         "<h2>How it was measured</h2>"
-        "<p>Robot, task, reward, observation, torque limits, training algorithm and its "
-        "hyperparameters are the same for every layer; the layer that turns actions into torques "
-        "is the difference. One run, trained from one seed, is one observation: its episodes are "
-        "averaged before anything else, and intervals are over runs. They are percentile intervals "
+        "<p>Robot, task, reward, observation and torque limits are the same for every layer, and "
+        "so are the training algorithm and its hyperparameters unless this page says otherwise; "
+        "the layer that turns actions into torques is the difference. One run, trained from one "
+        "seed, is one observation: its episodes are averaged before anything else, and intervals "
+        "are over runs. They are percentile intervals "
         f"of {c.settings.samples:,} stratified bootstrap resamples of the interquartile mean; with "
         "fewer than four runs the interquartile mean is the mean. The permutation test is Mann and "
         "Whitney's, exact up to 20,000 splits.</p>"

@@ -94,12 +94,12 @@ def save_bundle(
     fresh.mkdir(parents=True)
     _write_through(fresh / f"{name}.safetensors", packed)
     _write_through(fresh / f"{name}.json", (text + "\n").encode())
-    _sync_folder(fresh)
+    sync_folder(fresh)
     if folder.exists():
         shutil.rmtree(previous, ignore_errors=True)
         os.rename(folder, previous)
     os.rename(fresh, folder)
-    _sync_folder(folder.parent)
+    sync_folder(folder.parent)
     shutil.rmtree(previous, ignore_errors=True)
 
 
@@ -144,6 +144,15 @@ def write_file(path: Path, content: bytes) -> None:
     os.replace(fresh, path)
 
 
+def sync_folder(folder: Path) -> None:
+    """Wait until what was renamed in a folder is on the disk."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
 def _refuse_foreign(folder: Path, name: str) -> None:
     """Refuse to replace a folder somebody keeps other things in: replacing deletes it."""
     if not folder.exists():
@@ -171,11 +180,3 @@ def _write_through(path: Path, content: bytes) -> None:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())
-
-
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -23,8 +23,12 @@ from fbid_gym.errors import (
     UnknownOptionError,
 )
 
-FORMAT = 1
+FORMAT = 2
+READABLE = (1, FORMAT)
+"""Formats that are read; of the first all are clipped and trained by PPO, and do not say so."""
+
 _NAME = "policy"
+_NETWORK = ("activation", "hidden", "output")  # in the JSON; the last since format 2
 
 
 def _elu(x: np.ndarray) -> np.ndarray:
@@ -41,13 +45,19 @@ ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
     "elu": _elu,
 }
 
+OUTPUTS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
+    "clip": lambda x: np.clip(x, -1.0, 1.0),
+    "tanh": np.tanh,
+}
+"""What keeps actions within [-1, 1]: PPO's are cut off there, SAC's squashed."""
+
 
 @dataclass(frozen=True, eq=False)
 class Policy:
-    """A deterministic policy: normalise, clip, network, clip to the action limits.
+    """A deterministic policy: normalise, clip, network, keep within the action limits.
 
-    Computes what stable-baselines3's `PPO.predict(..., deterministic=True)` behind `VecNormalize`
-    computes. Widths: O observations, A actions, L layers.
+    Computes what `predict(..., deterministic=True)` of stable-baselines3's PPO and SAC behind
+    `VecNormalize` computes. Widths: O observations, A actions, L layers.
     """
 
     env_id: str
@@ -64,12 +74,16 @@ class Policy:
     """L arrays, float32, each (outputs,)."""
     activation: str = "tanh"
     """After every layer but the last: one of `ACTIVATIONS`."""
+    output: str = "clip"
+    """After the last: one of `OUTPUTS`."""
     clip: float = 10.0
     """Normalised observations are clipped to [-clip, clip]."""
     epsilon: float = 1e-8
     """Added to the variance."""
     trained_steps: int = 0
     """Environment steps of training, over all robots."""
+    algorithm: str = "ppo"
+    """What trained it; no number depends on it."""
     versions: Mapping[str, Any] = field(default_factory=dict)
     """Versions of what trained it."""
     source: str = "policy"
@@ -79,12 +93,14 @@ class Policy:
         """Check that the arrays fit together, and keep read-only copies of them.
 
         Raises:
-            UnknownOptionError: the activation is not in `ACTIVATIONS`.
+            UnknownOptionError: the activation is not in `ACTIVATIONS`, or the output in `OUTPUTS`.
             ShapeError: an array does not fit the one before it.
             NonFiniteError: an array holds NaN or infinity.
         """
         if self.activation not in ACTIVATIONS:
             raise UnknownOptionError("activation", self.activation, ACTIVATIONS)
+        if self.output not in OUTPUTS:
+            raise UnknownOptionError("output", self.output, OUTPUTS)
         if not self.weights or len(self.weights) != len(self.biases):
             raise ShapeError(
                 "weights", (len(self.weights),), f"one per bias ({len(self.biases)}), at least one"
@@ -143,7 +159,7 @@ class Policy:
         activate = ACTIVATIONS[self.activation]
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             x = activate(x @ weight.T + bias)
-        return np.clip(x @ self.weights[-1].T + self.biases[-1], -1.0, 1.0)
+        return OUTPUTS[self.output](x @ self.weights[-1].T + self.biases[-1])
 
     def check(
         self,
@@ -181,8 +197,13 @@ class Policy:
             "env_args": dict(self.env_args),
             "observation_size": self.observation_size,
             "action_size": self.action_size,
-            "network": {"activation": self.activation, "hidden": list(self.hidden)},
+            "network": {
+                "activation": self.activation,
+                "hidden": list(self.hidden),
+                "output": self.output,
+            },
             "normalisation": {"clip": self.clip, "epsilon": self.epsilon},
+            "algorithm": self.algorithm,
             "trained_steps": self.trained_steps,
             "versions": dict(self.versions),
         }
@@ -201,8 +222,11 @@ class Policy:
         """
         bundle = load_bundle(_policy_folder(Path(path)), _NAME, PolicyFileError)
         found = bundle.data.get("format")
-        if found != FORMAT:
-            raise PolicyFileError(f"{bundle.data_file}: format is {found!r}. Expected {FORMAT}.")
+        if type(found) is not int or found not in READABLE:
+            raise PolicyFileError(
+                f"{bundle.data_file}: format is {found!r}. "
+                f"Expected {' or '.join(map(str, READABLE))}."
+            )
         sizes = _Sizes.read(bundle.data, bundle.data_file)
         sizes.check(bundle.tensors, bundle.tensor_file)
         tensors = bundle.tensors
@@ -216,8 +240,10 @@ class Policy:
                 weights=tuple(tensors[f"layers.{k}.weight"] for k in layers),
                 biases=tuple(tensors[f"layers.{k}.bias"] for k in layers),
                 activation=sizes.activation,
+                output=sizes.output,
                 clip=sizes.clip,
                 epsilon=sizes.epsilon,
+                algorithm=sizes.algorithm,
                 trained_steps=sizes.trained_steps,
                 versions=sizes.versions,
                 source=str(bundle.data_file.parent),
@@ -238,8 +264,10 @@ class _Sizes:
     env_args: dict[str, Any]
     widths: tuple[int, ...]
     activation: str
+    output: str
     clip: float
     epsilon: float
+    algorithm: str
     trained_steps: int
     versions: dict[str, Any]
 
@@ -276,6 +304,12 @@ class _Sizes:
                 "yours."
             )
         hidden = [size("network.hidden", value) for value in get("network.hidden", list)]
+        known = _NETWORK if data["format"] > 1 else _NETWORK[:-1]
+        unknown = sorted(data["network"].keys() - set(known))
+        if unknown:
+            raise PolicyFileError(
+                f"{file}: network has {unknown[0]!r}. Expected {', '.join(known)} alone."
+            )
         observations = size("observation_size", data.get("observation_size"))
         actions = size("action_size", data.get("action_size"))
         return cls(
@@ -283,8 +317,10 @@ class _Sizes:
             env_args=get("env_args", dict),
             widths=(observations, *hidden, actions),
             activation=get("network.activation", str),
+            output=get("network.output", str) if data["format"] > 1 else "clip",
             clip=positive("normalisation.clip"),
             epsilon=positive("normalisation.epsilon"),
+            algorithm=get("algorithm", str) if data["format"] > 1 else "ppo",
             trained_steps=get("trained_steps", int),
             versions=get("versions", dict),
         )

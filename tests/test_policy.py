@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import safetensors.numpy
 
+from fbid_gym.bundles import load_bundle, save_bundle
 from fbid_gym.errors import (
     FbidError,
     NonFiniteError,
@@ -36,12 +37,13 @@ def make_policy(seed=0, widths=(5, 7, 6, 3), **changes) -> Policy:
 @pytest.mark.parametrize("widths", [(5, 7, 6, 3), (4, 2), (1, 3, 1)])
 @pytest.mark.parametrize("activation", ["tanh", "relu", "elu"])
 def test_save_and_load_keep_every_bit(tmp_path, activation, widths):
-    policy = make_policy(widths=widths, activation=activation)
+    policy = make_policy(widths=widths, activation=activation, output="tanh", algorithm="sac")
     policy.save(tmp_path / "p")
     loaded = Policy.load(tmp_path / "p")
     observation = np.random.default_rng(1).normal(scale=3.0, size=(9, widths[0]))
     np.testing.assert_array_equal(loaded(observation), policy(observation))
-    for name in ("env_id", "env_args", "activation", "clip", "epsilon", "trained_steps"):
+    for name in ("env_id", "env_args", "activation", "output", "clip", "epsilon",
+                 "algorithm", "trained_steps"):  # fmt: skip
         assert getattr(loaded, name) == getattr(policy, name)
     assert (loaded.observation_size, loaded.action_size) == (widths[0], widths[-1])
     assert loaded.hidden == widths[1:-1]
@@ -73,6 +75,30 @@ def test_actions_are_limited_and_deterministic():
     np.testing.assert_array_equal(policy(observation), action)
 
 
+def test_squashed_actions_are_the_tanh_of_the_same_network():
+    squashed, clipped = make_policy(output="tanh"), make_policy()
+    observation = np.random.default_rng(3).normal(scale=0.1, size=(50, 5))
+    free = np.arctanh(squashed(observation).astype(float))
+    inside = np.abs(free) < 0.99
+    assert inside.any() and np.abs(squashed(1e6 * observation)).max() <= 1.0
+    np.testing.assert_allclose(free[inside], clipped(observation)[inside], atol=1e-5)
+
+
+def test_a_policy_of_the_first_format_is_clipped_and_of_ppo(tmp_path):
+    """As PPO's were written before there was another: without an output and an algorithm."""
+    policy = make_policy()
+    policy.save(tmp_path / "p")
+    bundle = load_bundle(tmp_path / "p", "policy", PolicyFileError)
+    data = {k: v for k, v in bundle.data.items() if k not in ("algorithm", "sha256")}
+    network = {k: v for k, v in data["network"].items() if k != "output"}
+    older = {**data, "format": 1, "network": network}
+    save_bundle(tmp_path / "p", "policy", older, bundle.tensors)
+    loaded = Policy.load(tmp_path / "p")
+    assert (loaded.output, loaded.algorithm) == ("clip", "ppo")
+    observation = np.random.default_rng(1).normal(scale=3.0, size=(9, 5))
+    np.testing.assert_array_equal(loaded(observation), policy(observation))
+
+
 def test_arrays_are_private_and_read_only():
     mean = np.zeros(5)
     policy = make_policy(mean=mean)
@@ -92,6 +118,7 @@ def test_wrong_observation_shape(shape):
     ("changes", "error", "message"),
     [
         ({"activation": "gelu"}, UnknownOptionError, "'gelu'. Valid choices: tanh, relu, elu"),
+        ({"output": "softmax"}, UnknownOptionError, "'softmax'. Valid choices: clip, tanh"),
         ({"variance": np.ones(4)}, ShapeError, r"variance has shape \(4,\). Expected \(5\)"),
         ({"mean": np.full(5, np.nan)}, NonFiniteError, r"mean is not finite.*index \(0,\)"),
         ({"variance": -np.ones(5)}, NonFiniteError, "square root of normalisation.variance"),
@@ -146,6 +173,11 @@ def _edit_json(folder, **changes):
     file.write_text(json.dumps(data))
 
 
+def _edit_network(folder, **changes):
+    network = json.loads((folder / "policy.json").read_text())["network"]
+    _edit_json(folder, network={**network, **changes})
+
+
 def _edit_tensors(folder, edit):
     file = folder / "policy.safetensors"
     tensors = safetensors.numpy.load_file(file)
@@ -182,14 +214,29 @@ DAMAGE = {
     "bad header": (lambda f: _header(f, b"\x08" + 7 * b"\0" + b"{notjson"), "not safetensors"),
     "huge header": (lambda f: _header(f, 8 * b"\xff" + b"{}"), "not safetensors"),
     "bit flip": (_flip_a_bit, "corrupt, or from another save"),
-    "format": (lambda f: _edit_json(f, format=2), "format is 2. Expected 1"),
-    "no format": (lambda f: _edit_json(f, format=None), "format is None. Expected 1"),
+    "format": (lambda f: _edit_json(f, format=3), "format is 3. Expected 1 or 2"),
+    "no format": (lambda f: _edit_json(f, format=None), "format is None. Expected 1 or 2"),
+    "true format": (lambda f: _edit_json(f, format=True), "format is True. Expected 1 or 2"),
+    "older format": (
+        lambda f: _edit_json(f, format=1),
+        "network has 'output'. Expected activation",
+    ),
+    "output": (
+        lambda f: _edit_network(f, output="softmax"),
+        "policy.json: Unknown output 'softmax'. Valid choices: clip, tanh",
+    ),
+    "no output": (lambda f: _edit_network(f, output=None), "network.output is None. Expected"),
+    "network of more": (
+        lambda f: _edit_network(f, norm="layer"),
+        "network has 'norm'. Expected activation, hidden, output alone",
+    ),
+    "algorithm": (lambda f: _edit_json(f, algorithm=3), "algorithm is 3. Expected a value of"),
     "activation": (
-        lambda f: _edit_json(f, network={"activation": "gelu", "hidden": [7, 6]}),
+        lambda f: _edit_network(f, activation="gelu"),
         "policy.json: Unknown activation 'gelu'. Valid choices: tanh",
     ),
     "hidden": (
-        lambda f: _edit_json(f, network={"activation": "tanh", "hidden": [7, "6"]}),
+        lambda f: _edit_network(f, hidden=[7, "6"]),
         "network.hidden is '6'. Expected a positive integer",
     ),
     "network": (lambda f: _edit_json(f, network=None), "network.hidden is None"),

@@ -1,8 +1,9 @@
 """The exact state of a training run between two iterations, as arrays and JSON.
 
-What the next iteration depends on: the network and its optimiser, the normalisation statistics,
+What the next iteration depends on: the network and its optimisers, the normalisation statistics,
 the last observation, the robots, and three global random generators (torch draws the actions,
-NumPy shuffles the samples). What its log depends on: the last episodes and the counters.
+NumPy shuffles the samples), and what `Algorithm.arrays` adds. What its log depends on: the last
+episodes and the counters. A replay buffer is kept by `train.replay`.
 """
 
 import random
@@ -12,11 +13,13 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 
 from fbid_gym.bundles import Tensors, load_bundle, save_bundle
 from fbid_gym.errors import RunError
+from train.algorithms import ALGORITHMS
 from train.learner import moments, normaliser, robots
+from train.runs.config import algorithm_of
 
 FORMAT = 1
 _NAME = "checkpoint"
@@ -34,20 +37,27 @@ class Resumable(Protocol):
         """Put that state back, on a batch that need not have been reset."""
 
 
-def save(folder: Path, learner: PPO, counters: Mapping[str, Any]) -> None:
+def save(folder: Path, algorithm: str, learner: BaseAlgorithm, counters: Mapping[str, Any]) -> None:
     """Write a checkpoint, replacing the one before as a whole.
 
     Args:
         folder: the checkpoint folder.
+        algorithm: name of what learns.
         learner: between two iterations.
         counters: JSON values to store along.
     """
-    tensors, state = _capture(learner)
-    save_bundle(folder, _NAME, {"format": FORMAT, **state, "counters": dict(counters)}, tensors)
+    tensors, state = _capture(algorithm, learner)
+    head = {"format": FORMAT, "algorithm": algorithm}
+    save_bundle(folder, _NAME, {**head, **state, "counters": dict(counters)}, tensors)
 
 
-def restore(folder: Path, learner: PPO) -> dict[str, Any]:
+def restore(folder: Path, algorithm: str, learner: BaseAlgorithm) -> dict[str, Any]:
     """Put a checkpoint into a learner built from the same configuration.
+
+    Args:
+        folder: given to `save`.
+        algorithm: name of what learns.
+        learner: to put it into.
 
     Returns:
         The counters given to `save`.
@@ -60,10 +70,13 @@ def restore(folder: Path, learner: PPO) -> dict[str, Any]:
     found = bundle.data.get("format")
     if found != FORMAT:
         raise RunError(f"{bundle.data_file}: format is {found!r}. Expected {FORMAT}.")
+    learnt = algorithm_of(bundle.data)
+    if learnt != algorithm:
+        raise RunError(f"{bundle.data_file}: is a checkpoint of {learnt}. Expected {algorithm}.")
     bundle.check_digest(RunError)
     try:
         _check_counters(bundle.data)
-        _put_back(learner, bundle.tensors, bundle.data)
+        _put_back(algorithm, learner, bundle.tensors, bundle.data)
         return dict(bundle.data["counters"])
     except (KeyError, ValueError, RuntimeError, TypeError, IndexError) as reason:
         raise RunError(
@@ -92,7 +105,7 @@ def _check_counters(state: Mapping[str, Any]) -> None:
         raise ValueError(f"wall_seconds is {counters['wall_seconds']!r}, no time")
 
 
-def _capture(learner: PPO) -> tuple[Tensors, dict[str, Any]]:
+def _capture(algorithm: str, learner: BaseAlgorithm) -> tuple[Tensors, dict[str, Any]]:
     normalise = normaliser(learner)
     episodes = learner.ep_info_buffer
     assert episodes is not None and learner._last_obs is not None
@@ -115,9 +128,12 @@ def _capture(learner: PPO) -> tuple[Tensors, dict[str, Any]]:
     }
     for name, value in learner.policy.state_dict().items():
         tensors[f"network.{name}"] = value.detach().numpy()
-    for index, averages in learner.policy.optimizer.state_dict()["state"].items():
-        for name, value in averages.items():
-            tensors[f"optimiser.{index}.{name}"] = value.detach().numpy()
+    for optimiser, its in ALGORITHMS[algorithm].optimisers(learner).items():
+        for index, averages in its.state_dict()["state"].items():
+            for name, value in averages.items():
+                tensors[f"{optimiser}.{index}.{name}"] = value.detach().numpy()
+    for name, own in ALGORITHMS[algorithm].arrays(learner).items():
+        tensors[f"learner.{name}"] = own
     for name, array in cast(Resumable, robots(learner)).state_dict().items():
         tensors[f"robots.{name}"] = np.asarray(array)
     state = {
@@ -135,18 +151,25 @@ def _capture(learner: PPO) -> tuple[Tensors, dict[str, Any]]:
     return tensors, state
 
 
-def _put_back(learner: PPO, tensors: Tensors, state: Mapping[str, Any]) -> None:
+def _put_back(
+    algorithm: str, learner: BaseAlgorithm, tensors: Tensors, state: Mapping[str, Any]
+) -> None:
     normalise = normaliser(learner)
     learner.policy.load_state_dict(
         {name: torch.from_numpy(array) for name, array in _under(tensors, "network").items()}
     )
-    optimiser = learner.policy.optimizer
-    averages: dict[int, dict[str, torch.Tensor]] = {}
-    for key, array in _under(tensors, "optimiser").items():
-        index, _, name = key.partition(".")
-        averages.setdefault(int(index), {})[name] = torch.from_numpy(array)
-    groups = optimiser.state_dict()["param_groups"]
-    optimiser.load_state_dict({"state": averages, "param_groups": groups})
+    for optimiser, its in ALGORITHMS[algorithm].optimisers(learner).items():
+        averages: dict[int, dict[str, torch.Tensor]] = {}
+        for key, array in _under(tensors, optimiser).items():
+            index, _, name = key.partition(".")
+            averages.setdefault(int(index), {})[name] = torch.from_numpy(array)
+        groups = its.state_dict()["param_groups"]
+        its.load_state_dict({"state": averages, "param_groups": groups})
+    for name, own in ALGORITHMS[algorithm].arrays(learner).items():
+        array = tensors[f"learner.{name}"]
+        if array.shape != own.shape:
+            raise ValueError(f"{name} is {array.shape}, not {own.shape}")
+        own[...] = array
 
     for name, statistics in zip(("obs", "return"), moments(learner), strict=True):
         mean, variance = tensors[f"{name}_mean"], tensors[f"{name}_variance"]

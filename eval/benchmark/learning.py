@@ -1,6 +1,7 @@
 """Speed of learning: PPO on walking robots, beside PPO on Gymnasium's Humanoid."""
 
 from dataclasses import replace
+from typing import cast
 
 import gymnasium as gym
 import numpy as np
@@ -41,20 +42,22 @@ def frames(layers: list[str], rounds: int) -> Section:
     frames an iteration; but for one more on Humanoid-v5, with the defaults of stable-baselines3.
     """
     first = config_for(next(iter(LIMITS))[0], "joint_position")
+    assert first.ppo is not None
     theirs = replace(
         first,
         num_envs=WORKERS,
         ppo=replace(first.ppo, n_steps=first.iteration_steps // WORKERS),
     )
     measured = {key: limit for key, limit in LIMITS.items() if key[1] in layers}
-    learners, limits = {OURS: build(theirs, _humanoids())}, dict[str, Limit]()
+    learners = {OURS: cast(PPO, build(theirs, _humanoids()))}
+    limits: dict[str, Limit] = {}
     for (env, layer), limit in measured.items():
         ours = config_for(env, layer)
         robots = fbid_gym.make_sb3(
             env, num_envs=ours.num_envs, seed=0, num_threads=ours.threads, **ours.make_args()
         )
         name = f"{env.rpartition('/')[2]}, `{layer}`"
-        learners[name], limits[name] = build(ours, robots), limit
+        learners[name], limits[name] = cast(PPO, build(ours, robots)), limit
     humanoids = _humanoids()
     usual = PPO("MlpPolicy", humanoids, device="cpu")
     stretches = {name: _Learning(its, its.n_steps * its.n_envs) for name, its in learners.items()}

@@ -83,7 +83,10 @@ gym.register(ENV_ID, entry_point=StandIn)
 
 
 def make_policy(
-    strength: float, action_layer: str = "base_acceleration", **env_args: Any
+    strength: float,
+    action_layer: str = "base_acceleration",
+    algorithm: str = "ppo",
+    **env_args: Any,
 ) -> Policy:
     """A policy that always acts with the same strength."""
     return Policy(
@@ -93,6 +96,7 @@ def make_policy(
         variance=np.ones(3),
         weights=(np.zeros((2, 3)),),
         biases=(np.array([strength, 0.0]),),
+        algorithm=algorithm,
         trained_steps=1_000_000,
     )
 
@@ -131,7 +135,8 @@ def write_run(folder: Path, layer: str, seed: int, **changes: Any) -> Path:
             known = dict(zip(("steps", "wall_seconds", "return_mean"), row, strict=True))
             table.append(dict.fromkeys(EVALUATIONS, 0.0) | known | {"episodes": 32})
         table.close()
-        make_policy(skill, **config.make_args()).save(run.folder.policy)
+        policy = make_policy(skill, algorithm=config.algorithm, **config.make_args())
+        policy.save(run.folder.policy)
     return folder
 
 

@@ -37,6 +37,20 @@ def test_runs_are_grouped_by_layer_and_its_options(run_folder: Build) -> None:
     }
 
 
+def test_ppo_and_sac_are_told_apart_and_their_hyperparameters_not_set_against_each_other(
+    run_folder: Build,
+) -> None:
+    folders = [run_folder(), run_folder(name="sac", algorithm="sac")]
+    runs = [load(folder) for folder in folders]
+    (folders[1] / "config.json").rename(folders[1] / "away.json")
+    runs.append(load(folders[1] / "policy"))  # exported, it still knows
+    assert [run.layer for run in runs] == ["base acceleration", *2 * ["base acceleration, SAC"]]
+    (warning,) = check_comparable(runs[:2])
+    assert 'algorithm "sac" instead of "ppo". The layer is not' in warning
+    shared = shared_settings(runs[:2])
+    assert shared["num_envs"] == 64 and not any("gamma" in name for name in shared)
+
+
 def test_like_runs_raise_no_warning(run_folder: Build) -> None:
     runs = [load(run_folder(layer, s)) for layer in ("base_acceleration", "joint_position")
             for s in (0, 1)]  # fmt: skip

@@ -5,8 +5,11 @@ trains on them and is killed: `python stand_in.py CONFIG_JSON STEP SIGNAL` sends
 in the given step of the training environment. With "real" in its configuration it trains robots.
 """
 
+import csv
 import json
 import os
+import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -14,11 +17,13 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import safetensors.numpy
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
-from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
+from train import training
+from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
 
 STEPS = 40
 
@@ -152,6 +157,13 @@ def make(env_id: str, *, num_envs: int, seed: int, num_threads: int, **env_args:
 
 def config(out: Path, **changes: Any) -> TrainConfig:
     """Return a run of 6 iterations of 128 steps, evaluated and saved within it."""
+    own = {
+        "ppo": PPOConfig(n_steps=16, batch_size=64, n_epochs=2, hidden=(16, 16)),
+        # Half of the training fits into the buffer.
+        "sac": SACConfig(n_steps=16, gradient_steps=1, batch_size=32, buffer_size=400,
+                         learning_starts=200, hidden=(16, 16)),
+    }  # fmt: skip
+    algorithm = changes.get("algorithm", "ppo")
     fields: dict[str, Any] = {
         "env": ENV_ID,
         "action_layer": "force",
@@ -160,7 +172,7 @@ def config(out: Path, **changes: Any) -> TrainConfig:
         "num_envs": 8,
         "num_threads": 1,
         "checkpoint_every": 256,
-        "ppo": PPOConfig(n_steps=16, batch_size=64, n_epochs=2, hidden=(16, 16)),
+        algorithm: own[algorithm],
         "eval": EvaluationConfig(every=300, episodes=4, seed=77),
     }
     return TrainConfig(out=out, **{**fields, **changes})
@@ -186,13 +198,66 @@ def make_dying(step: int, signal_number: int, make_env: Any = make) -> Any:
     return make_env_dying
 
 
-if __name__ == "__main__":
-    import train.ppo
+WALL = ("wall_seconds", "fps")
+HERE = Path(__file__).parent
 
+
+def train(folder: Path, **changes: Any) -> Path:
+    """Train on the point masses."""
+    return training.main(config(folder, **changes), make)
+
+
+def train_and_die(folder: Path, step: int, number: int = signal.SIGKILL, **changes: Any) -> str:
+    """Train in a process of its own that gets a signal in the given step; return its output."""
+    done = subprocess.run(
+        [
+            *(sys.executable, str(HERE / "stand_in.py")),
+            *(json.dumps({"out": str(folder), **changes}), str(step), str(int(number))),
+        ],
+        env={**os.environ, "PYTHONPATH": str(HERE.parents[1])},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == (-number if number == signal.SIGKILL else 130), done.stderr
+    return done.stdout
+
+
+def rows(file: Path) -> list[dict[str, str]]:
+    """Return what a table holds."""
+    return list(csv.DictReader(file.read_text().splitlines()))
+
+
+def curve(file: Path) -> list[dict[str, str]]:
+    """Return what a table holds but the clock."""
+    return [{k: v for k, v in row.items() if k not in WALL} for row in rows(file)]
+
+
+def state(folder: Path) -> dict[str, np.ndarray]:
+    """Return the arrays of a run's checkpoint."""
+    return safetensors.numpy.load_file(folder / "checkpoint" / "checkpoint.safetensors")
+
+
+def assert_same_run(one: Path, other: Path) -> None:
+    """Every bit but the clock: network, optimiser, statistics, generators, robots, curves."""
+    a, b = state(one), state(other)
+    assert a.keys() == b.keys() and len(a) > 40
+    for name in a:
+        np.testing.assert_array_equal(a[name], b[name], err_msg=name)
+    for name in ("progress.csv", "evaluations.csv"):
+        assert curve(one / name) == curve(other / name)
+    for name in ("policy", "policy_best"):
+        first, second = (
+            (folder / name / "policy.safetensors").read_bytes() for folder in (one, other)
+        )
+        assert first == second
+
+
+if __name__ == "__main__":
     changes = json.loads(sys.argv[1])
-    maker = train.ppo.make_sb3 if changes.pop("real", False) else make
+    maker = training.make_sb3 if changes.pop("real", False) else make
     dying = make_dying(int(sys.argv[2]), int(sys.argv[3]), maker)
     try:
-        train.ppo.main(config(Path(changes.pop("out")), **changes), dying)
+        training.main(config(Path(changes.pop("out")), **changes), dying)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -1,78 +1,25 @@
-import csv
 import json
-import os
 import shutil
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-import safetensors.numpy
 import stand_in
 
 import train.ppo
+import train.training
 from fbid_gym.bundles import load_bundle, save_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from train.runs.config import EvaluationConfig, PPOConfig
 
-WALL = ("wall_seconds", "fps")
-HERE = Path(__file__).parent
-
-
-def _train(folder: Path, **changes) -> Path:
-    return train.ppo.main(stand_in.config(folder, **changes), stand_in.make)
-
-
-def _train_and_die(folder: Path, step: int, number: int = signal.SIGKILL, **changes) -> str:
-    """Train in a process of its own that gets a signal in the given step; return its output."""
-    done = subprocess.run(
-        [
-            *(sys.executable, str(HERE / "stand_in.py")),
-            *(json.dumps({"out": str(folder), **changes}), str(step), str(int(number))),
-        ],
-        env={**os.environ, "PYTHONPATH": str(HERE.parents[1])},
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.returncode == (-number if number == signal.SIGKILL else 130), done.stderr
-    return done.stdout
-
-
-def _rows(file: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader(file.read_text().splitlines()))
-
-
-def _curve(file: Path) -> list[dict[str, str]]:
-    return [{k: v for k, v in row.items() if k not in WALL} for row in _rows(file)]
-
-
-def _state(folder: Path) -> dict[str, np.ndarray]:
-    return safetensors.numpy.load_file(folder / "checkpoint" / "checkpoint.safetensors")
-
-
-def _assert_same_run(one: Path, other: Path) -> None:
-    """Every bit but the clock: network, optimiser, statistics, generators, robots, curves."""
-    a, b = _state(one), _state(other)
-    assert a.keys() == b.keys() and len(a) > 40
-    for name in a:
-        np.testing.assert_array_equal(a[name], b[name], err_msg=name)
-    for name in ("progress.csv", "evaluations.csv"):
-        assert _curve(one / name) == _curve(other / name)
-    for name in ("policy", "policy_best"):
-        first, second = (
-            (folder / name / "policy.safetensors").read_bytes() for folder in (one, other)
-        )
-        assert first == second
-
 
 @pytest.fixture(scope="module")
 def straight(tmp_path_factory) -> Path:
     """A run of 6 iterations, never interrupted."""
-    return _train(tmp_path_factory.mktemp("straight") / "run")
+    return stand_in.train(tmp_path_factory.mktemp("straight") / "run")
 
 
 def test_run_folder_is_complete(straight):
@@ -81,12 +28,12 @@ def test_run_folder_is_complete(straight):
         *("config.json", "versions.json", "progress.csv", "evaluations.csv"),
         *("checkpoint", "policy", "policy_best", "tensorboard"),
     }
-    progress = _rows(straight / "progress.csv")
+    progress = stand_in.rows(straight / "progress.csv")
     assert [int(row["steps"]) for row in progress] == [128, 256, 384, 512, 640, 768]
     assert all(np.isfinite(float(value)) for row in progress[1:] for value in row.values())
     wall = [float(row["wall_seconds"]) for row in progress]
     assert wall == sorted(wall) and wall[0] > 0
-    evaluations = _rows(straight / "evaluations.csv")
+    evaluations = stand_in.rows(straight / "evaluations.csv")
     assert [int(row["steps"]) for row in evaluations] == [0, 384, 640, 768]
     assert list(evaluations[0]) == [
         *("steps", "wall_seconds", "episodes", "return_mean", "return_std", "return_q25"),
@@ -96,7 +43,7 @@ def test_run_folder_is_complete(straight):
 
 
 def test_policies_are_those_of_the_end_and_of_the_best_evaluation(straight):
-    rows = _rows(straight / "evaluations.csv")
+    rows = stand_in.rows(straight / "evaluations.csv")
     best = max(rows, key=lambda row: float(row["return_mean"]))
     assert Policy.load(straight).trained_steps == 768
     assert Policy.load(straight / "policy_best").trained_steps == int(best["steps"])
@@ -107,53 +54,53 @@ def test_policies_are_those_of_the_end_and_of_the_best_evaluation(straight):
 
 def test_killed_twice_and_resumed_is_the_same_run(straight, tmp_path):
     """Once in the fourth iteration, two steps after a checkpoint; once in the sixth."""
-    _train_and_die(tmp_path, 16 * 3 + 2)
-    assert len(_curve(tmp_path / "progress.csv")) == 3
+    stand_in.train_and_die(tmp_path, 16 * 3 + 2)
+    assert len(stand_in.curve(tmp_path / "progress.csv")) == 3
     assert json.loads((tmp_path / "checkpoint/checkpoint.json").read_text())["steps"] == 256
     with (tmp_path / "progress.csv").open("a") as file:
         file.write("512,0.1,12")  # a row cut short
-    _train_and_die(tmp_path, 16 * 3 + 15)
+    stand_in.train_and_die(tmp_path, 16 * 3 + 15)
     assert json.loads((tmp_path / "checkpoint/checkpoint.json").read_text())["steps"] == 512
-    _train(tmp_path)
-    _assert_same_run(straight, tmp_path)
+    stand_in.train(tmp_path)
+    stand_in.assert_same_run(straight, tmp_path)
 
 
 def test_killed_before_the_first_checkpoint_is_the_same_run(straight, tmp_path):
-    _train_and_die(tmp_path, 20)
+    stand_in.train_and_die(tmp_path, 20)
     assert not (tmp_path / "checkpoint").exists()
-    _train(tmp_path)
-    _assert_same_run(straight, tmp_path)
+    stand_in.train(tmp_path)
+    stand_in.assert_same_run(straight, tmp_path)
 
 
 def test_interrupted_with_control_c_is_the_same_run(straight, tmp_path):
-    output = _train_and_die(tmp_path, 16 * 2 + 5, signal.SIGINT)
+    output = stand_in.train_and_die(tmp_path, 16 * 2 + 5, signal.SIGINT)
     assert "stops after this iteration" in output
     assert "stopped at step 384 of 768" in output and "The same command continues it" in output
     assert Policy.load(tmp_path).trained_steps == 384
-    _train(tmp_path)
-    _assert_same_run(straight, tmp_path)
+    stand_in.train(tmp_path)
+    stand_in.assert_same_run(straight, tmp_path)
 
 
 def test_finished_run_is_left_as_it_is(straight, capsys):
     before = {path: path.read_bytes() for path in straight.glob("*.csv")}
-    _train(straight)
+    stand_in.train(straight)
     assert {path: path.read_bytes() for path in straight.glob("*.csv")} == before
     assert "already trained for 768 steps" in capsys.readouterr().out
 
 
 def test_longer_run_continues_a_finished_one(straight, tmp_path):
     quiet = EvaluationConfig(every=0)
-    _train(tmp_path / "a", total_steps=384, eval=quiet)
-    _train(tmp_path / "a", total_steps=768, eval=quiet)
-    _train(tmp_path / "b", total_steps=768, eval=quiet)
-    a, b = _state(tmp_path / "a"), _state(tmp_path / "b")
+    stand_in.train(tmp_path / "a", total_steps=384, eval=quiet)
+    stand_in.train(tmp_path / "a", total_steps=768, eval=quiet)
+    stand_in.train(tmp_path / "b", total_steps=768, eval=quiet)
+    a, b = stand_in.state(tmp_path / "a"), stand_in.state(tmp_path / "b")
     for name in a:
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
 
 
 def test_evaluation_does_not_disturb_the_training(straight, tmp_path):
-    _train(tmp_path, eval=EvaluationConfig(every=0))
-    a, b = _state(straight), _state(tmp_path)
+    stand_in.train(tmp_path, eval=EvaluationConfig(every=0))
+    a, b = stand_in.state(straight), stand_in.state(tmp_path)
     for name in a:
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
     assert len((tmp_path / "evaluations.csv").read_text().splitlines()) == 1
@@ -161,13 +108,15 @@ def test_evaluation_does_not_disturb_the_training(straight, tmp_path):
 
 
 def test_seeds_differ(straight, tmp_path):
-    _train(tmp_path, seed=4, total_steps=128)
-    assert _curve(straight / "progress.csv")[0] != _curve(tmp_path / "progress.csv")[0]
+    stand_in.train(tmp_path, seed=4, total_steps=128)
+    assert (
+        stand_in.curve(straight / "progress.csv")[0] != stand_in.curve(tmp_path / "progress.csv")[0]
+    )
 
 
 def test_training_learns(tmp_path):
     """The stand-in can be learned: from falling in most episodes to surviving nearly all."""
-    _train(
+    stand_in.train(
         tmp_path,
         total_steps=8192,
         num_envs=16,
@@ -181,7 +130,7 @@ def test_training_learns(tmp_path):
         ),
         eval=EvaluationConfig(every=8192, episodes=64),
     )
-    first, last = _curve(tmp_path / "evaluations.csv")
+    first, last = stand_in.curve(tmp_path / "evaluations.csv")
     assert float(first["survival"]) < 0.5 and float(last["survival"]) > 0.85
 
 
@@ -194,10 +143,10 @@ DAMAGE = {
 @pytest.mark.parametrize("name", DAMAGE)
 def test_damaged_checkpoint(tmp_path, name):
     content, message = DAMAGE[name]
-    _train(tmp_path, total_steps=128, eval=EvaluationConfig(every=0))
+    stand_in.train(tmp_path, total_steps=128, eval=EvaluationConfig(every=0))
     (tmp_path / "checkpoint" / name).write_bytes(content)
     with pytest.raises(RunError, match=message):
-        _train(tmp_path, eval=EvaluationConfig(every=0))
+        stand_in.train(tmp_path, eval=EvaluationConfig(every=0))
 
 
 @pytest.mark.parametrize(
@@ -228,24 +177,24 @@ def test_forged_numbers_are_refused(straight, tmp_path, path, value):
     save_bundle(folder, "checkpoint", bundle.data, bundle.tensors)
     before = {file: file.read_bytes() for file in (tmp_path / "run").rglob("*.*")}
     with pytest.raises(RunError, match=r"checkpoint\.safetensors: does not fit this run"):
-        _train(tmp_path / "run", total_steps=512)
+        stand_in.train(tmp_path / "run", total_steps=512)
     assert {file: file.read_bytes() for file in before} == before
 
 
 def test_checkpoint_of_another_network(tmp_path):
     """Put there by hand: the configuration of the folder would have been refused."""
     quiet = EvaluationConfig(every=0)
-    _train(tmp_path / "a", total_steps=128, eval=quiet)
-    _train(tmp_path / "b", total_steps=128, eval=quiet, num_envs=4)
+    stand_in.train(tmp_path / "a", total_steps=128, eval=quiet)
+    stand_in.train(tmp_path / "b", total_steps=128, eval=quiet, num_envs=4)
     (tmp_path / "a" / "checkpoint").rename(tmp_path / "away")
     (tmp_path / "b" / "checkpoint").rename(tmp_path / "a" / "checkpoint")
     with pytest.raises(RunError, match="does not fit this run.*Expected a checkpoint of the same"):
-        _train(tmp_path / "a", eval=quiet)
+        stand_in.train(tmp_path / "a", eval=quiet)
 
 
 def test_diverged_training_says_so_and_keeps_its_checkpoint(tmp_path):
     quiet = EvaluationConfig(every=0)
-    _train(tmp_path, total_steps=256, eval=quiet)
+    stand_in.train(tmp_path, total_steps=256, eval=quiet)
 
     def make(env_id, **arguments):
         env = stand_in.make(env_id, **arguments)
@@ -260,7 +209,7 @@ def test_diverged_training_says_so_and_keeps_its_checkpoint(tmp_path):
 
 def test_command_line_reports_errors_in_one_line(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(sys, "argv", ["train.ppo", "--seed", "-1", "--out", str(tmp_path)])
-    assert train.ppo.command_line() == 2
+    assert train.training.command_line("ppo") == 2
     assert capsys.readouterr().err.splitlines() == [
         "error: Invalid seed: -1. Expected an integer of at least 0."
     ]
@@ -279,11 +228,14 @@ def test_robots_killed_and_resumed_are_the_same_run(tmp_path, layer):
         "env_args": {"episode_seconds": 0.7, "push_interval": [0.3, 0.5]},
         "num_threads": 2,
     }
-    _train_and_die(tmp_path / "a", 16 * 3 + 5, real=True, **changes)
+    stand_in.train_and_die(tmp_path / "a", 16 * 3 + 5, real=True, **changes)
     for name in "ab":
         train.ppo.main(stand_in.config(tmp_path / name, **changes))
-    _assert_same_run(tmp_path / "b", tmp_path / "a")
-    assert min(float(row["length_mean"]) for row in _rows(tmp_path / "a/progress.csv")[3:]) < 36
+    stand_in.assert_same_run(tmp_path / "b", tmp_path / "a")
+    assert (
+        min(float(row["length_mean"]) for row in stand_in.rows(tmp_path / "a/progress.csv")[3:])
+        < 36
+    )
 
 
 def test_robots_resumed_on_another_number_of_threads_are_the_same_run(tmp_path):
@@ -304,7 +256,7 @@ def test_robots_resumed_on_another_number_of_threads_are_the_same_run(tmp_path):
     for name in "ab":
         train.ppo.main(stand_in.config(tmp_path / name, **changes, total_steps=320))
     assert json.loads((tmp_path / "a/config.json").read_text())["num_threads"] == 1
-    _assert_same_run(tmp_path / "b", tmp_path / "a")
+    stand_in.assert_same_run(tmp_path / "b", tmp_path / "a")
 
 
 def test_a_falling_learning_rate_stands_where_the_run_does(tmp_path):
@@ -316,9 +268,11 @@ def test_a_falling_learning_rate_stands_where_the_run_does(tmp_path):
         config = stand_in.config(folder, ppo=ppo, checkpoint_every=128)
         with pytest.MonkeyPatch.context() as patch:
             done = property(lambda self, stop=stop: self.steps >= stop)
-            patch.setattr(train.ppo._Training, "done", done)
+            patch.setattr(train.training._Training, "done", done)
             train.ppo.main(config, stand_in.make)
-        networks.append({k: v for k, v in _state(folder).items() if k.startswith("network.")})
+        networks.append(
+            {k: v for k, v in stand_in.state(folder).items() if k.startswith("network.")}
+        )
     moved = [
         max(float(np.abs(one[name] - two[name]).max()) for name in one)
         for one, two in zip(networks[:-1], networks[1:], strict=True)

@@ -1,4 +1,7 @@
+import importlib.util
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -6,7 +9,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError
 from train.recipes import config_for, recipe_for, recipes, zoo
 from train.runs.command_line import parse
-from train.runs.config import PPOConfig, TrainConfig
+from train.runs.config import ALGORITHMS, PPOConfig, SACConfig, TrainConfig
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
 
@@ -72,6 +75,8 @@ def test_parsing_does_not_change_the_recipe():
         ("seed = 3", "Unknown setting of recipe 'mine' 'seed'"),
         ("[[exceptions]]\nnum_envs = 3", "an exception for layers None. Expected a list"),
         ("num_envs = [", "is no TOML"),
+        ("[[exceptions]]\nalgorithm = 'dqn'", "Unknown algorithm of recipe 'mine' 'dqn'"),
+        ("[[exceptions]]\nalgorithm = 'sac'\nlayers = 3", "an exception for layers 3. Expected"),
     ],
 )
 def test_a_file_that_is_no_recipe_is_one_clear_error(tmp_path, text, message):
@@ -107,11 +112,12 @@ def test_two_recipes_for_one_environment_are_refused(tmp_path):
         recipes(tmp_path)
 
 
-def test_rl_zoo_is_told_the_same():
-    assert zoo.PATH.read_text() == zoo.text()
-    config = config_for(WALK, TrainConfig.action_layer)
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_rl_zoo_is_told_the_same(algorithm):
+    assert (zoo.FOLDER / f"{algorithm}.yml").read_text() == zoo.text(algorithm)
+    config = config_for(WALK, TrainConfig.action_layer, algorithm=algorithm)
     entry = zoo.entry(config)
-    for name, value in (("n_envs", config.num_envs), ("batch_size", config.ppo.batch_size)):
+    for name, value in (("n_envs", config.num_envs), ("batch_size", config.batch_size)):
         assert f"  {name}: {value}\n" in entry
 
 
@@ -119,3 +125,58 @@ def test_rl_zoo_cannot_be_told_of_a_rate_that_ends_anywhere():
     config = TrainConfig(ppo=PPOConfig(learning_rate_end=1e-5))
     with pytest.raises(FbidError, match=r"Invalid ppo\.learning_rate_end: 1e-05"):
         zoo.entry(config)
+    config = TrainConfig(algorithm="sac", sac=SACConfig(target_entropy=-2.0))
+    with pytest.raises(FbidError, match=r"Invalid sac\.target_entropy: -2\.0"):
+        zoo.entry(config)
+
+
+def test_an_exception_may_be_for_an_algorithm(tmp_path):
+    """Alone, or together with a layer; settings of the other algorithm are left out."""
+    text = f"""
+    envs = ['{WALK}']
+    num_envs = 512
+    ppo = {{ gamma = 0.9 }}
+    sac = {{ gamma = 0.8 }}
+    [[exceptions]]
+    algorithm = 'sac'
+    num_envs = 32
+    [[exceptions]]
+    algorithm = 'sac'
+    layers = [{{ action_layer = 'torque' }}]
+    sac = {{ tau = 0.1 }}
+    """
+    folder = _write(tmp_path, text)
+    ppo, sac, torque = (
+        config_for(WALK, layer, folder=folder, algorithm=algorithm)
+        for layer, algorithm in (("torque", "ppo"), ("com_wrench", "sac"), ("torque", "sac"))
+    )
+    assert (ppo.num_envs, ppo.ppo, ppo.sac) == (512, PPOConfig(gamma=0.9), None)
+    assert (sac.num_envs, sac.ppo, sac.sac) == (32, None, SACConfig(gamma=0.8))
+    assert torque.sac == SACConfig(gamma=0.8, tau=0.1)
+
+
+RL_ZOO = importlib.util.find_spec("rl_zoo3")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(RL_ZOO is None, reason="rl_zoo3 is not installed: pip install -e .[zoo]")
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_rl_zoo_trains_our_environments(tmp_path, algorithm):
+    small = {
+        "ppo": ("n_steps:16", "batch_size:64"),
+        "sac": ("learning_starts:64", "buffer_size:1000", "gradient_steps:1"),
+    }[algorithm]
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "rl_zoo3.train", "--algo", algorithm, "--env", WALK),
+            *("--gym-packages", "fbid_gym", "--conf-file", str(zoo.FOLDER / f"{algorithm}.yml")),
+            *("--n-timesteps", "256", "--eval-freq", "-1", "--device", "cpu"),
+            *("--log-folder", str(tmp_path), "--hyperparams", "n_envs:4", *small),
+        ],
+        cwd=zoo.FOLDER.parent,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.glob(f"{algorithm}/*/*QuadrupedWalk-v0.zip")), done.stdout

@@ -1,15 +1,20 @@
 """How to train in an environment: the TOML files beside this one, chosen by environment id.
 
-A recipe gives other defaults to `train.ppo` where those of `TrainConfig` do not do; what the
-command line says goes before both. Environments that no recipe names are trained by the defaults.
+A recipe gives other defaults to `train.ppo` and `train.sac` where those of `TrainConfig` do not do;
+what the command line says goes before both. Environments that no recipe names are trained by the
+defaults.
 
     envs = ["fbid_gym/QuadrupedWalk-v0"]     # which it is for
     num_envs = 512                           # any field of TrainConfig but those that name the run
-    [ppo]                                    # of PPOConfig
+    [ppo]                                    # of PPOConfig, where PPO learns
+    [sac]                                    # of SACConfig, where SAC learns
     [eval]                                   # of EvaluationConfig
-    [[exceptions]]                           # other values, for action layers with such options
+    [[exceptions]]                           # other values, for action layers with such options,
     layers = [{ action_layer = "joint_position", layer_options = { reference = "home" } }]
     ppo = { log_std_init = -0.7 }
+    [[exceptions]]                           # for an algorithm, or for both together
+    algorithm = "sac"
+    num_envs = 64
 
 `train.recipes.zoo` says the same to RL Zoo.
 """
@@ -22,13 +27,13 @@ from pathlib import Path
 from typing import Any
 
 from fbid_gym.errors import RunError, UnknownOptionError
-from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
+from train.runs.config import ALGORITHMS, EvaluationConfig, TrainConfig
 
 FOLDER = Path(__file__).parent
 NONE = "none"
 """Stands for the defaults where a recipe is asked for by name."""
 
-SETTINGS = ("total_steps", "num_envs", "torch_threads", "ppo", "eval")
+SETTINGS = ("total_steps", "num_envs", "torch_threads", *ALGORITHMS, "eval")
 """Fields of `TrainConfig` that a recipe may set."""
 
 
@@ -39,9 +44,9 @@ class Recipe:
     Attributes:
         name: of its file.
         envs: environment ids that it is for.
-        settings: by field of `TrainConfig`; "ppo" and "eval" hold settings in turn.
+        settings: by field of `TrainConfig`; "ppo", "sac" and "eval" hold settings in turn.
         exceptions: further settings, each with the "layers" that it is for: "action_layer", and
-            "layer_options" where it takes such.
+            "layer_options" where it takes such; or with the "algorithm"; or with both.
     """
 
     name: str
@@ -49,13 +54,18 @@ class Recipe:
     settings: dict[str, Any]
     exceptions: tuple[dict[str, Any], ...]
 
-    def for_layer(self, action_layer: str, layer_options: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the settings for an action layer with options that were given to it."""
+    def settings_for(
+        self, algorithm: str, action_layer: str, layer_options: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Return the settings for an algorithm and an action layer with the options given to it."""
         found = dict(self.settings)
         for exception in self.exceptions:
-            if any(_fits(layer, action_layer, layer_options) for layer in exception["layers"]):
+            layers = exception.get("layers")
+            if exception.get("algorithm", algorithm) == algorithm and (
+                layers is None or any(_fits(layer, action_layer, layer_options) for layer in layers)
+            ):
                 found = _merged(found, _settings_of(exception))
-        return found
+        return {k: v for k, v in found.items() if k not in ALGORITHMS or k == algorithm}
 
 
 @cache
@@ -103,6 +113,8 @@ def config_for(
     layer_options: Mapping[str, Any] | None = None,
     name: str | None = None,
     folder: Path = FOLDER,
+    *,
+    algorithm: str = "ppo",
 ) -> TrainConfig:
     """Return the configuration of a training as the recipe has it.
 
@@ -112,24 +124,26 @@ def config_for(
         layer_options: of the layer.
         name: of another recipe, see `recipe_for`.
         folder: where the recipes are.
+        algorithm: that learns.
 
     Raises:
-        FbidError: no such recipe, or values of it that are not valid.
+        FbidError: no such recipe or algorithm, or values of it that are not valid.
     """
+    if algorithm not in tuple(ALGORITHMS):  # whatever a file says it is
+        raise UnknownOptionError("algorithm", algorithm, ALGORITHMS)
     given = dict(layer_options or {})
     recipe = recipe_for(env_id, name, folder)
-    settings = recipe.for_layer(action_layer, given)
-    ppo = dict(settings.pop("ppo", {}))
-    if "hidden" in ppo:
-        ppo["hidden"] = tuple(ppo["hidden"])
+    settings = recipe.settings_for(algorithm, action_layer, given)
+    own = dict(settings.pop(algorithm, {}))
+    if "hidden" in own:
+        own["hidden"] = tuple(own["hidden"])
     parts: dict[str, Any] = {
-        "ppo": PPOConfig(**ppo),
+        algorithm: ALGORITHMS[algorithm](**own),
         "eval": EvaluationConfig(**settings.pop("eval", {})),
     }
+    parts |= {"env": env_id, "action_layer": action_layer, "layer_options": given}
     try:
-        return TrainConfig(
-            env=env_id, action_layer=action_layer, layer_options=given, **settings, **parts
-        )
+        return TrainConfig(algorithm=algorithm, **settings, **parts)
     except TypeError as error:
         raise RunError(f"recipe {recipe.name!r}: {error}.") from error
 
@@ -154,21 +168,24 @@ def _read(path: Path) -> Recipe:
     envs, valid = tuple(data.pop("envs", ())), valid_settings()
     check(f"recipe {path.stem!r}", data, valid)
     for exception in exceptions:
-        layers = exception.get("layers")
-        if not isinstance(layers, list) or not all(
-            isinstance(layer, dict) and "action_layer" in layer for layer in layers
+        layers, learns = exception.get("layers"), exception.get("algorithm")
+        if (learns is None or layers is not None) and (
+            not isinstance(layers, list)
+            or not all(isinstance(layer, dict) and "action_layer" in layer for layer in layers)
         ):
             raise RunError(
                 f"{path}: an exception for layers {layers!r}. Expected a list of tables, an "
                 "action_layer in each."
             )
+        if learns not in (None, *ALGORITHMS):
+            raise UnknownOptionError(f"algorithm of recipe {path.stem!r}", learns, ALGORITHMS)
         check(f"recipe {path.stem!r}", _settings_of(exception), valid)
     return Recipe(path.stem, envs, data, exceptions)
 
 
 def valid_settings() -> dict[str, Any]:
     """Return the names of all settings, nested."""
-    parts = {"ppo": PPOConfig, "eval": EvaluationConfig}
+    parts = {**ALGORITHMS, "eval": EvaluationConfig}
     return {
         name: {item.name: "" for item in fields(parts[name])} if name in parts else ""
         for name in SETTINGS
@@ -191,4 +208,5 @@ def _fits(layer: Mapping[str, Any], action_layer: str, options: Mapping[str, Any
 
 
 def _settings_of(exception: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in exception.items() if name != "layers"}
+    of = ("layers", "algorithm")
+    return {name: value for name, value in exception.items() if name not in of}

@@ -1,21 +1,23 @@
-r"""The recipes for RL Zoo: `python -m train.recipes.zoo` writes `hyperparams/ppo.yml`.
+r"""The recipes for RL Zoo: `python -m train.recipes.zoo` writes `hyperparams`, a file an algorithm.
 
     python -m rl_zoo3.train --algo ppo --env fbid_gym/QuadrupedWalk-v0 --gym-packages fbid_gym \
         --conf-file hyperparams/ppo.yml
 
 One entry per environment that a recipe is for, through the layer that `train.ppo` takes by
-default; the learning rate of RL Zoo falls to zero or is constant. `PPOConfig.expected_reward` it
-cannot be told, so its value networks begin at zero.
+default; the learning rate of RL Zoo falls to zero or is constant. `expected_reward` it cannot be
+told, so its value networks begin at zero; nor can its SAC be told `log_std_init`, so that begins
+with more noise, and with random actions until `learning_starts`.
 """
 
 from pathlib import Path
+from typing import Any
 
 from fbid_gym.errors import InvalidValueError
 from train.recipes import config_for, recipes
-from train.runs.config import TrainConfig
+from train.runs.config import ALGORITHMS, PPOConfig, SACConfig, TrainConfig
 from train.runs.files import write
 
-PATH = Path(__file__).parents[2] / "hyperparams" / "ppo.yml"
+FOLDER = Path(__file__).parents[2] / "hyperparams"
 
 _ACTIVATIONS = {"tanh": "nn.Tanh", "relu": "nn.ReLU", "elu": "nn.ELU"}
 _HEADER = "# Written by `python -m train.recipes.zoo` from train/recipes: change them there.\n"
@@ -25,48 +27,71 @@ def entry(config: TrainConfig) -> str:
     """Return the YAML of one environment.
 
     Raises:
-        InvalidValueError: a learning rate that ends elsewhere than RL Zoo can say.
+        InvalidValueError: a learning rate that ends elsewhere than RL Zoo can say, or a target
+            entropy that it cannot.
     """
-    ppo = config.ppo
-    if ppo.learning_rate_end not in (None, 0.0):
-        raise InvalidValueError(
-            "ppo.learning_rate_end", ppo.learning_rate_end, "0 or None, for RL Zoo"
-        )
-    rate = f"lin_{ppo.learning_rate}" if ppo.learning_rate_end == 0.0 else f"{ppo.learning_rate}"
-    normalise = {"norm_reward": ppo.normalise_reward, "clip_obs": ppo.clip_observation}
-    layers = ", ".join(map(str, ppo.hidden))
-    policy = (
-        f"dict(log_std_init={ppo.log_std_init}, activation_fn={_ACTIVATIONS[ppo.activation]}, "
-        f"net_arch=[{layers}])"
-    )
+    own = config.hyperparameters
+    if own.learning_rate_end not in (None, 0.0):
+        name = f"{config.algorithm}.learning_rate_end"
+        raise InvalidValueError(name, own.learning_rate_end, "0 or None, for RL Zoo")
+    rate = f"lin_{own.learning_rate}" if own.learning_rate_end == 0.0 else f"{own.learning_rate}"
+    normalise = {"norm_reward": own.normalise_reward, "clip_obs": own.clip_observation}
     values = {
         "normalize": f'"{normalise}"',
         "n_envs": config.num_envs,
         "n_timesteps": config.total_steps,
         "policy": "MlpPolicy",
-        "n_steps": ppo.n_steps,
-        "batch_size": config.batch_size,
-        "n_epochs": ppo.n_epochs,
+        **(_ppo(own, config) if isinstance(own, PPOConfig) else _sac(own)),
         "learning_rate": rate,
-        "gamma": ppo.gamma,
-        "gae_lambda": ppo.gae_lambda,
-        "clip_range": ppo.clip_range,
-        "ent_coef": ppo.ent_coef,
-        "vf_coef": ppo.vf_coef,
-        "max_grad_norm": ppo.max_grad_norm,
-        "target_kl": "null" if ppo.target_kl is None else ppo.target_kl,
-        "policy_kwargs": f'"{policy}"',
+        "gamma": own.gamma,
         "env_kwargs": f"{{action_layer: {config.action_layer}}}",
     }
     return f"{config.env}:\n" + "".join(f"  {name}: {value}\n" for name, value in values.items())
 
 
-def text() -> str:
-    """Return `hyperparams/ppo.yml`."""
+def _ppo(own: PPOConfig, config: TrainConfig) -> dict[str, Any]:
+    return {
+        "n_steps": own.n_steps,
+        "batch_size": config.batch_size,
+        "n_epochs": own.n_epochs,
+        "gae_lambda": own.gae_lambda,
+        "clip_range": own.clip_range,
+        "ent_coef": own.ent_coef,
+        "vf_coef": own.vf_coef,
+        "max_grad_norm": own.max_grad_norm,
+        "target_kl": "null" if own.target_kl is None else own.target_kl,
+        "policy_kwargs": f'"dict(log_std_init={own.log_std_init}, {_network(own)})"',
+    }
+
+
+def _sac(own: SACConfig) -> dict[str, Any]:
+    if own.target_entropy != -1.0:
+        raise InvalidValueError("sac.target_entropy", own.target_entropy, "-1, for RL Zoo")
+    return {
+        "train_freq": 1,
+        "gradient_steps": own.gradient_steps,
+        "batch_size": own.batch_size,
+        "buffer_size": own.buffer_size,
+        "learning_starts": own.learning_starts,
+        "tau": own.tau,
+        "ent_coef": f"auto_{own.ent_coef}",
+        "policy_kwargs": f'"dict({_network(own)})"',
+    }
+
+
+def _network(own: PPOConfig | SACConfig) -> str:
+    layers = ", ".join(map(str, own.hidden))
+    return f"activation_fn={_ACTIVATIONS[own.activation]}, net_arch=[{layers}]"
+
+
+def text(algorithm: str) -> str:
+    """Return the YAML file of an algorithm."""
     envs = sorted(env for recipe in recipes().values() for env in recipe.envs)
-    entries = [entry(config_for(env, TrainConfig.action_layer)) for env in envs]
+    layer = TrainConfig.action_layer
+    entries = [entry(config_for(env, layer, algorithm=algorithm)) for env in envs]
     return _HEADER + "\n" + "\n".join(entries)
 
 
 if __name__ == "__main__":
-    write(PATH, text())
+    for algorithm in ALGORITHMS:
+        write(FOLDER / f"{algorithm}.yml", text(algorithm))

@@ -9,30 +9,38 @@ from typing import Any
 
 import tyro
 
+from fbid_gym.errors import InvalidValueError
 from train.recipes import NONE, config_for, recipes
-from train.runs.config import TrainConfig, parse_object
+from train.runs.config import ALGORITHMS, TrainConfig, algorithm_of, parse_object
 from train.runs.folder import RunFolder
 
 # Said twice in the JSON, for readers of the environment's arguments alone.
 _REPEATED = ("action_layer", "layer_options")
 
 
-def parse(arguments: Sequence[str] | None = None) -> TrainConfig:
+def parse(arguments: Sequence[str] | None = None, algorithm: str = "ppo") -> TrainConfig:
     """Read the command line: what it does not say is as the environment's recipe has it.
 
     Args:
         arguments: without the program name; None for those of this process.
+        algorithm: whose program it is.
 
     Raises:
         FbidError: no such recipe, or a recipe or value that is not valid.
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
+    others = tuple(f"--{name}." for name in ALGORITHMS if name != algorithm)
+    for word in given:
+        if word.startswith(others):
+            raise InvalidValueError("option", word, f"those of train.{algorithm}")
     chosen, rest = _chosen(given)
-    usual = config_for(chosen.env, chosen.action_layer, chosen.layer_options, chosen.recipe)
+    usual = config_for(
+        chosen.env, chosen.action_layer, chosen.layer_options, chosen.recipe, algorithm=algorithm
+    )
     names = ", ".join([*recipes(), NONE])
     return tyro.cli(
         TrainConfig,
-        prog="python -m train.ppo",
+        prog=f"python -m train.{algorithm}",
         description=f"{TrainConfig.__doc__}\n\nDefaults are those of the environment's recipe in "
         f"train/recipes; --recipe NAME takes those of another: {names}.",
         default=_plain(usual),
@@ -41,13 +49,17 @@ def parse(arguments: Sequence[str] | None = None) -> TrainConfig:
 
 
 def options(config: TrainConfig) -> tuple[str, ...]:
-    """Return the command line that `parse` reads as this configuration."""
-    usual = config_for(config.env, config.action_layer, config.layer_options)
+    """Return the command line that `parse` reads as this configuration, for its algorithm."""
+    usual = config_for(
+        config.env, config.action_layer, config.layer_options, algorithm=config.algorithm
+    )
     return tuple(_options(asdict(config), asdict(_plain(usual))))
 
 
 def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, ...]:
     """Return the command line that trains again what a `config.json` says, in the usual folder.
+
+    It is that of the algorithm's own program.
 
     Args:
         stored: as `TrainConfig.to_json` gives it, of this version of the package or another.
@@ -55,9 +67,10 @@ def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, .
     """
     env = stored["env_id"]
     layer, layer_options = stored.get("action_layer", ""), stored.get("layer_options", {})
-    usual = _plain(config_for(env, layer, layer_options)).to_json()
+    learns = algorithm_of(stored)
+    usual = _plain(config_for(env, layer, layer_options, algorithm=learns)).to_json()
     # How many threads and checkpoints there were is no part of what was trained.
-    for name in ("num_threads", "checkpoint_every", "env_id"):
+    for name in ("num_threads", "checkpoint_every", "env_id", "algorithm"):
         del usual[name]
     arguments = {k: v for k, v in stored.get("env_args", {}).items() if k not in _REPEATED}
     usual |= {"env": TrainConfig.env, "env_args": {}, "robot": None}
@@ -97,9 +110,9 @@ def _plain(config: TrainConfig) -> TrainConfig:
 def _options(data: Mapping[str, Any], usual: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
     """Yield what differs from the usual, of what there usually is."""
     for name, value in data.items():
-        if name in ("ppo", "eval"):
+        if name in (*ALGORITHMS, "eval") and value is not None:
             yield from _options(value, usual[name], f"{name}.")
-        elif name in usual and value != usual[name]:
+        elif name in usual and name != "algorithm" and value != usual[name]:
             yield f"--{prefix}{'no-' if value is False else ''}{name.replace('_', '-')}"
             if isinstance(value, dict):
                 yield json.dumps(value)

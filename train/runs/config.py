@@ -2,13 +2,14 @@
 
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
 
 
 def parse_object(text: str) -> dict[str, Any]:
@@ -83,6 +84,60 @@ class PPOConfig:
 
 
 @dataclass(frozen=True)
+class SACConfig:
+    """Hyperparameters of SAC, the same for every action layer. Rewards and noise are as in PPO."""
+
+    n_steps: int = 16
+    """Policy steps of each robot per iteration. An iteration is what is logged and can be stopped
+    after; how often is learnt is `gradient_steps`."""
+    gradient_steps: int = 16
+    """Gradient steps after each policy step of all robots."""
+    batch_size: int = 256
+    """Transitions per gradient step, drawn from the replay buffer."""
+    buffer_size: int = 300_000
+    """Transitions that the replay buffer holds, over all robots: the latest. The run folder keeps
+    them, too: some 560 bytes each of a quadruped."""
+    learning_starts: int = 2_000
+    """Environment steps, over all robots, before the first gradient step. The policy acts from the
+    beginning: actions drawn evenly from all there are would only show robots that fall."""
+    learning_rate: float = 3e-4
+    """Of Adam, for the policy, the value networks and the temperature, at the first step."""
+    learning_rate_end: float | None = None
+    """As for PPO."""
+    gamma: float = 0.99
+    """Discount per policy step."""
+    tau: float = 0.005
+    """Share of the value networks that their slow copies take over in each gradient step."""
+    ent_coef: float = 0.001
+    """Temperature at the beginning: what a nat of entropy is worth in rewards. It is then learnt,
+    so that the entropy becomes `target_entropy`. Rewards lie in [0, 1] and differ by hundredths
+    where robots walk by a zero action: with 0.01 the noise grew until it was nearly all there is,
+    before the value networks knew what it costs."""
+    target_entropy: float = -1.0
+    """Nats per action. -1: a standard deviation of about 0.09."""
+    log_std_init: float = -2.0
+    """Logarithm of the initial standard deviation of the actions, before they are squashed."""
+    hidden: tuple[int, ...] = (128, 128)
+    """Widths of the hidden layers, of the policy and of the value networks."""
+    activation: Literal["tanh", "relu", "elu"] = "relu"
+    """After each hidden layer."""
+    clip_observation: float = 10.0
+    """Observations are scaled to unit variance, then clipped to this."""
+    expected_reward: float = 0.0
+    """As for PPO: the value networks begin with what that sums up to, for every action."""
+    normalise_reward: bool = False
+    """As for PPO, by what is known when a transition is drawn from the buffer."""
+
+
+MOST_TRANSITIONS = 10_000_000
+"""That a replay buffer may hold: some 5 GB."""
+
+Hyperparameters = PPOConfig | SACConfig
+ALGORITHMS: dict[str, type[PPOConfig] | type[SACConfig]] = {"ppo": PPOConfig, "sac": SACConfig}
+"""What learns -> its hyperparameters: the field of `TrainConfig` of the same name."""
+
+
+@dataclass(frozen=True)
 class EvaluationConfig:
     """Periodic evaluation of the deterministic policy on an environment of its own."""
 
@@ -98,6 +153,8 @@ class EvaluationConfig:
 class TrainConfig:
     """One training run. A run with an equal configuration is the same run, and is continued."""
 
+    algorithm: Annotated[str, tyro.conf.Suppress] = "ppo"
+    """What learns, one of `ALGORITHMS`. On the command line it is the program that is run."""
     env: str = "fbid_gym/BipedBalance-v0"
     """Environment id."""
     action_layer: str = "base_acceleration"
@@ -125,11 +182,13 @@ class TrainConfig:
     checkpoint_every: int = 20_000
     """Environment steps between checkpoints. 0: only at the end and when interrupted."""
     out: Path | None = None
-    """Run folder. Default: runs/<env>-<layer>-s<seed>."""
+    """Run folder. Default: runs/<env>-<layer>-s<seed>, with the algorithm where it is not PPO."""
     overwrite: bool = False
     """Start anew where the run folder holds a run."""
-    ppo: PPOConfig = field(default_factory=PPOConfig)
-    """Hyperparameters."""
+    ppo: tyro.conf.AvoidSubcommands[PPOConfig | None] = None
+    """Hyperparameters of PPO; None where something else learns."""
+    sac: tyro.conf.AvoidSubcommands[SACConfig | None] = None
+    """Hyperparameters of SAC; None where something else learns."""
     eval: EvaluationConfig = field(default_factory=EvaluationConfig)
     """Periodic evaluation."""
 
@@ -139,33 +198,25 @@ class TrainConfig:
         Raises:
             InvalidValueError: names the value and what is valid.
         """
-        for name, least in _LEAST.items():
+        if self.algorithm not in tuple(ALGORITHMS):  # whatever a file says it is
+            raise UnknownOptionError("algorithm", self.algorithm, ALGORITHMS)
+        for name in ALGORITHMS.keys() - {self.algorithm}:
+            if getattr(self, name) is not None:
+                raise InvalidValueError(
+                    "hyperparameters", name, f"those of {self.algorithm!r} alone"
+                )
+        if getattr(self, self.algorithm) is None:
+            object.__setattr__(self, self.algorithm, ALGORITHMS[self.algorithm]())
+        mine = ("", "eval", self.algorithm)
+        for name in (n for n in (*_LEAST, *_RANGES) if n.rpartition(".")[0] in mine):
             value = _at(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise InvalidValueError(name, value, f"an integer of at least {least}")
-        for name, (low, high) in _RANGES.items():
-            value = _at(self, name)
-            if not low <= value <= high:
-                raise InvalidValueError(name, value, f"a number from {low} to {high}")
-        if self.ppo.target_kl is not None and not self.ppo.target_kl > 0:
-            raise InvalidValueError(
-                "ppo.target_kl", self.ppo.target_kl, "a positive number or None"
-            )
-        end = self.ppo.learning_rate_end
-        if end is not None and not 0.0 <= end <= 1.0:
-            raise InvalidValueError("ppo.learning_rate_end", end, "a number from 0 to 1 or None")
-        if any(width < 1 for width in self.ppo.hidden):
-            raise InvalidValueError("ppo.hidden", self.ppo.hidden, "positive widths")
-        if self.iteration_steps < 2:
-            raise InvalidValueError(
-                "ppo.n_steps", self.ppo.n_steps, "num_envs * ppo.n_steps of at least 2"
-            )
-        if self.iteration_steps % self.batch_size:
-            raise InvalidValueError(
-                "ppo.batch_size",
-                self.ppo.batch_size,
-                f"a divisor of num_envs * ppo.n_steps = {self.iteration_steps}, or more than that",
-            )
+            if name in _RANGES:
+                low, high = _RANGES[name]
+                if not low <= value <= high:
+                    raise InvalidValueError(name, value, f"a number from {low} to {high}")
+            elif isinstance(value, bool) or not isinstance(value, int) or value < _LEAST[name]:
+                raise InvalidValueError(name, value, f"an integer of at least {_LEAST[name]}")
+        self._check_together()
         for name in ("layer_options", "env_args"):
             try:
                 json.dumps(getattr(self, name), allow_nan=False)
@@ -180,13 +231,48 @@ class TrainConfig:
                 "env_args", self.env_args, f"no {taken[0]!r}, which has an option of its own"
             )
 
+    def _check_together(self) -> None:
+        """Check what depends on more than one value."""
+        own = self.hyperparameters
+        if any(width < 1 for width in own.hidden):
+            raise InvalidValueError(f"{self.algorithm}.hidden", own.hidden, "positive widths")
+        end = own.learning_rate_end
+        if end is not None and not 0.0 <= end <= 1.0:
+            name = f"{self.algorithm}.learning_rate_end"
+            raise InvalidValueError(name, end, "a number from 0 to 1 or None")
+        if isinstance(own, SACConfig):
+            least, most = self.iteration_steps, MOST_TRANSITIONS
+            if not least <= own.buffer_size <= most:
+                between = f"a number from num_envs * sac.n_steps = {least} to {most}"
+                raise InvalidValueError("sac.buffer_size", own.buffer_size, between)
+            return
+        if own.target_kl is not None and not own.target_kl > 0:
+            raise InvalidValueError("ppo.target_kl", own.target_kl, "a positive number or None")
+        if self.iteration_steps < 2:
+            raise InvalidValueError(
+                "ppo.n_steps", own.n_steps, "num_envs * ppo.n_steps of at least 2"
+            )
+        if self.iteration_steps % self.batch_size:
+            raise InvalidValueError(
+                "ppo.batch_size",
+                own.batch_size,
+                f"a divisor of num_envs * ppo.n_steps = {self.iteration_steps}, or more than that",
+            )
+
+    @property
+    def hyperparameters(self) -> Hyperparameters:
+        """Those of the algorithm."""
+        found: Hyperparameters = getattr(self, self.algorithm)
+        return found
+
     @property
     def folder(self) -> Path:
         """The run folder."""
         if self.out is not None:
             return self.out
         name = self.env.rpartition("/")[2]
-        return Path("runs") / f"{name}-{self.action_layer}-s{self.seed}"
+        learns = "" if self.algorithm == "ppo" else f"-{self.algorithm}"
+        return Path("runs") / f"{name}-{self.action_layer}{learns}-s{self.seed}"
 
     @property
     def threads(self) -> int:
@@ -196,12 +282,13 @@ class TrainConfig:
     @property
     def iteration_steps(self) -> int:
         """Environment steps per iteration, over all robots."""
-        return self.num_envs * self.ppo.n_steps
+        return self.num_envs * self.hyperparameters.n_steps
 
     @property
     def batch_size(self) -> int:
-        """Samples per gradient step, resolved."""
-        return min(self.ppo.batch_size, self.iteration_steps)
+        """Samples per gradient step, resolved: PPO has those of an iteration to draw from."""
+        size = self.hyperparameters.batch_size
+        return min(size, self.iteration_steps) if self.algorithm == "ppo" else size
 
     def make_args(self) -> dict[str, Any]:
         """Return the arguments of the environment: `gym.make(config.env, **config.make_args())`."""
@@ -214,6 +301,8 @@ class TrainConfig:
         # A robot of its own is named among the environment's arguments, see `train.runs.robots`.
         for name in ("env", "out", "overwrite", "robot", "feet"):
             del data[name]
+        for name in ALGORITHMS.keys() - {self.algorithm}:
+            del data[name]
         data = {"env_id": self.env, **data, "env_args": self.make_args()}
         data["num_threads"] = self.threads
         return json.loads(json.dumps(data))
@@ -222,14 +311,24 @@ class TrainConfig:
 _LEAST = {
     "seed": 0, "total_steps": 1, "num_envs": 1, "num_threads": 0, "torch_threads": 1,
     "checkpoint_every": 0, "ppo.n_steps": 1, "ppo.batch_size": 2, "ppo.n_epochs": 1,
-    "eval.every": 0, "eval.episodes": 1, "eval.seed": 0,
+    "sac.n_steps": 1, "sac.batch_size": 2, "sac.gradient_steps": 1, "sac.buffer_size": 1,
+    "sac.learning_starts": 0, "eval.every": 0, "eval.episodes": 1, "eval.seed": 0,
 }  # fmt: skip
 _RANGES = {
     "ppo.learning_rate": (0.0, 1.0), "ppo.gamma": (0.0, 1.0), "ppo.gae_lambda": (0.0, 1.0),
     "ppo.clip_range": (1e-6, 1.0), "ppo.ent_coef": (0.0, 1.0), "ppo.vf_coef": (0.0, 10.0),
     "ppo.max_grad_norm": (1e-6, 1e6), "ppo.log_std_init": (-10.0, 2.0),
     "ppo.clip_observation": (1e-3, 1e6), "ppo.expected_reward": (0.0, 1.0),
+    "sac.learning_rate": (0.0, 1.0), "sac.gamma": (0.0, 1.0), "sac.tau": (1e-6, 1.0),
+    "sac.ent_coef": (1e-9, 1e3), "sac.target_entropy": (-10.0, 0.69),
+    "sac.log_std_init": (-10.0, 2.0), "sac.clip_observation": (1e-3, 1e6),
+    "sac.expected_reward": (0.0, 1.0),
 }  # fmt: skip
+
+
+def algorithm_of(stored: Mapping[str, Any]) -> str:
+    """Return what learns as a `config.json` says; one of before there was a choice is of PPO."""
+    return str(stored.get("algorithm", next(iter(ALGORITHMS))))
 
 
 def cores() -> int:

@@ -4,6 +4,8 @@ import json
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from train.runs.config import ALGORITHMS, algorithm_of
+
 _UNSET = object()
 
 # Change how fast a run is and what is kept of it, but not one number of its curve: a robot computes
@@ -58,12 +60,17 @@ def run_differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list
         stored: the `config.json` of a run folder.
         asked: the configuration that is asked for, in the same form.
     """
-    return differences(_without(stored, _FREE_TO_RESUME), _without(asked, _FREE_TO_RESUME))
+    return _of_runs(_settings(stored, _FREE_TO_RESUME), _settings(asked, _FREE_TO_RESUME))
+
+
+def training_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Difference]:
+    """Return what differs between the `training_settings` of two runs."""
+    return _of_runs(training_settings(one), training_settings(other))
 
 
 def training_settings(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings that should be the same in all runs of a comparison, flat."""
-    return _without(config, _FREE_TO_COMPARE)
+    return _settings(config, _FREE_TO_COMPARE)
 
 
 def made_with(versions: Mapping[str, Any]) -> dict[str, Any]:
@@ -81,6 +88,18 @@ def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         else:
             joined[prefix + key] = value
     return joined
+
+
+def _settings(config: Mapping[str, Any], free: tuple[str, ...]) -> dict[str, Any]:
+    return _without({**config, "algorithm": algorithm_of(config)}, free)
+
+
+def _of_runs(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Difference]:
+    """Return what differs; hyperparameters of two algorithms cannot be set against each other."""
+    found = differences(one, other)
+    if one["algorithm"] == other["algorithm"]:
+        return found
+    return [each for each in found if each.name.partition(".")[0] not in ALGORITHMS]
 
 
 def _without(data: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Any]:

@@ -23,6 +23,8 @@ class RunFolder(NamedTuple):
     """One row per evaluation: CSV."""
     checkpoint: Path
     """The latest exact state: a bundle of `fbid_gym.bundles`."""
+    replay: Path
+    """The replay buffer, of what learns from one: files of `train.replay`."""
     policy: Path
     """The policy at the latest evaluation, at the end of training the final one: a bundle."""
     best_policy: Path
@@ -37,7 +39,8 @@ class RunFolder(NamedTuple):
         """Return the paths in a folder, there or not."""
         names = (
             *("config.json", "versions.json", "environment.json", "robot.zip", "progress.csv"),
-            *("evaluations.csv", "checkpoint", "policy", "policy_best", "tensorboard", ".lock"),
+            *("evaluations.csv", "checkpoint", "replay", "policy", "policy_best"),
+            *("tensorboard", ".lock"),
         )
         return cls(path, *(path / name for name in names))
 
@@ -48,7 +51,7 @@ class RunFolder(NamedTuple):
         replaced = {self.config, self.versions, self.environment, self.robot, *bundles}
         return {
             *(self.versions, self.environment, self.robot),
-            *(self.progress, self.evaluations, self.tensorboard),
+            *(self.progress, self.evaluations, self.tensorboard, self.replay),
             *bundles,
             *(path.with_name(f"{path.name}.new") for path in replaced),
             *(path.with_name(f"{path.name}.old") for path in bundles),

@@ -53,8 +53,9 @@ class Run:
 
     @property
     def layer(self) -> str:
-        """Action layer with its options, in words."""
-        return _layer_name(self.policy.env_args)
+        """Action layer with its options, in words, and what learnt through it if not PPO."""
+        learnt = "" if self.policy.algorithm == "ppo" else f", {self.policy.algorithm.upper()}"
+        return _layer_name(self.policy.env_args) + learnt
 
     @property
     def env_args(self) -> dict[str, Any]:

@@ -11,10 +11,12 @@
     layer_options = { reference = "home" }
     env_args = {}                            # further arguments of the environment
     robot = "dog/robot.toml"                 # instead of the environment's, as --robot; and feet
+    algorithm = "sac"                        # that learns; "ppo" where it is not said
     total_steps = 5_000_000                  # any setting of a recipe, for this arm
 
-What a study does not say is as the recipe of the environment has it. Each arm with each of its
-seeds is a *cell*: a training with a run folder of its own, in a folder named after the study.
+What a study does not say is as the recipe of the environment has it; what it says of an algorithm
+for every arm is for those that learn by it. Each arm with each of its seeds is a *cell*: a training
+with a run folder of its own, in a folder named after the study.
 """
 
 import tomllib
@@ -23,13 +25,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fbid_gym.errors import RunError, UnknownOptionError
+from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
 from train.recipes import SETTINGS, check, config_for, valid_settings
-from train.runs.config import TrainConfig
+from train.runs.config import ALGORITHMS, TrainConfig
 
 _OF_ARM = (
     *("name", "env", "action_layer", "layer_options", "env_args"),
-    *("robot", "feet", "seeds", "recipe"),
+    *("robot", "feet", "seeds", "recipe", "algorithm"),
 )
 _REQUIRED = ("name", "env", "action_layer")
 
@@ -118,8 +120,16 @@ def _cells(
         raise RunError(f"{path}: robot of arm {arm['name']!r} is {robot!r}. Expected a name.")
     if not isinstance(feet, list) or not all(isinstance(foot, str) for foot in feet):
         raise RunError(f"{path}: feet of arm {arm['name']!r} are {feet!r}. Expected names.")
-    usual = config_for(arm["env"], arm["action_layer"], arm.get("layer_options"), arm.get("recipe"))
-    usual = _with(_with(usual, shared), own)
+    usual = config_for(
+        *(arm["env"], arm["action_layer"], arm.get("layer_options"), arm.get("recipe")),
+        algorithm=arm.get("algorithm", "ppo"),
+    )
+    others = ALGORITHMS.keys() - {usual.algorithm}
+    for name in sorted(others & own.keys()):
+        raise InvalidValueError(
+            f"setting of arm {arm['name']!r}", name, f"those of {usual.algorithm!r}, which learns"
+        )
+    usual = _with(_with(usual, {k: v for k, v in shared.items() if k not in others}), own)
     place = f"{environment_name(arm['env'])}-{arm['name'].replace(' ', '_')}"
     if Path(place).name != place:
         raise RunError(f"{path}: arm {arm['name']!r} cannot name a folder.")
@@ -143,7 +153,7 @@ def _cells(
 def _with(config: TrainConfig, settings: Mapping[str, Any]) -> TrainConfig:
     parts = {
         name: replace(getattr(config, name), **_as_fields(settings[name]))
-        for name in ("ppo", "eval")
+        for name in (*ALGORITHMS, "eval")
         if name in settings
     }
     return replace(config, **{**settings, **parts})

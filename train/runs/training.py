@@ -12,11 +12,11 @@ from train.runs.tables import read_rows
 
 
 def training_job(name: str, config: TrainConfig) -> Job:
-    """Return a `python -m train.ppo` as a job, its log that of `log_of`.
+    """Return a `python -m train.ppo`, or another algorithm's, as a job, its log that of `log_of`.
 
     Started again it continues where it was.
     """
-    command = (sys.executable, "-m", "train.ppo", *options(config))
+    command = (sys.executable, "-m", f"train.{config.algorithm}", *options(config))
     return Job(name, command, log_of(config), lambda: progress(config))
 
 

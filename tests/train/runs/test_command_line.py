@@ -3,8 +3,9 @@ from pathlib import Path
 
 import pytest
 
+from fbid_gym.errors import FbidError
 from train.runs.command_line import options, parse, stored_options
-from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
+from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
 from train.runs.folder import RunFolder
 
 FOLDER = RunFolder.of(Path("runs/some"))
@@ -29,12 +30,22 @@ FOLDER = RunFolder.of(Path("runs/some"))
                           normalise_reward=True, activation="elu"),
             eval=EvaluationConfig(every=10, episodes=3),
         ),
+        TrainConfig(algorithm="sac", env="fbid_gym/QuadrupedWalk-v0", seed=2,
+                    sac=SACConfig(tau=0.1, hidden=(8,), learning_rate_end=None)),
     ],
 )  # fmt: skip
 def test_options_are_the_command_line_of_the_configuration(config):
-    assert parse(list(options(config))) == config
+    assert parse(list(options(config)), config.algorithm) == config
     again = dataclasses.replace(config, num_threads=0, out=None, overwrite=False)
-    assert parse(list(stored_options(config.to_json(), FOLDER))) == again
+    assert parse(list(stored_options(config.to_json(), FOLDER)), config.algorithm) == again
+
+
+def test_options_of_another_algorithm_are_refused():
+    for algorithm, word in (("ppo", "--sac.tau"), ("sac", "--ppo.gamma=0.5")):
+        with pytest.raises(FbidError, match=f"Invalid option: '{word}'.*train.{algorithm}"):
+            parse([word, "0.1"], algorithm)
+    with pytest.raises(FbidError, match="Unknown algorithm 'dqn'. Valid choices: ppo, sac"):
+        stored_options({**TrainConfig().to_json(), "algorithm": "dqn"}, FOLDER)
 
 
 def test_options_say_only_what_is_not_the_default():

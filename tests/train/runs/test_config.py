@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 import train.runs.config
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from train.runs.command_line import parse
-from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
+from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
 
 
 def test_command_line_of_the_readme():
@@ -50,7 +50,7 @@ def test_command_line_refuses_what_is_not_a_json_object(text, capsys):
 
 def test_every_option_is_explained():
     """The docstring under each field is its help; without one tyro shows nothing."""
-    for kind in (TrainConfig, PPOConfig, EvaluationConfig):
+    for kind in (TrainConfig, PPOConfig, SACConfig, EvaluationConfig):
         source = Path(train.runs.config.__file__).read_text()
         body = source.split(f"class {kind.__name__}:")[1].split("\n    def ")[0]
         for field in dataclasses.fields(kind):
@@ -71,6 +71,13 @@ def test_every_option_is_explained():
         ({"ppo": PPOConfig(hidden=(64, 0))}, r"Invalid ppo\.hidden"),
         ({"ppo": PPOConfig(batch_size=1000)}, r"Invalid ppo\.batch_size: 1000.*= 4096"),
         ({"num_envs": 1, "ppo": PPOConfig(n_steps=1)}, r"Invalid ppo\.n_steps: 1"),
+        ({"sac": SACConfig()}, "Invalid hyperparameters: 'sac'. Expected those of 'ppo' alone"),
+        ({"algorithm": "sac", "ppo": PPOConfig()}, "Invalid hyperparameters: 'ppo'"),
+        ({"algorithm": "sac", "sac": SACConfig(tau=0.0)}, r"Invalid sac\.tau: 0\.0"),
+        ({"algorithm": "sac", "sac": SACConfig(hidden=(0,))}, r"Invalid sac\.hidden"),
+        ({"algorithm": "sac", "sac": SACConfig(buffer_size=100)}, r"sac\.n_steps = 1024 to"),
+        ({"algorithm": "sac", "sac": SACConfig(buffer_size=10**9)}, r"to 10000000"),
+        ({"algorithm": "sac", "sac": SACConfig(learning_rate_end=2.0)}, r"sac\.learning_rate_end"),
         ({"env_args": {"seed": 3}}, "no 'seed', which has an option of its own"),
         ({"env_args": {"x": object()}}, "Invalid env_args.*values JSON can hold"),
         ({"layer_options": {"x": float("nan")}}, "Invalid layer_options.*values JSON can hold"),
@@ -93,3 +100,9 @@ def test_json_has_everything_a_reader_needs():
     assert data["action_layer"] == data["env_args"]["action_layer"] == "base_acceleration"
     assert data["env_args"]["layer_options"] == {"contact_limits": "none"}
     assert data["ppo"]["hidden"] == [64, 64] and data["eval"]["seed"] == 10_000
+
+
+@pytest.mark.parametrize("algorithm", ["dqn", ["sac"], None])
+def test_an_unknown_algorithm_is_named(algorithm):
+    with pytest.raises(UnknownOptionError, match=r"Unknown algorithm .*choices: ppo, sac"):
+        TrainConfig(algorithm=algorithm)

@@ -1,11 +1,12 @@
 from pathlib import Path
 
-from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
+from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
 from train.runs.differences import (
     differences,
     in_words,
     made_with,
     run_differences,
+    training_differences,
     training_settings,
 )
 from train.runs.versions import versions
@@ -59,3 +60,16 @@ def test_nested_values_differ_by_name_and_absence_is_not_none():
         "d [2] instead of [1]",
     ]
     assert differences(one, one) == []
+
+
+def test_another_algorithm_is_a_difference_of_its_own():
+    """Its hyperparameters are not set against those of the other; of before there was one, PPO."""
+    ppo, sac = TrainConfig(seed=1).to_json(), TrainConfig(algorithm="sac").to_json()
+    assert in_words(run_differences(ppo, sac)) == (
+        'algorithm "sac" instead of "ppo", seed 0 instead of 1'
+    )
+    assert in_words(training_differences(ppo, sac)) == 'algorithm "sac" instead of "ppo"'
+    other = TrainConfig(algorithm="sac", sac=SACConfig(tau=0.5)).to_json()
+    assert in_words(training_differences(sac, other)) == "sac.tau 0.5 instead of 0.005"
+    del ppo["algorithm"]
+    assert run_differences(ppo, TrainConfig(seed=1).to_json()) == []

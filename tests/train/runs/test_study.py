@@ -148,3 +148,33 @@ def test_arms_may_name_a_robot_of_their_own(tmp_path):
 def test_a_robot_that_is_no_name_is_refused(tmp_path, line, message):
     with pytest.raises(FbidError, match=re.escape(message)):
         read_study(write(tmp_path, ARM + line + "\n"), tmp_path)
+
+
+def test_arms_may_say_what_learns(tmp_path):
+    """What the study says of an algorithm for every arm is for those that learn by it."""
+    second = ARM.replace('"a"', '"b"')
+    text = (
+        "total_steps = 2048\nsac = { tau = 0.1 }\nppo = { gamma = 0.9 }\n"
+        f'{ARM}{second}algorithm = "sac"\n'
+        "sac = { hidden = [8] }\n"
+    )
+    one, other = (cell.config for cell in read_study(write(tmp_path, text), tmp_path).cells)
+    assert (one.algorithm, one.ppo.gamma, one.sac) == ("ppo", 0.9, None)
+    assert (other.algorithm, other.sac.tau, other.sac.hidden, other.ppo) == ("sac", 0.1, (8,), None)
+    assert other.num_envs == config_for(WALK, "torque", algorithm="sac").num_envs
+    command = training_job("b", other).command
+    assert command[1:3] == ("-m", "train.sac")
+    assert parse(list(command[3:]), "sac") == other
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('algorithm = "dqn"', "Unknown algorithm 'dqn'. Valid choices: ppo, sac"),
+        ("algorithm = [1]", "Unknown algorithm [1]"),
+        ("sac = { tau = 0.1 }", "Invalid setting of arm 'a': 'sac'. Expected those of 'ppo'"),
+    ],
+)
+def test_an_algorithm_that_there_is_not_is_refused(tmp_path, line, message):
+    with pytest.raises(FbidError, match=re.escape(message)):
+        read_study(write(tmp_path, f"{ARM}{line}\n"), tmp_path)

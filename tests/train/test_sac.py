@@ -1,0 +1,217 @@
+"""SAC through the same loop as PPO: its own are the replay buffer and the squashed action."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import stand_in
+
+from fbid_gym.bundles import load_bundle, save_bundle
+from fbid_gym.errors import FbidError, RunError
+from fbid_gym.policy import Policy
+from train import replay
+from train.learner import build, export, normaliser
+from train.runs.config import EvaluationConfig, SACConfig
+from train.runs.folder import RunFolder
+from train.runs.reading import load
+
+QUIET = EvaluationConfig(every=0)
+
+
+def _train(folder, **changes):
+    return stand_in.train(folder, algorithm="sac", **changes)
+
+
+def _learner(config):
+    return build(config, stand_in.make("", num_envs=8, seed=1, num_threads=1))
+
+
+def _buffer(folder):
+    """The replay buffer of a run."""
+    learner = _learner(stand_in.config(folder, algorithm="sac"))
+    data = load_bundle(folder / "checkpoint", "checkpoint", RunError).data
+    replay.restore(
+        folder / "replay", learner.replay_buffer, data["steps"] // 8, data["counters"]["replay"]
+    )
+    return learner.replay_buffer
+
+
+@pytest.fixture(scope="module")
+def straight(tmp_path_factory):
+    """A run of 6 iterations, never interrupted; its buffer holds the last 50 of 96 rows."""
+    return _train(tmp_path_factory.mktemp("straight") / "run")
+
+
+def test_run_folder_is_that_of_ppo_with_the_replay_buffer(straight):
+    assert {path.name for path in straight.iterdir()} - {".lock"} == {
+        *("config.json", "versions.json", "progress.csv", "evaluations.csv"),
+        *("checkpoint", "replay", "policy", "policy_best", "tensorboard"),
+    }
+    progress = stand_in.rows(straight / "progress.csv")
+    assert [int(row["steps"]) for row in progress] == [128, 256, 384, 512, 640, 768]
+    first, *others = ([float(value) for value in row.values()] for row in progress)
+    assert np.isnan(first).sum() == 4 and np.isfinite(others).all()  # nothing learnt before 200
+    config = json.loads((straight / "config.json").read_text())
+    assert config["algorithm"] == "sac" and "ppo" not in config
+    run = load(straight)
+    assert run.layer == "force, SAC" and run.policy.output == "tanh"
+
+
+def test_killed_twice_and_resumed_is_the_same_run(straight, tmp_path):
+    """Once before anything is learnt, once when the buffer is full; files are left behind."""
+    stand_in.train_and_die(tmp_path, 16 * 2 + 3, algorithm="sac")
+    (tmp_path / "replay" / "000000000032-000000000040.safetensors").write_bytes(b"half")
+    stand_in.train_and_die(tmp_path, 16 * 3 + 15, algorithm="sac")
+    assert json.loads((tmp_path / "checkpoint/checkpoint.json").read_text())["steps"] == 512
+    _train(tmp_path)
+    stand_in.assert_same_run(straight, tmp_path)
+    one, other = _buffer(straight), _buffer(tmp_path)
+    assert (one.pos, one.full) == (other.pos, other.full) == (96 % 50, True)
+    for name in ("observations", "next_observations", "actions", "rewards", "dones", "timeouts"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    files = {path.name for path in (tmp_path / "replay").iterdir()}
+    assert files == {path.name for path in (straight / "replay").iterdir()}
+
+
+def test_a_longer_run_continues_a_finished_one(straight, tmp_path):
+    _train(tmp_path, total_steps=384, eval=QUIET)
+    _train(tmp_path, total_steps=768, eval=QUIET)
+    one, other = stand_in.state(straight), stand_in.state(tmp_path)
+    for name in one:
+        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+
+
+def test_training_learns(tmp_path):
+    sac = SACConfig(
+        n_steps=16, gradient_steps=2, batch_size=64, learning_starts=256, learning_rate=3e-3,
+        hidden=(16, 16), gamma=0.95,
+    )  # fmt: skip
+    every = EvaluationConfig(every=4096, episodes=64)
+    _train(tmp_path, total_steps=4096, num_envs=16, sac=sac, eval=every)
+    first, last = stand_in.curve(tmp_path / "evaluations.csv")
+    assert float(first["survival"]) < 0.5 and float(last["survival"]) > 0.85
+
+
+@pytest.mark.parametrize("activation", ["relu", "elu"])
+def test_exported_policy_is_the_prediction_of_stable_baselines3(tmp_path, activation):
+    sac = SACConfig(
+        n_steps=4, gradient_steps=4, batch_size=32, learning_starts=64, learning_rate=1e-2,
+        activation=activation, hidden=(20, 9),
+    )  # fmt: skip
+    config = stand_in.config(tmp_path, algorithm="sac", sac=sac)
+    learner = _learner(config)
+    observation = np.random.default_rng(0).normal(scale=(1.0, 3.0, 100.0), size=(400, 3))
+    observation = observation.astype(np.float32)
+    np.testing.assert_array_equal(export(learner, config, {})(observation), 0.0)
+    learner.learn(512)
+    export(learner, config, {}).save(tmp_path / "policy")
+    policy = Policy.load(tmp_path / "policy")
+    assert (policy.output, policy.algorithm, policy.trained_steps) == ("tanh", "sac", 512)
+    expected, _ = learner.predict(
+        normaliser(learner).normalize_obs(observation), deterministic=True
+    )
+    np.testing.assert_allclose(policy(observation), expected, atol=1e-6)
+    assert np.ptp(expected) > 0.01
+
+
+def test_a_learner_begins_with_the_noise_and_the_value_that_it_is_told(tmp_path):
+    sac = SACConfig(gamma=0.9, expected_reward=0.5, log_std_init=-1.5, ent_coef=0.02, n_steps=4)
+    learner = _learner(stand_in.config(tmp_path, algorithm="sac", sac=sac))
+    observation = learner.policy.obs_to_tensor(np.ones((5, 3), np.float32))[0]
+    _, log_std, _ = learner.actor.get_action_dist_params(observation)
+    np.testing.assert_array_equal(log_std.detach(), -1.5)
+    assert learner.log_ent_coef.exp().item() == pytest.approx(0.02)
+    assert learner.target_entropy == -2.0  # of two actions
+    for critic in (learner.critic, learner.critic_target):
+        for value in critic(observation, learner.actor(observation)):
+            np.testing.assert_allclose(value.detach(), 5.0, rtol=1e-6)
+
+
+DAMAGE = {
+    "missing": (lambda file: file.unlink(), r"cannot be read \(No such file"),
+    "truncated": (lambda file: file.write_bytes(file.read_bytes()[:-9]), "corrupt, or not the"),
+    "flipped": (
+        lambda file: file.write_bytes(file.read_bytes()[:-9] + b"\x01" + file.read_bytes()[-8:]),
+        "corrupt, or not the file that the checkpoint was saved with",
+    ),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_buffer_is_one_error_and_nothing_is_lost(straight, tmp_path, damage):
+    harm, message = DAMAGE[damage]
+    shutil.copytree(straight, tmp_path / "run")
+    file = sorted((tmp_path / "run" / "replay").iterdir())[0]
+    harm(file)
+    before = {path: path.read_bytes() for path in (tmp_path / "run").rglob("*.*")}
+    with pytest.raises(RunError, match=rf"{file.name}: {message}"):
+        _train(tmp_path / "run", total_steps=1024)
+    assert {path: path.read_bytes() for path in before} == before
+
+
+@pytest.mark.parametrize(
+    ("forge", "message"),
+    [
+        (lambda files: files.pop(), "Expected 46 to 96"),
+        (lambda files: files[0].update(first=-1), "Expected 46 to 96"),
+        (lambda files: files[0].update(first=60), "Expected 46 to 96"),
+        (lambda files: files[0].update(last="x"), "Expected 46 to 96"),
+        (lambda files: files[0].pop("last"), "does not say which files"),
+        (lambda files: files.clear(), "Expected 46 to 96"),
+    ],
+)
+def test_a_checkpoint_that_names_other_rows_is_refused(straight, tmp_path, forge, message):
+    """With a digest that fits them."""
+    shutil.copytree(straight, tmp_path / "run")
+    folder = tmp_path / "run" / "checkpoint"
+    bundle = load_bundle(folder, "checkpoint", RunError)
+    forge(bundle.data["counters"]["replay"])
+    save_bundle(folder, "checkpoint", bundle.data, bundle.tensors)
+    with pytest.raises(RunError, match=message):
+        _train(tmp_path / "run", total_steps=1024)
+
+
+def test_runs_and_checkpoints_of_another_algorithm_are_refused(straight, tmp_path):
+    ppo = stand_in.train(tmp_path / "ppo", total_steps=128, eval=QUIET)
+    with pytest.raises(RunError) as caught:
+        _train(ppo, total_steps=128, eval=QUIET)
+    words = 'algorithm "sac" instead of "ppo". Choose another --out'
+    assert words in str(caught.value) and "gamma" not in str(caught.value)
+    shutil.copytree(straight, tmp_path / "sac")
+    shutil.rmtree(tmp_path / "sac" / "checkpoint")
+    shutil.copytree(ppo / "checkpoint", tmp_path / "sac" / "checkpoint")
+    with pytest.raises(RunError, match=r"is a checkpoint of ppo\. Expected sac"):
+        _train(tmp_path / "sac")
+
+
+def test_a_buffer_on_disk_holds_what_it_holds_in_memory(tmp_path, monkeypatch):
+    """Whatever was added between two checkpoints: less than a row's file, or more than the buffer.
+
+    What is on the disk is bounded, and what is there already is not written again.
+    """
+    monkeypatch.setattr(replay, "_FILE_BYTES", 2000)  # several files a checkpoint
+    config = stand_in.config(tmp_path, algorithm="sac")
+    draw, files, rows = np.random.default_rng(0), [], 0
+    buffer, folder = _learner(config).replay_buffer, RunFolder.of(tmp_path).replay
+    for added in (3, 0, 17, 40, 1, 120, 49, 50, 51):
+        for _ in range(added):
+            states = draw.normal(size=(2, 8, 3)).astype(np.float32)
+            infos = [{"TimeLimit.truncated": bool(draw.integers(2))} for _ in range(8)]
+            buffer.add(*states, draw.normal(size=(8, 2)), draw.random(8), draw.random(8), infos)
+        rows += added
+        there = {path: path.stat().st_mtime_ns for path in folder.glob("*")}
+        files = replay.append(folder, buffer, rows, files)
+        assert all(path.stat().st_mtime_ns == time for path, time in there.items())
+        replay.forget(folder, files)
+        assert len(list(folder.iterdir())) == len(files)
+        assert files[-1]["last"] - files[0]["first"] <= 50 + 10
+        again = _learner(config).replay_buffer
+        replay.restore(folder, again, rows, json.loads(json.dumps(files)))
+        assert (again.pos, again.full) == (buffer.pos, buffer.full)
+        for name in ("observations", "next_observations", "actions", "rewards", "timeouts"):
+            np.testing.assert_array_equal(getattr(again, name), getattr(buffer, name))
+    with pytest.raises(FbidError, match=r"observations is float32 .* Expected float32 \(\d+, 4"):
+        other = build(config, stand_in.make("", num_envs=4, seed=1, num_threads=1)).replay_buffer
+        other.buffer_size = buffer.buffer_size
+        replay.restore(folder, other, rows, files)

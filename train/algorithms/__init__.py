@@ -1,0 +1,11 @@
+"""What learns: stable-baselines3's algorithms as this package sets them up, one module each.
+
+All that differs between them is in an `Algorithm`; whoever trains, saves and exports asks that, and
+never which one it is.
+"""
+
+from train.algorithms import ppo, sac
+from train.algorithms.algorithm import Algorithm
+
+ALGORITHMS: dict[str, Algorithm] = {"ppo": ppo.ALGORITHM, "sac": sac.ALGORITHM}
+"""By the names of `train.runs.config.ALGORITHMS`."""

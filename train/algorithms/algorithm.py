@@ -1,0 +1,58 @@
+"""What a training has to know of the algorithm that learns, and what all of them have in common."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import torch
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecNormalize
+
+from fbid_gym.bundles import Tensors
+from train.runs.config import Hyperparameters, TrainConfig
+
+ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
+
+_FORESIGHT = 1000
+"""Policy steps beyond which nothing is expected."""
+
+
+class Algorithm(NamedTuple):
+    """Functions of a learner, each of which takes what `build` has made."""
+
+    build: Callable[[TrainConfig, VecNormalize], Any]
+    """Return the learner before its first step; draws from torch's generator."""
+    iterate: Callable[[Any, TrainConfig, BaseCallback], dict[str, float]]
+    """Act for `TrainConfig.iteration_steps`, learn, and return the metrics."""
+    metrics: tuple[str, ...]
+    """Columns of `progress.csv` that are its own; what `iterate` leaves out is not known yet."""
+    layers: Callable[[Any], list[torch.nn.Linear]]
+    """From the normalised observation to the action."""
+    output: str
+    """What keeps that within its limits, one of `fbid_gym.policy.OUTPUTS`."""
+    optimisers: Callable[[Any], dict[str, torch.optim.Optimizer]]
+    """By the name that they have in a checkpoint."""
+    arrays: Callable[[Any], Tensors]
+    """The learner's own arrays, beside its network, that its next iteration depends on; writing
+    into them changes the learner."""
+    replay: Callable[[Any], ReplayBuffer | None]
+    """What it learns from for longer than an iteration."""
+
+
+def learning_rate(own: Hyperparameters) -> float | Callable[[float], float]:
+    """Return the constant rate, or the rate by the share of the training that is left."""
+    first, last = own.learning_rate, own.learning_rate_end
+    if last is None:
+        return first
+    return lambda left: last + (first - last) * max(left, 0.0)
+
+
+def expected_return(own: Hyperparameters) -> float:
+    """Return what a value network begins at."""
+    return own.expected_reward / max(1.0 - own.gamma, 1.0 / _FORESIGHT)
+
+
+def begin_at_zero(layer: torch.nn.Linear) -> None:
+    """Let a policy begin with the zero action."""
+    torch.nn.init.zeros_(layer.weight)
+    torch.nn.init.zeros_(layer.bias)

@@ -1,0 +1,271 @@
+"""A training, whatever learns: `train.ppo` and `train.sac` are its command lines.
+
+Started again with the same options it continues where it was, killed or not, and the numbers are
+those of a training that was never interrupted.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from gymnasium.vector import VectorEnv
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+
+from fbid_gym import make_sb3
+from fbid_gym.errors import RunError
+from fbid_gym.policy import Policy
+from train import checkpoint, replay
+from train.algorithms import ALGORITHMS
+from train.display import Display
+from train.environments import make_envs
+from train.evaluation import evaluate
+from train.learner import MakeEnv, build, export, seeds
+from train.runs.command_line import parse
+from train.runs.config import TrainConfig
+from train.runs.exit_status import exit_status
+from train.runs.interrupt import stop_requests
+from train.runs.opening import OpenRun, open_run
+from train.runs.robots import chosen, is_built_in, named
+from train.runs.tables import EVALUATIONS, PROGRESS, TableWriter, check_kept
+from train.runs.versions import package_versions
+from train.tensorboard import TensorBoardLog
+
+
+def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
+    """Train, or continue training, and return the run folder.
+
+    Args:
+        config: the run.
+        make_env: makes the robots that it learns from.
+
+    Raises:
+        FbidError: an invalid configuration, or a run folder that does not fit it. Nothing of the
+            run is written then.
+        KeyboardInterrupt: after SIGINT or SIGTERM, once the state is saved.
+    """
+    with ExitStack() as stack:
+        args = {**config.make_args(), "num_threads": config.threads}
+        if (robot := chosen(config.robot, config.feet)) is not None:
+            args["robot"] = robot
+        seed = seeds(config.seed)["robots"]
+        robots = stack.enter_context(
+            closing(make_env(config.env, num_envs=config.num_envs, seed=seed, **args))
+        )
+        # Whoever makes the environments may have brought a robot, too.
+        robot = getattr(robots, "robot", robot)
+        own = None if robot is None or is_built_in(robot) else robot
+        if robot is not None and (own is not None or config.robot is not None):
+            args["robot"] = robot
+            names = {**config.env_args, "robot": named(robot)}
+            config = replace(config, env_args=names, robot=None, feet=())
+        evaluated = None
+        if config.eval.every:
+            evaluated = stack.enter_context(
+                closing(make_envs(config.env, args, config.eval.episodes))
+            )
+        learner = build(config, robots)
+        run = stack.enter_context(open_run(config, own))
+        training = _Training(config, run, learner, evaluated, stack)
+        with stop_requests(training.announce_stop) as stop:
+            training.until_done(stop)
+    return config.folder
+
+
+class _Training:
+    """A run in progress: the learner and everything that is written about it."""
+
+    def __init__(
+        self,
+        config: TrainConfig,
+        run: OpenRun,
+        learner: BaseAlgorithm,
+        evaluated: VectorEnv | None,
+        stack: ExitStack,
+    ) -> None:
+        self.config, self.run, self.learner, self.evaluated = config, run, learner, evaluated
+        self.folder = folder = run.folder
+        self.algorithm = ALGORITHMS[config.algorithm]
+        columns = {"progress": (*PROGRESS, *self.algorithm.metrics), "evaluations": EVALUATIONS}
+        # Resets the robots and prepares the buffers; a checkpoint then replaces their state.
+        _, self.callback = learner._setup_learn(config.total_steps)
+        assert isinstance(self.callback, BaseCallback)
+        self.seconds, self.best_return = 0.0, -math.inf
+        tables = {"progress": folder.progress, "evaluations": folder.evaluations}
+        sizes: dict[str, int] = {}
+        self.replay_files: list[replay.File] = []
+        if run.resumes:
+            counters = checkpoint.restore(folder.checkpoint, config.algorithm, learner)
+            self.seconds = counters["wall_seconds"]
+            if counters["best_return"] is not None:
+                self.best_return = counters["best_return"]
+            sizes = counters["bytes"]
+            for name, path in tables.items():
+                check_kept(path, columns[name], sizes[name])
+            if (buffer := self.algorithm.replay(learner)) is not None:
+                self.replay_files = counters.get("replay", [])
+                replay.restore(folder.replay, buffer, self.rows, self.replay_files)
+        # All that can be refused has been.
+        run.begin()
+        self.saved_steps = self.steps if run.resumes else -1
+        opened = stack.enter_context
+        self.progress, self.evaluations = (
+            opened(closing(TableWriter(path, columns[name], sizes.get(name))))
+            for name, path in tables.items()
+        )
+        self.tensorboard = opened(closing(TensorBoardLog(folder.tensorboard, self.steps)))
+        self.display = opened(closing(Display(folder.path.name, config.total_steps, self.steps)))
+
+    @property
+    def steps(self) -> int:
+        return self.learner.num_timesteps
+
+    @property
+    def rows(self) -> int:
+        """Steps of all robots."""
+        return self.steps // self.config.num_envs
+
+    @property
+    def done(self) -> bool:
+        return self.steps >= self.config.total_steps
+
+    def until_done(self, stop: Callable[[], bool]) -> None:
+        config = self.config
+        if self.run.resumes:
+            self.display.note(
+                f"already trained for {self.steps} steps"
+                if self.done
+                else f"continues at step {self.steps}"
+            )
+            if self.run.changes and not self.done:
+                self.display.note(f"not to the bit: {', '.join(self.run.changes)}")
+        elif config.eval.every:
+            self.evaluate()
+        while not self.done and not stop():
+            self.iterate()
+            if config.eval.every and (self.done or self._crossed(config.eval.every)):
+                self.evaluate()
+            if config.checkpoint_every and self._crossed(config.checkpoint_every):
+                self.checkpoint()
+        if self.saved_steps != self.steps:
+            self.checkpoint()
+        if not self.done:
+            self.display.note(
+                f"stopped at step {self.steps} of {config.total_steps}, saved in "
+                f"{self.folder.path}. The same command continues it."
+            )
+            raise KeyboardInterrupt
+
+    def iterate(self) -> None:
+        """One iteration: act, learn, log."""
+        learner, began = self.learner, time.perf_counter()
+        try:
+            metrics = self.algorithm.iterate(learner, self.config, self.callback)
+        except ValueError as error:
+            # torch's distributions refuse the NaN of a diverged network, at length
+            if self._finite():
+                raise
+            raise self._diverged() from error
+        if not self._finite():
+            raise self._diverged()
+        # Evaluations and saving do not count: how often they happen is not the learner's doing.
+        seconds = time.perf_counter() - began
+        self.seconds += seconds
+        learner.logger.dump(self.steps)
+        episodes = list(learner.ep_info_buffer or ())
+        row = {
+            "steps": self.steps,
+            "wall_seconds": round(self.seconds, 3),
+            "fps": round(self.config.iteration_steps / seconds, 1),
+            "return_mean": _mean([float(e["r"]) for e in episodes]),
+            "length_mean": _mean([float(e["l"]) for e in episodes]),
+            **{name: float(metrics.get(name, math.nan)) for name in self.algorithm.metrics},
+        }
+        self.progress.append(row)
+        self.tensorboard.append("train", row)
+        self.display.update(row)
+
+    def evaluate(self) -> None:
+        """Evaluate the exported policy, not the learner: what is measured is what is kept."""
+        assert self.evaluated is not None
+        policy = self.export_policy()
+        result = evaluate(policy, self.evaluated, self.config.eval.seed)
+        row = {"steps": self.steps, "wall_seconds": round(self.seconds, 3), **result}
+        self.evaluations.append(row)
+        self.tensorboard.append("eval", row)
+        if row["return_mean"] > self.best_return:
+            self.best_return = row["return_mean"]
+            policy.save(self.folder.best_policy)
+        self.display.note(
+            f"step {self.steps}: evaluation return {row['return_mean']:.1f} "
+            f"± {row['return_std']:.1f}, survival {row['survival']:.0%}"
+        )
+
+    def export_policy(self) -> Policy:
+        """Write the policy as it is now, and return it."""
+        policy = export(self.learner, self.config, package_versions())
+        policy.save(self.folder.policy)
+        return policy
+
+    def checkpoint(self) -> None:
+        """Save the state and its policy, after the rows that the state says are on the disk."""
+        self.export_policy()
+        for log in (self.progress, self.evaluations, self.tensorboard):
+            log.sync()
+        buffer = self.algorithm.replay(self.learner)
+        if buffer is not None:
+            self.replay_files = replay.append(
+                self.folder.replay, buffer, self.rows, self.replay_files
+            )
+        checkpoint.save(
+            self.folder.checkpoint,
+            self.config.algorithm,
+            self.learner,
+            {
+                "wall_seconds": self.seconds,
+                "best_return": self.best_return if math.isfinite(self.best_return) else None,
+                "bytes": {"progress": self.progress.size, "evaluations": self.evaluations.size},
+                "replay": self.replay_files,
+            },
+        )
+        if buffer is not None:
+            replay.forget(self.folder.replay, self.replay_files)
+        self.saved_steps = self.steps
+
+    def announce_stop(self) -> None:
+        self.display.note("stops after this iteration; once more to stop at once")
+
+    def _finite(self) -> bool:
+        return all(bool(p.isfinite().all()) for p in self.learner.policy.parameters())
+
+    def _diverged(self) -> RunError:
+        kept = (
+            f"The checkpoint of step {self.saved_steps} is kept"
+            if self.saved_steps > 0
+            else "There is no checkpoint yet"
+        )
+        return RunError(
+            f"{self.folder.path}: training diverged by step {self.steps}: the network holds NaN or "
+            f"infinity. {kept}; try a smaller --{self.config.algorithm}.learning-rate in another "
+            "--out."
+        )
+
+    def _crossed(self, every: int) -> bool:
+        """Whether the last iteration passed a multiple of `every`."""
+        return self.steps // every > (self.steps - self.config.iteration_steps) // every
+
+
+def _mean(values: list[float]) -> float:
+    return float(np.mean(values)) if values else math.nan
+
+
+def command_line(algorithm: str) -> int:
+    """Run `main` on the command line of an algorithm and return the exit status."""
+    try:
+        return exit_status(lambda: print(main(parse(algorithm=algorithm))))
+    except KeyboardInterrupt:
+        return 130
