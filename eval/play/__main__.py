@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import tyro
 
 from eval.play.controls import ALONE, controls, from_text
-from eval.play.serving import measured, open_server, show
+from eval.play.serving import close_server, measured, open_server, show
 from eval.play.session import Session
 from eval.play.stage import OWNED, Stage
 from eval.rollout import parse_env_args
@@ -119,7 +119,7 @@ def run(config: PlayConfig) -> None:
     except KeyboardInterrupt:
         print()
     finally:
-        server.stop()
+        close_server(server)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -54,7 +54,9 @@ def imposed(batch: EnvBatch, state: Mapping[str, np.ndarray], settings: Settings
     return new
 
 
-def pushed(batch: EnvBatch, state: Mapping[str, np.ndarray], force: np.ndarray, steps: int) -> State:
+def pushed(
+    batch: EnvBatch, state: Mapping[str, np.ndarray], force: np.ndarray, steps: int
+) -> State:
     """Return the state of a robot that is pushed from now on, instead of any push before.
 
     Args:

@@ -19,6 +19,7 @@ SHOWN_FIRST = ("forces", "com")
 
 _GREEN, _ORANGE, _RED, _YELLOW = (40, 170, 80), (245, 150, 30), (220, 40, 60), (240, 200, 30)
 _VIOLET, _BLUE, _WHITE, _GREY = (150, 70, 210), (40, 120, 240), (250, 250, 250), (120, 130, 140)
+_PLACES = ("points", "com", "capture_point", "pressure", "support", "footholds")
 _CORNERS = 16  # of a cone's rim
 _FORCE, _CONE, _ACCELERATION = 1.0, 0.25, 0.08  # sizes: of a weight, of a cone, of a m/s^2
 
@@ -35,9 +36,13 @@ class Overlays:
             size: m, of the robot.
             weight: N.
         """
-        self._scene, self._root, self._size, self._weight = server.scene, root, size, weight
+        self._scene, self._root = server.scene, f"{root}/overlays"
+        self._size, self._weight = size, weight
+        # Goes along with the robot: a browser that is late is late for both.
+        self._frame = server.scene.add_frame(self._root, show_axes=False)
         self._balls: dict[str, viser.IcosphereHandle] = {}
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
+        self._cones: dict[str, viser.LineSegmentsHandle] = {}
         self._arrows: dict[str, viser.ArrowsHandle] = {}
 
     def draw(self, shown: set[str], seen: Insight, achieved: np.ndarray) -> None:
@@ -48,14 +53,19 @@ class Overlays:
             seen: of the robot.
             achieved: (3,) m/s^2, acceleration of its centre of mass.
         """
-        none = np.zeros((0, 2, 3))
+        none, origin = np.zeros((0, 2, 3)), seen.com
+        self._frame.position = origin
+        seen = seen._replace(
+            **{name: getattr(seen, name) - origin for name in _PLACES},
+        )
         loaded = np.linalg.norm(seen.measured, axis=1) > 0.0
         forces = "forces" in shown
         self._arrow("measured", _from(seen.points, self._long(seen.measured), forces), _GREEN, 1.0)
         asked = _from(seen.points, self._long(seen.commanded), forces)
         self._arrow("commanded", asked, _ORANGE, 0.7)
-        cones = self._cones(seen.points[loaded], seen.friction) if "cones" in shown else none
-        self._line("cones", cones, _GREY)
+        for place, point in enumerate(seen.points):
+            stands = "cones" in shown and bool(loaded[place])
+            self._cone(f"cone{place}", point if stands else None, seen.friction)
         support = "support" in shown and len(seen.support) > 1
         edges = np.stack([seen.support, np.roll(seen.support, -1, axis=0)], axis=1)
         self._line("support", edges if support else none, _YELLOW)
@@ -74,38 +84,36 @@ class Overlays:
 
     def hide(self) -> None:
         """Draw none."""
-        for handle in (*self._balls.values(), *self._lines.values(), *self._arrows.values()):
-            if handle.visible:
-                handle.visible = False
+        for kept in (self._balls, self._lines, self._cones, self._arrows):
+            for handle in kept.values():
+                _put(handle, None)
 
     def _long(self, force: np.ndarray) -> np.ndarray:
         return _FORCE * self._size * force / self._weight
 
-    def _cones(self, points: np.ndarray, friction: float) -> np.ndarray:
-        """Lines (L, 2, 3) of a cone on each point."""
-        angle = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
-        high = _CONE * self._size
-        rim = high * np.stack([friction * np.cos(angle), friction * np.sin(angle), 1 + 0 * angle], 1)
-        around = points[:, None] + rim
-        along = np.stack([np.broadcast_to(points[:, None], around.shape), around], axis=2)
-        ring = np.stack([around, np.roll(around, -1, axis=1)], axis=2)
-        return np.concatenate([along[:, ::2], ring], axis=1).reshape(-1, 2, 3)
+    def _cone(self, name: str, place: np.ndarray | None, friction: float) -> None:
+        name = f"{name} {friction:g}"
+        if name not in self._cones:
+            if place is None:
+                return
+            lines = self._size * cone(friction)
+            self._cones[name] = self._scene.add_line_segments(
+                f"{self._root}/{name}", lines, _GREY, thickness=0.004 * self._size
+            )
+        _put(self._cones[name], place)
 
     def _ball(
         self, name: str, place: np.ndarray | None, colour: tuple[int, int, int], radius: float
     ) -> None:
-        there = place is not None and bool(np.isfinite(place).all())
+        if place is not None and not np.isfinite(place).all():
+            place = None
         if name not in self._balls:
-            if not there:
+            if place is None:
                 return
             self._balls[name] = self._scene.add_icosphere(
                 f"{self._root}/{name}", radius * self._size, colour, cast_shadow=False
             )
-        ball = self._balls[name]
-        if place is not None and there:
-            ball.position = place
-        if ball.visible != there:
-            ball.visible = there
+        _put(self._balls[name], place)
 
     def _line(self, name: str, lines: np.ndarray, colour: tuple[int, int, int]) -> None:
         if name not in self._lines:
@@ -140,6 +148,24 @@ class Overlays:
             handle.points = arrows.astype(np.float32)
         if handle.visible != bool(len(arrows)):
             handle.visible = bool(len(arrows))
+
+
+def cone(friction: float) -> np.ndarray:
+    """Lines (L, 2, 3) of a friction cone on the origin, of a quarter of a unit's height."""
+    angle = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
+    circle = np.stack([friction * np.cos(angle), friction * np.sin(angle), np.ones(_CORNERS)], 1)
+    rim = _CONE * circle
+    along = np.stack([np.zeros_like(rim), rim], axis=1)
+    ring = np.stack([rim, np.roll(rim, -1, axis=0)], axis=1)
+    return np.concatenate([along[::2], ring])
+
+
+def _put(handle: viser.SceneNodeHandle, place: np.ndarray | None) -> None:
+    """Show a node at a place; hide it at None."""
+    if place is not None:
+        handle.position = place
+    if handle.visible != (place is not None):
+        handle.visible = place is not None
 
 
 def _from(places: np.ndarray, vectors: np.ndarray, shown: bool) -> np.ndarray:

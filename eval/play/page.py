@@ -17,7 +17,8 @@ from eval.play.session import MOST_PUSH, Push, Session
 from fbid_gym.errors import FbidError
 
 DISPLAY_HZ = 60.0
-_OVERLAYS_HZ, _PLOTS_HZ, _STATUS_HZ = 25.0, 4.0, 4.0
+_OVERLAYS_HZ, _PLOTS_HZ, _STATUS_HZ = 15.0, 4.0, 4.0
+_PLOTTED_HZ = 25.0
 _PULL = 2.0  # weights of push per size of the robot that it is dragged
 _HELD = 0.25  # s that the push of a drag outlasts the last word of it
 _LATE = 0.1  # s of the session's time that are made up for, beyond them it is slower
@@ -45,13 +46,16 @@ class Page:
     def __init__(self, server: viser.ViserServer, session: Session) -> None:
         """Send the page."""
         self._server, self._session = server, session
-        server.gui.configure_theme(control_layout="fixed", control_width="large", dark_mode=False)
+        server.gui.configure_theme(control_width="large", show_share_button=False)
+        server.gui.main_panel.dock_right()
         self._panel = Panel(server, session)
         self._scene = Scene(server, session.lanes, self._dragged)
         self._plots: Plots | None = None
         self._furnish()
         self._stop = threading.Event()
         self._accelerations: list[np.ndarray] = []
+        self._drawn = (-1, -1)
+        self._overlaid: object = None
         self._due: dict[str, float] = {}
         self.pace = Pace(0.0, 0.0, 0, 0.0)
 
@@ -69,7 +73,9 @@ class Page:
         """Push the robots along with the pointer."""
         session = self._session
         force = _PULL * session.weight / self._scene.size * moved
-        force *= min(1.0, 0.999 * MOST_PUSH * session.weight / max(np.linalg.norm(force), 1e-9))
+        force *= min(
+            1.0, 0.999 * MOST_PUSH * session.weight / max(float(np.linalg.norm(force)), 1e-9)
+        )
         if over:
             force = np.zeros(3)
         try:
@@ -109,9 +115,12 @@ class Page:
 
     def _settle(self) -> None:
         """Let requests take effect, and show other robots where they asked for them."""
-        self._session.settle()
-        if self._scene.cast(self._session.lanes):
+        session, version = self._session, self._session.version
+        session.settle()
+        if self._scene.cast(session.lanes):
             self._furnish()
+        if session.settings["paused"] and session.version != version:
+            self._scene.look(session.lanes)  # who was reset is somewhere else
 
     def _step(self) -> None:
         """Go on by a policy step, unless paused."""
@@ -125,15 +134,22 @@ class Page:
             for lane, velocity in zip(session.lanes, before, strict=False)
         ]
         self._scene.look(session.lanes)
-        if self._is_due("noted", _OVERLAYS_HZ):
+        if self._is_due("noted", _PLOTTED_HZ):
             assert self._plots is not None
             self._plots.note(session.steps / session.hz, session.lanes)
 
     def _draw(self, share: float) -> None:
+        """Send what has changed: who is paused stands still."""
         session = self._session
-        with self._server.atomic():
-            self._scene.draw(session.lanes, min(share, 1.0), session.weight)
-            if self._is_due("overlays", _OVERLAYS_HZ):
+        now = session.steps, session.version
+        if now != self._drawn or not session.settings["paused"]:
+            with self._server.atomic():
+                self._scene.draw(session.lanes, min(share, 1.0), session.weight)
+        self._drawn = now
+        seen = (*now, self._panel.shown)
+        if seen != self._overlaid and self._is_due("overlays", _OVERLAYS_HZ):
+            self._overlaid = seen
+            with self._server.atomic():
                 self._draw_overlays()
         if self._plots is not None and self._is_due("plots", _PLOTS_HZ):
             self._plots.draw()

@@ -46,8 +46,14 @@ class Panel:
         with ExitStack() as stack:
             stack.enter_context(gui.add_folder("Push (or drag the robot)"))
             most, usual = round(MOST_PUSH * session.weight), round(_USUAL_PUSH * session.weight)
-            size = gui.add_slider("force (N)", 0, most, 1, usual)
-            time = gui.add_slider("time (s)", 0.02, MOST_PUSH_SECONDS, 0.01, _USUAL_SECONDS)
+            size = gui.add_slider("force (N)", min=0, max=most, step=1, initial_value=usual)
+            time = gui.add_slider(
+                "time (s)",
+                min=0.02,
+                max=MOST_PUSH_SECONDS,
+                step=0.01,
+                initial_value=_USUAL_SECONDS,
+            )
             ways = gui.add_button_group("push", tuple(_WAYS))
 
         @ways.on_click
@@ -69,15 +75,16 @@ class Panel:
         gui, value = self._gui, self._session.settings[name]
         label = f"{control.label}, resets" if control.resets else control.label
         if isinstance(control, Menu):
-            widget: Any = gui.add_dropdown(label, control.choices, value)
+            widget: Any = gui.add_dropdown(label, control.choices, initial_value=value)
         elif isinstance(control, Slider) and control.whole:
-            widget = gui.add_number(label, int(value), int(control.least), int(control.most), 1)
+            least, most = int(control.least), int(control.most)
+            widget = gui.add_number(label, int(value), min=least, max=most, step=1)
         elif isinstance(control, Slider):
             step = 0.01 if control.most - control.least > 0.5 else 0.002
             least, most = control.least, control.most
-            widget = gui.add_slider(label, least, most, step, float(value))
+            widget = gui.add_slider(label, min=least, max=most, step=step, initial_value=value)
         else:
-            widget = gui.add_checkbox(label, value)
+            widget = gui.add_checkbox(label, initial_value=value)
 
         @widget.on_update
         def _(event: viser.GuiEvent) -> None:
@@ -91,7 +98,7 @@ class Panel:
     def _add_overlays(self) -> None:
         with self._gui.add_folder("Overlays", expand_by_default=False):
             self._overlays = {
-                kind: self._gui.add_checkbox(label, kind in SHOWN_FIRST)
+                kind: self._gui.add_checkbox(label, initial_value=kind in SHOWN_FIRST)
                 for kind, label in LABELS.items()
             }
 

@@ -35,6 +35,7 @@ class Plots:
         length = round(_SECONDS * _HZ)
         self._rows: list[deque[np.ndarray]] = [deque(maxlen=length) for _ in self._handles]
         self._times: deque[float] = deque(maxlen=length)
+        self._sent = -1.0
 
     def note(self, time: float, lanes: list[Lane]) -> None:
         """Take the figures of the last policy step, at a time in s of the session."""
@@ -56,8 +57,9 @@ class Plots:
 
     def draw(self) -> None:
         """Send what was noted."""
-        if len(self._times) < 2:
+        if len(self._times) < 2 or self._times[-1] == self._sent:
             return
+        self._sent = self._times[-1]
         times = np.array(self._times)
         for handle, rows in zip(self._handles, self._rows, strict=True):
             handle.data = (times, *np.array(rows).T)
@@ -99,4 +101,6 @@ def _command(lane: Lane) -> np.ndarray:
 def _figures(lane: Lane) -> np.ndarray:
     """(2,) the law's residual, NaN where there is no law, and the saturation."""
     info = {} if lane.last is None else lane.last.info
-    return np.array([float(info.get(n, [np.nan])[0]) for n in ("layer_residual", "layer_saturation")])
+    return np.array(
+        [float(info.get(n, [np.nan])[0]) for n in ("layer_residual", "layer_saturation")]
+    )

@@ -154,8 +154,8 @@ class Scene:
             shadow_opacity=0.3,
             fade_distance=12.0 * self.size,
         )
-        server.initial_camera.position = (2.2 * self.size, -2.2 * self.size, 1.3 * self.size)
-        server.initial_camera.look_at = (0.0, 0.0, 0.45 * self.size)
+        server.initial_camera.position = (1.6 * self.size, -1.9 * self.size, 0.9 * self.size)
+        server.initial_camera.look_at = (0.0, 0.0, 0.8 * stance.home_base[2])
         self.bodies: list[Body] = []
         self._shown: list[object] = []
         self.cast(lanes)

@@ -1,5 +1,6 @@
 """The server of the page: which address, which port, and what it costs."""
 
+import io
 import os
 import socket
 import subprocess
@@ -7,6 +8,7 @@ import sys
 import threading
 import time
 import webbrowser
+from contextlib import redirect_stdout
 from typing import Any, NamedTuple
 
 from eval.play.session import Session
@@ -62,7 +64,17 @@ def open_server(host: str, port: int) -> Any:
             expected = f"an address of this machine whose port is free ({error})"
             raise InvalidValueError("host and port", f"{host}:{port}", expected) from error
         free = probe.getsockname()[1]
-    return viser.ViserServer(host=host, port=free, label="fbid_gym", verbose=False)
+    with redirect_stdout(io.StringIO()):  # it announces itself in a box
+        server = viser.ViserServer(host=host, port=free, label="fbid_gym", verbose=False)
+    # Any viewer could ask for a tunnel through which the world sees the page. None gets one.
+    server.request_share_url = lambda verbose=False: None  # type: ignore[method-assign]
+    return server
+
+
+def close_server(server: Any) -> None:
+    """Stop a server, and do not talk about it."""
+    with redirect_stdout(io.StringIO()):
+        server.stop()
 
 
 def show(server: Any) -> str:

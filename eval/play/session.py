@@ -80,7 +80,9 @@ class Session:
             if its != self.settings["layer"]:
                 expected = f"{its!r}, through which {self.settings['policy']} acts"
                 raise InvalidValueError("layer", self.settings["layer"], expected)
-        self.lanes = [Lane(stage, player, self.settings) for player in players(stage, self.settings)]
+        self.lanes = [
+            Lane(stage, player, self.settings) for player in players(stage, self.settings)
+        ]
         self.steps, self.version, self.refused = 0, 0, ""
         self._queue: deque[Request] = deque()
         self._single = 0
@@ -148,7 +150,8 @@ class Session:
         expected = "three numbers of N"
         if not isinstance(push.force, Sequence) or len(push.force) != 3:
             raise InvalidValueError("push", push.force, expected)
-        force = tuple(number("push", value, expected) for value in push.force)
+        x, y, z = (number("push", value, expected) for value in push.force)
+        force = (x, y, z)
         most = MOST_PUSH * self.weight
         if not np.linalg.norm(force) <= most:
             raise InvalidValueError("push", force, f"a force of at most {most:.0f} N")
@@ -196,8 +199,8 @@ class Session:
             limits = options.get("contact_limits", "friction")
             return {"layer": layer_of(policy), "contact_limits": limits}
         if change.name == "layer":
-            policy = self.stage.policies.get(self.settings["policy"])
-            if policy is not None and layer_of(policy) != change.value:
+            acting = self.stage.policies.get(self.settings["policy"])
+            if acting is not None and layer_of(acting) != change.value:
                 return {"policy": NO_POLICY}
         return {}
 
