@@ -1,0 +1,133 @@
+r"""Serve a page on which a robot walks or stands in real time, is pushed, and changes its layer.
+
+python -m eval.play fbid_gym/QuadrupedWalk-v0 --beside joint_position
+python -m eval.play --policy runs/my_run
+"""
+
+import logging
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from eval.play.controls import ALONE, controls, from_text
+from eval.play.serving import close_server, measured, open_server, show
+from eval.play.session import Session
+from eval.play.stage import OWNED, Stage
+from eval.rollout import parse_env_args
+from fbid_gym.checks import check_positive
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.policy import Policy
+from fbid_gym.robots import Robot
+from train.runs.exit_status import exit_status
+from train.runs.robots import chosen, of_policy
+
+DEFAULT_ENV = "fbid_gym/QuadrupedWalk-v0"
+
+
+@dataclass(frozen=True)
+class PlayConfig:
+    """Serve a page on which a robot moves in real time, is pushed, and changes its layer."""
+
+    env: Annotated[str | None, tyro.conf.Positional] = None
+    """Environment id. Default: that of the policy, or QuadrupedWalk-v0."""
+    policy: tuple[Path, ...] = ()
+    """Run folders or exported policies that can be chosen on the page; the first acts first."""
+    action_layer: str | None = None
+    """Layer to begin with. Default: the first policy's, or base_acceleration."""
+    beside: str | None = None
+    """Layer, or name of a policy, of a second robot under the same pushes and commands."""
+    robot: str | None = None
+    """Instead of the environment's or the policy's: a built-in robot, or your own: an MJCF, a URDF,
+    a robot.toml or a robot.zip."""
+    feet: tuple[str, ...] = ()
+    """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
+    env_args: str = "{}"
+    """Further environment arguments as a JSON object."""
+    settings: str = "{}"
+    """Settings as text, as the page shows them."""
+    host: str = "127.0.0.1"
+    """Address to listen on. Anybody who reaches it can push the robot."""
+    port: int = 8080
+    """Port to listen on; 0 for any that is free."""
+    measure: float | None = None
+    """Run for so many s with one viewer, print what share of a core it takes, and stop."""
+
+
+def stage_of(config: PlayConfig) -> Stage:
+    """Decide where the session plays; FbidError if the command line does not fit together."""
+    arguments = parse_env_args(config.env_args)
+    for name in ("robot", *OWNED):
+        if name in arguments and name not in ("layer_options", "terrain", "difficulty", "gait"):
+            expected = "an argument that is not the page's own; see --help"
+            raise InvalidValueError("--env-args", name, expected)
+    robot = chosen(config.robot, config.feet)
+    policies, env_id = {}, config.env
+    for path in config.policy:
+        policy = Policy.load(path)
+        env_id = env_id or policy.env_id
+        robot = _same(robot, of_policy(path, policy.env_args, robot), path)
+        name = path.name or str(path)
+        if name in policies:
+            raise InvalidValueError("--policy", str(path), f"one policy of the name {name}")
+        policies[name] = policy
+    if robot is not None:
+        arguments["robot"] = robot
+    if config.action_layer is not None or not policies:
+        arguments["action_layer"] = config.action_layer or "base_acceleration"
+    return Stage.of(env_id or DEFAULT_ENV, arguments, policies)
+
+
+def _same(robot: Robot | None, other: Robot | None, path: Path) -> Robot | None:
+    if robot is not None and other is not None and robot.digest != other.digest:
+        raise InvalidValueError("--policy", str(path), f"a policy for robot {robot.name!r}")
+    return robot or other
+
+
+def session_of(config: PlayConfig) -> Session:
+    """Build the session."""
+    stage = stage_of(config)
+    settings: dict[str, Any] = from_text(controls(stage), config.settings)
+    if config.action_layer is not None:
+        settings["layer"] = config.action_layer
+    if config.beside is not None:
+        settings["beside"] = ALONE if config.beside == "" else config.beside
+    return Session(stage, settings)
+
+
+def run(config: PlayConfig) -> None:
+    """Do what the command line asks, until it is interrupted."""
+    if config.measure is not None:
+        check_positive(measure=config.measure)
+    session = session_of(config)
+    server = open_server(config.host, config.port)
+    try:
+        if config.measure is not None:
+            share = measured(server, session, config.measure)
+            print(
+                f"{share.core:.2f} of a core, {share.frames:.0f} frames/s, "
+                f"{share.kept:.2f} s of the robots per second, with one viewer"
+            )
+            return
+        from eval.play.page import Page
+
+        page = Page(server, session)
+        print(f"{show(server)}  (Ctrl-C ends it)", flush=True)
+        page.run()
+    except KeyboardInterrupt:
+        print()
+    finally:
+        close_server(server)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line."""
+    logging.getLogger("websockets").setLevel(logging.ERROR)
+    config = tyro.cli(PlayConfig, args=arguments, prog="python -m eval.play", description=__doc__)
+    return exit_status(lambda: run(config))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

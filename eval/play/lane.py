@@ -1,0 +1,130 @@
+"""One robot of a session, with the layer and the policy that drive it."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from eval.play.carry import State, carried, imposed, pushed
+from eval.play.controls import ALONE, NO_POLICY, Settings
+from eval.play.stage import Stage
+from fbid_gym.envs.env_batch import EnvBatch, Step
+from fbid_gym.policy import Policy
+
+_ONLY = np.zeros(1, int)
+
+
+class Player(NamedTuple):
+    """Who drives a robot.
+
+    Attributes:
+        layer: name of the action layer.
+        policy: name of the policy, or "zero action".
+    """
+
+    layer: str
+    policy: str
+
+
+def players(stage: Stage, settings: Settings) -> list[Player]:
+    """Return who plays by these settings: one, or two side by side."""
+    found = [Player(settings["layer"], settings["policy"])]
+    beside = settings["beside"]
+    if beside in stage.policies:
+        found.append(Player(layer_of(stage.policies[beside]), beside))
+    elif beside != ALONE:
+        found.append(Player(beside, NO_POLICY))
+    return found
+
+
+def layer_of(policy: Policy) -> str:
+    """Return the layer through which a policy acts."""
+    return str(policy.env_args.get("action_layer", "joint_position"))
+
+
+class Lane:
+    """One robot, in a world of its own.
+
+    Attributes:
+        player: who drives it.
+        options: of the layer.
+        batch: the environment.
+        last: what its last policy step returned; None before the first.
+        action: (A,) of that step.
+        fallen: s since its fall; None while it is up.
+    """
+
+    def __init__(self, stage: Stage, player: Player, settings: Settings) -> None:
+        """Build the environment; `reset` or `take_over` before the first step.
+
+        Raises:
+            FbidError: the policy or a setting does not fit the environment.
+        """
+        policy = stage.policies.get(player.policy)
+        self.player = player
+        self.options = stage.options(player.layer, policy, settings["contact_limits"])
+        changes = {
+            "action_layer": player.layer,
+            "layer_options": self.options,
+            "terrain": settings["terrain"],
+            "difficulty": settings["difficulty"],
+        }
+        if "gait" in settings:
+            changes["gait"] = settings["gait"]
+        self.batch = EnvBatch(stage.config(changes), 1)
+        self._act = _actor(self.batch, policy)
+        self.last: Step | None = None
+        self.action = np.zeros(len(self.batch.action_names))
+        self.fallen: float | None = None
+
+    def reset(self, settings: Settings) -> None:
+        """Start an episode from the seed of the settings."""
+        self.batch.seed(0, np.random.default_rng(settings["seed"]))
+        self.batch.reset(_ONLY)
+        self.last, self.fallen = None, None
+        self.apply(settings)
+
+    def take_over(self, other: "Lane") -> None:
+        """Go on where another robot is, with a fresh memory of the layer."""
+        self.batch.load_state_dict(carried(other.state(), self.state()))
+        self.last, self.fallen = other.last, other.fallen
+
+    def apply(self, settings: Settings) -> None:
+        """Let settings that need no reset act from now on."""
+        self.batch.load_state_dict(imposed(self.batch, self.state(), settings))
+
+    def push(self, force: np.ndarray, steps: int) -> None:
+        """Push with a force (3,) N for some policy steps from now on; 0 steps end a push."""
+        self.batch.load_state_dict(pushed(self.batch, self.state(), force, steps))
+
+    def step(self) -> None:
+        """Go on by one policy step."""
+        self.action = self._act(self.batch.observation())[0]
+        self.last = self.batch.step(self.action[None])
+        ended = bool(self.last.terminated[0] or self.last.truncated[0])
+        if self.fallen is not None:
+            self.fallen += 1.0 / self.batch.rates.policy
+        elif ended:
+            self.fallen = 0.0
+
+    def state(self) -> State:
+        """Return copies of all that the future depends on."""
+        return self.batch.state_dict()
+
+    @property
+    def qpos(self) -> np.ndarray:
+        """(nq,) of the robot, a copy."""
+        return self.batch.simulation.qpos[0].copy()
+
+    @property
+    def push_force(self) -> np.ndarray:
+        """(3,) N, on the base, in the last step."""
+        return np.zeros(3) if self.last is None else self.last.info["push"][0]
+
+
+def _actor(batch: EnvBatch, policy: Policy | None) -> Callable[[np.ndarray], np.ndarray]:
+    size = len(batch.action_names)
+    if policy is None:
+        return lambda observation: np.zeros((len(observation), size))
+    policy.check(observation_size=batch.observation().shape[1], action_size=size)
+    return lambda observation: np.asarray(policy(observation), float)

@@ -1,0 +1,190 @@
+"""The page: scene, panel, overlays and plots of a session, kept up with it in real time."""
+
+import threading
+import time
+from typing import NamedTuple
+
+import numpy as np
+import viser
+
+from eval.play.insight import insight
+from eval.play.lane import Lane
+from eval.play.overlays import Overlays
+from eval.play.panel import Panel
+from eval.play.plots import Plots
+from eval.play.scene import Scene
+from eval.play.session import MOST_PUSH, Push, Session
+from fbid_gym.errors import FbidError
+
+DISPLAY_HZ = 60.0
+_OVERLAYS_HZ, _PLOTS_HZ, _STATUS_HZ = 15.0, 4.0, 4.0
+_PLOTTED_HZ = 25.0
+_PULL = 2.0  # weights of push per size of the robot that it is dragged
+_HELD = 0.25  # s that the push of a drag outlasts the last word of it
+_LATE = 0.1  # s of the session's time that are made up for, beyond them it is slower
+
+
+class Pace(NamedTuple):
+    """How a session keeps up.
+
+    Attributes:
+        time: s, of the robots.
+        wall: s, of the clock.
+        frames: drawn.
+        lost: s that were not made up for: the session was slower than the clock.
+    """
+
+    time: float
+    wall: float
+    frames: int
+    lost: float
+
+
+class Page:
+    """One session on one server; any number of viewers."""
+
+    def __init__(self, server: viser.ViserServer, session: Session) -> None:
+        """Send the page."""
+        self._server, self._session = server, session
+        server.gui.configure_theme(control_width="large", show_share_button=False)
+        server.gui.main_panel.dock_right()
+        self._panel = Panel(server, session)
+        self._scene = Scene(server, session.lanes, self._dragged)
+        self._plots: Plots | None = None
+        self._furnish()
+        self._stop = threading.Event()
+        self._accelerations: list[np.ndarray] = []
+        self._drawn = (-1, -1)
+        self._overlaid: object = None
+        self._due: dict[str, float] = {}
+        self.pace = Pace(0.0, 0.0, 0, 0.0)
+
+    def _furnish(self) -> None:
+        """Overlays and plots for the robots that there are."""
+        session, scene = self._session, self._scene
+        self._overlays = [
+            Overlays(self._server, body.root, scene.size, session.weight) for body in scene.bodies
+        ]
+        if self._plots is not None:
+            self._plots.remove()
+        self._plots = Plots(self._server, session.lanes)
+
+    def _dragged(self, moved: np.ndarray, over: bool) -> None:
+        """Push the robots along with the pointer."""
+        session = self._session
+        force = _PULL * session.weight / self._scene.size * moved
+        force *= min(
+            1.0, 0.999 * MOST_PUSH * session.weight / max(float(np.linalg.norm(force)), 1e-9)
+        )
+        if over:
+            force = np.zeros(3)
+        try:
+            session.submit(Push(tuple(force.tolist()), _HELD))
+        except FbidError:
+            return  # what is no number pushes nobody
+
+    def run(self, seconds: float | None = None) -> None:
+        """Go on in real time until `stop`, or for some seconds of the clock."""
+        session = self._session
+        begun = last = time.perf_counter()
+        behind = 0.0  # s of the clock that the robots have not gone through
+        while not self._stop.is_set():
+            now = time.perf_counter()
+            if seconds is not None and now - begun >= seconds:
+                return
+            self._settle()
+            step = 1.0 / (session.hz * session.settings["speed"])
+            behind, last = behind + now - last, now
+            lost = max(behind - step - _LATE, 0.0)
+            behind -= lost
+            while behind >= step:
+                behind -= step
+                self._step()
+            self._draw(1.0 if session.settings["paused"] else behind / step)
+            self.pace = Pace(
+                time=session.steps / session.hz,
+                wall=time.perf_counter() - begun,
+                frames=self.pace.frames + 1,
+                lost=self.pace.lost + lost,
+            )
+            self._stop.wait(max(1.0 / DISPLAY_HZ - (time.perf_counter() - now), 0.0))
+
+    def stop(self) -> None:
+        """Let `run` return."""
+        self._stop.set()
+
+    def _settle(self) -> None:
+        """Let requests take effect, and show other robots where they asked for them."""
+        session, version = self._session, self._session.version
+        session.settle()
+        if self._scene.cast(session.lanes):
+            self._furnish()
+        if session.settings["paused"] and session.version != version:
+            self._scene.look(session.lanes)  # who was reset is somewhere else
+
+    def _step(self) -> None:
+        """Go on by a policy step, unless paused."""
+        session = self._session
+        before = [_com_velocity(lane) for lane in session.lanes]
+        if not session.advance():
+            return
+        self._settle()
+        self._accelerations = [
+            (_com_velocity(lane) - velocity) * session.hz
+            for lane, velocity in zip(session.lanes, before, strict=False)
+        ]
+        self._scene.look(session.lanes)
+        if self._is_due("noted", _PLOTTED_HZ):
+            assert self._plots is not None
+            self._plots.note(session.steps / session.hz, session.lanes)
+
+    def _draw(self, share: float) -> None:
+        """Send what has changed: who is paused stands still."""
+        session = self._session
+        now = session.steps, session.version
+        if now != self._drawn or not session.settings["paused"]:
+            with self._server.atomic():
+                self._scene.draw(session.lanes, min(share, 1.0), session.weight)
+        self._drawn = now
+        seen = (*now, self._panel.shown)
+        if seen != self._overlaid and self._is_due("overlays", _OVERLAYS_HZ):
+            self._overlaid = seen
+            with self._server.atomic():
+                self._draw_overlays()
+        if self._plots is not None and self._is_due("plots", _PLOTS_HZ):
+            self._plots.draw()
+        if self._is_due("status", _STATUS_HZ):
+            self._panel.show(self._status())
+
+    def _draw_overlays(self) -> None:
+        shown, lanes = self._panel.shown, self._session.lanes
+        for place, (lane, overlays) in enumerate(zip(lanes, self._overlays, strict=True)):
+            known = place < len(self._accelerations)
+            achieved = self._accelerations[place] if known else np.full(3, np.nan)
+            if shown:
+                overlays.draw(shown, insight(lane), achieved)
+            else:
+                overlays.hide()
+
+    def _is_due(self, what: str, hz: float) -> bool:
+        now = time.perf_counter()
+        if now < self._due.get(what, 0.0):
+            return False
+        self._due[what] = now + 1.0 / hz
+        return True
+
+    def _status(self) -> str:
+        session = self._session
+        words = [f"**{session.steps / session.hz:.1f} s**"]
+        if session.settings["paused"]:
+            words.append("paused")
+        for place, lane in enumerate(session.lanes):
+            if lane.fallen is not None:
+                words.append(f"robot {place + 1} is down")
+        if session.refused:
+            words.append(f"refused: {session.refused}")
+        return ", ".join(words)
+
+
+def _com_velocity(lane: Lane) -> np.ndarray:
+    return lane.batch.simulation.terms().com_velocity[0].copy()

@@ -1,0 +1,106 @@
+"""Live plots of the last seconds."""
+
+from collections import deque
+
+import numpy as np
+import viser
+from viser import uplot
+
+from eval.play.lane import Lane
+from fbid_gym.tasks import Walk
+
+_SECONDS, _HZ = 8.0, 25.0
+_COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#7f7f7f")
+
+
+class Plots:
+    """Velocity beside its command, torques as shares of their limits, the law's figures."""
+
+    def __init__(self, server: viser.ViserServer, lanes: list[Lane]) -> None:
+        """Send empty plots for these robots."""
+        self._walks = isinstance(lanes[0].batch.task, Walk)
+        ways = ("ahead", "to the left") if self._walks else ("x", "y")
+        two = [f" {place + 1}" for place in range(len(lanes))] if len(lanes) > 1 else [""]
+        speeds = [f"{way}{mark}" for mark in two for way in ways]
+        commands = [f"{way}, command" for way in ways] if self._walks else []
+        joints = list(lanes[0].batch.robot.joint_names)
+        law = [f"{name}{mark}" for mark in two for name in ("residual", "saturation")]
+        self._folder = server.gui.add_folder("Plots", expand_by_default=False)
+        with self._folder:
+            self._handles = [
+                _plot(server, "velocity of the base (m/s)", [*speeds, *commands], True),
+                _plot(server, "torques of robot 1, shares of their limits", joints, False),
+                _plot(server, "law: residual (weights), saturation (share)", law, True),
+            ]
+        length = round(_SECONDS * _HZ)
+        self._rows: list[deque[np.ndarray]] = [deque(maxlen=length) for _ in self._handles]
+        self._times: deque[float] = deque(maxlen=length)
+        self._sent = -1.0
+
+    def note(self, time: float, lanes: list[Lane]) -> None:
+        """Take the figures of the last policy step, at a time in s of the session."""
+        if any(lane.last is None for lane in lanes):
+            return
+        speeds = [_velocity(lane, self._walks) for lane in lanes]
+        commands = [_command(lanes[0])] if self._walks else []
+        first = lanes[0].batch
+        shares = lanes[0].last.info["torque"][0] / first.robot.torque_limit  # type: ignore[union-attr]
+        law = [_figures(lane) for lane in lanes]
+        rows = (np.concatenate([*speeds, *commands]), shares, np.concatenate(law))
+        for kept, row in zip(self._rows, rows, strict=True):
+            kept.append(row)
+        self._times.append(time)
+
+    def remove(self) -> None:
+        """Take them off the page."""
+        self._folder.remove()
+
+    def draw(self) -> None:
+        """Send what was noted."""
+        if len(self._times) < 2 or self._times[-1] == self._sent:
+            return
+        self._sent = self._times[-1]
+        times = np.array(self._times)
+        for handle, rows in zip(self._handles, self._rows, strict=True):
+            handle.data = (times, *np.array(rows).T)
+
+
+def _plot(
+    server: viser.ViserServer, title: str, names: list[str], legend: bool
+) -> viser.GuiUplotHandle:
+    lines = [
+        uplot.Series(label=name, stroke=_COLOURS[k % len(_COLOURS)], width=1)
+        for k, name in enumerate(names)
+    ]
+    return server.gui.add_uplot(
+        tuple(np.zeros(2) for _ in range(1 + len(names))),
+        (uplot.Series(label="s"), *lines),
+        title=title,
+        scales={"x": uplot.Scale(time=False, auto=True)},
+        legend=uplot.Legend(show=legend),
+        height=170,
+    )
+
+
+def _velocity(lane: Lane, walks: bool) -> np.ndarray:
+    """(2,) m/s, of the base: along its heading where there is a command, else in the world."""
+    velocity = lane.batch.simulation.qvel[0, :2].copy()
+    if not walks:
+        return velocity
+    ahead = lane.batch.simulation.terms().world_from_base[0, :2, 0]
+    ahead = ahead / max(np.linalg.norm(ahead), 1e-9)
+    return np.array([ahead @ velocity, ahead[0] * velocity[1] - ahead[1] * velocity[0]])
+
+
+def _command(lane: Lane) -> np.ndarray:
+    names = list(lane.batch.task.observation_names)
+    first = names.index("commanded velocity ahead (m/s)")
+    return lane.batch.observation()[0, first : first + 2].astype(float)
+
+
+def _figures(lane: Lane) -> np.ndarray:
+    """(2,) the law's residual, NaN where there is no law, and the saturation."""
+    info = {} if lane.last is None else lane.last.info
+    return np.array(
+        [float(info.get(n, [np.nan])[0]) for n in ("layer_residual", "layer_saturation")]
+    )

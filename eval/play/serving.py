@@ -1,0 +1,117 @@
+"""The server of the page: which address, which port, and what it costs."""
+
+import io
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+import webbrowser
+from contextlib import redirect_stdout
+from typing import Any, NamedTuple
+
+from eval.play.session import Session
+from fbid_gym.checks import count
+from fbid_gym.errors import FbidError, InvalidValueError
+
+_VIEWER = """
+import sys, websockets.sync.client as client
+with client.connect(sys.argv[1], subprotocols=[sys.argv[2]], max_size=None) as page:
+    while True:
+        page.recv()
+"""
+
+
+class Share(NamedTuple):
+    """What a session took of a core, with one viewer.
+
+    Attributes:
+        core: share of one core, of all threads.
+        kept: s of the robots per s of the clock.
+        frames: drawn per s.
+    """
+
+    core: float
+    kept: float
+    frames: float
+
+
+def open_server(host: str, port: int) -> Any:
+    """Return a server of pages; the caller stops it.
+
+    Args:
+        host: address to listen on.
+        port: of 0 to 65535; 0 for any that is free.
+
+    Raises:
+        FbidError: viser is not installed, the address is not this machine's, the port is taken.
+    """
+    try:
+        import viser
+    except ImportError as error:
+        raise FbidError(
+            f"The page needs viser ({error}). Install it: make play, or pip install viser."
+        ) from error
+    if not 0 <= count("port", port) <= 65535:
+        raise InvalidValueError("port", port, "a number from 0 to 65535")
+    with socket.socket() as probe:
+        # As the server does: a port that has just been let go is free.
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except (OSError, OverflowError) as error:
+            expected = f"an address of this machine whose port is free ({error})"
+            raise InvalidValueError("host and port", f"{host}:{port}", expected) from error
+        free = probe.getsockname()[1]
+    with redirect_stdout(io.StringIO()):  # it announces itself in a box
+        server = viser.ViserServer(host=host, port=free, label="fbid_gym", verbose=False)
+    # Any viewer could ask for a tunnel through which the world sees the page. None gets one.
+    server.request_share_url = lambda verbose=False: None  # type: ignore[method-assign]
+    return server
+
+
+def close_server(server: Any) -> None:
+    """Stop a server, and do not talk about it."""
+    with redirect_stdout(io.StringIO()):
+        server.stop()
+
+
+def show(server: Any) -> str:
+    """Return the address of the page; opened in a browser where there is a display."""
+    address = f"http://{server.get_host()}:{server.get_port()}"
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+    return address
+
+
+def measured(server: Any, session: Session, seconds: float) -> Share:
+    """Run a session for some seconds with a viewer in another process, and tell what it takes."""
+    from eval.play.page import Page
+
+    page = Page(server, session)
+    viewer = subprocess.Popen([sys.executable, "-c", _VIEWER, _socket(server), _protocol()])
+    try:
+        page.run(min(2.0, seconds))  # until the viewer has what it needs
+        steps, frames = session.steps, page.pace.frames
+        begun, busy = time.perf_counter(), time.process_time()
+        page.run(seconds)
+        wall, busy = time.perf_counter() - begun, time.process_time() - busy
+    finally:
+        viewer.kill()
+        viewer.wait()
+    return Share(
+        core=busy / wall,
+        kept=(session.steps - steps) / session.hz / wall,
+        frames=(page.pace.frames - frames) / wall,
+    )
+
+
+def _socket(server: Any) -> str:
+    return f"ws://{server.get_host()}:{server.get_port()}"
+
+
+def _protocol() -> str:
+    import viser
+
+    return f"viser-v{viser.__version__}"

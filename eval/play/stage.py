@@ -1,0 +1,123 @@
+"""What stays while a session runs: environment, robot, and the policies that were named."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from fbid_gym.actions import layer_options, walking_layer_options
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.policy import Policy
+from fbid_gym.tasks import Task
+
+MOST_PUSH_SECONDS = 2.0
+_DAY = 86_400.0
+
+# Set on the page, or made so that episodes do not end and nothing but the page pushes.
+OWNED = (
+    "action_layer",
+    "layer_options",
+    "terrain",
+    "difficulty",
+    "gait",
+    "curriculum",
+    "randomisation",
+    "episode_seconds",
+    "push_force",
+    "push_velocity",
+    "push_duration",
+    "push_interval",
+    "command_interval",
+    "height_interval",
+    "render_mode",
+    "num_threads",
+)
+"""Arguments of an environment that are a session's own."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Where a session plays.
+
+    Attributes:
+        env_id: a registered environment.
+        arguments: further ones of the environment; of those in `OWNED`, with what it begins.
+        policies: those that can be chosen, by name.
+        first: name of the one that acts first, or "zero action".
+    """
+
+    env_id: str
+    arguments: Mapping[str, Any]
+    policies: Mapping[str, Policy]
+    first: str
+
+    @classmethod
+    def of(
+        cls, env_id: str, arguments: Mapping[str, Any], policies: Mapping[str, Policy]
+    ) -> "Stage":
+        """Check and build; the first policy acts first.
+
+        Raises:
+            FbidError: no such environment, or arguments or a policy that do not fit it.
+        """
+        if env_id not in ENVIRONMENTS:
+            raise UnknownOptionError("environment", env_id, ENVIRONMENTS)
+        for name, policy in policies.items():
+            if policy.env_id != env_id:
+                raise InvalidValueError(f"policy {name}", policy.env_id, f"a policy for {env_id}")
+        return cls(env_id, dict(arguments), dict(policies), next(iter(policies), "zero action"))
+
+    @cached_property
+    def own(self) -> dict[str, Any]:
+        """Arguments of the environment as the session begins."""
+        given = {**ENVIRONMENTS[self.env_id], **self.arguments}
+        if self.first in self.policies:
+            trained = self.policies[self.first].env_args
+            chosen = ("action_layer", "layer_options", "gait")
+            given |= {name: trained[name] for name in chosen if name in trained}
+        return given
+
+    @property
+    def contact_limits(self) -> str:
+        """With which the session begins."""
+        return str((self.own.get("layer_options") or {}).get("contact_limits", "friction"))
+
+    def config(self, changes: Mapping[str, Any]) -> EnvConfig:
+        """Return the configuration of an environment that goes on for a day.
+
+        Pushes last as long as a policy step, and there is room for as many as the longest push
+        takes; commands are one for all time.
+        """
+        plain = EnvConfig.of({**self.own, **changes})
+        slots = round(MOST_PUSH_SECONDS * plain.rates().policy)
+        endless = {
+            "episode_seconds": _DAY,
+            "push_force": (0.0, 0.0),
+            "push_velocity": (0.0, 0.0),
+            "push_duration": 1.0 / plain.rates().policy,
+            "push_interval": (_DAY / slots, _DAY / slots),
+            "randomisation": {"action_delay": (0.0, 0.1)},
+            "curriculum": False,
+        }
+        for name in ("command_interval", "height_interval"):
+            if name in plain.as_dict():
+                endless[name] = (_DAY, _DAY)
+        return EnvConfig.of({**self.own, **changes, **endless})
+
+    def task(self) -> Task:
+        """Return the task."""
+        config = self.config({})
+        return config.make_task(config.load_robot())
+
+    def options(self, layer: str, policy: Policy | None, contact_limits: str) -> dict[str, Any]:
+        """Return the options of a layer: those a policy was trained with, and the limits."""
+        known = walking_layer_options if self.own["task"] == "walk" else layer_options
+        begun = self.own if layer == self.own.get("action_layer", "joint_position") else {}
+        given = policy.env_args if policy is not None else begun
+        options = dict(given.get("layer_options") or {})
+        usual = known(layer)
+        if "contact_limits" in usual:
+            options = {"friction": usual["friction"], **options, "contact_limits": contact_limits}
+        return options
