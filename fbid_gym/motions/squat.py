@@ -16,7 +16,7 @@ import numpy as np
 from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.motions.curves import Curve, cosine, rise
 from fbid_gym.motions.kinematics import base_on_feet, home_points, seen_from_feet
-from fbid_gym.motions.table import MotionTable
+from fbid_gym.motions.table import MotionTable, table_ticks
 from fbid_gym.robots import Robot
 
 LEAN, LEAN_PER_KNEE, LEAN_PER_PITCH = -0.0578, -0.4070, 0.1153
@@ -56,7 +56,7 @@ def squat_bow(robot: Robot, *, speed: float = 1.0, hz: int = 500) -> MotionTable
     """
     if not (np.isfinite(speed) and speed > 0):
         raise InvalidValueError("speed", speed, "a positive, finite number")
-    ticks = round(SECONDS / speed * hz)
+    ticks = table_ticks("speed", speed, SECONDS / speed, hz)
     time = np.arange(ticks + 1) / hz
     squat_hz, bow_hz = _SQUAT_HZ * speed, _BOW_HZ * speed
     extension = rise(time, *(moment / speed for moment in _EXTENSION))
@@ -98,7 +98,7 @@ def period_ticks(name: str, frequency: float, hz: int) -> int:
     """Return the ticks of one period, or raise an error unless they are a whole number."""
     if not (np.isfinite(frequency) and 0 < frequency <= hz / 10):
         raise InvalidValueError(name, frequency, f"a positive number of Hz up to {hz / 10:g}")
-    ticks = round(hz / frequency)
+    ticks = table_ticks(name, frequency, 1.0 / frequency, hz)
     if abs(ticks * frequency / hz - 1.0) > 1e-9:
         raise InvalidValueError(name, frequency, f"a divisor of {hz} Hz, the ticks per second")
     return ticks

@@ -1,16 +1,25 @@
 """Task `squat`: squat and bow on planted feet, [M10] IV.B."""
 
 from functools import lru_cache
+from typing import Annotated
 
 from fbid_gym.motions import squat_bow
+from fbid_gym.options import Number, checked
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.tracking import Tracking
 
 
+@checked
 def squat(
-    robot: Robot, seconds: float, hz: int, pushes: Pushes, start: Start, *, speed: float = 1.0
+    robot: Robot,
+    seconds: float,
+    hz: int,
+    pushes: Pushes,
+    start: Start,
+    *,
+    speed: Annotated[float, Number(0.01, 20.0)] = 1.0,
 ) -> Tracking:
     """Build the task.
 

@@ -1,14 +1,17 @@
 """Task `step`: squat while stepping in place, under pushes, [M10] IV.D."""
 
 from functools import lru_cache
+from typing import Annotated
 
 from fbid_gym.motions import MotionTable, Steps, stepping
+from fbid_gym.options import Number, checked
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.tracking import Tracking
 
 
+@checked
 def step(
     robot: Robot,
     seconds: float,
@@ -16,8 +19,8 @@ def step(
     pushes: Pushes,
     start: Start,
     *,
-    step_seconds: float = 3.0,
-    lift_seconds: float = 0.25,
+    step_seconds: Annotated[float, Number(0.01, 1000.0, "s")] = 3.0,
+    lift_seconds: Annotated[float, Number(0.0, 1000.0, "s")] = 0.25,
 ) -> Tracking:
     """Build the task.
 
