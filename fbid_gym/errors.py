@@ -39,7 +39,9 @@ class UnknownOptionError(FbidError):
     def __init__(self, kind: str, value: object, choices: Iterable[str]) -> None:
         """Store the data and build the message."""
         self.kind, self.value, self.choices = kind, value, tuple(choices)
-        super().__init__(f"Unknown {kind} {shown(value)}. Valid choices: {', '.join(self.choices)}.")
+        super().__init__(
+            f"Unknown {kind} {shown(value)}. Valid choices: {', '.join(self.choices)}."
+        )
 
 
 class InvalidValueError(FbidError):

@@ -1,6 +1,7 @@
 """Options as data: which values each takes is said beside it, and checked in one place.
 
-A keyword argument of a constructor, or a field of a dataclass, says in its annotation what it takes:
+A keyword argument of a constructor, or a field of a dataclass, says in its annotation what it
+takes:
 
     scale: Annotated[float, Number(1e-6, 100.0, "rad")] = 0.3
     gait: Annotated[str, Choice(("trot", "pace"))] | None = None
@@ -22,7 +23,8 @@ import numpy as np
 from fbid_gym.checks import is_number
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 
-P, T = ParamSpec("P"), TypeVar("T")
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 class Kind(Protocol):
@@ -82,7 +84,7 @@ class Whole:
     def words(self) -> str:
         """See `Kind`."""
         unit = f" {self.unit}" if self.unit else ""
-        return f"a whole number from {_text(self.least)} to {_text(self.most)}{unit}"
+        return f"a whole number from {self.least:,} to {self.most:,}{unit}"
 
     def check(self, name: str, value: Any) -> int:
         """See `Kind`."""
@@ -226,8 +228,7 @@ def _keywords(build: Callable[..., Any]) -> Iterator[Option]:
             yield _option(parameter.name, parameter.default, parameter.annotation)
 
 
-@functools.cache
-def _fields(kind: type) -> tuple[Option, ...]:
+def _fields(kind: Any) -> tuple[Option, ...]:
     return tuple(_option(field.name, field.default, field.type) for field in fields(kind))
 
 
@@ -242,4 +243,4 @@ def _option(name: str, default: Any, annotation: Any) -> Option:
 
 
 def _text(bound: float) -> str:
-    return f"{bound:g}" if abs(bound) < 1e5 or abs(bound) > 1e12 else f"{bound:,.0f}"
+    return f"{bound:,.0f}" if abs(bound) >= 1000 else np.format_float_positional(bound, trim="-")

@@ -31,15 +31,14 @@ class Footholds:
 
     @classmethod
     @checked
-    def of(
-        cls, robot: Robot, *, footholds: bool = False, step_rate: bool = False
-    ) -> "Footholds":
+    def of(cls, robot: Robot, *, footholds: bool = False, step_rate: bool = False) -> "Footholds":
         """Return what steers the gait of a robot.
 
         Args:
             robot: whose feet.
             footholds: whether the action moves the next foothold of each foot, by up to a fifth of
-                the height of the centre of mass. Default: where the layer acts on the whole body.
+                the height of the centre of mass. Those of the layers
+                `base_acceleration` and `com_wrench` do unless told otherwise.
             step_rate: whether the action changes the gait's frequency.
         """
         scale = _MOST_SHIFT * float(Stance.of(robot).home_com[2])

@@ -1,10 +1,7 @@
-"""What the numbers among the options of the layers may be: for robots of 0.1 kg to 1 t, and more."""
+"""What the numbers among the options of the layers may be: more than any robot needs."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
-
-import numpy as np
 
 from fbid_gym.actions.falling import Falling
 from fbid_gym.errors import InvalidValueError
@@ -23,7 +20,7 @@ class Hertz:
     @property
     def words(self) -> str:
         """See `fbid_gym.options.Kind`."""
-        return " or ".join([self._number.words, *(f"{word!r}" for word in self.also)])
+        return " or ".join([self._number.words, *(f'"{word}"' for word in self.also)])
 
     def check(self, name: str, value: Any) -> Any:
         """See `fbid_gym.options.Kind`."""

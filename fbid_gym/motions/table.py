@@ -17,7 +17,7 @@ _RATE_TOLERANCE = 0.02
 _UNIT_TOLERANCE = 1e-9
 
 
-MOST_TICKS = 200_000
+MOST_TICKS = 100_000
 """Rows that a table may have; all of them are planned beforehand."""
 
 

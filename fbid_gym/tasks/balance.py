@@ -79,7 +79,10 @@ class Balance:
         pushes: Pushes,
         start: Start,
         *,
-        height_range: Annotated[tuple[float, float], Pair(FALLEN_HEIGHT + 0.01, 1.49)] = (0.94, 1.0),
+        height_range: Annotated[tuple[float, float], Pair(FALLEN_HEIGHT + 0.01, 1.49)] = (
+            0.94,
+            1.0,
+        ),
         height_interval: Annotated[tuple[float, float], Pair(1e-4, 1e9, "s")] = (2.0, 4.0),
     ) -> "Balance":
         """Build the task.

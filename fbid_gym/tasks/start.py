@@ -8,7 +8,6 @@ import numpy as np
 from fbid_gym.options import Number, check_fields
 from fbid_gym.robots import Robot
 
-
 Noise = Annotated[float, Number(0.0, 1.0)]
 
 

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.options import Choice
 from fbid_gym.motions.gait import flat_feet, point_feet, point_gait, walking
 from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.options import Choice
 from fbid_gym.quantities import DynamicsTerms, Memory
 from fbid_gym.robots import Robot
 
