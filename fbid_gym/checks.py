@@ -102,9 +102,10 @@ def contiguous(array: np.ndarray) -> np.ndarray:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a real number, of Python or NumPy; True and False are none."""
-    kinds = int | float | np.integer | np.floating
-    return isinstance(value, kinds) and not isinstance(value, bool)
+    """Whether a value is a real number that a float can hold; True and False are none."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return abs(value) <= sys.float_info.max
+    return isinstance(value, float | np.integer | np.floating)
 
 
 def _is_finite(value: Any) -> bool:
