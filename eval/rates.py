@@ -12,7 +12,10 @@ from typing import Annotated, Any
 import tyro
 
 from eval.pages import RATES_PAGE, splice
-from eval.walking import ROBOTS, Trial, Walked, WalkingConfig, walk
+from eval.walking import ROBOTS, Push, Seconds, Trial, Walked, WalkingConfig, walk
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs.chunks import NUM_ENVS
+from fbid_gym.options import Choice, Each, check_fields
 from train.runs.exit_status import exit_status
 
 EXACT: dict[str, Any] = {
@@ -40,15 +43,18 @@ WITHIN = 0.1
 class RatesConfig:
     """Walk without a policy at several rates, and tell what they change."""
 
-    robots: tuple[str, ...] = ("go1", "biped", "humanoid")
+    robots: Annotated[tuple[str, ...], Each(Choice(ROBOTS, "robot"))] = ("go1", "biped", "humanoid")
     """Built-in robots, each with its first gait."""
-    layers: tuple[str, ...] = ("base_acceleration", "joint_position")
+    layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = (
+        "base_acceleration",
+        "joint_position",
+    )
     """Action layers."""
-    episodes: int = 32
+    episodes: Annotated[int, NUM_ENVS] = 32
     """Robots that walk side by side, environment i with seed i."""
-    seconds: float = 20.0
+    seconds: Seconds = 20.0
     """Length of an episode."""
-    push: float = 0.0
+    push: Push = 0.0
     """N, of pushes of 0.15 s every 1.5 to 3 s in a random direction."""
     steps: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Also the settings between the dearest and the cheapest: which of them makes a difference."""
@@ -103,7 +109,8 @@ def rows(config: RatesConfig) -> Iterator[str]:
 
 
 def main(config: RatesConfig) -> None:
-    """Walk, print, write."""
+    """Walk, print, write; what can be refused is refused before."""
+    check_fields(config)
     table = f"{config.episodes} robots each, {config.seconds:g} s, pushes of {config.push:g} N.\n"
     for row in rows(config):
         print(row, flush=True)

@@ -13,11 +13,12 @@ import tyro
 
 from eval.pages import WALKING_PAGE, splice
 from fbid_gym.actions import LAYERS
-from fbid_gym.checks import check_at_least_zero, check_choices, check_positive, whole_number
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.motions.gait.schedule import PATTERNS
+from fbid_gym.options import Choice, Each, Number, check_fields
 from train.runs.exit_status import exit_status
 
 _QUADRUPED = tuple(gait for gait in PATTERNS if gait != "stand")
@@ -31,19 +32,23 @@ ROBOTS: dict[str, tuple[str, tuple[str | None, ...]]] = {
 """Robot -> the environment that it walks in, and its gaits; None for the only one."""
 
 
+Seconds = Annotated[float, Number(0.02, 10_000.0, "s")]
+Push = Annotated[float, Number(0.0, 1e6, "N")]
+
+
 @dataclass(frozen=True)
 class WalkingConfig:
     """Walk without a policy through every layer, and tell how well."""
 
-    robots: tuple[str, ...] = tuple(ROBOTS)
+    robots: Annotated[tuple[str, ...], Each(Choice(ROBOTS, "robot"))] = tuple(ROBOTS)
     """Built-in robots."""
-    layers: tuple[str, ...] = tuple(LAYERS)
+    layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = tuple(LAYERS)
     """Action layers."""
-    episodes: int = 32
+    episodes: Annotated[int, NUM_ENVS] = 32
     """Robots that walk side by side, environment i with seed i."""
-    seconds: float = 20.0
+    seconds: Seconds = 20.0
     """Length of an episode."""
-    push: float = 0.0
+    push: Push = 0.0
     """N, of pushes of 0.15 s every 1.5 to 3 s in a random direction."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Put the table into docs/walking.md."""
@@ -182,11 +187,7 @@ def rows(config: WalkingConfig) -> Iterator[str]:
 
 def run(config: WalkingConfig) -> None:
     """Walk, print, write; what can be refused is refused before."""
-    check_choices("robot", config.robots, ROBOTS)
-    check_choices("action layer", config.layers, LAYERS)
-    whole_number("episodes", config.episodes)
-    check_positive(seconds=config.seconds)
-    check_at_least_zero(push=config.push)
+    check_fields(config)
     said = f"{config.episodes} robots each, {config.seconds:g} s, pushes of {config.push:g} N."
     table = f"{said}\n"
     for row in rows(config):

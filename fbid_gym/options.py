@@ -152,6 +152,24 @@ class Choice:
 
 
 @dataclass(frozen=True)
+class Each:
+    """One or more values, each of a kind."""
+
+    kind: Kind
+
+    @property
+    def words(self) -> str:
+        """See `Kind`."""
+        return f"one or more, each {self.kind.words}"
+
+    def check(self, name: str, value: Any) -> tuple[Any, ...]:
+        """See `Kind`."""
+        if not isinstance(value, list | tuple) or not value:
+            raise InvalidValueError(name, value, self.words)
+        return tuple(self.kind.check(name, one) for one in value)
+
+
+@dataclass(frozen=True)
 class Option:
     """An option: its name, its default, and what it takes.
 

@@ -42,14 +42,14 @@ class Hostile:
 
 
 NONSENSE = (
-    "text", "12", b"1", {0.5, 1.0}, np.nan, -np.inf, -1e150, -1e300, 10**400, -(10**5000), 1j, [], {},
-    np.array(["a"]), np.zeros((2, 2)), np.float32("nan"), np.ma.masked, Decimal("NaN"), object(),
+    "text", "12", b"1", {0.5, 1.0}, np.nan, -np.inf, -1e150, -1e300, 10**400, -(10**5000), 1j,
+    [], {}, np.array(["a"]), np.zeros((2, 2)), np.float32("nan"), np.ma.masked, Decimal("NaN"), object(),
     Hostile(), "x" * 10**5, int,
 )  # fmt: skip
 HUGE = (1e150, 1e300, 10**30)
 PAIRS = (
-    (np.nan, 1), (1e300, 1e300), (-1e300, 1e300), (1, 10**400), ("1", "2"), (None, 1), (1,), (1, 2, 3),
-    {0.5: 1, 1.0: 2}, (2.0, 1.0), (1j, 2), ({1}, {2}), "ab", 1.0,
+    (np.nan, 1), (1e300, 1e300), (-1e300, 1e300), (1, 10**400), ("1", "2"), (None, 1), (1,),
+    (1, 2, 3), {0.5: 1, 1.0: 2}, (2.0, 1.0), (1j, 2), ({1}, {2}), "ab", 1.0,
 )  # fmt: skip
 
 

@@ -13,7 +13,10 @@ from fbid_gym.errors import InvalidValueError
 
 def parse_object(text: str) -> dict[str, Any]:
     """Read a JSON object; ValueError if the text is none."""
-    value = json.loads(text)
+    try:
+        value = json.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
     if not isinstance(value, dict):
         raise ValueError(f"{text!r} is not a JSON object")
     return value
@@ -139,10 +142,11 @@ class TrainConfig:
         Raises:
             InvalidValueError: names the value and what is valid.
         """
-        for name, least in _LEAST.items():
+        for name, (least, most) in _WHOLE.items():
             value = _at(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise InvalidValueError(name, value, f"an integer of at least {least}")
+            if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+                expected = f"an integer of at least {least}, and at most {most:,}"
+                raise InvalidValueError(name, value, expected)
         for name, (low, high) in _RANGES.items():
             value = _at(self, name)
             if not low <= value <= high:
@@ -154,12 +158,16 @@ class TrainConfig:
         end = self.ppo.learning_rate_end
         if end is not None and not 0.0 <= end <= 1.0:
             raise InvalidValueError("ppo.learning_rate_end", end, "a number from 0 to 1 or None")
-        if any(width < 1 for width in self.ppo.hidden):
-            raise InvalidValueError("ppo.hidden", self.ppo.hidden, "positive widths")
+        if any(not 1 <= width <= _WIDEST for width in self.ppo.hidden):
+            expected = f"positive widths of at most {_WIDEST:,}"
+            raise InvalidValueError("ppo.hidden", self.ppo.hidden, expected)
         if self.iteration_steps < 2:
             raise InvalidValueError(
                 "ppo.n_steps", self.ppo.n_steps, "num_envs * ppo.n_steps of at least 2"
             )
+        if self.iteration_steps > _MOST_STEPS:
+            expected = f"num_envs * ppo.n_steps of at most {_MOST_STEPS:,}; all are kept"
+            raise InvalidValueError("ppo.n_steps", self.ppo.n_steps, expected)
         if self.iteration_steps % self.batch_size:
             raise InvalidValueError(
                 "ppo.batch_size",
@@ -219,11 +227,15 @@ class TrainConfig:
         return json.loads(json.dumps(data))
 
 
-_LEAST = {
-    "seed": 0, "total_steps": 1, "num_envs": 1, "num_threads": 0, "torch_threads": 1,
-    "checkpoint_every": 0, "ppo.n_steps": 1, "ppo.batch_size": 2, "ppo.n_epochs": 1,
-    "eval.every": 0, "eval.episodes": 1, "eval.seed": 0,
+_LARGE = 2**53  # beyond, floats that count skip numbers
+_WHOLE = {
+    "seed": (0, 2**32 - 1), "total_steps": (1, _LARGE), "num_envs": (1, 65_536),
+    "num_threads": (0, 1024), "torch_threads": (1, 1024), "checkpoint_every": (0, _LARGE),
+    "ppo.n_steps": (1, _LARGE), "ppo.batch_size": (2, _LARGE), "ppo.n_epochs": (1, 10_000),
+    "eval.every": (0, _LARGE), "eval.episodes": (1, 65_536), "eval.seed": (0, 2**32 - 1),
 }  # fmt: skip
+_WIDEST = 65_536  # units of a layer
+_MOST_STEPS = 100_000_000  # of an iteration
 _RANGES = {
     "ppo.learning_rate": (0.0, 1.0), "ppo.gamma": (0.0, 1.0), "ppo.gae_lambda": (0.0, 1.0),
     "ppo.clip_range": (1e-6, 1.0), "ppo.ent_coef": (0.0, 1.0), "ppo.vf_coef": (0.0, 10.0),
