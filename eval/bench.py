@@ -15,9 +15,11 @@ import tyro
 
 from eval.benchmark import controllers, environments, laws, learning, memory
 from eval.benchmark.figures import Section
-from eval.files import to_json, write
+from eval.files import check_folder, to_json, write
 from eval.pages import BENCHMARK_PAGE, splice, spliced
 from fbid_gym.actions import LAYERS
+from fbid_gym.envs.chunks import NUM_ENVS
+from fbid_gym.options import Choice, Each, Whole, check_fields
 from fbid_gym.robots import ROBOTS
 from train.runs.exit_status import exit_status
 from train.runs.versions import versions
@@ -29,16 +31,18 @@ SectionName = Literal["laws", "controllers", "layers", "threads", "single", "ppo
 class BenchConfig:
     """Measure what the action layers cost."""
 
-    sections: tuple[SectionName, ...] = get_args(SectionName)
+    sections: Annotated[tuple[SectionName, ...], Each(Choice(get_args(SectionName)))] = get_args(
+        SectionName
+    )
     """What to measure: the laws per control tick, layers on the tasks they are for, environment
     steps by layer and by thread, a single robot, PPO beside Humanoid-v5, resident memory."""
-    robots: tuple[str, ...] = tuple(ROBOTS)
+    robots: Annotated[tuple[str, ...], Each(Choice(ROBOTS, "robot"))] = tuple(ROBOTS)
     """Built-in robots."""
-    layers: tuple[str, ...] = tuple(LAYERS)
+    layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = tuple(LAYERS)
     """Action layers. `torque` is always among them: the others are compared to it."""
-    num_envs: int = 64
+    num_envs: Annotated[int, NUM_ENVS] = 64
     """Robots side by side."""
-    rounds: int = 9
+    rounds: Annotated[int, Whole(1, 10_000)] = 9
     """Rounds; every figure is the median over them."""
     out: Path = Path("runs/bench")
     """Folder for bench.json and bench.md."""
@@ -69,7 +73,9 @@ def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Sectio
 
 
 def main(config: BenchConfig) -> None:
-    """Measure, print, write."""
+    """Measure, print, write; what can be refused is refused before."""
+    check_fields(config)
+    check_folder(config.out, "out")
     if config.write_docs:
         spliced(BENCHMARK_PAGE, "")  # before minutes of measuring
     load = os.getloadavg()[0]

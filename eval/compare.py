@@ -16,7 +16,7 @@ from eval.files import check_output, to_json, write
 from eval.report import page
 from eval.results import Settings
 from eval.wording import headline
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.options import check_fields
 from train.environments import register
 from train.runs.exit_status import exit_status
 from train.runs.reading import load
@@ -43,9 +43,9 @@ class CompareConfig:
 
 def run(config: CompareConfig, console: Console, command: list[str]) -> None:
     """Compare, then write the page and its numbers."""
-    register(config.register)
+    check_fields(config.settings)
     check_output(config.out, "out", (".html", ".htm"))
-    check(config.settings)
+    register(config.register)
     robot = chosen(config.robot, config.feet)
     runs = [load(path, robot) for path in config.runs]
     with console.status("comparing") as status:
@@ -61,17 +61,6 @@ def run(config: CompareConfig, console: Console, command: list[str]) -> None:
         console.print(f"[yellow]warning:[/] {warning}")
     console.print(headline(comparison))
     console.print(f"wrote {config.out}")
-
-
-def check(settings: Settings) -> None:
-    """Raise InvalidValueError for settings that make no sense."""
-    for name in ("episodes", "sweep_episodes", "samples"):
-        if getattr(settings, name) < 1:
-            raise InvalidValueError(name, getattr(settings, name), "a positive number")
-    if not 0 < settings.confidence < 1:
-        raise InvalidValueError("confidence", settings.confidence, "a number between 0 and 1")
-    if any(share <= 0 for share in settings.sweep):
-        raise InvalidValueError("sweep", settings.sweep, "positive multiples of the hardest push")
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -13,18 +13,19 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
 from rich.table import Table
 
 from eval.compare import main as compare
-from eval.files import check_output
+from eval.files import check_folder, check_output
 from eval.rollout import Player
 from eval.video import record
-from fbid_gym.checks import check_positive
+from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.options import Choice, Each, Number, Whole, check_fields
 from train.environments import make_env
 from train.recipes import config_for
 from train.runs import robots
@@ -49,19 +50,22 @@ class DemoConfig:
     or a robot.zip."""
     feet: tuple[str, ...] = ()
     """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
-    layers: tuple[str, ...] = ("base_acceleration", "joint_position")
+    layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = (
+        "base_acceleration",
+        "joint_position",
+    )
     """Action layers. The slowest first keeps all cores busy to the end."""
-    seeds: tuple[int, ...] = (0, 1)
+    seeds: Annotated[tuple[int, ...], Each(Whole(0, 2**31))] = (0, 1)
     """Seeds of each layer."""
-    total_steps: int = 245_760
+    total_steps: Annotated[int, Whole(1, 10**12)] = 245_760
     """Environment steps of each run."""
-    evaluations: int = 5
+    evaluations: Annotated[int, Whole(1, 1000)] = 5
     """Evaluations of each run, evenly spread."""
-    episodes: int = 16
+    episodes: Annotated[int, Whole(1, 65_536)] = 16
     """Episodes of each evaluation."""
-    video_seconds: float = 8.0
+    video_seconds: Annotated[float, Number(0.0, 600.0, "s")] = 8.0
     """Length of the videos, s. 0: none."""
-    jobs: int = field(default_factory=lambda: cores())
+    jobs: Annotated[int, Whole(1, 1024)] = field(default_factory=lambda: cores())
     """Runs at the same time, one core each."""
 
 
@@ -73,7 +77,6 @@ _HARDER: dict[str, dict[str, Any]] = {
 
 def trainings(config: DemoConfig) -> dict[tuple[str, int], TrainConfig]:
     """Return the runs by layer and seed, in the order in which they are started."""
-    check_positive(total_steps=config.total_steps, evaluations=config.evaluations)
     every = max(config.total_steps // config.evaluations, 1)
     return {
         (layer, seed): replace(
@@ -150,6 +153,8 @@ def _error(row: Mapping[str, str]) -> str:
 
 def main(config: DemoConfig) -> int:
     """Film, train, compare, report; return the exit status."""
+    check_fields(config)
+    check_folder(config.out, "out")
     console = Console()
     began = time.monotonic()
     if config.video_seconds > 0:

@@ -12,7 +12,10 @@ from typing import Annotated, Any
 import tyro
 
 from eval.pages import RATES_PAGE, splice
-from eval.walking import Trial, Walked, WalkingConfig, gaits, walk
+from eval.walking import Push, Seconds, Trial, Walked, WalkingConfig, gaits, walk
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs.chunks import NUM_ENVS
+from fbid_gym.options import Choice, Each, check_fields
 from train.runs.exit_status import exit_status
 from train.runs.robots import chosen
 
@@ -43,13 +46,16 @@ class RatesConfig:
 
     robots: tuple[str, ...] = ("go1", "biped", "humanoid")
     """Built-in robots or your own, each with its first gait."""
-    layers: tuple[str, ...] = ("base_acceleration", "joint_position")
+    layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = (
+        "base_acceleration",
+        "joint_position",
+    )
     """Action layers."""
-    episodes: int = 32
+    episodes: Annotated[int, NUM_ENVS] = 32
     """Robots that walk side by side, environment i with seed i."""
-    seconds: float = 20.0
+    seconds: Seconds = 20.0
     """Length of an episode."""
-    push: float = 0.0
+    push: Push = 0.0
     """N, of pushes of 0.15 s every 1.5 to 3 s in a random direction."""
     steps: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Also the settings between the dearest and the cheapest: which of them makes a difference."""
@@ -105,7 +111,8 @@ def rows(config: RatesConfig) -> Iterator[str]:
 
 
 def main(config: RatesConfig) -> None:
-    """Walk, print, write."""
+    """Walk, print, write; what can be refused is refused before."""
+    check_fields(config)
     table = f"{config.episodes} robots each, {config.seconds:g} s, pushes of {config.push:g} N.\n"
     for row in rows(config):
         print(row, flush=True)

@@ -7,37 +7,39 @@ first and the intervals are over runs only.
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+
+from fbid_gym.options import Each, Number, Whole
 
 
 @dataclass(frozen=True)
 class Settings:
     """How runs are compared."""
 
-    episodes: int = 50
+    episodes: Annotated[int, Whole(1, 1_000_000)] = 50
     """Deterministic episodes per run, and for the zero action of each layer."""
-    seed: int = 20_000
+    seed: Annotated[int, Whole(0, 2**63)] = 20_000
     """Of the episodes: the same for every run, and none that training evaluates on."""
-    threshold: float | None = None
+    threshold: Annotated[float, Number(-1e9, 1e9)] | None = None
     """Return whose first crossing is timed. None: `threshold_share` of the way from the lowest
     first to the highest last evaluation of any layer."""
-    threshold_share: float = 0.9
+    threshold_share: Annotated[float, Number(0.0, 1.0)] = 0.9
     """See `threshold`."""
-    sweep: tuple[float, ...] = (0.5, 0.75, 1.0, 1.25)
+    sweep: Annotated[tuple[float, ...], Each(Number(0.001, 1000.0))] = (0.5, 0.75, 1.0, 1.25)
     """Sizes of push at which survival is measured, relative to the hardest of training."""
-    sweep_episodes: int = 16
+    sweep_episodes: Annotated[int, Whole(1, 1_000_000)] = 16
     """Episodes per run and size of push."""
-    sweep_seconds: float = 5.0
+    sweep_seconds: Annotated[float, Number(0.1, 10_000.0, "s")] = 5.0
     """Length of these episodes, s."""
-    video_seconds: float = 6.0
+    video_seconds: Annotated[float, Number(0.0, 600.0, "s")] = 6.0
     """Length of the clips, s. 0: none."""
-    video_push: float = 0.75
+    video_push: Annotated[float, Number(0.0, 1000.0)] = 0.75
     """Size of the pushes in the clips, relative to the hardest of training."""
-    confidence: float = 0.95
+    confidence: Annotated[float, Number(0.01, 0.9999)] = 0.95
     """Of the intervals."""
-    samples: int = 5000
+    samples: Annotated[int, Whole(1, 1_000_000)] = 5000
     """Bootstrap samples."""
 
 

@@ -20,8 +20,9 @@ from rich.table import Table
 
 from eval.files import check_output, to_json, write
 from eval.video import record
-from fbid_gym.checks import check_positive, count
+from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.options import Number, Whole, check_fields
 from fbid_gym.policy import Policy
 from fbid_gym.robots import Robot
 from train.environments import make_env, make_envs, register, step_seconds
@@ -73,7 +74,11 @@ class Player:
         Raises:
             PolicyFileError: the policy does not fit the spaces of the environment.
         """
-        (observation_size,), (action_size,) = observations.shape or (), actions.shape or ()
+        boxes = [space for space in (observations, actions) if isinstance(space, gym.spaces.Box)]
+        if [len(space.shape) for space in boxes] != [1, 1]:
+            expected = "an environment whose observations and actions are boxes of one axis"
+            raise InvalidValueError("env", self.env_id, expected)
+        (observation_size,), (action_size,) = (space.shape for space in boxes)
         if self.policy is None:
             return lambda observation: np.zeros((len(observation), action_size), dtype=np.float32)
         self.policy.check(observation_size=observation_size, action_size=action_size)
@@ -155,17 +160,17 @@ class RolloutConfig:
     """Modules to import first, which register environments of yours."""
     env_args: str = "{}"
     """Further environment arguments as a JSON object; they replace those of the run."""
-    episodes: int = 50
+    episodes: Annotated[int, Whole(1, 1_000_000)] = 50
     """How many episodes, each played to its end."""
-    num_envs: int | None = None
+    num_envs: Annotated[int, NUM_ENVS] | None = None
     """How many at a time. Default: all, up to 128."""
-    seed: int = 0
+    seed: Annotated[int, Whole(0, 2**63)] = 0
     """Environment i starts from seed + i."""
     out: Path | None = None
     """Write the metrics: .json (summary and episodes) or .csv (one row per episode)."""
     video: Path | None = None
     """Write the first episode as an .mp4."""
-    video_seconds: float = 10.0
+    video_seconds: Annotated[float, Number(0.01, 600.0, "s")] = 10.0
     """Longest video, s."""
 
 
@@ -261,9 +266,8 @@ def metrics_csv(episodes: Episodes) -> str:
 
 def run(config: RolloutConfig, console: Console) -> None:
     """Do what the command line asks."""
+    check_fields(config)
     register(config.register)
-    count("seed", config.seed)
-    check_positive(video_seconds=config.video_seconds)
     if config.out is not None:
         check_output(config.out, "out", (".json", ".csv"))
     if config.video is not None:

@@ -12,11 +12,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import tyro
 
-from eval.walking import ready
+from eval.walking import Seconds, ready
 from fbid_gym.actions import LAYERS
-from fbid_gym.checks import check_choices, check_positive, whole_number
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.envs.chunks import NUM_ENVS
+from fbid_gym.options import Choice, Each, Number, check_fields
 from fbid_gym.robots.terrain import LEVELLED
 from train.runs.exit_status import exit_status
 from train.runs.robots import chosen
@@ -24,27 +24,37 @@ from train.runs.robots import chosen
 PAGE = Path("docs/terrain.md")
 
 
+WALKING = [env for env, given in ENVIRONMENTS.items() if given["task"] == "walk"]
+
+
 @dataclass(frozen=True)
 class TerrainConfig:
     """Walk over every kind of ground without a policy, and tell how many stay up."""
 
-    envs: tuple[str, ...] = ("fbid_gym/QuadrupedTerrain-v0", "fbid_gym/BipedTerrain-v0")
+    envs: Annotated[tuple[str, ...], Each(Choice(WALKING, "environment"))] = (
+        "fbid_gym/QuadrupedTerrain-v0",
+        "fbid_gym/BipedTerrain-v0",
+    )
     """Environments."""
     robot: str | None = None
     """A robot instead of the environments' own: a built-in one, or your own file."""
     feet: tuple[str, ...] = ()
     """Its feet, as `foot` or `foot=point,point`, where the file does not say."""
-    layers: tuple[str, ...] = ("base_acceleration", "com_wrench", "joint_position")
+    layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = (
+        "base_acceleration",
+        "com_wrench",
+        "joint_position",
+    )
     """Action layers."""
-    terrains: tuple[str, ...] = LEVELLED
+    terrains: Annotated[tuple[str, ...], Each(Choice(LEVELLED, "terrain"))] = LEVELLED
     """Kinds of ground."""
-    difficulties: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
+    difficulties: Annotated[tuple[float, ...], Each(Number(0.0, 1.0))] = (0.0, 0.25, 0.5, 0.75, 1.0)
     """From 0 to 1."""
     scans: tuple[bool, ...] = (False, True)
     """Whether the robot sees the ground."""
-    robots: int = 32
+    robots: Annotated[int, NUM_ENVS] = 32
     """How many walk side by side, robot i with seed i."""
-    seconds: float = 20.0
+    seconds: Seconds = 20.0
     """Length of an episode."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Write docs/terrain.md."""
@@ -141,16 +151,8 @@ def page(config: TerrainConfig, lines: list[str]) -> str:
 
 def run(config: TerrainConfig) -> None:
     """Walk, print the table and write it where asked to; what can be refused is refused before."""
-    walking = [env for env, given in ENVIRONMENTS.items() if given["task"] == "walk"]
-    check_choices("environment", config.envs, walking)
-    check_choices("action layer", config.layers, LAYERS)
-    check_choices("terrain", config.terrains, LEVELLED)
-    for difficulty in config.difficulties:
-        if not 0.0 <= difficulty <= 1.0:
-            raise InvalidValueError("difficulty", difficulty, "a number from 0 to 1")
+    check_fields(config)
     chosen(config.robot, config.feet)
-    whole_number("robots", config.robots)
-    check_positive(seconds=config.seconds)
     lines = []
     for row in rows(config):
         walked = [walk(row, difficulty, config) for difficulty in config.difficulties]

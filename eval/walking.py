@@ -13,12 +13,13 @@ import tyro
 
 from eval.pages import WALKING_PAGE, splice
 from fbid_gym.actions import LAYERS
-from fbid_gym.checks import check_at_least_zero, check_choices, check_positive, whole_number
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.schedule import PATTERNS
+from fbid_gym.options import Choice, Each, Number, check_fields
 from fbid_gym.robots import Robot
 from train.runs.exit_status import exit_status
 from train.runs.robots import chosen
@@ -29,19 +30,23 @@ ROBOTS = ("go1", "quadruped", "biped", "humanoid", "g1")
 _PATTERNS = tuple(gait for gait in PATTERNS if gait != "stand")
 
 
+Seconds = Annotated[float, Number(0.02, 10_000.0, "s")]
+Push = Annotated[float, Number(0.0, 1e6, "N")]
+
+
 @dataclass(frozen=True)
 class WalkingConfig:
     """Walk without a policy through every layer, and tell how well."""
 
     robots: tuple[str, ...] = ROBOTS
     """Built-in robots, or your own: paths as `--robot` of other commands takes them."""
-    layers: tuple[str, ...] = tuple(LAYERS)
+    layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = tuple(LAYERS)
     """Action layers."""
-    episodes: int = 32
+    episodes: Annotated[int, NUM_ENVS] = 32
     """Robots that walk side by side, environment i with seed i."""
-    seconds: float = 20.0
+    seconds: Seconds = 20.0
     """Length of an episode."""
-    push: float = 0.0
+    push: Push = 0.0
     """N, of pushes of 0.15 s every 1.5 to 3 s in a random direction."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Put the table into docs/walking.md."""
@@ -197,10 +202,7 @@ def rows(config: WalkingConfig) -> Iterator[str]:
 
 def run(config: WalkingConfig) -> None:
     """Walk, print, write; what can be refused is refused before."""
-    check_choices("action layer", config.layers, LAYERS)
-    whole_number("episodes", config.episodes)
-    check_positive(seconds=config.seconds)
-    check_at_least_zero(push=config.push)
+    check_fields(config)
     trials(config)
     said = f"{config.episodes} robots each, {config.seconds:g} s, pushes of {config.push:g} N."
     table = f"{said}\n"

@@ -22,7 +22,14 @@ register()
 def __getattr__(name: str) -> Any:
     # stable-baselines3 brings torch: seconds that only those who train with it should wait for.
     if name == "make_sb3":
-        from fbid_gym.envs.sb3 import make_sb3
-
+        try:
+            from fbid_gym.envs.sb3 import make_sb3
+        except ModuleNotFoundError as error:
+            if (error.name or "").partition(".")[0] not in ("stable_baselines3", "torch"):
+                raise
+            raise FbidError(
+                f"make_sb3 needs {error.name}, which is not installed. It comes with the extra "
+                "'train': pip install 'fbid_gym[train]'."
+            ) from error
         return make_sb3
     raise AttributeError(f"module 'fbid_gym' has no attribute {name!r}")

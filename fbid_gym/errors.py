@@ -5,7 +5,22 @@ it. Errors are raised at the boundary, before any state changes or any file is w
 the data they talk about.
 """
 
+import re
+import reprlib
 from collections.abc import Iterable
+
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel, _SHORT.maxlong = 6, 60
+_SHORT.maxstring = _SHORT.maxother = 400
+_SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = _SHORT.maxset = _SHORT.maxfrozenset = 40
+
+
+def shown(value: object) -> str:
+    """Return a value as messages show it: on one line, cut where it is long, whatever it is."""
+    try:
+        return re.sub(r"\n\s*", " ", _SHORT.repr(value))
+    except Exception:  # a repr of its own that fails, or an integer of too many digits
+        return f"<{type(value).__name__}>"
 
 
 class FbidError(Exception):
@@ -24,7 +39,9 @@ class UnknownOptionError(FbidError):
     def __init__(self, kind: str, value: object, choices: Iterable[str]) -> None:
         """Store the data and build the message."""
         self.kind, self.value, self.choices = kind, value, tuple(choices)
-        super().__init__(f"Unknown {kind} {value!r}. Valid choices: {', '.join(self.choices)}.")
+        super().__init__(
+            f"Unknown {kind} {shown(value)}. Valid choices: {', '.join(self.choices)}."
+        )
 
 
 class InvalidValueError(FbidError):
@@ -39,7 +56,7 @@ class InvalidValueError(FbidError):
     def __init__(self, name: str, value: object, expected: str) -> None:
         """Store the data and build the message."""
         self.name, self.value, self.expected = name, value, expected
-        super().__init__(f"Invalid {name}: {value!r}. Expected {expected}.")
+        super().__init__(f"Invalid {name}: {shown(value)}. Expected {expected}.")
 
 
 class ShapeError(FbidError):

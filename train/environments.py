@@ -34,7 +34,7 @@ def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> Vector
         UnknownOptionError: no such id.
         InvalidValueError: arguments the environment does not take.
     """
-    options = dict(env_args)
+    options = _own_arguments(env_args)
     if env_id in ENVIRONMENTS:
         options.setdefault("num_threads", min(cores(), num_envs))
     return _make(lambda: gym.make_vec(env_id, num_envs=num_envs, **options), env_id, env_args)
@@ -42,8 +42,15 @@ def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> Vector
 
 def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
     """Make one environment that draws itself. Raises as `make_envs`."""
-    options = {**env_args, "render_mode": "rgb_array"}
+    options = {**_own_arguments(env_args), "render_mode": "rgb_array"}
     return _make(lambda: gym.make(env_id, **options), env_id, env_args)
+
+
+def _own_arguments(env_args: Mapping[str, Any]) -> dict[str, Any]:
+    for name in ("id", "num_envs"):
+        if name in env_args:
+            raise InvalidValueError("environment arguments", dict(env_args), f"no {name!r}")
+    return dict(env_args)
 
 
 def _make(build: Any, env_id: str, env_args: Mapping[str, Any]) -> Any:

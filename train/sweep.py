@@ -13,6 +13,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from fbid_gym.options import Whole, check_fields
 from train.runs.config import cores
 from train.runs.exit_status import exit_status
 from train.runs.jobs import run_jobs
@@ -28,7 +29,7 @@ class SweepConfig:
     """TOML file, see `train.runs.study`."""
     out: Path | None = None
     """Folder of the runs; by default `runs` and the study's name."""
-    workers: int = field(default_factory=lambda: cores())
+    workers: Annotated[int, Whole(1, 1024)] = field(default_factory=lambda: cores())
     """Trainings at the same time, one core each."""
     dry_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Show where the study stands, and run nothing."""
@@ -63,6 +64,7 @@ def _reason(cell: Cell) -> str:
 
 def main(config: SweepConfig) -> int:
     """Train; return the exit status."""
+    check_fields(config)
     console, study = Console(), read_study(config.study, config.out)
     failed = frozenset[str]()
     if not config.dry_run:

@@ -17,14 +17,16 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from eval.files import read_json, write
+from eval.files import check_folder, read_json, write
 from eval.pages import PAPERS_PAGE, splice, spliced
 from eval.papers.experiment import OUT, Experiment, drawn, load
 from eval.papers.page import Paper, Section, page
 from eval.papers.registry import PAPERS, experiments
 from eval.papers.summary import summary
-from fbid_gym.errors import FbidError, RunError
+from fbid_gym.errors import RunError
+from fbid_gym.options import Whole, check_fields
 from train.runs.config import cores
+from train.runs.exit_status import exit_status
 from train.runs.jobs import Job, Progress, run_jobs
 
 _LOG = "log.txt"
@@ -40,7 +42,7 @@ class PapersConfig:
     """Fewer robots, shorter runs, coarser sweeps: to see that everything works."""
     out: Path = OUT
     """Folder of the data and of report.html."""
-    jobs: int = field(default_factory=cores)
+    jobs: Annotated[int, Whole(1, 1024)] = field(default_factory=cores)
     """Experiments at the same time, one core each."""
     page_only: bool = False
     """Put the page together from the sections that are there."""
@@ -82,13 +84,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line. An error of ours is one line and exit status 2."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     config = tyro.cli(PapersConfig, prog="python -m eval.papers", args=given, description=__doc__)
+    return exit_status(lambda: run(config, given))
+
+
+def run(config: PapersConfig, given: Sequence[str]) -> int:
+    """Run, put the page together, write; what can be refused is refused before.
+
+    Args:
+        config: what to do.
+        given: the command line, for the page.
+    """
+    check_fields(config)
+    check_folder(config.out, "out")
+    chosen = experiments(PAPERS, config.only)
     console = Console()
     began = time.monotonic()
-    try:
-        chosen = experiments(PAPERS, config.only)
-    except FbidError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     if config.write_docs:
         spliced(PAPERS_PAGE, "")  # before minutes of experiments
     failed: list[Job] = []
@@ -98,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for experiment, stale in product(order, ("progress.json", "section.html")):
             (experiment.folder(config.out) / stale).unlink(missing_ok=True)
         jobs = [_job(experiment, config) for experiment in order]
-        failed = run_jobs(jobs, max(config.jobs, 1), console, keep_going=True)
+        failed = run_jobs(jobs, config.jobs, console, keep_going=True)
     papers = [
         Paper(entry.title, entry.about, [_section(experiment, config) for experiment in some])
         for entry, some in chosen.items()

@@ -17,8 +17,9 @@ import tyro
 
 from eval.files import read_json, to_json, write
 from eval.papers.parts import Finding
-from fbid_gym.errors import FbidError, RunError
+from fbid_gym.errors import RunError
 from fbid_gym.reading import MOST_DATA, read_file
+from train.runs.exit_status import exit_status
 
 OUT = Path("runs/papers")
 _SHOWN_EVERY = 1.0
@@ -226,20 +227,19 @@ def main(experiment: Experiment) -> NoReturn:
         ScriptConfig, prog=f"python -m {experiment.module}",
         description=f"{experiment.title}. {experiment.about}",
     )  # fmt: skip
+    sys.exit(exit_status(lambda: _perform(experiment, config)))
+
+
+def _perform(experiment: Experiment, config: ScriptConfig) -> None:
     folder = experiment.folder(config.out)
-    try:
-        if not config.draw_only:
-            began = time.monotonic()
-            setting = Setting(config.quick, Progress(folder / "progress.json"))
-            result = experiment.run(setting)
-            seconds = time.monotonic() - began
-            save(experiment, config.out, result, {"quick": config.quick, "seconds": seconds})
-        result, run = load(experiment, config.out)
-        write(folder / "section.html", drawn(experiment, result))
-    except FbidError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+    if not config.draw_only:
+        began = time.monotonic()
+        setting = Setting(config.quick, Progress(folder / "progress.json"))
+        result = experiment.run(setting)
+        seconds = time.monotonic() - began
+        save(experiment, config.out, result, {"quick": config.quick, "seconds": seconds})
+    result, run = load(experiment, config.out)
+    write(folder / "section.html", drawn(experiment, result))
     for finding in result.findings:
         print(f"{finding.what}: {finding.ours} (paper: {finding.paper})")
     print(f"{run.seconds:.0f} s. Section: {folder / 'section.html'}")
-    sys.exit(0)

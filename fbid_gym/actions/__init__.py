@@ -5,8 +5,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.com_wrench import ComWrench
 from fbid_gym.actions.footholds import Footholds
@@ -22,7 +20,7 @@ from fbid_gym.actions.walking_joints import (
     walking_joint_position,
     walking_torque,
 )
-from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.options import Choice, Option, check_names, options_of
 from fbid_gym.robots import Robot
 
 __all__ = [
@@ -57,17 +55,19 @@ WALKING_LAYERS: dict[str, Callable[..., ActionLayer]] = {
 }
 """The same layers on a gait, called as `(robot, control_hz, omega, **options)`."""
 
-STEERING = ("footholds", "step_rate")
-"""Options of every layer on a gait: whether the action moves the next footholds, and whether it
-changes the gait's frequency."""
+_STEERS = ("base_acceleration", "com_wrench")  # the footholds, by default
 
-_STEERS = ("base_acceleration", "com_wrench")  # by default
+
+def walking_options(name: str) -> dict[str, Option]:
+    """Return the options of a layer on a gait; what steers the gait every layer has."""
+    steering = options_of(Footholds.of)
+    steering["footholds"] = replace(steering["footholds"], default=name in _STEERS)
+    return options_of(_layer(name, WALKING_LAYERS)) | steering
 
 
 def walking_layer_options(name: str) -> dict[str, Any]:
     """Return the options of a layer on a gait, with their defaults."""
-    own = _flat(_own_options(_layer(name, WALKING_LAYERS)))
-    return own | {"footholds": name in _STEERS, "step_rate": False}
+    return {option.name: option.default for option in walking_options(name).values()}
 
 
 def make_walking_layer(
@@ -90,22 +90,18 @@ def make_walking_layer(
         FbidError: unknown layer, unknown option or invalid value; the message names the choices.
     """
     valid = walking_layer_options(name)
-    for option in options or {}:
-        if option not in valid:
-            raise UnknownOptionError(f"option of action layer {name!r} on a gait", option, valid)
-    given = valid | dict(options or {})
-    steers = {option: given.pop(option) for option in STEERING}
-    for option, value in steers.items():
-        if not isinstance(value, bool | np.bool_):
-            raise InvalidValueError(option, value, "True or False")
+    given = dict(options or {})
+    check_names(f"option of action layer {name!r} on a gait", given, valid)
+    steering = options_of(Footholds.of)
+    steers = {option: given.pop(option, valid[option]) for option in steering}
     build = WALKING_LAYERS[name]
-    layer = build(robot, control_hz, omega, **_grouped(_own_options(build), given))
+    layer = build(robot, control_hz, omega, **_grouped(build, given))
     return layer, Footholds.of(robot, **steers)
 
 
 def layer_options(name: str) -> dict[str, Any]:
     """Return the options of a layer with their defaults, those about contacts among them."""
-    return _flat(_own_options(_layer(name)))
+    return {option.name: option.default for option in options_of(_layer(name)).values()}
 
 
 def make_layer(
@@ -122,39 +118,22 @@ def make_layer(
     Raises:
         FbidError: unknown layer, unknown option or invalid value; the message names the choices.
     """
-    build, valid = _layer(name), layer_options(name)
-    given = dict(options or {})
-    for option in given:
-        if option not in valid:
-            raise UnknownOptionError(f"option of action layer {name!r}", option, valid or ["none"])
-    return build(robot, control_hz, **_grouped(_own_options(build), given))
+    build, given = _layer(name), dict(options or {})
+    check_names(f"option of action layer {name!r}", given, layer_options(name))
+    return build(robot, control_hz, **_grouped(build, given))
 
 
-def _own_options(build: Callable[..., ActionLayer]) -> dict[str, Any]:
-    """The keyword arguments of a layer's constructor; `contact` holds those about contacts."""
-    parameters = inspect.signature(build).parameters.values()
-    return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
-
-
-def _flat(own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options of a constructor with keyword arguments `own`, one by one."""
-    options = dict(own)
-    contact = options.pop("contact", None)
-    return options if contact is None else options | vars(contact)
-
-
-def _grouped(own: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options one by one as such a constructor takes them."""
+def _grouped(build: Callable[..., ActionLayer], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options given one by one as a constructor takes them: `contact` holds some."""
+    own = inspect.signature(build).parameters
     if "contact" not in own:
         return dict(given)
     about_contacts = {name: value for name, value in given.items() if name not in own}
     rest = {name: value for name, value in given.items() if name in own}
-    return rest | {"contact": replace(own["contact"], **about_contacts)}
+    return rest | {"contact": replace(own["contact"].default, **about_contacts)}
 
 
 def _layer(
     name: str, layers: Mapping[str, Callable[..., ActionLayer]] = LAYERS
 ) -> Callable[..., ActionLayer]:
-    if name not in layers:
-        raise UnknownOptionError("action layer", name, layers)
-    return layers[name]
+    return layers[Choice(layers).check("action layer", name)]

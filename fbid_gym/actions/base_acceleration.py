@@ -10,11 +10,12 @@ from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.law_memory import DIAGNOSTICS
-from fbid_gym.checks import check_positive
+from fbid_gym.actions.ranges import DampingRatio, Frequency, Priority
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
+from fbid_gym.options import checked
 from fbid_gym.quantities import DynamicsTerms, Heading, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot, multiply, multiply_transposed
@@ -72,17 +73,18 @@ class BaseAcceleration:
     scale: np.ndarray
 
     @classmethod
+    @checked
     def of(
         cls,
         robot: Robot,
         control_hz: int,
         *,
-        balance_frequency: float | Falling = Falling(1.7),
-        height_frequency: float | Falling = Falling(2.0),
-        rotation_frequency: float | Falling = Falling(2.0),
-        posture_frequency: float | Falling = Falling(1.7),
-        damping_ratio: float = 1.0,
-        base_priority: float = 1e3,
+        balance_frequency: Frequency = Falling(1.7),
+        height_frequency: Frequency = Falling(2.0),
+        rotation_frequency: Frequency = Falling(2.0),
+        posture_frequency: Frequency = Falling(1.7),
+        damping_ratio: DampingRatio = 1.0,
+        base_priority: Priority = 1e3,
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "BaseAcceleration":
         """Build the layer.
@@ -108,7 +110,6 @@ class BaseAcceleration:
             rotation_frequency=rotation_frequency,
             posture_frequency=posture_frequency,
         )
-        check_positive(**frequencies, damping_ratio=damping_ratio, base_priority=base_priority)
         balance, height, rotation, posture = 2.0 * np.pi * np.array(list(frequencies.values()))
         law = AccelerationLaw.of(robot, control_hz, contact, base_priority=base_priority)
         stance = Stance.of(robot)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -9,13 +10,13 @@ from fbid_gym.actions.balance_law import BalanceLaw, PostureGains, desired_wrenc
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.law_memory import DIAGNOSTICS
-from fbid_gym.checks import check_positive
+from fbid_gym.actions.ranges import DampingRatio, Frequency, Priority
 from fbid_gym.control import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, INVERSE_DYNAMICS, OTT2011
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.errors import UnknownOptionError
+from fbid_gym.options import Choice, checked
 from fbid_gym.quantities import CentroidalTerms, DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
@@ -64,19 +65,20 @@ class ComWrench:
     scale: np.ndarray
 
     @classmethod
+    @checked
     def of(
         cls,
         robot: Robot,
         control_hz: int,
         *,
-        balancer: str = "garofalo2015",
-        balance_frequency: float | Falling = Falling(1.2),
-        height_frequency: float | Falling = Falling(2.0),
-        rotation_frequency: float | Falling = Falling(2.0),
-        posture_frequency: float | Falling = Falling(1.7),
-        swing_frequency: float | Falling = Falling(6.8),
-        damping_ratio: float = 1.5,
-        moment_priority: float = 1.0,
+        balancer: Annotated[str, Choice(BALANCERS)] = "garofalo2015",
+        balance_frequency: Frequency = Falling(1.2),
+        height_frequency: Frequency = Falling(2.0),
+        rotation_frequency: Frequency = Falling(2.0),
+        posture_frequency: Frequency = Falling(1.7),
+        swing_frequency: Frequency = Falling(6.8),
+        damping_ratio: DampingRatio = 1.5,
+        moment_priority: Priority = 1.0,
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "ComWrench":
         """Build the layer.
@@ -98,8 +100,6 @@ class ComWrench:
                 deliver both.
             contact: what it assumes of contacts.
         """
-        if balancer not in BALANCERS:
-            raise UnknownOptionError("balancer", balancer, BALANCERS)
         frequencies = in_hertz(
             robot,
             balance_frequency=balance_frequency,
@@ -108,7 +108,6 @@ class ComWrench:
             posture_frequency=posture_frequency,
             swing_frequency=swing_frequency,
         )
-        check_positive(**frequencies, damping_ratio=damping_ratio, moment_priority=moment_priority)
         balance, height, rotation, posture, swing = map(float, frequencies.values())
         stance = Stance.of(robot)
         inertia = turning_inertia(robot, balancer)

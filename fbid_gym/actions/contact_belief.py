@@ -1,10 +1,11 @@
 """Which contact points a model-based layer takes to be on the ground."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.options import Choice, Number
 from fbid_gym.quantities import ActivePoints, Reference, RobotState
 from fbid_gym.robots import Robot
 
@@ -14,6 +15,9 @@ ContactBelief = Callable[[RobotState, Reference], ActivePoints]
 Schedule = Sequence[tuple[float, Sequence[str]]]
 
 CONTACTS = ("planned", "all", "measured", "a schedule [(seconds, feet), ...]")
+
+LONGEST_SCHEDULE = 100_000
+"""Control ticks of a schedule; all of them are kept."""
 
 MEASURED_LOAD = 0.005
 """Share of the robot's weight that a point must carry to count as measured contact."""
@@ -64,21 +68,26 @@ def _loaded(force: np.ndarray, least: float) -> ActivePoints:
 
 def _schedule_table(schedule: Schedule, robot: Robot, control_hz: int) -> np.ndarray:
     """Points in contact at each control tick of one period: (T, P) bool."""
-    phases = []
-    expected = f"phases (seconds >= {1 / control_hz:g}, feet on the ground)"
-    for phase in schedule if np.iterable(schedule) else [None]:
-        try:
-            seconds, feet = phase
-            valid = 0.5 <= seconds * control_hz < np.inf and np.iterable(feet)
-        except (TypeError, ValueError):
-            valid = False
-        if not valid or isinstance(feet, str):
+    longest = LONGEST_SCHEDULE / control_hz
+    expected = f"phases (seconds >= {1 / control_hz:g}, feet on the ground), {longest:g} s in all"
+    seconds = Number(0.0, longest)
+    if not isinstance(schedule, Sequence):
+        raise InvalidValueError("contacts", schedule, expected)
+    phases, ticks = [], 0
+    for phase in schedule:
+        if not isinstance(phase, Sequence) or len(phase) != 2 or not seconds.holds(phase[0]):
+            raise InvalidValueError("contacts", schedule, expected)
+        feet = phase[1]
+        if not isinstance(feet, Collection) or isinstance(feet, str):
             raise InvalidValueError("contacts", schedule, expected)
         for foot in feet:
-            if foot not in robot.foot_names:
-                raise UnknownOptionError("foot in contacts", foot, robot.foot_names)
+            Choice(robot.foot_names).check("foot in contacts", foot)
         down = [np.full(len(foot.points), foot.name in feet) for foot in robot.feet]
-        phases.append(np.tile(np.concatenate(down), (round(seconds * control_hz), 1)))
+        lasting = round(phase[0] * control_hz)
+        ticks += lasting
+        if lasting < 1 or ticks > LONGEST_SCHEDULE:
+            raise InvalidValueError("contacts", schedule, expected)
+        phases.append(np.tile(np.concatenate(down), (lasting, 1)))
     if not phases:
         raise InvalidValueError("contacts", schedule, "at least one phase (seconds, feet)")
     return np.concatenate(phases)

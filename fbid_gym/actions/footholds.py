@@ -6,6 +6,7 @@ import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.gait.command import Steering
+from fbid_gym.options import checked
 from fbid_gym.robots import Robot
 
 _MOST_SHIFT = 0.2  # of the height of the centre of mass
@@ -29,8 +30,17 @@ class Footholds:
     step_rate: bool
 
     @classmethod
-    def of(cls, robot: Robot, footholds: bool, step_rate: bool) -> "Footholds":
-        """Return what moves all of a robot's footholds, by up to a fifth of its height, or none."""
+    @checked
+    def of(cls, robot: Robot, *, footholds: bool = False, step_rate: bool = False) -> "Footholds":
+        """Return what steers the gait of a robot.
+
+        Args:
+            robot: whose feet.
+            footholds: whether the action moves the next foothold of each foot, by up to a fifth of
+                the height of the centre of mass. Those of the layers
+                `base_acceleration` and `com_wrench` do unless told otherwise.
+            step_rate: whether the action changes the gait's frequency.
+        """
         scale = _MOST_SHIFT * float(Stance.of(robot).home_com[2])
         return cls(robot.foot_names if footholds else (), robot.num_feet, scale, step_rate)
 

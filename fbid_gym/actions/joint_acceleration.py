@@ -10,9 +10,10 @@ from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.law_memory import DIAGNOSTICS
-from fbid_gym.checks import check_positive
+from fbid_gym.actions.ranges import AccelerationScale, DampingRatio, Frequency
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.options import checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
@@ -50,14 +51,15 @@ class JointAcceleration:
     scale: float
 
     @classmethod
+    @checked
     def of(
         cls,
         robot: Robot,
         control_hz: int,
         *,
-        natural_frequency: float | Falling = Falling(0.85),
-        damping_ratio: float = 1.0,
-        scale: float | None = None,
+        natural_frequency: Frequency = Falling(0.85),
+        damping_ratio: DampingRatio = 1.0,
+        scale: AccelerationScale | None = None,
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "JointAcceleration":
         """Build the layer.
@@ -74,7 +76,6 @@ class JointAcceleration:
         (frequency,) = in_hertz(robot, natural_frequency=natural_frequency).values()
         if scale is None:
             scale = _SCALE * Stance.of(robot).falling_rate ** 2
-        check_positive(natural_frequency=frequency, damping_ratio=damping_ratio, scale=scale)
         omega = 2.0 * np.pi * frequency
         law = AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST)
         return cls(law, _Gains(omega**2, 2.0 * damping_ratio * omega), float(scale))

@@ -6,7 +6,6 @@ import numpy as np
 
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
-from fbid_gym.checks import check_positive
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
@@ -66,11 +65,9 @@ class JointGains(NamedTuple):
             damping_ratio: zeta.
 
         Raises:
-            InvalidValueError: not positive, or beyond what any joint can be held with.
+            InvalidValueError: beyond what any joint can be held with.
         """
-        check_positive(damping_ratio=damping_ratio)
         (frequency,) = in_hertz(robot, natural_frequency=natural_frequency).values()
-        check_positive(natural_frequency=frequency)
         inertia, omega = Stance.of(robot).standing_inertia, 2.0 * np.pi * frequency
         wanted = cls(inertia * omega**2, 2.0 * damping_ratio * omega * inertia, float(frequency))
         gains = _steady(robot, control_hz, wanted)

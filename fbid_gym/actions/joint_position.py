@@ -2,14 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 
 from fbid_gym.actions.falling import Falling
 from fbid_gym.actions.joint_gains import SERVO, JointGains, holding_torque, servo_fault
-from fbid_gym.checks import check_positive
+from fbid_gym.actions.ranges import DampingRatio, Hertz, TargetScale
 from fbid_gym.compiled import kernel
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.options import checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
@@ -33,14 +34,15 @@ class JointPosition:
     scale: float
 
     @classmethod
+    @checked
     def of(
         cls,
         robot: Robot,
         control_hz: int,
         *,
-        natural_frequency: float | str | None = None,
-        damping_ratio: float = 1.0,
-        scale: float = 0.3,
+        natural_frequency: Annotated[float | str, Hertz(also=(SERVO,))] | None = None,
+        damping_ratio: DampingRatio = 1.0,
+        scale: TargetScale = 0.3,
     ) -> "JointPosition":
         """Derive the gains from a second-order response of the home stance.
 
@@ -57,11 +59,10 @@ class JointPosition:
             scale: rad (m for slides) at action 1.
 
         Raises:
-            InvalidValueError: not positive, or beyond what any joint can be held with.
+            InvalidValueError: out of range, or beyond what any joint can be held with.
         """
-        check_positive(scale=scale)
         gains = _gains(robot, control_hz, natural_frequency, damping_ratio)
-        return cls(robot, holding_torque(robot), gains, float(scale))
+        return cls(robot, holding_torque(robot), gains, scale)
 
     @property
     def natural_frequency(self) -> float | str:
@@ -95,15 +96,12 @@ class JointPosition:
 
 
 def _gains(
-    robot: Robot, control_hz: int, natural_frequency: float | str | None, damping_ratio: float
+    robot: Robot, control_hz: int, natural_frequency: Any, damping_ratio: float
 ) -> JointGains:
     if natural_frequency is None and not servo_fault(robot, control_hz):
         natural_frequency = SERVO
     if natural_frequency == SERVO:
         return JointGains.of_servos(robot, control_hz)
-    if isinstance(natural_frequency, str):
-        expected = f"a positive number in Hz, or {SERVO!r}"
-        raise InvalidValueError("natural_frequency", natural_frequency, expected)
     frequency = _FREQUENCY if natural_frequency is None else natural_frequency
     return JointGains.of(robot, control_hz, frequency, damping_ratio)
 

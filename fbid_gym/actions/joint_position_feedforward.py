@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -11,11 +11,12 @@ from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.joint_gains import JointGains
 from fbid_gym.actions.law_memory import DIAGNOSTICS
+from fbid_gym.actions.ranges import DampingRatio, Frequency, Hertz, TargetScale
 from fbid_gym.actions.smooth_target import Offset, SmoothTarget, TargetMemory, follow
-from fbid_gym.checks import check_at_least_zero, check_positive
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
+from fbid_gym.options import checked
 from fbid_gym.quantities import (
     DynamicsTerms,
     Heading,
@@ -81,16 +82,17 @@ class JointPositionFeedforward:
     scale: float
 
     @classmethod
+    @checked
     def of(
         cls,
         robot: Robot,
         control_hz: int,
         *,
-        natural_frequency: float | Falling = Falling(1.0),
-        damping_ratio: float = 1.0,
-        scale: float = 0.3,
-        target_frequency: float | Falling = Falling(3.4),
-        balance_frequency: float | Falling = Falling(1.7),
+        natural_frequency: Frequency = Falling(1.0),
+        damping_ratio: DampingRatio = 1.0,
+        scale: TargetScale = 0.3,
+        target_frequency: Frequency = Falling(3.4),
+        balance_frequency: Annotated[float | Falling, Hertz(least=0.0)] = Falling(1.7),
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "JointPositionFeedforward":
         """Build the layer.
@@ -106,12 +108,10 @@ class JointPositionFeedforward:
             contact: what it assumes of contacts.
 
         Raises:
-            InvalidValueError: not positive, or beyond what any joint can be held with.
+            InvalidValueError: out of range, or beyond what any joint can be held with.
         """
         (target,) = in_hertz(robot, target_frequency=target_frequency).values()
         (balance,) = in_hertz(robot, balance_frequency=balance_frequency).values()
-        check_positive(scale=scale, target_frequency=target)
-        check_at_least_zero(balance_frequency=balance)
         gains = JointGains.of(robot, control_hz, natural_frequency, damping_ratio)
         stance, omega = Stance.of(robot), 2.0 * np.pi * balance
         return cls(

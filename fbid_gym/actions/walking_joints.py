@@ -2,25 +2,31 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from fbid_gym.actions.falling import Falling
 from fbid_gym.actions.joint_acceleration import JointAcceleration
+from fbid_gym.actions.joint_gains import SERVO
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
 from fbid_gym.actions.layer import ActionLayer
+from fbid_gym.actions.ranges import (
+    AccelerationScale,
+    DampingRatio,
+    Frequency,
+    Hertz,
+    TargetScale,
+)
 from fbid_gym.actions.torque import Torque
 from fbid_gym.actions.walking_gains import WalkingGains
-from fbid_gym.errors import UnknownOptionError
 from fbid_gym.motions import home_reference
 from fbid_gym.motions.gait.joints import joint_reference, legs_of
 from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.options import Choice, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
-
-REFERENCES = ("gait", "home")
-
 
 ReferenceOf = Callable[[GaitTarget, RobotState, Callable[[], DynamicsTerms]], Reference]
 """What a layer follows, from the target of a gait and the robots as they are."""
@@ -93,15 +99,16 @@ def walking_torque(robot: Robot, control_hz: int, omega: float) -> ActionLayer:
     return Following(Torque.of(robot, control_hz), home_posture(robot))
 
 
+@checked
 def walking_joint_position(
     robot: Robot,
     control_hz: int,
     omega: float,
     *,
-    reference: str = "gait",
-    natural_frequency: float | None = None,
-    damping_ratio: float = 1.0,
-    scale: float = 0.3,
+    reference: Annotated[str, Choice(("gait", "home"))] = "gait",
+    natural_frequency: Annotated[float | str, Hertz(also=(SERVO,))] | None = None,
+    damping_ratio: DampingRatio = 1.0,
+    scale: TargetScale = 0.3,
 ) -> ActionLayer:
     """Build layer `joint_position`.
 
@@ -121,22 +128,20 @@ def walking_joint_position(
         damping_ratio=damping_ratio,
         scale=scale,
     )
-    if reference == "home":
-        return Following(inner, home_posture(robot))
-    if reference != "gait":
-        raise UnknownOptionError("reference", reference, REFERENCES)
-    return Following(inner, joints_of_gait(robot, aware=False))
+    follow = home_posture(robot) if reference == "home" else joints_of_gait(robot, aware=False)
+    return Following(inner, follow)
 
 
+@checked
 def walking_feedforward(
     robot: Robot,
     control_hz: int,
     omega: float,
     *,
-    natural_frequency: float | None = None,
-    damping_ratio: float = 1.0,
-    scale: float = 0.3,
-    target_frequency: float | Falling = Falling(3.4),
+    natural_frequency: Frequency | None = None,
+    damping_ratio: DampingRatio = 1.0,
+    scale: TargetScale = 0.3,
+    target_frequency: Frequency = Falling(3.4),
 ) -> ActionLayer:
     """Build layer `joint_position_feedforward`; other arguments as for `JointPositionFeedforward`.
 
@@ -163,14 +168,15 @@ def walking_feedforward(
     return Following(inner, joints_of_gait(robot, aware=True))
 
 
+@checked
 def walking_joint_acceleration(
     robot: Robot,
     control_hz: int,
     omega: float,
     *,
-    natural_frequency: float | None = None,
-    damping_ratio: float = 1.0,
-    scale: float | None = None,
+    natural_frequency: Frequency | None = None,
+    damping_ratio: DampingRatio = 1.0,
+    scale: AccelerationScale | None = None,
 ) -> ActionLayer:
     """Build layer `joint_acceleration`.
 

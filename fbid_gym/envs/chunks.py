@@ -7,10 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import whole_number
+from fbid_gym.checks import real_numbers
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch, Step
-from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.errors import FbidError, InvalidValueError, NonFiniteError, ShapeError
+from fbid_gym.options import Whole
+
+NUM_ENVS = Whole(1, 65_536)
+"""So many of the humanoid take some 16 GiB."""
+
+NUM_THREADS = Whole(1, 1024)
 
 
 class Chunks:
@@ -22,12 +28,13 @@ class Chunks:
 
     def __init__(self, config: EnvConfig, num_envs: int, num_threads: int) -> None:
         """Build the chunks."""
-        num_envs = whole_number("num_envs", num_envs)
-        num_threads = whole_number("num_threads", num_threads)
+        num_envs = NUM_ENVS.check("num_envs", num_envs)
+        num_threads = NUM_THREADS.check("num_threads", num_threads)
         bounds = np.linspace(0, num_envs, min(num_threads, num_envs) + 1).astype(int)
         self.slices = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
         self.batches = [EnvBatch(config, s.stop - s.start) for s in self.slices]
         self.num_envs = num_envs
+        self._closed = False
         self._pool = ThreadPoolExecutor(len(self.batches) - 1) if len(self.batches) > 1 else None
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
@@ -44,6 +51,7 @@ class Chunks:
 
     def reset(self, chosen: np.ndarray) -> None:
         """Start new episodes where `chosen` (N,) is true."""
+        self._check_open()
         for batch, part in zip(self.batches, self.slices, strict=True):
             ids = np.flatnonzero(chosen[part])
             if len(ids):
@@ -55,6 +63,7 @@ class Chunks:
 
     def step(self, action: np.ndarray) -> Step:
         """Check the actions (N, A), then hold them for one policy step."""
+        self._check_open()
         first = self.batches[0]
         action = first.check_action(action, self.num_envs)
         if self._pool is None:
@@ -68,7 +77,8 @@ class Chunks:
         return _joined([first.step(action[self.slices[0]]), *(job.result() for job in jobs)])
 
     def close(self) -> None:
-        """Stop the threads."""
+        """Stop the threads; nothing steps any more."""
+        self._closed = True
         if self._pool is not None:
             self._pool.shutdown()
 
@@ -89,19 +99,50 @@ class Chunks:
             FbidError: the state is of other environments. Nothing was loaded.
         """
         own = self.state_dict()
+        config = own.pop("config")
+        if not isinstance(state, Mapping):
+            raise InvalidValueError("state", state, "a dictionary from names to arrays")
         if "config" in state:
-            _check_same(json.loads(bytes(state["config"])), json.loads(self._config()))
-        for name, value in own.items():
-            if name not in state:
-                raise InvalidValueError("state", sorted(state), f"{name!r} among its arrays")
-            if name != "config" and np.shape(state[name]) != value.shape:
-                expected = f"{value.shape}: num_envs is {self.num_envs}"
-                raise ShapeError(f"state {name!r}", np.shape(state[name]), expected)
+            _check_same(_read_config(state["config"]), _read_config(config))
+        given = {name: checked_array(name, value, state) for name, value in own.items()}
         for batch, part in zip(self.batches, self.slices, strict=True):
-            batch.load_state_dict({name: state[name][part] for name in own if name != "config"})
+            batch.check_state({name: value[part] for name, value in given.items()})
+        for batch, part in zip(self.batches, self.slices, strict=True):
+            batch.load_state_dict({name: value[part] for name, value in given.items()})
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise FbidError("These environments are closed: make others.")
 
     def _config(self) -> str:
         return json.dumps(self.batches[0].config.as_dict(), sort_keys=True, default=str)
+
+
+def _read_config(packed: Any) -> dict[str, Any]:
+    """What environments are, of the "config" of their state."""
+    try:
+        config = json.loads(np.asarray(packed, np.uint8).tobytes())
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        config = None
+    if not isinstance(config, dict):
+        raise InvalidValueError("state 'config'", packed, "JSON as `state_dict` writes it")
+    return config
+
+
+def checked_array(name: str, own: np.ndarray, state: Mapping[str, Any]) -> np.ndarray:
+    """Return an array of a state as it was saved: the kind, the shape and finite numbers."""
+    if name not in state:
+        raise InvalidValueError("state", list(state), f"{name!r} among its arrays")
+    called, expected = f"state {name!r}", f"an array of {own.dtype}"
+    array = real_numbers(called, state[name], expected)
+    if array.shape != own.shape:
+        raise ShapeError(called, array.shape, f"{own.shape}, as of these environments")
+    if not np.can_cast(array.dtype, own.dtype, "same_kind"):
+        raise InvalidValueError(called, state[name], expected)
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise NonFiniteError(called, where)
+    return array.astype(own.dtype, copy=False)
 
 
 def _check_same(given: dict[str, Any], own: dict[str, Any]) -> None:

@@ -2,10 +2,10 @@
 
 import copy
 import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import gymnasium as gym
 import mujoco
@@ -21,14 +21,22 @@ from fbid_gym.actions import (
 )
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.footholds import Footholds
-from fbid_gym.checks import by_name, count, flag, number, pair, whole_number
+from fbid_gym.checks import by_name
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.randomisation import Randomisation
-from fbid_gym.envs.rates import Rates
+from fbid_gym.envs.rates import Rate, Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.options import Choice, Number, Whole, check_fields
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.terrain import LEVELLED, TERRAINS, Terrain, compile_world, make_terrain
 from fbid_gym.tasks import TASKS, Pushes, Start, Task, Walk, make_task, task_kind, task_options
+from fbid_gym.tasks.pushes import Duration, Force, Interval, Jump
+from fbid_gym.tasks.start import Noise
+
+_CONES = {
+    "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC,
+    "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL,
+}
 
 
 @dataclass(frozen=True)
@@ -37,54 +45,61 @@ class EnvConfig:
 
     robot: str | Robot = "biped"
     """Name of a built-in robot, or a `Robot`."""
-    task: str = "balance"
+    task: Annotated[str, Choice(TASKS)] = "balance"
     """What the robot shall do: see `fbid_gym.tasks.TASKS`."""
     task_options: dict[str, Any] = field(default_factory=dict)
     """Arguments of the task, by name; `of` takes them among the others."""
-    action_layer: str = "joint_position"
+    action_layer: Annotated[str, Choice(LAYERS, "action layer")] = "joint_position"
     """How the policy acts: see `fbid_gym.actions.LAYERS`."""
     layer_options: dict[str, Any] | None = None
     """Arguments of the action layer, by name."""
-    physics_hz: int = 1000
+    physics_hz: Rate = 1000
     """Simulation steps per second."""
-    control_hz: int = 500
+    control_hz: Rate = 500
     """Action-layer ticks per second; divides `physics_hz`."""
-    policy_hz: int = 50
+    policy_hz: Rate = 50
     """Environment steps per second; divides `control_hz`."""
-    episode_seconds: float = 10.0
+    episode_seconds: Annotated[float, Number(1e-4, 1e6, "s")] = 10.0
     """An episode is truncated after this time."""
-    push_force: tuple[float, float] | None = None
+    push_force: Force | None = None
     """(least, most) N of a push. Default: the task's share of the robot's weight."""
-    push_velocity: tuple[float, float] = (0.0, 0.0)
+    push_velocity: Jump = (0.0, 0.0)
     """(least, most) m/s by which the base's velocity jumps as a push begins."""
-    push_duration: float = 0.15
+    push_duration: Duration = 0.15
     """s."""
-    push_interval: tuple[float, float] = (1.5, 3.0)
+    push_interval: Interval = (1.5, 3.0)
     """(least, most) s from the start of one push to the next."""
-    terrain: str = "flat"
+    terrain: Annotated[str, Choice(TERRAINS)] = "flat"
     """The ground: see `fbid_gym.robots.terrain.TERRAINS`."""
-    terrain_height: float | None = None
+    terrain_height: Annotated[float, Number(0.0, 10.0, "m")] | None = None
     """m, height of the terrain's highest point; 0 is flat. Default: a fifth of the height of the
     robot's centre of mass."""
-    terrain_seed: int = 0
+    terrain_seed: Annotated[int, Whole(0, 2**63 - 1)] = 0
     """Decides where everything on the ground lies; every episode starts in another place of it."""
-    difficulty: float = 0.5
+    difficulty: Annotated[float, Number(0.0, 1.0)] = 0.5
     """From 0 to 1: heights, angles and gaps of the terrains that have one, `LEVELLED`."""
     curriculum: bool = False
     """Whether a robot that walks moves on to harder ground, and back; begins at `difficulty`."""
-    joint_noise: float = 0.02
+    joint_noise: Noise = 0.02
     """rad, largest offset of a joint from its posture at the start."""
-    velocity_noise: float = 0.05
+    velocity_noise: Noise = 0.05
     """m/s and rad/s, largest offset of a coordinate's velocity at the start."""
-    friction_cone: str = "elliptic"
+    friction_cone: Annotated[str, Choice(_CONES)] = "elliptic"
     """"elliptic", or "pyramidal": cheaper, and a little different from heading to heading."""
-    solver_iterations: int | None = None
+    solver_iterations: Annotated[int, Whole(1, 100_000)] | None = None
     """Most iterations of the physics' contact solver. Default: MuJoCo's."""
     solver_warm_start: bool = True
     """Whether that solver begins at the last step's accelerations. Over long steps these are worse
     to begin with than those without contact."""
     randomisation: dict[str, Any] | None = None
     """Arguments of `fbid_gym.envs.randomisation.Randomisation`; none by default."""
+
+    def __post_init__(self) -> None:
+        """Check each value that can be checked without a robot."""
+        check_fields(self)
+        by_name("layer_options", self.layer_options)
+        self.rates()
+        self.randomisations()
 
     @classmethod
     def of(cls, arguments: Mapping[str, Any]) -> "EnvConfig":
@@ -94,7 +109,7 @@ class EnvConfig:
         """
         own = [field.name for field in fields(cls) if field.name != "task_options"]
         task = arguments.get("task", cls.task)
-        options = task_options(_known_task(task))
+        options = task_options(Choice(TASKS).check("task", task))
         names = [*own, *options]
         for name in arguments:
             if name not in names:
@@ -120,8 +135,6 @@ class EnvConfig:
 
     def layer(self, robot: Robot, task: Task) -> tuple[ActionLayer, Footholds]:
         """Return the action layer, and what of an action steers a gait."""
-        if not isinstance(self.action_layer, str):
-            raise UnknownOptionError("action layer", self.action_layer, LAYERS)
         options = by_name("layer_options", self.layer_options)
         hz = self.rates().control
         if isinstance(task, Walk):
@@ -131,7 +144,7 @@ class EnvConfig:
 
     def make_task(self, robot: Robot) -> Task:
         """Return the task."""
-        rates, defaults = self.rates(), task_options(_known_task(self.task))
+        rates = self.rates()
         return make_task(
             self.task,
             robot,
@@ -140,41 +153,27 @@ class EnvConfig:
             Pushes(
                 self._push_force(robot),
                 _at_least(1.0 / rates.control, "push_duration", self.push_duration),
-                pair("push_interval", self.push_interval),
-                pair("push_velocity", self.push_velocity),
+                self.push_interval,
+                self.push_velocity,
             ),
-            Start(
-                number("joint_noise", self.joint_noise),
-                number("velocity_noise", self.velocity_noise),
-            ),
-            {
-                name: _of_kind(defaults[name])(name, value)
-                for name, value in self.task_options.items()
-            },
+            Start(self.joint_noise, self.velocity_noise),
+            self.task_options,
         )
 
     def ground(self, robot: Robot) -> tuple[Terrain, mujoco.MjModel]:
         """Return the terrain, and the robot's world with it."""
         height = self._terrain_height(robot)
-        if not isinstance(self.terrain, str):
-            raise UnknownOptionError("terrain", self.terrain, TERRAINS)
-        seed = count("terrain_seed", self.terrain_seed)
-        difficulty = number("difficulty", self.difficulty)
-        if not 0.0 <= difficulty <= 1.0:
-            raise InvalidValueError("difficulty", difficulty, "a number from 0 to 1")
-        climbs = flag("curriculum", self.curriculum)
-        if climbs and (self.task != "walk" or self.terrain not in LEVELLED):
+        if self.curriculum and (self.task != "walk" or self.terrain not in LEVELLED):
             expected = f"task 'walk' on one of the terrains {', '.join(LEVELLED)}"
             given = self.task, self.terrain
             raise InvalidValueError("task and terrain of a curriculum", given, expected)
-        terrain, shared = _ground(self.terrain, robot, height, None if climbs else difficulty, seed)
+        difficulty = None if self.curriculum else self.difficulty
+        terrain, shared = _ground(self.terrain, robot, height, difficulty, self.terrain_seed)
         world = copy.copy(shared)
-        if self.friction_cone not in _CONES:
-            raise UnknownOptionError("friction_cone", self.friction_cone, _CONES)
         world.opt.cone = _CONES[self.friction_cone]
         if self.solver_iterations is not None:
-            world.opt.iterations = whole_number("solver_iterations", self.solver_iterations)
-        if not flag("solver_warm_start", self.solver_warm_start):
+            world.opt.iterations = self.solver_iterations
+        if not self.solver_warm_start:
             world.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART
         return terrain, world
 
@@ -219,13 +218,13 @@ class EnvConfig:
     def _terrain_height(self, robot: Robot) -> float:
         if self.terrain_height is None:
             return _TERRAIN_HEIGHT * float(Stance.of(robot).home_com[2])
-        return number("terrain_height", self.terrain_height)
+        return self.terrain_height
 
     def _push_force(self, robot: Robot) -> tuple[float, float]:
         if self.push_force is None:
             least, most = task_kind(self.task).push
             return least * robot.weight, most * robot.weight
-        return pair("push_force", self.push_force)
+        return self.push_force
 
 
 def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -258,31 +257,6 @@ _TERRAIN_HEIGHT = 0.191  # 3 cm for the 16 cm of `quadruped`, as in [M10] IV.E
 _NOT_ITSELF = ("render_mode", "num_threads")
 
 
-_CONES = {
-    "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC,
-    "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL,
-}
-
-
-def _of_kind(default: Any) -> Callable[[str, Any], Any]:
-    """Return the check of a task's option, by the kind of its default."""
-    if isinstance(default, tuple):
-        return pair
-    if isinstance(default, bool):
-        return flag
-    return number if isinstance(default, int | float) else _as_it_is
-
-
-def _as_it_is(name: str, value: Any) -> Any:
-    return value
-
-
-def _known_task(name: Any) -> str:
-    if not isinstance(name, str):
-        raise UnknownOptionError("task", name, TASKS)
-    return name
-
-
 def _derived(value: Any) -> Any:
     """To nine digits: platforms may sum up a robot's mass in another order. Words stay."""
     if isinstance(value, tuple):
@@ -303,8 +277,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _at_least(least: float, name: str, value: Any) -> float:
-    expected = f"a time of at least {least:g} s, one step"
-    if (seconds := number(name, value, expected)) < least:
-        raise InvalidValueError(name, value, expected)
+def _at_least(least: float, name: str, seconds: float) -> float:
+    if seconds < least:
+        raise InvalidValueError(name, seconds, f"a time of at least {least:g} s, one step")
     return seconds

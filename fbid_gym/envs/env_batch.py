@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.checks import real_numbers
 from fbid_gym.compiled import kernel
 from fbid_gym.envs.action_delay import ActionDelay
 from fbid_gym.envs.config import EnvConfig
@@ -15,12 +16,13 @@ from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
 from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots.undrawn import alone, undrawn
-from fbid_gym.tasks import Walk
+from fbid_gym.tasks import Plan, Walk
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
 
 _ACTION_TOLERANCE = 1e-6
 _LOW = 2**64 - 1
+_MOST_PLANNED = 2**30  # bytes, of all robots' episodes
 
 
 class Step(NamedTuple):
@@ -72,6 +74,7 @@ class EnvBatch:
 
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         drawn = self.task.draw(np.random.default_rng(0))
+        _check_memory(drawn, num_envs, self.task.seconds)
         self._plan = {
             name: np.zeros((num_envs, *value.shape), value.dtype) for name, value in drawn.items()
         }
@@ -131,10 +134,9 @@ class EnvBatch:
     def check_action(self, action: np.ndarray, *num_envs: int) -> np.ndarray:
         """Return actions (*num_envs, A) as floats, or raise one error before anything is lost."""
         expected = (*num_envs, self._num_actions)
-        try:
-            action = np.asarray(action, dtype=float)
-        except (TypeError, ValueError):
-            raise InvalidValueError("action", action, f"numbers of shape {expected}") from None
+        action = real_numbers("action", action, f"numbers of shape {expected}").astype(
+            float, copy=False
+        )
         if action.shape != expected:
             raise ShapeError("action", action.shape, f"{expected}")
         if not _within(np.ascontiguousarray(action).reshape(-1), 1.0 + _ACTION_TOLERANCE):
@@ -269,8 +271,22 @@ class EnvBatch:
         state["generator"] = np.array([_packed(rng) for rng in self._rngs], np.uint64)
         return state
 
+    def check_state(self, state: Mapping[str, np.ndarray]) -> None:
+        """Raise InvalidValueError for numbers of a state that look up what is not there."""
+        history = self._delay.arrays["action"].shape[1] - 1
+        most = {
+            "delay.ticks": history * self.rates.ticks,
+            "progress.level": self.terrain.tiles.number - 1,
+            "planned.carrier": self.robot.num_feet - 1,
+            "generator": np.array([_LOW, _LOW, _LOW, _LOW, 1, 2**32 - 1], np.uint64),
+        }
+        for name, last in most.items():
+            value = state.get(name, np.zeros(6, np.uint64))
+            if (value < 0).any() or (value > last).any():
+                raise InvalidValueError(f"state {name!r}", value, f"from 0 to {last}")
+
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
-        """Continue from a `state_dict`, bit for bit."""
+        """Continue from a `state_dict` that has been checked, bit for bit."""
         self.plant.load_state_dict(_under("plant", state))
         self.simulation.load_state_dict(_under("simulation", state))
         self._plan = {k: v.copy() for k, v in _under("plan", state).items()}
@@ -282,6 +298,17 @@ class EnvBatch:
         self._tick[:], self._torque = state["tick"], state["torque"].copy()
         self._observation = state["observation"].copy()
         self._rngs = [_unpacked(row) for row in state["generator"]]
+
+
+def _check_memory(drawn: Plan, num_envs: int, seconds: float) -> None:
+    """Raise InvalidValueError where what is drawn for the episodes takes more than it may."""
+    total = num_envs * sum(value.nbytes for value in drawn.values())
+    if total > _MOST_PLANNED:
+        expected = (
+            f"less: the pushes and commands of {num_envs:,} such episodes take "
+            f"{total / 2**30:.3g} GiB, more than {_MOST_PLANNED / 2**30:g}"
+        )
+        raise InvalidValueError("episode_seconds", seconds, expected)
 
 
 def _once(compute: Callable[[], DynamicsTerms]) -> Callable[[], DynamicsTerms]:

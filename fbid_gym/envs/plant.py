@@ -8,7 +8,7 @@ import numpy as np
 
 from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.envs.randomisation import Randomisation
-from fbid_gym.envs.simulation import Simulation
+from fbid_gym.envs.simulation import Simulation, hush
 from fbid_gym.quantities import DynamicsTerms
 
 
@@ -82,6 +82,7 @@ class RandomPlant:
         self._simulation, self._ranges = simulation, randomisation
         model, count = simulation.robot.model, simulation.num_robots
         self._believed = mujoco.batch.Batch(model, count, 1, persistent=True)
+        hush(self._believed, np.arange(count))
         self._live = LiveTerms(simulation.robot, self._believed)
         self._qpos, self._qvel = self._believed.bind("qpos"), self._believed.bind("qvel")
         bodies = (count, model.nbody)

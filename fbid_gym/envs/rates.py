@@ -1,9 +1,12 @@
 """How often physics, the action layer and the policy run."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from fbid_gym.checks import whole_number
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.options import Whole, check_fields
+
+Rate = Annotated[int, Whole(1, 100_000, "Hz")]
 
 
 @dataclass(frozen=True)
@@ -16,14 +19,13 @@ class Rates:
         policy: environment steps per second.
     """
 
-    physics: int = 1000
-    control: int = 500
-    policy: int = 50
+    physics: Rate = 1000
+    control: Rate = 500
+    policy: Rate = 50
 
     def __post_init__(self) -> None:
-        """Check that every rate is a positive integer that divides the next faster one."""
-        for name in ("physics", "control", "policy"):
-            object.__setattr__(self, name, whole_number(f"{name}_hz", getattr(self, name)))
+        """Check that every rate is a whole number that divides the next faster one."""
+        check_fields(self, "{}_hz")
         for fast, slow in (("physics", "control"), ("control", "policy")):
             ratio = getattr(self, fast) / getattr(self, slow)
             if ratio != int(ratio):

@@ -109,5 +109,5 @@ class RobotRenderer:
 
 def check_render_mode(mode: str | None) -> None:
     """Raise an error unless `mode` is a render mode or None."""
-    if mode is not None and mode not in RENDER_MODES:
+    if mode is not None and not (isinstance(mode, str) and mode in RENDER_MODES):
         raise UnknownOptionError("render_mode", mode, (*RENDER_MODES, "None"))

@@ -5,10 +5,12 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from fbid_gym.checks import by_name
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
 from fbid_gym.envs.vector_env import spaces
+from fbid_gym.errors import FbidError
 
 
 class RobotEnv(gym.Env):
@@ -32,11 +34,14 @@ class RobotEnv(gym.Env):
         self.render_mode = render_mode
         self._renderer: RobotRenderer | None = None
         self._only = np.zeros(1, int)
+        self._closed = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start a new episode."""
+        """Start a new episode; there are no options."""
+        self._check_open()
+        by_name("options", options, ())
         super().reset(seed=seed)
         self.batch.seed(0, self.np_random)
         self.batch.reset(self._only)
@@ -46,6 +51,7 @@ class RobotEnv(gym.Env):
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Hold the action (A,) for one policy step."""
+        self._check_open()
         step = self.batch.step(self.batch.check_action(action)[None])
         if self.render_mode == "human":
             self.render()
@@ -68,7 +74,12 @@ class RobotEnv(gym.Env):
         return self._renderer.render(0)
 
     def close(self) -> None:
-        """Close the window."""
+        """Close the window; nothing steps any more."""
+        self._closed = True
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise FbidError("This environment is closed: make another one.")

@@ -9,11 +9,13 @@ import numpy as np
 from gymnasium.utils import seeding
 from stable_baselines3.common.vec_env import VecEnv
 
-from fbid_gym.envs.chunks import Chunks
+from fbid_gym.checks import count
+from fbid_gym.envs.chunks import Chunks, checked_array
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
 from fbid_gym.envs.vector_env import spaces
-from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
+from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
+from fbid_gym.options import Choice
 from fbid_gym.robots import Robot
 
 
@@ -36,7 +38,7 @@ class SB3VecEnv(VecEnv):
         """Build the environments."""
         check_render_mode(render_mode)
         self.chunks = Chunks(config, num_envs, num_threads)
-        self.render_mode = render_mode
+        self.render_mode, num_envs = render_mode, self.chunks.num_envs
         self.metadata: dict[str, Any] = {
             "render_modes": list(RENDER_MODES),
             "render_fps": config.rates().policy,
@@ -74,6 +76,8 @@ class SB3VecEnv(VecEnv):
         """Step, and reset the environments whose episode ended."""
         if self._actions is None:
             raise FbidError("step_wait() without step_async(actions).")
+        if not self._seeded:
+            raise FbidError("There is no episode to step: call reset().")
         step = self.chunks.step(self._actions)
         self.last_info = step.info
         self._returns += step.reward
@@ -109,13 +113,11 @@ class SB3VecEnv(VecEnv):
         Raises:
             FbidError: the state is of other environments. Nothing was loaded.
         """
-        for name in ("returns", "lengths"):
-            shape = state[name].shape if name in state else ()
-            if shape != (self.num_envs,):
-                expected = f"({self.num_envs},): num_envs is {self.num_envs}"
-                raise ShapeError(f"state {name!r}", shape, expected)
+        own = {"returns": self._returns, "lengths": self._lengths}
+        if isinstance(state, Mapping):
+            own = {name: checked_array(name, value, state) for name, value in own.items()}
         self.chunks.load_state_dict(state)
-        self._returns, self._lengths = state["returns"].copy(), state["lengths"].copy()
+        self._returns, self._lengths = own["returns"].copy(), own["lengths"].copy()
         self._seeded = True
         self._reset_seeds()
 
@@ -177,9 +179,10 @@ def make_sb3(
         FbidError: an id that is not one of ours, or an argument that is not valid.
     """
     ours = [name for name in gym.registry if name.startswith("fbid_gym/")]
-    if env_id not in ours:
-        raise UnknownOptionError("environment id", env_id, ours)
+    Choice(ours).check("environment id", env_id)
+    if seed is not None:
+        count("seed", seed)
     config = EnvConfig.of({**gym.registry[env_id].kwargs, **arguments})
     envs = SB3VecEnv(config, num_envs, num_threads, render_mode)
-    envs.seed(seed)
+    envs.seed(None if seed is None else int(seed))
     return envs

@@ -133,13 +133,12 @@ class Simulation:
         self._terms = None
 
     def _hush(self, ids: np.ndarray) -> None:
-        """Tell MuJoCo that it has warned once of every kind of divergence.
+        """Tell MuJoCo that it has warned once of everything, see `hush`.
 
-        It writes the first warning to the terminal and to a file in the working directory. When it
-        restarts a diverged simulation it clears these counters: that is how `diverged` knows.
+        When it restarts a diverged simulation it clears these counters: that is how `diverged`
+        knows.
         """
-        warning = self.batch.warning
-        warning[ids[:, None], _DIVERGENCE, 1] = 1
+        hush(self.batch, ids)
 
     def push(self, force: np.ndarray) -> None:
         """Push each base with (N, 3) N, world, at its centre of mass, until told otherwise."""
@@ -202,6 +201,14 @@ class Simulation:
         self._hush(np.arange(self.num_robots))
         self.contact_force[:] = state["contact_force"]
         self._terms = None
+
+
+def hush(batch: mujoco.batch.Batch, ids: np.ndarray) -> None:
+    """Tell MuJoCo that it has warned once of everything in the simulations `ids` (K,).
+
+    It writes the first warning of a kind to the terminal and to a file in the working directory.
+    """
+    batch.warning[ids, :, 1] = 1
 
 
 def _check_world(robot: Robot, world: mujoco.MjModel) -> None:

@@ -1,5 +1,6 @@
 """The Gymnasium vector environment: `gym.make_vec`."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -8,6 +9,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from fbid_gym.checks import by_name, real_numbers
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
@@ -46,6 +48,7 @@ class RobotVectorEnv(VectorEnv):
         self.config = EnvConfig.of({"robot": robot} | arguments)
         self.chunks = Chunks(self.config, num_envs, num_threads)
         first = self.chunks.batches[0]
+        num_envs = self.chunks.num_envs
         self.num_envs, self.render_mode = num_envs, render_mode
         self.single_observation_space, self.single_action_space = spaces(first)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -68,11 +71,11 @@ class RobotVectorEnv(VectorEnv):
             seed: environment i gets seed + i; or one seed (or None) each.
             options: {"reset_mask": (N,) bool} resets only those environments.
         """
-        chosen = np.ones(self.num_envs, bool)
-        if options and "reset_mask" in options:
-            chosen = np.asarray(options["reset_mask"])
-            if chosen.shape != (self.num_envs,) or chosen.dtype != bool:
-                raise ShapeError("reset_mask", chosen.shape, f"({self.num_envs},) bool")
+        everyone = np.ones(self.num_envs, bool)
+        given = by_name("options", options, ("reset_mask",)).get("reset_mask", everyone)
+        chosen = real_numbers("reset_mask", given, f"({self.num_envs},) bool")
+        if chosen.shape != (self.num_envs,) or chosen.dtype != bool:
+            raise ShapeError("reset_mask", chosen.shape, f"({self.num_envs},) bool")
         for env, one in enumerate(self._seeds(seed)):
             if chosen[env] and (one is not None or not self._seeded):
                 self.chunks.seed(env, seeding.np_random(one)[0])
@@ -86,7 +89,7 @@ class RobotVectorEnv(VectorEnv):
             return [None] * self.num_envs
         if isinstance(seed, int | np.integer):
             return [int(seed) + env for env in range(self.num_envs)]
-        if not np.iterable(seed) or len(seed) != self.num_envs:
+        if not isinstance(seed, Sequence | np.ndarray) or len(seed) != self.num_envs:
             raise InvalidValueError("seed", seed, f"one integer, or {self.num_envs} of them")
         return list(seed)
 
@@ -162,6 +165,6 @@ def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     if isinstance(mode, AutoresetMode):
         return mode
     for known in AutoresetMode:
-        if mode in (known.name, known.value):
+        if isinstance(mode, str) and mode in (known.name, known.value):
             return known
     raise UnknownOptionError("autoreset_mode", mode, [known.name for known in AutoresetMode])

@@ -19,7 +19,7 @@ from fbid_gym.motions.curves import Curve, cosine, rise
 from fbid_gym.motions.kinematics import base_on_feet, home_points, seen_from_feet
 from fbid_gym.motions.lean import check_over_feet, legs_in_plane
 from fbid_gym.motions.legs import least_bend, legs_of
-from fbid_gym.motions.table import MotionTable
+from fbid_gym.motions.table import MotionTable, table_ticks
 from fbid_gym.robots import Robot
 
 SECONDS = 30.0
@@ -59,7 +59,7 @@ def squat_bow(
     """
     check_positive(speed=speed)
     pace = speed * Stance.of(robot).falling_rate / _BIPED_FALLS
-    time = np.arange(round(SECONDS / pace * hz) + 1) / hz
+    time = np.arange(table_ticks("speed", speed, SECONDS / pace, hz) + 1) / hz
     tops, squats, pitch = _squats_and_bows(robot, time, pace)
     if depth is None:
         depth = squat_depth(robot)
@@ -114,7 +114,7 @@ def period_ticks(name: str, frequency: float, hz: int) -> int:
     """Return the ticks of one period, or raise an error unless they are a whole number."""
     if not (np.isfinite(frequency) and 0 < frequency <= hz / 10):
         raise InvalidValueError(name, frequency, f"a positive number of Hz up to {hz / 10:g}")
-    ticks = round(hz / frequency)
+    ticks = table_ticks(name, frequency, 1.0 / frequency, hz)
     if abs(ticks * frequency / hz - 1.0) > 1e-9:
         raise InvalidValueError(name, frequency, f"a divisor of {hz} Hz, the ticks per second")
     return ticks

@@ -17,6 +17,22 @@ _RATE_TOLERANCE = 0.02
 _UNIT_TOLERANCE = 1e-9
 
 
+MOST_TICKS = 100_000
+"""Rows that a table may have; all of them are planned beforehand."""
+
+
+def table_ticks(name: str, value: float, seconds: float, hz: int) -> int:
+    """Return how many ticks a motion of so many seconds has.
+
+    Raises:
+        InvalidValueError: more than a table may have; it names the value that makes it so long.
+    """
+    if not seconds * hz <= MOST_TICKS:
+        expected = f"what makes a motion of at most {MOST_TICKS / hz:g} s at {hz} ticks per second"
+        raise InvalidValueError(name, value, expected)
+    return round(seconds * hz)
+
+
 @dataclass(frozen=True, eq=False)
 class MotionTable:
     """A motion of one robot, tabulated at a control rate; T ticks, F feet.

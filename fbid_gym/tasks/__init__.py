@@ -1,14 +1,13 @@
 """What a robot is asked to do: initial state, commands, disturbances, observation, reward."""
 
-import inspect
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from fbid_gym.errors import UnknownOptionError
+from fbid_gym.options import Choice, check_names, options_of
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.balance import Balance
 from fbid_gym.tasks.crawl import crawl
-from fbid_gym.tasks.plan import Plan
+from fbid_gym.tasks.plan import Plan, check_schedule
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.squat import squat
 from fbid_gym.tasks.start import Start
@@ -43,8 +42,7 @@ TASKS: dict[str, TaskKind] = {
 
 def task_options(name: str) -> dict[str, Any]:
     """Return the options of a task with their defaults."""
-    parameters = inspect.signature(task_kind(name).of).parameters.values()
-    return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+    return {option.name: option.default for option in options_of(task_kind(name).of).values()}
 
 
 def make_task(
@@ -70,15 +68,12 @@ def make_task(
     Raises:
         FbidError: unknown task, unknown option or invalid value; the message names the choices.
     """
-    kind, valid = task_kind(name), task_options(name)
-    for option in options or {}:
-        if option not in valid:
-            raise UnknownOptionError(f"option of task {name!r}", option, valid or ["none"])
-    return kind.of(robot, seconds, hz, pushes, start, **(options or {}))
+    given = dict(options or {})
+    check_names(f"option of task {name!r}", given, task_options(name))
+    check_schedule("push_interval", pushes.interval, seconds)
+    return task_kind(name).of(robot, seconds, hz, pushes, start, **given)
 
 
 def task_kind(name: str) -> TaskKind:
     """Return what a task is."""
-    if name not in TASKS:
-        raise UnknownOptionError("task", name, TASKS)
-    return TASKS[name]
+    return TASKS[Choice(TASKS).check("task", name)]

@@ -2,19 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from fbid_gym.compiled import kernel
-from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions import home_reference
+from fbid_gym.options import Pair, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, Posture, bell, level, weighted
 from fbid_gym.tasks.outcome import Outcome
-from fbid_gym.tasks.plan import Plan
+from fbid_gym.tasks.plan import Plan, check_schedule
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.task import Now
@@ -71,6 +71,7 @@ class Balance:
     height_interval: tuple[float, float]
 
     @classmethod
+    @checked
     def of(
         cls,
         robot: Robot,
@@ -79,8 +80,11 @@ class Balance:
         pushes: Pushes,
         start: Start,
         *,
-        height_range: tuple[float, float] = (0.94, 1.0),
-        height_interval: tuple[float, float] = (2.0, 4.0),
+        height_range: Annotated[tuple[float, float], Pair(FALLEN_HEIGHT + 0.01, 1.49)] = (
+            0.94,
+            1.0,
+        ),
+        height_interval: Annotated[tuple[float, float], Pair(1e-4, 1e9, "s")] = (2.0, 4.0),
     ) -> "Balance":
         """Build the task.
 
@@ -93,16 +97,7 @@ class Balance:
             height_range: (least, most) commanded base height, as shares of the home height.
             height_interval: (least, most) s from one command to the next.
         """
-        if not FALLEN_HEIGHT < height_range[0] <= height_range[1] < 1.5:
-            raise InvalidValueError(
-                "height_range",
-                height_range,
-                f"a pair {FALLEN_HEIGHT} < least <= most < 1.5, shares of the home height",
-            )
-        if not 0.0 < height_interval[0] <= height_interval[1] < np.inf:
-            raise InvalidValueError(
-                "height_interval", height_interval, "a pair 0 < least <= most of s"
-            )
+        check_schedule("height_interval", height_interval, seconds)
         body, home = Body.of(robot), home_reference(robot)
         return cls(body, seconds, hz, pushes, start, home, height_range, height_interval)
 

@@ -1,15 +1,17 @@
 """Task `crawl`: walk at a commanded speed, three feet on the ground at a time, [M10] IV.E."""
 
 from functools import lru_cache
+from typing import Annotated
 
 from fbid_gym import motions
-from fbid_gym.checks import number, pair
+from fbid_gym.options import Number, Pair, checked
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.tracking import Tracking
 
 
+@checked
 def crawl(
     robot: Robot,
     seconds: float,
@@ -17,9 +19,9 @@ def crawl(
     pushes: Pushes,
     start: Start,
     *,
-    speed_range: tuple[float, float] | None = None,
-    step_seconds: float | None = None,
-    swing_height: float | None = None,
+    speed_range: Annotated[tuple[float, float], Pair(-10.0, 10.0, "m/s")] | None = None,
+    step_seconds: Annotated[float, Number(0.01, 1000.0, "s")] | None = None,
+    swing_height: Annotated[float, Number(1e-4, 10.0, "m")] | None = None,
 ) -> Tracking:
     """Build the task.
 
@@ -34,10 +36,7 @@ def crawl(
         step_seconds: s, period of the walk: each foot steps once.
         swing_height: m, how high a swinging foot is lifted.
     """
-    speeds = None if speed_range is None else pair("speed_range", speed_range)
-    period = None if step_seconds is None else number("step_seconds", step_seconds)
-    lift = None if swing_height is None else number("swing_height", swing_height)
-    motion = _motion(robot, hz, period, lift, speeds)
+    motion = _motion(robot, hz, step_seconds, swing_height, speed_range)
     gait = motion.gait
     speeds = gait.slowest, gait.fastest
     derived = {

@@ -1,12 +1,19 @@
 """Random horizontal pushes on the base: drawn once per episode, evaluated for a whole batch."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.options import Number, Pair, check_fields
 from fbid_gym.tasks.plan import Plan
+
+Force = Annotated[tuple[float, float], Pair(0.0, 1e6, "N")]
+Jump = Annotated[tuple[float, float], Pair(0.0, 100.0, "m/s")]
+Duration = Annotated[float, Number(1e-4, 1e6, "s")]
+Interval = Annotated[tuple[float, float], Pair(1e-4, 1e9, "s")]
 
 _NEVER = np.iinfo(np.int64).max // 2
 
@@ -25,22 +32,14 @@ class Pushes:
         velocity: (least, most) m/s, by which the base's velocity jumps as a push begins.
     """
 
-    force: tuple[float, float]
-    duration: float
-    interval: tuple[float, float]
-    velocity: tuple[float, float] = (0.0, 0.0)
+    force: Force
+    duration: Duration
+    interval: Interval
+    velocity: Jump = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Reject what cannot be scheduled."""
-        for name, pair in (
-            ("push_force", self.force),
-            ("push_interval", self.interval),
-            ("push_velocity", self.velocity),
-        ):
-            if len(pair) != 2 or not 0 <= pair[0] <= pair[1] < np.inf:
-                raise InvalidValueError(name, pair, "a pair 0 <= least <= most, finite")
-        if not 0 < self.duration < np.inf:
-            raise InvalidValueError("push_duration", self.duration, "a positive time in s")
+        check_fields(self, "push_{}")
         if self.interval[0] < self.duration:
             raise InvalidValueError(
                 "push_interval", self.interval, f"at least push_duration = {self.duration} s"

@@ -1,11 +1,14 @@
 """How an episode begins: a posture, shaken a little, facing anywhere."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.options import Number, check_fields
 from fbid_gym.robots import Robot
+
+Noise = Annotated[float, Number(0.0, 1.0)]
 
 
 @dataclass(frozen=True)
@@ -17,15 +20,12 @@ class Start:
         velocity_noise: m/s and rad/s, largest offset of each coordinate's velocity.
     """
 
-    joint_noise: float = 0.02
-    velocity_noise: float = 0.05
+    joint_noise: Noise = 0.02
+    velocity_noise: Noise = 0.05
 
     def __post_init__(self) -> None:
         """Check the sizes."""
-        for name in ("joint_noise", "velocity_noise"):
-            value = getattr(self, name)
-            if not 0.0 <= value <= 1.0:
-                raise InvalidValueError(name, value, "a number from 0 to 1")
+        check_fields(self)
 
     def draw(
         self, robot: Robot, qpos: np.ndarray, qvel: np.ndarray, rng: np.random.Generator

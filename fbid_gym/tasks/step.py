@@ -1,15 +1,17 @@
 """Task `step`: squat while stepping in place, under pushes, [M10] IV.D."""
 
 from functools import lru_cache
+from typing import Annotated
 
-from fbid_gym.checks import number
 from fbid_gym.motions import stepping, steps_for
+from fbid_gym.options import Number, checked
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.tracking import Tracking
 
 
+@checked
 def step(
     robot: Robot,
     seconds: float,
@@ -17,8 +19,8 @@ def step(
     pushes: Pushes,
     start: Start,
     *,
-    step_seconds: float | None = None,
-    lift_seconds: float | None = None,
+    step_seconds: Annotated[float, Number(0.01, 1000.0, "s")] | None = None,
+    lift_seconds: Annotated[float, Number(0.0, 1000.0, "s")] | None = None,
 ) -> Tracking:
     """Build the task.
 
@@ -33,9 +35,7 @@ def step(
         lift_seconds: s it takes a foot to rise, and to come down again; 0 is the instant change of
             the paper.
     """
-    period = None if step_seconds is None else number("step_seconds", step_seconds)
-    ramp = None if lift_seconds is None else number("lift_seconds", lift_seconds)
-    steps = steps_for(robot, hz, period=period, ramp=ramp)
+    steps = steps_for(robot, hz, period=step_seconds, ramp=lift_seconds)
     derived = {"step_seconds": steps.period, "lift_seconds": steps.ramp}
     motion = _motion(robot, steps, hz=hz)
     return Tracking.of(robot, seconds, hz, pushes, start, motion, derived=derived)

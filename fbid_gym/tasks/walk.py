@@ -3,21 +3,21 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.gait import Gait, default_gait, gait_of
 from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.options import Pair, checked
 from fbid_gym.quantities import DynamicsTerms, Memory
 from fbid_gym.robots import Robot
 from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
 from fbid_gym.tasks.body import Body, weighted
 from fbid_gym.tasks.height_scan import SCAN, scan_heights
 from fbid_gym.tasks.outcome import Outcome
-from fbid_gym.tasks.plan import Plan
+from fbid_gym.tasks.plan import Plan, check_schedule
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.task import Now
@@ -36,6 +36,8 @@ REWARD_WEIGHTS = WalkReward(
     velocity=0.4, turning=0.2, clock=0.15, upright=0.1, steady=0.05, torque=0.1
 )
 """Each reward term lies in [0, weight]; they sum to 1."""
+
+Rates = Annotated[tuple[float, float], Pair(-2.0, 2.0)]
 
 _TOLERANCE = 0.12  # of sqrt(g h)
 _STANDS = 0.1  # share of the commands that are to stand
@@ -72,6 +74,7 @@ class Walk:
     ground: HeightGrid
 
     @classmethod
+    @checked
     def of(
         cls,
         robot: Robot,
@@ -80,10 +83,10 @@ class Walk:
         pushes: Pushes,
         start: Start,
         *,
-        forward_range: tuple[float, float] = (-0.35, 0.58),
-        sideways_range: tuple[float, float] = (-0.23, 0.23),
-        turning_range: tuple[float, float] = (-0.13, 0.13),
-        command_interval: tuple[float, float] = (2.0, 5.0),
+        forward_range: Rates = (-0.35, 0.58),
+        sideways_range: Rates = (-0.23, 0.23),
+        turning_range: Rates = (-0.13, 0.13),
+        command_interval: Annotated[tuple[float, float], Pair(0.1, 1e9, "s")] = (2.0, 5.0),
         gait: str | None = None,
         height_scan: bool = False,
     ) -> "Walk":
@@ -107,13 +110,7 @@ class Walk:
                 feet are set down on it. Otherwise robot and policy are blind.
         """
         ranges = (forward_range, sideways_range, turning_range)
-        names = ("forward_range", "sideways_range", "turning_range")
-        for name, values in zip(names, ranges, strict=True):
-            if not -2.0 <= values[0] <= values[1] <= 2.0:
-                raise InvalidValueError(name, values, "a pair -2 <= least <= most <= 2")
-        if not 0.1 <= command_interval[0] <= command_interval[1] < np.inf:
-            expected = "a pair 0.1 <= least <= most of s"
-            raise InvalidValueError("command_interval", command_interval, expected)
+        check_schedule("command_interval", command_interval, seconds)
         body = Body.of(robot)
         height, gravity = float(body.stance.home_com[2]), robot.gravity
         speed, rate = np.sqrt(gravity * height), np.sqrt(gravity / height)

@@ -9,9 +9,11 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 
 BIPED = next(iter(ENVIRONMENTS))
-CASES = [(layer, None) for layer in LAYERS] + [
-    ("base_acceleration", {"contact_limits": "none"}),
-    ("base_acceleration", {"contacts": "measured"}),
+CASES = [(layer, {}) for layer in LAYERS] + [
+    ("base_acceleration", {"layer_options": {"contact_limits": "none"}}),
+    ("base_acceleration", {"layer_options": {"contacts": "measured"}}),
+    # Another simulation of MuJoCo's, which could have its own word to say.
+    ("com_wrench", {"randomisation": {"model_mass": 0.1}}),
 ]
 
 
@@ -37,7 +39,7 @@ def test_the_others_do_not_notice(
     layer, options, breakage, size, when, rng, tmp_path, monkeypatch, capfd
 ):
     monkeypatch.chdir(tmp_path)
-    arguments = {"num_envs": 3, "action_layer": layer, "layer_options": options}
+    arguments = {"num_envs": 3, "action_layer": layer, **options}
     broken, whole = (gym.make_vec(BIPED, **arguments) for _ in range(2))
     before = broken.reset(seed=0)[0]
     whole.reset(seed=0)

@@ -1,37 +1,108 @@
 """Nonsense on the command line of what measures without a policy: one line, exit status 2."""
 
 import pytest
+import tyro
 
-from eval import rollout, terrain, walking
+from eval import bench, compare, demo, rates, rollout, terrain, walking
+from eval.papers.__main__ import main as papers
+from train import ppo, sweep
+from train.runs.command_line import parse
+from train.runs.exit_status import exit_status
 
 WALK = ["--zero-action", "--env", "fbid_gym/QuadrupedWalk-v0"]
+
+
+COMPARE = ["runs/none"]
+DEEP = '{"a":' * 3000 + "1" + "}" * 3000
+NOWHERE = "/dev/null/there"
+
+
+def command(config, work):
+    """The command line of a module that reads it where it is started."""
+    return lambda arguments: exit_status(lambda: work(tyro.cli(config, args=arguments)))
+
+
+def train(arguments):
+    return exit_status(lambda: print(ppo.main(parse(arguments))))
+
+
+measure = command(bench.BenchConfig, bench.main)
+show = command(demo.DemoConfig, demo.main)
+sweeps = command(sweep.SweepConfig, sweep.main)
+at_rates = command(rates.RatesConfig, rates.main)
 
 
 @pytest.mark.parametrize(
     ("main", "arguments", "message"),
     [
+        (rollout.main, [*WALK, "--episodes", "0"], "Invalid episodes: 0. Expected a whole"),
+        (rollout.main, [*WALK, "--episodes", "1" + "0" * 30], "Invalid episodes: 1000"),
+        (rollout.main, [*WALK, "--seed", "1" + "0" * 400], "Invalid seed: 1000"),
+        (rollout.main, [*WALK, "--video-seconds", "1e300"], "Invalid video_seconds: 1e+300"),
+        (rollout.main, [*WALK, "--env-args", DEEP], "nested too deeply"),
+        (rollout.main, [*WALK, "--env-args", '{"physics_hz": 1e999}'], "Invalid physics_hz: inf"),
+        (rollout.main, [*WALK, "--env-args", '{"env_id": "a"}'], "environment argument 'env_id'"),
+        (rollout.main, [*WALK, "--env-args", '{"id": "a"}'], "environment arguments: {'id': 'a'}"),
+        (rollout.main, ["--zero-action", "--env", "CartPole-v1"], "Invalid env: 'CartPole-v1'"),
+        (rollout.main, [*WALK, "--out", f"{NOWHERE}/a.json"], "Invalid out: '/dev/null/there/a.js"),
+        (rollout.main, [*WALK, "--video", "/dev/full/a.mp4"], "Expected a place where files can"),
+        (compare.main, [*COMPARE, "--sweep", "nan"], "Invalid sweep: nan. Expected a number"),
+        (compare.main, [*COMPARE, "--threshold", "nan"], "Invalid threshold: nan"),
+        (compare.main, [*COMPARE, "--samples", "1000000000000"], "Invalid samples: 1000000000000"),
+        (compare.main, [*COMPARE, "--confidence", "1.5"], "Invalid confidence: 1.5"),
+        (compare.main, [*COMPARE, "--out", f"{NOWHERE}.html"], "Invalid out: '/dev/null/there.htm"),
+        (measure, ["--num-envs", "0"], "Invalid num_envs: 0. Expected a whole number from 1"),
+        (measure, ["--rounds", "0"], "Invalid rounds: 0. Expected a whole number from 1"),
+        (measure, ["--robots", "horse"], "Unknown robot 'horse'"),
+        (measure, ["--out", NOWHERE], "Invalid out: '/dev/null/there'"),
+        (show, ["--jobs", "0"], "Invalid jobs: 0. Expected a whole number from 1"),
+        (show, ["--video-seconds", "nan"], "Invalid video_seconds: nan"),
+        (show, ["--layers", "magic"], "Unknown action layer 'magic'"),
+        (show, ["--out", NOWHERE], "Invalid out: '/dev/null/there'"),
+        (sweeps, ["none.toml", "--workers", "0"], "Invalid workers: 0"),
+        (sweeps, ["none.toml"], "none.toml: cannot be read as a study"),
+        (papers, ["--jobs", "0"], "Invalid jobs: 0"),
+        (papers, ["--only", "nothing"], "'nothing'"),
+        (papers, ["--out", NOWHERE], "Invalid out: '/dev/null/there'"),
+        (walking.main, ["--seconds", "1e300"], "Invalid seconds: 1e+300"),
+        (at_rates, ["--episodes", "0"], "Invalid episodes: 0"),
+        (train, ["--num-envs", "1" + "0" * 12], "Invalid num_envs: 1000000000000"),
+        (train, ["--ppo.n-steps", "1" + "0" * 12], "ppo.n_steps"),
+        (train, ["--ppo.hidden", "1" + "0" * 9], "ppo.hidden"),
+        (train, ["--eval.episodes", "1" + "0" * 12], "Invalid eval.episodes: 1000000000000"),
+        (train, ["--out", "x" * 300], "File name too long"),
         (walking.main, ["--robots", "horse"], "Unknown robot 'horse'. Valid choices: go1, quad"),
         (walking.main, ["--layers", "torque", "magic"], "action layer 'magic'. Valid choices: tor"),
-        (walking.main, ["--episodes", "-3"], "Invalid episodes: -3. Expected a positive whole"),
-        (walking.main, ["--seconds", "-1"], "Invalid seconds: -1.0. Expected a positive finite"),
-        (walking.main, ["--push", "-50"], "Invalid push: -50.0. Expected a finite number of at le"),
+        (walking.main, ["--episodes", "-3"], "Invalid episodes: -3. Expected a whole number fr"),
+        (walking.main, ["--seconds", "-1"], "Invalid seconds: -1.0. Expected a number from"),
+        (walking.main, ["--push", "-50"], "Invalid push: -50.0. Expected a number from 0 to"),
         (terrain.main, ["--envs", "fbid_gym/Moon-v0"], "Unknown environment 'fbid_gym/Moon-v0'. V"),
         (terrain.main, ["--envs", "fbid_gym/BipedBalance-v0"], "Valid choices: fbid_gym/Quadruped"),
         (terrain.main, ["--layers", "magic"], "Unknown action layer 'magic'. Valid choices: torq"),
         (terrain.main, ["--terrains", "lava"], "Unknown terrain 'lava'. Valid choices: slopes, "),
-        (terrain.main, ["--difficulties", "0.5", "-1"], "Invalid difficulty: -1.0. Expected a num"),
-        (terrain.main, ["--robots", "-2"], "Invalid robots: -2. Expected a positive whole number"),
-        (terrain.main, ["--seconds", "nan"], "Invalid seconds: nan. Expected a positive finite"),
+        (
+            terrain.main,
+            ["--difficulties", "0.5", "-1"],
+            "Invalid difficulties: -1.0. Expected a num",
+        ),
+        (terrain.main, ["--robots", "-2"], "Invalid robots: -2. Expected a whole number from"),
+        (terrain.main, ["--seconds", "nan"], "Invalid seconds: nan. Expected a number from"),
         (rollout.main, [*WALK, "--action-layer", "magic"], "Unknown action layer 'magic'. Valid c"),
         (rollout.main, [*WALK, "--env-args", '{"robot": "horse"}'], "Unknown robot 'horse'. Valid"),
         (rollout.main, [*WALK, "--env-args", '{"gait": "hop"}'], "Unknown gait 'hop'. Valid choic"),
-        (rollout.main, [*WALK, "--episodes", "-3"], "Invalid episodes: -3. Expected a positive"),
-        (rollout.main, [*WALK, "--seed", "-1"], "Invalid seed: -1. Expected a whole number of at"),
+        (
+            rollout.main,
+            [*WALK, "--episodes", "-3"],
+            "Invalid episodes: -3. Expected a whole number",
+        ),
+        (rollout.main, [*WALK, "--seed", "-1"], "Invalid seed: -1. Expected a whole number from 0"),
         (rollout.main, [*WALK, "--video-seconds", "-1"], "Invalid video_seconds: -1.0. Expected a"),
     ],
 )
-def test_nonsense_is_one_line(main, arguments, message, capsys):
+def test_nonsense_is_one_line(main, arguments, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
+    assert list(tmp_path.iterdir()) == []
     captured = capsys.readouterr()
     assert captured.err.startswith("error: ") and captured.err.count("\n") == 1
     assert message in captured.err and "Traceback" not in captured.out + captured.err

@@ -101,7 +101,7 @@ def test_no_pushes_at_all():
         ({"interval": (3.0, 1.0)}, "Invalid push_interval"),
         ({"velocity": (0.5, 0.1)}, r"Invalid push_velocity: \(0.5, 0.1\). Expected a pair 0 <="),
         ({"interval": (0.1, 1.0)}, r"push_interval: \(0.1, 1.0\). Expected at least push_duration"),
-        ({"duration": 0.0}, "Invalid push_duration: 0.0. Expected a positive time"),
+        ({"duration": 0.0}, "Invalid push_duration: 0.0. Expected a number from 0.0001"),
         ({"duration": np.nan}, "Invalid push_duration: nan"),
     ],
 )

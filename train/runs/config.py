@@ -14,7 +14,10 @@ from fbid_gym.errors import InvalidValueError, UnknownOptionError
 
 def parse_object(text: str) -> dict[str, Any]:
     """Read a JSON object; ValueError if the text is none."""
-    value = json.loads(text)
+    try:
+        value = json.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
     if not isinstance(value, dict):
         raise ValueError(f"{text!r} is not a JSON object")
     return value
@@ -208,14 +211,17 @@ class TrainConfig:
         if getattr(self, self.algorithm) is None:
             object.__setattr__(self, self.algorithm, ALGORITHMS[self.algorithm]())
         mine = ("", "eval", self.algorithm)
-        for name in (n for n in (*_LEAST, *_RANGES) if n.rpartition(".")[0] in mine):
+        for name in (n for n in (*_WHOLE, *_RANGES) if n.rpartition(".")[0] in mine):
             value = _at(self, name)
             if name in _RANGES:
                 low, high = _RANGES[name]
                 if not low <= value <= high:
                     raise InvalidValueError(name, value, f"a number from {low} to {high}")
-            elif isinstance(value, bool) or not isinstance(value, int) or value < _LEAST[name]:
-                raise InvalidValueError(name, value, f"an integer of at least {_LEAST[name]}")
+                continue
+            least, most = _WHOLE[name]
+            if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+                expected = f"an integer of at least {least}, and at most {most:,}"
+                raise InvalidValueError(name, value, expected)
         self._check_together()
         for name in ("layer_options", "env_args"):
             try:
@@ -234,8 +240,9 @@ class TrainConfig:
     def _check_together(self) -> None:
         """Check what depends on more than one value."""
         own = self.hyperparameters
-        if any(width < 1 for width in own.hidden):
-            raise InvalidValueError(f"{self.algorithm}.hidden", own.hidden, "positive widths")
+        if any(not 1 <= width <= _WIDEST for width in own.hidden):
+            expected = f"positive widths of at most {_WIDEST:,}"
+            raise InvalidValueError(f"{self.algorithm}.hidden", own.hidden, expected)
         end = own.learning_rate_end
         if end is not None and not 0.0 <= end <= 1.0:
             name = f"{self.algorithm}.learning_rate_end"
@@ -252,6 +259,9 @@ class TrainConfig:
             raise InvalidValueError(
                 "ppo.n_steps", own.n_steps, "num_envs * ppo.n_steps of at least 2"
             )
+        if self.iteration_steps > _MOST_STEPS:
+            expected = f"num_envs * ppo.n_steps of at most {_MOST_STEPS:,}; all are kept"
+            raise InvalidValueError("ppo.n_steps", own.n_steps, expected)
         if self.iteration_steps % self.batch_size:
             raise InvalidValueError(
                 "ppo.batch_size",
@@ -308,12 +318,18 @@ class TrainConfig:
         return json.loads(json.dumps(data))
 
 
-_LEAST = {
-    "seed": 0, "total_steps": 1, "num_envs": 1, "num_threads": 0, "torch_threads": 1,
-    "checkpoint_every": 0, "ppo.n_steps": 1, "ppo.batch_size": 2, "ppo.n_epochs": 1,
-    "sac.n_steps": 1, "sac.batch_size": 2, "sac.gradient_steps": 1, "sac.buffer_size": 1,
-    "sac.learning_starts": 0, "eval.every": 0, "eval.episodes": 1, "eval.seed": 0,
+_LARGE = 2**53  # beyond, floats that count skip numbers
+_WHOLE = {
+    "seed": (0, 2**32 - 1), "total_steps": (1, _LARGE), "num_envs": (1, 65_536),
+    "num_threads": (0, 1024), "torch_threads": (1, 1024), "checkpoint_every": (0, _LARGE),
+    "ppo.n_steps": (1, _LARGE), "ppo.batch_size": (2, _LARGE), "ppo.n_epochs": (1, 10_000),
+    "sac.n_steps": (1, _LARGE), "sac.batch_size": (2, 1_000_000),
+    "sac.gradient_steps": (1, 1_000_000), "sac.buffer_size": (1, MOST_TRANSITIONS),
+    "sac.learning_starts": (0, _LARGE),
+    "eval.every": (0, _LARGE), "eval.episodes": (1, 65_536), "eval.seed": (0, 2**32 - 1),
 }  # fmt: skip
+_WIDEST = 65_536  # units of a layer
+_MOST_STEPS = 100_000_000  # of an iteration
 _RANGES = {
     "ppo.learning_rate": (0.0, 1.0), "ppo.gamma": (0.0, 1.0), "ppo.gae_lambda": (0.0, 1.0),
     "ppo.clip_range": (1e-6, 1.0), "ppo.ent_coef": (0.0, 1.0), "ppo.vf_coef": (0.0, 10.0),

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.errors import UnknownOptionError
 from fbid_gym.motions.gait import flat_feet, point_feet, point_gait, walking
 from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.options import Choice
 from fbid_gym.quantities import DynamicsTerms, Memory
 from fbid_gym.robots import Robot
 
@@ -81,8 +81,8 @@ def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
     """
     biped = robot.num_feet == 2
     known = ["walk"] if biped else [*PATTERNS]
-    if name is not None and name not in known:
-        raise UnknownOptionError("gait of a biped" if biped else "gait", name, known)
+    if name is not None:
+        Choice(known).check("gait of a biped" if biped else "gait", name)
     tick = 1.0 / hz
     if biped:
         on_soles = biped_gait(robot)

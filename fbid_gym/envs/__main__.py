@@ -1,0 +1,116 @@
+"""Every argument of the environments with its default and its range: `python -m fbid_gym.envs`.
+
+It prints docs/arguments.md, made of what the code says.
+"""
+
+import ast
+import inspect
+import re
+import sys
+import textwrap
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import is_dataclass
+from typing import Any
+
+from fbid_gym.actions import LAYERS, WALKING_LAYERS, Footholds
+from fbid_gym.actions.contact_options import ContactOptions, WalkingContact
+from fbid_gym.envs.chunks import NUM_ENVS, NUM_THREADS
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.randomisation import Randomisation
+from fbid_gym.options import Option, options_of
+from fbid_gym.tasks import TASKS
+
+_HEAD = """\
+# Arguments
+
+What `gym.make`, `gym.make_vec` and `fbid_gym.make_sb3` take, made by `python -m fbid_gym.envs`. The
+ranges are wider than robots of 0.1 kg to 1 t need; what lies outside is refused with the name, the
+value and the range. Numbers may be NumPy's. `Falling(1.7)` is 1.7 times the frequency at which the
+robot falls over, sqrt(g / height of the centre of mass) / (2 pi). `None` is derived from the robot.
+"""
+
+_VECTOR = {
+    "num_envs": Option("num_envs", 1, NUM_ENVS, False),
+    "num_threads": Option("num_threads", 1, NUM_THREADS, False),
+}
+_OF_VECTOR = {"num_envs": "Number of environments.", "num_threads": "Threads that step them."}
+
+
+def meanings(build: Callable[..., Any]) -> dict[str, str]:
+    """Return what options mean: of a constructor's docstring, or of a dataclass's fields."""
+    if is_dataclass(build):
+        return dict(_of_fields(build))
+    found: dict[str, str] = {}
+    _, _, args = (inspect.getdoc(build) or "").partition("Args:\n")
+    for line in args.split("\n\n")[0].splitlines():
+        if started := re.match(r"    (\w+): (.*)", line):
+            name = started[1]
+            found[name] = started[2]
+        elif found:
+            found[name] += f" {line.strip()}"
+    return found
+
+
+def _of_fields(kind: type) -> Iterable[tuple[str, str]]:
+    body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
+    assert isinstance(body, ast.ClassDef)
+    for field, said in zip(body.body[:-1], body.body[1:], strict=True):
+        if isinstance(field, ast.AnnAssign) and isinstance(said, ast.Expr):
+            assert isinstance(field.target, ast.Name) and isinstance(said.value, ast.Constant)
+            yield field.target.id, " ".join(str(said.value.value).split())
+
+
+def table(options: Mapping[str, Option], about: Mapping[str, str]) -> str:
+    """Return a Markdown table of options."""
+    lines = ["| Option | Default | Takes | Meaning |", "| --- | --- | --- | --- |"]
+    for name, option in options.items():
+        takes = option.kind.words if option.kind is not None else "see its meaning"
+        said = about.get(name, "").replace("|", r"\|")
+        default = repr(option.default).replace("'", '"').replace("times=", "")
+        lines.append(f"| `{name}` | `{default}` | {takes} | {said} |")
+    return "\n".join(lines) if options else "None of its own."
+
+
+def page() -> str:
+    """Return docs/arguments.md."""
+    parts = [_HEAD.rstrip()]
+
+    def section(title: str, options: Mapping[str, Option], about: Mapping[str, str]) -> None:
+        parts.extend([title, table(options, about)])
+
+    own = options_of(EnvConfig)
+    del own["task_options"]
+    section("## Of every environment", own, meanings(EnvConfig))
+    section("## Of `gym.make_vec` and `make_sb3`", _VECTOR, _OF_VECTOR)
+    parts.append("## Of the tasks")
+    for name, task in TASKS.items():
+        section(f"### `{name}`", options_of(task.of), meanings(task.of))
+    parts.append("## Of the action layers: `layer_options`")
+    shared = options_of(ContactOptions)
+    for name, layer in LAYERS.items():
+        every = options_of(layer)
+        section(f"### `{name}`", _without(every, shared), meanings(layer))
+        if shared.keys() <= every.keys():
+            parts.append("And those about contacts.")
+    section("### About contacts", shared, meanings(ContactOptions))
+    parts.append("## Of the action layers on a gait: task `walk`")
+    parts.append("All have those that steer the gait.")
+    section("### Steering", options_of(Footholds.of), meanings(Footholds.of))
+    walking = options_of(WalkingContact)
+    for name, layer in WALKING_LAYERS.items():
+        every = options_of(layer)
+        section(f"### `{name}`, walking", _without(every, walking), meanings(layer))
+        if walking.keys() <= every.keys():
+            parts.append("And those about contacts.")
+    section("### About contacts, walking", walking, meanings(WalkingContact))
+    section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
+    return "\n\n".join(parts) + "\n"
+
+
+def _without(options: Mapping[str, Option], shared: Mapping[str, Option]) -> dict[str, Option]:
+    grouped = shared.keys() <= options.keys()
+    return {k: v for k, v in options.items() if not (grouped and k in shared)}
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())

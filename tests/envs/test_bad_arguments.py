@@ -1,0 +1,283 @@
+"""Every option of environments, tasks, layers and randomisation against what is none of its values.
+
+The list is made of the options themselves: a new one is tried, too.
+"""
+
+import itertools
+import json
+from collections.abc import Mapping
+from dataclasses import MISSING
+from decimal import Decimal
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import fbid_gym
+from fbid_gym.actions import LAYERS, WALKING_LAYERS, make_layer, make_walking_layer, walking_options
+from fbid_gym.envs.__main__ import page
+from fbid_gym.envs.chunks import Chunks
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.randomisation import Randomisation
+from fbid_gym.errors import FbidError, shown
+from fbid_gym.options import Choice, Flag, Pair, options_of
+from fbid_gym.robots import load
+from fbid_gym.tasks import TASKS, Pushes, Start, make_task
+
+BIPED = "fbid_gym/BipedBalance-v0"
+ROBOT_OF = {"crawl": "quadruped", "walk": "go1"}
+
+
+class Hostile:
+    """Neither shown nor compared."""
+
+    __hash__ = None
+
+    def __repr__(self):
+        raise RuntimeError
+
+    def __eq__(self, other):
+        raise RuntimeError
+
+
+NONSENSE = (
+    "text", "12", b"1", {0.5, 1.0}, np.nan, -np.inf, -1e150, -1e300, 10**400, -(10**5000), 1j,
+    [], {}, np.array(["a"]), np.zeros((2, 2)), np.float32("nan"), np.ma.masked, Decimal("NaN"), object(),
+    Hostile(), "x" * 10**5, int,
+)  # fmt: skip
+HUGE = (1e150, 1e300, 10**30)
+PAIRS = (
+    (np.nan, 1), (1e300, 1e300), (-1e300, 1e300), (1, 10**400), ("1", "2"), (None, 1), (1,),
+    (1, 2, 3), {0.5: 1, 1.0: 2}, (2.0, 1.0), (1j, 2), ({1}, {2}), "ab", 1.0,
+)  # fmt: skip
+
+
+def bad_values(option):
+    """What an option refuses; iterators without end among it."""
+    yield from NONSENSE
+    yield itertools.count()
+    yield (x for x in (0.9, 1.0))
+    if not option.optional and option.default is not None:
+        yield None
+    if isinstance(option.kind, Pair):
+        yield from PAIRS
+    elif not isinstance(option.kind, Flag | Choice):
+        yield True
+        if option.name != "max_normal_force":
+            yield from (*HUGE, np.inf)
+    if isinstance(option.kind, Flag):
+        yield from (0, 1.0)
+
+
+def tried():
+    """Each option with the way by which its values get in."""
+    pushes, start = Pushes((0.0, 0.0), 0.15, (1.5, 3.0)), Start()
+
+    def own(name, value):
+        EnvConfig.of({name: value})
+
+    def randomised(name, value):
+        EnvConfig.of({"randomisation": {name: value}})
+
+    for option in options_of(EnvConfig).values():
+        if option.kind is not None:
+            yield f"environment-{option.name}", option, own
+    for option in options_of(Randomisation).values():
+        yield f"randomisation-{option.name}", option, randomised
+    for task, kind in TASKS.items():
+
+        def of_task(name, value, task=task):
+            robot = load(ROBOT_OF.get(task, "biped"))
+            make_task(task, robot, 10.0, 500, pushes, start, {name: value})
+
+        for option in options_of(kind.of).values():
+            yield f"{task}-{option.name}", option, of_task
+    for layer, build in LAYERS.items():
+
+        def standing(name, value, layer=layer):
+            make_layer(layer, load("biped"), 500, {name: value})
+
+        for option in options_of(build).values():
+            yield f"{layer}-{option.name}", option, standing
+    for layer in WALKING_LAYERS:
+
+        def walking(name, value, layer=layer):
+            make_walking_layer(layer, load("go1"), 250, 6.0, {name: value})
+
+        for option in walking_options(layer).values():
+            yield f"walking-{layer}-{option.name}", option, walking
+
+
+TRIED = list(tried())
+
+
+@pytest.mark.parametrize(
+    ("option", "give"), [case[1:] for case in TRIED], ids=[case[0] for case in TRIED]
+)
+def test_every_option_refuses_nonsense_by_name(option, give):
+    assert option.default is not MISSING
+    for value in bad_values(option):
+        with pytest.raises(FbidError) as caught:
+            give(option.name, value)
+        said = str(caught.value)
+        called = getattr(option.kind, "what", "") or option.name
+        assert called in said and shown(value) in said, said
+        assert len(said) < 1200 and "\n" not in said
+
+
+def test_numbers_of_numpy_are_numbers():
+    given = {
+        "physics_hz": np.int64(1000),
+        "control_hz": np.float32(500.0),
+        "joint_noise": np.float32(0.25),
+        "push_force": np.array([1.0, 2.0]),
+        "push_interval": [np.float32(1.5), np.int64(3)],
+        "solver_warm_start": np.bool_(False),
+        "height_range": (np.float64(0.95), 1),
+        "randomisation": {"mass": np.float32(0.5), "friction": np.array([0.5, 1.0])},
+        "action_layer": "base_acceleration",
+        "layer_options": {"friction": np.float64(0.5), "compensate_damping": np.bool_(True)},
+    }
+    config = EnvConfig.of(given)
+    assert (config.physics_hz, config.control_hz, config.joint_noise) == (1000, 500, 0.25)
+    assert (config.push_force, config.push_interval) == ((1.0, 2.0), (1.5, 3.0))
+    assert config.solver_warm_start is False
+    assert json.dumps(config.resolved())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"episode_seconds": 1e6}, r"push_interval: \(1.5, 3.0\). Expected at least 10 s at epi"),
+        ({"height_interval": (1e-4, 1.0), "episode_seconds": 100.0}, "height_interval: .*100,000"),
+        ({"task": "squat", "speed": 0.01}, "Invalid speed: 0.01. Expected what makes a motion of"),
+        ({"layer_options": {"contacts": [(1e6, ["left"])]}}, "contacts: .*200 s in all"),
+        ({"layer_options": {"contacts": [(0.0005, ["left"])]}}, "contacts: .*seconds >= 0.002"),
+        ({"layer_options": {"contacts": itertools.repeat((1.0, ["left"]))}}, "contacts: repeat"),
+        ({"layer_options": {"contacts": {(1.0, ("left",))}}}, "contacts: {.*Expected phases"),
+        ({"layer_options": {"contacts": [(1.0, itertools.repeat("left"))]}}, "contacts: .*repeat"),
+    ],
+)
+def test_what_would_take_too_much_memory_or_never_end(arguments, message):
+    config = {"action_layer": "base_acceleration"}
+    with pytest.raises(FbidError, match=message):
+        gym.make(BIPED, **config, **arguments)
+
+
+def test_episodes_of_many_robots_have_bounds_too():
+    config = EnvConfig.of({"episode_seconds": 1e5})
+    with pytest.raises(FbidError, match="episode_seconds: 100000.0. Expected less: .* 300 such"):
+        Chunks(config, 300, 1)
+
+
+@pytest.fixture(scope="module")
+def envs():
+    made = gym.make_vec(BIPED, num_envs=2, action_layer="torque")
+    made.reset(seed=0)
+    return made
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        [["0"] * 16] * 2,
+        np.zeros((2, 16), complex),
+        np.ma.masked_all((2, 16)),
+        np.zeros((2, 16), object),
+        np.zeros((2, 16), "timedelta64[s]"),
+        [[10**400] * 16] * 2,
+        [[Decimal(0)] * 16] * 2,
+        itertools.count(),
+        Hostile(),
+    ],
+    ids=lambda action: type(action).__name__,
+)
+def test_actions_are_numbers(envs, action):
+    with pytest.raises(FbidError, match=r"Invalid action: .*Expected numbers of shape \(2, 16\)"):
+        envs.step(action)
+    envs.step(np.zeros((2, 16), np.int8))
+
+
+def spoilt(state, name, value):
+    return state | {name: np.full(np.shape(state[name]), value)}
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda s: "text", "Invalid state: 'text'"),
+        (lambda s: {}, "Invalid state: .*among its arrays"),
+        (lambda s: s | {"config": np.frombuffer(b"[1]", np.uint8)}, "state 'config'"),
+        (lambda s: s | {"config": np.frombuffer(b"\xff", np.uint8)}, "state 'config'"),
+        (lambda s: spoilt(s, "simulation.qpos", "a"), "state 'simulation.qpos'"),
+        (lambda s: spoilt(s, "simulation.qpos", 1j), "state 'simulation.qpos'"),
+        (lambda s: spoilt(s, "simulation.qpos", np.nan), "state 'simulation.qpos' is not finite"),
+        (lambda s: spoilt(s, "tick", 0.5), "Invalid state 'tick'"),
+        (lambda s: spoilt(s, "generator", -1), "Invalid state 'generator'"),
+        (lambda s: spoilt(s, "generator", np.uint64(2**63)), "Invalid state 'generator'"),
+        (lambda s: spoilt(s, "progress.level", 10**6), "Invalid state 'progress.level'"),
+        (lambda s: spoilt(s, "delay.ticks", 7), "Invalid state 'delay.ticks'"),
+        (lambda s: s | {"tick": s["tick"][:1]}, r"state 'tick' has shape \(1,\)"),
+    ],
+)
+def test_garbage_is_no_state_and_changes_nothing(envs, spoil, message):
+    before = envs.chunks.state_dict()
+    given = spoil(before)
+    with pytest.raises(FbidError, match=message):
+        envs.chunks.load_state_dict(given)
+    for name, value in envs.chunks.state_dict().items():
+        np.testing.assert_array_equal(value, before[name])
+
+
+@pytest.mark.parametrize("options", ["text", 3, [], {"unknown": 1}, {1: 2}])
+def test_options_of_reset(envs, options):
+    scalar = gym.make(BIPED, action_layer="torque")
+    for env in (scalar, envs):
+        with pytest.raises(FbidError, match="options"):
+            env.reset(options=options)
+    for mask in (None, "ab", [1, 0], [True]):
+        with pytest.raises(FbidError, match="reset_mask"):
+            envs.reset(options={"reset_mask": mask})
+
+
+def test_a_negative_seed():
+    """Gymnasium refuses it by itself where it sees it."""
+    with pytest.raises(gym.error.Error, match="actual value: -1"):
+        gym.make(BIPED, action_layer="torque").reset(seed=-1)
+    with pytest.raises(FbidError, match="Invalid seed: -1"):
+        fbid_gym.make_sb3(BIPED, 1, seed=-1)
+
+
+def test_nothing_steps_before_reset_or_after_close():
+    scalar = gym.make(BIPED, action_layer="torque")
+    vector = gym.make_vec(BIPED, num_envs=1, action_layer="torque")
+    sb3 = fbid_gym.make_sb3(BIPED, 1, action_layer="torque")
+    with pytest.raises(gym.error.ResetNeeded):
+        scalar.step(np.zeros(16))
+    for env in (vector, sb3):
+        with pytest.raises(FbidError, match=r"call reset\(\)"):
+            env.step(np.zeros((1, 16)))
+    for env, action in ((scalar, np.zeros(16)), (vector, np.zeros((1, 16))), (sb3, [[0.0] * 16])):
+        env.reset()
+        env.close()
+        for use in (env.reset, lambda env=env, action=action: env.step(action)):
+            with pytest.raises(FbidError, match="closed: make"):
+                use()
+
+
+def test_without_stable_baselines3_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "stable_baselines3", None)
+    monkeypatch.setitem(__import__("sys").modules, "stable_baselines3.common.vec_env", None)
+    monkeypatch.delitem(__import__("sys").modules, "fbid_gym.envs.sb3", raising=False)
+    with pytest.raises(FbidError, match=r"stable_baselines3.*pip install 'fbid_gym\[train\]'"):
+        _ = fbid_gym.make_sb3
+
+
+def test_the_page_of_arguments_is_what_the_code_says():
+    path = Path(__file__).resolve().parents[2] / "docs" / "arguments.md"
+    assert path.read_text(encoding="utf-8") == page(), "python -m fbid_gym.envs > docs/arguments.md"
+    for mapping in (LAYERS, TASKS):
+        assert isinstance(mapping, Mapping)
+        for name in mapping:
+            assert f"`{name}`" in page()
