@@ -10,6 +10,7 @@ BENCHMARK_PAGE = DOCS / "benchmark.md"
 PAPERS_PAGE = DOCS / "papers.md"
 WALKING_PAGE = DOCS / "walking.md"
 RATES_PAGE = DOCS / "rates.md"
+ROBUSTNESS_PAGE = DOCS / "robustness.md"
 
 START, END = "<!-- tables: written by the command above -->", "<!-- end of tables -->"
 

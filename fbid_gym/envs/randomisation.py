@@ -9,6 +9,8 @@ from fbid_gym.errors import InvalidValueError, UnknownOptionError
 LONGEST_DELAY = 1.0
 """s; every action on its way is remembered."""
 
+_FACTORS = ("friction", "motor_strength", "total_mass", "model_total_mass", "model_inertia")
+
 
 @dataclass(frozen=True)
 class Randomisation:
@@ -34,6 +36,14 @@ class Randomisation:
     """Model: each body's mass and inertia are scaled by 1 ± up to this share."""
     model_com: float = 0.0
     """Model: each body's centre of mass is moved by up to this (m) along each axis."""
+    total_mass: tuple[float, float] = (1.0, 1.0)
+    """Plant: (least, most) factor on the masses and inertias of all bodies alike."""
+    model_total_mass: tuple[float, float] = (1.0, 1.0)
+    """Model: (least, most) factor on the masses and inertias of all bodies alike."""
+    model_inertia: tuple[float, float] = (1.0, 1.0)
+    """Model: (least, most) factor on the rotational inertias of all bodies alike."""
+    model_com_ahead: tuple[float, float] = (0.0, 0.0)
+    """Model: (least, most) m by which the base's centre of mass lies farther ahead."""
 
     @classmethod
     def of(cls, arguments: dict[str, Any]) -> "Randomisation":
@@ -51,7 +61,7 @@ class Randomisation:
             value = number(full, getattr(self, name), expected)
             if value < 0.0 or (most and value >= most):
                 raise InvalidValueError(full, value, expected)
-        for name in ("friction", "motor_strength"):
+        for name in _FACTORS:
             factor = pair(f"randomisation {name}", getattr(self, name))
             if not 0.0 < factor[0] <= factor[1]:
                 raise InvalidValueError(f"randomisation {name}", factor, "a pair 0 < least <= most")
@@ -61,6 +71,10 @@ class Randomisation:
             expected = f"a pair 0 <= least <= most <= {LONGEST_DELAY:g} of s"
             raise InvalidValueError("randomisation action_delay", delay, expected)
         object.__setattr__(self, "action_delay", delay)
+        ahead = pair("randomisation model_com_ahead", self.model_com_ahead)
+        if not ahead[0] <= ahead[1]:
+            raise InvalidValueError("randomisation model_com_ahead", ahead, "a pair least <= most")
+        object.__setattr__(self, "model_com_ahead", ahead)
 
     @property
     def any(self) -> bool:

@@ -54,7 +54,7 @@ class Run:
     @property
     def layer(self) -> str:
         """Action layer with its options, in words."""
-        return _layer_name(self.policy.env_args)
+        return layer_name(self.policy.env_args)
 
     @property
     def env_args(self) -> dict[str, Any]:
@@ -124,7 +124,8 @@ def _read_curve(path: Path) -> Curve:
     return Curve(*columns)
 
 
-def _layer_name(env_args: Mapping[str, Any]) -> str:
+def layer_name(env_args: Mapping[str, Any]) -> str:
+    """Return the action layer in an environment's arguments, with its options, in words."""
     name = str(env_args.get("action_layer", "default layer")).replace("_", " ")
     options = env_args.get("layer_options") or {}
     if not options:
