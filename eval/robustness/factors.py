@@ -28,8 +28,10 @@ class Factor:
 
     name: str
     """On the command line."""
+    title: str
+    """What varies."""
     axis: str
-    """What its axis shows, with the unit."""
+    """How much of it: what stands below its axis."""
     values: tuple[float, ...]
     """From the least to the greatest."""
     changes: Callable[[float, EnvConfig], Changes]
@@ -139,14 +141,16 @@ _THIRD = (-0.3, -0.15, 0.0, 0.15, 0.3)
 FACTORS = (
     Factor(
         "push",
-        "size of every push, share of the weight",
+        "pushes",
+        "size, share of the weight",
         (0.0, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2),
         _pushed,
         "Every push of an episode has this size; its direction and time are as in training.",
     ),
     Factor(
         "mass",
-        "mass of the robot, against its own",
+        "mass of the robot",
+        "against its own",
         _THIRD,
         _scaled("total_mass"),
         "All masses and inertias of the robot are larger or smaller by this share. No controller "
@@ -156,7 +160,8 @@ FACTORS = (
     ),
     Factor(
         "friction",
-        "friction of the contacts, share of the robot's own",
+        "friction of the contacts",
+        "share of the robot's own",
         (0.375, 0.5, 0.75, 1.0, 1.25),
         _fixed("friction"),
         "Coefficient of friction over the robot's own, which is 0.8 for the built-in robots: "
@@ -165,7 +170,8 @@ FACTORS = (
     ),
     Factor(
         "delay",
-        "delay of the actions, ms",
+        "delay of the actions",
+        "ms",
         (0.0, 8.0, 16.0, 24.0, 32.0, 40.0),
         _late,
         "Time from the choice of an action to its arrival at the action layer, which itself runs "
@@ -175,7 +181,8 @@ FACTORS = (
     ),
     Factor(
         "motor",
-        "strength of the motors, share of their own",
+        "strength of the motors",
+        "share of their own",
         (0.4, 0.55, 0.7, 0.85, 1.0, 1.15),
         _fixed("motor_strength"),
         "Every motor gives this share of the torque that it is asked for. No controller knows.",
@@ -183,27 +190,30 @@ FACTORS = (
     ),
     Factor(
         "slope",
-        "steepness of the ground, degrees",
+        "slopes",
+        "degrees",
         (0.0, 5.0, 10.0, 15.0, 20.0, 25.0),
         _sloping,
-        "Hills of four even sides; episodes begin on level ground between them or on their tops.",
+        "Hills of four even sides; episodes begin on their level tops.",
         nominal=0.0,
         most=_steepest,
         missing=_stays,
     ),
     Factor(
         "roughness",
-        "height of the bumps, share of the height of the centre of mass",
+        "rough ground",
+        "bumps over the height of the centre of mass",
         (0.0, 0.07, 0.14, 0.21, 0.28, 0.35),
         _rough,
-        "Random heights, joined evenly; episodes begin on a level place among them.",
+        "Random heights, evenly joined; episodes begin on a level place among them.",
         nominal=0.0,
         most=_roughest,
         missing=_stays,
     ),
     Factor(
         "model-mass",
-        "mass in the controller's model, against the robot's",
+        "mass in the controller's model",
+        "against the robot's",
         _THIRD,
         _scaled("model_total_mass"),
         "All masses and inertias in the model that model-based layers compute with are wrong by "
@@ -213,7 +223,8 @@ FACTORS = (
     ),
     Factor(
         "model-inertia",
-        "inertia in the controller's model, against the robot's",
+        "inertia in the controller's model",
+        "against the robot's",
         _THIRD,
         _scaled("model_inertia"),
         "The rotational inertias of all bodies in that model are wrong by this share; their masses "
@@ -223,16 +234,18 @@ FACTORS = (
     ),
     Factor(
         "model-com",
-        "base's centre of mass in the controller's model, ahead of the robot's, share of the "
-        "height of the centre of mass",
+        "centre of mass in the controller's model",
+        "ahead of the robot's, share of its height",
         (-0.1, -0.05, 0.0, 0.05, 0.1),
         _ahead,
-        "In that model the base's centre of mass lies farther ahead than it does, or farther back.",
+        "In that model the base's centre of mass lies farther ahead than it does, or farther back, "
+        "by this share of the height of the robot's.",
         nominal=0.0,
     ),
     Factor(
         "physics",
-        "physics",
+        "the papers' physics",
+        "",
         (0.0, 1.0),
         _physics,
         "From the light physics that policies learn in to those of the papers' experiments: law at "

@@ -11,10 +11,11 @@ from eval.document import document
 from eval.papers.parts import figure, folded, table, text
 from eval.plots import Marks, Series, panel, sheet
 from eval.robustness.curves import CONFIDENCE, SAMPLES, Along, Curve, Robustness
-from eval.robustness.factors import Factor
 from eval.robustness.tables import BY_NAME, cell, heading, more_is_better, summary, written
 from eval.robustness.wording import headline, lede
 from eval.wording import capital, count, number, percent
+
+_STYLE = ".scroll + p { margin-top: 1.2rem; }"
 
 
 def page(found: Robustness, command: Sequence[str] = ()) -> str:
@@ -31,7 +32,8 @@ def page(found: Robustness, command: Sequence[str] = ()) -> str:
         _methods(found),
         _reproduction(found, command),
     ]
-    return document(f"Robustness in {found.env_id.rpartition('/')[2]}", "\n".join(parts))
+    title = f"Robustness in {found.env_id.rpartition('/')[2]}"
+    return document(title, "\n".join(parts), style=_STYLE)
 
 
 def drawn(found: Robustness) -> str:
@@ -49,8 +51,8 @@ def panels(found: Robustness, along: Along) -> list[str]:
         made.append(
             panel(
                 _series(found, along.values, along.curves[measure]),
-                f"{heading(measure)}, along {along.name}",
-                _short(factor),
+                f"{heading(measure)}: {factor.title}",
+                factor.axis,
                 factor.written,
                 partial(written, measure),
                 (along.values[0], along.values[-1]),
@@ -90,11 +92,6 @@ def _series(found: Robustness, values: Sequence[float], curves: dict[str, Curve]
             )
         )
     return series
-
-
-def _short(factor: Factor) -> str:
-    """What fits below an axis."""
-    return factor.axis.rpartition(", ")[2] if len(factor.axis) > 48 else factor.axis
 
 
 def _opening(found: Robustness) -> str:
@@ -164,7 +161,7 @@ def _along(found: Robustness, along: Along) -> str:
         blocks.append(table([heading(measure), *values, last], rows))
     return "\n".join(
         [
-            f'<h2 id="{escape(along.name)}">{escape(capital(factor.axis))}</h2>',
+            f'<h2 id="{escape(along.name)}">{escape(capital(factor.title))}</h2>',
             text(escape(factor.about)),
             figure(panels(found, along), caption),
             folded("The same as tables", "".join(blocks)),
