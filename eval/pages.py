@@ -11,6 +11,7 @@ PAPERS_PAGE = DOCS / "papers.md"
 WALKING_PAGE = DOCS / "walking.md"
 RATES_PAGE = DOCS / "rates.md"
 ZOO_PAGE = DOCS / "zoo.md"
+ROBUSTNESS_PAGE = DOCS / "robustness.md"
 
 START, END = "<!-- tables: written by the command above -->", "<!-- end of tables -->"
 

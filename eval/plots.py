@@ -45,6 +45,18 @@ class Series:
 
 
 @dataclass(frozen=True)
+class Marks:
+    """What else a panel shows; None: nothing."""
+
+    threshold: float | None = None
+    """Level drawn across the panel."""
+    shaded_to: float | None = None
+    """Shade the abscissae up to here."""
+    upright: float | None = None
+    """Abscissa of an upright line."""
+
+
+@dataclass(frozen=True)
 class Scale:
     """A linear map from data to page."""
 
@@ -99,9 +111,9 @@ def panel(
     x_title: str,
     x_format: Callable[[float], str] = number,
     y_format: Callable[[float], str] = number,
+    x_range: tuple[float, float] | None = None,
     y_range: tuple[float, float] | None = None,
-    threshold: float | None = None,
-    shaded_to: float | None = None,
+    marks: Marks = Marks(),
 ) -> str:
     """Lines with bands, labelled at their ends.
 
@@ -111,26 +123,31 @@ def panel(
         x_title: what the horizontal axis shows.
         x_format: of tick labels.
         y_format: of tick labels.
+        x_range: of the horizontal axis. None: what the data need, and zero.
         y_range: of the vertical axis. None: what the data need.
-        threshold: level drawn across the panel.
-        shaded_to: shade the abscissae up to here.
+        marks: what else there is.
     """
-    x_values = [x for item in series for x in item.x]
-    x_values += [x for item in series for single in item.singles for x in single[0]]
-    x = _axis(min(0.0, *x_values), max(x_values), _LEFT, WIDTH - _RIGHT, padding=0.0)
+    if x_range is None:
+        x_values = [x for item in series for x in item.x]
+        x_values += [x for item in series for single in item.singles for x in single[0]]
+        x_range = min(0.0, *x_values), max(x_values)
+    x = _axis(*x_range, _LEFT, WIDTH - _RIGHT, padding=0.0)
     if y_range is None:
-        y_range = _extent(series, threshold)
+        y_range = _extent(series, marks.threshold)
     y = Scale(*y_range, HEIGHT - _BOTTOM, _TOP)
     parts = [_frame(x, y, title, x_title, x_format, y_format)]
-    if shaded_to is not None:
-        right = x(min(shaded_to, x.high))
+    if marks.shaded_to is not None:
+        right = x(min(marks.shaded_to, x.high))
         parts.insert(
             0,
             f'<rect class="shade" x="{x.start:.1f}" y="{_TOP}" width="{right - x.start:.1f}" '
             f'height="{HEIGHT - _TOP - _BOTTOM:.1f}"/>',
         )
-    if threshold is not None:
-        parts.append(_threshold(threshold, x, y))
+    if marks.upright is not None:
+        at = f"M{x(marks.upright):.1f} {y.start:.1f}V{y.stop:.1f}"
+        parts.append(f'<path class="threshold" d="{at}"/>')
+    if marks.threshold is not None:
+        parts.append(_threshold(marks.threshold, x, y))
     parts += [_series(item, x, y) for item in series]
     parts.append(_end_labels(series, x, y))
     return _svg(parts, HEIGHT, f"{title} against {x_title}: {', '.join(s.name for s in series)}")

@@ -4,10 +4,11 @@ import base64
 from collections.abc import Callable, Sequence
 from html import escape
 
+from eval.colours import colours_of
 from eval.comparison import Clips
 from eval.document import document
 from eval.methods import methods, reproduction
-from eval.plots import Series, Strip, panel, strips
+from eval.plots import Marks, Series, Strip, panel, strips
 from eval.results import Comparison, Layer
 from eval.video import Clip
 from eval.wording import (
@@ -24,16 +25,6 @@ from eval.wording import (
     steps,
 )
 from train.episodes import METRICS, Metric
-
-COLOURS = (
-    "base acceleration",
-    "joint position",
-    "torque",
-    "joint acceleration",
-    "com wrench",
-    "joint position feedforward",
-)
-"""A layer has the same colour in every report; layers with options take the remaining ones."""
 
 _TOGETHER = (
     "const clips=[...document.querySelectorAll('video')];"
@@ -57,7 +48,7 @@ def page(comparison: Comparison, clips: Clips | None, command: Sequence[str] = (
         clips: videos, if there are any.
         command: the command line that made it, to be shown.
     """
-    colours = _colours(comparison.layers)
+    colours = colours_of(layer.name for layer in comparison.layers)
     body = [
         _opening(comparison),
         _curves(comparison, colours),
@@ -73,15 +64,6 @@ def page(comparison: Comparison, clips: Clips | None, command: Sequence[str] = (
     title = f"{_task(comparison)}: {' against '.join(layer.name for layer in comparison.layers)}"
     html = "\n".join(part for part in body if part)
     return document(title, html, script="" if clips is None else _TOGETHER)
-
-
-def _colours(layers: Sequence[Layer]) -> dict[str, int]:
-    names = [layer.name for layer in layers]
-    chosen = {name: COLOURS.index(name) for name in names if name in COLOURS}
-    free = [k for k in range(8) if k not in chosen.values()]
-    for k, name in enumerate(sorted(set(names) - set(chosen))):
-        chosen[name] = free[k % len(free)]
-    return chosen
 
 
 def _task(comparison: Comparison) -> str:
@@ -142,7 +124,7 @@ def _curves(c: Comparison, colours: dict[str, int]) -> str:
                     layer.zero_action["returned"],
                 )
             )
-        panels.append(panel(series, "Return", title, form, threshold=c.threshold))
+        panels.append(panel(series, "Return", title, form, marks=Marks(threshold=c.threshold)))
     spread = (
         f"Thick: interquartile mean over seeds, with its {percent(c.settings.confidence)} "
         "bootstrap interval. Thin: single seeds. "
@@ -280,7 +262,7 @@ def _sweep(c: Comparison, colours: dict[str, int]) -> str:
         number,
         percent,
         y_range=(0.0, 1.04),
-        shaded_to=c.hardest_push,
+        marks=Marks(shaded_to=c.hardest_push),
     )
     rows = [
         [

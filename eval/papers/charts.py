@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from eval.papers.log import Log
-from eval.plots import Scale, Series, panel, ticks
+from eval.plots import Marks, Scale, Series, panel, ticks
 from eval.wording import number
 
 _POINTS = 260
@@ -103,7 +103,8 @@ def lines(
             series.append(
                 Series(name, colour, [a for a, _ in points], [b for _, b in points], dots=True)
             )
-    return panel(series, title, x_title, y_range=y_range, y_format=y_format, threshold=threshold)
+    marks = Marks(threshold)
+    return panel(series, title, x_title, y_range=y_range, y_format=y_format, marks=marks)
 
 
 @dataclass(frozen=True)

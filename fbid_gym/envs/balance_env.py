@@ -215,7 +215,10 @@ class BalanceEnv(RobotEnv):
     |                   |                |                    | robots and in the layer's model:   |
     |                   |                |                    | `mass`, `com`, `friction`,         |
     |                   |                |                    | `motor_strength`, `action_delay`,  |
-    |                   |                |                    | `model_mass`, `model_com`; see     |
+    |                   |                |                    | `model_mass`, `model_com`,         |
+    |                   |                |                    | `total_mass`, `model_total_mass`,  |
+    |                   |                |                    | `model_inertia`,                   |
+    |                   |                |                    | `model_com_ahead`; see             |
     |                   |                |                    | `Randomisation`                    |
     | `render_mode`     | str or None    | `None`             | `"rgb_array"` or `"human"`; an     |
     |                   |                |                    | arrow is a push                    |
@@ -236,6 +239,11 @@ class BalanceEnv(RobotEnv):
     | `model_mass`     | share         | As `mass`, in the model that model-based layers compute  |
     |                  |               | with: it starts from the MJCF and sees none of the above |
     | `model_com`      | m             | As `com`, likewise                                       |
+    | `total_mass`     | (least, most) | Factor on the masses and inertias of all bodies alike    |
+    | `model_total_mass` | (least, most) | As `total_mass`, in that model                         |
+    | `model_inertia`  | (least, most) | Factor on all rotational inertias in that model          |
+    | `model_com_ahead` | (least, most) | m by which the base's centre of mass is ahead of where  |
+    |                  |               | the MJCF has it, in that model                           |
 
     `gym.make_vec` adds `num_envs`, `num_threads` and `autoreset_mode`, see `RobotVectorEnv`;
     environment i of a batch with seed s is this environment with seed s + i, to the bit.

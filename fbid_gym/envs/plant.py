@@ -11,6 +11,12 @@ from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.simulation import Simulation, hush
 from fbid_gym.quantities import DynamicsTerms
 
+# What is drawn for a whole robot, or for each of its motors, from a (least, most).
+_RANGES = (
+    *("friction", "motor_strength", "action_delay"),
+    *("total_mass", "model_total_mass", "model_inertia", "model_com_ahead"),
+)
+
 
 class Plant(Protocol):
     """The robots' physical parameters, and the dynamics terms that controllers see."""
@@ -94,6 +100,10 @@ class RandomPlant:
             "action_delay": np.zeros(count),
             "model_mass": np.ones(bodies),
             "model_com": np.zeros((*bodies, 3)),
+            "total_mass": np.ones(count),
+            "model_total_mass": np.ones(count),
+            "model_inertia": np.ones(count),
+            "model_com_ahead": np.zeros(count),
         }
 
     @property
@@ -108,31 +118,28 @@ class RandomPlant:
             self._drawn[name][env] = 1.0 + rng.uniform(-scale, scale, bodies)
         for name, size in (("com", ranges.com), ("model_com", ranges.model_com)):
             self._drawn[name][env] = rng.uniform(-size, size, (bodies, 3))
-        for name in ("friction", "motor_strength", "action_delay"):
+        for name in _RANGES:
             least, most = getattr(ranges, name)
             size = self._drawn[name].shape[1:]
             self._drawn[name][env] = rng.uniform(least, most, size=size)
 
     def apply(self, ids: np.ndarray) -> None:
         """See `Plant.apply`."""
-        drawn, simulated = self._drawn, self._simulation.model
-        for batch, model, prefix in (
-            (self._simulation.batch, simulated, ""),
-            (self._believed, self._simulation.robot.model, "model_"),
-        ):
-            mass, com = drawn[f"{prefix}mass"][ids], drawn[f"{prefix}com"][ids]
-            batch.expand("body_mass")[ids] = model.body_mass * mass
-            batch.expand("body_inertia")[ids] = model.body_inertia * mass[:, :, None]
-            batch.expand("body_ipos")[ids] = model.body_ipos + com
-            batch.set_const(ids)
+        simulated, drawn = self._simulation.model, {k: v[ids] for k, v in self._drawn.items()}
+        mass = drawn["mass"] * drawn["total_mass"][:, None]
+        _weigh(self._simulation.batch, simulated, ids, mass, mass, drawn["com"])
+        mass = drawn["model_mass"] * drawn["model_total_mass"][:, None]
+        inertia, com = mass * drawn["model_inertia"][:, None], drawn["model_com"]
+        com[:, self._simulation.robot.base_body, 0] += drawn["model_com_ahead"]
+        _weigh(self._believed, self._simulation.robot.model, ids, mass, inertia, com)
         # A motor whose gear is larger gives more torque for the same control.
         motors, gear = self._simulation.robot.actuator, simulated.actuator_gear
         strength = np.ones((len(ids), len(gear), 1))
-        strength[:, motors, 0] = drawn["motor_strength"][ids]
+        strength[:, motors, 0] = drawn["motor_strength"]
         self._simulation.batch.expand("actuator_gear")[ids] = gear * strength
         friction = simulated.geom_friction.copy()
         scaled = np.tile(friction, (len(ids), 1, 1))
-        scaled[:, :, 0] *= drawn["friction"][ids, None]
+        scaled[:, :, 0] *= drawn["friction"][:, None]
         self._simulation.batch.expand("geom_friction")[ids] = scaled
 
     def terms(self) -> DynamicsTerms:
@@ -150,3 +157,18 @@ class RandomPlant:
         for name, value in self._drawn.items():
             value[:] = state[name]
         self.apply(np.arange(self._simulation.num_robots))
+
+
+def _weigh(
+    batch: mujoco.batch.Batch,
+    model: mujoco.MjModel,
+    ids: np.ndarray,
+    mass: np.ndarray,
+    inertia: np.ndarray,
+    com: np.ndarray,
+) -> None:
+    """Give robots (K,) of a batch factors (K, bodies) on their bodies, shifts (K, bodies, 3) m."""
+    batch.expand("body_mass")[ids] = model.body_mass * mass
+    batch.expand("body_inertia")[ids] = model.body_inertia * inertia[:, :, None]
+    batch.expand("body_ipos")[ids] = model.body_ipos + com
+    batch.set_const(ids)

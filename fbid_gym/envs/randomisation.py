@@ -7,6 +7,7 @@ from fbid_gym.options import Number, Pair, check_fields, check_names, options_of
 
 Share = Annotated[float, Number(0.0, 0.99)]
 Offset = Annotated[float, Number(0.0, 1.0, "m")]
+Ahead = Annotated[tuple[float, float], Pair(-1.0, 1.0, "m")]
 Factor = Annotated[tuple[float, float], Pair(0.001, 1000.0)]
 Delay = Annotated[tuple[float, float], Pair(0.0, 1.0, "s")]  # every action on its way is remembered
 
@@ -35,6 +36,14 @@ class Randomisation:
     """Model: each body's mass and inertia are scaled by 1 ± up to this share."""
     model_com: Offset = 0.0
     """Model: each body's centre of mass is moved by up to this (m) along each axis."""
+    total_mass: Factor = (1.0, 1.0)
+    """Plant: (least, most) factor on the masses and inertias of all bodies alike."""
+    model_total_mass: Factor = (1.0, 1.0)
+    """Model: (least, most) factor on the masses and inertias of all bodies alike."""
+    model_inertia: Factor = (1.0, 1.0)
+    """Model: (least, most) factor on the rotational inertias of all bodies alike."""
+    model_com_ahead: Ahead = (0.0, 0.0)
+    """Model: (least, most) m by which the base's centre of mass lies farther ahead."""
 
     @classmethod
     def of(cls, arguments: dict[str, Any]) -> "Randomisation":

@@ -113,6 +113,35 @@ def test_the_controller_believes_in_a_model_of_its_own(name):
     np.testing.assert_allclose(believed.base_position, true.base_position, atol=1e-12)
 
 
+def test_whole_robots_and_whole_models_are_wrong_by_as_much_as_said():
+    """The terms are those of MuJoCo's model changed by hand; a fixed value is the same for all."""
+    fixed = {"total_mass": 1.3, "model_total_mass": 0.8, "model_inertia": 1.5}
+    ranges = {name: (value, value) for name, value in fixed.items()}
+    ranges |= {"model_com_ahead": (0.02, 0.02)}
+    env, batch = build("fbid_gym/BipedBalance-v0", ranges, num_envs=2)
+    env.step(env.action_space.sample())
+    robot, simulation = batch.robot, batch.simulation
+    moving = np.flatnonzero(robot.model.body_rootid == robot.base_body)
+    for field in ("body_mass", "body_inertia"):
+        nominal = getattr(robot.model, field)[moving]
+        plant = simulation.batch.expanded(field)[:, moving]
+        np.testing.assert_allclose(plant, np.broadcast_to(1.3 * nominal, plant.shape))
+    model = copy.copy(robot.model)
+    model.body_mass[:] *= 0.8
+    model.body_inertia[:] *= 0.8 * 1.5
+    model.body_ipos[robot.base_body, 0] += 0.02
+    data, believed = mujoco.MjData(model), batch.plant.terms()
+    mujoco.mj_setConst(model, data)
+    for index in range(2):
+        data.qpos[:], data.qvel[:] = simulation.qpos[index], simulation.qvel[index]
+        mujoco.mj_forward(model, data)
+        np.testing.assert_allclose(believed.com[index], data.subtree_com[robot.base_body])
+        np.testing.assert_allclose(believed.bias[index], data.qfrc_bias, atol=1e-9)
+        full = np.zeros((robot.nv, robot.nv))
+        mujoco.mj_fullM(model, data, full)
+        np.testing.assert_allclose(believed.mass_matrix[index], full, atol=1e-9)
+
+
 def test_the_model_does_not_see_how_the_plant_differs():
     _, batch = build("fbid_gym/BipedBalance-v0", PLANT, action_layer="base_acceleration")
     simulation = batch.simulation

@@ -146,6 +146,9 @@ ARGUMENTS = [
         {"randomisation": {"motor_strength": (1.2, 0.8)}},
         "motor_strength: .*a pair 0.001 <= least <=",
     ),
+    ({"randomisation": {"total_mass": 1.3}}, "randomisation total_mass: 1.3. .*a pair"),
+    ({"randomisation": {"model_inertia": (0, 1)}}, "model_inertia: .*a pair 0.001 <= least"),
+    ({"randomisation": {"model_com_ahead": (0.1, 0)}}, "com_ahead: .*a pair -1 <= least"),
     ({"randomisation": {"action_delay": 0.02}}, "randomisation action_delay: 0.02. .*a pair"),
     (
         {"randomisation": {"action_delay": (-0.01, 0.02)}},

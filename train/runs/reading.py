@@ -55,7 +55,7 @@ class Run:
     def layer(self) -> str:
         """Action layer with its options, in words, and what learnt through it if not PPO."""
         learnt = "" if self.policy.algorithm == "ppo" else f", {self.policy.algorithm.upper()}"
-        return _layer_name(self.policy.env_args) + learnt
+        return layer_name(self.policy.env_args) + learnt
 
     @property
     def env_args(self) -> dict[str, Any]:
@@ -125,7 +125,8 @@ def _read_curve(path: Path) -> Curve:
     return Curve(*columns)
 
 
-def _layer_name(env_args: Mapping[str, Any]) -> str:
+def layer_name(env_args: Mapping[str, Any]) -> str:
+    """Return the action layer in an environment's arguments, with its options, in words."""
     name = str(env_args.get("action_layer", "default layer")).replace("_", " ")
     options = env_args.get("layer_options") or {}
     if not options:

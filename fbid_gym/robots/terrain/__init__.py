@@ -16,7 +16,7 @@ from fbid_gym.robots.terrain.flat import Flat
 from fbid_gym.robots.terrain.grid import HeightGrid, heights, heights_below, plane
 from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, Tiles, make_levels
 from fbid_gym.robots.terrain.obstacles import random_obstacles
-from fbid_gym.robots.terrain.patches import PATCHES
+from fbid_gym.robots.terrain.patches import HARDEST, PATCHES
 from fbid_gym.robots.terrain.rocks import random_rocks
 from fbid_gym.robots.terrain.sizes import START_SPACING
 
@@ -28,6 +28,7 @@ __all__ = [
     "Terrain",
     "Tiles",
     "compile_world",
+    "hardest",
     "heights",
     "heights_below",
     "make_terrain",
@@ -123,6 +124,27 @@ def make_terrain(
     if name == "obstacles":
         return random_obstacles(reach, height, starts, rng)
     return random_rocks(reach, height, starts, rng)
+
+
+def hardest(kind: str, robot: Robot) -> float:
+    """Return what difficulty 1 of a kind of patch means for a robot.
+
+    Lower difficulties mean as much less.
+
+    Args:
+        kind: one of `LEVELLED` but "mixed".
+        robot: for its feet.
+
+    Returns:
+        The tangent of slopes; otherwise the height of the highest step, in heights of the centre of
+        mass at home.
+
+    Raises:
+        UnknownOptionError: no such kind.
+    """
+    if kind not in HARDEST:
+        raise UnknownOptionError("kind of patch", kind, HARDEST)
+    return _scale(robot).reach * HARDEST[kind]
 
 
 def compile_world(robot: Robot, terrain: Terrain) -> mujoco.MjModel:

@@ -113,3 +113,13 @@ PATCHES: dict[str, Patch] = {
     "gaps": _gaps,
 }
 """Name of a kind -> (places, difficulty, generator) -> elevation (R, R) in heights of the CoM."""
+
+HARDEST: dict[str, float] = {
+    "slopes": float(_STEEPEST),
+    "roughness": _BUMP,
+    "stairs": _STEP,
+    "planks": _PLANK,
+    "gaps": _DEPTH,
+}
+"""Name of a kind -> tangent of its slopes, or height of its highest step, in heights of the CoM, at
+difficulty 1 and for feet that clear one with ease."""

@@ -1,0 +1,23 @@
+"""Which colour of the page an action layer has: the same in every report."""
+
+from collections.abc import Iterable
+
+COLOURS = (
+    "base acceleration",
+    "joint position",
+    "torque",
+    "joint acceleration",
+    "com wrench",
+    "joint position feedforward",
+)
+"""A layer has the same colour in every report; layers with options take the remaining ones."""
+
+
+def colours_of(names: Iterable[str]) -> dict[str, int]:
+    """Return the number of the colour of each name: of a layer, or of one with options."""
+    names = list(names)
+    chosen = {name: COLOURS.index(name) for name in names if name in COLOURS}
+    free = [k for k in range(8) if k not in chosen.values()]
+    for k, name in enumerate(sorted(set(names) - set(chosen))):
+        chosen[name] = free[k % len(free)]
+    return chosen

@@ -1,0 +1,153 @@
+r"""How policies stand what they were not trained for: one page, and its numbers beside it.
+
+python -m eval.robustness runs/a-s0 runs/a-s1 runs/b-s0 --out robustness.html
+python -m eval.robustness --env fbid_gym/QuadrupedWalk-v0 \
+    --zero-action base_acceleration joint_position
+"""
+
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from rich.console import Console
+from rich.progress import Progress
+
+from eval.files import check_output, to_json, write
+from eval.pages import ROBUSTNESS_PAGE, splice, spliced
+from eval.robustness.arms import Arm, arms_of_runs, load_runs, zero_action
+from eval.robustness.curves import Budget, Robustness, measure
+from eval.robustness.factors import FACTORS
+from eval.robustness.page import drawn, page
+from eval.robustness.tables import markdown, numbers, shown
+from eval.robustness.wording import headline
+from eval.rollout import parse_env_args
+from fbid_gym.actions import LAYERS
+from fbid_gym.checks import check_choices, check_positive, count, whole_number
+from fbid_gym.errors import InvalidValueError
+from train.environments import register
+from train.runs.exit_status import exit_status
+from train.runs.robots import chosen
+from train.runs.versions import versions
+
+
+@dataclass(frozen=True)
+class RobustnessConfig:
+    """Try policies where one thing is otherwise than in training."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
+    """Run folders, exported policies and studies, all of one environment."""
+    zero_action: tuple[str, ...] = ()
+    """Action layers whose zero action is tried, too."""
+    env: str | None = None
+    """Environment of the zero actions where there are no runs; of a study, only the runs in it."""
+    factors: tuple[str, ...] = tuple(factor.name for factor in FACTORS)
+    """What is varied, one at a time."""
+    episodes: int = 64
+    """At every value, for every run: robots side by side, each for one episode."""
+    seconds: float = 10.0
+    """Length of an episode."""
+    seed: int = 20_000
+    """Robot i starts from seed + i."""
+    out: Path = Path("robustness.html")
+    """The page. Its numbers go into files of the same name ending in .json and .csv."""
+    register: tuple[str, ...] = ()
+    """Modules to import first, which register environments of yours."""
+    robot: str | None = None
+    """Play all on this one: a built-in robot, an MJCF, a URDF, a robot.toml or a robot.zip."""
+    feet: tuple[str, ...] = ()
+    """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
+    env_args: str = "{}"
+    """Further environment arguments as a JSON object; they replace those of the runs."""
+    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Put the areas into docs/robustness.md, the figures and all numbers beside it."""
+
+
+def run(config: RobustnessConfig, console: Console, command: list[str]) -> None:
+    """Play, then write the page and its numbers; what can be refused is refused before."""
+    register(config.register)
+    check_output(config.out, "out", (".html", ".htm"))
+    check_choices("factor", config.factors, [factor.name for factor in FACTORS])
+    check_choices("action layer", config.zero_action, LAYERS)
+    check_positive(seconds=config.seconds)
+    budget = Budget(whole_number("episodes", config.episodes), count("seed", config.seed))
+    if config.write_docs:
+        spliced(ROBUSTNESS_PAGE, "")
+    arms, warnings = gathered(config)
+    factors = [factor for factor in FACTORS if factor.name in config.factors]
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task("environments", total=None)
+
+        def say(done: int, total: int, what: str) -> None:
+            progress.update(task, completed=done, total=total, description=what)
+
+        found = measure(arms, factors, budget, say)
+    found = replace(found, warnings=warnings, versions=versions())
+    write(config.out, page(found, command))
+    write(config.out.with_suffix(".json"), to_json(found.to_dict()))
+    write(config.out.with_suffix(".csv"), numbers(found))
+    if config.write_docs:
+        write(ROBUSTNESS_PAGE.with_suffix(".csv"), numbers(found))
+        write(ROBUSTNESS_PAGE.with_suffix(".svg"), drawn(found))
+        splice(ROBUSTNESS_PAGE, markdown(found))
+    tell(found, console)
+    console.print(f"wrote {config.out}")
+
+
+def gathered(config: RobustnessConfig) -> tuple[list[Arm], list[str]]:
+    """Return who is tried, and warnings.
+
+    Raises:
+        FbidError: nobody is; or a run, study, robot or argument that is not valid.
+    """
+    further: dict[str, Any] = parse_env_args(config.env_args)
+    if "robot" in further:
+        raise InvalidValueError("robot in --env-args", further["robot"], "none; name it by --robot")
+    if "action_layer" in further:
+        layer = further["action_layer"]
+        raise InvalidValueError("action_layer in --env-args", layer, "none; see --zero-action")
+    robot = chosen(config.robot, config.feet)
+    further["episode_seconds"] = config.seconds
+    runs, warnings = load_runs(config.runs, config.env, robot)
+    arms, more = arms_of_runs(runs, further)
+    env_id, env_args = config.env, {}
+    if runs:
+        env_id, env_args, robot = runs[0].policy.env_id, runs[0].env_args, runs[0].robot
+        if config.env not in (None, env_id):
+            raise InvalidValueError("--env", config.env, f"that of the runs, {env_id}, or none")
+    if config.zero_action and env_id is None:
+        raise InvalidValueError("--env", None, "an environment id, with --zero-action")
+    if not arms and not config.zero_action:
+        expected = "run folders, exported policies or studies; or --zero-action with --env"
+        raise InvalidValueError("runs", [], expected)
+    arms += [
+        zero_action(str(env_id), layer, {**env_args, **further}, robot)
+        for layer in dict.fromkeys(config.zero_action)
+    ]
+    return arms, warnings + more
+
+
+def tell(found: Robustness, console: Console) -> None:
+    """Print what was found."""
+    for warning in found.warnings:
+        console.print(f"warning: {warning}", style="yellow", markup=False, highlight=False)
+    for table in shown(found):
+        console.print(table)
+    for name, reason in found.left_out.items():
+        console.print(f"left out: {name}: {reason}", markup=False, highlight=False)
+    console.print(headline(found), markup=False, highlight=False)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line."""
+    given = sys.argv[1:] if arguments is None else arguments
+    config = tyro.cli(
+        RobustnessConfig, args=given, prog="python -m eval.robustness", description=__doc__
+    )
+    command = ["python", "-m", "eval.robustness", *given]
+    return exit_status(lambda: run(config, Console(), command))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

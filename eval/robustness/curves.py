@@ -1,0 +1,214 @@
+"""Every arm along every factor: what is played, and what the episodes say."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+from eval import statistics as st
+from eval.results import Estimate
+from eval.robustness.arms import Arm, environment
+from eval.robustness.factors import Factor, changed
+from eval.rollout import Player, play_player
+from fbid_gym.envs.config import EnvConfig
+from train.episodes import METRICS, Episodes
+
+CONFIDENCE, SAMPLES = 0.95, 2000
+"""Of the intervals: percentiles of a stratified bootstrap of that many samples."""
+
+_METRICS = {metric.name: metric for metric in METRICS}
+
+Say = Callable[[int, int, str], None]
+"""Told how many conditions have been played, of how many, and which one is next."""
+
+
+class Budget(NamedTuple):
+    """How much is played.
+
+    Attributes:
+        episodes: of every run at every value: robots side by side, each for one episode.
+        seed: robot i starts from seed + i, whatever the arm and the value.
+    """
+
+    episodes: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A measure of an arm along a factor."""
+
+    points: list[Estimate]
+    """At each value."""
+    summary: Estimate
+    """Area under the curve over the length of its axis, which is the mean along the factor; of
+    stages, the change from the first to the last."""
+
+
+@dataclass(frozen=True)
+class Along:
+    """All arms along one factor."""
+
+    name: str
+    values: list[float]
+    curves: dict[str, dict[str, Curve]]
+    """By measure and arm."""
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """What was found."""
+
+    env_id: str
+    env_args: dict[str, Any]
+    """Of the first arm."""
+    budget: Budget
+    measures: tuple[str, str]
+    """Columns of `Episodes`: "survived", and the velocity error where a velocity is commanded, else
+    the return."""
+    arms: dict[str, str]
+    """Name of an arm -> its action layer, in words."""
+    runs: dict[str, tuple[str, ...]]
+    """Name of an arm -> its runs; none for a zero action."""
+    along: list[Along]
+    left_out: dict[str, str]
+    """Name of a factor -> why it is not there."""
+    warnings: list[str] = field(default_factory=list)
+    versions: dict[str, Any] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it as plain data."""
+        return {**asdict(self), "budget": self.budget._asdict(), "confidence": CONFIDENCE}
+
+
+def measure(
+    arms: Sequence[Arm],
+    factors: Sequence[Factor],
+    budget: Budget,
+    say: Say = lambda done, total, what: None,
+) -> Robustness:
+    """Play every arm along every factor.
+
+    What is the same at two values, such as the nominal ones of all factors, is played once.
+
+    Args:
+        arms: all of one environment.
+        factors: those that the environment does not have are left out.
+        budget: how much is played.
+        say: told what is happening.
+
+    Raises:
+        FbidError: arguments of an environment that are not valid, or a policy that does not fit;
+            nothing has been played.
+    """
+    config = [environment(player) for arm in arms for player in arm.players][0]
+    left_out = {factor.name: _reason(factor, arms, config) for factor in factors}
+    there = [factor for factor in factors if not left_out[factor.name]]
+    plan = {
+        (arm.name, factor.name, value): [_at(player, factor, value) for player in arm.players]
+        for arm in arms
+        for factor in there
+        for value in factor.values_in(config)
+    }
+    every = {one.key: one for conditions in plan.values() for one in conditions}
+    played: dict[str, Episodes] = {}
+    for key, one in every.items():
+        say(len(played), len(every), one.player.name)
+        played[key] = play_player(one.player, budget.episodes, budget.seed, budget.episodes)
+    walks = all(np.isfinite(episodes.velocity_error).all() for episodes in played.values())
+    measures = "survived", "velocity_error" if walks else "returned"
+
+    def curve(arm: Arm, factor: Factor, name: str) -> Curve:
+        values = factor.values_in(config)
+        table = np.array(
+            [
+                [getattr(played[one.key], name) for one in plan[arm.name, factor.name, value]]
+                for value in values
+            ]
+        )
+        return estimated(table, values, bool(factor.stages), np.random.default_rng(budget.seed))
+
+    return Robustness(
+        env_id=arms[0].players[0].env_id,
+        env_args=dict(arms[0].players[0].env_args),
+        budget=budget,
+        measures=measures,
+        arms={arm.name: arm.layer for arm in arms},
+        runs={arm.name: arm.runs for arm in arms},
+        along=[
+            Along(
+                factor.name,
+                list(factor.values_in(config)),
+                {name: {arm.name: curve(arm, factor, name) for arm in arms} for name in measures},
+            )
+            for factor in there
+        ],
+        left_out={name: reason for name, reason in left_out.items() if reason},
+    )
+
+
+def estimated(
+    table: np.ndarray, values: Sequence[float], staged: bool, rng: np.random.Generator
+) -> Curve:
+    """Return a curve with its intervals.
+
+    The unit of chance is the run, whose episodes are averaged first; of one run, or one zero
+    action, it is the episode: then the interval says how well that one is known.
+
+    Args:
+        table: (V, R, E) of values, runs and episodes.
+        values: (V,) positions, increasing.
+        staged: whether these are stages rather than quantities.
+        rng: of the bootstrap.
+    """
+    several = table.shape[1] > 1
+    units = (table.mean(axis=2) if several else table[:, 0]).T
+    summary = units[:, -1] - units[:, 0] if staged else area(units, values)
+    every = np.column_stack([units, summary])
+    statistic = st.interquartile_mean if several else np.mean
+    found = statistic(every, axis=0)
+    if len(every) < 2:
+        estimates = [Estimate(float(value)) for value in found]
+    else:
+        draws = st.bootstrap(every[:, None], rng, statistic, SAMPLES)
+        bounds = st.percentile_interval(draws, CONFIDENCE)
+        estimates = [Estimate(*map(float, each)) for each in zip(found, *bounds, strict=True)]
+    return Curve(estimates[:-1], estimates[-1])
+
+
+def area(curves: np.ndarray, positions: Sequence[float]) -> np.ndarray:
+    """Return the areas under curves (U, V), by the trapezoidal rule, over the axis's length: (U,).
+
+    An axis of one point has none; there it is the value.
+    """
+    if len(positions) == 1:
+        return curves[:, 0]
+    return np.trapezoid(curves, positions, axis=1) / (positions[-1] - positions[0])
+
+
+class _Condition(NamedTuple):
+    """A player in one environment; those with the same key play the same episodes."""
+
+    player: Player
+    key: str
+
+
+def _at(player: Player, factor: Factor, value: float) -> _Condition:
+    own = meant(player)
+    there = replace(player, env_args=changed(player.env_args, factor.changes(value, own)))
+    meaning = json.dumps(meant(there).resolved(), sort_keys=True)
+    return _Condition(there, f"{id(player)} {meaning}")
+
+
+def meant(player: Player) -> EnvConfig:
+    """Return the environment that a player's arguments make."""
+    return EnvConfig.of({**gym.spec(player.env_id).kwargs, **player.make_args})
+
+
+def _reason(factor: Factor, arms: Sequence[Arm], config: EnvConfig) -> str:
+    if factor.for_policies and all(player.policy is None for arm in arms for player in arm.players):
+        return "a zero action is the same, however late it comes"
+    return factor.missing(config)

@@ -1,0 +1,257 @@
+"""What may be otherwise than a policy was trained for, and how an environment is told.
+
+A factor is a line of data: a name, its values, and the environment's arguments at one of them. All
+other arguments stay as they were in training. A new factor needs an entry in `FACTORS`, no more.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eval.rates import EXACT
+from eval.wording import number, percent
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.robots.terrain import hardest
+
+PAPERS_PHYSICS: dict[str, Any] = EXACT | {"solver_warm_start": True}
+"""Rates, cones and contact solver of the papers' experiments; see also `eval.rates`."""
+
+Changes = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Factor:
+    """Something that varies while all else stays as in training."""
+
+    name: str
+    """On the command line."""
+    title: str
+    """What varies."""
+    axis: str
+    """How much of it: what stands below its axis."""
+    values: tuple[float, ...]
+    """From the least to the greatest."""
+    changes: Callable[[float, EnvConfig], Changes]
+    """(value, environment of training) -> its arguments that differ; a range of the randomisation
+    replaces that range alone."""
+    about: str
+    """One or two sentences for people."""
+    nominal: float | None = None
+    """Value at which nothing differs, where training has no other; None: there is none."""
+    form: Callable[[float], str] = number
+    """How a value is written."""
+    most: Callable[[EnvConfig], float] = lambda config: np.inf
+    """Greatest value that there is in an environment."""
+    missing: Callable[[EnvConfig], str] = lambda config: ""
+    """Why an environment does not have the factor; empty where it has it."""
+    for_policies: bool = False
+    """Whether a zero action cannot feel it."""
+    stages: tuple[str, ...] = ()
+    """Names of the values, where these are no quantity: there is no area, but a change from the
+    first to the last."""
+
+    def values_in(self, config: EnvConfig) -> tuple[float, ...]:
+        """Return the values that there are in an environment."""
+        most = self.most(config)
+        return tuple(value for value in self.values if value <= most)
+
+    def written(self, value: float) -> str:
+        """Write a value."""
+        if self.stages:
+            return dict(zip(self.values, self.stages, strict=True)).get(value, "")
+        return self.form(value)
+
+
+def changed(env_args: Mapping[str, Any], changes: Changes) -> dict[str, Any]:
+    """Return an environment's arguments with the changes made; both sides are left as they are."""
+    ranges = dict(env_args.get("randomisation") or {}) | changes.get("randomisation", {})
+    return {**env_args, **changes, **({"randomisation": ranges} if ranges else {})}
+
+
+def _signed(share: float) -> str:
+    return f"+{percent(share)}" if share > 0 else percent(share).replace("-", "−")
+
+
+def _pushed(weights: float, config: EnvConfig) -> Changes:
+    newtons = weights * config.load_robot().weight
+    return {"push_force": (newtons, newtons)}
+
+
+def _fixed(name: str) -> Callable[[float, EnvConfig], Changes]:
+    """A quantity of the randomisation that is the same for all robots."""
+    return lambda value, config: {"randomisation": {name: (value, value)}}
+
+
+def _scaled(name: str) -> Callable[[float, EnvConfig], Changes]:
+    """Likewise, where the value is by how much more than nominal it is."""
+    return lambda value, config: {"randomisation": {name: (1.0 + value, 1.0 + value)}}
+
+
+def _late(milliseconds: float, config: EnvConfig) -> Changes:
+    seconds = 1e-3 * milliseconds
+    return {"randomisation": {"action_delay": (seconds, seconds)}}
+
+
+def _ahead(heights: float, config: EnvConfig) -> Changes:
+    metres = heights * float(Stance.of(config.load_robot()).home_com[2])
+    return {"randomisation": {"model_com_ahead": (metres, metres)}}
+
+
+def _sloping(degrees: float, config: EnvConfig) -> Changes:
+    return _uneven("slopes", float(np.tan(np.radians(degrees))), config)
+
+
+def _rough(heights: float, config: EnvConfig) -> Changes:
+    return _uneven("roughness", heights, config)
+
+
+def _uneven(kind: str, size: float, config: EnvConfig) -> Changes:
+    if size == 0.0:
+        return {"terrain": "flat", "curriculum": False}
+    difficulty = min(size / hardest(kind, config.load_robot()), 1.0)
+    return {"terrain": kind, "difficulty": difficulty, "curriculum": False}
+
+
+def _steepest(config: EnvConfig) -> float:
+    return float(np.degrees(np.arctan(hardest("slopes", config.load_robot())))) + 1e-9
+
+
+def _roughest(config: EnvConfig) -> float:
+    return hardest("roughness", config.load_robot()) + 1e-9
+
+
+def _stays(config: EnvConfig) -> str:
+    return "" if config.task == "walk" else f"task {config.task!r} does not leave level ground"
+
+
+def _physics(stage: float, config: EnvConfig) -> Changes:
+    return dict(PAPERS_PHYSICS) if stage else {}
+
+
+def _exact(config: EnvConfig) -> str:
+    same = all(getattr(config, name) == value for name, value in PAPERS_PHYSICS.items())
+    return "the environment has the papers' physics anyway" if same else ""
+
+
+_THIRD = (-0.3, -0.15, 0.0, 0.15, 0.3)
+
+FACTORS = (
+    Factor(
+        "push",
+        "pushes",
+        "size, share of the weight",
+        (0.0, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2),
+        _pushed,
+        "Every push of an episode has this size; its direction and time are as in training.",
+    ),
+    Factor(
+        "mass",
+        "mass of the robot",
+        "against its own",
+        _THIRD,
+        _scaled("total_mass"),
+        "All masses and inertias of the robot are larger or smaller by this share. No controller "
+        "knows.",
+        nominal=0.0,
+        form=_signed,
+    ),
+    Factor(
+        "friction",
+        "friction of the contacts",
+        "share of the robot's own",
+        (0.375, 0.5, 0.75, 1.0, 1.25),
+        _fixed("friction"),
+        "Coefficient of friction over the robot's own, which is 0.8 for the built-in robots: "
+        "0.3 to 1.0 for these. Laws with limited forces go on believing in theirs.",
+        nominal=1.0,
+    ),
+    Factor(
+        "delay",
+        "delay of the actions",
+        "ms",
+        (0.0, 8.0, 16.0, 24.0, 32.0, 40.0),
+        _late,
+        "Time from the choice of an action to its arrival at the action layer, which itself runs "
+        "without delay. A policy step is 20 ms long in all our environments.",
+        nominal=0.0,
+        for_policies=True,
+    ),
+    Factor(
+        "motor",
+        "strength of the motors",
+        "share of their own",
+        (0.4, 0.55, 0.7, 0.85, 1.0, 1.15),
+        _fixed("motor_strength"),
+        "Every motor gives this share of the torque that it is asked for. No controller knows.",
+        nominal=1.0,
+    ),
+    Factor(
+        "slope",
+        "slopes",
+        "degrees",
+        (0.0, 5.0, 10.0, 15.0, 20.0, 25.0),
+        _sloping,
+        "Hills of four even sides; episodes begin on their level tops.",
+        nominal=0.0,
+        most=_steepest,
+        missing=_stays,
+    ),
+    Factor(
+        "roughness",
+        "rough ground",
+        "bumps over the height of the centre of mass",
+        (0.0, 0.07, 0.14, 0.21, 0.28, 0.35),
+        _rough,
+        "Random heights, evenly joined; episodes begin on a level place among them.",
+        nominal=0.0,
+        most=_roughest,
+        missing=_stays,
+    ),
+    Factor(
+        "model-mass",
+        "mass in the controller's model",
+        "against the robot's",
+        _THIRD,
+        _scaled("model_total_mass"),
+        "All masses and inertias in the model that model-based layers compute with are wrong by "
+        "this share.",
+        nominal=0.0,
+        form=_signed,
+    ),
+    Factor(
+        "model-inertia",
+        "inertia in the controller's model",
+        "against the robot's",
+        _THIRD,
+        _scaled("model_inertia"),
+        "The rotational inertias of all bodies in that model are wrong by this share; their masses "
+        "are right.",
+        nominal=0.0,
+        form=_signed,
+    ),
+    Factor(
+        "model-com",
+        "centre of mass in the controller's model",
+        "ahead of the robot's, share of its height",
+        (-0.1, -0.05, 0.0, 0.05, 0.1),
+        _ahead,
+        "In that model the base's centre of mass lies farther ahead than it does, or farther back, "
+        "by this share of the height of the robot's.",
+        nominal=0.0,
+    ),
+    Factor(
+        "physics",
+        "the papers' physics",
+        "",
+        (0.0, 1.0),
+        _physics,
+        "From the light physics that policies learn in to those of the papers' experiments: law at "
+        "500 Hz, physics at 1 kHz, elliptic friction cones, a contact solver that is not stopped.",
+        nominal=0.0,
+        stages=("as in training", "the papers'"),
+    ),
+)
+"""In the order of the page."""

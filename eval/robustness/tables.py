@@ -1,0 +1,102 @@
+"""The findings as numbers: for files, for a terminal and for a page of docs."""
+
+from collections.abc import Iterator
+
+from rich.table import Table
+
+from eval.results import Estimate
+from eval.robustness.curves import Along, Robustness
+from eval.robustness.factors import FACTORS, Factor
+from eval.wording import capital, interval, number, percent
+from train.episodes import METRICS
+from train.runs.tables import to_csv
+
+BY_NAME: dict[str, Factor] = {factor.name: factor for factor in FACTORS}
+
+_COLUMNS = ("factor", "value", "arm", "measure", "estimate", "low", "high")
+_LABELS = {metric.name: metric for metric in METRICS}
+
+
+def heading(measure: str) -> str:
+    """Return what a measure is called, with its unit."""
+    metric = _LABELS[measure]
+    unit = f", {metric.unit}" if metric.unit not in ("", "share") else ""
+    return capital(metric.label) + unit
+
+
+def written(measure: str, value: float) -> str:
+    """Write a value of a measure."""
+    if _LABELS[measure].unit == "share":
+        return percent(value).replace("-", "−")
+    return number(value)
+
+
+def more_is_better(measure: str) -> bool:
+    """Whether more of a measure is better."""
+    return _LABELS[measure].better > 0
+
+
+def cell(measure: str, estimate: Estimate) -> str:
+    """Write "value (low to high)"."""
+    return interval(estimate, lambda value: written(measure, value))
+
+
+def areas(found: Robustness) -> list[Along]:
+    """Return the factors that are quantities."""
+    return [along for along in found.along if not BY_NAME[along.name].stages]
+
+
+def numbers(found: Robustness) -> str:
+    """Return every point, area and change as CSV; "area" and "change" stand in place of a value."""
+    rows = []
+    for along in found.along:
+        stages = BY_NAME[along.name].stages
+        for measure, curves in along.curves.items():
+            for arm, curve in curves.items():
+                values = [*(stages or along.values), "change" if stages else "area"]
+                for value, one in zip(values, [*curve.points, curve.summary], strict=True):
+                    known = {"factor": along.name, "value": value, "arm": arm, "measure": measure}
+                    bounds = {"low": one.low, "high": one.high}
+                    rows.append({**known, "estimate": one.value, **bounds})
+    return to_csv(_COLUMNS, rows)
+
+
+def summary(found: Robustness, measure: str) -> tuple[list[str], list[list[str]]]:
+    """Return heads and rows of the areas of one measure; the changes last, which say so."""
+    rows = []
+    for along in found.along:
+        staged = BY_NAME[along.name].stages
+        name = f"{along.name}, change" if staged else along.name
+        curves = along.curves[measure].values()
+        rows.append([name, *(cell(measure, curve.summary) for curve in curves)])
+    return ["along", *found.arms], rows
+
+
+def shown(found: Robustness) -> Iterator[Table]:
+    """Yield the areas as tables for a terminal."""
+    for measure in found.measures:
+        heads, rows = summary(found, measure)
+        better = "more" if more_is_better(measure) else "less"
+        title = f"{heading(measure)}: mean along each factor ({better} is better)"
+        table = Table(title=title, title_justify="left")
+        table.add_column(heads[0])
+        for head in heads[1:]:
+            table.add_column(head, justify="right")
+        for row in rows:
+            table.add_row(*row)
+        yield table
+
+
+def markdown(found: Robustness) -> str:
+    """Return the areas as Markdown."""
+    parts = []
+    for measure in found.measures:
+        heads, rows = summary(found, measure)
+        lines = [
+            heading(measure) + ":",
+            "",
+            f"| {' | '.join(heads)} |",
+            "| --- |" + " ---: |" * (len(heads) - 1),
+        ]
+        parts.append("\n".join(lines + [f"| {' | '.join(row)} |" for row in rows]))
+    return "\n\n".join(parts)

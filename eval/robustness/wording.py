@@ -1,0 +1,81 @@
+"""What was found, in plain words."""
+
+from collections.abc import Sequence
+
+from eval.robustness.curves import Along, Robustness
+from eval.robustness.tables import areas, more_is_better, written
+from eval.wording import capital, count
+
+LEVEL = ""
+"""In place of an arm: none is clearly ahead."""
+
+
+def leader(along: Along, measure: str) -> str:
+    """Return the arm that is clearly ahead along a factor: its interval lies beyond all others'."""
+    sign = 1.0 if more_is_better(measure) else -1.0
+    curves = along.curves[measure]
+    order = sorted(curves, key=lambda arm: -sign * curves[arm].summary.value)
+    best = curves[order[0]].summary
+    if best.low is None or best.high is None or len(order) < 2:
+        return LEVEL
+    worst_of_best = min(sign * best.low, sign * best.high)
+    for arm in order[1:]:
+        other = curves[arm].summary
+        if other.low is None or other.high is None:
+            return LEVEL
+        if max(sign * other.low, sign * other.high) >= worst_of_best:
+            return LEVEL
+    return order[0]
+
+
+def headline(found: Robustness) -> str:
+    """State the finding in one sentence."""
+    quantities = areas(found)
+    if not quantities:
+        return f"{capital(_joined(list(found.arms)))} along {_joined(list(_names(found.along)))}"
+    if len(found.arms) == 1:
+        (arm,) = found.arms
+        share = {one.name: one.curves["survived"][arm].summary.value for one in quantities}
+        weakest = min(share, key=lambda name: share[name])
+        mean = sum(share.values()) / len(share)
+        return (
+            f"{capital(arm)} stays up in {written('survived', mean)} of its episodes, the mean "
+            f"along {count(len(share), 'factor')}; least along {weakest}, "
+            f"{written('survived', share[weakest])}."
+        )
+    return _standing(found, "survived", "stays up more often than all others")
+
+
+def lede(found: Robustness) -> list[str]:
+    """Sentences behind the headline."""
+    if len(found.arms) < 2 or not areas(found):
+        return []
+    _, quality = found.measures
+    what = {"velocity_error": "follows its commands best", "returned": "earns most"}[quality]
+    return [_standing(found, quality, what)]
+
+
+def _standing(found: Robustness, measure: str, what: str) -> str:
+    """Say along how many factors each arm is ahead, and along which none is."""
+    quantities = areas(found)
+    led: dict[str, list[str]] = {}
+    for along in quantities:
+        led.setdefault(leader(along, measure), []).append(along.name)
+    level = led.pop(LEVEL, [])
+    total = count(len(quantities), "factor")
+    if not led:
+        return f"Along {total}, no arm clearly {what}."
+    order = sorted(led, key=lambda arm: -len(led[arm]))
+    parts = [f"{arm} {what} along {_joined(led[arm])}" for arm in order]
+    rest = f"; along {_joined(level)} none is clearly ahead" if level else ""
+    return f"{capital('; '.join(parts))}{rest}."
+
+
+def _names(along: Sequence[Along]) -> list[str]:
+    return [one.name for one in along]
+
+
+def _joined(names: Sequence[str]) -> str:
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} and {names[-1]}"

@@ -1,0 +1,279 @@
+"""Policies where one thing is otherwise: factors, what episodes say of them, page and errors."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eval.results import Estimate
+from eval.robustness.__main__ import main
+from eval.robustness.arms import zero_action
+from eval.robustness.curves import Along, Budget, Curve, Robustness, area, estimated, meant, measure
+from eval.robustness.factors import FACTORS, changed
+from eval.robustness.page import drawn, page
+from eval.robustness.tables import markdown
+from eval.robustness.wording import headline, leader
+from eval.rollout import Player, play_player
+from fbid_gym.policy import Policy
+from train.runs.folder import RunFolder
+from train.runs.opening import open_run
+from train.runs.study import read_study
+from train.runs.tables import EVALUATIONS, TableWriter
+
+WALK, BALANCE = "fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedBalance-v0"
+FACTOR = {factor.name: factor for factor in FACTORS}
+SHORT = {"episode_seconds": 0.2}
+
+
+def player(seconds: float = 0.2) -> Player:
+    arm = zero_action(WALK, "joint_position", {"episode_seconds": seconds})
+    return arm.players[0]
+
+
+def at(own: Player, factor: str, value: float) -> Player:
+    changes = FACTOR[factor].changes(value, meant(own))
+    return replace(own, env_args=changed(own.env_args, changes))
+
+
+@pytest.mark.parametrize("factor", [one for one in FACTORS if one.nominal is not None])
+def test_nothing_differs_at_the_nominal_value_and_something_at_every_other(factor) -> None:
+    own = player()
+    for value in factor.values:
+        there = meant(at(own, factor.name, value)).resolved()
+        assert (there == meant(own).resolved()) == (value == factor.nominal), value
+
+
+def test_the_nominal_point_is_the_plain_evaluation_to_the_bit() -> None:
+    own = player()
+    plain = play_player(own, 3, seed=5).rows()
+    for factor, value in (("friction", 1.0), ("slope", 0.0), ("physics", 0.0)):
+        assert play_player(at(own, factor, value), 3, seed=5).rows() == plain
+    found = measure([zero_action(WALK, "joint_position", SHORT)], [FACTOR["mass"]], Budget(3, 5))
+    middle = found.along[0].values.index(0.0)
+    for name in ("survived", "velocity_error"):
+        (curve,) = found.along[0].curves[name].values()
+        assert curve.points[middle].value == np.mean([row[name] for row in plain])
+
+
+def test_what_a_policy_was_trained_with_stays_but_for_the_factor() -> None:
+    ranges = {"mass": 0.1, "friction": (0.5, 1.0)}
+    args = changed(
+        {"randomisation": ranges, "gait": "pace"}, {"randomisation": {"friction": (2, 2)}}
+    )
+    assert args == {"randomisation": {"mass": 0.1, "friction": (2, 2)}, "gait": "pace"}
+    assert ranges["friction"] == (0.5, 1.0)
+
+
+def test_found_is_reproducible_and_a_factor_does_not_feel_the_others() -> None:
+    arms = [zero_action(WALK, "joint_position", SHORT)]
+    both = [FACTOR["push"], FACTOR["motor"]]
+    one, other = measure(arms, both, Budget(2, 5)), measure(arms, both[1:], Budget(2, 5))
+    assert one.along[1] == other.along[0]
+    assert one.to_dict() == measure(arms, both, Budget(2, 5)).to_dict()
+
+
+def test_robots_without_strength_or_under_huge_pushes_fall() -> None:
+    own = player(2.0)
+    assert play_player(at(own, "motor", 0.05), 2, seed=5).survived.max() == 0.0
+    often = replace(own, env_args=own.env_args | {"push_interval": (0.2, 0.3)})
+    assert play_player(at(often, "push", 8.0), 2, seed=5).survived.max() == 0.0
+    assert play_player(at(often, "push", 0.0), 2, seed=5).survived.min() == 1.0
+
+
+def test_soles_get_the_slopes_that_there_are() -> None:
+    biped = meant(zero_action("fbid_gym/BipedWalk-v0", "torque", {}).players[0])
+    assert FACTOR["slope"].values_in(biped) == (0.0, 5.0)
+    assert FACTOR["slope"].values_in(meant(player()))[-1] == 25.0
+    assert meant(at(player(), "slope", 25.0)).difficulty == 1.0
+
+
+def test_the_area_is_the_mean_along_the_axis(rng: np.random.Generator) -> None:
+    np.testing.assert_allclose(area(np.array([[0.0, 1.0, 1.0]]), [0.0, 1.0, 3.0]), 2.5 / 3.0)
+    np.testing.assert_allclose(area(np.full((2, 4), 0.7), [-1.0, 0.0, 0.1, 5.0]), 0.7)
+    np.testing.assert_allclose(area(np.array([[2.0], [3.0]]), [1.0]), [2.0, 3.0])
+    # A straight line has the area of its middle, however it is divided.
+    x = np.sort(rng.uniform(-2.0, 3.0, 9))
+    np.testing.assert_allclose(area(3.0 * x[None] + 1.0, x), 1.5 * (x[0] + x[-1]) + 1.0)
+
+
+def test_runs_are_the_units_of_chance_where_there_are_several(rng: np.random.Generator) -> None:
+    table = rng.uniform(size=(3, 2, 40))
+    x = [0.0, 1.0, 4.0]
+    curve = estimated(table, x, False, rng)
+    means = table.mean(axis=2)
+    for point, values in zip(curve.points, means, strict=True):
+        assert point.value == pytest.approx(values.mean())
+        assert (point.low, point.high) == pytest.approx((values.min(), values.max()))
+    areas = area(means.T, x)
+    assert (curve.summary.low, curve.summary.high) == pytest.approx((areas.min(), areas.max()))
+    one = estimated(table[:, :1], x, False, rng)
+    assert one.summary.value == pytest.approx(area(table[:, 0].mean(axis=1)[None], x)[0])
+    assert one.summary.low < one.summary.value < one.summary.high
+    change = estimated(table[:2, :1], x[:2], True, rng).summary
+    assert change.value == pytest.approx((table[1, 0] - table[0, 0]).mean())
+    assert estimated(table[:, :1, :1], x, False, rng).points[0].low is None
+
+
+def flat(value: float, low: float, high: float) -> Curve:
+    return Curve([Estimate(value, low, high)] * 2, Estimate(value, low, high))
+
+
+def made(arms: dict[str, Curve], layer: str = "torque") -> Robustness:
+    curves = {"survived": arms, "returned": arms}
+    return Robustness(
+        WALK, {}, Budget(4, 5), ("survived", "returned"), dict.fromkeys(arms, layer),
+        dict.fromkeys(arms, ()), [Along("push", [0.0, 1.0], curves)], {},
+    )  # fmt: skip
+
+
+def test_an_arm_is_ahead_if_its_interval_lies_beyond_all_others() -> None:
+    good, close = flat(0.9, 0.8, 1.0), flat(0.7, 0.6, 0.8)
+    behind = {"a": good, "b": flat(0.5, 0.4, 0.79)}
+    assert leader(made(behind).along[0], "survived") == "a"
+    assert leader(made(behind | {"c": close}).along[0], "survived") == ""
+    assert "a stays up more often" in headline(made({"b": behind["b"], "a": good})).replace(
+        "A", "a"
+    )
+    assert "none is clearly" in headline(made({"a": good, "b": close})) or "no arm" in headline(
+        made({"a": good, "b": close})
+    )
+
+
+def test_text_is_escaped() -> None:
+    evil = "<script>alert(1)</script>"
+    curves = {evil: flat(0.5, 0.4, 0.6)}
+    found = replace(made(curves, evil), left_out={"slope": evil}, warnings=[evil])
+    found = replace(found, versions={"commit": evil}, env_id=f"fbid_gym/{evil}")
+    for text in (page(found, ["python", evil]), drawn(found)):
+        assert "<script" not in text and "&lt;script&gt;" in text
+
+
+def write_policy(folder: Path, env_id: str, sizes: tuple[int, int], **env_args) -> Path:
+    observation, action = sizes
+    Policy(
+        env_id=env_id,
+        env_args={"action_layer": "joint_position", **env_args},
+        mean=np.zeros(observation),
+        variance=np.ones(observation),
+        weights=(np.zeros((action, observation)),),
+        biases=(np.zeros(action),),
+        trained_steps=1000,
+    ).save(folder)
+    return folder
+
+
+SIZES = (62, 12)
+
+STUDY = """
+seeds = [0, 1, 2]
+total_steps = 1000
+[[arms]]
+name = "one"
+env = "fbid_gym/QuadrupedWalk-v0"
+action_layer = "joint_position"
+"""
+
+
+def finish(cell) -> None:
+    """Write the folder of a run that has trained to its end: its policy is the zero action."""
+    with open_run(cell.config) as run:
+        run.begin()
+        table = TableWriter(run.folder.evaluations, EVALUATIONS, None)
+        for steps in (0, 1000):
+            table.append(dict.fromkeys(EVALUATIONS, 0.0) | {"steps": steps, "episodes": 8})
+        table.close()
+        write_policy(run.folder.policy, WALK, SIZES)
+        progress = RunFolder.of(run.folder.path).progress
+        progress.write_text("steps,return_mean\n1000,1.0\n")
+
+
+def test_a_study_counts_its_finished_runs_and_a_policy_of_zeros_is_the_zero_action(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file, out = tmp_path / "mine.toml", tmp_path / "new" / "page.html"
+    file.write_text(STUDY)
+    for cell in read_study(file).cells[:2]:
+        finish(cell)
+    arguments = [str(file), "--zero-action", "joint_position", "--factors", "delay", "physics"]
+    budget = ["--episodes", "2", "--seconds", "0.1", "--out", str(out)]
+    assert main([*arguments, *budget]) == 0
+    assert "seed 2 of mine.toml has not finished" in capsys.readouterr().out.replace("\n", " ")
+    found = json.loads(out.with_suffix(".json").read_text())
+    assert [len(runs) for runs in found["runs"].values()] == [2, 0]
+    for along in found["along"]:
+        for curves in along["curves"].values():
+            trained, zero = curves.values()
+            for one, other in zip(trained["points"], zero["points"], strict=True):
+                assert one["value"] == pytest.approx(other["value"], rel=1e-12)
+    rows = list(csv.DictReader(out.with_suffix(".csv").open()))
+    assert len(rows) == 2 * 2 * (6 + 1 + 2 + 1)
+    html = out.read_text()
+    assert html.count("<svg") == 4 and 'class="dashed"' in html
+
+
+def test_what_an_environment_does_not_have_is_left_out_and_said() -> None:
+    arms = [zero_action(BALANCE, "joint_position", {"episode_seconds": 0.1})]
+    names = ("mass", "delay", "slope", "physics")
+    found = measure(arms, [FACTOR[name] for name in names], Budget(1, 5))
+    assert found.measures == ("survived", "returned")
+    assert [along.name for along in found.along] == ["mass"]
+    assert "does not leave level ground" in found.left_out["slope"]
+    assert "a zero action is the same" in found.left_out["delay"]
+    assert "papers' physics anyway" in found.left_out["physics"]
+    assert all(reason in page(found).replace("&#x27;", "'") for reason in found.left_out.values())
+    assert markdown(found).count("| mass |") == 2
+
+
+ZERO = ["--env", WALK, "--zero-action", "torque"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            [*ZERO, "--factors", "wind"],
+            "Unknown factor 'wind'. Valid choices: push, mass, friction",
+        ),
+        ([*ZERO, "--episodes", "0"], "Invalid episodes: 0. Expected a positive whole number"),
+        ([*ZERO, "--seconds", "nan"], "Invalid seconds: nan. Expected a positive finite number"),
+        ([*ZERO, "--seed", "-1"], "Invalid seed: -1. Expected a whole number of at least 0"),
+        ([*ZERO, "--out", "page.pdf"], "Invalid out: 'page.pdf'. Expected a file name ending in"),
+        ([*ZERO, "--out", "file/page.html"], "Expected a file that can be written"),
+        ([*ZERO, "--env-args", '{"gait": "hop"}'], "Unknown gait 'hop'."),
+        ([*ZERO, "--env-args", '{"robot": "go1"}'], "name it by --robot"),
+        ([*ZERO, "--robot", "horse"], "Unknown robot 'horse'"),
+        ([], "Invalid runs: []. Expected run folders, exported policies or studies"),
+        (["--zero-action", "torque"], "Invalid --env: None. Expected an environment id"),
+        (["--zero-action", "magic"], "Unknown action layer 'magic'"),
+        (["--env", "Moon-v0", "--zero-action", "torque"], "Unknown environment 'Moon-v0'."),
+        (["nowhere"], "nowhere: no such folder"),
+        (["mine.toml"], "no run of the study has finished"),
+        (["walk", "balance"], "Compare runs of one environment at a time"),
+        (["walk", "walk"], "given twice"),
+        (["walk", "--env", BALANCE], f"Invalid --env: '{BALANCE}'. Expected that of the runs"),
+        (["small"], "observation"),
+    ],
+)
+def test_nonsense_is_one_line(
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    Path("mine.toml").write_text(STUDY)
+    write_policy(Path("walk"), WALK, SIZES)
+    write_policy(Path("small"), WALK, (3, 2))
+    write_policy(Path("balance"), BALANCE, (69, 16))
+    before = sorted(tmp_path.rglob("*"))
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("error: ") and captured.err.count("\n") == 1
+    assert message in captured.err
+    assert sorted(tmp_path.rglob("*")) == before
