@@ -43,7 +43,8 @@ class Hostile:
 
 NONSENSE = (
     "text", "12", b"1", {0.5, 1.0}, np.nan, -np.inf, -1e150, -1e300, 10**400, -(10**5000), 1j,
-    [], {}, np.array(["a"]), np.zeros((2, 2)), np.float32("nan"), np.ma.masked, Decimal("NaN"), object(),
+    [], {}, np.array(["a"]), np.zeros((2, 2)),
+    np.float32("nan"), np.ma.masked, Decimal("NaN"), object(),
     Hostile(), "x" * 10**5, int,
 )  # fmt: skip
 HUGE = (1e150, 1e300, 10**30)
