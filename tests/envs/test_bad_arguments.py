@@ -215,6 +215,7 @@ def spoilt(state, name, value):
         (lambda s: spoilt(s, "simulation.qpos", 1j), "state 'simulation.qpos'"),
         (lambda s: spoilt(s, "simulation.qpos", np.nan), "state 'simulation.qpos' is not finite"),
         (lambda s: spoilt(s, "tick", 0.5), "Invalid state 'tick'"),
+        (lambda s: spoilt(s, "tick", -5), "Invalid state 'tick'"),
         (lambda s: spoilt(s, "generator", -1), "Invalid state 'generator'"),
         (lambda s: spoilt(s, "generator", np.uint64(2**63)), "Invalid state 'generator'"),
         (lambda s: spoilt(s, "progress.level", 10**6), "Invalid state 'progress.level'"),

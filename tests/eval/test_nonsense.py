@@ -67,6 +67,7 @@ at_rates = command(rates.RatesConfig, rates.main)
         (walking.main, ["--seconds", "1e300"], "Invalid seconds: 1e+300"),
         (at_rates, ["--episodes", "0"], "Invalid episodes: 0"),
         (train, ["--num-envs", "1" + "0" * 12], "Invalid num_envs: 1000000000000"),
+        (train, ["--env-args", '{"env_id": "a"}'], "no 'env_id', which has an option"),
         (train, ["--ppo.n-steps", "1" + "0" * 12], "ppo.n_steps"),
         (train, ["--ppo.hidden", "1" + "0" * 9], "ppo.hidden"),
         (train, ["--eval.episodes", "1" + "0" * 12], "Invalid eval.episodes: 1000000000000"),
