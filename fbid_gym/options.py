@@ -16,7 +16,17 @@ import inspect
 import types
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Annotated, Any, ParamSpec, Protocol, TypeVar, Union, get_args, get_origin
+from typing import (
+    Annotated,
+    Any,
+    ParamSpec,
+    Protocol,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    runtime_checkable,
+)
 
 import numpy as np
 
@@ -27,6 +37,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
+@runtime_checkable
 class Kind(Protocol):
     """What values an option takes."""
 
@@ -132,7 +143,7 @@ class Flag:
         raise InvalidValueError(name, value, self.words)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Choice:
     """One of a few names; `what` they stand for, where that is not the option's own name."""
 
@@ -254,7 +265,8 @@ def _option(name: str, default: Any, annotation: Any) -> Option:
     parts = (annotation,)
     if get_origin(annotation) in (Union, types.UnionType):
         parts = get_args(annotation)
-    found: list[Kind] = [get_args(part)[1] for part in parts if get_origin(part) is Annotated]
+    said = [word for part in parts if get_origin(part) is Annotated for word in get_args(part)[1:]]
+    found: list[Kind] = [word for word in said if isinstance(word, Kind)]
     if bool in parts:
         found.append(Flag())
     return Option(name, default, found[0] if found else None, types.NoneType in parts)

@@ -27,6 +27,7 @@ RANK = {
     "compile_cache": 0,
     "reading": 1,
     "checks": 1,
+    "options": 2,
     "quantities": 1,
     "compiled": 1,
     "bundles": 2,

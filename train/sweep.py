@@ -16,6 +16,7 @@ from rich.table import Table
 from fbid_gym.options import Whole, check_fields
 from train.runs.config import cores
 from train.runs.exit_status import exit_status
+from train.runs.files import check_folder
 from train.runs.jobs import run_jobs
 from train.runs.study import Cell, Study, read_study
 from train.runs.training import log_of, progress, training_job
@@ -68,6 +69,7 @@ def main(config: SweepConfig) -> int:
     console, study = Console(), read_study(config.study, config.out)
     failed = frozenset[str]()
     if not config.dry_run:
+        check_folder(study.cells[0].config.folder.parent, "out")
         jobs = [training_job(cell.name, cell.config) for cell in unfinished(study)]
         not_done = run_jobs(jobs, config.workers, console, keep_going=True)
         failed = frozenset(job.name for job in not_done if job.log.exists())

@@ -28,6 +28,7 @@ from train.learner import MakeEnv, build, export, seeds
 from train.runs.command_line import parse
 from train.runs.config import TrainConfig
 from train.runs.exit_status import exit_status
+from train.runs.files import check_folder
 from train.runs.interrupt import stop_requests
 from train.runs.opening import OpenRun, open_run
 from train.runs.robots import chosen, is_built_in, named
@@ -48,6 +49,7 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
             run is written then.
         KeyboardInterrupt: after SIGINT or SIGTERM, once the state is saved.
     """
+    check_folder(config.folder.parent, "out", str(config.folder))
     with ExitStack() as stack:
         args = {**config.make_args(), "num_threads": config.threads}
         if (robot := chosen(config.robot, config.feet)) is not None:

@@ -223,6 +223,9 @@ class BalanceEnv(RobotEnv):
     | `render_mode`     | str or None    | `None`             | `"rgb_array"` or `"human"`; an     |
     |                   |                |                    | arrow is a push                    |
 
+    The range of each, and of every option of layers and tasks: docs/arguments.md, or
+    `python -m fbid_gym.envs`.
+
     ### Randomisation
     What `randomisation` names is drawn anew for each robot and episode, uniformly in its range:
 

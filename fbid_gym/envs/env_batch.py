@@ -275,6 +275,7 @@ class EnvBatch:
         """Raise InvalidValueError for numbers of a state that look up what is not there."""
         history = self._delay.arrays["action"].shape[1] - 1
         most = {
+            "tick": self.num_steps * self.rates.ticks + 2**32,  # some step on after the end
             "delay.ticks": history * self.rates.ticks,
             "progress.level": self.terrain.tiles.number - 1,
             "planned.carrier": self.robot.num_feet - 1,

@@ -43,7 +43,8 @@ class Hostile:
 
 NONSENSE = (
     "text", "12", b"1", {0.5, 1.0}, np.nan, -np.inf, -1e150, -1e300, 10**400, -(10**5000), 1j,
-    [], {}, np.array(["a"]), np.zeros((2, 2)), np.float32("nan"), np.ma.masked, Decimal("NaN"), object(),
+    [], {}, np.array(["a"]), np.zeros((2, 2)),
+    np.float32("nan"), np.ma.masked, Decimal("NaN"), object(),
     Hostile(), "x" * 10**5, int,
 )  # fmt: skip
 HUGE = (1e150, 1e300, 10**30)
@@ -214,6 +215,7 @@ def spoilt(state, name, value):
         (lambda s: spoilt(s, "simulation.qpos", 1j), "state 'simulation.qpos'"),
         (lambda s: spoilt(s, "simulation.qpos", np.nan), "state 'simulation.qpos' is not finite"),
         (lambda s: spoilt(s, "tick", 0.5), "Invalid state 'tick'"),
+        (lambda s: spoilt(s, "tick", -5), "Invalid state 'tick'"),
         (lambda s: spoilt(s, "generator", -1), "Invalid state 'generator'"),
         (lambda s: spoilt(s, "generator", np.uint64(2**63)), "Invalid state 'generator'"),
         (lambda s: spoilt(s, "progress.level", 10**6), "Invalid state 'progress.level'"),

@@ -230,7 +230,7 @@ class TrainConfig:
                 raise InvalidValueError(
                     name, getattr(self, name), f"values JSON can hold ({error})"
                 ) from error
-        own = {"action_layer", "layer_options", "seed", "num_envs", "num_threads"}
+        own = {"env_id", "id", "action_layer", "layer_options", "seed", "num_envs", "num_threads"}
         taken = sorted((own | ({"robot"} if self.robot else set())) & set(self.env_args))
         if taken:
             raise InvalidValueError(

@@ -1,12 +1,13 @@
-"""JSON files that are either whole or absent."""
+"""Files that are either whole or absent, and where they can be."""
 
 import json
 import math
+import tempfile
 from pathlib import Path
 from typing import Any
 
 from fbid_gym.bundles import write_file
-from fbid_gym.errors import RunError
+from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.reading import read_object
 
 
@@ -14,6 +15,27 @@ def write(path: Path, content: str | bytes) -> None:
     """Write the whole file or nothing. Creates missing parent folders."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_file(path, content.encode() if isinstance(content, str) else content)
+
+
+def check_folder(folder: Path, name: str, given: str | None = None) -> None:
+    """Refuse a folder that cannot be made or written, before any work is done for it.
+
+    Args:
+        folder: that will hold what is written.
+        name: of the option.
+        given: what was said. Default: the folder.
+
+    Raises:
+        InvalidValueError: a part of its path is no folder, it is read-only, or the disk is full.
+    """
+    try:
+        place = next(path for path in (folder, *folder.parents) if path.exists())
+        with tempfile.TemporaryFile(dir=place) as probe:
+            probe.write(bytes(4096))
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        expected = f"a place where files can be written ({reason})"
+        raise InvalidValueError(name, given or str(folder), expected) from error
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -12,7 +12,10 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 @contextmanager
 def stop_requests(announce: Callable[[], None]) -> Iterator[Callable[[], bool]]:
-    """Yield what says whether a SIGINT or SIGTERM came; the second acts as it always does.
+    """Yield what says whether a SIGINT or SIGTERM came; the second raises KeyboardInterrupt.
+
+    So does a second SIGTERM, where it would have ended the process at once: what has been started
+    is then cleaned up as after Ctrl-C.
 
     Only the main thread of a process can do so; elsewhere it stays False.
 
@@ -30,7 +33,9 @@ def stop_requests(announce: Callable[[], None]) -> Iterator[Callable[[], bool]]:
     def handle(number: int, frame: FrameType | None) -> None:
         nonlocal requested
         requested = True
-        restore()
+        for each, handler in before.items():
+            ends = handler is signal.SIG_DFL
+            signal.signal(each, signal.default_int_handler if ends else handler)
         announce()
 
     if threading.current_thread() is threading.main_thread():

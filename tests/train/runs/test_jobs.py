@@ -3,6 +3,7 @@
 import io
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -109,3 +110,61 @@ def test_a_stop_is_passed_on_once_and_starts_no_more(tmp_path):
 def test_at_least_one_at_a_time(tmp_path):
     with pytest.raises(InvalidValueError, match="Invalid jobs: 0. Expected at least 1 at a time"):
         run_jobs([_job(tmp_path, "a", "pass")], 0, _console())
+
+
+STUBBORN = """
+import os, signal, time
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+open('child', 'w').write(str(os.getpid()))
+os.rename('child', 'started')
+time.sleep(60)
+"""
+RUNNER = """
+import sys
+from pathlib import Path
+from rich.console import Console
+from train.runs.jobs import Job, Progress, run_jobs
+job = Job('stubborn', (sys.executable, '-c', sys.argv[1]), Path('log'), lambda: Progress(0.0))
+run_jobs([job], 1, Console())
+"""
+
+
+def test_a_second_sigterm_leaves_nothing_behind(tmp_path):
+    """What ignores the first, which is passed on as Ctrl-C, ends with the runner."""
+    root = str(Path(__file__).resolve().parents[3])
+    runner = subprocess.Popen(
+        [sys.executable, "-c", RUNNER, STUBBORN],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": root},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        _until((tmp_path / "started").exists)
+        child = int((tmp_path / "started").read_text())
+        runner.send_signal(signal.SIGTERM)
+        assert "Stopping" in runner.stdout.readline()
+        assert _lives(child)
+        runner.send_signal(signal.SIGTERM)
+        runner.communicate(timeout=60)
+        assert runner.returncode != 0
+        _until(lambda: not _lives(child))
+    finally:
+        runner.kill()
+
+
+def _until(true):
+    for _ in range(1200):
+        if true():
+            return
+        time.sleep(0.05)
+    raise AssertionError("not within a minute")
+
+
+def _lives(process):
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
