@@ -98,8 +98,11 @@ class SACConfig:
     """Transitions that the replay buffer holds, over all robots: the latest. The run folder keeps
     them, too: some 560 bytes each of a quadruped."""
     learning_starts: int = 2_000
-    """Environment steps, over all robots, before the first gradient step. The policy acts from the
-    beginning: actions drawn evenly from all there are would only show robots that fall."""
+    """Environment steps, over all robots, before the value networks learn. The policy acts from
+    the beginning: actions drawn evenly from all there are would only show robots that fall."""
+    policy_starts: int = 10_000
+    """Environment steps, over all robots, before the policy learns. Where it begins well, with the
+    zero action, value networks that know little yet would lead it away at once."""
     learning_rate: float = 3e-4
     """Of Adam, for the policy, the value networks and the temperature, at the first step."""
     learning_rate_end: float | None = None
@@ -312,7 +315,8 @@ _LEAST = {
     "seed": 0, "total_steps": 1, "num_envs": 1, "num_threads": 0, "torch_threads": 1,
     "checkpoint_every": 0, "ppo.n_steps": 1, "ppo.batch_size": 2, "ppo.n_epochs": 1,
     "sac.n_steps": 1, "sac.batch_size": 2, "sac.gradient_steps": 1, "sac.buffer_size": 1,
-    "sac.learning_starts": 0, "eval.every": 0, "eval.episodes": 1, "eval.seed": 0,
+    "sac.learning_starts": 0, "sac.policy_starts": 0, "eval.every": 0, "eval.episodes": 1,
+    "eval.seed": 0,
 }  # fmt: skip
 _RANGES = {
     "ppo.learning_rate": (0.0, 1.0), "ppo.gamma": (0.0, 1.0), "ppo.gae_lambda": (0.0, 1.0),
