@@ -161,7 +161,7 @@ def config(out: Path, **changes: Any) -> TrainConfig:
         "ppo": PPOConfig(n_steps=16, batch_size=64, n_epochs=2, hidden=(16, 16)),
         # Half of the training fits into the buffer.
         "sac": SACConfig(n_steps=16, gradient_steps=1, batch_size=32, buffer_size=400,
-                         learning_starts=200, hidden=(16, 16)),
+                         learning_starts=200, policy_starts=300, hidden=(16, 16)),
     }  # fmt: skip
     algorithm = changes.get("algorithm", "ppo")
     fields: dict[str, Any] = {

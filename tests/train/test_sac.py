@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import stand_in
 from fbid_gym.bundles import load_bundle, save_bundle
 from fbid_gym.errors import FbidError, RunError
 from fbid_gym.policy import Policy
-from train import replay
+from train import replay, training
 from train.learner import build, export, normaliser
 from train.runs.config import EvaluationConfig, SACConfig
 from train.runs.folder import RunFolder
@@ -84,8 +85,8 @@ def test_a_longer_run_continues_a_finished_one(straight, tmp_path):
 
 def test_training_learns(tmp_path):
     sac = SACConfig(
-        n_steps=16, gradient_steps=2, batch_size=64, learning_starts=256, learning_rate=3e-3,
-        hidden=(16, 16), gamma=0.95,
+        n_steps=16, gradient_steps=2, batch_size=64, learning_starts=256, policy_starts=512,
+        learning_rate=3e-3, hidden=(16, 16), gamma=0.95,
     )  # fmt: skip
     every = EvaluationConfig(every=4096, episodes=64)
     _train(tmp_path, total_steps=4096, num_envs=16, sac=sac, eval=every)
@@ -96,8 +97,8 @@ def test_training_learns(tmp_path):
 @pytest.mark.parametrize("activation", ["relu", "elu"])
 def test_exported_policy_is_the_prediction_of_stable_baselines3(tmp_path, activation):
     sac = SACConfig(
-        n_steps=4, gradient_steps=4, batch_size=32, learning_starts=64, learning_rate=1e-2,
-        activation=activation, hidden=(20, 9),
+        n_steps=4, gradient_steps=4, batch_size=32, learning_starts=64, policy_starts=0,
+        learning_rate=1e-2, activation=activation, hidden=(20, 9),
     )  # fmt: skip
     config = stand_in.config(tmp_path, algorithm="sac", sac=sac)
     learner = _learner(config)
@@ -126,6 +127,17 @@ def test_a_learner_begins_with_the_noise_and_the_value_that_it_is_told(tmp_path)
     for critic in (learner.critic, learner.critic_target):
         for value in critic(observation, learner.actor(observation)):
             np.testing.assert_allclose(value.detach(), 5.0, rtol=1e-6)
+
+
+def test_the_policy_waits_for_the_value_networks(tmp_path):
+    """Until `policy_starts` it is the zero action, whatever the value networks learn."""
+    sac = replace(stand_in.config(tmp_path, algorithm="sac").sac, policy_starts=300)
+    for steps, moves in ((256, False), (384, True)):
+        config = stand_in.config(tmp_path, algorithm="sac", total_steps=steps, sac=sac, eval=QUIET)
+        folder = training.main(config, stand_in.make)
+        state = stand_in.state(folder)
+        assert state["network.critic.qf0.4.weight"].any()
+        assert state["network.actor.mu.weight"].any() == moves
 
 
 DAMAGE = {

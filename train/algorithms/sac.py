@@ -75,6 +75,7 @@ def _iterate(learner: SAC, config: TrainConfig, callback: BaseCallback) -> dict[
             learner.env, callback, _ONE_STEP, learner.replay_buffer, learning_starts=0
         )
         if learner.num_timesteps >= own.learning_starts:
+            learner.actor.requires_grad_(learner.num_timesteps >= own.policy_starts)
             learner.train(own.gradient_steps, own.batch_size)
             found.append(dict(learner.logger.name_to_value))
     if not found:

@@ -5,8 +5,8 @@ r"""The recipes for RL Zoo: `python -m train.recipes.zoo` writes `hyperparams`, 
 
 One entry per environment that a recipe is for, through the layer that `train.ppo` takes by
 default; the learning rate of RL Zoo falls to zero or is constant. `expected_reward` it cannot be
-told, so its value networks begin at zero; nor can its SAC be told `log_std_init`, so that begins
-with more noise, and with random actions until `learning_starts`.
+told, so its value networks begin at zero; nor can its SAC be told `log_std_init` and
+`policy_starts`, so that begins with more noise, and with random actions until `learning_starts`.
 """
 
 from pathlib import Path

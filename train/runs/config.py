@@ -101,8 +101,11 @@ class SACConfig:
     """Transitions that the replay buffer holds, over all robots: the latest. The run folder keeps
     them, too: some 560 bytes each of a quadruped."""
     learning_starts: int = 2_000
-    """Environment steps, over all robots, before the first gradient step. The policy acts from the
-    beginning: actions drawn evenly from all there are would only show robots that fall."""
+    """Environment steps, over all robots, before the value networks learn. The policy acts from
+    the beginning: actions drawn evenly from all there are would only show robots that fall."""
+    policy_starts: int = 10_000
+    """Environment steps, over all robots, before the policy learns. Where it begins well, with the
+    zero action, value networks that know little yet would lead it away at once."""
     learning_rate: float = 3e-4
     """Of Adam, for the policy, the value networks and the temperature, at the first step."""
     learning_rate_end: float | None = None
@@ -325,7 +328,7 @@ _WHOLE = {
     "ppo.n_steps": (1, _LARGE), "ppo.batch_size": (2, _LARGE), "ppo.n_epochs": (1, 10_000),
     "sac.n_steps": (1, _LARGE), "sac.batch_size": (2, 1_000_000),
     "sac.gradient_steps": (1, 1_000_000), "sac.buffer_size": (1, MOST_TRANSITIONS),
-    "sac.learning_starts": (0, _LARGE),
+    "sac.learning_starts": (0, _LARGE), "sac.policy_starts": (0, _LARGE),
     "eval.every": (0, _LARGE), "eval.episodes": (1, 65_536), "eval.seed": (0, 2**32 - 1),
 }  # fmt: skip
 _WIDEST = 65_536  # units of a layer
