@@ -33,9 +33,10 @@ from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.quantities import ReducedContacts
 
 LIMITS = ContactLimits(0.6)
+_Array = np.ndarray
 
 
-def _equations(robots: Robots) -> Any:
+def _equations(robots: Robots) -> tuple[_Array, _Array, _Array, _Array, _Array]:
     terms = robots.terms
     return terms.mass_matrix, terms.bias, robots.jacobian, robots.acceleration, robots.drift
 
@@ -142,7 +143,7 @@ def problems(wild: bool) -> st.SearchStrategy[Problem]:
     return st.builds(
         Problem,
         seed=st.integers(0, 2**31),
-        count=st.just(3),
+        robots=st.just(3),
         joints=st.integers(1, 20),
         points=st.integers(0, 8),
         dependence=st.sampled_from(DEPENDENCE),

@@ -73,7 +73,7 @@ def _trajectory(
     found: dict[str, list[np.ndarray]] = {"observation": [envs.reset(seed=case["seed"])[0]]}
     rng = np.random.default_rng(case["seed"])
     for _ in range(case["steps"]):
-        shape = (case["num_envs"], envs.single_action_space.shape[0])
+        shape = (case["num_envs"], *(envs.single_action_space.shape or ()))
         action = case["size"] * rng.uniform(-1.0, 1.0, shape)
         observation, reward, terminated, truncated, info = envs.step(action[:num_envs])
         step = {"reward": reward, "terminated": terminated, "truncated": truncated}
