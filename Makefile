@@ -23,7 +23,7 @@ HEADLESS := if [ -z "$${MUJOCO_GL:-}" ] && [ -s $(VENV)/mujoco_gl ]; then \
 	export MUJOCO_GL="$$(cat $(VENV)/mujoco_gl)"; fi;
 endif
 
-.PHONY: help setup demo study test test-fast check format bench papers clean
+.PHONY: help setup demo study test test-fast check format bench papers fuzz soak clean
 
 help:  ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -58,6 +58,12 @@ bench: setup  ## Measure the costs per robot and layer (ARGS="--help" for the ch
 
 papers: setup  ## Run the papers' experiments, write runs/papers/report.html (ARGS=--quick: in 2 minutes).
 	@$(HEADLESS) $(BIN)/python -m eval.papers $(ARGS)
+
+fuzz: setup  ## Search for inputs that break something (ARGS="--minutes 5").
+	@$(HEADLESS) $(BIN)/python -m eval.fuzz $(ARGS)
+
+soak: setup  ## Run every layer for long, see that nothing grows (ARGS="--steps 1e7").
+	@$(HEADLESS) $(BIN)/python -m eval.soak $(ARGS)
 
 clean:  ## Remove the environment and the caches; keep runs/.
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache

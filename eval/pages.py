@@ -12,11 +12,19 @@ WALKING_PAGE = DOCS / "walking.md"
 RATES_PAGE = DOCS / "rates.md"
 ZOO_PAGE = DOCS / "zoo.md"
 ROBUSTNESS_PAGE = DOCS / "robustness.md"
+RELIABILITY_PAGE = DOCS / "reliability.md"
 
 START, END = "<!-- tables: written by the command above -->", "<!-- end of tables -->"
 
 
-def spliced(page: Path, tables: str) -> str:
+def marks(part: str = "") -> tuple[str, str]:
+    """Return the marks of a page's tables; of one part, where several commands write to a page."""
+    if not part:
+        return START, END
+    return START.replace("tables", f"tables of {part}"), END.replace("tables", f"tables of {part}")
+
+
+def spliced(page: Path, tables: str, part: str = "") -> str:
     """Return a page's text with the tables between its marks.
 
     Raises:
@@ -24,13 +32,13 @@ def spliced(page: Path, tables: str) -> str:
     """
     if not page.is_file():
         raise RunError(f"There is no page {page} to write tables into.")
-    text = page.read_text()
-    start, end = text.find(START), text.find(END)
-    if not 0 <= start < end or text.count(START) != 1 or text.count(END) != 1:
-        raise RunError(f"{page} needs the lines {START!r} and {END!r}, once each and in order.")
-    return f"{text[: start + len(START)]}\n\n{tables}\n\n{text[end:]}"
+    text, (first, last) = page.read_text(), marks(part)
+    start, end = text.find(first), text.find(last)
+    if not 0 <= start < end or text.count(first) != 1 or text.count(last) != 1:
+        raise RunError(f"{page} needs the lines {first!r} and {last!r}, once each and in order.")
+    return f"{text[: start + len(first)]}\n\n{tables}\n\n{text[end:]}"
 
 
-def splice(page: Path, tables: str) -> None:
+def splice(page: Path, tables: str, part: str = "") -> None:
     """Write the tables into a page; raises as `spliced` does."""
-    write(page, spliced(page, tables))
+    write(page, spliced(page, tables, part))

@@ -6,8 +6,8 @@ those of a training that was never interrupted.
 
 import math
 import time
-from collections.abc import Callable
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
 from fbid_gym import make_sb3
+from fbid_gym.bundles import present_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from train import checkpoint, replay
@@ -29,6 +30,7 @@ from train.runs.command_line import parse
 from train.runs.config import TrainConfig
 from train.runs.exit_status import exit_status
 from train.runs.files import check_folder
+from train.runs.folder import RunFolder
 from train.runs.interrupt import stop_requests
 from train.runs.opening import OpenRun, open_run
 from train.runs.robots import chosen, is_built_in, named
@@ -46,11 +48,11 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
 
     Raises:
         FbidError: an invalid configuration, or a run folder that does not fit it. Nothing of the
-            run is written then.
+            run is written then. Or a full disk: the last checkpoint stands.
         KeyboardInterrupt: after SIGINT or SIGTERM, once the state is saved.
     """
     check_folder(config.folder.parent, "out", str(config.folder))
-    with ExitStack() as stack:
+    with _room_for(config.folder), ExitStack() as stack:
         args = {**config.make_args(), "num_threads": config.threads}
         if (robot := chosen(config.robot, config.feet)) is not None:
             args["robot"] = robot
@@ -76,6 +78,20 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
         with stop_requests(training.announce_stop) as stop:
             training.until_done(stop)
     return config.folder
+
+
+@contextmanager
+def _room_for(path: Path) -> Iterator[None]:
+    """Say in one line that a run could not be written, as on a full disk, and what is left."""
+    try:
+        yield
+    except OSError as error:
+        kept = present_bundle(RunFolder.of(path).checkpoint).exists()
+        raise RunError(
+            f"{path}: cannot be written ({error.strerror or error}). "
+            f"{'Its last checkpoint stands' if kept else 'It has no checkpoint yet'}; the same "
+            "command continues it once that is mended."
+        ) from error
 
 
 class _Training:

@@ -33,9 +33,10 @@ from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.quantities import ReducedContacts
 
 LIMITS = ContactLimits(0.6)
+_Array = np.ndarray
 
 
-def _equations(robots: Robots) -> tuple[np.ndarray, ...]:
+def _equations(robots: Robots) -> tuple[_Array, _Array, _Array, _Array, _Array]:
     terms = robots.terms
     return terms.mass_matrix, terms.bias, robots.jacobian, robots.acceleration, robots.drift
 
@@ -83,7 +84,7 @@ def _shared(balancer: Callable[..., Any], torque_limit: float) -> Callable[[Robo
         contacts = ReducedContacts(robots.jacobian, robots.drift, point_map)
         body = centroidal_terms(robots.terms, robots.velocity)
         posture = robots.acceleration[:, 6:].copy()
-        arguments = {
+        arguments: dict[str, Any] = {
             "to_com": body.to_com,
             "point_map": point_map,
             "weight": np.abs(robots.gravity * body.mass),
@@ -142,7 +143,7 @@ def problems(wild: bool) -> st.SearchStrategy[Problem]:
     return st.builds(
         Problem,
         seed=st.integers(0, 2**31),
-        count=st.just(3),
+        robots=st.just(3),
         joints=st.integers(1, 20),
         points=st.integers(0, 8),
         dependence=st.sampled_from(DEPENDENCE),
@@ -153,7 +154,7 @@ def problems(wild: bool) -> st.SearchStrategy[Problem]:
     )
 
 
-def faults(problem: Problem, name: str) -> Iterator[str]:
+def faults_of(name: str, problem: Problem) -> Iterator[str]:
     """Yield what a law does that it must not, on robots of a problem, one sentence each."""
     law, robots = LAWS[name], robots_of(problem)
     with np.errstate(all="ignore"):
@@ -204,7 +205,8 @@ def _company(
         spoilt = terms._replace(**{inner: _spoilt(getattr(terms, inner), bad, rng)})
         found = law(robots._replace(terms=spoilt))
     else:
-        found = law(robots._replace(**{field: _spoilt(getattr(robots, field), bad, rng)}))
+        spoilt_field: dict[str, Any] = {field: _spoilt(getattr(robots, field), bad, rng)}
+        found = law(robots._replace(**spoilt_field))
     others = np.array([0, 2])
     if not _same(chosen_answer(found, others), chosen_answer(answer, others)):
         yield f"{name}: a robot whose {field} is not finite changes others' answers"
@@ -275,3 +277,15 @@ def chosen_answer(answer: Any, rows: slice | np.ndarray) -> tuple[np.ndarray, ..
 
 def _same(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...]) -> bool:
     return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(one, other, strict=True))
+
+
+def cases() -> st.SearchStrategy[dict[str, Any]]:
+    """Return the choice of a law and of a problem, fair or wild."""
+    problem = st.one_of(problems(False), problems(True)).map(Problem._asdict)
+    return st.fixed_dictionaries({"law": st.sampled_from(list(LAWS)), "problem": problem})
+
+
+def faults(case: dict[str, Any]) -> Iterator[str]:
+    """Yield what goes wrong in a case, one sentence each."""
+    given = {**case["problem"], "stretch": tuple(case["problem"]["stretch"])}
+    yield from faults_of(case["law"], Problem(**given))

@@ -19,7 +19,7 @@ class Problem(NamedTuple):
 
     Attributes:
         seed: of all random numbers.
-        count: robots N.
+        robots: N.
         joints: n.
         points: contact points P, each with three rows of J.
         dependence: how the rows of J depend on each other, one of `DEPENDENCE`.
@@ -31,7 +31,7 @@ class Problem(NamedTuple):
     """
 
     seed: int
-    count: int
+    robots: int
     joints: int
     points: int
     dependence: str
@@ -79,7 +79,7 @@ PER_ROBOT = Robots._fields[:-3]
 def robots_of(problem: Problem) -> Robots:
     """Return the robots of a problem."""
     rng = np.random.default_rng(problem.seed)
-    count, joints, length = problem.count, problem.joints, problem.length
+    count, joints, length = problem.robots, problem.joints, problem.length
     rotation = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
     rotation[:, 0] *= np.linalg.det(rotation)[:, None]
     mass_matrix, gravity, com = _of_links(rng, problem, rotation)
@@ -138,7 +138,7 @@ def _of_links(
     rng: np.random.Generator, problem: Problem, rotation: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """M (N, nv, nv), gravity's part of h (N, nv), the centre of mass (N, 3) seen from the base."""
-    count, links = problem.count, 2 + problem.joints
+    count, links = problem.robots, 2 + problem.joints
     share = problem.mass / links
     inertia = share * (0.2 * problem.length) ** 2
     size = 6 + problem.joints

@@ -60,7 +60,7 @@ def check_bounds(content: Path | str | bytes, label: str) -> None:
 
 def _texts(content: Path | str | bytes, label: str) -> Iterator[bytes]:
     if isinstance(content, str):
-        yield content.encode(errors="surrogateescape")
+        yield content.encode(errors="surrogatepass")
     elif isinstance(content, bytes):
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             for entry in archive.infolist():
@@ -95,12 +95,12 @@ def _check(content: bytes, label: str) -> None:
         _refuse(label, "is not UTF-8 text")
     if "<!ENTITY" in text:
         _refuse(label, "declares entities, which MuJoCo does not know")
-    repeats, total, tags = [1], 0, 0
+    repeats, total, tags = [1.0], 0.0, 0
     for match in _TAG.finditer(text):
         tags += 1
         closing, name, rest = match.groups()
         if closing:
-            repeats = repeats[:-1] or [1]
+            repeats = repeats[:-1] or [1.0]
             continue
         attributes = dict(_attributes(rest))
         _check_numbers(name, attributes, label)

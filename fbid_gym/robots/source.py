@@ -117,7 +117,7 @@ class Source:
 def _bytes(content: Path | str | bytes) -> bytes:
     if isinstance(content, Path):
         return read_file(content, MOST_TEXT, RobotError)
-    return content.encode() if isinstance(content, str) else content
+    return content.encode(errors="surrogatepass") if isinstance(content, str) else content
 
 
 def _published(name: str) -> Path:

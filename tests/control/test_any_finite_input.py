@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import given, settings
 
-from eval.fuzz.laws import LAWS, faults, problems
+from eval.fuzz.laws import LAWS, faults_of, problems
 
 SEARCH = settings(max_examples=12, deadline=None, derandomize=True, database=None)
 
@@ -12,7 +12,7 @@ SEARCH = settings(max_examples=12, deadline=None, derandomize=True, database=Non
 @SEARCH
 @given(problem=problems(wild=False))
 def test_laws_on_robots_of_any_fair_size(law, problem):
-    assert list(faults(problem, law)) == []
+    assert list(faults_of(law, problem)) == []
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -20,4 +20,4 @@ def test_laws_on_robots_of_any_fair_size(law, problem):
 @given(problem=problems(wild=True))
 def test_laws_on_numbers_that_no_robot_has(law, problem):
     """Every array by itself larger or smaller by up to eight orders of magnitude."""
-    assert list(faults(problem, law)) == []
+    assert list(faults_of(law, problem)) == []

@@ -1,4 +1,5 @@
 import json
+import resource
 import shutil
 import signal
 import sys
@@ -68,6 +69,29 @@ def test_killed_twice_and_resumed_is_the_same_run(straight, tmp_path):
 def test_killed_before_the_first_checkpoint_is_the_same_run(straight, tmp_path):
     stand_in.train_and_die(tmp_path, 20)
     assert not (tmp_path / "checkpoint").exists()
+    stand_in.train(tmp_path)
+    stand_in.assert_same_run(straight, tmp_path)
+
+
+# TensorBoard writes from a thread of its own, which complains by itself.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_disk_that_fills_up_leaves_a_checkpoint_to_continue_from(straight, tmp_path):
+    """Files may suddenly grow no further than a kilobyte: the table fits, a checkpoint does not."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def fill_up(*_):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+
+    before = signal.signal(signal.SIGUSR1, fill_up)
+    message = "cannot be written .* last checkpoint stands; the same command continues it"
+    try:
+        with pytest.raises(RunError, match=message):
+            config = stand_in.config(tmp_path)
+            train.ppo.main(config, stand_in.make_dying(16 * 3 + 5, signal.SIGUSR1))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGUSR1, before)
+    assert load_bundle(tmp_path / "checkpoint", "checkpoint", RunError).data["steps"] == 256
     stand_in.train(tmp_path)
     stand_in.assert_same_run(straight, tmp_path)
 

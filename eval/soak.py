@@ -1,0 +1,153 @@
+"""Whether anything grows while environments run for long: `python -m eval.soak`.
+
+Every layer takes steps with random actions in a batch of robots whose episodes are short, so that
+resets are frequent. Memory, file descriptors and threads are read at intervals. What a process
+keeps after its first steps is its own; what counts is growth from the end of the first fifth on.
+"""
+
+import gc
+import sys
+import time
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+import gymnasium as gym
+import psutil
+import tyro
+
+from eval.pages import RELIABILITY_PAGE, splice, spliced
+from fbid_gym.actions import LAYERS
+from fbid_gym.checks import check_positive
+from train.runs.exit_status import exit_status
+
+MOST_GROWTH = 0.01
+"""Share of the memory."""
+
+_READINGS = 25
+
+
+@dataclass(frozen=True)
+class SoakConfig:
+    """Run environments for long, and tell what grows."""
+
+    env: str = "fbid_gym/BipedBalance-v0"
+    """The environment."""
+    layers: tuple[str, ...] = tuple(LAYERS)
+    """Action layers, one after another."""
+    steps: float = 1e7
+    """Environment steps, of all layers together."""
+    num_envs: int = 64
+    """Robots side by side."""
+    num_threads: int = 2
+    """Threads they are spread over."""
+    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Put the table into docs/reliability.md."""
+
+
+class Reading(NamedTuple):
+    """What a process holds."""
+
+    memory: int
+    """Bytes, resident."""
+    files: int
+    """File descriptors."""
+    threads: int
+    """Of the system."""
+
+
+class Soaked(NamedTuple):
+    """What became of one layer."""
+
+    layer: str
+    steps: int
+    """Environment steps."""
+    resets: int
+    """Ends of episodes."""
+    first: Reading
+    """At the end of the first fifth."""
+    last: Reading
+    """At the end."""
+
+    @property
+    def growth(self) -> float:
+        """Share by which memory grew."""
+        return self.last.memory / self.first.memory - 1.0
+
+    @property
+    def held(self) -> bool:
+        """Whether nothing grew that must not."""
+        return (
+            self.growth < MOST_GROWTH
+            and self.last.files <= self.first.files
+            and self.last.threads <= self.first.threads
+        )
+
+
+def read() -> Reading:
+    """Read what this process holds."""
+    gc.collect()
+    process = psutil.Process()
+    return Reading(process.memory_info().rss, process.num_fds(), process.num_threads())
+
+
+def soak(config: SoakConfig, layer: str) -> Soaked:
+    """Run the environment through a layer."""
+    envs = gym.make_vec(
+        config.env,
+        num_envs=config.num_envs,
+        num_threads=config.num_threads,
+        action_layer=layer,
+        episode_seconds=1.0,
+    )
+    share = config.steps / len(config.layers) / config.num_envs
+    part = max(round(share / _READINGS), 1)
+    envs.reset(seed=0)
+    envs.action_space.seed(0)
+    readings, resets = [], 0
+    for _ in range(_READINGS):
+        for _ in range(part):
+            _, _, terminated, truncated, _ = envs.step(envs.action_space.sample())
+            resets += int((terminated | truncated).sum())
+        readings.append(read())
+    envs.close()
+    steps = _READINGS * part * config.num_envs
+    return Soaked(layer, steps, resets, readings[_READINGS // 5], readings[-1])
+
+
+_HEAD = ("Layer", "Steps", "Resets", "Memory (MB)", "Growth", "File descriptors", "Threads")
+
+
+def rows(found: list[Soaked]) -> list[str]:
+    """Return the lines of the table."""
+    lines = [f"| {' | '.join(_HEAD)} |", f"|{' --- |' * len(_HEAD)}"]
+    for one in found:
+        growth = f"{100 * one.growth:+.2f} %{'' if one.held else ' (missed)'}"
+        cells = [f"`{one.layer}`", f"{one.steps:,}", f"{one.resets:,}"]
+        cells += [f"{one.last.memory / 2**20:.0f}", growth]
+        cells += [f"{one.first.files} → {one.last.files}"]
+        cells += [f"{one.first.threads} → {one.last.threads}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    return lines
+
+
+def main(config: SoakConfig) -> int:
+    """Run, print, write."""
+    check_positive(steps=config.steps, num_envs=config.num_envs, num_threads=config.num_threads)
+    if config.write_docs:
+        spliced(RELIABILITY_PAGE, "", "soak")  # to know before the work that it can be written
+    began, found = time.monotonic(), []
+    for layer in config.layers:
+        found.append(soak(config, layer))
+        print("\n".join(rows(found)[0 if len(found) == 1 else -1 :]), flush=True)
+    minutes = (time.monotonic() - began) / 60.0
+    total = sum(one.steps for one in found)
+    head = f"{total:,} environment steps of `{config.env}` on {config.num_threads} threads, "
+    head += f"{config.num_envs} robots side by side, in {minutes:.1f} minutes.\n\n"
+    if config.write_docs:
+        splice(RELIABILITY_PAGE, head + "\n".join(rows(found)), "soak")
+    return 0 if all(one.held for one in found) else 1
+
+
+if __name__ == "__main__":
+    chosen = tyro.cli(SoakConfig, prog="python -m eval.soak")
+    sys.exit(exit_status(lambda: main(chosen)))
