@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 
 from eval.files import check_output, to_json, write
@@ -80,7 +81,7 @@ def run(config: RobustnessConfig, console: Console, command: list[str]) -> None:
         task = progress.add_task("environments", total=None)
 
         def say(done: int, total: int, what: str) -> None:
-            progress.update(task, completed=done, total=total, description=what)
+            progress.update(task, completed=done, total=total, description=escape(what))
 
         found = measure(arms, factors, budget, say)
     found = replace(found, warnings=warnings, versions=versions())
@@ -92,7 +93,7 @@ def run(config: RobustnessConfig, console: Console, command: list[str]) -> None:
         write(ROBUSTNESS_PAGE.with_suffix(".svg"), drawn(found))
         splice(ROBUSTNESS_PAGE, markdown(found))
     tell(found, console)
-    console.print(f"wrote {config.out}")
+    console.print(f"wrote {config.out}", markup=False, highlight=False)
 
 
 def gathered(config: RobustnessConfig) -> tuple[list[Arm], list[str]]:

@@ -251,6 +251,7 @@ FACTORS = (
         "From the light physics that policies learn in to those of the papers' experiments: law at "
         "500 Hz, physics at 1 kHz, elliptic friction cones, a contact solver that is not stopped.",
         nominal=0.0,
+        missing=_exact,
         stages=("as in training", "the papers'"),
     ),
 )

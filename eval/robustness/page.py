@@ -132,8 +132,7 @@ def _areas(found: Robustness) -> str:
     parts.append(
         text(
             "Area under the curve over the length of its axis: the mean along the factor, with its "
-            f"{percent(CONFIDENCE)} interval. A change is that from training's physics to the "
-            "papers'."
+            f"{percent(CONFIDENCE)} interval. A change is that from the first stage to the last."
         )
     )
     return "\n".join(parts)

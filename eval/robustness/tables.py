@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from rich.markup import escape
 from rich.table import Table
 
 from eval.results import Estimate
@@ -81,7 +82,7 @@ def shown(found: Robustness) -> Iterator[Table]:
         table = Table(title=title, title_justify="left")
         table.add_column(heads[0])
         for head in heads[1:]:
-            table.add_column(head, justify="right")
+            table.add_column(escape(head), justify="right")
         for row in rows:
             table.add_row(*row)
         yield table

@@ -38,12 +38,13 @@ def at(own: Player, factor: str, value: float) -> Player:
     return replace(own, env_args=changed(own.env_args, changes))
 
 
-@pytest.mark.parametrize("factor", [one for one in FACTORS if one.nominal is not None])
-def test_nothing_differs_at_the_nominal_value_and_something_at_every_other(factor) -> None:
+def test_nothing_differs_at_a_nominal_value_and_something_at_the_ends() -> None:
     own = player()
-    for value in factor.values:
-        there = meant(at(own, factor.name, value)).resolved()
-        assert (there == meant(own).resolved()) == (value == factor.nominal), value
+    plain = meant(own).resolved()
+    for factor in FACTORS:
+        for value in {factor.values[0], factor.values[-1], factor.nominal} - {None}:
+            there = meant(at(own, factor.name, value)).resolved()
+            assert (there == plain) == (value == factor.nominal), (factor.name, value)
 
 
 def test_the_nominal_point_is_the_plain_evaluation_to_the_bit() -> None:
@@ -51,11 +52,11 @@ def test_the_nominal_point_is_the_plain_evaluation_to_the_bit() -> None:
     plain = play_player(own, 3, seed=5).rows()
     for factor, value in (("friction", 1.0), ("slope", 0.0), ("physics", 0.0)):
         assert play_player(at(own, factor, value), 3, seed=5).rows() == plain
-    found = measure([zero_action(WALK, "joint_position", SHORT)], [FACTOR["mass"]], Budget(3, 5))
-    middle = found.along[0].values.index(0.0)
+    mass = replace(FACTOR["mass"], values=(0.0, 0.3))
+    found = measure([zero_action(WALK, "joint_position", SHORT)], [mass], Budget(3, 5))
     for name in ("survived", "velocity_error"):
         (curve,) = found.along[0].curves[name].values()
-        assert curve.points[middle].value == np.mean([row[name] for row in plain])
+        assert curve.points[0].value == np.mean([row[name] for row in plain])
 
 
 def test_what_a_policy_was_trained_with_stays_but_for_the_factor() -> None:
@@ -69,7 +70,7 @@ def test_what_a_policy_was_trained_with_stays_but_for_the_factor() -> None:
 
 def test_found_is_reproducible_and_a_factor_does_not_feel_the_others() -> None:
     arms = [zero_action(WALK, "joint_position", SHORT)]
-    both = [FACTOR["push"], FACTOR["motor"]]
+    both = [replace(FACTOR[name], values=(0.5, 1.0)) for name in ("push", "motor")]
     one, other = measure(arms, both, Budget(2, 5)), measure(arms, both[1:], Budget(2, 5))
     assert one.along[1] == other.along[0]
     assert one.to_dict() == measure(arms, both, Budget(2, 5)).to_dict()
@@ -198,7 +199,7 @@ def test_a_study_counts_its_finished_runs_and_a_policy_of_zeros_is_the_zero_acti
     file.write_text(STUDY)
     for cell in read_study(file).cells[:2]:
         finish(cell)
-    arguments = [str(file), "--zero-action", "joint_position", "--factors", "delay", "physics"]
+    arguments = [str(file), "--zero-action", "joint_position", "--factors", "physics"]
     budget = ["--episodes", "2", "--seconds", "0.1", "--out", str(out)]
     assert main([*arguments, *budget]) == 0
     assert "seed 2 of mine.toml has not finished" in capsys.readouterr().out.replace("\n", " ")
@@ -209,10 +210,10 @@ def test_a_study_counts_its_finished_runs_and_a_policy_of_zeros_is_the_zero_acti
             trained, zero = curves.values()
             for one, other in zip(trained["points"], zero["points"], strict=True):
                 assert one["value"] == pytest.approx(other["value"], rel=1e-12)
-    rows = list(csv.DictReader(out.with_suffix(".csv").open()))
-    assert len(rows) == 2 * 2 * (6 + 1 + 2 + 1)
+    rows = list(csv.DictReader(out.with_suffix(".csv").read_text().splitlines()))
+    assert len(rows) == 2 * 2 * (2 + 1)
     html = out.read_text()
-    assert html.count("<svg") == 4 and 'class="dashed"' in html
+    assert html.count("<svg") == 2 and 'class="dashed"' in html
 
 
 def test_what_an_environment_does_not_have_is_left_out_and_said() -> None:
