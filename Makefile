@@ -23,7 +23,7 @@ HEADLESS := if [ -z "$${MUJOCO_GL:-}" ] && [ -s $(VENV)/mujoco_gl ]; then \
 	export MUJOCO_GL="$$(cat $(VENV)/mujoco_gl)"; fi;
 endif
 
-.PHONY: help setup demo study test test-fast check format bench papers fuzz soak clean
+.PHONY: help setup demo play study test test-fast check format bench papers fuzz soak clean
 
 help:  ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -33,6 +33,9 @@ setup: $(VENV)/.installed $(VENV)/mujoco_gl $(VENV)/.compiled  ## Install into .
 
 demo: setup  ## A quadruped walks, learns through two action layers; writes runs/demo/report.html.
 	@$(HEADLESS) $(BIN)/python -m eval.demo $(ARGS)
+
+play: setup $(VENV)/.play  ## Push a walking robot in the browser (ARGS="--beside joint_position").
+	@$(HEADLESS) $(BIN)/python -m eval.play $(ARGS)
 
 study: setup  ## Train what a study names, write its page (STUDY=studies/survey.toml).
 	@$(HEADLESS) $(BIN)/python -m train.sweep $(STUDY) $(ARGS)
@@ -81,6 +84,18 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing into $(VENV) ..."
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 		--constraint constraints.txt --editable ".[dev]"
+	@touch $@
+
+# The page's server asks for older versions of rich and websockets than are pinned, and runs with
+# these; so it is installed beside them, without being asked what else it would have. Playwright
+# drives a browser in the page's tests.
+PLAY := viser msgspec trimesh zstandard requests urllib3 certifi idna charset-normalizer \
+	playwright pyee greenlet
+
+$(VENV)/.play: $(VENV)/.installed
+	@echo "Installing the live page ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		--constraint constraints.txt --no-deps $(PLAY)
 	@touch $@
 
 # Done once; after a change of the sources, what runs is compiled as it is used.

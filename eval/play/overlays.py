@@ -79,8 +79,11 @@ class Overlays:
         moves = "acceleration" in shown
         scale = _ACCELERATION * self._size
         centre = seen.com[None] + np.array([0.0, 0.0, 0.25 * self._size])
-        self._arrow("desired", _from(centre, scale * seen.desired[None], moves), _RED, 0.7)
-        self._arrow("achieved", _from(centre, scale * achieved[None], moves), _GREEN, 1.0)
+        desired, achieved = (
+            self._short(scale * vector[None]) for vector in (seen.desired, achieved)
+        )
+        self._arrow("desired", _from(centre, desired, moves), _RED, 0.7)
+        self._arrow("achieved", _from(centre, achieved, moves), _GREEN, 1.0)
 
     def hide(self) -> None:
         """Draw none."""
@@ -90,6 +93,11 @@ class Overlays:
 
     def _long(self, force: np.ndarray) -> np.ndarray:
         return _FORCE * self._size * force / self._weight
+
+    def _short(self, vectors: np.ndarray) -> np.ndarray:
+        """Vectors (K, 3), none longer than the robot."""
+        length = np.linalg.norm(vectors, axis=1, keepdims=True)
+        return vectors * np.minimum(1.0, self._size / np.maximum(length, 1e-9))
 
     def _cone(self, name: str, place: np.ndarray | None, friction: float) -> None:
         name = f"{name} {friction:g}"

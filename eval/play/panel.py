@@ -77,8 +77,8 @@ class Panel:
         if isinstance(control, Menu):
             widget: Any = gui.add_dropdown(label, control.choices, initial_value=value)
         elif isinstance(control, Slider) and control.whole:
-            least, most = int(control.least), int(control.most)
-            widget = gui.add_number(label, int(value), min=least, max=most, step=1)
+            ends = int(control.least), int(control.most)
+            widget = gui.add_number(label, int(value), min=ends[0], max=ends[1], step=1)
         elif isinstance(control, Slider):
             step = 0.01 if control.most - control.least > 0.5 else 0.002
             least, most = control.least, control.most

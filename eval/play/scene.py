@@ -1,6 +1,7 @@
 """The robots of a session in the browser; the ground moves under them, so the camera is free."""
 
 from collections.abc import Callable
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -157,7 +158,7 @@ class Scene:
         server.initial_camera.position = (1.6 * self.size, -1.9 * self.size, 0.9 * self.size)
         server.initial_camera.look_at = (0.0, 0.0, 0.8 * stance.home_base[2])
         self.bodies: list[Body] = []
-        self._shown: list[object] = []
+        self._shown: list[list[Any]] = []
         self.cast(lanes)
 
     def cast(self, lanes: list[Lane]) -> bool:

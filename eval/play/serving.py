@@ -67,7 +67,7 @@ def open_server(host: str, port: int) -> Any:
     with redirect_stdout(io.StringIO()):  # it announces itself in a box
         server = viser.ViserServer(host=host, port=free, label="fbid_gym", verbose=False)
     # Any viewer could ask for a tunnel through which the world sees the page. None gets one.
-    server.request_share_url = lambda verbose=False: None  # type: ignore[method-assign]
+    server.request_share_url = lambda verbose=False: None
     return server
 
 

@@ -1,0 +1,225 @@
+"""Sessions without a viewer: what is asked happens, exactly, and nothing else does."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eval.play.controls import controls, from_text, to_text
+from eval.play.insight import insight
+from eval.play.session import Change, OneStep, Push, Request, Reset, Session
+from eval.play.stage import Stage
+from fbid_gym.errors import FbidError
+from fbid_gym.policy import Policy
+
+WALK = "fbid_gym/QuadrupedWalk-v0"
+
+
+def policy(observations: int, actions: int, **env_args: Any) -> Policy:
+    """A policy that asks for a tenth of everything."""
+    return Policy(
+        env_id=WALK,
+        env_args=env_args,
+        mean=np.zeros(observations),
+        variance=np.ones(observations),
+        weights=(np.zeros((actions, observations)),),
+        biases=(np.full(actions, 0.1),),
+    )
+
+
+STAGE = Stage.of(
+    WALK,
+    {"action_layer": "base_acceleration"},
+    {},
+)
+
+
+def walking(**settings: Any) -> Session:
+    return Session(STAGE, settings)
+
+
+def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray], but: tuple[str, ...]) -> bool:
+    names = [name for name in one if not name.startswith(but)]
+    return all(np.array_equal(one[name], other[name]) for name in names)
+
+
+def test_the_same_requests_at_the_same_times_give_the_same_robots() -> None:
+    timed: list[tuple[int, Request]] = [
+        (3, Change("ahead", 0.4)),
+        (10, Push((20.0, 30.0, 0.0), 0.1)),
+        (20, Change("beside", "joint_position")),
+        (25, Change("layer", "com_wrench")),
+        (30, Change("action_delay", 0.02)),
+    ]
+    first, second, other = walking(seed=5), walking(seed=5), walking(seed=6)
+    for session in (first, second, other):
+        session.play(timed, 40)
+    for one, two in zip(first.lanes, second.lanes, strict=True):
+        assert same(one.state(), two.state(), ())
+    assert len(first.lanes) == 2
+    assert not np.array_equal(first.lanes[0].qpos, other.lanes[0].qpos)
+
+
+def test_a_switch_of_layer_carries_all_but_the_layers_memory() -> None:
+    session = walking(ahead=0.3)
+    session.play([], 30)
+    before, torque = session.lanes[0].state(), session.lanes[0].last.info["torque"]
+    session.submit(Change("layer", "joint_position"))
+    session.settle()
+    after = session.lanes[0].state()
+    # A zero action is on its way either way; there are as many of its entries as the layer has.
+    assert same(before, after, ("memory.", "delay.action"))
+    session.play([], 1)
+    assert session.lanes[0].player.layer == "joint_position"
+    assert not np.allclose(session.lanes[0].last.info["torque"], torque, atol=0.1)
+    session.play([(0, Change("layer", "base_acceleration"))], 50)
+    session.play([(0, Change("contact_limits", "none"))], 1)
+    assert session.lanes[0].batch.layer.law.limited is False
+    assert session.lanes[0].fallen is None
+
+
+def test_a_push_lasts_as_long_as_asked_and_pushes_everybody() -> None:
+    session, still = walking(beside="joint_position"), walking()
+    seen = []
+    session.submit(Push((0.0, 40.0, 0.0), 0.1))
+    for _ in range(8):
+        session.advance()
+        seen.append([lane.push_force[1] for lane in session.lanes])
+    still.play([], 8)
+    assert seen == [[40.0, 40.0]] * 5 + [[0.0, 0.0]] * 3
+    for lane in session.lanes:
+        assert lane.qpos[1] > still.lanes[0].qpos[1] + 0.005
+    session.submit(Push((0.0, 40.0, 0.0), 1.0))
+    session.advance()
+    session.submit(Push((0.0, 0.0, 0.0), 0.0))
+    session.advance()
+    assert not session.lanes[0].push_force.any()
+
+
+def test_settings_change_what_they_name_and_while_it_runs() -> None:
+    session = walking()
+    session.play([], 5)
+    lane = session.lanes[0]
+    before = lane.state()
+    mass, mu = lane.batch.robot.mass, lane.batch.simulation.model.geom_friction[0, 0]
+    for name, value in {
+        "added_mass": 3.0,
+        "friction": 0.5,
+        "model_mass": 1.2,
+        "motors": 0.8,
+        "action_delay": 0.04,
+        "ahead": 0.2,
+        "turn": -0.3,
+    }.items():
+        session.submit(Change(name, value))
+    session.settle()
+    after, batch = lane.state(), lane.batch
+    changed = ("plant.", "delay.ticks", "plan.command")
+    assert session.lanes[0] is lane and same(before, after, changed)
+    assert batch.simulation.terms().mass_matrix[0, 0, 0] == pytest.approx(mass + 3.0)
+    assert batch.plant.terms().mass_matrix[0, 0, 0] == pytest.approx(1.2 * mass)
+    assert batch.simulation.batch.expand("geom_friction")[0, 0, 0] == pytest.approx(0.5 * mu)
+    assert after["delay.ticks"] == 10
+    session.advance()
+    names = list(batch.task.observation_names)
+    seen = batch.observation()[0, names.index("commanded velocity ahead (m/s)") :][:3]
+    assert seen == pytest.approx([0.2, 0.0, -0.3])
+    # A reset leaves them as they are.
+    session.play([(0, Reset())], 1)
+    assert batch.simulation.terms().mass_matrix[0, 0, 0] == pytest.approx(mass + 3.0)
+
+
+def test_who_is_paused_goes_a_step_at_a_time_and_who_falls_starts_anew() -> None:
+    session = walking(paused=True)
+    session.play([(2, OneStep())], 5)
+    assert session.steps == 1
+    session.submit(Change("paused", False))
+    session.submit(Change("policy", "zero action"))
+    session.play([(0, Change("layer", "torque")), (0, Push((150.0, 190.0, 0.0), 2.0))], 60)
+    assert session.lanes[0].fallen is not None
+    session.play([], 100)
+    assert np.linalg.norm(session.lanes[0].qpos[:2]) < 1.0 and session.lanes[0].batch.task.seconds
+
+
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        (Change("ahead", 50.0), "Invalid ahead: 50.0. Expected a number from -0.57 to 0.945."),
+        (Change("ahead", float("nan")), "Expected a number from"),
+        (Change("ahead", "fast"), "Expected a number from"),
+        (Change("layer", "magic"), "Unknown layer 'magic'. Valid choices: torque,"),
+        (Change("policy", "runs/other"), "Valid choices: zero action."),
+        (Change("terrain", ["flat"]), "Unknown terrain"),
+        (Change("__class__", 1), "Unknown setting '__class__'"),
+        (Change("seed", 1.5), "Expected a whole number from 0"),
+        (Change("paused", 1), "Expected True or False"),
+        (Push((1e4, 0.0, 0.0), 0.1), "a force of at most 250 N"),
+        (Push((float("inf"), 0.0, 0.0), 0.1), "three numbers of N"),
+        (Push("abc", 0.1), "three numbers of N"),  # type: ignore[arg-type]
+        (Push((1.0, 0.0, 0.0), 60.0), "a time of 0 to 2 s"),
+        ("import os", "a Change, a Push, a Reset or a OneStep"),
+    ],
+)
+def test_what_may_not_be_asked_is_refused_before_anything_changes(
+    request_: Any, words: str, session_: Session
+) -> None:
+    with pytest.raises(FbidError, match=words.replace("(", r"\(")):
+        session_.submit(request_)
+    assert not session_.waiting
+
+
+@pytest.fixture(scope="module")
+def session_() -> Session:
+    return walking()
+
+
+def test_a_policy_brings_its_layer_and_leaves_with_it(session_: Session) -> None:
+    seen = session_.lanes[0].batch.observation().shape[1]
+    good = policy(seen, 12, action_layer="joint_position", layer_options={"scale": 0.1})
+    stage = Stage.of(WALK, {}, {"good": good, "odd": policy(7, 12, action_layer="torque")})
+    session = Session(stage, {"policy": "good"})
+    assert session.settings["layer"] == "joint_position"
+    session.play([(2, Change("policy", "zero action"))], 4)
+    assert session.settings["layer"] == "joint_position" and not session.lanes[0].action.any()
+    session.play([(0, Change("policy", "good"))], 2)
+    assert session.lanes[0].action == pytest.approx(np.full(12, 0.1))
+    assert session.lanes[0].batch.config.layer_options == {"scale": 0.1}
+    lanes = session.lanes
+    session.play([(0, Change("policy", "odd"))], 1)
+    assert "7" in session.refused and session.lanes is lanes
+    assert session.settings["policy"] == "good"
+    session.play([(0, Change("layer", "com_wrench")), (1, Change("beside", "good"))], 3)
+    assert session.settings["policy"] == "zero action" and session.refused == ""
+    assert [lane.player for lane in session.lanes] == [
+        ("com_wrench", "zero action"),
+        ("joint_position", "good"),
+    ]
+
+
+def test_settings_travel_as_text() -> None:
+    offered = controls(STAGE)
+    settings = from_text(offered, '{"ahead": 0.25, "layer": "com_wrench", "beside": "torque"}')
+    text = to_text(offered, settings)
+    assert from_text(offered, text) == settings and "friction" not in text
+    for bad in ("", "[1]", '{"ahead": 9}', '{"x": 1}', "[" * 9000, "{" * 20_000, None):
+        with pytest.raises(FbidError):
+            from_text(offered, bad)
+
+
+@pytest.mark.parametrize("layer", ["base_acceleration", "com_wrench", "joint_position"])
+def test_insight_disturbs_nothing_and_adds_up(layer: str) -> None:
+    stage = Stage.of("fbid_gym/BipedBalance-v0", {"action_layer": layer}, {})
+    session = Session(stage, {"seed": 3})
+    session.play([], 100)
+    lane = session.lanes[0]
+    before, weight = lane.state(), session.weight
+    seen = insight(lane)
+    assert same(before, lane.state(), ())
+    assert seen.measured.sum(axis=0) == pytest.approx([0.0, 0.0, weight], abs=0.02 * weight)
+    # Who stands still is held up by what is commanded, too.
+    assert seen.commanded.sum(axis=0) == pytest.approx([0.0, 0.0, weight], abs=0.02 * weight)
+    assert seen.pressure[:2] == pytest.approx(seen.com[:2], abs=0.02)
+    assert seen.capture_point[:2] == pytest.approx(seen.com[:2], abs=0.02)
+    assert np.isnan(seen.desired).all() == (layer == "joint_position")
+    if layer != "joint_position":
+        assert np.linalg.norm(seen.desired) < 0.3
