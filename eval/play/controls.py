@@ -10,9 +10,9 @@ import numpy as np
 from eval.play.stage import Stage
 from fbid_gym.actions import LAYERS
 from fbid_gym.actions.contact_options import CONTACT_LIMITS
-from fbid_gym.checks import flag, number
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.motions.gait.schedule import PATTERNS
+from fbid_gym.options import Choice, Flag, Number, Whole
 from fbid_gym.robots.terrain import TERRAINS
 from fbid_gym.tasks import Walk
 from fbid_gym.tasks.balance import Balance
@@ -51,12 +51,9 @@ class Slider:
 
     def checked(self, name: str, value: Any) -> float | int:
         """Return the value, or raise one error that names it and the range."""
-        kind = "whole number" if self.whole else "number"
-        expected = f"a {kind} from {self.least:g} to {self.most:g}"
-        given = number(name, value, expected)
-        if not self.least <= given <= self.most or (self.whole and not given.is_integer()):
-            raise InvalidValueError(name, value, expected)
-        return int(given) if self.whole else given
+        if self.whole:
+            return Whole(int(self.least), int(self.most)).check(name, value)
+        return Number(self.least, self.most).check(name, value)
 
 
 @dataclass(frozen=True)
@@ -71,9 +68,7 @@ class Menu:
 
     def checked(self, name: str, value: Any) -> str:
         """Return the value, or raise one error that names it and the choices."""
-        if not isinstance(value, str) or value not in self.choices:
-            raise UnknownOptionError(name, value, self.choices)
-        return value
+        return Choice(self.choices).check(name, value)
 
 
 @dataclass(frozen=True)
@@ -87,7 +82,7 @@ class Switch:
 
     def checked(self, name: str, value: Any) -> bool:
         """Return the value, or raise one error that names it."""
-        return flag(name, value)
+        return Flag().check(name, value)
 
 
 Control = Slider | Menu | Switch

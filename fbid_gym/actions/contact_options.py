@@ -12,7 +12,9 @@ from fbid_gym.control import ContactLimits
 from fbid_gym.options import Choice, Number, check_fields
 from fbid_gym.robots import Robot
 
-ContactLimit = Annotated[str, Choice(("friction", "none"))]
+CONTACT_LIMITS = ("friction", "none")
+
+ContactLimit = Annotated[str, Choice(CONTACT_LIMITS)]
 Friction = Annotated[float, Number(0.0, 10.0)]
 Ramp = Annotated[float, Number(0.0, 10.0, "s")]
 
