@@ -145,7 +145,8 @@ class TrainConfig:
         for name, (least, most) in _WHOLE.items():
             value = _at(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-                expected = f"an integer of at least {least}, and at most {most:,}"
+                too_large = isinstance(value, int) and value > most
+                expected = f"an integer of at {f'most {most:,}' if too_large else f'least {least}'}"
                 raise InvalidValueError(name, value, expected)
         for name, (low, high) in _RANGES.items():
             value = _at(self, name)
