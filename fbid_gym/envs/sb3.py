@@ -113,7 +113,7 @@ class SB3VecEnv(VecEnv):
         Raises:
             FbidError: the state is of other environments. Nothing was loaded.
         """
-        own = {"returns": self._returns, "lengths": self._lengths}
+        own: dict[str, np.ndarray] = {"returns": self._returns, "lengths": self._lengths}
         if isinstance(state, Mapping):
             own = {name: checked_array(name, value, state) for name, value in own.items()}
         self.chunks.load_state_dict(state)

@@ -98,5 +98,5 @@ def test_unknown_ids_and_arguments():
         fbid_gym.make_sb3("Ant-v5", 2)
     with pytest.raises(UnknownOptionError, match=r"did you mean 'action_layer'"):
         fbid_gym.make_sb3(BIPED, 2, action_layr="torque")
-    with pytest.raises(InvalidValueError, match="Invalid num_envs: 0. Expected a positive whole"):
+    with pytest.raises(InvalidValueError, match="Invalid num_envs: 0. Expected a whole number"):
         fbid_gym.make_sb3(BIPED, 0)

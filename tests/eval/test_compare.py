@@ -243,8 +243,8 @@ def test_names_from_files_are_escaped(run_folder: Build) -> None:
         (["RUN", "RUN"], "given twice"),
         (["RUN", "--out", "x.pdf"], "Invalid out: 'x.pdf'. Expected a file name ending in .html"),
         (["RUN", "--episodes", "0"], "Invalid episodes: 0"),
-        (["RUN", "--confidence", "95"], "Invalid confidence: 95.0. Expected a number between 0"),
-        (["RUN", "--sweep", "0"], "Expected positive multiples of the hardest push"),
+        (["RUN", "--confidence", "95"], "Invalid confidence: 95.0. Expected a number from 0.01"),
+        (["RUN", "--sweep", "0"], "Invalid sweep: 0.0. Expected a number from 0.001"),
     ],
 )
 def test_mistakes_are_one_line_and_leave_no_file(

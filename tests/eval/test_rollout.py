@@ -101,8 +101,14 @@ def test_video_is_h264_of_the_size_pages_expect(exported: str, tmp_path: Path) -
         (["POLICY", "--env-args", "[1]"], "Invalid env_args: '[1]'. Expected a JSON object"),
         (["POLICY", "--env-args", "{"], "Invalid env_args: '{'. Expected a JSON object"),
         (["POLICY", "--env-args", '{"nonsense": 1}'], "Expected what eval_tests/StandIn-v0 takes"),
-        (["POLICY", "--episodes", "0"], "Invalid episodes: 0. Expected a positive number."),
-        (["POLICY", "--num-envs", "0"], "Invalid num_envs: 0. Expected a positive number."),
+        (
+            ["POLICY", "--episodes", "0"],
+            "Invalid episodes: 0. Expected a whole number from 1 to 1,000,000.",
+        ),
+        (
+            ["POLICY", "--num-envs", "0"],
+            "Invalid num_envs: 0. Expected a whole number from 1 to 65,536.",
+        ),
         (
             ["POLICY", "--out", "x.txt"],
             "Invalid out: 'x.txt'. Expected a file name ending in .json",

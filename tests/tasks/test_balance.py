@@ -323,7 +323,10 @@ def test_joints_start_within_their_range_whatever_the_noise(robot):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"height_range": (0.5, 1.0)}, r"height_range: \(0.5, 1.0\). Expected a pair 0.6 < least"),
+        (
+            {"height_range": (0.5, 1.0)},
+            r"height_range: \(0.5, 1.0\). Expected a pair 0.61 <= least",
+        ),
         ({"height_range": (1.0, 0.9)}, "Invalid height_range"),
         ({"height_range": (0.9, 1.5)}, "Invalid height_range"),
         ({"height_interval": (0.0, 1.0)}, "Invalid height_interval"),

@@ -223,7 +223,8 @@ class TrainConfig:
                 continue
             least, most = _WHOLE[name]
             if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-                expected = f"an integer of at least {least}, and at most {most:,}"
+                too_large = isinstance(value, int) and value > most
+                expected = f"an integer of at {f'most {most:,}' if too_large else f'least {least}'}"
                 raise InvalidValueError(name, value, expected)
         self._check_together()
         for name in ("layer_options", "env_args"):
