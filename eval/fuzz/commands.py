@@ -26,7 +26,7 @@ _OPTIONS = {
     "compare": ((), ()),
 }
 _NUMBERS = ("-1", "nan", "-inf", "", "one", "1e999", "0x10", "\0")
-_NAMES = ("", "horse", "../..", "\n", "é", "fbid_gym/Nothing-v0", "os:system", "%s", "\0", "--")
+_NAMES = ("", "horse", "../..", "\n", "é", "fbid_gym/Nothing-v0", "os:system", "%s", "\0")
 
 
 def cases() -> st.SearchStrategy[dict[str, Any]]:

@@ -60,7 +60,10 @@ def check_bounds(content: Path | str | bytes, label: str) -> None:
 
 def _texts(content: Path | str | bytes, label: str) -> Iterator[bytes]:
     if isinstance(content, str):
-        yield content.encode(errors="surrogatepass")
+        try:
+            yield content.encode()
+        except UnicodeEncodeError:
+            _refuse(label, "is not UTF-8 text")
     elif isinstance(content, bytes):
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             for entry in archive.infolist():

@@ -32,7 +32,7 @@ NESTED = '<replicate count="100">' * 4 + '<geom size="1"/>' + "</replicate>" * 4
         ('<!DOCTYPE a [<!ENTITY b "c">]><mujoco/>', "declares entities"),
         ("<mujoco>\0</mujoco>", "is not UTF-8 text"),
         ('<mujoco model="\udc80"/>', "is not UTF-8 text"),
-        ('<mujoco model="\ud800"/>', "is not UTF-8 text"),
+        ("<mujoco><!-- \ud800 --></mujoco>", "is not UTF-8 text"),
         ("<a " + '"' * 100_000, "'<' that begins no tag"),
     ],
 )
