@@ -32,6 +32,12 @@ from train.runs.exit_status import exit_status
 from train.runs.robots import chosen
 from train.runs.versions import versions
 
+_SAID_ELSEWHERE = {
+    "robot": "--robot",
+    "action_layer": "--zero-action",
+    "episode_seconds": "--seconds",
+}
+
 
 @dataclass(frozen=True)
 class RobustnessConfig:
@@ -103,11 +109,9 @@ def gathered(config: RobustnessConfig) -> tuple[list[Arm], list[str]]:
         FbidError: nobody is; or a run, study, robot or argument that is not valid.
     """
     further: dict[str, Any] = parse_env_args(config.env_args)
-    if "robot" in further:
-        raise InvalidValueError("robot in --env-args", further["robot"], "none; name it by --robot")
-    if "action_layer" in further:
-        layer = further["action_layer"]
-        raise InvalidValueError("action_layer in --env-args", layer, "none; see --zero-action")
+    for name, option in _SAID_ELSEWHERE.items():
+        if name in further:
+            raise InvalidValueError(f"{name} in --env-args", further[name], f"none; see {option}")
     robot = chosen(config.robot, config.feet)
     further["episode_seconds"] = config.seconds
     runs, warnings = load_runs(config.runs, config.env, robot)

@@ -245,7 +245,7 @@ ZERO = ["--env", WALK, "--zero-action", "torque"]
         ([*ZERO, "--out", "page.pdf"], "Invalid out: 'page.pdf'. Expected a file name ending in"),
         ([*ZERO, "--out", "file/page.html"], "Expected a file that can be written"),
         ([*ZERO, "--env-args", '{"gait": "hop"}'], "Unknown gait 'hop'."),
-        ([*ZERO, "--env-args", '{"robot": "go1"}'], "name it by --robot"),
+        ([*ZERO, "--env-args", '{"robot": "go1"}'], "none; see --robot"),
         ([*ZERO, "--robot", "horse"], "Unknown robot 'horse'"),
         ([], "Invalid runs: []. Expected run folders, exported policies or studies"),
         (["--zero-action", "torque"], "Invalid --env: None. Expected an environment id"),
