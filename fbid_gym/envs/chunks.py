@@ -102,8 +102,9 @@ class Chunks:
         config = own.pop("config")
         if not isinstance(state, Mapping):
             raise InvalidValueError("state", state, "a dictionary from names to arrays")
-        if "config" in state:
-            _check_same(_read_config(state["config"]), _read_config(config))
+        if "config" not in state:
+            raise InvalidValueError("state", list(state), "'config' among its arrays")
+        _check_same(_read_config(state["config"]), _read_config(config))
         given = {name: checked_array(name, value, state) for name, value in own.items()}
         for batch, part in zip(self.batches, self.slices, strict=True):
             batch.check_state({name: value[part] for name, value in given.items()})

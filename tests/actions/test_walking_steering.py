@@ -37,7 +37,7 @@ def commanded(velocity, steering):
 def test_the_action_moves_the_next_foothold_by_that_much(name):
     robot = robots.load(name)
     gait, (terms, force) = gait_of(robot, HZ), held(robot)
-    footholds = Footholds.of(robot, True, False)
+    footholds = Footholds.of(robot, footholds=True)
     assert footholds.scale == pytest.approx(0.2 * Stance.of(robot).home_com[2])
     action = np.tile([0.1, -0.05], robot.num_feet)[None]
     shifted = footholds.steering(action)
@@ -59,7 +59,7 @@ def test_the_action_moves_the_next_foothold_by_that_much(name):
 def test_the_step_rate_is_the_gaits_frequency():
     robot = robots.load("go1")
     gait, (terms, force) = gait_of(robot, HZ), held(robot)
-    faster = Footholds.of(robot, False, True)
+    faster = Footholds.of(robot, step_rate=True)
     command, passed = np.array([[0.3, 0.0, 0.0]]), []
     for action in (0.0, 1.0, -1.0):
         memory, cycles = gait.memory(terms), []

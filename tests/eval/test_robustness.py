@@ -243,7 +243,7 @@ ZERO = ["--env", WALK, "--zero-action", "torque"]
         ([*ZERO, "--seconds", "nan"], "Invalid seconds: nan. Expected a positive finite number"),
         ([*ZERO, "--seed", "-1"], "Invalid seed: -1. Expected a whole number of at least 0"),
         ([*ZERO, "--out", "page.pdf"], "Invalid out: 'page.pdf'. Expected a file name ending in"),
-        ([*ZERO, "--out", "file/page.html"], "Expected a file that can be written"),
+        ([*ZERO, "--out", "file/page.html"], "Expected a place where files can be written"),
         ([*ZERO, "--env-args", '{"gait": "hop"}'], "Unknown gait 'hop'."),
         ([*ZERO, "--env-args", '{"robot": "go1"}'], "none; see --robot"),
         ([*ZERO, "--robot", "horse"], "Unknown robot 'horse'"),

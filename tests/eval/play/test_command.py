@@ -15,7 +15,7 @@ pytest.importorskip("viser", reason="the live page is not installed: make play")
     [
         (["fbid_gym/Nobody-v0"], "Unknown environment 'fbid_gym/Nobody-v0'"),
         (["os:fbid_gym/QuadrupedWalk-v0"], "Unknown environment"),
-        (["--action-layer", "magic"], "Unknown layer 'magic'"),
+        (["--action-layer", "magic"], "Unknown action layer 'magic'"),
         (["--beside", "magic"], "Unknown beside 'magic'"),
         (["--policy", "runs/nobody"], "runs/nobody"),
         (["--robot", "nobody"], "Unknown robot 'nobody'"),

@@ -76,7 +76,7 @@ def test_every_option_is_explained():
         ({"algorithm": "sac", "sac": SACConfig(tau=0.0)}, r"Invalid sac\.tau: 0\.0"),
         ({"algorithm": "sac", "sac": SACConfig(hidden=(0,))}, r"Invalid sac\.hidden"),
         ({"algorithm": "sac", "sac": SACConfig(buffer_size=100)}, r"sac\.n_steps = 1024 to"),
-        ({"algorithm": "sac", "sac": SACConfig(buffer_size=10**9)}, r"to 10000000"),
+        ({"algorithm": "sac", "sac": SACConfig(buffer_size=10**9)}, "at most 10,000,000"),
         ({"algorithm": "sac", "sac": SACConfig(learning_rate_end=2.0)}, r"sac\.learning_rate_end"),
         ({"env_args": {"seed": 3}}, "no 'seed', which has an option of its own"),
         ({"env_args": {"x": object()}}, "Invalid env_args.*values JSON can hold"),
