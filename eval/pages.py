@@ -1,5 +1,6 @@
 """Pages of `docs/` whose tables a command writes, between two marks."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from eval.files import write
@@ -42,3 +43,19 @@ def spliced(page: Path, tables: str, part: str = "") -> str:
 def splice(page: Path, tables: str, part: str = "") -> None:
     """Write the tables into a page; raises as `spliced` does."""
     write(page, spliced(page, tables, part))
+
+
+def tell_rows(rows: Iterable[str], said: str, page: Path | None) -> None:
+    """Print the rows of a table as they come, and write them into a page.
+
+    Args:
+        rows: its lines.
+        said: what it is of, above it.
+        page: None for none. It is written row by row: what is interrupted leaves what it has.
+    """
+    table = f"{said}\n"
+    for row in rows:
+        print(row, flush=True)
+        table += f"\n{row}"
+        if page is not None:
+            splice(page, table)

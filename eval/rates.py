@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from eval.pages import RATES_PAGE, splice
+from eval.pages import RATES_PAGE, tell_rows
 from eval.walking import Push, Seconds, Trial, Walked, WalkingConfig, gaits, walk
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs.chunks import NUM_ENVS
@@ -113,12 +113,8 @@ def rows(config: RatesConfig) -> Iterator[str]:
 def main(config: RatesConfig) -> None:
     """Walk, print, write; what can be refused is refused before."""
     check_fields(config)
-    table = f"{config.episodes} robots each, {config.seconds:g} s, pushes of {config.push:g} N.\n"
-    for row in rows(config):
-        print(row, flush=True)
-        table += f"\n{row}"
-    if config.write_docs:
-        splice(RATES_PAGE, table)
+    said = f"{config.episodes} robots each, {config.seconds:g} s, pushes of {config.push:g} N."
+    tell_rows(rows(config), said, RATES_PAGE if config.write_docs else None)
 
 
 if __name__ == "__main__":

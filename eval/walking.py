@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import tyro
 
-from eval.pages import WALKING_PAGE, splice
+from eval.pages import WALKING_PAGE, tell_rows
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
@@ -205,12 +205,7 @@ def run(config: WalkingConfig) -> None:
     check_fields(config)
     trials(config)
     said = f"{config.episodes} robots each, {config.seconds:g} s, pushes of {config.push:g} N."
-    table = f"{said}\n"
-    for row in rows(config):
-        print(row, flush=True)
-        table += f"\n{row}"
-        if config.write_docs:  # row by row: what is interrupted leaves what it has
-            splice(WALKING_PAGE, table)
+    tell_rows(rows(config), said, WALKING_PAGE if config.write_docs else None)
 
 
 def main(arguments: list[str] | None = None) -> int:

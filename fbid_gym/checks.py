@@ -69,13 +69,6 @@ def check_positive(**values: Any) -> None:
             raise InvalidValueError(name, value, "a positive finite number")
 
 
-def check_at_least_zero(**values: Any) -> None:
-    """Raise an error that names the first value which is not a finite number of at least 0."""
-    for name, value in values.items():
-        if not _is_finite(value) or value < 0:
-            raise InvalidValueError(name, value, "a finite number of at least 0")
-
-
 def real_numbers(name: str, value: Any, expected: str) -> np.ndarray:
     """Return an array of real numbers or truth values, of whatever shape; itself if it is one.
 

@@ -11,13 +11,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import tyro
 
-from eval.pages import ZOO_PAGE, splice
-from eval.walking import Trial, WalkingConfig, gaits, ready, walk
+from eval.pages import ZOO_PAGE, tell_rows
+from eval.walking import Seconds, Trial, WalkingConfig, gaits, ready, walk
 from eval.zoo import morphology
 from eval.zoo.morphology import Morphology
 from fbid_gym.actions import LAYERS
-from fbid_gym.checks import check_at_least_zero, check_choices, check_positive, whole_number
+from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import RobotError
+from fbid_gym.options import Choice, Each, Whole, check_fields
 from fbid_gym.robots import Robot
 from train.runs.exit_status import exit_status
 
@@ -26,13 +27,13 @@ from train.runs.exit_status import exit_status
 class ZooConfig:
     """Let robots that nobody has seen stand and walk without a policy."""
 
-    seeds: tuple[int, ...] = tuple(range(24))
+    seeds: Annotated[tuple[int, ...], Each(Whole(0, 2**32 - 1))] = tuple(range(24))
     """Which robots are drawn."""
-    layers: tuple[str, ...] = tuple(LAYERS)
+    layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = tuple(LAYERS)
     """Action layers."""
-    episodes: int = 8
+    episodes: Annotated[int, NUM_ENVS] = 8
     """Robots side by side, environment i with seed i."""
-    seconds: float = 5.0
+    seconds: Seconds = 5.0
     """Length of an episode."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Put the table into docs/zoo.md."""
@@ -109,17 +110,9 @@ def _in_words(animal: Morphology, robot: Robot) -> str:
 
 def run(config: ZooConfig) -> None:
     """Stand, walk, print, write; what can be refused is refused before."""
-    check_choices("action layer", config.layers, LAYERS)
-    for seed in config.seeds:
-        check_at_least_zero(seed=seed)
-    whole_number("episodes", config.episodes)
-    check_positive(seconds=config.seconds)
-    table = f"{config.episodes} robots each, {config.seconds:g} s, no pushes.\n"
-    for row in rows(config):
-        print(row, flush=True)
-        table += f"\n{row}"
-        if config.write_docs:  # row by row: what is interrupted leaves what it has
-            splice(ZOO_PAGE, table)
+    check_fields(config)
+    said = f"{config.episodes} robots each, {config.seconds:g} s, no pushes."
+    tell_rows(rows(config), said, ZOO_PAGE if config.write_docs else None)
 
 
 def main(arguments: list[str] | None = None) -> int:
