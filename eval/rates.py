@@ -12,12 +12,11 @@ from typing import Annotated, Any
 import tyro
 
 from eval.pages import RATES_PAGE, tell_rows
-from eval.walking import Push, Seconds, Trial, Walked, WalkingConfig, gaits, walk
+from eval.walking import Push, Seconds, Trial, Walked, WalkingConfig, gaits, loaded, walk
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.options import Choice, Each, check_fields
 from train.runs.exit_status import exit_status
-from train.runs.robots import chosen
 
 EXACT: dict[str, Any] = {
     "physics_hz": 1000,
@@ -91,8 +90,7 @@ def rows(config: RatesConfig) -> Iterator[str]:
     walking = WalkingConfig(episodes=config.episodes, seconds=config.seconds, push=config.push)
     yield f"| {' | '.join(_HEAD)} |"
     yield f"|{' --- |' * len(_HEAD)}"
-    robots = [robot for name in config.robots if (robot := chosen(name))]
-    for robot, gait in [(robot, gaits(robot)[0]) for robot in robots]:
+    for robot, gait in [(robot, gaits(robot)[0]) for robot in loaded(config.robots)]:
         for layer in config.layers:
             trial, exact = Trial(robot, gait, layer), None
             for name, arguments in settings(config).items():

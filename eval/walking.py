@@ -4,7 +4,7 @@ All layers and gaits meet the same commands and pushes.
 """
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -17,6 +17,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.options import Choice, Each, Number, check_fields
@@ -82,10 +83,21 @@ class Walked(NamedTuple):
 
 def trials(config: WalkingConfig) -> list[Trial]:
     """Return what walks, in the order of the table: first each robot by its first gait."""
-    robots = [robot for name in config.robots if (robot := chosen(name))]
-    walks = [(robot, gait) for robot in robots for gait in gaits(robot)]
+    walks = [(robot, gait) for robot in loaded(config.robots) for gait in gaits(robot)]
     walks.sort(key=lambda one: one[1] not in (None, "trot"))
     return [Trial(robot, gait, layer) for robot, gait in walks for layer in config.layers]
+
+
+def loaded(names: Sequence[str]) -> list[Robot]:
+    """Load the robots that a command line names.
+
+    Raises:
+        FbidError: there are none, or one that cannot be used.
+    """
+    robots = [robot for name in names if (robot := chosen(name))]
+    if not robots:
+        raise InvalidValueError("robots", list(names), "one or more")
+    return robots
 
 
 def environment(robot: Robot) -> str:

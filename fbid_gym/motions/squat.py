@@ -25,6 +25,9 @@ from fbid_gym.robots import Robot
 SECONDS = 30.0
 """Length of the squat/bow at speed 1, s, for a robot of the built-in biped's size."""
 
+BIPED_FALLING_RATE = 3.7299790106475283
+"""Of that biped, 1/s; robots that fall slower move as much slower."""
+
 _SQUAT_HZ, _BOW_HZ = 0.2, 0.1
 # Deep enough that at 5 times the speed joint feedback alone falls for nearly all gains; the centre
 # of pressure then comes within 3 cm of the tips of the soles, and the ground carries 0.6 to 1.7 of
@@ -32,7 +35,6 @@ _SQUAT_HZ, _BOW_HZ = 0.2, 0.1
 _KNEE, _SQUAT_DEPTH, _BOW_DEPTH = 0.45, 1.4, 0.6  # rad
 _EXTENSION = (5.0, 20.0)  # s
 _SAMPLES, _SPARE = 3001, 1e-3  # rad, more than a joint moves beyond its samples
-_BIPED_FALLS = 3.7299790106475283  # 1/s, rate at which the built-in biped falls over
 
 
 def squat_bow(
@@ -58,7 +60,7 @@ def squat_bow(
             joint's range or the feet.
     """
     check_positive(speed=speed)
-    pace = speed * Stance.of(robot).falling_rate / _BIPED_FALLS
+    pace = speed * Stance.of(robot).falling_rate / BIPED_FALLING_RATE
     time = np.arange(table_ticks("speed", speed, SECONDS / pace, hz) + 1) / hz
     tops, squats, pitch = _squats_and_bows(robot, time, pace)
     if depth is None:

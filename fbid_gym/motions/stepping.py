@@ -15,12 +15,11 @@ from fbid_gym.motions.kinematics import (
 )
 from fbid_gym.motions.lean import legs_in_plane
 from fbid_gym.motions.legs import legs_of
-from fbid_gym.motions.squat import period_ticks
+from fbid_gym.motions.squat import BIPED_FALLING_RATE, period_ticks
 from fbid_gym.motions.table import MotionTable
 from fbid_gym.robots import Robot
 
-# Of the built-in biped: m between its feet, and 1/s, the rate at which it falls over.
-_WIDTH, _FALLING_RATE = 0.18, 3.7299790106475283
+_WIDTH = 0.18  # m, between the feet of the built-in biped
 
 
 class Steps(NamedTuple):
@@ -75,7 +74,7 @@ def steps_for(
     left, right = Stance.of(robot).terms.foot_position[0, legs_of(robot).foot, :2]
     squats = round(PAPER.period * PAPER.squat_frequency)
     if period is None:
-        slow = _FALLING_RATE / Stance.of(robot).falling_rate
+        slow = BIPED_FALLING_RATE / Stance.of(robot).falling_rate
         period = round(slow * PAPER.period * hz) / hz
     else:
         squats = max(1, round(squats * period / PAPER.period))

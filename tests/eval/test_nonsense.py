@@ -73,6 +73,7 @@ at_rates = command(rates.RatesConfig, rates.main)
         (train, ["--eval.episodes", "1" + "0" * 12], "Invalid eval.episodes: 1000000000000"),
         (train, ["--out", f"{NOWHERE}/run"], "Invalid out: '/dev/null/there/run'"),
         (walking.main, ["--robots", "horse"], "Unknown robot 'horse'. Valid choices: biped, quad"),
+        (walking.main, ["--robots"], "Invalid robots: []. Expected one or more"),
         (walking.main, ["--layers", "torque", "magic"], "action layer 'magic'. Valid choices: tor"),
         (walking.main, ["--episodes", "-3"], "Invalid episodes: -3. Expected a whole number fr"),
         (walking.main, ["--seconds", "-1"], "Invalid seconds: -1.0. Expected a number from"),
