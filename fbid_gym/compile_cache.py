@@ -120,6 +120,8 @@ class _Locator(_CacheLocator):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
+        # Numba names it where something cannot be kept.
+        self._py_file = function.__code__.co_filename
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], file: str) -> "_Locator":

@@ -59,18 +59,19 @@ def search(name: str, subject: Subject, seed: int, seconds: float, folder: Path)
         name: of the subject.
         subject: to try.
         seed: of the first round; the next has the next.
-        seconds: to search for; what is being tried then is finished, and shrunk if it fails.
+        seconds: to search for; what is being tried then is finished, and shrunk if it fails. One
+            case is tried at least.
         folder: for failures.
     """
     folder.mkdir(parents=True, exist_ok=True)
     trying, end = folder / f"{name}-trying.json", time.monotonic() + seconds
     tried, failures = 0, set[Path]()
-    while time.monotonic() < end:
+    while not tried or time.monotonic() < end:
         failing = False
 
         def check(case: dict[str, Any]) -> None:
             nonlocal tried, failing
-            if not failing and time.monotonic() > end:
+            if tried and not failing and time.monotonic() > end:
                 return
             tried += not failing
             trying.write_text(_text(name, case, ["the process ended"]))

@@ -1,0 +1,66 @@
+"""What `@compiled` makes: functions that become machine code only as a part of what calls them.
+
+Numba optimises each function together with all that it calls, and makes machine code of it, before
+the function that calls it is compiled, where all of that happens again: five or six times for what
+lies deep inside a law. A part stops before: what calls it takes it over as it is, and only what
+Python calls is optimised, once. That saves two fifths of the time of a first use.
+
+This uses Numba's compiler pipeline, which may be extended, and its code library, which is internal;
+`tests/test_compile_parts.py` holds that both still do what is said here.
+"""
+
+import weakref
+from typing import Any
+
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
+from numba.core.typed_passes import NativeLowering
+
+
+class _PartLibrary(JITCodeLibrary):
+    """Code to be linked into other code, and never run from here."""
+
+    def _optimize_final_module(self) -> None:
+        """Leave it to whoever calls this."""
+
+    def _finalize_final_module(self) -> None:
+        """Do what Numba's own does, but for machine code."""
+        self._finalize_dynamic_globals()
+        self._final_module.__library = weakref.proxy(self)
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Say that there is none."""
+        return 0
+
+    @property
+    def codegen(self) -> "_PartLibrary":
+        """Whom Numba asks to tell the machine code its environment."""
+        return self
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Do nothing: there is no machine code to be told."""
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _PartLowering(NativeLowering):
+    _name = "lowering_of_a_part"
+
+    def run_pass(self, state: Any) -> bool:
+        state.library = _PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        return bool(super().run_pass(state))
+
+
+class PartCompiler(CompilerBase):
+    """Numba's `pipeline_class` of a function that only compiled code calls."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the usual stages with another last one."""
+        usual = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        usual.passes = [
+            (_PartLowering if stage is NativeLowering else stage, about)
+            for stage, about in usual.passes
+        ]
+        usual.finalize()
+        return [usual]
