@@ -9,12 +9,15 @@ This uses Numba's compiler pipeline, which may be extended, and its code library
 `tests/test_compile_parts.py` holds that both still do what is said here.
 """
 
+import functools
 import weakref
+from collections.abc import Callable
 from typing import Any
 
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
+from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import NativeLowering
 
 
@@ -52,11 +55,9 @@ class _PartLowering(NativeLowering):
         return bool(super().run_pass(state))
 
 
-class PartCompiler(CompilerBase):
-    """Numba's `pipeline_class` of a function that only compiled code calls."""
-
+class _PartCompiler(CompilerBase):
     def define_pipelines(self) -> list[Any]:
-        """Return the usual stages with another last one."""
+        """Return the usual stages, the one that ends in machine code replaced."""
         usual = DefaultPassBuilder.define_nopython_pipeline(self.state)
         usual.passes = [
             (_PartLowering if stage is NativeLowering else stage, about)
@@ -64,3 +65,26 @@ class PartCompiler(CompilerBase):
         ]
         usual.finalize()
         return [usual]
+
+
+def part_options(options: dict[str, Any]) -> dict[str, Any]:
+    """Return Numba's options for a part, given those for what Python calls."""
+    return {**options, "no_cpython_wrapper": True, "pipeline_class": _PartCompiler}
+
+
+def part(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """Return a function for compiled code to call, given the options of what Python calls."""
+    chosen = {**options, "nopython": True, "boundscheck": None, "no_cpython_wrapper": True}
+    return _Part(function, targetoptions=chosen, pipeline_class=_PartCompiler)
+
+
+class _Part(CPUDispatcher):
+    """A part. Python calls another function, which is compiled for that."""
+
+    def __call__(self, *args: Any) -> Any:
+        return self._whole(*args)
+
+    @functools.cached_property
+    def _whole(self) -> Callable[..., Any]:
+        options = {**self.targetoptions, "no_cpython_wrapper": False}
+        return CPUDispatcher(self.py_func, targetoptions=options)

@@ -35,7 +35,7 @@ from numba import njit
 from numba.extending import overload
 
 from fbid_gym.compile_cache import folders, kept
-from fbid_gym.compile_parts import PartCompiler
+from fbid_gym.compile_parts import part, part_options
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -48,13 +48,11 @@ _OPTIONS = {
     "fastmath": {"reassoc", "contract"},
     "no_cfunc_wrapper": True,
 }
-_PART = {**_OPTIONS, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
-"""For what Python does not call."""
 
 
 def compiled(function: Function) -> Function:
     """Compile a function for the use of kernels."""
-    return njit(**_PART)(function)
+    return part(function, _OPTIONS)
 
 
 def kernel(function: Function) -> Function:
@@ -87,7 +85,7 @@ def kernel(function: Function) -> Function:
     update_wrapper(door, function)
     door.entry = entry
     implementation.__signature__ = inspect.signature(function)
-    overload(door, jit_options=_PART)(implementation)
+    overload(door, jit_options=part_options(_OPTIONS))(implementation)
     return door
 
 

@@ -1,4 +1,4 @@
-"""Parts of compiled code answer as plain functions do, and are optimised with their kernel, once."""
+"""Parts of compiled code answer as plain functions do, and are optimised only with their kernel."""
 
 from typing import NamedTuple
 
@@ -65,3 +65,10 @@ def test_a_kernel_that_others_call_can_be_called_itself():
     found = ends(np.array([-3.0, 0.25]))
     np.testing.assert_array_equal(found.low, [-1.0, 0.0])
     np.testing.assert_array_equal(found.high, [0.0, 0.25])
+
+
+def test_python_may_call_a_part():
+    """As tests do; before, and after, it became part of something."""
+    assert _between(3.0, 0.0, 1.0) == 1.0
+    np.testing.assert_array_equal(_sorted_ends(np.array([-0.5])).low, [-0.5])
+    assert _between.overloads and _between(-3.0, 0.0, 1.0) == 0.0

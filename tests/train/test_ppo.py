@@ -235,7 +235,7 @@ def test_command_line_reports_errors_in_one_line(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(sys, "argv", ["train.ppo", "--seed", "-1", "--out", str(tmp_path)])
     assert train.training.command_line("ppo") == 2
     assert capsys.readouterr().err.splitlines() == [
-        "error: Invalid seed: -1. Expected an integer of at least 0."
+        "error: Invalid seed: -1. Expected a whole number from 0 to 4,294,967,295."
     ]
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.options import Number, Whole, check_fields
 
 
 def parse_object(text: str) -> dict[str, Any]:
@@ -36,46 +37,59 @@ JsonObject = Annotated[
 """A dictionary given on the command line as JSON, such as '{"push_force": [50, 50]}'."""
 
 
+_LARGE = 2**53  # beyond, floats that count skip numbers
+_WIDEST = 65_536  # units of a layer
+_MOST_STEPS = 100_000_000  # of an iteration
+MOST_TRANSITIONS = 10_000_000
+"""That a replay buffer may hold: some 5 GB."""
+
+Seed = Annotated[int, Whole(0, 2**32 - 1)]
+Count = Annotated[int, Whole(1, _LARGE)]
+Steps = Annotated[int, Whole(0, _LARGE)]
+Robots = Annotated[int, Whole(1, 65_536)]
+Share = Annotated[float, Number(0.0, 1.0)]
+
+
 @dataclass(frozen=True)
 class PPOConfig:
     """Hyperparameters of PPO, the same for every action layer."""
 
-    n_steps: int = 64
+    n_steps: Count = 64
     """Policy steps of each robot per iteration."""
-    batch_size: int = 1024
+    batch_size: Annotated[int, Whole(2, _LARGE)] = 1024
     """Samples per gradient step, at most num_envs * n_steps and a divisor of that."""
-    n_epochs: int = 5
+    n_epochs: Annotated[int, Whole(1, 10_000)] = 5
     """Passes over the samples of an iteration."""
-    learning_rate: float = 3e-4
+    learning_rate: Share = 3e-4
     """Of Adam, at the first step."""
-    learning_rate_end: float | None = None
+    learning_rate_end: Share | None = None
     """Of Adam, at the last of `total_steps`; it changes evenly. None: constant. With it a run whose
     `total_steps` are raised goes on with the rate of the longer run."""
-    gamma: float = 0.99
+    gamma: Share = 0.99
     """Discount per policy step."""
-    gae_lambda: float = 0.95
+    gae_lambda: Share = 0.95
     """Of generalised advantage estimation."""
-    clip_range: float = 0.2
+    clip_range: Annotated[float, Number(1e-6, 1.0)] = 0.2
     """Bound on the change of an action's probability ratio."""
-    ent_coef: float = 0.0
+    ent_coef: Share = 0.0
     """Weight of the entropy bonus."""
-    vf_coef: float = 0.5
+    vf_coef: Annotated[float, Number(0.0, 10.0)] = 0.5
     """Weight of the value loss."""
-    max_grad_norm: float = 0.5
+    max_grad_norm: Annotated[float, Number(1e-6, 1e6)] = 0.5
     """Gradients longer than this are shortened to it."""
-    target_kl: float | None = 0.02
+    target_kl: Annotated[float, Number(1e-12, 1e6)] | None = 0.02
     """Stop the passes of an iteration once the policy moved 1.5 times this far. None: never. With
     it the length of a step does not depend on how a layer scales its actions."""
-    log_std_init: float = -2.0
+    log_std_init: Annotated[float, Number(-10.0, 2.0)] = -2.0
     """Logarithm of the initial standard deviation of the actions, whose range is [-1, 1]. Robots
     that stand without a policy are shaken down by more noise than this before they learn."""
     hidden: tuple[int, ...] = (64, 64)
     """Widths of the hidden layers, of the policy and of the value network."""
     activation: Literal["tanh", "relu", "elu"] = "tanh"
     """After each hidden layer."""
-    clip_observation: float = 10.0
+    clip_observation: Annotated[float, Number(1e-3, 1e6)] = 10.0
     """Observations are scaled to unit variance, then clipped to this."""
-    expected_reward: float = 0.0
+    expected_reward: Share = 0.0
     """Reward of a policy step that the value network takes for granted before it has learnt
     anything: it begins with what that sums up to. Rewards lie in [0, 1]; robots that do well from
     the start have returns that are large and hardly differ, and a network that begins at zero
@@ -85,58 +99,63 @@ class PPOConfig:
     [0, 1] whatever the layer, so there is no scale to take out, and the running one would differ
     from run to run."""
 
+    def __post_init__(self) -> None:
+        """Check every value by itself; `TrainConfig` checks them together."""
+        check_fields(self, "ppo.{}")
+
 
 @dataclass(frozen=True)
 class SACConfig:
     """Hyperparameters of SAC, the same for every action layer. Rewards and noise are as in PPO."""
 
-    n_steps: int = 16
+    n_steps: Count = 16
     """Policy steps of each robot per iteration. An iteration is what is logged and can be stopped
     after; how often is learnt is `gradient_steps`."""
-    gradient_steps: int = 16
+    gradient_steps: Annotated[int, Whole(1, 1_000_000)] = 16
     """Gradient steps after each policy step of all robots."""
-    batch_size: int = 256
+    batch_size: Annotated[int, Whole(2, 1_000_000)] = 256
     """Transitions per gradient step, drawn from the replay buffer."""
-    buffer_size: int = 300_000
+    buffer_size: Annotated[int, Whole(1, MOST_TRANSITIONS)] = 300_000
     """Transitions that the replay buffer holds, over all robots: the latest. The run folder keeps
     them, too: some 560 bytes each of a quadruped."""
-    learning_starts: int = 2_000
+    learning_starts: Steps = 2_000
     """Environment steps, over all robots, before the value networks learn. The policy acts from
     the beginning: actions drawn evenly from all there are would only show robots that fall."""
-    policy_starts: int = 10_000
+    policy_starts: Steps = 10_000
     """Environment steps, over all robots, before the policy learns. Where it begins well, with the
     zero action, value networks that know little yet would lead it away at once."""
-    learning_rate: float = 3e-4
+    learning_rate: Share = 3e-4
     """Of Adam, for the policy, the value networks and the temperature, at the first step."""
-    learning_rate_end: float | None = None
+    learning_rate_end: Share | None = None
     """As for PPO."""
-    gamma: float = 0.99
+    gamma: Share = 0.99
     """Discount per policy step."""
-    tau: float = 0.005
+    tau: Annotated[float, Number(1e-6, 1.0)] = 0.005
     """Share of the value networks that their slow copies take over in each gradient step."""
-    ent_coef: float = 0.001
+    ent_coef: Annotated[float, Number(1e-9, 1e3)] = 0.001
     """Temperature at the beginning: what a nat of entropy is worth in rewards. It is then learnt,
     so that the entropy becomes `target_entropy`. Rewards lie in [0, 1] and differ by hundredths
     where robots walk by a zero action: with 0.01 the noise grew until it was nearly all there is,
     before the value networks knew what it costs."""
-    target_entropy: float = -1.0
+    target_entropy: Annotated[float, Number(-10.0, 0.69)] = -1.0
     """Nats per action. -1: a standard deviation of about 0.09."""
-    log_std_init: float = -2.0
+    log_std_init: Annotated[float, Number(-10.0, 2.0)] = -2.0
     """Logarithm of the initial standard deviation of the actions, before they are squashed."""
     hidden: tuple[int, ...] = (128, 128)
     """Widths of the hidden layers, of the policy and of the value networks."""
     activation: Literal["tanh", "relu", "elu"] = "relu"
     """After each hidden layer."""
-    clip_observation: float = 10.0
+    clip_observation: Annotated[float, Number(1e-3, 1e6)] = 10.0
     """Observations are scaled to unit variance, then clipped to this."""
-    expected_reward: float = 0.0
+    expected_reward: Share = 0.0
     """As for PPO: the value networks begin with what that sums up to, for every action."""
     normalise_reward: bool = False
     """As for PPO, by what is known when a transition is drawn from the buffer."""
 
+    def __post_init__(self) -> None:
+        """Check every value by itself; `TrainConfig` checks them together."""
+        check_fields(self, "sac.{}")
 
-MOST_TRANSITIONS = 10_000_000
-"""That a replay buffer may hold: some 5 GB."""
 
 Hyperparameters = PPOConfig | SACConfig
 ALGORITHMS: dict[str, type[PPOConfig] | type[SACConfig]] = {"ppo": PPOConfig, "sac": SACConfig}
@@ -147,12 +166,16 @@ ALGORITHMS: dict[str, type[PPOConfig] | type[SACConfig]] = {"ppo": PPOConfig, "s
 class EvaluationConfig:
     """Periodic evaluation of the deterministic policy on an environment of its own."""
 
-    every: int = 100_000
+    every: Steps = 100_000
     """Training steps between evaluations; also one before training and one after. 0: none."""
-    episodes: int = 32
+    episodes: Robots = 32
     """Episodes per evaluation, side by side."""
-    seed: int = 10_000
+    seed: Seed = 10_000
     """The same for every evaluation of every run, so that all meet the same pushes."""
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_fields(self, "eval.{}")
 
 
 @dataclass(frozen=True)
@@ -174,18 +197,18 @@ class TrainConfig:
     or a robot.zip. The run folder keeps it."""
     feet: tuple[str, ...] = ()
     """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of the initial network, the exploration and the robots."""
-    total_steps: int = 1_000_000
+    total_steps: Count = 1_000_000
     """Environment steps, over all robots, rounded up to whole iterations. May be raised later:
     a finished run then continues."""
-    num_envs: int = 64
+    num_envs: Robots = 64
     """Robots side by side."""
-    num_threads: int = 0
+    num_threads: Annotated[int, Whole(0, 1024)] = 0
     """Threads stepping the robots. 0: one per core this process may use. May be another later."""
-    torch_threads: int = 1
+    torch_threads: Annotated[int, Whole(1, 1024)] = 1
     """Threads of torch. Another number rounds sums differently, so it is part of the run."""
-    checkpoint_every: int = 20_000
+    checkpoint_every: Steps = 20_000
     """Environment steps between checkpoints. 0: only at the end and when interrupted."""
     out: Path | None = None
     """Run folder. Default: runs/<env>-<layer>-s<seed>, with the algorithm where it is not PPO."""
@@ -213,19 +236,7 @@ class TrainConfig:
                 )
         if getattr(self, self.algorithm) is None:
             object.__setattr__(self, self.algorithm, ALGORITHMS[self.algorithm]())
-        mine = ("", "eval", self.algorithm)
-        for name in (n for n in (*_WHOLE, *_RANGES) if n.rpartition(".")[0] in mine):
-            value = _at(self, name)
-            if name in _RANGES:
-                low, high = _RANGES[name]
-                if not low <= value <= high:
-                    raise InvalidValueError(name, value, f"a number from {low} to {high}")
-                continue
-            least, most = _WHOLE[name]
-            if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-                too_large = isinstance(value, int) and value > most
-                expected = f"an integer of at {f'most {most:,}' if too_large else f'least {least}'}"
-                raise InvalidValueError(name, value, expected)
+        check_fields(self)
         self._check_together()
         for name in ("layer_options", "env_args"):
             try:
@@ -247,18 +258,12 @@ class TrainConfig:
         if any(not 1 <= width <= _WIDEST for width in own.hidden):
             expected = f"positive widths of at most {_WIDEST:,}"
             raise InvalidValueError(f"{self.algorithm}.hidden", own.hidden, expected)
-        end = own.learning_rate_end
-        if end is not None and not 0.0 <= end <= 1.0:
-            name = f"{self.algorithm}.learning_rate_end"
-            raise InvalidValueError(name, end, "a number from 0 to 1 or None")
         if isinstance(own, SACConfig):
             least, most = self.iteration_steps, MOST_TRANSITIONS
             if not least <= own.buffer_size <= most:
                 between = f"a number from num_envs * sac.n_steps = {least} to {most}"
                 raise InvalidValueError("sac.buffer_size", own.buffer_size, between)
             return
-        if own.target_kl is not None and not own.target_kl > 0:
-            raise InvalidValueError("ppo.target_kl", own.target_kl, "a positive number or None")
         if self.iteration_steps < 2:
             raise InvalidValueError(
                 "ppo.n_steps", own.n_steps, "num_envs * ppo.n_steps of at least 2"
@@ -322,30 +327,6 @@ class TrainConfig:
         return json.loads(json.dumps(data))
 
 
-_LARGE = 2**53  # beyond, floats that count skip numbers
-_WHOLE = {
-    "seed": (0, 2**32 - 1), "total_steps": (1, _LARGE), "num_envs": (1, 65_536),
-    "num_threads": (0, 1024), "torch_threads": (1, 1024), "checkpoint_every": (0, _LARGE),
-    "ppo.n_steps": (1, _LARGE), "ppo.batch_size": (2, _LARGE), "ppo.n_epochs": (1, 10_000),
-    "sac.n_steps": (1, _LARGE), "sac.batch_size": (2, 1_000_000),
-    "sac.gradient_steps": (1, 1_000_000), "sac.buffer_size": (1, MOST_TRANSITIONS),
-    "sac.learning_starts": (0, _LARGE), "sac.policy_starts": (0, _LARGE),
-    "eval.every": (0, _LARGE), "eval.episodes": (1, 65_536), "eval.seed": (0, 2**32 - 1),
-}  # fmt: skip
-_WIDEST = 65_536  # units of a layer
-_MOST_STEPS = 100_000_000  # of an iteration
-_RANGES = {
-    "ppo.learning_rate": (0.0, 1.0), "ppo.gamma": (0.0, 1.0), "ppo.gae_lambda": (0.0, 1.0),
-    "ppo.clip_range": (1e-6, 1.0), "ppo.ent_coef": (0.0, 1.0), "ppo.vf_coef": (0.0, 10.0),
-    "ppo.max_grad_norm": (1e-6, 1e6), "ppo.log_std_init": (-10.0, 2.0),
-    "ppo.clip_observation": (1e-3, 1e6), "ppo.expected_reward": (0.0, 1.0),
-    "sac.learning_rate": (0.0, 1.0), "sac.gamma": (0.0, 1.0), "sac.tau": (1e-6, 1.0),
-    "sac.ent_coef": (1e-9, 1e3), "sac.target_entropy": (-10.0, 0.69),
-    "sac.log_std_init": (-10.0, 2.0), "sac.clip_observation": (1e-3, 1e6),
-    "sac.expected_reward": (0.0, 1.0),
-}  # fmt: skip
-
-
 def algorithm_of(stored: Mapping[str, Any]) -> str:
     """Return what learns as a `config.json` says; one of before there was a choice is of PPO."""
     return str(stored.get("algorithm", next(iter(ALGORITHMS))))
@@ -356,9 +337,3 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _at(config: object, path: str) -> Any:
-    for name in path.split("."):
-        config = getattr(config, name)
-    return config

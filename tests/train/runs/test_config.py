@@ -61,23 +61,16 @@ def test_every_option_is_explained():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"seed": -1}, "Invalid seed: -1. Expected an integer of at least 0"),
+        ({"seed": -1}, "Invalid seed: -1. Expected a whole number from 0"),
         ({"num_envs": 0}, "Invalid num_envs: 0"),
-        ({"total_steps": 0.5}, "Invalid total_steps: 0.5. Expected an integer"),
-        ({"eval": EvaluationConfig(episodes=0)}, r"Invalid eval\.episodes: 0"),
-        ({"ppo": PPOConfig(gamma=1.5)}, r"Invalid ppo\.gamma: 1\.5. Expected a number from 0"),
-        ({"ppo": PPOConfig(learning_rate=float("nan"))}, r"Invalid ppo\.learning_rate: nan"),
-        ({"ppo": PPOConfig(target_kl=0.0)}, r"Invalid ppo\.target_kl: 0\.0"),
+        ({"total_steps": 0.5}, "Invalid total_steps: 0.5. Expected a whole number"),
         ({"ppo": PPOConfig(hidden=(64, 0))}, r"Invalid ppo\.hidden"),
         ({"ppo": PPOConfig(batch_size=1000)}, r"Invalid ppo\.batch_size: 1000.*= 4096"),
         ({"num_envs": 1, "ppo": PPOConfig(n_steps=1)}, r"Invalid ppo\.n_steps: 1"),
         ({"sac": SACConfig()}, "Invalid hyperparameters: 'sac'. Expected those of 'ppo' alone"),
         ({"algorithm": "sac", "ppo": PPOConfig()}, "Invalid hyperparameters: 'ppo'"),
-        ({"algorithm": "sac", "sac": SACConfig(tau=0.0)}, r"Invalid sac\.tau: 0\.0"),
         ({"algorithm": "sac", "sac": SACConfig(hidden=(0,))}, r"Invalid sac\.hidden"),
         ({"algorithm": "sac", "sac": SACConfig(buffer_size=100)}, r"sac\.n_steps = 1024 to"),
-        ({"algorithm": "sac", "sac": SACConfig(buffer_size=10**9)}, "at most 10,000,000"),
-        ({"algorithm": "sac", "sac": SACConfig(learning_rate_end=2.0)}, r"sac\.learning_rate_end"),
         ({"env_args": {"seed": 3}}, "no 'seed', which has an option of its own"),
         ({"env_args": {"x": object()}}, "Invalid env_args.*values JSON can hold"),
         ({"layer_options": {"x": float("nan")}}, "Invalid layer_options.*values JSON can hold"),
@@ -86,6 +79,25 @@ def test_every_option_is_explained():
 def test_invalid_values_are_named(changes, message):
     with pytest.raises(InvalidValueError, match=message):
         TrainConfig(**changes)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "message"),
+    [
+        (EvaluationConfig, {"episodes": 0}, r"Invalid eval\.episodes: 0"),
+        (PPOConfig, {"gamma": 1.5}, r"Invalid ppo\.gamma: 1\.5. Expected a number from 0 to 1"),
+        (PPOConfig, {"learning_rate": float("nan")}, r"Invalid ppo\.learning_rate: nan"),
+        (PPOConfig, {"target_kl": 0.0}, r"Invalid ppo\.target_kl: 0\.0"),
+        (PPOConfig, {"n_epochs": True}, r"Invalid ppo\.n_epochs: True"),
+        (PPOConfig, {"n_steps": 1.5}, r"Invalid ppo\.n_steps: 1\.5"),
+        (SACConfig, {"tau": 0.0}, r"Invalid sac\.tau: 0\.0"),
+        (SACConfig, {"buffer_size": 10**9}, "from 1 to 10,000,000"),
+        (SACConfig, {"learning_rate_end": 2.0}, r"Invalid sac\.learning_rate_end: 2\.0"),
+    ],
+)
+def test_invalid_hyperparameters_are_named(kind, values, message):
+    with pytest.raises(InvalidValueError, match=message):
+        kind(**values)
 
 
 def test_large_batches_mean_the_whole_iteration():
