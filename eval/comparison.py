@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,9 +16,7 @@ from eval.video import Clip, record
 from eval.wording import number
 from train.environments import make_env
 from train.episodes import METRICS, Episodes
-from train.runs.command_line import stored_options
-from train.runs.config import algorithm_of
-from train.runs.folder import RunFolder
+from train.runs.command_line import command_again
 from train.runs.reading import Run
 
 Say = Callable[[str], None]
@@ -182,16 +179,8 @@ def _result(run: Run, episodes: Episodes, sweep: list[float]) -> RunResult:
         wall=[] if curve is None else curve.wall_seconds.tolist(),
         returns=[] if curve is None else curve.returns.tolist(),
         sweep=sweep,
-        command=_command(run),
+        command="" if run.config is None else command_again(run.config, run.path),
     )
-
-
-def _command(run: Run) -> str:
-    if run.config is None:
-        return ""
-    program = f"train.{algorithm_of(run.config)}"
-    options = stored_options(run.config, RunFolder.of(run.path))
-    return shlex.join(["python", "-m", program, *options])
 
 
 def _means(episodes: Episodes) -> dict[str, float]:

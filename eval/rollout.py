@@ -23,7 +23,7 @@ from eval.video import record
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Number, Whole, check_fields
-from fbid_gym.policy import Policy
+from fbid_gym.policy import Policy, place_of
 from fbid_gym.robots import Robot
 from train.environments import make_env, make_envs, register, step_seconds
 from train.episodes import METRICS, Actor, Episodes, play
@@ -121,10 +121,11 @@ def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None =
     """Load a run folder or an exported policy.
 
     Args:
-        source: the folder.
+        source: the folder, or `shipped:NAME`.
         env_args: replace those the policy was trained with.
         robot: instead of the one that it was trained on.
     """
+    source = place_of(source)
     policy = Policy.load(source)
     robot = of_policy(source, policy.env_args, robot)
     return Player(source.name, policy.env_id, {**policy.env_args, **env_args}, policy, robot)
@@ -144,7 +145,7 @@ class RolloutConfig:
     """Play a policy, or the zero action, for many episodes and print what the robot did."""
 
     source: Annotated[Path | None, tyro.conf.Positional] = None
-    """Run folder or exported policy."""
+    """Run folder, exported policy or `shipped:NAME`."""
     env: str | None = None
     """Environment id, with --zero-action."""
     action_layer: str | None = None
@@ -207,7 +208,7 @@ def _warnings(config: RolloutConfig, player: Player) -> list[str]:
     """Say how what is played differs from what was trained."""
     if config.source is None:
         return []
-    path = config.source
+    path = place_of(config.source)
     found = (another(path, player.env_args, player.robot), changed_meaning(path))
     return [warning for warning in found if warning is not None]
 
