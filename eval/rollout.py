@@ -19,7 +19,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from eval.files import check_output, to_json, write
-from eval.video import record
+from eval.video import Clip, record
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Number, Whole, check_fields
@@ -115,6 +115,16 @@ def play_player(
         return play(envs, actor, episodes, seed, step_seconds(envs), on_episode)
     finally:
         envs.close()
+
+
+def filmed(player: Player, seed: int, seconds: float, title: str, fps: float = 25.0) -> Clip:
+    """Record the first episode of a player; see `eval.video.record`."""
+    env = make_env(player.env_id, player.make_args)
+    try:
+        actor = player.actor(env.observation_space, env.action_space)
+        return record(env, actor, seed, seconds, title, fps)
+    finally:
+        env.close()
 
 
 def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None = None) -> Player:
@@ -292,12 +302,7 @@ def run(config: RolloutConfig, console: Console) -> None:
         write(config.out, text)
         console.print(f"wrote {config.out}")
     if config.video is not None:
-        env = make_env(player.env_id, player.make_args)
-        try:
-            actor = player.actor(env.observation_space, env.action_space)
-            clip = record(env, actor, config.seed, config.video_seconds, player.name, fps=50.0)
-        finally:
-            env.close()
+        clip = filmed(player, config.seed, config.video_seconds, player.name, fps=50.0)
         write(config.video, clip.mp4())
         console.print(f"wrote {config.video}")
 

@@ -113,13 +113,19 @@ def improvement_interval(
     the interval has no width. That is a limit of the bootstrap, not certainty: see
     `permutation_p_value`.
     """
+    low, high = percentile_interval(improvement_draws(x, y, rng, samples), confidence)
+    return float(low), float(high)
+
+
+def improvement_draws(
+    x: np.ndarray, y: np.ndarray, rng: np.random.Generator, samples: int = 2000
+) -> np.ndarray:
+    """Stratified bootstrap of `probability_of_improvement`: (samples,)."""
     tasks = np.arange(x.shape[1])
     x_drawn = x[rng.integers(len(x), size=(samples, *x.shape)), tasks]
     y_drawn = y[rng.integers(len(y), size=(samples, *y.shape)), tasks]
     difference = x_drawn[:, :, None] - y_drawn[:, None, :]
-    draws = np.mean((difference > 0) + 0.5 * (difference == 0), axis=(1, 2, 3))
-    low, high = percentile_interval(draws, confidence)
-    return float(low), float(high)
+    return np.mean((difference > 0) + 0.5 * (difference == 0), axis=(1, 2, 3))
 
 
 def permutation_p_value(
@@ -197,5 +203,7 @@ def first_crossing(x: np.ndarray, y: np.ndarray, threshold: float) -> float:
     k = int(above[0])
     if k == 0:
         return float(x[0])
+    if not math.isfinite(y[k - 1]):  # what is not known in between is not guessed
+        return float(x[k])
     share = (threshold - y[k - 1]) / (y[k] - y[k - 1])
     return float(x[k - 1] + share * (x[k] - x[k - 1]))

@@ -15,8 +15,6 @@ from eval.robustness.tables import BY_NAME, cell, heading, more_is_better, summa
 from eval.robustness.wording import headline, lede
 from eval.wording import capital, count, number, percent
 
-_STYLE = ".scroll + p { margin-top: 1.2rem; }"
-
 
 def page(found: Robustness, command: Sequence[str] = ()) -> str:
     """Lay out the page.
@@ -27,13 +25,14 @@ def page(found: Robustness, command: Sequence[str] = ()) -> str:
     """
     parts = [
         _opening(found),
-        _areas(found),
+        "<h2>All of it</h2>",
+        areas(found),
         *(_along(found, along) for along in found.along),
         _methods(found),
         _reproduction(found, command),
     ]
     title = f"Robustness in {found.env_id.rpartition('/')[2]}"
-    return document(title, "\n".join(parts), style=_STYLE)
+    return document(title, "\n".join(parts))
 
 
 def drawn(found: Robustness) -> str:
@@ -122,8 +121,9 @@ def _opening(found: Robustness) -> str:
     return "\n".join(parts)
 
 
-def _areas(found: Robustness) -> str:
-    parts = ["<h2>All of it</h2>"]
+def areas(found: Robustness) -> str:
+    """Return the mean of each measure along each factor as HTML tables."""
+    parts = []
     for measure in found.measures:
         heads, rows = summary(found, measure)
         better = "more" if more_is_better(measure) else "less"

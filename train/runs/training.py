@@ -1,8 +1,10 @@
 """A training among the jobs that run side by side."""
 
 import math
+import re
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 from train.runs.command_line import options
 from train.runs.config import TrainConfig
@@ -18,6 +20,37 @@ def training_job(name: str, config: TrainConfig) -> Job:
     """
     command = (sys.executable, "-m", f"train.{config.algorithm}", *options(config))
     return Job(name, command, log_of(config), lambda: progress(config))
+
+
+class Standing(NamedTuple):
+    """Where a training is."""
+
+    state: str
+    """"done", "failed", "not begun", or the share of its steps, such as "40%"."""
+    note: str
+    """What it came to so far; of a failed one, the last line of its log."""
+
+
+_ENDED_BY = re.compile(r"(error|[\w.]*(Error|Exception))\b")
+
+
+def standing(config: TrainConfig) -> Standing:
+    """Return where a training is, by its run folder and the log of its job."""
+    share, note = progress(config)
+    if share >= 1.0:
+        return Standing("done", note)
+    said = last_line(config)
+    if _ENDED_BY.match(said):
+        return Standing("failed", said)
+    begun = RunFolder.of(config.folder).config.is_file()
+    return Standing(f"{share:.0%}" if begun else "not begun", note)
+
+
+def last_line(config: TrainConfig) -> str:
+    """Return the last line of the log of a training that ran as a job; empty without one."""
+    log = log_of(config)
+    lines = log.read_text(errors="replace").splitlines() if log.is_file() else []
+    return lines[-1] if lines else ""
 
 
 def log_of(config: TrainConfig) -> Path:
