@@ -293,7 +293,12 @@ def _crossing(
 
 
 def _scores(arm: ArmFound, measure: Measure) -> np.ndarray:
-    return measure.better * np.array(arm.each[measure.name])
+    """What is compared, more being better; of returns the share of what can be earned.
+
+    Arms that decide at different rates add up different numbers of rewards.
+    """
+    values = measure.better * np.array(arm.each[measure.name])
+    return values / arm.most if measure is RETURN and np.isfinite(arm.most) else values
 
 
 def _versus(arm: ArmFound, other: ArmFound, chance: Chance) -> dict[str, Versus]:

@@ -264,3 +264,18 @@ def test_the_command_writes_page_and_numbers_and_shows_kept_robustness(study, tm
 def test_every_study_has_a_page_of_docs(path, tmp_path):
     study = read_study(path, tmp_path)
     assert "here" in spliced(DOCS / f"{study.page}.md", "here", study.name)
+
+
+def test_returns_are_compared_as_shares_of_what_can_be_earned(tmp_path):
+    """An arm that decides five times as often adds up five times as many rewards."""
+    path = tmp_path / "rates.toml"
+    fast = 'action_layer = "torque"\nenv_args = { policy_hz = 250 }\n'
+    text = STUDY.replace("BipedSquat", "QuadrupedWalk").replace("seeds = [0]\n", "")
+    first, _, last = text.rpartition('action_layer = "torque"\n')
+    path.write_text(first + fast + last)
+    study = read_study(path, tmp_path / "out")
+    for cell in study.cells:
+        fill(cell, 10.0 if cell.arm == "one" else 40.0, 0.1)
+    slow, quick = findings(study, FEW).arms
+    assert (slow.most, quick.most) == (1000.0, 5000.0)
+    assert quick.versus["return_mean"].probability.value == 0.0
