@@ -100,27 +100,15 @@ def probability_of_improvement(x: np.ndarray, y: np.ndarray) -> float:
     return float(np.mean((difference > 0) + 0.5 * (difference == 0)))
 
 
-def improvement_interval(
-    x: np.ndarray,
-    y: np.ndarray,
-    rng: np.random.Generator,
-    samples: int = 2000,
-    confidence: float = 0.95,
-) -> tuple[float, float]:
-    """Stratified bootstrap interval of `probability_of_improvement`.
-
-    When every run of one side beats every run of the other, each resampled set says the same and
-    the interval has no width. That is a limit of the bootstrap, not certainty: see
-    `permutation_p_value`.
-    """
-    low, high = percentile_interval(improvement_draws(x, y, rng, samples), confidence)
-    return float(low), float(high)
-
-
 def improvement_draws(
     x: np.ndarray, y: np.ndarray, rng: np.random.Generator, samples: int = 2000
 ) -> np.ndarray:
-    """Stratified bootstrap of `probability_of_improvement`: (samples,)."""
+    """Stratified bootstrap of `probability_of_improvement`: (samples,).
+
+    When every run of one side beats every run of the other, each resampled set says the same and
+    an interval of these has no width. That is a limit of the bootstrap, not certainty: see
+    `permutation_p_value`.
+    """
     tasks = np.arange(x.shape[1])
     x_drawn = x[rng.integers(len(x), size=(samples, *x.shape)), tasks]
     y_drawn = y[rng.integers(len(y), size=(samples, *y.shape)), tasks]
