@@ -2,7 +2,7 @@
 
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from html import escape
 
@@ -40,16 +40,25 @@ def drawn(found: Robustness) -> str:
     return sheet([one for along in found.along for one in panels(found, along)])
 
 
-def panels(found: Robustness, along: Along) -> list[str]:
-    """Return the figure of a factor: a panel for each measure, all arms in it."""
+def panels(found: Robustness, along: Along, colours: Mapping[str, int] | None = None) -> list[str]:
+    """Return the figure of a factor: a panel for each measure, all arms in it.
+
+    Args:
+        found: what was found.
+        along: one factor of it.
+        colours: of the arms; None: those of their layers.
+    """
     factor = BY_NAME[along.name]
+    if colours is None:
+        of_layers = colours_of(dict.fromkeys(found.arms.values()))
+        colours = {arm: of_layers[layer] for arm, layer in found.arms.items()}
     made = []
     for measure in found.measures:
         limits = (0.0, 1.04) if measure == "survived" else None
         marks = Marks(upright=factor.nominal if factor.nominal in along.values else None)
         made.append(
             panel(
-                _series(found, along.values, along.curves[measure]),
+                _series(found, along.values, along.curves[measure], colours),
                 f"{heading(measure)}: {factor.title}",
                 factor.axis,
                 factor.written,
@@ -62,9 +71,13 @@ def panels(found: Robustness, along: Along) -> list[str]:
     return made
 
 
-def _series(found: Robustness, values: Sequence[float], curves: dict[str, Curve]) -> list[Series]:
+def _series(
+    found: Robustness,
+    values: Sequence[float],
+    curves: dict[str, Curve],
+    colours: Mapping[str, int],
+) -> list[Series]:
     """A line for each arm; the zero action of a layer that was trained is dashed beside it."""
-    colours = colours_of(dict.fromkeys(found.arms.values()))
     trained = {layer: arm for arm, layer in found.arms.items() if found.runs[arm]}
     zero = {
         layer: curves[arm]
@@ -81,7 +94,7 @@ def _series(found: Robustness, values: Sequence[float], curves: dict[str, Curve]
         series.append(
             Series(
                 arm,
-                colours[layer],
+                colours[arm],
                 values,
                 [point.value for point in points],
                 low or None,

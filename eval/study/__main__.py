@@ -150,10 +150,11 @@ def _kept(study: Study, env_id: str) -> Robustness | None:
     file = robustness_file(study, env_id)
     if not file.is_file():
         return None
-    kept, own = read(file), {cell.config.folder.name for cell in study.cells}
-    strangers = {run for runs in kept.runs.values() for run in runs} - own
+    kept = read(file)
+    own = {(cell.arm, cell.config.folder.name) for cell in study.cells}
+    strangers = {(arm, run) for arm in kept.arms for run in kept.runs.get(arm) or ["none"]} - own
     if kept.env_id != env_id or strangers:
-        whose = f"run {min(strangers)}" if strangers else kept.env_id
+        whose = "arm {}, run {}".format(*min(strangers)) if strangers else kept.env_id
         raise RunError(f"{file}: is of {whose}. Expected {env_id} and runs of the study.")
     return kept
 

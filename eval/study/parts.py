@@ -11,14 +11,9 @@ from eval.wording import interval, number, percent
 
 def colours(found: Findings) -> dict[str, int]:
     """Return the colour of each arm, the same in every environment."""
-    shown = {arm.name: breaking(arm.name) for arm in found.arms}
-    by_words = colours_of(shown.values())
-    return {name: by_words[words] for name, words in shown.items()}
-
-
-def breaking(name: str) -> str:
-    """Break the names of layers where lines may break."""
-    return name.replace("_", " ")
+    words = {arm.name: arm.name.replace("_", " ") for arm in found.arms}
+    by_words = colours_of(words.values())
+    return {name: by_words[its] for name, its in words.items()}
 
 
 def titled(measure: Measure) -> str:

@@ -10,8 +10,9 @@ from eval.plots import Series, Strip, panel, strips
 from eval.results import Band, Crossing
 from eval.robustness.curves import Robustness
 from eval.robustness.page import areas, panels
+from eval.robustness.tables import BY_NAME
 from eval.study.findings import CURVES, JUDGED, MEASURES, ArmFound, Findings, Measure
-from eval.study.parts import breaking, colours, form_of, in_cell, named, probability, titled, told
+from eval.study.parts import colours, form_of, in_cell, named, probability, titled, told
 from eval.wording import capital, number, percent, steps
 from train.runs.study import environment_name
 
@@ -35,7 +36,7 @@ def environment(found: Findings, env_id: str, clips: Clips, robustness: Robustne
         _thresholds(found, measured),
         _judged(found, arms),
         _clips(clips, env_id),
-        _robustness(robustness),
+        _robustness(found, robustness),
     ]
     return "\n".join(filter(None, parts))
 
@@ -70,7 +71,7 @@ def _panel(
         ]
         series.append(
             Series(
-                breaking(arm.name),
+                arm.name,
                 colour[arm.name],
                 [x / scale for x in band.grid],
                 band.value,
@@ -134,7 +135,7 @@ def _strips(found: Findings, arms: Sequence[ArmFound]) -> str:
     for measure in MEASURES:
         rows = [
             Strip(
-                breaking(arm.name),
+                arm.name,
                 colour[arm.name],
                 arm.each[measure.name],
                 arm.final[measure.name].value,
@@ -245,11 +246,12 @@ def _clips(clips: Clips, env_id: str) -> str:
     )
 
 
-def _robustness(found: Robustness | None) -> str:
+def _robustness(study: Findings, found: Robustness | None) -> str:
     if found is None:
         return ""
     folds = "".join(
-        folded(capital(along.name), figure(panels(found, along), "")) for along in found.along
+        folded(capital(BY_NAME[along.name].title), figure(panels(found, along, colours(study)), ""))
+        for along in found.along
     )
     runs = ", ".join(f"{escape(arm)} {len(its)}" for arm, its in found.runs.items())
     return (

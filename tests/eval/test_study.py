@@ -245,7 +245,10 @@ def test_the_command_writes_page_and_numbers_and_shows_kept_robustness(study, tm
     assert "What they stand that they were not trained for" in out.read_text()
     assert json.loads(out.with_suffix(".json").read_text())["reference"] == "one"
     for data, message in (
-        ({**kept, "runs": {"one": ["stranger"]}}, "is of run stranger. Expected fbid_gym/Quad"),
+        (
+            {**kept, "runs": {"one": ["stranger"]}},
+            "is of arm one, run stranger. Expected",
+        ),
         ({**kept, "arms": {"one": "torque", "two": "torque"}}, "not the numbers of"),
         ({**kept, "along": [{**kept["along"][0], "name": "<b>"}]}, "not the numbers of"),
         ({**kept, "along": 3}, "not the numbers of eval.robustness, or corrupt"),
