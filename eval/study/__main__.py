@@ -28,7 +28,7 @@ from eval.study.findings import RETURN, ArmFound, Findings, Settings, findings
 from eval.study.page import page
 from eval.study.parts import colours
 from eval.study.tables import drawn, numbers, table
-from fbid_gym.errors import RunError
+from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
 from train.runs.exit_status import exit_status
 from train.runs.reading import layer_name, load
@@ -75,8 +75,12 @@ def main(config: StudyConfig, command: str = "") -> int:
     study = read_study(config.study, config.runs)
     said = table(study)
     docs = DOCS / f"{study.page}.md"
-    if config.write_docs:
-        spliced(docs, said, study.name)  # refuses before anything is written
+    pictures = {}
+    if config.write_docs:  # refuses before anything is written
+        spliced(docs, said, study.name)
+        pictures = {".csv": numbers(study), ".svg": drawn(study)}
+    if config.robustness and config.out is None:
+        raise InvalidValueError("--robustness", True, "--out beside it, which shows it")
     if config.out is not None:
         check_output(config.out, "out", (".html", ".htm"))
         found = findings(study, config.settings, config.reference)
@@ -90,9 +94,9 @@ def main(config: StudyConfig, command: str = "") -> int:
                 clips = film(study, found, config.video_seconds, status.update)
         write(config.out.with_suffix(".json"), to_json(asdict(found)))
         write(config.out, page(found, clips, robustness, command))
+    for suffix, content in pictures.items():
+        write(DOCS / f"{study.name}{suffix}", content)
     if config.write_docs:
-        write(DOCS / f"{study.name}.csv", numbers(study))
-        write(DOCS / f"{study.name}.svg", drawn(study))
         splice(docs, said, study.name)
     console.print(said, markup=False)
     if config.out is not None:

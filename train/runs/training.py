@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+from fbid_gym.errors import RunError
 from train.runs.command_line import options
 from train.runs.config import TrainConfig
 from train.runs.folder import RunFolder
@@ -31,6 +32,8 @@ class Standing(NamedTuple):
     """What it came to so far; of a failed one, the last line of its log."""
 
 
+_ALMOST = 0.99
+"""Share of what took its last step and has not been evaluated after it."""
 _ENDED_BY = re.compile(r"(error|[\w.]*(Error|Exception))\b")
 
 
@@ -59,14 +62,32 @@ def log_of(config: TrainConfig) -> Path:
 
 
 def progress(config: TrainConfig) -> Progress:
-    """Return how far a training is, with its latest evaluation in words."""
-    folder, total = RunFolder.of(config.folder), config.total_steps
+    """Return how far a training is, with its latest evaluation in words.
+
+    What took its last step and has not been evaluated after it is not at its end.
+
+    Raises:
+        RunError: its tables cannot be read, or hold something else.
+    """
+    folder = RunFolder.of(config.folder)
     rows, evaluations = read_rows(folder.progress), read_rows(folder.evaluations)
-    steps = int(rows[-1]["steps"]) if rows else 0
-    note = f"{steps} of {total} steps"
-    if evaluations:
-        latest, survival = (float(evaluations[-1][name]) for name in ("return_mean", "survival"))
-        note += f", return {latest:.0f}, survival {survival:.0%}"
-        error = float(evaluations[-1].get("velocity_error", "nan"))
+    try:
+        return _progress(config, rows[-1:], evaluations[-1:])
+    except (KeyError, TypeError, ValueError) as error:
+        raise RunError(f"{folder.path}: its tables are not those of a training.") from error
+
+
+def _progress(
+    config: TrainConfig, row: list[dict[str, str]], evaluation: list[dict[str, str]]
+) -> Progress:
+    steps, total = int(row[0]["steps"]) if row else 0, config.total_steps
+    note, share = f"{steps} of {total} steps", min(steps / total, 1.0)
+    evaluated = 0.0
+    for its in evaluation:
+        evaluated = float(its["steps"])
+        note += f", return {float(its['return_mean']):.0f}, survival {float(its['survival']):.0%}"
+        error = float(its.get("velocity_error", "nan"))
         note += f", velocity error {error:.2f} m/s" if math.isfinite(error) else ""
-    return Progress(min(steps / total, 1.0), note)
+    if config.eval.every and evaluated < total:
+        share = min(share, _ALMOST)
+    return Progress(share, note)

@@ -129,7 +129,11 @@ def test_a_dry_run_shows_where_the_study_stands_and_trains_nothing(tmp_path, cap
     done, begun = tmp_path / "out" / "QuadrupedWalk-v0-a-s0", tmp_path / "out" / "x"
     done.mkdir(parents=True)
     (done / "progress.csv").write_text("steps,return_mean\n1200,3\n")
+    evaluations = done / "evaluations.csv"
+    evaluations.write_text("steps,return_mean,survival\n0,3,1\n")
     study = read_study(path, tmp_path / "out")
+    assert [cell.config.seed for cell in unfinished(study)] == [0, 1]  # not evaluated at its end
+    evaluations.write_text("steps,return_mean,survival\n0,3,1\n1200,3,1\n")
     assert [cell.config.seed for cell in unfinished(study)] == [1]
     assert main(SweepConfig(path, tmp_path / "out", dry_run=True)) == 0
     text = capsys.readouterr().out
