@@ -12,7 +12,7 @@ import pytest
 
 from eval.estimates import Chance, improvement, over_tasks
 from eval.files import to_json
-from eval.pages import DOCS, spliced
+from eval.pages import DOCS, marks, spliced
 from eval.results import Estimate
 from eval.robustness.curves import Along, Budget, Curve, Robustness
 from eval.study.__main__ import StudyConfig, main
@@ -261,9 +261,30 @@ def test_the_command_writes_page_and_numbers_and_shows_kept_robustness(study, tm
         main(replace(config, out=tmp_path / "page.txt"))
 
 
-@pytest.mark.parametrize(
-    "path", sorted((DOCS.parent / "studies").glob("*.toml")), ids=lambda path: path.stem
-)
+def test_docs_are_written_whole_or_not_at_all(study, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("eval.study.__main__.DOCS", tmp_path / "docs")
+    (tmp_path / "docs").mkdir()
+    page_of_docs = tmp_path / "docs" / "mine.md"
+    first, last = marks("mine")
+    config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", write_docs=True)
+    with pytest.raises(FbidError, match="There is no page"):
+        main(config)
+    page_of_docs.write_text(f"{first}\n{last}\n")
+    with pytest.raises(FbidError, match="has not been evaluated yet"):
+        main(config)
+    assert [path.name for path in page_of_docs.parent.iterdir()] == ["mine.md"]
+    fill(study.cells[0], 10.0, 0.1)
+    assert main(config) == 0
+    assert table(study) in page_of_docs.read_text()
+    assert {path.suffix for path in page_of_docs.parent.iterdir()} == {".md", ".csv", ".svg"}
+    with pytest.raises(FbidError, match="Invalid --robustness"):
+        main(replace(config, write_docs=False, robustness=True))
+
+
+STUDIES = sorted((DOCS.parent / "studies").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_every_study_has_a_page_of_docs(path, tmp_path):
     study = read_study(path, tmp_path)
     assert "here" in spliced(DOCS / f"{study.page}.md", "here", study.name)
