@@ -9,7 +9,7 @@ as far as it is, and said to be unfinished.
 import shlex
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -28,7 +28,7 @@ from eval.study.findings import RETURN, ArmFound, Findings, Settings, findings
 from eval.study.page import page
 from eval.study.parts import colours
 from eval.study.tables import drawn, numbers, table
-from fbid_gym.errors import InvalidValueError, RunError
+from fbid_gym.errors import FbidError, InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
 from train.runs.exit_status import exit_status
 from train.runs.reading import layer_name, load
@@ -89,9 +89,10 @@ def main(config: StudyConfig, command: str = "") -> int:
                 measure_robustness(config, study, status.update)
             robustness = {env_id: kept for env_id in found.environments()
                           if (kept := _kept(study, env_id)) is not None}  # fmt: skip
-            clips = {}
+            clips: dict[tuple[str, str], Shown] = {}
             if config.video_seconds > 0:
-                clips = film(study, found, config.video_seconds, status.update)
+                clips, missing = film(study, found, config.video_seconds, status.update)
+                found = replace(found, warnings=[*found.warnings, *missing])
         write(config.out.with_suffix(".json"), to_json(asdict(found)))
         write(config.out, page(found, clips, robustness, command))
     for suffix, content in pictures.items():
@@ -104,20 +105,30 @@ def main(config: StudyConfig, command: str = "") -> int:
     return 0
 
 
-def film(study: Study, found: Findings, seconds: float, say: Say) -> dict[tuple[str, str], Shown]:
-    """Record the median training of each arm of which any is done."""
+def film(
+    study: Study, found: Findings, seconds: float, say: Say
+) -> tuple[dict[tuple[str, str], Shown], list[str]]:
+    """Record the median training of each arm of which any is done.
+
+    Returns:
+        The clips by environment and arm; and why others are missing, a sentence each.
+    """
     colour, cells = colours(found), {cell.config.folder.name: cell for cell in study.cells}
-    clips = {}
+    clips, missing = {}, []
     for arm in found.arms:
         if not arm.done:
             continue
         name = _median(arm)
         say(f"clip of {name}")
-        run = load(cells[name].config.folder)
-        clip = filmed(Player.of(run), found.settings.seed, seconds, arm.name)
+        try:
+            run = load(cells[name].config.folder)
+            clip = filmed(Player.of(run), found.settings.seed, seconds, arm.name)
+        except FbidError as error:  # the numbers stand without it
+            missing.append(f"There is no clip of {name}: {error}")
+            continue
         note = f"seed {run.seed}, {fate(clip)}"
         clips[arm.env_id, arm.name] = Shown(arm.name, colour[arm.name], note, clip)
-    return clips
+    return clips, missing
 
 
 def _median(arm: ArmFound) -> str:

@@ -244,6 +244,8 @@ def test_the_command_writes_page_and_numbers_and_shows_kept_robustness(study, tm
     assert main(config) == 0
     assert "What they stand that they were not trained for" in out.read_text()
     assert json.loads(out.with_suffix(".json").read_text())["reference"] == "one"
+    assert main(replace(config, video_seconds=1.0)) == 0  # of a run that has no policy
+    assert f"There is no clip of {first.config.folder.name}" in out.read_text()
     for data, message in (
         (
             {**kept, "runs": {"one": ["stranger"]}},
