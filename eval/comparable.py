@@ -84,7 +84,7 @@ def _training_warnings(runs: Sequence[Run]) -> list[str]:
                 f"{layer}: several runs have seed {', '.join(map(str, twice))}. They are "
                 "counted as independent, which they are not."
             )
-    warnings += _origin_warnings([made_with(run.versions) for run in trained])
+    warnings += origin_warnings([made_with(run.versions) for run in trained])
     counts = {layer: len(members) for layer, members in group(runs).items()}
     if len(set(counts.values())) > 1:
         described = ", ".join(f"{layer} {count}" for layer, count in counts.items())
@@ -95,7 +95,7 @@ def _training_warnings(runs: Sequence[Run]) -> list[str]:
 _ORIGINS = {"platform": "machines", "commit": "commits of this project"}
 
 
-def _origin_warnings(versions: Sequence[Mapping[str, Any]]) -> list[str]:
+def origin_warnings(versions: Sequence[Mapping[str, Any]]) -> list[str]:
     """Name the machines, commits and packages that are not the same for all runs."""
     found = []
     for name in sorted({name for its in versions for name in its}):

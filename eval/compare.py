@@ -28,7 +28,7 @@ class CompareConfig:
     """Compare action layers: runs in, one HTML page out, and its numbers as JSON beside it."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Run folders or exported policies, all of one environment."""
+    """Run folders, exported policies or `shipped:NAME`, all of one environment."""
     out: Path = Path("report.html")
     """The page. Its numbers go into a file of the same name ending in .json."""
     register: tuple[str, ...] = ()

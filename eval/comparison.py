@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,15 +10,13 @@ import numpy as np
 
 from eval import statistics as st
 from eval.comparable import check_comparable, group, shared_settings
-from eval.results import Band, Comparison, Crossing, Estimate, Layer, Pair, RunResult, Settings
-from eval.rollout import Player, play_player
-from eval.video import Clip, record
+from eval.estimates import Chance, band, crossing, difference, estimate, improvement
+from eval.results import Band, Comparison, Crossing, Layer, Pair, RunResult, Settings
+from eval.rollout import Player, filmed, play_player
+from eval.video import Clip
 from eval.wording import number
-from train.environments import make_env
 from train.episodes import METRICS, Episodes
-from train.runs.command_line import stored_options
-from train.runs.config import algorithm_of
-from train.runs.folder import RunFolder
+from train.runs.command_line import command_again
 from train.runs.reading import Run
 
 Say = Callable[[str], None]
@@ -50,7 +47,7 @@ def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: Non
         RunError: runs that cannot be compared.
     """
     warnings = check_comparable(runs)
-    rng = np.random.default_rng(settings.seed)
+    chance = Chance(np.random.default_rng(settings.seed), settings.samples, settings.confidence)
     groups = group(runs)
     played: dict[Path, Episodes] = {}
     for run in runs:
@@ -81,17 +78,17 @@ def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: Non
                 runs=results,
                 metrics={
                     metric.name: estimate(
-                        np.array([run.metrics[metric.name] for run in results]), rng, settings
+                        np.array([run.metrics[metric.name] for run in results]), chance
                     )
                     for metric in METRICS
                 },
                 zero_action=zero_action,
-                by_steps=_band(results, "steps", rng, settings),
-                by_wall=_band(results, "wall", rng, settings),
-                steps_to=_crossing(results, "steps", threshold, rng, settings),
-                wall_to=_crossing(results, "wall", threshold, rng, settings),
+                by_steps=_band(results, "steps", chance),
+                by_wall=_band(results, "wall", chance),
+                steps_to=_crossing(results, "steps", threshold, chance),
+                wall_to=_crossing(results, "wall", threshold, chance),
                 sweep=[
-                    estimate(np.array([run.sweep[k] for run in results]), rng, settings)
+                    estimate(np.array([run.sweep[k] for run in results]), chance)
                     for k in range(len(sweep))
                 ],
                 zero_sweep=_survival(zero, sweep, settings),
@@ -104,7 +101,7 @@ def compare(runs: Sequence[Run], settings: Settings, say: Say = lambda text: Non
         env_args=runs[0].env_args,
         settings=settings,
         layers=layers,
-        pairs=[_pair(*two, rng, settings) for two in itertools.combinations(layers, 2)],
+        pairs=[_pair(*two, chance) for two in itertools.combinations(layers, 2)],
         threshold=threshold,
         hardest_push=hardest,
         sweep=sweep,
@@ -152,22 +149,6 @@ def _default_threshold(groups: Mapping[str, Sequence[Run]], settings: Settings) 
     return float(start + settings.threshold_share * (finish - start))
 
 
-def estimate(values: np.ndarray, rng: np.random.Generator, settings: Settings) -> Estimate:
-    """Interquartile mean over runs, with a bootstrap interval from two runs on.
-
-    Args:
-        values: (R,) one number per run.
-        rng: of the bootstrap.
-        settings: confidence and samples.
-    """
-    value = float(st.interquartile_mean(values))
-    if len(values) < 2:
-        return Estimate(value)
-    draws = st.bootstrap(values[:, None], rng, samples=settings.samples)
-    low, high = st.percentile_interval(draws, settings.confidence)
-    return Estimate(value, float(low), float(high))
-
-
 def _result(run: Run, episodes: Episodes, sweep: list[float]) -> RunResult:
     curve = run.curve
     return RunResult(
@@ -182,16 +163,8 @@ def _result(run: Run, episodes: Episodes, sweep: list[float]) -> RunResult:
         wall=[] if curve is None else curve.wall_seconds.tolist(),
         returns=[] if curve is None else curve.returns.tolist(),
         sweep=sweep,
-        command=_command(run),
+        command="" if run.config is None else command_again(run.config, run.path),
     )
-
-
-def _command(run: Run) -> str:
-    if run.config is None:
-        return ""
-    program = f"train.{algorithm_of(run.config)}"
-    options = stored_options(run.config, RunFolder.of(run.path))
-    return shlex.join(["python", "-m", program, *options])
 
 
 def _means(episodes: Episodes) -> dict[str, float]:
@@ -210,66 +183,31 @@ def _survival(player: Player, pushes: Sequence[float], settings: Settings) -> li
     return shares
 
 
-def _band(
-    runs: Sequence[RunResult], axis: str, rng: np.random.Generator, settings: Settings
-) -> Band | None:
+def _band(runs: Sequence[RunResult], axis: str, chance: Chance) -> Band | None:
     if not all(run.returns for run in runs):
         return None
-    abscissae = [np.array(getattr(run, axis)) for run in runs]
-    grid = st.common_grid(abscissae)
-    curves = st.interpolate(abscissae, [np.array(run.returns) for run in runs], grid)
-    value = st.interquartile_mean(curves)
-    if len(runs) < 2:
-        return Band(grid.tolist(), value.tolist(), None, None)
-    draws = st.bootstrap(curves[:, None], rng, samples=settings.samples)
-    low, high = st.percentile_interval(draws, settings.confidence)
-    return Band(grid.tolist(), value.tolist(), low.tolist(), high.tolist())
+    x = [np.array(getattr(run, axis)) for run in runs]
+    return band(x, [np.array(run.returns) for run in runs], chance)
 
 
 def _crossing(
-    runs: Sequence[RunResult],
-    axis: str,
-    threshold: float | None,
-    rng: np.random.Generator,
-    settings: Settings,
+    runs: Sequence[RunResult], axis: str, threshold: float | None, chance: Chance
 ) -> Crossing | None:
     if threshold is None or not all(run.returns for run in runs):
         return None
-    each = np.array(
-        [
-            st.first_crossing(np.array(getattr(run, axis)), np.array(run.returns), threshold)
-            for run in runs
-        ]
-    )
-    value = float(np.median(each))
-    if len(runs) < 2:
-        return Crossing(each.tolist(), Estimate(value))
-    draws = st.bootstrap(each[:, None], rng, statistic=np.median, samples=settings.samples)
-    low, high = st.percentile_interval(draws, settings.confidence)
-    return Crossing(each.tolist(), Estimate(value, float(low), float(high)))
+    each = [
+        st.first_crossing(np.array(getattr(run, axis)), np.array(run.returns), threshold)
+        for run in runs
+    ]
+    return crossing(np.array(each), chance)
 
 
-def _pair(one: Layer, other: Layer, rng: np.random.Generator, settings: Settings) -> Pair:
+def _pair(one: Layer, other: Layer, chance: Chance) -> Pair:
     x, y = one.values("returned"), other.values("returned")
-    probability = st.probability_of_improvement(x[:, None], y[:, None])
-    difference = float(st.interquartile_mean(x) - st.interquartile_mean(y))
-    if min(len(x), len(y)) < 2:
-        intervals: tuple[Estimate, Estimate] = (Estimate(probability), Estimate(difference))
-    else:
-        draws = st.bootstrap(x[:, None], rng, samples=settings.samples) - st.bootstrap(
-            y[:, None], rng, samples=settings.samples
-        )
-        low, high = st.percentile_interval(draws, settings.confidence)
-        intervals = (
-            Estimate(
-                probability,
-                *st.improvement_interval(
-                    x[:, None], y[:, None], rng, settings.samples, settings.confidence
-                ),
-            ),
-            Estimate(difference, float(low), float(high)),
-        )
-    return Pair(one.name, other.name, *intervals, st.permutation_p_value(x, y, rng))
+    apart = difference(x, y, chance)
+    probability = improvement([x], [y], chance)
+    p_value = st.permutation_p_value(x, y, chance.rng)
+    return Pair(one.name, other.name, probability, apart, p_value)
 
 
 def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: None) -> Clips:
@@ -289,12 +227,7 @@ def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: No
         say(f"{layer.name}: clip of {chosen.name}")
         run = next(run for run in runs if str(run.path) == chosen.path)
         player = Player.of(run, push_force=[push, push])
-        env = make_env(player.env_id, player.make_args)
-        try:
-            actor = player.actor(env.observation_space, env.action_space)
-            clip = record(env, actor, settings.seed, settings.video_seconds, layer.name)
-        finally:
-            env.close()
+        clip = filmed(player, settings.seed, settings.video_seconds, layer.name)
         clips[layer.name], names[layer.name] = clip, chosen.name
         traces.append(clip.pushes)
     # An episode may reach its time limit before the clip is over; a fallen robot's clip never does.

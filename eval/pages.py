@@ -14,6 +14,7 @@ RATES_PAGE = DOCS / "rates.md"
 ZOO_PAGE = DOCS / "zoo.md"
 ROBUSTNESS_PAGE = DOCS / "robustness.md"
 RELIABILITY_PAGE = DOCS / "reliability.md"
+POLICIES_PAGE = DOCS / "policies.md"
 
 START, END = "<!-- tables: written by the command above -->", "<!-- end of tables -->"
 

@@ -223,7 +223,8 @@ def _threshold(threshold: float, x: Scale, y: Scale) -> str:
 
 
 def _end_labels(series: Sequence[Series], x: Scale, y: Scale) -> str:
-    lines = [textwrap.wrap(item.name, 17, break_long_words=False) for item in series]
+    words = [item.name.replace("_", " ") for item in series]  # where lines may break
+    lines = [textwrap.wrap(name, 17, break_long_words=False) for name in words]
     gaps = [_LINE * len(text) + 3 for text in lines]
     wanted = [y(item.value[-1]) for item in series]
     centres = spread(wanted, gaps, _TOP - 10, HEIGHT - _BOTTOM + 4)

@@ -1,16 +1,16 @@
 """The comparison as one self-contained HTML page: no file, font or script from anywhere else."""
 
-import base64
 from collections.abc import Callable, Sequence
 from html import escape
 
+from eval.clips import STARTS, Shown, fate, side_by_side
 from eval.colours import colours_of
 from eval.comparison import Clips
 from eval.document import document
 from eval.methods import methods, reproduction
+from eval.papers.parts import table
 from eval.plots import Marks, Series, Strip, panel, strips
 from eval.results import Comparison, Layer
-from eval.video import Clip
 from eval.wording import (
     capital,
     caution,
@@ -25,14 +25,6 @@ from eval.wording import (
     steps,
 )
 from train.episodes import METRICS, Metric
-
-_TOGETHER = (
-    "const clips=[...document.querySelectorAll('video')];"
-    "const together=()=>clips.forEach(v=>{v.currentTime=0;v.play()});"
-    "document.getElementById('together').onclick=together;"
-    "if(!matchMedia('(prefers-reduced-motion: reduce)').matches)"
-    "addEventListener('load',together)"
-)
 
 _SHOWN = (
     "returned", "survived", "velocity_error", "turning_error", "height_error", "torque", "power",
@@ -63,7 +55,7 @@ def page(comparison: Comparison, clips: Clips | None, command: Sequence[str] = (
     ]
     title = f"{_task(comparison)}: {' against '.join(layer.name for layer in comparison.layers)}"
     html = "\n".join(part for part in body if part)
-    return document(title, html, script="" if clips is None else _TOGETHER)
+    return document(title, html, script="" if clips is None else STARTS)
 
 
 def _task(comparison: Comparison) -> str:
@@ -142,16 +134,10 @@ def _curves(c: Comparison, colours: dict[str, int]) -> str:
 def _videos(clips: Clips | None, colours: dict[str, int]) -> str:
     if clips is None:
         return ""
-    blocks = []
-    for name, clip in clips.by_layer.items():
-        data = base64.b64encode(clip.mp4()).decode()
-        blocks.append(
-            f'<div class="clip"><p class="c{colours[name]}"><span class="layer">'
-            f"{escape(capital(name))}</span> <small>{escape(clips.run_names[name])}, "
-            f"{_fate(clip)}</small></p>"
-            f"<video muted loop playsinline controls "
-            f'src="data:video/mp4;base64,{data}"></video></div>'
-        )
+    shown = [
+        Shown(name, colours[name], f"{clips.run_names[name]}, {fate(clip)}", clip)
+        for name, clip in clips.by_layer.items()
+    ]
     same = (
         "Same seed, same start, the same commands if there are any, and the same pushes at the "
         "same times"
@@ -163,14 +149,8 @@ def _videos(clips: Clips | None, colours: dict[str, int]) -> str:
         "<h2>The same push</h2>"
         f"<p>The median seed of each layer, the lower of two. {same}: {number(clips.push)} N each."
         "</p>"
-        f'<figure class="wide"><div class="grid2">{"".join(blocks)}</div>'
-        '<button type="button" id="together">Play together from the start</button>'
-        "</figure>"
+        f"{side_by_side(shown)}"
     )
-
-
-def _fate(clip: Clip) -> str:
-    return "stays up" if clip.ended is None else f"falls after {clip.ended:.1f} s"
 
 
 def _form(metric: Metric) -> Callable[[float], str]:
@@ -201,7 +181,7 @@ def _metrics(c: Comparison, colours: dict[str, int]) -> str:
         arrow = {1: " (more is better)", -1: " (less is better)", 0: ""}[metric.better]
         limits = (0.0, 1.0) if metric.unit == "share" else None
         figures.append(strips(rows, capital(_heading(metric)) + arrow, _form(metric), limits))
-    table = _table(
+    same = table(
         ["", *(layer.name for layer in c.layers), *(f"{x.name}, zero action" for x in c.layers)],
         [
             [
@@ -222,7 +202,7 @@ def _metrics(c: Comparison, colours: dict[str, int]) -> str:
         f"<figcaption>Dots: seeds. Bar: their interquartile mean, with its {level} interval. "
         "Diamond: zero action through the same layer. A robot that falls early spends fewer "
         "seconds on everything else: read the other metrics beside survival.</figcaption></figure>"
-        f"<details><summary>The same as a table</summary>{table}</details>"
+        f"<details><summary>The same as a table</summary>{same}</details>"
     )
 
 
@@ -275,14 +255,14 @@ def _sweep(c: Comparison, colours: dict[str, int]) -> str:
         [f"{escape(layer.name)}, zero action", *(percent(share) for share in layer.zero_sweep)]
         for layer in c.layers
     ]
-    table = _table(["", *(f"{number(push)} N" for push in c.sweep)], rows)
+    same = table(["", *(f"{number(push)} N" for push in c.sweep)], rows)
     return (
         "<h2>How hard a push they take</h2>"
         f"<p>Every push of an episode has the size given; {c.settings.sweep_episodes} episodes of "
         f"{number(c.settings.sweep_seconds)} s per run and size.</p>"
         f'<figure class="one">{figure}<figcaption>Shaded: sizes met in training, up to '
         f"{number(c.hardest_push)} N. Dashed: zero action.</figcaption></figure>"
-        f"<details><summary>The same as a table</summary>{table}</details>"
+        f"<details><summary>The same as a table</summary>{same}</details>"
     )
 
 
@@ -310,7 +290,7 @@ def _thresholds(c: Comparison, colours: dict[str, int]) -> str:
         f"<p>When the evaluations during training first reach {number(c.threshold)}{chosen}: "
         "median over seeds, with its interval. A run that never gets there counts as later than "
         "any that does, one that is there at its first evaluation as getting there then.</p>"
-        + _table(["", "runs that reach it", "steps", "wall-clock"], rows)
+        + table(["", "runs that reach it", "steps", "wall-clock"], rows)
     )
 
 
@@ -334,7 +314,7 @@ def _pairs(c: Comparison) -> str:
         "Where every run of one layer beats every run of the other, the interval of the "
         "probability has no width: a limit of resampling so few runs, not certainty. The last "
         "column does not have it.</p>"
-        + _table(["", "difference", "probability of improvement", "by chance"], rows)
+        + table(["", "difference", "probability of improvement", "by chance"], rows)
     )
 
 
@@ -353,21 +333,8 @@ def _runs(c: Comparison, colours: dict[str, int]) -> str:
     ]
     shown = [_heading(m) for m in METRICS if m.name in _SHOWN and _known(c, m)]
     heads = ["run", "layer", "seed", "steps", "wall-clock", *shown]
-    return "<h2>Every run</h2>" + _table(heads, rows)
+    return "<h2>Every run</h2>" + table(heads, rows)
 
 
 def _layer(name: str, colours: dict[str, int]) -> str:
     return f'<span class="layer c{colours[name]}">{escape(name)}</span>'
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Table of cells that are already HTML."""
-    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    body = "".join(
-        f"<tr><th>{row[0]}</th>{''.join(f'<td>{cell}</td>' for cell in row[1:])}</tr>"
-        for row in rows
-    )
-    return (
-        f'<div class="scroll wide"><table><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
-    )

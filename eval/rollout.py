@@ -19,11 +19,11 @@ from rich.progress import Progress
 from rich.table import Table
 
 from eval.files import check_output, to_json, write
-from eval.video import record
+from eval.video import Clip, record
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Number, Whole, check_fields
-from fbid_gym.policy import Policy
+from fbid_gym.policy import Policy, place_of
 from fbid_gym.robots import Robot
 from train.environments import make_env, make_envs, register, step_seconds
 from train.episodes import METRICS, Actor, Episodes, play
@@ -117,14 +117,25 @@ def play_player(
         envs.close()
 
 
+def filmed(player: Player, seed: int, seconds: float, title: str, fps: float = 25.0) -> Clip:
+    """Record the first episode of a player; see `eval.video.record`."""
+    env = make_env(player.env_id, player.make_args)
+    try:
+        actor = player.actor(env.observation_space, env.action_space)
+        return record(env, actor, seed, seconds, title, fps)
+    finally:
+        env.close()
+
+
 def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None = None) -> Player:
     """Load a run folder or an exported policy.
 
     Args:
-        source: the folder.
+        source: the folder, or `shipped:NAME`.
         env_args: replace those the policy was trained with.
         robot: instead of the one that it was trained on.
     """
+    source = place_of(source)
     policy = Policy.load(source)
     robot = of_policy(source, policy.env_args, robot)
     return Player(source.name, policy.env_id, {**policy.env_args, **env_args}, policy, robot)
@@ -144,7 +155,7 @@ class RolloutConfig:
     """Play a policy, or the zero action, for many episodes and print what the robot did."""
 
     source: Annotated[Path | None, tyro.conf.Positional] = None
-    """Run folder or exported policy."""
+    """Run folder, exported policy or `shipped:NAME`."""
     env: str | None = None
     """Environment id, with --zero-action."""
     action_layer: str | None = None
@@ -207,7 +218,7 @@ def _warnings(config: RolloutConfig, player: Player) -> list[str]:
     """Say how what is played differs from what was trained."""
     if config.source is None:
         return []
-    path = config.source
+    path = place_of(config.source)
     found = (another(path, player.env_args, player.robot), changed_meaning(path))
     return [warning for warning in found if warning is not None]
 
@@ -291,12 +302,7 @@ def run(config: RolloutConfig, console: Console) -> None:
         write(config.out, text)
         console.print(f"wrote {config.out}")
     if config.video is not None:
-        env = make_env(player.env_id, player.make_args)
-        try:
-            actor = player.actor(env.observation_space, env.action_space)
-            clip = record(env, actor, config.seed, config.video_seconds, player.name, fps=50.0)
-        finally:
-            env.close()
+        clip = filmed(player, config.seed, config.video_seconds, player.name, fps=50.0)
         write(config.video, clip.mp4())
         console.print(f"wrote {config.video}")
 

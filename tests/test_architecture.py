@@ -25,6 +25,7 @@ RANK = {
     "compile_turn": -1,
     "errors": 0,
     "compile_cache": 0,
+    "own_files": 0,
     "reading": 1,
     "checks": 1,
     "options": 2,

@@ -19,7 +19,8 @@ from train.runs.exit_status import exit_status
 from train.runs.files import check_folder
 from train.runs.jobs import run_jobs
 from train.runs.study import Cell, Study, read_study
-from train.runs.training import log_of, progress, training_job
+from train.runs.training import last_line, progress, training_job
+from train.runs.training import standing as state_of
 
 
 @dataclass(frozen=True)
@@ -45,10 +46,9 @@ def standing(study: Study, failed: frozenset[str] = frozenset()) -> Table:
     """
     table = Table("training", "state", "so far", title=study.title)
     for cell in study.cells:
-        share, note = progress(cell.config)
-        state = "done" if share >= 1.0 else f"{share:.0%}"
+        state, note = state_of(cell.config)
         if cell.name in failed:
-            state, note = "failed", _reason(cell)
+            state, note = "failed", last_line(cell.config) or "no word of why"
         table.add_row(cell.name, state, note)
     return table
 
@@ -56,11 +56,6 @@ def standing(study: Study, failed: frozenset[str] = frozenset()) -> Table:
 def unfinished(study: Study) -> list[Cell]:
     """Return the cells that have steps left to train."""
     return [cell for cell in study.cells if progress(cell.config).share < 1.0]
-
-
-def _reason(cell: Cell) -> str:
-    lines = log_of(cell.config).read_text(errors="replace").splitlines()
-    return lines[-1] if lines else "no word of why"
 
 
 def main(config: SweepConfig) -> int:

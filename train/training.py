@@ -8,7 +8,6 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +32,7 @@ from train.runs.files import check_folder
 from train.runs.folder import RunFolder
 from train.runs.interrupt import stop_requests
 from train.runs.opening import OpenRun, open_run
-from train.runs.robots import chosen, is_built_in, named
+from train.runs.robots import chosen, is_built_in, with_robot
 from train.runs.tables import EVALUATIONS, PROGRESS, TableWriter, check_kept
 from train.runs.versions import package_versions
 from train.tensorboard import TensorBoardLog
@@ -65,8 +64,7 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
         own = None if robot is None or is_built_in(robot) else robot
         if robot is not None and (own is not None or config.robot is not None):
             args["robot"] = robot
-            names = {**config.env_args, "robot": named(robot)}
-            config = replace(config, env_args=names, robot=None, feet=())
+            config = with_robot(config, robot)
         evaluated = None
         if config.eval.every:
             evaluated = stack.enter_context(

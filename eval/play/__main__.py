@@ -19,7 +19,7 @@ from eval.play.stage import OWNED, Stage
 from eval.rollout import parse_env_args
 from fbid_gym.checks import check_positive
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.policy import Policy
+from fbid_gym.policy import Policy, place_of
 from fbid_gym.robots import Robot
 from train.runs.exit_status import exit_status
 from train.runs.robots import chosen, of_policy
@@ -34,7 +34,8 @@ class PlayConfig:
     env: Annotated[str | None, tyro.conf.Positional] = None
     """Environment id. Default: that of the policy, or QuadrupedWalk-v0."""
     policy: tuple[Path, ...] = ()
-    """Run folders or exported policies that can be chosen on the page; the first acts first."""
+    """Run folders, exported policies or `shipped:NAME` that can be chosen on the page; the first
+    acts first."""
     action_layer: str | None = None
     """Layer to begin with. Default: the first policy's, or base_acceleration."""
     beside: str | None = None
@@ -65,7 +66,7 @@ def stage_of(config: PlayConfig) -> Stage:
             raise InvalidValueError("--env-args", name, expected)
     robot = chosen(config.robot, config.feet)
     policies, env_id = {}, config.env
-    for path in config.policy:
+    for path in map(place_of, config.policy):
         policy = Policy.load(path)
         env_id = env_id or policy.env_id
         robot = _same(robot, of_policy(path, policy.env_args, robot), path)

@@ -44,7 +44,7 @@ class RobustnessConfig:
     """Try policies where one thing is otherwise than in training."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
-    """Run folders, exported policies and studies, all of one environment."""
+    """Run folders, exported policies, `shipped:NAME` and studies, all of one environment."""
     zero_action: tuple[str, ...] = ()
     """Action layers whose zero action is tried, too."""
     env: str | None = None

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -11,15 +12,18 @@ import numpy as np
 from eval import statistics as st
 from eval.results import Estimate
 from eval.robustness.arms import Arm, environment
-from eval.robustness.factors import Factor, changed
+from eval.robustness.factors import FACTORS, Factor, changed
 from eval.rollout import Player, play_player
 from fbid_gym.envs.config import EnvConfig
+from fbid_gym.errors import RunError
+from fbid_gym.reading import read_object
 from train.episodes import METRICS, Episodes
 
 CONFIDENCE, SAMPLES = 0.95, 2000
 """Of the intervals: percentiles of a stratified bootstrap of that many samples."""
 
 _METRICS = {metric.name: metric for metric in METRICS}
+_FACTORS = {factor.name for factor in FACTORS}
 
 Say = Callable[[int, int, str], None]
 """Told how many conditions have been played, of how many, and which one is next."""
@@ -82,6 +86,50 @@ class Robustness:
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data."""
         return {**asdict(self), "budget": self.budget._asdict(), "confidence": CONFIDENCE}
+
+
+def read(path: Path) -> Robustness:
+    """Read what `to_dict` gave from a JSON file.
+
+    Raises:
+        RunError: it cannot be read, or is something else.
+    """
+    data = read_object(path, RunError)
+    try:
+        return Robustness(
+            env_id=str(data["env_id"]),
+            env_args=dict(data["env_args"]),
+            budget=Budget(int(data["budget"]["episodes"]), int(data["budget"]["seed"])),
+            measures=(str(data["measures"][0]), str(data["measures"][1])),
+            arms={str(arm): str(layer) for arm, layer in data["arms"].items()},
+            runs={str(arm): tuple(map(str, runs)) for arm, runs in data["runs"].items()},
+            along=[_read_along(one, data["measures"], data["arms"]) for one in data["along"]],
+            left_out={str(name): str(reason) for name, reason in data["left_out"].items()},
+            warnings=list(map(str, data["warnings"])),
+            versions=dict(data["versions"]),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        raise RunError(f"{path}: not the numbers of eval.robustness, or corrupt.") from error
+
+
+def _read_along(data: dict[str, Any], measures: list[str], arms: dict[str, str]) -> Along:
+    values = list(map(float, data["values"]))
+    if data["name"] not in _FACTORS or not set(measures) <= _METRICS.keys():
+        raise ValueError("a factor or measure that there is not")
+    curves: dict[str, dict[str, Curve]] = {measure: {} for measure in measures}
+    for measure, its in curves.items():
+        for arm in arms:
+            found = data["curves"][measure][arm]
+            points, summary = list(map(_estimate, found["points"])), _estimate(found["summary"])
+            if len(points) != len(values) or len({point.low is None for point in points}) != 1:
+                raise ValueError("points that are not those of the values")
+            its[arm] = Curve(points, summary)
+    return Along(str(data["name"]), values, curves)
+
+
+def _estimate(data: dict[str, Any]) -> Estimate:
+    low, high = (None if data[end] is None else float(data[end]) for end in ("low", "high"))
+    return Estimate(float("nan") if data["value"] is None else float(data["value"]), low, high)
 
 
 def measure(

@@ -2,7 +2,7 @@
 
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from html import escape
 
@@ -15,8 +15,6 @@ from eval.robustness.tables import BY_NAME, cell, heading, more_is_better, summa
 from eval.robustness.wording import headline, lede
 from eval.wording import capital, count, number, percent
 
-_STYLE = ".scroll + p { margin-top: 1.2rem; }"
-
 
 def page(found: Robustness, command: Sequence[str] = ()) -> str:
     """Lay out the page.
@@ -27,13 +25,14 @@ def page(found: Robustness, command: Sequence[str] = ()) -> str:
     """
     parts = [
         _opening(found),
-        _areas(found),
+        "<h2>All of it</h2>",
+        areas(found),
         *(_along(found, along) for along in found.along),
         _methods(found),
         _reproduction(found, command),
     ]
     title = f"Robustness in {found.env_id.rpartition('/')[2]}"
-    return document(title, "\n".join(parts), style=_STYLE)
+    return document(title, "\n".join(parts))
 
 
 def drawn(found: Robustness) -> str:
@@ -41,16 +40,25 @@ def drawn(found: Robustness) -> str:
     return sheet([one for along in found.along for one in panels(found, along)])
 
 
-def panels(found: Robustness, along: Along) -> list[str]:
-    """Return the figure of a factor: a panel for each measure, all arms in it."""
+def panels(found: Robustness, along: Along, colours: Mapping[str, int] | None = None) -> list[str]:
+    """Return the figure of a factor: a panel for each measure, all arms in it.
+
+    Args:
+        found: what was found.
+        along: one factor of it.
+        colours: of the arms; None: those of their layers.
+    """
     factor = BY_NAME[along.name]
+    if colours is None:
+        of_layers = colours_of(dict.fromkeys(found.arms.values()))
+        colours = {arm: of_layers[layer] for arm, layer in found.arms.items()}
     made = []
     for measure in found.measures:
         limits = (0.0, 1.04) if measure == "survived" else None
         marks = Marks(upright=factor.nominal if factor.nominal in along.values else None)
         made.append(
             panel(
-                _series(found, along.values, along.curves[measure]),
+                _series(found, along.values, along.curves[measure], colours),
                 f"{heading(measure)}: {factor.title}",
                 factor.axis,
                 factor.written,
@@ -63,9 +71,13 @@ def panels(found: Robustness, along: Along) -> list[str]:
     return made
 
 
-def _series(found: Robustness, values: Sequence[float], curves: dict[str, Curve]) -> list[Series]:
+def _series(
+    found: Robustness,
+    values: Sequence[float],
+    curves: dict[str, Curve],
+    colours: Mapping[str, int],
+) -> list[Series]:
     """A line for each arm; the zero action of a layer that was trained is dashed beside it."""
-    colours = colours_of(dict.fromkeys(found.arms.values()))
     trained = {layer: arm for arm, layer in found.arms.items() if found.runs[arm]}
     zero = {
         layer: curves[arm]
@@ -82,7 +94,7 @@ def _series(found: Robustness, values: Sequence[float], curves: dict[str, Curve]
         series.append(
             Series(
                 arm,
-                colours[layer],
+                colours[arm],
                 values,
                 [point.value for point in points],
                 low or None,
@@ -122,8 +134,9 @@ def _opening(found: Robustness) -> str:
     return "\n".join(parts)
 
 
-def _areas(found: Robustness) -> str:
-    parts = ["<h2>All of it</h2>"]
+def areas(found: Robustness) -> str:
+    """Return the mean of each measure along each factor as HTML tables."""
+    parts = []
     for measure in found.measures:
         heads, rows = summary(found, measure)
         better = "more" if more_is_better(measure) else "less"

@@ -1,21 +1,18 @@
-"""Where the project's own files lie, in a checkout and in an installed package."""
+"""The files of built-in robots."""
 
 from pathlib import Path
 
 from fbid_gym.errors import RobotError
-
-_PACKAGE = Path(__file__).resolve().parents[1]
+from fbid_gym.own_files import asset_places
 
 
 def asset_path(name: str) -> Path:
     """Path of a file in `assets/`.
 
-    A built wheel carries the folder inside the package; a checkout has it beside the package.
-
     Raises:
-        RobotError: neither place has the file.
+        RobotError: there is no such file.
     """
-    places = [_PACKAGE / "assets" / name, _PACKAGE.parent / "assets" / name]
+    places = asset_places(name)
     for path in places:
         if path.is_file():
             return path

@@ -1,6 +1,7 @@
 """A stand-in environment with known outcomes, and run folders that hold policies for it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -137,6 +138,8 @@ def write_run(folder: Path, layer: str, seed: int, **changes: Any) -> Path:
         table.close()
         policy = make_policy(skill, algorithm=config.algorithm, **config.make_args())
         policy.save(run.folder.policy)
+        best = replace(policy, trained_steps=int(steps[returns.argmax()]))
+        best.save(run.folder.best_policy)
     return folder
 
 

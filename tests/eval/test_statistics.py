@@ -97,14 +97,14 @@ def test_the_two_probabilities_of_improvement_sum_to_one(rng: np.random.Generato
     x, y = rng.integers(0, 5, size=(4, 3)), rng.integers(0, 5, size=(7, 3))
     one, other = st.probability_of_improvement(x, y), st.probability_of_improvement(y, x)
     assert one + other == pytest.approx(1.0)
-    low, high = st.improvement_interval(x, y, rng)
+    low, high = st.percentile_interval(st.improvement_draws(x, y, rng))
     assert 0 <= low <= one <= high <= 1
     assert st.probability_of_improvement(x, x) == 0.5
 
 
 def test_the_interval_of_separated_sides_has_no_width(rng: np.random.Generator) -> None:
     x, y = np.array([[2.0], [3.0]]), np.array([[0.0], [1.0]])
-    assert st.improvement_interval(x, y, rng) == (1.0, 1.0)
+    assert st.percentile_interval(st.improvement_draws(x, y, rng)) == (1.0, 1.0)
 
 
 @pytest.mark.parametrize("seeds", [2, 3, 4, 5])

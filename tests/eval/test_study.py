@@ -2,15 +2,28 @@
 
 import csv
 import io
+import json
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
-from eval.study import arms, curve, drawn, exploring, numbers, table
+from eval.estimates import Chance, improvement, over_tasks
+from eval.files import to_json
+from eval.pages import DOCS, marks, spliced
+from eval.results import Estimate
+from eval.robustness.curves import Along, Budget, Curve, Robustness
+from eval.study.__main__ import StudyConfig, main
+from eval.study.cells import arms, curve, exploring, robustness_file
+from eval.study.findings import Settings, findings
+from eval.study.page import page
+from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError
 from train.runs.folder import RunFolder
 from train.runs.study import read_study
+from train.runs.training import log_of
 
 STUDY = """
 seeds = [0, 1]
@@ -39,6 +52,7 @@ def study(tmp_path):
 def fill(cell, height, error, until=1000):
     folder = RunFolder.of(cell.config.folder)
     folder.path.mkdir(parents=True)
+    folder.config.write_text(json.dumps(cell.config.to_json()))
     folder.evaluations.write_text(
         f"{COLUMNS}0,0,8,{height},1,{height - 1},{height + 1},50,0.5,{2 * error}\n"
         f"1000,9,8,{2 * height},1,{height - 1},{height + 1},50,1.0,{error}\n"
@@ -86,3 +100,208 @@ def test_a_study_without_runs_is_said(study):
     assert "| none |" in table(study)
     with pytest.raises(FbidError, match=re.escape("has not been evaluated yet")):
         drawn(study)
+
+
+FEW = Settings(samples=200)
+
+
+def test_the_numbers_of_an_arm_are_of_the_trainings_that_are_done(study):
+    first, squat, second = study.cells
+    fill(first, 10.0, 0.1)
+    fill(second, 20.0, 0.3, until=900)  # evaluated, but not to its end
+    walks, squats = findings(study, FEW).arms
+    assert walks.counted == [first.config.folder.name] and (walks.done, walks.complete) == (
+        1,
+        False,
+    )
+    assert walks.final["velocity_error"] == Estimate(0.1)
+    assert walks.before["velocity_error"] == 0.2 and walks.final["falls"].value == 0.0
+    assert [cell.state for cell in walks.cells] == ["done", "90%"]
+    assert (squats.counted, squats.cells[0].state) == ([], "not begun")
+
+
+def test_where_none_is_done_numbers_are_as_far_as_all_are(study):
+    first, _, second = study.cells
+    fill(first, 10.0, 0.1, until=900)
+    fill(second, 20.0, 0.3, until=600)
+    evaluations = RunFolder.of(second.config.folder).evaluations
+    evaluations.write_text(evaluations.read_text().replace("1000,9,", "500,9,"))
+    arm = findings(study, FEW).arms[0]
+    assert arm.done == 0 and len(arm.counted) == 2 and arm.steps == 500.0
+    assert arm.each["velocity_error"] == pytest.approx([0.15, 0.3])
+
+
+def test_thresholds_are_reached_by_who_stays_up(study):
+    """Half the episodes fall at the first evaluation, where the error is twice as large."""
+    first, _, second = study.cells
+    fill(first, 10.0, 0.1)
+    fill(second, 10.0, 0.2)
+    settings = replace(FEW, thresholds=(0.5, 0.2, 0.15, 0.05))
+    arm = findings(study, settings).arms[0]
+    inf = float("inf")
+    assert [one.each for one in arm.steps_to] == [
+        [1000, 1000],
+        [1000, 1000],
+        [1000, inf],
+        [inf] * 2,
+    ]
+    assert arm.wall_to[0].each == [9.0, 9.0]
+    lenient = findings(study, replace(settings, survival=0.5)).arms[0]
+    assert [one.each for one in lenient.steps_to[:2]] == [[0, 0], [0, 1000]]
+    assert lenient.steps_to[2].each[0] == pytest.approx(500.0)
+
+
+def test_arms_are_set_against_the_reference(tmp_path):
+    path = tmp_path / "two.toml"
+    path.write_text(STUDY.replace("BipedSquat", "QuadrupedWalk").replace("seeds = [0]\n", ""))
+    study = read_study(path, tmp_path / "out")
+    for cell in study.cells:
+        fill(cell, 10.0 + cell.config.seed, 0.1 if cell.arm == "other" else 0.2)
+    one, other = findings(study, FEW).arms
+    assert study.reference == "one" and not one.versus
+    assert other.versus["velocity_error"].probability == Estimate(1.0, 1.0, 1.0)
+    assert other.versus["return_mean"].probability.value == 0.5
+    back, _ = findings(study, FEW, "other").arms
+    assert back.versus["velocity_error"].probability.value == 0.0
+    with pytest.raises(FbidError, match="Unknown reference 'cat'. Valid choices: one, other"):
+        findings(study, FEW, "cat")
+
+
+def test_environments_count_the_same_whatever_their_number_of_runs():
+    chance = Chance(np.random.default_rng(0), 500, 0.95)
+    both = over_tasks([np.zeros(8), np.ones(4)], chance)
+    assert (both.value, both.low, both.high) == (0.5, 0.5, 0.5)
+    better = improvement([np.ones(3), np.zeros(2)], [np.zeros(5), np.ones(2)], chance)
+    assert (better.value, better.low, better.high) == (0.5, 0.5, 0.5)
+    assert over_tasks([np.zeros(1), np.ones(4)], chance).low is None
+
+
+def test_a_folder_of_another_study_is_one_clear_error(study, tmp_path):
+    first = study.cells[0]
+    fill(first, 10.0, 0.1)
+    config = RunFolder.of(first.config.folder).config
+    mine = json.loads(config.read_text())
+    for changes, message in (
+        ({"num_envs": 3}, "num_envs 512 instead of 3"),
+        ({"total_steps": 5000}, "total_steps 1000 instead of 5000"),
+    ):
+        config.write_text(json.dumps(mine | changes))
+        with pytest.raises(FbidError, match=f"is not what the study says.*{message}") as caught:
+            findings(study, FEW)
+        assert str(first.config.folder) in str(caught.value)
+    config.write_text(json.dumps(mine | {"total_steps": 500}))  # will be continued
+    findings(study, FEW)
+
+
+def test_a_table_that_is_no_table_is_one_clear_error(study):
+    fill(study.cells[0], 10.0, 0.1)
+    evaluations = RunFolder.of(study.cells[0].config.folder).evaluations
+    evaluations.write_text(evaluations.read_text().replace("1000,9,", "1000,<b>,"))
+    with pytest.raises(FbidError, match="evaluations.csv: holds more than numbers"):
+        findings(study, FEW)
+
+
+def test_the_page_says_all_of_it_and_runs_nothing_of_files(study, tmp_path):
+    first, squat, second = study.cells
+    fill(first, 10.0, 0.1)
+    fill(squat, 5.0, float("nan"))
+    fill(second, 20.0, 0.3, until=900)
+    log_of(second.config).parent.mkdir()
+    log_of(second.config).write_text("error: <script>alert(1)</script> is full.\n")
+    html = page(findings(study, FEW), command="python -m eval.study <b>")
+    assert "2 of 3 trainings have finished; 1 failed." in html
+    assert "&lt;script&gt;alert(1)&lt;/script&gt; is full." in html and "<script>" not in html
+    assert 'name="viewport"' in html and not re.search(r"https?://|url\(|<link|src=", html)
+    for cell in study.cells:
+        assert cell.config.folder.name.rpartition("-s")[0].partition("-v0-")[0] in html
+    assert html.count("<h2") == 2 + 2 and "How it was measured" in html
+    assert html.count("<div") == html.count("</div>") and html.count("<tr") == html.count("</tr>")
+
+
+def test_a_study_of_which_nothing_has_begun_has_a_page(study):
+    html = page(findings(study, FEW))
+    assert "0 of 3 trainings have finished." in html and "not begun" in html
+
+
+def measured_robustness(arm, run):
+    curve = Curve([Estimate(1.0, 0.9, 1.0), Estimate(0.5, 0.4, 0.6)], Estimate(0.7, 0.6, 0.8))
+    along = [Along("push", [0.0, 0.5], {name: {arm: curve} for name in ("survived", "returned")})]
+    return Robustness(
+        "fbid_gym/QuadrupedWalk-v0", {}, Budget(4, 0), ("survived", "returned"),
+        {arm: "torque"}, {arm: (run,)}, along, {},
+    )  # fmt: skip
+
+
+def test_the_command_writes_page_and_numbers_and_shows_kept_robustness(study, tmp_path, capsys):
+    first = study.cells[0]
+    fill(first, 10.0, 0.1)
+    file = robustness_file(study, first.config.env)
+    file.parent.mkdir()
+    kept = measured_robustness("one", first.config.folder.name).to_dict()
+    file.write_text(to_json(kept))
+    out = tmp_path / "page.html"
+    config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", out, video_seconds=0.0)
+    assert main(config) == 0
+    assert "What they stand that they were not trained for" in out.read_text()
+    assert json.loads(out.with_suffix(".json").read_text())["reference"] == "one"
+    assert main(replace(config, video_seconds=1.0)) == 0  # of a run that has no policy
+    assert f"There is no clip of {first.config.folder.name}" in out.read_text()
+    for data, message in (
+        (
+            {**kept, "runs": {"one": ["stranger"]}},
+            "is of arm one, run stranger. Expected",
+        ),
+        ({**kept, "arms": {"one": "torque", "two": "torque"}}, "not the numbers of"),
+        ({**kept, "along": [{**kept["along"][0], "name": "<b>"}]}, "not the numbers of"),
+        ({**kept, "along": 3}, "not the numbers of eval.robustness, or corrupt"),
+        ({**kept, "env_id": "x"}, "is of x. Expected"),
+    ):
+        file.write_text(to_json(data))
+        with pytest.raises(FbidError, match=message):
+            main(config)
+    with pytest.raises(FbidError, match="Invalid out"):
+        main(replace(config, out=tmp_path / "page.txt"))
+
+
+def test_docs_are_written_whole_or_not_at_all(study, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("eval.study.__main__.DOCS", tmp_path / "docs")
+    (tmp_path / "docs").mkdir()
+    page_of_docs = tmp_path / "docs" / "mine.md"
+    first, last = marks("mine")
+    config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", write_docs=True)
+    with pytest.raises(FbidError, match="There is no page"):
+        main(config)
+    page_of_docs.write_text(f"{first}\n{last}\n")
+    with pytest.raises(FbidError, match="has not been evaluated yet"):
+        main(config)
+    assert [path.name for path in page_of_docs.parent.iterdir()] == ["mine.md"]
+    fill(study.cells[0], 10.0, 0.1)
+    assert main(config) == 0
+    assert table(study) in page_of_docs.read_text()
+    assert {path.suffix for path in page_of_docs.parent.iterdir()} == {".md", ".csv", ".svg"}
+    with pytest.raises(FbidError, match="Invalid --robustness"):
+        main(replace(config, write_docs=False, robustness=True))
+
+
+STUDIES = sorted((DOCS.parent / "studies").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_every_study_has_a_page_of_docs(path, tmp_path):
+    study = read_study(path, tmp_path)
+    assert "here" in spliced(DOCS / f"{study.page}.md", "here", study.name)
+
+
+def test_returns_are_compared_as_shares_of_what_can_be_earned(tmp_path):
+    """An arm that decides five times as often adds up five times as many rewards."""
+    path = tmp_path / "rates.toml"
+    fast = 'action_layer = "torque"\nenv_args = { policy_hz = 250 }\n'
+    text = STUDY.replace("BipedSquat", "QuadrupedWalk").replace("seeds = [0]\n", "")
+    first, _, last = text.rpartition('action_layer = "torque"\n')
+    path.write_text(first + fast + last)
+    study = read_study(path, tmp_path / "out")
+    for cell in study.cells:
+        fill(cell, 10.0 if cell.arm == "one" else 40.0, 0.1)
+    slow, quick = findings(study, FEW).arms
+    assert (slow.most, quick.most) == (1000.0, 5000.0)
+    assert quick.versus["return_mean"].probability.value == 0.0

@@ -569,5 +569,5 @@ def test_assets_are_found_in_a_checkout_and_in_a_wheel(
     inside = tmp_path / "fbid_gym" / "assets"
     inside.mkdir(parents=True)
     (inside / "biped.xml").write_text("<mujoco/>")
-    monkeypatch.setattr("fbid_gym.robots.assets._PACKAGE", tmp_path / "fbid_gym")
+    monkeypatch.setattr("fbid_gym.own_files._PACKAGE", tmp_path / "fbid_gym")
     assert asset_path("biped.xml") == inside / "biped.xml"

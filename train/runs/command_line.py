@@ -2,9 +2,11 @@
 
 import argparse
 import json
+import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import tyro
@@ -80,6 +82,12 @@ def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, .
     arguments.pop("robot", None)
     again = {**stored, "env": env, "env_args": arguments, "robot": robot}
     return tuple(_options(again, usual))
+
+
+def command_again(stored: Mapping[str, Any], path: Path) -> str:
+    """Return the whole command that trains again what the `config.json` in a folder says."""
+    options = stored_options(stored, RunFolder.of(path))
+    return shlex.join(["python", "-m", f"train.{algorithm_of(stored)}", *options])
 
 
 def _chosen(given: list[str]) -> tuple[argparse.Namespace, list[str]]:

@@ -6,6 +6,8 @@ from typing import Any
 
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import FbidError
+from fbid_gym.policy import Card
+from fbid_gym.policy.shipping import CARD
 from fbid_gym.robots import Robot
 from train.runs.differences import differences, in_words
 from train.runs.files import read_json
@@ -36,24 +38,30 @@ def changed_meaning(path: Path) -> str | None:
     """Compare what a run's arguments meant when it began with what they mean today.
 
     Args:
-        path: folder of a run. An exported policy and a run of another environment do not say what
-            their arguments meant.
+        path: folder of a run, or of a shipped policy. Another exported policy and a run of
+            another environment do not say what their arguments meant.
 
     Returns:
         One sentence that names what differs; None where nothing does or nothing is known.
 
     Raises:
         RunError: a file of the run that is not JSON.
+        PolicyFileError: the card of a shipped policy is damaged.
     """
     folder = RunFolder.of(path)
-    if not (folder.environment.is_file() and folder.config.is_file()):
+    if (path / CARD).is_file():
+        card = Card.read(path / CARD)
+        config: Mapping[str, Any] = {"env_id": card.env_id, "env_args": card.env_args}
+        stored = card.environment
+    elif folder.environment.is_file() and folder.config.is_file():
+        config, stored = read_json(folder.config), read_json(folder.environment)
+    else:
         return None
-    config = read_json(folder.config)
     try:
         today = meaning(config, of_policy(path, config.get("env_args") or {}))
     except FbidError as error:
         return f"{path.name} was trained in an environment that is not valid today: {error}"
-    different = differences(read_json(folder.environment), today or {})
+    different = differences(stored, today or {})
     if not different:
         return None
     return (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.errors import RunError
-from fbid_gym.policy import Policy
+from fbid_gym.policy import Policy, place_of
 from fbid_gym.robots import Robot
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
@@ -67,14 +67,16 @@ def load(path: Path, robot: Robot | None = None) -> Run:
     """Load a run folder, or the folder of an exported policy.
 
     Args:
-        path: the folder.
+        path: the folder; or `shipped:NAME`.
         robot: to be played on instead of the one that it was trained on.
 
     Raises:
         RunError: the folder or a file in it is missing, unreadable or incomplete, or so is the
             robot.
         PolicyFileError: the policy is, or the folder is neither.
+        UnknownOptionError: no policy of that name is shipped.
     """
+    path = place_of(path)
     if not path.is_dir():
         raise RunError(f"{path}: no such folder. Expected a run folder or an exported policy.")
     folder = RunFolder.of(path)

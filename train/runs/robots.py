@@ -5,6 +5,7 @@ run folder keeps that as `robot.zip`.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.description import feet_in_words
 from fbid_gym.robots.source import PUBLISHED
+from train.runs.config import TrainConfig
 from train.runs.folder import RunFolder
 
 
@@ -43,6 +45,12 @@ def named(robot: Robot) -> str | dict[str, str]:
     if is_built_in(robot):
         return robot.name
     return {"name": robot.name, "sha256": robot.digest}
+
+
+def with_robot(config: TrainConfig, robot: Robot) -> TrainConfig:
+    """Return the configuration with the robot named among the environment's arguments."""
+    names = {**config.env_args, "robot": named(robot)}
+    return replace(config, env_args=names, robot=None, feet=())
 
 
 def is_built_in(robot: Robot) -> bool:

@@ -2,6 +2,8 @@
 
     title = "What the gait is worth"
     seeds = [0, 1, 2]                        # of every arm that names none
+    reference = "home"                       # arm the others are compared with; else the first
+    page = "study"                           # of docs/; else the study's own name
     eval = { every = 250_000 }               # any setting of a recipe, for every arm
 
     [[arms]]
@@ -56,11 +58,15 @@ class Study:
     Attributes:
         name: of the file.
         title: for people.
+        reference: name of the arm that the others are compared with.
+        page: of docs/, without its ending, that its tables go to.
         cells: the trainings, seed by seed: what has been interrupted has some of every arm.
     """
 
     name: str
     title: str
+    reference: str
+    page: str
     cells: tuple[Cell, ...]
 
 
@@ -83,6 +89,7 @@ def read_study(path: Path, out: Path | None = None) -> Study:
     except tomllib.TOMLDecodeError as error:
         raise RunError(f"{path}: is no TOML: {error}.") from error
     title, seeds, arms = data.pop("title", path.stem), data.pop("seeds", [0]), data.pop("arms", [])
+    reference, page = data.pop("reference", None), data.pop("page", path.stem)
     if not isinstance(arms, list) or not arms or not all(isinstance(arm, dict) for arm in arms):
         raise RunError(f"{path}: has no arms. Expected one [[arms]] table for each.")
     check(f"study {path.stem!r}", data, valid_settings())
@@ -92,8 +99,14 @@ def read_study(path: Path, out: Path | None = None) -> Study:
     for cell in cells:
         if folders.count(cell.config.folder) > 1:
             raise RunError(f"{path}: {cell.name} is there twice. Expected each cell once.")
+    names = [cell.arm for cell in cells]
+    reference = names[0] if reference is None else reference
+    if reference not in names:
+        raise UnknownOptionError("reference of the study", reference, dict.fromkeys(names))
+    if not isinstance(page, str) or Path(page).name != page:
+        raise RunError(f"{path}: page is {page!r}. Expected the name of one of docs/.")
     cells.sort(key=lambda cell: cell.config.seed)
-    return Study(path.stem, str(title), tuple(cells))
+    return Study(path.stem, str(title), reference, page, tuple(cells))
 
 
 def environment_name(env_id: str) -> str:

@@ -4,8 +4,11 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import gymnasium as gym
+import numpy as np
 import pytest
 
+import fbid_gym  # noqa: F401
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError
@@ -33,7 +36,27 @@ def test_the_studies_of_the_repository_name_what_there_is(path, tmp_path):
     for cell in study.cells:
         assert cell.config.env in ENVIRONMENTS and cell.config.action_layer in LAYERS
         # A job is started by its command line, which has to say all of it.
-        assert parse(list(training_job(cell.name, cell.config).command[3:])) == cell.config
+        command = training_job(cell.name, cell.config).command
+        assert parse(list(command[3:]), cell.config.algorithm) == cell.config
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_every_arm_can_take_a_step(path, tmp_path):
+    for config in {cell.arm: cell.config for cell in read_study(path, tmp_path).cells}.values():
+        envs = gym.make_vec(config.env, num_envs=1, num_threads=1, **config.make_args())
+        envs.reset(seed=0)
+        reward = envs.step(np.zeros(envs.action_space.shape))[1]
+        envs.close()
+        assert np.isfinite(reward).all()
+
+
+def test_a_study_says_whom_its_arms_are_set_against_and_where_it_is_told(tmp_path):
+    second = ARM.replace('"a"', '"b"')
+    study = read_study(write(tmp_path, ARM + second))
+    assert (study.reference, study.page) == ("a", "mine")
+    said = read_study(write(tmp_path, f'reference = "b"\npage = "study"\n{ARM}{second}'))
+    assert (said.reference, said.page) == ("b", "study")
 
 
 def test_cells_are_arms_times_seeds_seed_by_seed(tmp_path):
@@ -75,6 +98,8 @@ def test_settings_of_an_arm_go_before_those_of_the_study(tmp_path):
         ("seeds = [", "is no TOML"),
         ("seeds = [0]", "has no arms. Expected one [[arms]] table for each."),
         ("arms = 3", "has no arms"),
+        (f"reference = 'c'\n{ARM}", "Unknown reference of the study 'c'. Valid choices: a."),
+        (f"page = '../x'\n{ARM}", "page is '../x'. Expected the name of one of docs/."),
         (f"colour = 1\n{ARM}", "Unknown setting of study 'mine' 'colour'. Valid choices: total"),
         (f"{ARM}speed = 1", "Unknown setting of arm 'a' 'speed'. Valid choices: name, env"),
         (f"{ARM}ppo = {{ lr = 1 }}", "Unknown setting of arm 'a' 'lr'. Valid choices: n_steps"),
@@ -104,11 +129,15 @@ def test_a_dry_run_shows_where_the_study_stands_and_trains_nothing(tmp_path, cap
     done, begun = tmp_path / "out" / "QuadrupedWalk-v0-a-s0", tmp_path / "out" / "x"
     done.mkdir(parents=True)
     (done / "progress.csv").write_text("steps,return_mean\n1200,3\n")
+    evaluations = done / "evaluations.csv"
+    evaluations.write_text("steps,return_mean,survival\n0,3,1\n")
     study = read_study(path, tmp_path / "out")
+    assert [cell.config.seed for cell in unfinished(study)] == [0, 1]  # not evaluated at its end
+    evaluations.write_text("steps,return_mean,survival\n0,3,1\n1200,3,1\n")
     assert [cell.config.seed for cell in unfinished(study)] == [1]
     assert main(SweepConfig(path, tmp_path / "out", dry_run=True)) == 0
     text = capsys.readouterr().out
-    assert "done" in text and "0%" in text and not begun.exists()
+    assert "done" in text and "not begun" in text and not begun.exists()
     assert [path.name for path in (tmp_path / "out").iterdir()] == [done.name]
 
 

@@ -6,11 +6,12 @@ import pytest
 import stand_in
 from rich.console import Console
 
+from fbid_gym.errors import RunError
 from train.ppo import main
 from train.runs.command_line import parse
 from train.runs.config import EvaluationConfig, PPOConfig, TrainConfig
 from train.runs.jobs import Progress, run_jobs
-from train.runs.training import progress, training_job
+from train.runs.training import log_of, progress, standing, training_job
 
 
 def test_the_command_is_the_training(tmp_path):
@@ -26,6 +27,28 @@ def test_progress_is_that_of_the_run_folder(tmp_path):
     main(stand_in.config(tmp_path / "run", total_steps=384), stand_in.make)
     share, note = progress(config)
     assert share == 0.5 and note.startswith("384 of 768 steps, return ") and note.endswith("%")
+
+
+def test_tables_of_something_else_are_one_clear_error(tmp_path):
+    config = stand_in.config(tmp_path / "run")
+    config.folder.mkdir()
+    for text in ("colour\nred\n", "steps\nmany\n"):
+        (config.folder / "progress.csv").write_text(text)
+        with pytest.raises(RunError, match="run: its tables are not those of a training"):
+            progress(config)
+
+
+def test_where_a_training_is_is_said(tmp_path):
+    config = stand_in.config(tmp_path / "run")
+    assert standing(config).state == "not begun"
+    log_of(config).parent.mkdir()
+    log_of(config).write_text("run: step 0\nerror: the disk is full.\n")
+    assert standing(config) == ("failed", "error: the disk is full.")
+    log_of(config).write_text("run: 384/768 steps, errors fell\n")
+    main(stand_in.config(tmp_path / "run", total_steps=384), stand_in.make)
+    assert standing(config).state == "50%"
+    main(config, stand_in.make)
+    assert standing(config).state == "done"
 
 
 def test_a_training_that_is_refused_is_reported(tmp_path, monkeypatch):

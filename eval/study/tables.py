@@ -1,103 +1,26 @@
-"""What a study came to: its learning curves and a table, `python -m eval.study STUDY.toml`.
+"""The curves and the table of a study, for pages of docs/.
 
-`train.sweep` trains what a study names; this reads the run folders. A cell that has not finished
-counts with what it has, and is said to be unfinished.
+A cell that has not finished counts with what it has, and is said to be unfinished.
 """
 
-import math
-import sys
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, NamedTuple
 
 import numpy as np
-import tyro
-from rich.console import Console
 
-from eval.files import write
-from eval.pages import DOCS, splice, spliced
 from eval.plots import Series, panel, sheet
+from eval.study.cells import Arm, arms, curve, evaluations, exploring
 from eval.wording import number, percent
 from eval.wording import steps as steps_text
 from fbid_gym.errors import RunError
-from train.runs.config import TrainConfig
-from train.runs.exit_status import exit_status
-from train.runs.folder import RunFolder
-from train.runs.study import Cell, Study, environment_name, read_study
-from train.runs.tables import read_rows, to_csv
+from train.runs.study import Study, environment_name
+from train.runs.tables import to_csv
 from train.runs.training import progress
 
 _COLUMNS = ("env", "arm", "seed", "steps", "wall_seconds", "episodes", "return_mean", "return_q25",
             "return_q75", "survival", "velocity_error", "return_exploring")  # fmt: skip
 _MEASURES = {"return_mean": "return", "velocity_error": "velocity error, m/s"}
 """Column of the evaluations -> what its panels are called."""
-
-
-@dataclass(frozen=True)
-class StudyConfig:
-    """Print the table of a study; draw its learning curves."""
-
-    study: tyro.conf.Positional[Path]
-    """TOML file, see `train.runs.study`."""
-    out: Path | None = None
-    """Folder of the runs; by default `runs` and the study's name."""
-    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Write the curves and the table to docs: NAME.svg, NAME.csv and, between its marks, NAME.md,
-    after the study's name."""
-
-
-class Arm(NamedTuple):
-    """The cells of a study that differ in their seed alone."""
-
-    env: str
-    name: str
-    cells: tuple[Cell, ...]
-
-
-class Curve(NamedTuple):
-    """One measure of an arm, at the evaluations that all its seeds have had.
-
-    Attributes:
-        steps: (K,) of the training.
-        values: (S, K), a row for each seed.
-    """
-
-    steps: np.ndarray
-    values: np.ndarray
-
-
-def arms(study: Study) -> list[Arm]:
-    """Return the arms of a study in the order of its file."""
-    found: dict[tuple[str, str], list[Cell]] = {}
-    for cell in study.cells:
-        found.setdefault((cell.config.env, cell.arm), []).append(cell)
-    return [Arm(env, name, tuple(cells)) for (env, name), cells in found.items()]
-
-
-def evaluations(run: TrainConfig) -> list[dict[str, str]]:
-    """Return the rows of a run's evaluations."""
-    return read_rows(RunFolder.of(run.folder).evaluations)
-
-
-def curve(arm: Arm, column: str) -> Curve:
-    """Return a column of the evaluations, over steps and seeds."""
-    tables = [rows for cell in arm.cells if (rows := evaluations(cell.config))]
-    common = min(map(len, tables), default=0)
-    steps = [float(row["steps"]) for row in tables[0][:common]] if tables else []
-    values = [[float(row[column]) for row in rows[:common]] for rows in tables]
-    return Curve(np.array(steps), np.array(values).reshape(len(tables), common))
-
-
-def exploring(run: TrainConfig) -> tuple[list[float], list[float]]:
-    """Return steps and the mean return of the latest episodes of training, noise included."""
-    rows = [
-        (float(row["steps"]), float(row["return_mean"]))
-        for row in read_rows(RunFolder.of(run.folder).progress)
-    ]
-    known = [(step, mean) for step, mean in rows if math.isfinite(mean)]
-    return [step for step, _ in known], [mean for _, mean in known]
 
 
 def numbers(study: Study) -> str:
@@ -186,22 +109,3 @@ def _change(values: np.ndarray, form: Callable[[float], str]) -> str:
     text = f"{form(values[:, 0].mean())} → {form(last.mean())}"
     spread = f" ({form(last.min())} to {form(last.max())})" if len(values) > 1 else ""
     return text + spread
-
-
-def main(config: StudyConfig) -> int:
-    """Read, print, write; return the exit status."""
-    study = read_study(config.study, config.out)
-    found = table(study)
-    page = DOCS / f"{study.name}.md"
-    if config.write_docs:
-        spliced(page, found)  # refuses before anything is written
-        write(page.with_suffix(".csv"), numbers(study))
-        write(page.with_suffix(".svg"), drawn(study))
-        splice(page, found)
-    Console(width=200, highlight=False).print(found, markup=False)
-    return 0
-
-
-if __name__ == "__main__":
-    chosen = tyro.cli(StudyConfig, prog="python -m eval.study")
-    sys.exit(exit_status(lambda: main(chosen)))

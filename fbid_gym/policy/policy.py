@@ -22,6 +22,7 @@ from fbid_gym.errors import (
     ShapeError,
     UnknownOptionError,
 )
+from fbid_gym.policy.shipping import place_of
 
 FORMAT = 2
 READABLE = (1, FORMAT)
@@ -214,13 +215,14 @@ class Policy:
 
     @classmethod
     def load(cls, path: str | Path) -> "Policy":
-        """Read a policy folder, or the `policy` folder of a run.
+        """Read a policy folder, the `policy` folder of a run, or one that is `shipped:NAME`.
 
         Raises:
             PolicyFileError: missing, truncated, corrupt or of an unknown format; names the file,
                 what it found and what it expected.
+            UnknownOptionError: no policy of that name is shipped.
         """
-        bundle = load_bundle(_policy_folder(Path(path)), _NAME, PolicyFileError)
+        bundle = load_bundle(_policy_folder(place_of(path)), _NAME, PolicyFileError)
         found = bundle.data.get("format")
         if type(found) is not int or found not in READABLE:
             raise PolicyFileError(

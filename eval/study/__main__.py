@@ -1,0 +1,180 @@
+r"""What a study came to: a table, pages of docs/, and one page with all of it.
+
+python -m eval.study studies/walking.toml --out report.html
+
+`train.sweep` trains what a study names; this reads the run folders. What has not finished is shown
+as far as it is, and said to be unfinished.
+"""
+
+import shlex
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from eval.clips import Shown, fate
+from eval.files import check_output, to_json, write
+from eval.pages import DOCS, splice, spliced
+from eval.robustness.arms import Arm as Tried
+from eval.robustness.curves import Budget, Robustness, measure, read
+from eval.robustness.factors import FACTORS
+from eval.rollout import Player, filmed
+from eval.study.cells import arms, robustness_file
+from eval.study.findings import RETURN, ArmFound, Findings, Settings, findings
+from eval.study.page import page
+from eval.study.parts import colours
+from eval.study.tables import drawn, numbers, table
+from fbid_gym.errors import FbidError, InvalidValueError, RunError
+from fbid_gym.options import Number, Whole, check_fields
+from train.runs.exit_status import exit_status
+from train.runs.reading import layer_name, load
+from train.runs.study import Cell, Study, read_study
+from train.runs.training import progress
+
+Say = Callable[[str], None]
+"""Told what is happening."""
+
+
+@dataclass(frozen=True)
+class StudyConfig:
+    """Print the table of a study; write its page, and its pages of docs/."""
+
+    study: tyro.conf.Positional[Path]
+    """TOML file, see `train.runs.study`."""
+    runs: Path | None = None
+    """Folder of the runs; by default `runs` and the study's name."""
+    out: Path | None = None
+    """The page, in HTML. Its numbers go into a file of the same name ending in .json."""
+    reference: str | None = None
+    """Arm that the others are set against. Default: the study's."""
+    video_seconds: Annotated[float, Number(0.0, 600.0, "s")] = 6.0
+    """Length of the page's clips, s. 0: none."""
+    robustness: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Measure first how the policies stand what they were not trained for, as eval.robustness does,
+    and keep it beside the runs. What is kept there is shown without being asked for."""
+    robustness_episodes: Annotated[int, Whole(1, 65_536)] = 32
+    """At every value, for every run."""
+    robustness_seconds: Annotated[float, Number(0.1, 10_000.0, "s")] = 10.0
+    """Length of these episodes, s."""
+    settings: Annotated[Settings, tyro.conf.arg(name="")] = field(default_factory=Settings)
+    """How the runs are put together."""
+    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Write the curves and the numbers to docs/NAME.svg and NAME.csv, after the study's name, and
+    the table between its marks into the study's page of docs/."""
+
+
+def main(config: StudyConfig, command: str = "") -> int:
+    """Read, print, write; return the exit status."""
+    check_fields(config)
+    check_fields(config.settings)
+    console = Console(width=200, highlight=False)
+    study = read_study(config.study, config.runs)
+    said = table(study)
+    docs = DOCS / f"{study.page}.md"
+    pictures = {}
+    if config.write_docs:  # refuses before anything is written
+        spliced(docs, said, study.name)
+        pictures = {".csv": numbers(study), ".svg": drawn(study)}
+    if config.robustness and config.out is None:
+        raise InvalidValueError("--robustness", True, "--out beside it, which shows it")
+    if config.out is not None:
+        check_output(config.out, "out", (".html", ".htm"))
+        found = findings(study, config.settings, config.reference)
+        with console.status("reading") as status:
+            if config.robustness:
+                measure_robustness(config, study, status.update)
+            robustness = {env_id: kept for env_id in found.environments()
+                          if (kept := _kept(study, env_id)) is not None}  # fmt: skip
+            clips: dict[tuple[str, str], Shown] = {}
+            if config.video_seconds > 0:
+                clips, missing = film(study, found, config.video_seconds, status.update)
+                found = replace(found, warnings=[*found.warnings, *missing])
+        write(config.out.with_suffix(".json"), to_json(asdict(found)))
+        write(config.out, page(found, clips, robustness, command))
+    for suffix, content in pictures.items():
+        write(DOCS / f"{study.name}{suffix}", content)
+    if config.write_docs:
+        splice(docs, said, study.name)
+    console.print(said, markup=False)
+    if config.out is not None:
+        console.print(f"wrote {config.out}", markup=False)
+    return 0
+
+
+def film(
+    study: Study, found: Findings, seconds: float, say: Say
+) -> tuple[dict[tuple[str, str], Shown], list[str]]:
+    """Record the median training of each arm of which any is done.
+
+    Returns:
+        The clips by environment and arm; and why others are missing, a sentence each.
+    """
+    colour, cells = colours(found), {cell.config.folder.name: cell for cell in study.cells}
+    clips, missing = {}, []
+    for arm in found.arms:
+        if not arm.done:
+            continue
+        name = _median(arm)
+        say(f"clip of {name}")
+        try:
+            run = load(cells[name].config.folder)
+            clip = filmed(Player.of(run), found.settings.seed, seconds, arm.name)
+        except FbidError as error:  # the numbers stand without it
+            missing.append(f"There is no clip of {name}: {error}")
+            continue
+        note = f"seed {run.seed}, {fate(clip)}"
+        clips[arm.env_id, arm.name] = Shown(arm.name, colour[arm.name], note, clip)
+    return clips, missing
+
+
+def _median(arm: ArmFound) -> str:
+    ranked = sorted(zip(arm.each[RETURN.name], arm.counted, strict=True))
+    return ranked[(len(ranked) - 1) // 2][1]
+
+
+def measure_robustness(config: StudyConfig, study: Study, say: Say) -> None:
+    """Try the finished trainings of each environment along all factors, and keep what is found."""
+    tried: dict[str, list[Tried]] = {}
+    for arm in arms(study):
+        done = [cell for cell in arm.cells if progress(cell.config).share >= 1.0]
+        if done:
+            tried.setdefault(arm.env, []).append(_tried(arm.name, done, config.robustness_seconds))
+    budget = Budget(config.robustness_episodes, config.settings.seed)
+    for env_id, its in tried.items():
+        found = measure(its, FACTORS, budget, lambda k, n, what: say(f"{what}: {k} of {n}"))
+        write(robustness_file(study, env_id), to_json(found.to_dict()))
+
+
+def _tried(name: str, cells: list[Cell], seconds: float) -> Tried:
+    runs = [load(cell.config.folder) for cell in cells]
+    players = tuple(Player.of(run, episode_seconds=seconds) for run in runs)
+    names = tuple(run.path.name for run in runs)
+    return Tried(name, layer_name(cells[0].config.make_args()), players, names)
+
+
+def _kept(study: Study, env_id: str) -> Robustness | None:
+    """Return the robustness that is kept beside the runs; None where there is none.
+
+    Raises:
+        RunError: it is no such thing, or of another environment or of other runs.
+    """
+    file = robustness_file(study, env_id)
+    if not file.is_file():
+        return None
+    kept = read(file)
+    own = {(cell.arm, cell.config.folder.name) for cell in study.cells}
+    strangers = {(arm, run) for arm in kept.arms for run in kept.runs.get(arm) or ["none"]} - own
+    if kept.env_id != env_id or strangers:
+        whose = "arm {}, run {}".format(*min(strangers)) if strangers else kept.env_id
+        raise RunError(f"{file}: is of {whose}. Expected {env_id} and runs of the study.")
+    return kept
+
+
+if __name__ == "__main__":
+    chosen = tyro.cli(StudyConfig, prog="python -m eval.study", description=__doc__)
+    line = shlex.join(["python", "-m", "eval.study", *sys.argv[1:]])
+    sys.exit(exit_status(lambda: main(chosen, line)))

@@ -1,0 +1,40 @@
+"""List the policies that come with the package, or say what is known of some.
+
+python -m fbid_gym.policy
+python -m fbid_gym.policy QuadrupedWalk-v0/base_acceleration
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from fbid_gym.errors import FbidError, UnknownOptionError
+from fbid_gym.policy.shipping import shipped
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the names, or the cards of those that are named; returns 2 on errors."""
+    parser = argparse.ArgumentParser(
+        prog="python -m fbid_gym.policy",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("names", nargs="*", help="of which the cards are printed")
+    asked = parser.parse_args(arguments).names
+    try:
+        known = {each.name: each for each in shipped()}
+        for name in asked:
+            if name not in known:
+                raise UnknownOptionError("shipped policy", name, known or ("none",))
+    except FbidError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    for name in known if not asked else ():
+        print(name)
+    for name in asked:
+        print("\n".join([name, *(f"  {line}" for line in known[name].card.lines())]))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,138 @@
+"""What is shipped is the best policy of a finished run, and its card says what it does."""
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eval.policies import cards
+from eval.ship import ShipConfig, main, ship
+from eval.statistics import wilson_interval
+from fbid_gym.errors import FbidError, PolicyFileError
+from fbid_gym.policy import Card, Policy
+from fbid_gym.policy import shipping as shelf
+from train.runs.folder import RunFolder
+
+NAME = "StandIn-v0/base"
+
+
+@pytest.fixture
+def config(run_folder, tmp_path):
+    return ShipConfig(run_folder(), NAME, episodes=20, out=tmp_path / "policies")
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_a_shipped_policy_is_the_best_of_its_run_and_plays_as_its_card_says(config):
+    place = ship(config)
+    ((name, env, layer, path, card),) = shelf.shelved(config.out)
+    assert (name, env, layer, path) == (NAME, card.env_id, "base_acceleration", place)
+    best = RunFolder.of(config.run).best_policy
+    shipped, original = Policy.load(place), Policy.load(best)
+    observation = np.random.default_rng(0).normal(size=(4, 3))
+    np.testing.assert_array_equal(shipped(observation), original(observation))
+    assert card.steps == original.trained_steps and card.evaluations == 21
+    assert card.sha256 == json.loads((place / "policy" / "policy.json").read_text())["sha256"]
+    assert card.command.startswith("python -m train.ppo --env eval_tests/StandIn-v0")
+    assert set(card.metrics) >= {"returned", "survived", "height_error"}
+    assert "velocity_error" not in card.metrics  # nothing is commanded there
+    for value in card.metrics.values():
+        assert value.low <= value.mean <= value.high
+    assert f"`{NAME}`" in cards(shelf.shelved(config.out))
+
+
+def test_shipping_twice_writes_the_same(config):
+    first = files(ship(config))
+    assert files(ship(config)) == first
+
+
+def test_the_interval_of_a_share_has_a_width_where_all_survive():
+    assert wilson_interval(1.0, 100) == (pytest.approx(0.963, abs=1e-3), 1.0)
+    low, high = wilson_interval(0.5, 10)
+    assert low == pytest.approx(1.0 - high) and low == pytest.approx(0.2366, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("QuadrupedWalk-v0/base", "Invalid as: 'QuadrupedWalk-v0/base'. Expected StandIn-v0/ARM"),
+        ("StandIn-v0", "Expected StandIn-v0/ARM"),
+        ("StandIn-v0/../x", "Expected StandIn-v0/ARM"),
+        ("StandIn-v0/..", "Expected StandIn-v0/ARM"),
+    ],
+)
+def test_names_are_those_of_the_environment_and_of_one_folder(config, name, message):
+    with pytest.raises(FbidError, match=re.escape(message)):
+        ship(replace(config, name=name))
+    assert not config.out.exists()
+
+
+def test_what_is_not_finished_or_no_run_is_refused(run_folder, tmp_path, config):
+    run = RunFolder.of(config.run)
+    rows = run.evaluations.read_text().splitlines(keepends=True)
+    run.evaluations.write_text("".join(rows[:-3]))
+    with pytest.raises(FbidError, match="trained for 850000 of 1000000 steps"):
+        ship(config)
+    with pytest.raises(FbidError, match="a policy alone. Expected a run folder"):
+        ship(replace(config, run=run.policy))
+    run.evaluations.write_text("".join(rows))
+    shutil.copytree(run.policy, run.best_policy, dirs_exist_ok=True)
+    best = Policy.load(run.best_policy)
+    replace(best, trained_steps=7).save(run.best_policy)
+    with pytest.raises(FbidError, match="its best policy is that of step 7"):
+        ship(config)
+    assert not config.out.exists()
+
+
+def test_a_network_that_is_too_large_is_refused(config):
+    best = RunFolder.of(config.run).best_policy
+    policy = Policy.load(best)
+    wide = replace(
+        policy,
+        weights=(np.zeros((20_000, 3)), np.zeros((2, 20_000))),
+        biases=(np.zeros(20_000), np.zeros(2)),
+    )
+    wide.save(best)
+    with pytest.raises(FbidError, match="bytes. Expected at most 200 KB"):
+        ship(config)
+    assert not config.out.exists()
+
+
+def test_the_command_says_what_is_wrong_in_one_line(tmp_path, capsys):
+    assert main([str(tmp_path / "none"), "--as", NAME, "--out", str(tmp_path / "p")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ") and said.count("\n") == 1
+
+
+HARM = {
+    "{": "not JSON, truncated or corrupt",
+    '{"format": 9}': "format is 9. Expected 1.",
+    '{"format": 1, "env_id": 3}': "env_id is 3. Expected a value of type str.",
+}
+
+
+@pytest.mark.parametrize("text", HARM)
+def test_a_damaged_card_is_said_with_its_file(config, text):
+    card = ship(config) / shelf.CARD
+    card.write_text(text)
+    with pytest.raises(PolicyFileError, match=re.escape(f"{card}: {HARM[text]}")):
+        Card.read(card)
+
+
+def test_a_metric_that_is_no_number_is_said(config):
+    card = ship(config) / shelf.CARD
+    data = json.loads(card.read_text())
+    data["metrics"]["returned"]["low"] = "<b>"
+    card.write_text(json.dumps(data))
+    with pytest.raises(PolicyFileError, match="low of 'returned' is '<b>'. Expected a value"):
+        Card.read(card)
+    data["metrics"]["returned"] = 3
+    card.write_text(json.dumps(data))
+    with pytest.raises(PolicyFileError, match="metric 'returned' is 3. Expected mean, low, high"):
+        Card.read(card)

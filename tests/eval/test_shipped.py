@@ -1,0 +1,159 @@
+"""The shipped policies do what their cards say, and their names stand for paths."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eval import compare, rollout
+from eval.pages import POLICIES_PAGE, spliced
+from eval.play import __main__ as play
+from eval.policies import cards
+from eval.robustness.__main__ import main as robustness_main
+from eval.rollout import load_player, play_player
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.errors import PolicyFileError, UnknownOptionError
+from fbid_gym.policy import Policy, place_of, shipped
+from fbid_gym.policy.__main__ import main as list_main
+from fbid_gym.policy.card import Card, Measured, expected
+from train.runs.environment import changed_meaning
+
+EPISODES, SEED = 20, 50_000
+SHIPPED = shipped()
+every = pytest.mark.parametrize("policy", SHIPPED, ids=[each.name for each in SHIPPED])
+
+
+@every
+def test_a_shipped_policy_is_small_and_the_one_of_its_card(policy):
+    assert sum(p.stat().st_size for p in policy.path.rglob("policy.*")) <= 200_000
+    loaded = Policy.load(f"shipped:{policy.name}")
+    assert (loaded.env_id, dict(loaded.env_args)) == (policy.env, dict(policy.card.env_args))
+    assert policy.env in ENVIRONMENTS and policy.env.endswith(policy.name.partition("/")[0])
+    written = json.loads((policy.path / "policy" / "policy.json").read_text())
+    assert written["sha256"] == policy.card.sha256
+    assert loaded.trained_steps == policy.card.steps
+    assert changed_meaning(policy.path) is None
+
+
+@every
+def test_a_shipped_policy_does_what_its_card_says(policy):
+    player = load_player(Path(f"shipped:{policy.name}"), {})
+    episodes = play_player(player, EPISODES, SEED)
+    for name in {"velocity_error", "survived"} & policy.card.metrics.keys():
+        # Twice as wide: two metrics of each of many policies are looked at.
+        low, high = expected(policy.card.metrics[name], policy.card, EPISODES)
+        found, middle = float(np.mean(getattr(episodes, name))), (low + high) / 2
+        assert abs(found - middle) <= high - low, name
+
+
+def test_fewer_episodes_scatter_more():
+    card = Card(**{**dict.fromkeys(Card.__dataclass_fields__), "episodes": 100})
+    low, high = expected(Measured(1.0, 0.9, 1.2, ""), card, 20)
+    assert 1.0 - low == pytest.approx(0.1 * np.sqrt(6))
+    assert high - 1.0 == pytest.approx(2 * (1.0 - low))
+
+
+def test_the_page_of_the_policies_is_current():
+    assert POLICIES_PAGE.read_text() == spliced(POLICIES_PAGE, cards(SHIPPED))
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch) -> str:
+    """A policy on a shelf of its own, of nothing but numbers drawn by chance."""
+    monkeypatch.setattr("fbid_gym.policy.shipping.shelf", lambda: tmp_path)
+    place = tmp_path / "QuadrupedWalk-v0" / "mine"
+    policy = standing()
+    policy.save(place / "policy")
+    card = {
+        "format": 1, "env_id": policy.env_id, "env_args": dict(policy.env_args),
+        "environment": {}, "algorithm": "ppo", "seed": 1, "steps": 5, "total_steps": 6,
+        "evaluations": 2, "best_return": 3.0, "command": "python -m train.ppo",
+        "wall_seconds": 60.0, "trained_with": {"commit": "abc"}, "measured_with": {},
+        "episodes": 20, "first_seed": 0, "confidence": 0.95,
+        "metrics": {"survived": {"mean": 1, "low": 0.9, "high": 1.0, "unit": "share"}},
+        "sha256": "",
+    }  # fmt: skip
+    (place / "card.json").write_text(json.dumps(card))
+    return "shipped:QuadrupedWalk-v0/mine"
+
+
+def standing() -> Policy:
+    import gymnasium as gym
+
+    import fbid_gym  # noqa: F401
+
+    arguments = {"action_layer": "joint_position"}
+    env = gym.make("fbid_gym/QuadrupedWalk-v0", **arguments)
+    observations, actions = env.observation_space.shape[0], env.action_space.shape[0]
+    env.close()
+    return Policy(
+        env_id="fbid_gym/QuadrupedWalk-v0",
+        env_args=arguments,
+        mean=np.zeros(observations),
+        variance=np.ones(observations),
+        weights=(np.zeros((actions, observations)),),
+        biases=(np.zeros(actions),),
+    )
+
+
+def test_a_name_stands_for_a_path(own, capsys):
+    (found,) = shipped()
+    assert "shipped:" + found.name == own and found.layer == "joint_position"
+    assert place_of(own) == place_of(Path(own)) == found.path
+    assert place_of("runs/mine") == Path("runs/mine")
+    Policy.load(own)
+    assert rollout.main([own, "--episodes", "1", "--env-args", '{"episode_seconds": 0.1}']) == 0
+    assert "mine in fbid_gym/QuadrupedWalk-v0" in capsys.readouterr().out
+    assert play.stage_of(play.PlayConfig(policy=(Path(own),))).policies.keys() == {"mine"}
+    assert list_main([]) == 0 and capsys.readouterr().out == "QuadrupedWalk-v0/mine\n"
+    assert list_main(["QuadrupedWalk-v0/mine"]) == 0
+    assert "survived           1 (0.9 to 1) share" in capsys.readouterr().out
+
+
+UNKNOWN = "Unknown shipped policy 'shipped:cat'. Valid choices: shipped:QuadrupedWalk-v0/mine."
+
+
+def test_an_unknown_name_is_said_with_those_there_are(own, capsys):
+    for main in (rollout.main, compare.main, robustness_main):
+        assert main(["shipped:cat"]) == 2
+        assert capsys.readouterr().err == f"error: {UNKNOWN}\n"
+    assert play.main(["--policy", "shipped:cat"]) == 2
+    assert list_main(["cat"]) == 2
+    for name in ("cat", "QuadrupedWalk-v0/../QuadrupedWalk-v0/mine", "", "/etc"):
+        with pytest.raises(UnknownOptionError):
+            place_of(f"shipped:{name}")
+
+
+def test_damage_is_said_with_its_file(own):
+    folder = place_of(own)
+    file = folder / "policy" / "policy.safetensors"
+    file.write_bytes(file.read_bytes()[:-3])
+    with pytest.raises(PolicyFileError, match=re.escape(str(file))):
+        Policy.load(own)
+    (folder / "card.json").write_text("[]")
+    with pytest.raises(PolicyFileError, match="card.json: holds list. Expected a JSON object."):
+        shipped()
+
+
+def test_ten_lines_play_a_policy_without_torch(own):
+    """Those of the page, where nothing else can be imported."""
+    code = re.search(r"```python\n(.*?)```", POLICIES_PAGE.read_text(), re.DOTALL)
+    assert code is not None
+    lines = [line for line in code[1].splitlines() if line]
+    assert len(lines) <= 10
+    lines = [line.replace('render_mode="human"', "episode_seconds=0.2") for line in lines]
+    lines = [re.sub(r"shipped:[^\"]*", str(place_of(own)), line) for line in lines]
+    lines = [line.replace("range(1000)", "range(3)") for line in lines]
+    banned = ["torch", "stable_baselines3", "rich", "tyro"]
+    script = [f"import sys; sys.modules.update(dict.fromkeys({banned}))", *lines]
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(script)],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
