@@ -39,7 +39,7 @@ play: setup $(VENV)/.play  ## Push a walking robot in the browser (ARGS="--besid
 
 docs: setup $(VENV)/.docs  ## Build the documentation's site, to be opened at site/index.html.
 	@$(HEADLESS) $(BIN)/python -m eval.site.pictures
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
 
 study: setup  ## Train what a study names, write its page (STUDY=studies/survey.toml).
 	@$(HEADLESS) $(BIN)/python -m train.sweep $(STUDY) $(ARGS)

@@ -1,4 +1,4 @@
-"""Examples run, each in a process of its own, and fit on a screen; so does the code on the pages."""
+"""Examples run, each in a process of its own, and fit on a screen; code on the pages runs, too."""
 
 import os
 import re

@@ -6,7 +6,6 @@ from functools import cache
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 
 from eval.site.docstrings import sections
 from fbid_gym.actions import LAYERS
@@ -178,8 +177,3 @@ def _linked(text: str, page: str) -> str:
             plain = words if " " in words else f"`{words}`"
             text = text.replace(plain, f"[{plain}]({target})")
     return text
-
-
-def finite(value: float) -> str:
-    """Return a number as pages show it."""
-    return "inf" if np.isinf(value) else f"{value:g}"

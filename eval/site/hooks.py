@@ -9,19 +9,17 @@ from mkdocs.structure.pages import Page
 
 from eval.site import environments, examples, layers, reference
 from eval.site.mathematics import with_mathml
-
-PICTURES = Path("build/docs")
-"""Where `python -m eval.site.pictures` puts its clips and charts; the site does without, too."""
+from eval.site.pictures import FOLDER
 
 OUTSIDE = {"../SECURITY.md": "security.md", "../CHANGELOG.md": "changelog.md"}
 """Files of the repository that are pages, too: as pages under docs/ link to them -> their names."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are made of the code, and what has been drawn."""
-    drawn = sorted(path for path in PICTURES.rglob("*") if path.suffix in (".mp4", ".svg"))
+    """Add the pages that are made of the code, and what has been drawn; it does without, too."""
+    drawn = sorted(path for path in FOLDER.rglob("*") if path.suffix in (".mp4", ".svg"))
     for path in drawn:
-        name = path.relative_to(PICTURES).as_posix()
+        name = path.relative_to(FOLDER).as_posix()
         files.append(File.generated(config, name, abs_src_path=str(path.resolve())))
     for name, text in _made({path.stem for path in drawn if path.suffix == ".mp4"}):
         files.append(File.generated(config, name, content=text))
@@ -42,7 +40,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """Fill in what pages leave to the code, and lead their links to where things are here."""
     name = page.file.src_uri
     if name.startswith("layers/"):
-        drawn = {path.stem for path in (PICTURES / "layers").glob("*.svg")}
+        drawn = {path.stem for path in (FOLDER / "layers").glob("*.svg")}
         markdown = layers.filled(name, markdown, drawn)
     if name == "examples.md":
         markdown = examples.filled(markdown, Path("examples"))

@@ -2,6 +2,7 @@
 
 from pathlib import PurePosixPath
 
+from eval.site.pictures import CAPTION
 from fbid_gym.actions import LAYERS, WALKING_LAYERS, Footholds, walking_options
 from fbid_gym.actions.contact_options import ContactOptions, WalkingContact
 from fbid_gym.envs.__main__ import meanings, table
@@ -9,8 +10,6 @@ from fbid_gym.options import options_of
 
 OPTIONS, PICTURE = "<!-- options -->", "<!-- picture -->"
 """Marks on the pages: what stands there on the site is made as it is built."""
-
-PUSH = "The biped on a zero action, pushed forward with 0.2 times its weight for 0.15 s"
 
 
 def filled(page: str, text: str, pictures: set[str]) -> str:
@@ -24,10 +23,7 @@ def filled(page: str, text: str, pictures: set[str]) -> str:
     name = PurePosixPath(page).stem
     if name not in LAYERS:
         return text
-    shown = (
-        f"![The biped, pushed, on a zero action of {name}]({name}.svg)\n\n"
-        f"{PUSH}: this layer, and in grey the others."
-    )
+    shown = f"![A push on a zero action of {name}]({name}.svg)\n\n{CAPTION.format(f'`{name}`')}"
     text = text.replace(PICTURE, shown if name in pictures else "")
     return text.replace(OPTIONS, options(name))
 

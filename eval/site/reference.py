@@ -1,5 +1,7 @@
 """The reference: a page for each package, of the docstrings of what it makes public."""
 
+import importlib
+
 PAGES = {
     "fbid_gym": ("fbid_gym", ["fbid_gym"]),
     "envs": (
@@ -105,4 +107,20 @@ def pages() -> dict[str, str]:
 
 
 def _module(name: str) -> str:
-    return f"## `{name}`\n\n::: {name}\n    options:\n      show_root_heading: false\n"
+    """A module and its members; of a package those that are its own, and links to the others."""
+    public = getattr(importlib.import_module(name), "__all__", None)
+    options = ["show_root_heading: false", "show_root_toc_entry: false"]
+    parts = [f"## `{name}`"]
+    if public is not None:
+        own = [each for each in public if _home(name, each) == name]
+        options.append(f"members: [{', '.join(own)}]" if own else "members: false")
+        links = [f"[`{each}`][{_home(name, each)}.{each}]" for each in public]
+        parts.append(f"Public: {', '.join(links)}.")
+    lines = "\n".join(f"      {option}" for option in options)
+    return "\n\n".join([*parts, f"::: {name}\n    options:\n{lines}\n"])
+
+
+def _home(module: str, name: str) -> str:
+    """Where a public name is defined; data are at home where they are named."""
+    home: str = getattr(getattr(importlib.import_module(module), name), "__module__", module)
+    return home if home.startswith("fbid_gym") else module
