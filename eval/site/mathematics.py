@@ -9,9 +9,7 @@ import re
 
 from latex2mathml.converter import convert
 
-_FOUND = re.compile(
-    r'<(span|div) class="arithmatex">(?:\\\(|\\\[)(.*?)(?:\\\)|\\\])</\1>', re.DOTALL
-)
+_FOUND = re.compile(r'<(span|div) class="arithmatex">\s*\\[(\[](.*?)\\[)\]]\s*</\1>', re.DOTALL)
 
 
 def with_mathml(page: str) -> str:

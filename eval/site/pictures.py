@@ -65,8 +65,9 @@ def respond(layer: str) -> Response:
     )
     env.reset(seed=_SEED)
     seen, hz = Response([], [], []), env.metadata["render_fps"]
+    still = np.zeros(len(env.batch.action_names))
     for step in range(round(2.0 * _AFTER * hz)):
-        observation, _, fallen, _, info = env.step(np.zeros(env.action_space.shape))
+        observation, _, fallen, _, info = env.step(still)
         if fallen:
             break
         time = (step + 1) / hz - _AFTER
@@ -106,7 +107,7 @@ def film(env_id: str) -> bytes:
     """Film a zero action in an environment: an mp4 file."""
     env = gym.make(env_id, action_layer=_FILMED, render_mode="rgb_array")
     try:
-        still = np.zeros((1, *env.action_space.shape))
+        still = np.zeros((1, *(env.action_space.shape or ())))
         return record(env.unwrapped, lambda _: still, 0, _SECONDS, fps=_FPS).mp4()
     finally:
         env.close()

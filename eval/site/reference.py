@@ -25,6 +25,7 @@ PAGES = {
             "fbid_gym.tasks.start",
             "fbid_gym.tasks.pushes",
             "fbid_gym.tasks.balance",
+            "fbid_gym.tasks.walk",
         ],
     ),
     "actions": (
@@ -53,6 +54,7 @@ PAGES = {
             "fbid_gym.motions.squat",
             "fbid_gym.motions.stepping",
             "fbid_gym.motions.crawl",
+            "fbid_gym.motions.crawl_gait",
         ],
     ),
     "control": (
