@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from eval.site import environments, layers, reference
+from eval.site import environments, layers, pictures, reference
 from eval.site.docstrings import sections
 from eval.site.examples import filled
 from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.terrain_env import TerrainEnv
 from fbid_gym.envs.walking_env import WalkingEnv
+from fbid_gym.errors import FbidError
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -79,6 +80,33 @@ def test_a_page_of_a_layer(name: str) -> None:
     for option in layer_options(name) | walking_layer_options(name):
         rows = re.findall(rf"^\| `{option}` \|.*\| (.*) \|$", page, re.M)
         assert rows and all(rows), f"{option} means nothing"
+
+
+def test_a_push_on_a_zero_action() -> None:
+    """Torques without feedback fall before it; a stabiliser takes it."""
+    held, limp = pictures.respond("base_acceleration"), pictures.respond("torque")
+    assert limp.time[-1] < 0.0 and held.time[-1] == 2.0
+    assert max(held.shift) > 1.0 > held.shift[-1] and max(held.torque) > held.torque[0]
+    drawn = pictures.chart("torque", {"base_acceleration": held, "torque": limp})
+    assert drawn.startswith("<svg ") and "nan" not in drawn
+
+
+def test_a_clip() -> None:
+    assert pictures.film("fbid_gym/QuadrupedBalance-v0", seconds=0.1)[4:8] == b"ftyp"
+
+
+def test_without_a_renderer_there_are_no_clips(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def blind(env_id: str) -> bytes:
+        raise FbidError("Cannot render without a display.")
+
+    monkeypatch.setattr(pictures, "FOLDER", tmp_path)
+    monkeypatch.setattr(pictures, "film", blind)
+    monkeypatch.setattr(pictures, "LAYERS", {})
+    pictures.main()
+    assert capsys.readouterr().err == "No clips. Cannot render without a display.\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_code_of_examples_is_on_their_page() -> None:
