@@ -23,7 +23,7 @@ HEADLESS := if [ -z "$${MUJOCO_GL:-}" ] && [ -s $(VENV)/mujoco_gl ]; then \
 	export MUJOCO_GL="$$(cat $(VENV)/mujoco_gl)"; fi;
 endif
 
-.PHONY: help setup demo play study test test-fast check format bench papers fuzz soak clean
+.PHONY: help setup demo play docs study test test-fast check format bench papers fuzz soak clean
 
 help:  ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -36,6 +36,10 @@ demo: setup  ## A quadruped walks, learns through two action layers; writes runs
 
 play: setup $(VENV)/.play  ## Push a walking robot in the browser (ARGS="--beside joint_position").
 	@$(HEADLESS) $(BIN)/python -m eval.play $(ARGS)
+
+docs: setup $(VENV)/.docs  ## Build the documentation's site, to be opened at site/index.html.
+	@$(HEADLESS) $(BIN)/python -m eval.site.pictures
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
 
 study: setup  ## Train what a study names, write its page (STUDY=studies/survey.toml).
 	@$(HEADLESS) $(BIN)/python -m train.sweep $(STUDY) $(ARGS)
@@ -69,7 +73,7 @@ soak: setup  ## Run every layer for long, see that nothing grows (ARGS="--steps 
 	@$(HEADLESS) $(BIN)/python -m eval.soak $(ARGS)
 
 clean:  ## Remove the environment and the caches; keep runs/.
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) build dist site .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BIN)/python:
@@ -96,6 +100,12 @@ $(VENV)/.play: $(VENV)/.installed
 	@echo "Installing the live page ..."
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 		--constraint constraints.txt --no-deps $(PLAY)
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.installed
+	@echo "Installing what builds the documentation ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		--constraint constraints.txt --editable ".[docs]"
 	@touch $@
 
 # Done once; after a change of the sources, what runs is compiled as it is used.

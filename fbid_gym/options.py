@@ -251,6 +251,31 @@ def check_names(what: str, given: Mapping[str, Any], known: Mapping[str, Any]) -
             raise UnknownOptionError(what, name, known or ["none"])
 
 
+def check_own_name(what: str, name: Any, taken: Collection[str]) -> None:
+    """Raise InvalidValueError unless it is a name that a user may give to what is the user's."""
+    if not isinstance(name, str) or not name.isidentifier() or name in taken:
+        expected = f"letters, digits and underscores, and none of {', '.join(taken)}"
+        raise InvalidValueError(f"name of {what}", name, expected)
+
+
+def check_call(name: str, build: Any, arguments: Sequence[str]) -> None:
+    """Raise InvalidValueError unless a user's constructor takes these arguments, and needs no more.
+
+    Args:
+        name: of what it builds.
+        build: the constructor.
+        arguments: in words.
+    """
+    try:
+        inspect.signature(build).bind(*arguments)
+    except (TypeError, ValueError):
+        expected = (
+            f"what can be called as ({', '.join(arguments)}), its options being keyword-only "
+            "arguments with defaults"
+        )
+        raise InvalidValueError(f"constructor of {name}", build, expected) from None
+
+
 def _keywords(build: Callable[..., Any]) -> Iterator[Option]:
     for parameter in inspect.signature(build).parameters.values():
         if parameter.kind is parameter.KEYWORD_ONLY:

@@ -20,7 +20,14 @@ from fbid_gym.actions.walking_joints import (
     walking_joint_position,
     walking_torque,
 )
-from fbid_gym.options import Choice, Option, check_names, options_of
+from fbid_gym.options import (
+    Choice,
+    Option,
+    check_call,
+    check_names,
+    check_own_name,
+    options_of,
+)
 from fbid_gym.robots import Robot
 
 __all__ = [
@@ -31,7 +38,9 @@ __all__ = [
     "layer_options",
     "make_layer",
     "make_walking_layer",
+    "register_layer",
     "walking_layer_options",
+    "walking_options",
 ]
 
 LAYERS: dict[str, Callable[..., ActionLayer]] = {
@@ -54,6 +63,37 @@ WALKING_LAYERS: dict[str, Callable[..., ActionLayer]] = {
     "com_wrench": walking_com_wrench,
 }
 """The same layers on a gait, called as `(robot, control_hz, omega, **options)`."""
+
+_BUILT_IN = tuple(LAYERS)
+
+
+def register_layer(
+    name: str,
+    of: Callable[..., ActionLayer],
+    *,
+    walking: Callable[..., ActionLayer] | None = None,
+) -> None:
+    """Make an action layer of your own known as `action_layer="name"`; a second time replaces it.
+
+    Args:
+        name: not that of a layer of this package.
+        of: its constructor, called as `(robot, control_hz, **options)`. Its options are its
+            keyword-only arguments, see `fbid_gym.options`.
+        walking: the same on a gait, called as `(robot, control_hz, omega, **options)`; what it
+            follows is a `GaitTarget`. None: not for the task `walk`.
+
+    Raises:
+        FbidError: another name or another constructor is expected.
+    """
+    check_own_name("action layer", name, _BUILT_IN)
+    check_call(name, of, ("robot", "control_hz"))
+    if walking is not None:
+        check_call(name, walking, ("robot", "control_hz", "omega"))
+    LAYERS[name] = of
+    WALKING_LAYERS.pop(name, None)
+    if walking is not None:
+        WALKING_LAYERS[name] = walking
+
 
 _STEERS = ("base_acceleration", "com_wrench")  # the footholds, by default
 

@@ -202,7 +202,8 @@ class EnvConfig:
         options = defaults | by_name("layer_options", self.layer_options)
         for name, value in options.items():
             if value is None:
-                options[name] = _derived(getattr(getattr(layer, "inner", layer), name))
+                # A layer of the user's need not tell what it makes of None.
+                options[name] = _derived(getattr(getattr(layer, "inner", layer), name, None))
             elif isinstance(value, Falling):
                 options[name] = _derived(*in_hertz(robot, **{name: value}).values())
         filled = {
@@ -261,7 +262,7 @@ def _derived(value: Any) -> Any:
     """To nine digits: platforms may sum up a robot's mass in another order. Words stay."""
     if isinstance(value, tuple):
         return [_derived(item) for item in value]
-    return value if isinstance(value, str) else float(f"{value:.9g}")
+    return value if isinstance(value, str | None) else float(f"{value:.9g}")
 
 
 def _plain(value: Any) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 from fbid_gym.checks import real_numbers
 from fbid_gym.compiled import kernel
 from fbid_gym.envs.action_delay import ActionDelay
+from fbid_gym.envs.answers import as_numbers, as_terms, check_plan
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.curriculum import Progress
 from fbid_gym.envs.plant import plant_of
@@ -74,6 +75,7 @@ class EnvBatch:
 
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         drawn = self.task.draw(np.random.default_rng(0))
+        check_plan(self.task, drawn)
         _check_memory(drawn, num_envs, self.task.seconds)
         self._plan = {
             name: np.zeros((num_envs, *value.shape), value.dtype) for name, value in drawn.items()
@@ -158,7 +160,9 @@ class EnvBatch:
             self._retire(gone)
             effort.power[gone] = 0.0  # velocities that nobody trusts have a part in it
         outcome = self._outcome(effort)
-        terms, metrics = self.task.reward(outcome, self._plan, self._planned)
+        judged, measured = self.task.reward(outcome, self._plan, self._planned)
+        terms = as_terms(judged, self.num_envs, self.task, "reward term")
+        metrics = as_terms(measured, self.num_envs, self.task, "metric")
         rewards = {f"reward_{name}": share for name, share in terms.items()}
         seen = self._observe(outcome)
         if len(gone):
@@ -202,6 +206,7 @@ class EnvBatch:
             now = Now(state, terms, steering, self._planned)
             reference = self.task.reference(self._plan, now)
             torque = self.layer.torque(own, state, reference, terms, self._memory)
+            torque = as_numbers(torque, self._torque.shape, self.layer, "torque")
             self.simulation.tick(torque, push, effort, state)
         self._torque = effort.torque
         return effort, {"push": forces[-1], "push_velocity": jumps.sum(axis=0)}
@@ -235,6 +240,7 @@ class EnvBatch:
     def _observe(self, outcome: Outcome) -> np.ndarray:
         """(N, O) float32, clipped."""
         seen = self.task.observe(outcome, self._plan, self._planned)
+        seen = as_numbers(seen, self._observation.shape, self.task, "observation")
         return np.minimum(np.maximum(seen, -self._bound), self._bound).astype(np.float32)
 
     def _forget(self, ids: np.ndarray) -> None:

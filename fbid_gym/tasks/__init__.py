@@ -3,19 +3,37 @@
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from fbid_gym.options import Choice, check_names, options_of
+from fbid_gym.options import Choice, Pair, check_call, check_names, check_own_name, options_of
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.balance import Balance
+from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.crawl import crawl
+from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan, check_schedule
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.squat import squat
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.step import step
-from fbid_gym.tasks.task import Task
+from fbid_gym.tasks.task import Now, Task
 from fbid_gym.tasks.walk import Walk
 
-__all__ = ["TASKS", "Plan", "Pushes", "Start", "Task", "Walk", "make_task", "task_options"]
+__all__ = [
+    "TASKS",
+    "Body",
+    "Now",
+    "Outcome",
+    "Plan",
+    "Pushes",
+    "Start",
+    "Task",
+    "Walk",
+    "make_task",
+    "register_task",
+    "task_options",
+]
+
+
+_PUSH = Pair(0.0, 100.0)
 
 
 class TaskKind(NamedTuple):
@@ -38,6 +56,27 @@ TASKS: dict[str, TaskKind] = {
     "walk": TaskKind(Walk.of, (0.0, 0.4)),
 }
 """Name of a task -> what it is."""
+
+_BUILT_IN = tuple(TASKS)
+
+
+def register_task(
+    name: str, of: Callable[..., Task], *, push: tuple[float, float] = (0.0, 0.0)
+) -> None:
+    """Make a task of your own known as `task="name"`; a second time replaces it.
+
+    Args:
+        name: not that of a task of this package.
+        of: its constructor, called as `(robot, seconds, hz, pushes, start, **options)`. Its options
+            are its keyword-only arguments, see `fbid_gym.options`.
+        push: (least, most) size of a push by default, share of the robot's weight.
+
+    Raises:
+        FbidError: another name, another constructor or another size is expected.
+    """
+    check_own_name("task", name, _BUILT_IN)
+    check_call(name, of, ("robot", "seconds", "hz", "pushes", "start"))
+    TASKS[name] = TaskKind(of, _PUSH.check("push", push))
 
 
 def task_options(name: str) -> dict[str, Any]:

@@ -1,0 +1,143 @@
+"""What the site shows of robots, drawn before it is built: `python -m eval.site.pictures`.
+
+A clip of each environment on a zero action, and for each layer a chart of what its zero action
+makes of a push. What is there already stays; `--anew` draws it again.
+"""
+
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import gymnasium as gym
+import numpy as np
+import tyro
+
+from eval.colours import colours_of
+from eval.plots import Marks, Series, panel, sheet
+from eval.site.environments import short
+from eval.video import record
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.robot_env import RobotEnv
+from fbid_gym.errors import FbidError
+from fbid_gym.robots import load
+from train.runs.exit_status import exit_status
+
+FOLDER = Path("build/docs")
+"""Where they go; git does not see it."""
+
+CAPTION = (
+    "The zero action of {} on the biped, pushed with 0.2 times its weight for 0.15 s. Thin: the "
+    "other layers. A curve ends where the robot falls."
+)
+
+_ROBOT, _SHARE = "biped", 0.2
+_BEFORE, _AFTER = 1.0, 2.0  # s, shown before and after the push
+_SECONDS, _FPS = 3.0, 17.0  # of a clip
+_SEED = 3
+_FILMED = "base_acceleration"  # stands and walks on all of them
+
+
+class Response(NamedTuple):
+    """What a push does to a robot; T policy steps, up to its fall.
+
+    Attributes:
+        time: (T,) s, since the push began.
+        shift: (T,) cm, horizontally, of the base over the feet.
+        torque: (T,) N·m, rms over the joints.
+    """
+
+    time: list[float]
+    shift: list[float]
+    torque: list[float]
+
+
+def respond(layer: str) -> Response:
+    """Push the robot on the zero action of a layer."""
+    force = _SHARE * load(_ROBOT).weight
+    env = RobotEnv(
+        _ROBOT,
+        action_layer=layer,
+        push_force=(force, force),
+        push_interval=(_AFTER, _AFTER),  # there is one, half way
+        joint_noise=0.0,
+        velocity_noise=0.0,
+        episode_seconds=2.0 * _AFTER,
+    )
+    env.reset(seed=_SEED)
+    seen, hz = Response([], [], []), env.metadata["render_fps"]
+    still = np.zeros(len(env.batch.action_names))
+    for step in range(round(2.0 * _AFTER * hz)):
+        observation, _, fallen, _, info = env.step(still)
+        if fallen:
+            break
+        time = (step + 1) / hz - _AFTER
+        if time >= -_BEFORE:
+            seen.time.append(time)
+            seen.shift.append(100.0 * float(np.hypot(observation[1], observation[2])))
+            seen.torque.append(float(info["torque_rms"]))
+    return seen
+
+
+def chart(layer: str, responses: dict[str, Response]) -> str:
+    """Draw the response of one layer, and thin those of the others: an SVG file."""
+    words = layer.replace("_", " ")
+    own = responses[layer]
+    others = [each for name, each in responses.items() if name != layer]
+
+    def drawn(quantity: str, title: str, top: float) -> str:
+        singles = [(each.time, _below(top, getattr(each, quantity))) for each in others]
+        value = _below(top, getattr(own, quantity))
+        line = Series(words, colours_of([words])[words], own.time, value, singles=singles)
+        marks, span = Marks(upright=0.0), (-_BEFORE, _AFTER)
+        return panel([line], title, "s", x_range=span, y_range=(0.0, top), marks=marks)
+
+    return sheet(
+        [
+            drawn("shift", "base from its place over the feet (cm)", 15.0),
+            drawn("torque", "rms torque (N·m)", 25.0),
+        ]
+    )
+
+
+def _below(top: float, values: list[float]) -> list[float]:
+    return [min(value, top) for value in values]
+
+
+def film(env_id: str, seconds: float = _SECONDS) -> bytes:
+    """Film a zero action in an environment: an mp4 file."""
+    env = gym.make(env_id, action_layer=_FILMED, render_mode="rgb_array")
+    try:
+        still = np.zeros((1, *(env.action_space.shape or ())))
+        return record(env.unwrapped, lambda _: still, 0, seconds, fps=_FPS).mp4()
+    finally:
+        env.close()
+
+
+def main(anew: bool = False, clips: bool = True) -> None:
+    """Draw what the site shows.
+
+    Args:
+        anew: whether to draw again what is there.
+        clips: whether to film; that takes most of the time.
+    """
+    charts = {layer: FOLDER / "layers" / f"{layer}.svg" for layer in LAYERS}
+    if anew or not all(path.exists() for path in charts.values()):
+        responses = {layer: respond(layer) for layer in LAYERS}
+        for layer, path in charts.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(chart(layer, responses), encoding="utf-8")
+    for env_id in ENVIRONMENTS if clips else ():
+        path = FOLDER / "environments" / f"{short(env_id)}.mp4"
+        if anew or not path.exists():
+            try:
+                clip = film(env_id)
+            except FbidError as error:  # nothing to draw with: the site does without
+                print(f"No clips. {error}", file=sys.stderr)
+                return
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(clip)
+
+
+if __name__ == "__main__":
+    sys.exit(exit_status(lambda: tyro.cli(main)))

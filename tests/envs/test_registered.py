@@ -1,0 +1,200 @@
+"""Tasks and layers of a user's: what is refused of them, and that they work."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from fbid_gym.actions import LAYERS, WALKING_LAYERS, register_layer
+from fbid_gym.envs.config import resolved_arguments
+from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
+from fbid_gym.motions import home_reference
+from fbid_gym.tasks import TASKS, Body, Pushes, Start, register_task
+
+ENV = "fbid_gym/QuadrupedBalance-v0"
+
+
+@pytest.fixture(autouse=True)
+def registries() -> Iterator[None]:
+    """As they were, afterwards."""
+    kept = [(registry, dict(registry)) for registry in (LAYERS, WALKING_LAYERS, TASKS)]
+    yield
+    for registry, before in kept:
+        registry.clear()
+        registry.update(before)
+
+
+@dataclass(frozen=True)
+class Limp:
+    """No torque, or what it is told to answer."""
+
+    count: int
+    answer: Any = None
+    diagnostics: tuple[str, ...] = ()
+    action_names: tuple[str, ...] = ("nothing",)
+
+    def memory(self, num_robots: int) -> dict[str, np.ndarray]:
+        return {}
+
+    def torque(self, action, state, reference, terms, memory):
+        return np.zeros((len(action), self.count)) if self.answer is None else self.answer
+
+
+def limp(robot: Any, control_hz: int, *, answer: Any = None) -> Limp:
+    return Limp(robot.num_joints, answer)
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """Rest at home; each answer can be another."""
+
+    body: Body
+    seconds: float
+    hz: int
+    pushes: Pushes
+    start: Start
+    answers: dict[str, Any] = field(default_factory=dict)
+    derived = {}
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        return self.body.observation_names
+
+    @property
+    def observation_bound(self) -> np.ndarray:
+        return self.answers.get("bound", self.body.observation_bound)
+
+    def draw(self, rng):
+        robot = self.body.robot
+        drawn = {"qpos": robot.home_qpos, "qvel": np.zeros(robot.nv)}
+        drawn |= self.pushes.draw(rng, self.seconds, self.hz)
+        return self.answers.get("plan", lambda plan: plan)(drawn)
+
+    def memory(self, terms):
+        return {}
+
+    def reference(self, plan, now):
+        return home_reference(self.body.robot)
+
+    def observe(self, outcome, plan, memory):
+        return self.answers.get("observation", self.body.observe(outcome))
+
+    def reward(self, outcome, plan, memory):
+        terms = {"rest": np.ones(len(outcome.power))}
+        return self.answers.get("terms", terms), self.answers.get("metrics", {})
+
+
+def rest(robot, seconds, hz, pushes, start, *, answers=None) -> Rest:
+    return Rest(Body.of(robot), seconds, hz, pushes, start, answers or {})
+
+
+def stepped(**arguments: Any) -> tuple[Any, ...]:
+    envs = gym.make_vec(ENV, num_envs=2, **arguments)
+    envs.reset(seed=0)
+    return envs.step(np.zeros(envs.action_space.shape))
+
+
+def test_a_layer_goes_wherever_those_of_the_package_go() -> None:
+    register_layer("limp", limp)
+    *_, info = stepped(action_layer="limp")
+    assert info["torque"].shape == (2, 12) and not info["torque"].any()
+    resolved = resolved_arguments(ENV, {"action_layer": "limp"})
+    assert resolved is not None and resolved["layer_options"] == {"answer": None}
+    with pytest.raises(UnknownOptionError, match="option of action layer 'limp'.*answer"):
+        gym.make(ENV, action_layer="limp", layer_options={"scale": 1.0})
+    with pytest.raises(UnknownOptionError, match="Unknown action layer 'limp'.*com_wrench"):
+        gym.make("fbid_gym/QuadrupedWalk-v0", action_layer="limp")
+    register_layer("limp", limp, walking=lambda robot, hz, omega: limp(robot, hz))
+    gym.make("fbid_gym/QuadrupedWalk-v0", action_layer="limp")
+    register_layer("limp", limp)
+    assert "limp" not in WALKING_LAYERS
+
+
+def test_a_task_goes_wherever_those_of_the_package_go() -> None:
+    register_task("rest", rest, push=(0.1, 0.2))
+    _, reward, *_, info = stepped(task="rest", action_layer="base_acceleration")
+    np.testing.assert_array_equal(reward, 1.0)
+    assert info["reward_rest"].tolist() == [1.0, 1.0]
+    env = gym.make(ENV, task="rest").unwrapped
+    weight = env.batch.robot.weight
+    assert env.batch.task.pushes.force == pytest.approx((0.1 * weight, 0.2 * weight))
+    with pytest.raises(UnknownOptionError, match="environment argument.*height_range.*answers"):
+        gym.make(ENV, task="rest", height_range=(0.9, 1.0))
+
+
+@pytest.mark.parametrize("name", ["torque", "two words", "", 3, None])
+def test_a_name_that_is_refused(name: Any) -> None:
+    with pytest.raises(InvalidValueError, match="name of action layer.*com_wrench"):
+        register_layer(name, limp)
+    assert LAYERS["torque"] is not limp
+
+
+def test_a_task_of_the_package_stays() -> None:
+    with pytest.raises(InvalidValueError, match="name of task: 'walk'"):
+        register_task("walk", rest)
+
+
+@pytest.mark.parametrize(
+    "build", [None, lambda robot: None, lambda robot, hz, scale: None, lambda robot, hz, *, k: None]
+)
+def test_a_constructor_that_is_refused(build: Any) -> None:
+    with pytest.raises(InvalidValueError, match=r"constructor of mine.*\(robot, control_hz\)"):
+        register_layer("mine", build)
+    with pytest.raises(InvalidValueError, match=r"constructor of mine.*control_hz, omega\)"):
+        register_layer("mine", limp, walking=limp)
+    with pytest.raises(InvalidValueError, match="constructor of mine.*pushes, start"):
+        register_task("mine", build)
+    assert "mine" not in LAYERS and "mine" not in TASKS
+
+
+@pytest.mark.parametrize("push", [(0.2, 0.1), 0.3, (-0.1, 0.2)])
+def test_a_push_that_is_refused(push: Any) -> None:
+    with pytest.raises(InvalidValueError, match="push"):
+        register_task("mine", rest, push=push)
+    assert "mine" not in TASKS
+
+
+@pytest.mark.parametrize(
+    ("answer", "error", "words"),
+    [
+        (np.zeros((2, 11)), ShapeError, r"torque of Limp has shape \(2, 11\).*\(2, 12\)"),
+        (np.zeros(12), ShapeError, "torque of Limp"),
+        ("nothing", InvalidValueError, "torque of Limp"),
+        (object(), InvalidValueError, "torque of Limp"),
+    ],
+)
+def test_torques_that_are_refused(answer: Any, error: type[FbidError], words: str) -> None:
+    register_layer("limp", limp)
+    with pytest.raises(error, match=words):
+        stepped(action_layer="limp", layer_options={"answer": answer})
+
+
+def test_numbers_of_another_kind_are_taken() -> None:
+    """Lists, single precision, columns of something."""
+    register_layer("limp", limp)
+    for answer in ([[1] * 12] * 2, np.ones((2, 12), np.float32), np.ones((12, 2)).T):
+        *_, info = stepped(action_layer="limp", layer_options={"answer": answer})
+        np.testing.assert_array_equal(info["torque"], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("answers", "words"),
+    [
+        ({"plan": lambda plan: None}, "plan drawn by Rest"),
+        ({"plan": lambda plan: {"qpos": plan["qpos"]}}, "plan drawn by Rest.*push_start"),
+        ({"plan": lambda plan: plan | {"pace": 0.5}}, "'pace' drawn by Rest.*an array"),
+        ({"plan": lambda plan: plan | {"qpos": np.zeros(3)}}, r"'qpos' drawn by Rest.*\(19,\)"),
+        ({"bound": np.ones(3)}, "observation_bound of Rest"),
+        ({"observation": np.zeros((2, 3))}, "observation of Rest"),
+        ({"terms": np.ones(2)}, "reward term of Rest"),
+        ({"terms": {"rest": 1.0}}, r"reward term 'rest' of Rest has shape \(\)"),
+        ({"metrics": {"speed": np.zeros((2, 3))}}, "metric 'speed' of Rest"),
+    ],
+)
+def test_answers_of_a_task_that_are_refused(answers: dict[str, Any], words: str) -> None:
+    register_task("rest", rest)
+    with pytest.raises(FbidError, match=words):
+        stepped(task="rest", answers=answers, action_layer="torque")

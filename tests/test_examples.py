@@ -1,0 +1,76 @@
+"""Examples run, each in a process of its own, and fit on a screen; code on the pages runs, too."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+SHORT = {
+    "law_alone": ["--steps", "100"],
+    "own_layer": ["--steps", "10"],
+    "own_robot": ["--steps", "10"],
+    "own_task": ["--steps", "10"],
+    "ppo": ["--steps", "128", "--num-envs", "4"],
+    "recurrent": ["--steps", "64", "--num-envs", "2"],
+    "sb3": ["--steps", "96", "--num-envs", "2"],
+}
+NEEDS = {
+    "recurrent": ("sb3_contrib", "pip install -c constraints.txt sb3-contrib"),
+}
+PAGES = ("README.md", "docs/index.md", "docs/own_task_and_layer.md")
+
+
+def run(*command: str) -> str:
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
+    done = subprocess.run(
+        [sys.executable, *command], cwd=ROOT, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [path.stem for path in EXAMPLES])
+def test_it_runs(name: str) -> None:
+    if name in NEEDS:
+        module, remedy = NEEDS[name]
+        pytest.importorskip(module, reason=f"{module} is not installed: {remedy}")
+    assert run(f"examples/{name}.py", *SHORT[name]).strip()
+
+
+def test_each_fits_on_a_screen_and_is_on_the_page() -> None:
+    assert [path.stem for path in EXAMPLES] == list(SHORT)
+    page = (ROOT / "docs" / "examples.md").read_text()
+    for path in EXAMPLES:
+        lines = path.read_text().splitlines()
+        assert sum(bool(line.strip()) for line in lines) < 60, path.name
+        assert f"](../examples/{path.name})" in page
+
+
+def blocks(page: str) -> list[str]:
+    """The Python on a page; what names a file of the reader's is tested elsewhere."""
+    found = re.findall(r"^```python\n(.*?)^```", (ROOT / page).read_text(), re.M | re.S)
+    return [block for block in found if ".xml" not in block]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES)
+def test_code_on_a_page_runs(page: str) -> None:
+    """All of a page's, one block after another."""
+    assert blocks(page)
+    run("-c", "\n".join(blocks(page)))
+
+
+def test_no_page_has_code_that_nothing_runs() -> None:
+    elsewhere = {"docs/own_robot.md"}  # tests/robots/test_own_robot_doc.py
+    with_code = {
+        path.relative_to(ROOT).as_posix()
+        for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+        if "```python" in path.read_text()
+    }
+    assert with_code == {*PAGES, *elsewhere}
