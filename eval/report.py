@@ -24,6 +24,8 @@ from eval.wording import (
     percent,
     steps,
 )
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.overlays import LABELS
 from train.episodes import METRICS, Metric
 
 _TOGETHER = (
@@ -52,7 +54,7 @@ def page(comparison: Comparison, clips: Clips | None, command: Sequence[str] = (
     body = [
         _opening(comparison),
         _curves(comparison, colours),
-        _videos(clips, colours),
+        _videos(clips, colours, comparison.env_id),
         _metrics(comparison, colours),
         _sweep(comparison, colours),
         _thresholds(comparison, colours),
@@ -139,7 +141,7 @@ def _curves(c: Comparison, colours: dict[str, int]) -> str:
     )
 
 
-def _videos(clips: Clips | None, colours: dict[str, int]) -> str:
+def _videos(clips: Clips | None, colours: dict[str, int], env_id: str) -> str:
     if clips is None:
         return ""
     blocks = []
@@ -165,8 +167,13 @@ def _videos(clips: Clips | None, colours: dict[str, int]) -> str:
         "</p>"
         f'<figure class="wide"><div class="grid2">{"".join(blocks)}</div>'
         '<button type="button" id="together">Play together from the start</button>'
-        "</figure>"
+        f"<figcaption>{_legend(env_id)}</figcaption></figure>"
     )
+
+
+def _legend(env_id: str) -> str:
+    """What is drawn over our robots; other environments draw themselves as they like."""
+    return f"Drawn over the robots: {'; '.join(LABELS.values())}." if env_id in ENVIRONMENTS else ""
 
 
 def _fate(clip: Clip) -> str:
