@@ -167,11 +167,11 @@ def _videos(clips: Clips | None, colours: dict[str, int], env_id: str) -> str:
         "</p>"
         f'<figure class="wide"><div class="grid2">{"".join(blocks)}</div>'
         '<button type="button" id="together">Play together from the start</button>'
-        f"<figcaption>{_legend(env_id)}</figcaption></figure>"
+        f"<figcaption>{legend(env_id)}</figcaption></figure>"
     )
 
 
-def _legend(env_id: str) -> str:
+def legend(env_id: str) -> str:
     """What is drawn over our robots; other environments draw themselves as they like."""
     return f"Drawn over the robots: {'; '.join(LABELS.values())}." if env_id in ENVIRONMENTS else ""
 

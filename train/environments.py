@@ -2,13 +2,14 @@
 
 import importlib
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import gymnasium as gym
 from gymnasium.vector import VectorEnv
 
 from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
-from fbid_gym.envs.overlays import LABELS
+from fbid_gym.envs.overlays import EVERYTHING
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from train.runs.config import cores
 
@@ -48,7 +49,7 @@ def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
     """
     options = {**_own_arguments(env_args), "render_mode": "rgb_array"}
     if env_id in ENVIRONMENTS:
-        options.setdefault("render_options", dict.fromkeys(LABELS, True))
+        options.setdefault("render_options", asdict(EVERYTHING))
     return _make(lambda: gym.make(env_id, **options), env_id, env_args)
 
 

@@ -31,7 +31,7 @@ class RobotEnv(gym.Env):
         **arguments: Any,
     ) -> None:
         """Build the environment."""
-        self._shown = check_rendering(render_mode, render_options)
+        self.drawn_over = check_rendering(render_mode, render_options)
         self.config = EnvConfig.of({"robot": robot} | arguments)
         self.batch = EnvBatch(self.config, 1)
         self.metadata = self.metadata | {"render_fps": self.config.rates().policy}
@@ -75,7 +75,7 @@ class RobotEnv(gym.Env):
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
         if self._renderer is None:
-            self._renderer = RobotRenderer(self.batch, self.render_mode, self._shown)
+            self._renderer = RobotRenderer(self.batch, self.render_mode, self.drawn_over)
         return self._renderer.render(0)
 
     def close(self) -> None:
