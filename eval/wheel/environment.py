@@ -42,11 +42,6 @@ def check_scripts_stay(place: Place) -> None:
     expect(found.split() == ["None", "None"], f"train or eval is installed: {found}")
 
 
-def check_compiles(place: Place) -> None:
-    """What the environments run can be compiled beforehand."""
-    place.run("-m", "fbid_gym.compile_all")
-
-
 def check_makes(place: Place) -> None:
     """Every environment is made and steps, from the root folder and from an empty one."""
     place.run(_SCRIPTS / "makes.py")
@@ -134,7 +129,6 @@ CHECKS = (
     Check("train/ and eval/ are not installed", check_scripts_stay),
     Check("import fbid_gym loads neither torch nor stable-baselines3", check_import),
     Check("make_sb3 without stable-baselines3 names the extra", check_without_sb3),
-    Check("python -m fbid_gym.compile_all compiles", check_compiles),
     Check("every environment is made and steps, from any folder", check_makes),
     Check("so where neither installation nor home can be written", check_read_only),
     Check("a policy plays in ten lines, without torch or stable-baselines3", check_plays),

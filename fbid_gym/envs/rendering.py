@@ -24,7 +24,7 @@ DISTANCE = 2.5
 
 # Shares of that size: the arrow of a push of the robot's weight, its width, and how far from the
 # base's centre it ends, so that the trunk does not hide it.
-_ARROW_LENGTH, _ARROW_WIDTH, _ARROW_GAP = 1.75, 0.0225, 0.2
+_ARROW_LENGTH, _ARROW_WIDTH, _ARROW_GAP = 1.0, 0.0225, 0.4
 _SEEN_THROUGH = 0.3  # opacity of the robot
 _PIXELS = 230.0  # in the size of the robot, where it is
 
