@@ -69,7 +69,7 @@ soak: setup  ## Run every layer for long, see that nothing grows (ARGS="--steps 
 	@$(HEADLESS) $(BIN)/python -m eval.soak $(ARGS)
 
 dist: setup $(VENV)/.dist  ## Build wheel and source archive, use them in a fresh environment (PYTHON=python3.13).
-	@$(HEADLESS) $(BIN)/python -m eval.wheel --python "$$(command -v "$(PYTHON)")" $(ARGS)
+	@$(HEADLESS) $(BIN)/python -m eval.wheel --python "$(PYTHON)" $(ARGS)
 
 clean:  ## Remove the environment and the caches; keep runs/.
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache
