@@ -23,7 +23,7 @@ HEADLESS := if [ -z "$${MUJOCO_GL:-}" ] && [ -s $(VENV)/mujoco_gl ]; then \
 	export MUJOCO_GL="$$(cat $(VENV)/mujoco_gl)"; fi;
 endif
 
-.PHONY: help setup demo play docs study test test-fast check format bench papers fuzz soak clean
+.PHONY: help setup demo play docs study test test-fast check format bench papers fuzz soak dist clean
 
 help:  ## List the targets.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -72,6 +72,9 @@ fuzz: setup  ## Search for inputs that break something (ARGS="--minutes 5").
 soak: setup  ## Run every layer for long, see that nothing grows (ARGS="--steps 1e7").
 	@$(HEADLESS) $(BIN)/python -m eval.soak $(ARGS)
 
+dist: setup $(VENV)/.dist  ## Build wheel and source archive, use them in a fresh environment (PYTHON=python3.13).
+	@$(HEADLESS) $(BIN)/python -m eval.wheel --python "$(PYTHON)" $(ARGS)
+
 clean:  ## Remove the environment and the caches; keep runs/.
 	rm -rf $(VENV) build dist site .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -106,6 +109,11 @@ $(VENV)/.docs: $(VENV)/.installed
 	@echo "Installing what builds the documentation ..."
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 		--constraint constraints.txt --editable ".[docs]"
+	@touch $@
+
+$(VENV)/.dist: $(VENV)/.installed
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		--constraint constraints.txt --editable ".[dist]"
 	@touch $@
 
 # Done once; after a change of the sources, what runs is compiled as it is used.

@@ -10,6 +10,8 @@ from PIL import Image
 
 from eval.video import Clip
 from eval.wording import capital
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.overlays import LABELS
 
 STARTS = (
     "document.querySelectorAll('.clips').forEach(group=>{"
@@ -32,13 +34,19 @@ class Shown(NamedTuple):
     clip: Clip
 
 
-def side_by_side(clips: Sequence[Shown]) -> str:
-    """Return the clips as HTML, with a button that starts them together."""
+def side_by_side(clips: Sequence[Shown], env_id: str) -> str:
+    """Return the clips of an environment as HTML, with a button that starts them together."""
     blocks = "".join(map(_block, clips))
     return (
         f'<figure class="wide clips"><div class="grid2">{blocks}</div>'
-        '<button type="button">Play together from the start</button></figure>'
+        '<button type="button">Play together from the start</button>'
+        f"<figcaption>{legend(env_id)}</figcaption></figure>"
     )
+
+
+def legend(env_id: str) -> str:
+    """Say what is drawn over our robots; other environments draw themselves as they like."""
+    return f"Drawn over the robots: {'; '.join(LABELS.values())}." if env_id in ENVIRONMENTS else ""
 
 
 def fate(clip: Clip) -> str:

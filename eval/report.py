@@ -44,7 +44,7 @@ def page(comparison: Comparison, clips: Clips | None, command: Sequence[str] = (
     body = [
         _opening(comparison),
         _curves(comparison, colours),
-        _videos(clips, colours),
+        _videos(clips, colours, comparison.env_id),
         _metrics(comparison, colours),
         _sweep(comparison, colours),
         _thresholds(comparison, colours),
@@ -131,7 +131,7 @@ def _curves(c: Comparison, colours: dict[str, int]) -> str:
     )
 
 
-def _videos(clips: Clips | None, colours: dict[str, int]) -> str:
+def _videos(clips: Clips | None, colours: dict[str, int], env_id: str) -> str:
     if clips is None:
         return ""
     shown = [
@@ -149,7 +149,7 @@ def _videos(clips: Clips | None, colours: dict[str, int]) -> str:
         "<h2>The same push</h2>"
         f"<p>The median seed of each layer, the lower of two. {same}: {number(clips.push)} N each."
         "</p>"
-        f"{side_by_side(shown)}"
+        f"{side_by_side(shown, env_id)}"
     )
 
 

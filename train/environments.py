@@ -2,12 +2,14 @@
 
 import importlib
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import gymnasium as gym
 from gymnasium.vector import VectorEnv
 
 from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
+from fbid_gym.envs.overlays import EVERYTHING
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from train.runs.config import cores
 
@@ -41,8 +43,13 @@ def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> Vector
 
 
 def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
-    """Make one environment that draws itself. Raises as `make_envs`."""
+    """Make one environment that draws itself, what its layer sees and decides over it.
+
+    `render_options` among the arguments say otherwise. Raises as `make_envs`.
+    """
     options = {**_own_arguments(env_args), "render_mode": "rgb_array"}
+    if env_id in ENVIRONMENTS:
+        options.setdefault("render_options", asdict(EVERYTHING))
     return _make(lambda: gym.make(env_id, **options), env_id, env_args)
 
 

@@ -13,7 +13,8 @@ from fbid_gym.errors import FbidError
 _ENV = "fbid_gym/BipedBalance-v0"
 # Not "num_envs", nor what else may ask for all the memory there is: the search shall outlive them.
 _NAMES = ("action_layer", "randomisation", "physics_hz", "control_hz", "push_force",
-          "push_interval", "push_duration", "layer_options", "render_mode", "robot")  # fmt: skip
+          "push_interval", "push_duration", "layer_options", "render_mode",
+          "render_options", "robot")  # fmt: skip
 
 
 def cases() -> st.SearchStrategy[dict[str, Any]]:

@@ -11,13 +11,10 @@ from eval.papers.log import Log
 from eval.papers.parts import frames, video
 from eval.video import Clip
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.envs.overlays import size_of
+from fbid_gym.envs.rendering import DISTANCE, add_push
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot
-
-_ARROW = np.array([0.9, 0.25, 0.1, 1.0], np.float32)
-# Shares of the camera's distance: an arrow's length for a push of the robot's weight, its width,
-# and how far from the base's centre it ends.
-_LENGTH, _WIDTH, _GAP = 0.7, 0.009, 0.08
 
 
 class Camera:
@@ -49,8 +46,7 @@ class Camera:
         """
         self._robot, self._model = robot, robot.model if model is None else model
         self._data = mujoco.MjData(self._model)
-        support = Stance.of(robot)
-        self._distance = (2.3 * support.home_base[2] + 3.5 * support.radius) / nearer
+        self._size = size_of(Stance.of(robot)) / nearer
         try:
             self._renderer = mujoco.Renderer(self._model, height=height, width=width)
         except Exception as error:  # the GL back ends raise types of their own
@@ -60,7 +56,7 @@ class Camera:
             ) from error
         self._camera = mujoco.MjvCamera()
         self._camera.azimuth, self._camera.elevation = azimuth, elevation
-        self._camera.distance = self._distance
+        self._camera.distance = DISTANCE * self._size
 
     def __enter__(self) -> "Camera":
         """Return itself."""
@@ -94,7 +90,8 @@ class Camera:
         self._camera.lookat[:2] = qpos[:2]
         self._camera.lookat[2] = 0.62 * self._robot.home_qpos[2]
         self._renderer.update_scene(self._data, self._camera)
-        self._arrow(push)
+        centre = self._data.xipos[self._robot.base_body]
+        add_push(self._renderer.scene, centre, push / self._robot.weight, self._size)
         image = self._renderer.render()
         return _labelled(image, label) if label else image
 
@@ -131,19 +128,6 @@ class Camera:
             pushed = f", {force:.0f} N" if force > 0 else ""
             pictures.append(self.picture(log["qpos"][row, 0], newtons, f"{moment:.1f} s{pushed}"))
         return video(Clip(pictures, fps, push, None).mp4(30), caption)
-
-    def _arrow(self, push: np.ndarray) -> None:
-        size, scene = float(np.linalg.norm(push)), self._renderer.scene
-        if size == 0.0 or scene.ngeom >= scene.maxgeom:
-            return
-        centre = self._data.xipos[self._robot.base_body]
-        end = centre - push / size * _GAP * self._distance
-        start = end - push / self._robot.weight * _LENGTH * self._distance
-        arrow = scene.geoms[scene.ngeom]
-        kind = mujoco.mjtGeom.mjGEOM_ARROW
-        mujoco.mjv_initGeom(arrow, kind, np.zeros(3), np.zeros(3), np.zeros(9), _ARROW)
-        mujoco.mjv_connector(arrow, kind, _WIDTH * self._distance, start, end)
-        scene.ngeom += 1
 
 
 def _labelled(picture: np.ndarray, label: str) -> np.ndarray:

@@ -7,13 +7,12 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
-from eval.play.insight import insight
-from eval.play.lane import Lane
 from eval.play.overlays import Overlays
 from eval.play.panel import Panel
 from eval.play.plots import Plots
 from eval.play.scene import Scene
 from eval.play.session import MOST_PUSH, Push, Session
+from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
 
 DISPLAY_HZ = 60.0
@@ -53,7 +52,6 @@ class Page:
         self._plots: Plots | None = None
         self._furnish()
         self._stop = threading.Event()
-        self._accelerations: list[np.ndarray] = []
         self._drawn = (-1, -1)
         self._overlaid: object = None
         self._due: dict[str, float] = {}
@@ -125,14 +123,9 @@ class Page:
     def _step(self) -> None:
         """Go on by a policy step, unless paused."""
         session = self._session
-        before = [_com_velocity(lane) for lane in session.lanes]
         if not session.advance():
             return
         self._settle()
-        self._accelerations = [
-            (_com_velocity(lane) - velocity) * session.hz
-            for lane, velocity in zip(session.lanes, before, strict=False)
-        ]
         self._scene.look(session.lanes)
         if self._is_due("noted", _PLOTTED_HZ):
             assert self._plots is not None
@@ -158,11 +151,9 @@ class Page:
 
     def _draw_overlays(self) -> None:
         shown, lanes = self._panel.shown, self._session.lanes
-        for place, (lane, overlays) in enumerate(zip(lanes, self._overlays, strict=True)):
-            known = place < len(self._accelerations)
-            achieved = self._accelerations[place] if known else np.full(3, np.nan)
-            if shown:
-                overlays.draw(shown, insight(lane), achieved)
+        for lane, overlays in zip(lanes, self._overlays, strict=True):
+            if shown.any:
+                overlays.draw(shown, insight(lane.batch))
             else:
                 overlays.hide()
 
@@ -184,7 +175,3 @@ class Page:
         if session.refused:
             words.append(f"refused: {session.refused}")
         return ", ".join(words)
-
-
-def _com_velocity(lane: Lane) -> np.ndarray:
-    return lane.batch.simulation.terms().com_velocity[0].copy()

@@ -8,9 +8,10 @@ import numpy as np
 import viser
 
 from eval.play.controls import Control, Menu, Slider, from_text, to_text
-from eval.play.overlays import LABELS, SHOWN_FIRST
+from eval.play.overlays import SHOWN_FIRST
 from eval.play.session import MOST_PUSH, Change, OneStep, Push, Request, Reset, Session
 from eval.play.stage import MOST_PUSH_SECONDS
+from fbid_gym.envs.overlays import LABELS, RenderOptions
 from fbid_gym.errors import FbidError
 
 _USUAL_PUSH, _USUAL_SECONDS = 0.4, 0.15  # weights, s
@@ -138,9 +139,9 @@ class Panel:
             event.client.add_notification("Refused", str(error), color="red")
 
     @property
-    def shown(self) -> set[str]:
-        """Kinds of overlays that are switched on."""
-        return {kind for kind, widget in self._overlays.items() if widget.value}
+    def shown(self) -> RenderOptions:
+        """Which overlays are switched on."""
+        return RenderOptions(**{kind: bool(box.value) for kind, box in self._overlays.items()})
 
     def show(self, status: str) -> None:
         """Show what applies, where that has changed, and how it goes."""

@@ -9,6 +9,7 @@ import viser
 
 from eval.play.lane import Lane
 from eval.play.shapes import Shape, shapes
+from fbid_gym.envs.overlays import size_of
 
 _SECOND = np.array([40, 120, 255])  # what the second robot's colours are mixed with
 _PUSH_COLOUR = (230, 64, 26)
@@ -139,7 +140,7 @@ class Scene:
         """Send ground and robots, and place the camera of those who come."""
         self._server, self._drag = server, drag
         stance = lanes[0].batch.task.body.stance
-        self.size = float(2.3 * stance.home_base[2] + 3.5 * stance.radius) / 2.5
+        self.size = size_of(stance)
         self._world = server.scene.add_frame("/world", show_axes=False)
         server.scene.set_up_direction("+z")
         cell = 0.25 if self.size < 1.0 else 0.5

@@ -32,6 +32,7 @@ OWNED = (
     "command_interval",
     "height_interval",
     "render_mode",
+    "render_options",
     "num_threads",
 )
 """Arguments of an environment that are a session's own."""

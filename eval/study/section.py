@@ -242,7 +242,7 @@ def _clips(clips: Clips, env_id: str) -> str:
     return (
         heading("What it looks like")
         + text("The median seed of each arm, all from the same seed of the environment.")
-        + side_by_side(its)
+        + side_by_side(its, env_id)
     )
 
 

@@ -16,6 +16,7 @@ from fbid_gym.actions import LAYERS, WALKING_LAYERS, Footholds
 from fbid_gym.actions.contact_options import ContactOptions, WalkingContact
 from fbid_gym.envs.chunks import NUM_ENVS, NUM_THREADS
 from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.options import Option, options_of
 from fbid_gym.tasks import TASKS
@@ -104,6 +105,7 @@ def page() -> str:
             parts.append("And those about contacts.")
     section("### About contacts, walking", walking, meanings(WalkingContact))
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
+    section("## `render_options`", options_of(RenderOptions), meanings(RenderOptions))
     return "\n\n".join(parts) + "\n"
 
 

@@ -222,6 +222,10 @@ class BalanceEnv(RobotEnv):
     |                   |                |                    | `Randomisation`                    |
     | `render_mode`     | str or None    | `None`             | `"rgb_array"` or `"human"`; an     |
     |                   |                |                    | arrow is a push                    |
+    | `render_options`  | dict or None   | `None`             | What is drawn over the robot, each |
+    |                   |                |                    | True or False: `forces`, `cones`,  |
+    |                   |                |                    | `com`, `capture_point`, `support`, |
+    |                   |                |                    | `footholds`, `acceleration`        |
 
     The range of each, and of every option of layers and tasks: docs/arguments.md, or
     `python -m fbid_gym.envs`.

@@ -142,6 +142,11 @@ class EnvConfig:
             return make_walking_layer(self.action_layer, robot, hz, omega, options)
         return make_layer(self.action_layer, robot, hz, options), Footholds.none(robot)
 
+    def every_layer_option(self) -> dict[str, Any]:
+        """Return the options of the action layer, those that are not given with their defaults."""
+        known = walking_layer_options if self.task == "walk" else layer_options
+        return known(self.action_layer) | by_name("layer_options", self.layer_options)
+
     def make_task(self, robot: Robot) -> Task:
         """Return the task."""
         rates = self.rates()
@@ -197,9 +202,7 @@ class EnvConfig:
         robot = self.load_robot()
         task = self.make_task(robot)
         layer, _ = self.layer(robot, task)
-        walks = isinstance(task, Walk)
-        defaults = (walking_layer_options if walks else layer_options)(self.action_layer)
-        options = defaults | by_name("layer_options", self.layer_options)
+        options = self.every_layer_option()
         for name, value in options.items():
             if value is None:
                 # A layer of the user's need not tell what it makes of None.
@@ -255,7 +258,7 @@ def _ground(
 
 _TERRAIN_HEIGHT = 0.191  # 3 cm for the 16 cm of `quadruped`, as in [M10] IV.E
 
-_NOT_ITSELF = ("render_mode", "num_threads")
+_NOT_ITSELF = ("render_mode", "render_options", "num_threads")
 
 
 def _derived(value: Any) -> Any:

@@ -11,6 +11,7 @@ from fbid_gym.envs.action_delay import ActionDelay
 from fbid_gym.envs.answers import as_numbers, as_terms, check_plan
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.curriculum import Progress
+from fbid_gym.envs.moment import Moment, row_of, rows_of
 from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
@@ -97,6 +98,8 @@ class EnvBatch:
         self._planned = {name: value.copy() for name, value in planned.items()}
         self._progress = Progress.of(num_envs, self.terrain.tiles, config.difficulty)
         self._all_ticks = np.arange(self.rates.ticks)[:, None]
+        # At the beginning of the last policy step; only for those who look.
+        self._com_velocity = np.full((num_envs, 3), np.nan)
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -123,6 +126,7 @@ class EnvBatch:
         ground = self.terrain.height(qpos[:, 0], qpos[:, 1])
         self.simulation.place(ids, qpos, self._plan["qvel"][ids], ground)
         self._tick[ids], self._torque[ids] = 0, 0.0
+        self._com_velocity[ids] = np.nan
         self._forget(ids)
         self._plan_anew(ids)
         rest = Effort.none(self.num_envs, self.robot.num_joints)
@@ -188,6 +192,7 @@ class EnvBatch:
     def _act(self, action: np.ndarray) -> tuple[Effort, dict[str, np.ndarray]]:
         """Run the control ticks of a policy step; what the motors did, and what the pushes."""
         state, effort = self._look(), Effort.none(self.num_envs, self.robot.num_joints)
+        self._com_velocity[:] = self.simulation.terms().com_velocity
         ticks, pushes = self._tick + self._all_ticks, self.task.pushes
         forces = pushes.forces(self._plan, ticks, self.rates.control)
         jumps = pushes.jumps(self._plan, ticks)
@@ -257,8 +262,27 @@ class EnvBatch:
         home[:, :2] += self.terrain.starts[0]
         ground = self.terrain.height(home[:, 0], home[:, 1])
         self.simulation.place(ids, home, np.zeros((len(ids), self.robot.nv)), ground)
+        self._com_velocity[ids] = np.nan
         self._forget(ids)
         self._plan_anew(ids)
+
+    def moment(self, env: int) -> Moment:
+        """Return what the layer would see of one robot now, in copies."""
+        action = self._delay.arrived(self.rates.ticks - 1)[env : env + 1]
+        steering = self.footholds.steering(action[:, self._num_own :])
+        terms, actual = row_of(self.plant.terms(), env), row_of(self.simulation.terms(), env)
+        state = row_of(self._look(), env)
+        now = Now(state, lambda: terms, steering, rows_of(self._planned, env))
+        gained = actual.com_velocity[0] - self._com_velocity[env]
+        return Moment(
+            action=np.ascontiguousarray(action[:, : self._num_own]),
+            state=state,
+            reference=self.task.reference(rows_of(self._plan, env), now),
+            terms=terms,
+            actual=actual,
+            memory=rows_of(self._memory, env),
+            acceleration=gained * self.rates.policy,
+        )
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return all that the future depends on: physics, task, layer, generators.
@@ -304,6 +328,7 @@ class EnvBatch:
                 own[name][:] = value
         self._tick[:], self._torque = state["tick"], state["torque"].copy()
         self._observation = state["observation"].copy()
+        self._com_velocity[:] = np.nan
         self._rngs = [_unpacked(row) for row in state["generator"]]
 
 

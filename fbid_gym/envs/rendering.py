@@ -2,33 +2,53 @@
 
 import os
 import sys
+from typing import Any
 
 import mujoco
 import mujoco.viewer
 import numpy as np
 
+from fbid_gym.checks import by_name
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.insight import insight
+from fbid_gym.envs.overlays import Mark, RenderOptions, marks, size_of
 from fbid_gym.errors import FbidError, UnknownOptionError
+from fbid_gym.robots.geoms import Colour, add_arrow, add_ball, add_thread
 
 RENDER_MODES = ("human", "rgb_array")
 WIDTH, HEIGHT = 640, 480
 
-_ARROW_COLOUR = np.array([0.9, 0.25, 0.1, 1.0], np.float32)
-# Shares of the camera's distance: the arrow of a push of the robot's weight, its width, and how far
-# from the base's centre it ends, so that the trunk does not hide it.
-_ARROW_LENGTH, _ARROW_WIDTH, _ARROW_GAP = 0.7, 0.009, 0.08
+_ARROW_COLOUR = (0.9, 0.25, 0.1, 1.0)
+DISTANCE = 2.5
+"""Of the camera, in the robot's size."""
+
+# Shares of that size: the arrow of a push of the robot's weight, its width, and how far from the
+# base's centre it ends, so that the trunk does not hide it.
+_ARROW_LENGTH, _ARROW_WIDTH, _ARROW_GAP = 1.0, 0.0225, 0.4
+_SEEN_THROUGH = 0.3  # opacity of the robot
+_PIXELS = 230.0  # in the size of the robot, where it is
 
 
 class RobotRenderer:
-    """Draws an environment of a batch from a camera that follows the base; an arrow is a push."""
+    """Draws an environment of a batch from a camera that follows the base; an arrow is a push.
 
-    def __init__(self, batch: EnvBatch, mode: str) -> None:
-        """Open nothing yet: the window or the context appears with the first picture."""
-        self._batch, self._mode = batch, mode
+    Nothing that is drawn changes a robot.
+    """
+
+    def __init__(self, batch: EnvBatch, mode: str, shown: RenderOptions) -> None:
+        """Open nothing yet: the window or the context appears with the first picture.
+
+        Args:
+            batch: with the environments.
+            mode: one of `RENDER_MODES`.
+            shown: over the robot, which one sees through where anything is.
+        """
+        self._batch, self._mode, self._shown = batch, mode, shown
         _, self._model = batch.config.ground(batch.robot)  # with what is only drawn
-        self._data = mujoco.MjData(self._model)
-        stance = batch.task.body.stance
-        self._distance = 2.3 * stance.home_base[2] + 3.5 * stance.radius
+        self._model.vis.map.alpha = _SEEN_THROUGH
+        self._data, self._option = mujoco.MjData(self._model), mujoco.MjvOption()
+        self._option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = shown.any
+        self._size = size_of(batch.task.body.stance)
         self._renderer: mujoco.Renderer | None = None
         self._viewer: mujoco.viewer.Handle | None = None
 
@@ -37,13 +57,12 @@ class RobotRenderer:
         simulation = self._batch.simulation
         self._data.qpos[:], self._data.qvel[:] = simulation.qpos[env], simulation.qvel[env]
         mujoco.mj_forward(self._model, self._data)
-        force = simulation.batch.xfrc_applied[env, self._batch.robot.base_body, :3]
         if self._mode == "human":
-            self._show(force)
+            self._show(env)
             return None
-        return self._frame(force)
+        return self._frame(env)
 
-    def _frame(self, force: np.ndarray) -> np.ndarray:
+    def _frame(self, env: int) -> np.ndarray:
         if self._renderer is None:
             try:
                 self._renderer = mujoco.Renderer(self._model, height=HEIGHT, width=WIDTH)
@@ -54,11 +73,11 @@ class RobotRenderer:
                 ) from error
             self._camera = mujoco.MjvCamera()
             self._aim(self._camera)
-        self._renderer.update_scene(self._data, self._camera)
-        self._draw_push(self._renderer.scene, force)
+        self._renderer.update_scene(self._data, self._camera, self._option)
+        self._add_to(self._renderer.scene, env)
         return self._renderer.render()
 
-    def _show(self, force: np.ndarray) -> None:
+    def _show(self, env: int) -> None:
         if self._viewer is None:
             if sys.platform == "linux" and not (
                 os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
@@ -68,34 +87,27 @@ class RobotRenderer:
                 self._model, self._data, show_left_ui=False, show_right_ui=False
             )
             self._aim(self._viewer.cam)
+            self._viewer.opt.flags[:] = self._option.flags
         with self._viewer.lock():
             self._viewer.user_scn.ngeom = 0
-            self._draw_push(self._viewer.user_scn, force)
+            self._add_to(self._viewer.user_scn, env)
         self._viewer.sync()
 
     def _aim(self, camera: mujoco.MjvCamera) -> None:
         camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
         camera.trackbodyid = self._batch.robot.base_body
-        camera.distance = self._distance
+        camera.distance = DISTANCE * self._size
         camera.azimuth, camera.elevation = 140.0, -12.0
 
-    def _draw_push(self, scene: mujoco.MjvScene, force: np.ndarray) -> None:
-        """Add an arrow that ends at the base to the scene, if the base is pushed."""
-        size = float(np.linalg.norm(force))
-        if size == 0.0 or scene.ngeom >= scene.maxgeom:
-            return
-        distance, weight = self._distance, self._batch.robot.weight
-        centre = self._data.xipos[self._batch.robot.base_body]
-        end = centre - force / size * _ARROW_GAP * distance
-        start = end - force / weight * _ARROW_LENGTH * distance
-        arrow = scene.geoms[scene.ngeom]
-        mujoco.mjv_initGeom(
-            arrow, mujoco.mjtGeom.mjGEOM_ARROW, np.zeros(3), np.zeros(3), np.zeros(9), _ARROW_COLOUR
-        )
-        mujoco.mjv_connector(
-            arrow, mujoco.mjtGeom.mjGEOM_ARROW, _ARROW_WIDTH * distance, start, end
-        )
-        scene.ngeom += 1
+    def _add_to(self, scene: mujoco.MjvScene, env: int) -> None:
+        """Add what the model does not hold: a push, and what shall be seen beside."""
+        robot = self._batch.robot
+        force = self._batch.simulation.batch.xfrc_applied[env, robot.base_body, :3]
+        add_push(scene, self._data.xipos[robot.base_body], force / robot.weight, self._size)
+        if self._shown.any:
+            seen = insight(self._batch, env)
+            for mark in marks(self._shown, seen, self._size, robot.weight):
+                _add(scene, mark, _PIXELS / self._size)
 
     def close(self) -> None:
         """Free the window and the context."""
@@ -107,7 +119,46 @@ class RobotRenderer:
             self._viewer = None
 
 
-def check_render_mode(mode: str | None) -> None:
-    """Raise an error unless `mode` is a render mode or None."""
+def add_push(scene: mujoco.MjvScene, centre: np.ndarray, force: np.ndarray, size: float) -> None:
+    """Add an arrow that ends at a base to a scene, if the base is pushed.
+
+    Args:
+        scene: to draw.
+        centre: (3,) m, of the base.
+        force: (3,) shares of the robot's weight.
+        size: m, of the robot.
+    """
+    strength = float(np.linalg.norm(force))
+    if strength > 0.0:
+        end = centre - force / strength * _ARROW_GAP * size
+        add_arrow(
+            scene, end - force * _ARROW_LENGTH * size, end, _ARROW_WIDTH * size, _ARROW_COLOUR
+        )
+
+
+def _add(scene: mujoco.MjvScene, mark: Mark, pixels: float) -> None:
+    """Add a mark to a scene in which a metre is so many pixels."""
+    red, green, blue = (part / 255 for part in mark.colour)
+    colour: Colour = (red, green, blue, 1.0)
+    if mark.shape == "ball" and np.isfinite(mark.place).all():
+        add_ball(scene, mark.place, mark.radius, colour)
+    for start, end in mark.place + mark.ends:
+        if mark.shape == "arrows":
+            add_arrow(scene, start, end, mark.radius, colour)
+        else:
+            add_thread(scene, start, end, 2.0 * pixels * mark.radius, colour)
+
+
+def check_rendering(mode: str | None, options: Any) -> RenderOptions:
+    """Return what is drawn over a robot.
+
+    Args:
+        mode: of rendering.
+        options: by name, see `RenderOptions`, or None.
+
+    Raises:
+        FbidError: neither a render mode nor None, or options that do not exist.
+    """
     if mode is not None and not (isinstance(mode, str) and mode in RENDER_MODES):
         raise UnknownOptionError("render_mode", mode, (*RENDER_MODES, "None"))
+    return RenderOptions.of(by_name("render_options", options))

@@ -8,7 +8,7 @@ import numpy as np
 from fbid_gym.checks import by_name
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
+from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_rendering
 from fbid_gym.envs.vector_env import spaces
 from fbid_gym.errors import FbidError
 
@@ -23,10 +23,15 @@ class RobotEnv(gym.Env):
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
 
     def __init__(
-        self, robot: Any = "biped", *, render_mode: str | None = None, **arguments: Any
+        self,
+        robot: Any = "biped",
+        *,
+        render_mode: str | None = None,
+        render_options: dict[str, Any] | None = None,
+        **arguments: Any,
     ) -> None:
         """Build the environment."""
-        check_render_mode(render_mode)
+        self.drawn_over = check_rendering(render_mode, render_options)
         self.config = EnvConfig.of({"robot": robot} | arguments)
         self.batch = EnvBatch(self.config, 1)
         self.metadata = self.metadata | {"render_fps": self.config.rates().policy}
@@ -70,7 +75,7 @@ class RobotEnv(gym.Env):
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
         if self._renderer is None:
-            self._renderer = RobotRenderer(self.batch, self.render_mode)
+            self._renderer = RobotRenderer(self.batch, self.render_mode, self.drawn_over)
         return self._renderer.render(0)
 
     def close(self) -> None:

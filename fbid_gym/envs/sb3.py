@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from fbid_gym.checks import count
 from fbid_gym.envs.chunks import Chunks, checked_array
 from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
+from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_rendering
 from fbid_gym.envs.vector_env import spaces
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice
@@ -33,10 +33,15 @@ class SB3VecEnv(VecEnv):
     """
 
     def __init__(
-        self, config: EnvConfig, num_envs: int, num_threads: int, render_mode: str | None
+        self,
+        config: EnvConfig,
+        num_envs: int,
+        num_threads: int,
+        render_mode: str | None = None,
+        render_options: dict[str, Any] | None = None,
     ) -> None:
         """Build the environments."""
-        check_render_mode(render_mode)
+        self._shown = check_rendering(render_mode, render_options)
         self.chunks = Chunks(config, num_envs, num_threads)
         self.render_mode, num_envs = render_mode, self.chunks.num_envs
         self.metadata: dict[str, Any] = {
@@ -133,7 +138,7 @@ class SB3VecEnv(VecEnv):
         for env in range(self.num_envs):
             batch, local = self.chunks.locate(env)
             if id(batch) not in self._renderers:
-                self._renderers[id(batch)] = RobotRenderer(batch, "rgb_array")
+                self._renderers[id(batch)] = RobotRenderer(batch, "rgb_array", self._shown)
             images.append(self._renderers[id(batch)].render(local))
         return images
 
@@ -163,6 +168,7 @@ def make_sb3(
     seed: int | None = None,
     num_threads: int = 1,
     render_mode: str | None = None,
+    render_options: dict[str, Any] | None = None,
     **arguments: Any,
 ) -> SB3VecEnv:
     """Build N environments for stable-baselines3.
@@ -173,6 +179,7 @@ def make_sb3(
         seed: environment i starts from seed + i.
         num_threads: threads that step them.
         render_mode: None or "rgb_array".
+        render_options: what is drawn over the robots, see `RenderOptions`.
         **arguments: of the environment, as for `gym.make`.
 
     Raises:
@@ -183,6 +190,6 @@ def make_sb3(
     if seed is not None:
         count("seed", seed)
     config = EnvConfig.of({**gym.registry[env_id].kwargs, **arguments})
-    envs = SB3VecEnv(config, num_envs, num_threads, render_mode)
+    envs = SB3VecEnv(config, num_envs, num_threads, render_mode, render_options)
     envs.seed(None if seed is None else int(seed))
     return envs

@@ -13,7 +13,7 @@ from fbid_gym.checks import by_name, real_numbers
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_render_mode
+from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_rendering
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
 
 
@@ -39,12 +39,13 @@ class RobotVectorEnv(VectorEnv):
         robot: Any = "biped",
         *,
         render_mode: str | None = None,
+        render_options: dict[str, Any] | None = None,
         num_threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         **arguments: Any,
     ) -> None:
         """Build the environments."""
-        check_render_mode(render_mode)
+        self._shown = check_rendering(render_mode, render_options)
         self.config = EnvConfig.of({"robot": robot} | arguments)
         self.chunks = Chunks(self.config, num_envs, num_threads)
         first = self.chunks.batches[0]
@@ -138,7 +139,8 @@ class RobotVectorEnv(VectorEnv):
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
         if not self._renderers:
-            self._renderers = [RobotRenderer(b, self.render_mode) for b in self.chunks.batches]
+            drawn = self.render_mode, self._shown
+            self._renderers = [RobotRenderer(batch, *drawn) for batch in self.chunks.batches]
         frames = [
             renderer.render(env)
             for renderer, part in zip(self._renderers, self.chunks.slices, strict=True)

@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import FbidError
+from fbid_gym.robots.geoms import add_ball, add_line
 from fbid_gym.robots.polygon import convex_hull
 from fbid_gym.robots.robot import Robot
 
-_GEOM = mujoco.mjtGeom
 _WIDTH, _HEIGHT = 1280, 960
 _POINT = (0.9, 0.25, 0.1, 1.0)
 _HULL = (0.95, 0.6, 0.1, 1.0)
@@ -58,16 +58,16 @@ def portrait(robot: Robot) -> np.ndarray:
         thin = 0.004 * reach
         for body in range(robot.base_body + 1, model.nbody):
             parent = data.xpos[model.body_parentid[body]]
-            _line(renderer.scene, parent, data.xpos[body], thin, _BONE)
+            add_line(renderer.scene, parent, data.xpos[body], thin, _BONE)
         corners = points[convex_hull(points[:, :2])]
         for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            _line(renderer.scene, start, end, thin, _HULL)
+            add_line(renderer.scene, start, end, thin, _HULL)
         below = np.array([*com[:2], points[:, 2].min()])
-        _line(renderer.scene, com, below, 0.5 * thin, _COM)
+        add_line(renderer.scene, com, below, 0.5 * thin, _COM)
         for place in points:
-            _ball(renderer.scene, place, 2.0 * thin, _POINT)
-        _ball(renderer.scene, com, 3.0 * thin, _COM)
-        _ball(renderer.scene, below, 1.5 * thin, _COM)
+            add_ball(renderer.scene, place, 2.0 * thin, _POINT)
+        add_ball(renderer.scene, com, 3.0 * thin, _COM)
+        add_ball(renderer.scene, below, 1.5 * thin, _COM)
         return np.asarray(renderer.render())
 
 
@@ -84,38 +84,3 @@ def write_png(path: Path, pixels: np.ndarray) -> None:
 def _chunk(kind: bytes, content: bytes) -> bytes:
     check = struct.pack(">I", zlib.crc32(kind + content))
     return struct.pack(">I", len(content)) + kind + content + check
-
-
-def _line(
-    scene: mujoco.MjvScene,
-    start: np.ndarray,
-    end: np.ndarray,
-    width: float,
-    colour: tuple[float, float, float, float],
-) -> None:
-    geom = _next(scene, _GEOM.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), colour)
-    mujoco.mjv_connector(geom, _GEOM.mjGEOM_CAPSULE, width, start, end)
-
-
-def _ball(
-    scene: mujoco.MjvScene,
-    place: np.ndarray,
-    radius: float,
-    colour: tuple[float, float, float, float],
-) -> None:
-    _next(scene, _GEOM.mjGEOM_SPHERE, np.full(3, radius), place, colour)
-
-
-def _next(
-    scene: mujoco.MjvScene,
-    kind: mujoco.mjtGeom,
-    size: np.ndarray,
-    place: np.ndarray,
-    colour: tuple[float, float, float, float],
-) -> mujoco.MjvGeom:
-    geom = scene.geoms[scene.ngeom]
-    mujoco.mjv_initGeom(
-        geom, kind, size, place, np.eye(3).ravel(), np.array(colour, dtype=np.float32)
-    )
-    scene.ngeom += 1
-    return geom

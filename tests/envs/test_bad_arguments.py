@@ -19,7 +19,9 @@ from fbid_gym.actions import LAYERS, WALKING_LAYERS, make_layer, make_walking_la
 from fbid_gym.envs.__main__ import page
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.randomisation import Randomisation
+from fbid_gym.envs.rendering import check_rendering
 from fbid_gym.errors import FbidError, shown
 from fbid_gym.options import Choice, Flag, Pair, options_of
 from fbid_gym.robots import load
@@ -86,6 +88,12 @@ def tried():
             yield f"environment-{option.name}", option, own
     for option in options_of(Randomisation).values():
         yield f"randomisation-{option.name}", option, randomised
+
+    def drawn(name, value):
+        check_rendering("rgb_array", {name: value})
+
+    for option in options_of(RenderOptions).values():
+        yield f"render-{option.name}", option, drawn
     for task, kind in TASKS.items():
 
         def of_task(name, value, task=task):

@@ -174,7 +174,7 @@ def test_arguments_table():
     rows = {names_in(row[0])[0]: row for row in table("Arguments", "Parameter")}
     defaults = {field.name: field.default for field in fields(EnvConfig)} | task_options("balance")
     del defaults["task_options"]
-    assert rows.keys() == defaults.keys() | {"render_mode"}
+    assert rows.keys() == defaults.keys() | {"render_mode", "render_options"}
     for name, default in defaults.items():
         assert names_in(rows[name][2])[0] == repr(default).replace("'", '"'), name
     randomised = set(names_in(rows["randomisation"][3]))

@@ -2,17 +2,25 @@
 
 import gymnasium as gym
 import imageio_ffmpeg
+import mujoco
 import numpy as np
 import pytest
 from gymnasium.wrappers import RecordVideo
 from gymnasium.wrappers.vector import RecordVideo as VectorRecordVideo
+from stable_baselines3.common.vec_env import VecVideoRecorder
 
 import fbid_gym
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.insight import insight
+from fbid_gym.envs.overlays import LABELS, RenderOptions, marks, size_of
 from fbid_gym.errors import FbidError
+from fbid_gym.options import options_of
+from fbid_gym.robots.geoms import add_arrow, add_ball, add_thread
 
 SHAPE = (480, 640, 3)
 ARGUMENTS = {"action_layer": "joint_position", "render_mode": "rgb_array"}
+EVERYTHING = dict.fromkeys(LABELS, True)
+DRAWN = ARGUMENTS | {"render_options": EVERYTHING}
 
 
 def assert_same_picture(one, other):
@@ -77,7 +85,7 @@ def test_vector_environments_show_everyone():
 
 
 def test_record_video_of_one(tmp_path):
-    env = gym.make("fbid_gym/BipedBalance-v0", **ARGUMENTS, episode_seconds=0.2)
+    env = gym.make("fbid_gym/BipedBalance-v0", **DRAWN, episode_seconds=0.2)
     env = RecordVideo(env, str(tmp_path / "videos"), disable_logger=True)
     env.reset(seed=0)
     truncated = False
@@ -89,7 +97,7 @@ def test_record_video_of_one(tmp_path):
 
 
 def test_record_video_of_many(tmp_path):
-    envs = gym.make_vec("fbid_gym/QuadrupedBalance-v0", num_envs=2, **ARGUMENTS)
+    envs = gym.make_vec("fbid_gym/QuadrupedBalance-v0", num_envs=2, **DRAWN)
     envs = VectorRecordVideo(envs, str(tmp_path / "videos"), video_length=8, disable_logger=True)
     envs.reset(seed=0)
     for _ in range(10):
@@ -98,6 +106,181 @@ def test_record_video_of_many(tmp_path):
     videos = list((tmp_path / "videos").glob("*.mp4"))
     assert videos and all(video.stat().st_size > 1000 for video in videos)
     assert imageio_ffmpeg.count_frames_and_secs(str(videos[0]))[0] >= 8
+
+
+def test_everything_has_a_label():
+    assert LABELS.keys() == options_of(RenderOptions).keys()
+    assert not RenderOptions().any and RenderOptions(com=True).any
+
+
+def standing(layer="base_acceleration", **arguments):
+    env = gym.make("fbid_gym/BipedBalance-v0", **ARGUMENTS | {"action_layer": layer}, **arguments)
+    env.reset(seed=0)
+    return env, env.unwrapped.batch
+
+
+def marks_of(batch, **shown):
+    size = size_of(batch.task.body.stance)
+    found = marks(RenderOptions(**shown), insight(batch), size, batch.robot.weight)
+    return {mark.name: mark for mark in found}
+
+
+def test_forces_of_a_robot_that_stands_point_into_the_rims_of_their_cones():
+    env, batch = standing(push_force=(0.0, 0.0))
+    for _ in range(60):
+        env.step(np.zeros(6, np.float32))
+    found = marks_of(batch, forces=True, cones=True, support=True, com=True)
+    for name in ("measured", "commanded"):
+        arrows = found[name].ends[:, 1] - found[name].ends[:, 0]
+        share = arrows[:, 2].sum() / (0.25 * size_of(batch.task.body.stance) * len(arrows))
+        assert share == pytest.approx(1.0, abs=0.05)  # an even share: a quarter of the size
+    cones = [mark for name, mark in found.items() if name.startswith("cone")]
+    arrows = found["measured"].place + found["measured"].ends
+    assert len(cones) == len(arrows) == batch.robot.num_points
+    for cone, (start, end) in zip(cones, arrows, strict=True):
+        rim = cone.ends[-1, 0]  # the last lines are the rim
+        assert cone.place == pytest.approx(start) and end[2] - start[2] == pytest.approx(rim[2])
+        assert np.hypot(*(end - start)[:2]) < np.hypot(*rim[:2])
+        assert np.hypot(*rim[:2]) == pytest.approx(0.7 * rim[2])  # the friction that is assumed
+    corners = found["support"].place + found["support"].ends[:, 0]
+    assert corners[:, :2].min(axis=0) == pytest.approx(arrows[:, 0, :2].min(axis=0))
+    centre = found["pressure"].place
+    assert (corners.min(axis=0)[:2] < centre[:2]).all() and (centre < corners.max(axis=0))[:2].all()
+    assert found["pressure"].place[:2] == pytest.approx(found["com"].place[:2], abs=0.02)
+    env.close()
+
+
+def test_what_is_achieved_is_what_the_velocity_gained():
+    env, batch = standing(push_force=(0.0, 0.0))
+    assert not len(marks_of(batch, acceleration=True)["achieved"].ends)  # nothing has happened yet
+    for _ in range(60):
+        env.step(np.zeros(6, np.float32))
+    before = batch.simulation.terms().com_velocity[0].copy()
+    env.step(np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0], np.float32))
+    gained = (batch.simulation.terms().com_velocity[0] - before) * batch.rates.policy
+    seen = insight(batch)
+    assert seen.achieved == pytest.approx(gained)
+    # The body goes on as it is asked, all but for what the step changed of that.
+    assert np.linalg.norm(seen.desired - seen.achieved) < 0.5 * np.linalg.norm(gained)
+    assert np.linalg.norm(gained) > 0.2
+    env.close()
+
+
+def test_footholds_lie_where_feet_land():
+    arguments = ARGUMENTS | {"action_layer": "base_acceleration", "forward_range": (0.4, 0.5)}
+    env = gym.make("fbid_gym/QuadrupedWalk-v0", **arguments)
+    env.reset(seed=1)
+    batch, spots, landed = env.unwrapped.batch, np.zeros((0, 3)), 0
+    for _ in range(45):
+        env.step(np.zeros(env.action_space.shape, np.float32))
+        seen = insight(batch)
+        if len(spots) and not len(seen.footholds):  # all feet have come down
+            away = np.linalg.norm(seen.points[:, None] - spots, axis=2).min(axis=0)
+            assert (away < 0.03).all()
+            landed += len(spots)
+        spots = seen.footholds
+    assert landed >= 4
+    env.close()
+
+
+LAYERS_SEEN = ("base_acceleration", "com_wrench", "joint_position", "joint_acceleration")
+
+
+@pytest.mark.parametrize("layer", LAYERS_SEEN)
+@pytest.mark.parametrize("name", ["fbid_gym/BipedBalance-v0", "fbid_gym/QuadrupedTerrain-v0"])
+def test_drawing_changes_nothing(name, layer):
+    chance = {"mass": 0.1, "model_mass": 0.1, "action_delay": (0.0, 0.03)}
+    arguments = ARGUMENTS | {"action_layer": layer, "randomisation": chance, "num_envs": 3}
+    plain, drawn = (
+        gym.make_vec(name, num_threads=2, render_options=shown, **arguments)
+        for shown in (None, EVERYTHING)
+    )
+    rng = np.random.default_rng(0)
+    for envs in (plain, drawn):
+        envs.reset(seed=4)
+    for step in range(6):
+        for batch in drawn.chunks.batches:
+            insight(batch, batch.num_envs - 1)  # all that drawing asks
+        if step == 2:
+            drawn.render()
+        action = rng.uniform(-0.5, 0.5, plain.action_space.shape).astype(np.float32)
+        one, other = plain.step(action), drawn.step(action)
+        np.testing.assert_array_equal(one[0], other[0])
+        np.testing.assert_array_equal(one[1], other[1])
+    one, other = plain.chunks.state_dict(), drawn.chunks.state_dict()
+    for key, value in one.items():
+        np.testing.assert_array_equal(value, other[key], err_msg=key)
+    for envs in (plain, drawn):
+        envs.close()
+
+
+def test_overlays_are_seen_and_are_off_by_default():
+    env, _ = standing()
+    plain = env.render()
+    env.close()
+    env, _ = standing(render_options={})
+    assert_same_picture(env.render(), plain)
+    env.close()
+    for kind in ("forces", "cones", "com", "support"):
+        env, _ = standing(render_options={kind: True})
+        for _ in range(3):
+            env.step(np.zeros(6, np.float32))
+        changed = np.abs(env.render().astype(int) - plain.astype(int)).max(axis=2) > 40
+        assert changed.mean() > 0.001, kind
+        env.close()
+
+
+def test_bad_render_options():
+    for make in (
+        lambda given: gym.make("fbid_gym/BipedBalance-v0", render_options=given),
+        lambda given: gym.make_vec("fbid_gym/BipedBalance-v0", num_envs=1, render_options=given),
+        lambda given: fbid_gym.make_sb3("fbid_gym/BipedBalance-v0", 1, render_options=given),
+    ):
+        with pytest.raises(FbidError, match="Unknown render option 'force'. Valid choices: forces"):
+            make({"force": True})
+        with pytest.raises(FbidError, match="Invalid render option com: 1. Expected True or False"):
+            make({"com": 1})
+        with pytest.raises(FbidError, match="Invalid render_options: .* a dictionary from names"):
+            make(["forces"])
+
+
+@pytest.mark.parametrize("kind", [mujoco.mjtGeom.mjGEOM_LINE, mujoco.mjtGeom.mjGEOM_ARROW])
+def test_arrows_and_lines_end_where_they_are_to_end(kind):
+    """MuJoCo draws half of an arrow."""
+    add = add_arrow if kind == mujoco.mjtGeom.mjGEOM_ARROW else add_thread
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    data, camera = mujoco.MjData(model), mujoco.MjvCamera()
+    mujoco.mj_forward(model, data)
+    camera.distance, camera.azimuth, camera.elevation = 10.0, 90.0, 0.0
+    heights = []
+    with mujoco.Renderer(model, 240, 240) as renderer:
+        for end in (1.0, 2.0):
+            renderer.update_scene(data, camera)
+            add(renderer.scene, np.zeros(3), np.array([0.0, 0.0, end]), 0.1, (1.0, 1.0, 1.0, 1.0))
+            rows = np.flatnonzero(renderer.render().any(axis=(1, 2)))
+            heights.append(120 - rows.min())
+    pixels = 120 / (10.0 * np.tan(np.radians(22.5)))  # in a metre, 10 m away
+    assert heights == pytest.approx([pixels, 2 * pixels], abs=2.5)
+
+
+def test_a_full_scene_takes_no_more():
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    scene = mujoco.MjvScene(model, maxgeom=2)
+    for _ in range(3):
+        add_ball(scene, np.zeros(3), 0.1, (1.0, 0.0, 0.0, 1.0))
+        add_arrow(scene, np.zeros(3), np.ones(3), 0.1, (1.0, 0.0, 0.0, 1.0))
+    assert scene.ngeom == 2
+
+
+def test_stable_baselines3_records_too(tmp_path):
+    envs = fbid_gym.make_sb3("fbid_gym/QuadrupedBalance-v0", 2, seed=0, **DRAWN)
+    envs = VecVideoRecorder(envs, str(tmp_path), lambda step: step == 0, video_length=6)
+    envs.reset()
+    for _ in range(7):
+        envs.step(np.zeros((2, *envs.action_space.shape), np.float32))
+    envs.close()
+    (video,) = tmp_path.glob("*.mp4")
+    assert imageio_ffmpeg.count_frames_and_secs(str(video))[0] >= 6
 
 
 def test_human_mode_needs_a_display(monkeypatch):

@@ -70,8 +70,8 @@ def test_what_was_said_stays_and_a_changed_default_shows(monkeypatch):
 
 def test_how_it_is_drawn_or_stepped_is_not_what_it_is():
     name = "fbid_gym/BipedBalance-v0"
-    drawn = resolved_arguments(name, {"render_mode": "rgb_array", "num_threads": 2})
-    assert drawn == resolved_arguments(name, {})
+    drawn = {"render_mode": "rgb_array", "render_options": {"com": True}, "num_threads": 2}
+    assert resolved_arguments(name, drawn) == resolved_arguments(name, {})
 
 
 def test_other_environments_are_unknown_and_wrong_arguments_are_named():

@@ -11,10 +11,12 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
+from eval.clips import legend
 from eval.rollout import main
+from fbid_gym.envs.overlays import EVERYTHING, LABELS, RenderOptions
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy
-from train.environments import make_envs
+from train.environments import make_env, make_envs
 
 ENV_ID = "eval_tests/StandIn-v0"
 
@@ -85,6 +87,20 @@ def test_video_is_h264_of_the_size_pages_expect(exported: str, tmp_path: Path) -
     assert metadata["codec"] == "h264" and metadata["size"] == (640, 480)
     assert metadata["duration"] == pytest.approx(4.0, abs=0.2)
     reader.close()
+
+
+def test_videos_show_what_layers_see_unless_told_otherwise() -> None:
+    ours = "fbid_gym/BipedBalance-v0"
+    for given, shown in (
+        ({}, EVERYTHING),
+        ({"render_options": {"com": True}}, RenderOptions(com=True)),
+    ):
+        env = make_env(ours, given)
+        assert env.unwrapped.drawn_over == shown
+        env.close()
+    make_env(ENV_ID, {}).close()  # others know nothing of it
+    words = " ".join(LABELS.values())
+    assert legend(ENV_ID) == "" and all(word in legend(ours) for word in words.split())
 
 
 @pytest.mark.parametrize(

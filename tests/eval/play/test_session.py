@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from eval.play.controls import controls, from_text, to_text
-from eval.play.insight import insight
 from eval.play.session import Change, OneStep, Push, Request, Reset, Session
 from eval.play.stage import Stage
+from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
 
@@ -213,7 +213,7 @@ def test_insight_disturbs_nothing_and_adds_up(layer: str) -> None:
     session.play([], 100)
     lane = session.lanes[0]
     before, weight = lane.state(), session.weight
-    seen = insight(lane)
+    seen = insight(lane.batch)
     assert same(before, lane.state(), ())
     assert seen.measured.sum(axis=0) == pytest.approx([0.0, 0.0, weight], abs=0.02 * weight)
     # Who stands still is held up by what is commanded, too.

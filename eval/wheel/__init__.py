@@ -1,0 +1,1 @@
+"""The wheel and the source archive: built, and used as somebody would who has only these."""

@@ -1,0 +1,129 @@
+"""What a robot does and what its layer wants of it, at one moment: what overlays draw.
+
+Nothing here changes a robot: its layer is asked again, with copies of what it remembers.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fbid_gym.actions.base_acceleration import BaseAcceleration
+from fbid_gym.actions.com_wrench import ComWrench
+from fbid_gym.actions.layer import ActionLayer
+from fbid_gym.actions.walking_base import WalkingBody
+from fbid_gym.dynamics.centroidal import centroidal_terms
+from fbid_gym.dynamics.contacts import point_jacobian, point_positions
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.moment import Moment
+from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.quantities import ContactGeometry
+from fbid_gym.robots import Robot
+from fbid_gym.robots.polygon import convex_hull
+from fbid_gym.tasks.body import TOUCHING_LOAD
+
+_FRICTION = 0.7  # of cones where the layer assumes none
+
+
+@dataclass(frozen=True, eq=False)
+class Insight:
+    """Of one robot; world axes. P points.
+
+    Attributes:
+        points: (P, 3) m, the contact points.
+        measured: (P, 3) N, of the ground on them.
+        commanded: (P, 3) N, what the layer's torques ask of contacts that hold, by the
+            controller's model; zero where a foot is not planned to stand.
+        friction: coefficient that the layer assumes, 0.7 where it assumes none.
+        com: (3,) m.
+        capture_point: (3,) m, where the robot would have to stand to come to rest, at the height of
+            the feet.
+        pressure: (3,) m, centre of it; NaN in the air.
+        support: (K, 3) m, corners of the polygon of the points that carry.
+        footholds: (L, 3) m, where feet in the air shall land.
+        desired: (3,) m/s^2, of the body by the layer; NaN where it has none.
+        achieved: (3,) m/s^2, of the centre of mass in the last policy step, on average; NaN before
+            the first.
+    """
+
+    points: np.ndarray
+    measured: np.ndarray
+    commanded: np.ndarray
+    friction: float
+    com: np.ndarray
+    capture_point: np.ndarray
+    pressure: np.ndarray
+    support: np.ndarray
+    footholds: np.ndarray
+    desired: np.ndarray
+    achieved: np.ndarray
+
+
+def insight(batch: EnvBatch, env: int = 0) -> Insight:
+    """Look into one robot of a batch."""
+    seen, robot, stance = batch.moment(env), batch.robot, batch.task.body.stance
+    desired = _desired(batch.layer, seen)
+    torque = batch.layer.torque(
+        seen.action, seen.state, seen.reference, lambda: seen.terms, seen.memory
+    )
+    torque = np.clip(torque[0], -robot.torque_limit, robot.torque_limit)
+    points = point_positions(stance.geometry, seen.actual)[0]
+    measured = seen.state.contact_force[0]
+    carrying = measured[:, 2] > TOUCHING_LOAD * robot.weight
+    support = points[carrying]
+    ground = support[:, 2].mean() if carrying.any() else points[:, 2].min()
+    com = seen.actual.com[0]
+    caught = com[:2] + seen.actual.com_velocity[0, :2] / stance.falling_rate
+    load = np.maximum(measured[:, 2], 0.0)
+    landing = np.zeros((0, 3))
+    if isinstance(seen.reference, GaitTarget):
+        landing = seen.reference.foothold[0][~seen.reference.planted[0]]
+    return Insight(
+        points=points,
+        measured=measured,
+        commanded=_asked_of_contacts(robot, stance.geometry, seen, torque),
+        friction=float(batch.config.every_layer_option().get("friction", _FRICTION)),
+        com=com,
+        capture_point=np.append(caught, ground),
+        pressure=load @ points / load.sum() if carrying.any() else np.full(3, np.nan),
+        support=support[convex_hull(support[:, :2])] if carrying.any() else support,
+        footholds=landing,
+        desired=desired,
+        achieved=seen.acceleration,
+    )
+
+
+def _desired(layer: ActionLayer, seen: Moment) -> np.ndarray:
+    """What the layer wants of the body: (3,) m/s^2, horizontally of the centre of mass."""
+    given = seen.state, seen.reference, seen.terms
+    if isinstance(layer, BaseAcceleration):
+        return layer.acceleration(seen.action, *given)[0, :3]
+    if isinstance(layer, ComWrench):
+        body = centroidal_terms(seen.terms, seen.state.qvel)
+        wrench = layer.wrench(seen.action, *given, body)[0, :3]
+        return wrench / body.mass[0] - np.array([0.0, 0.0, layer.law.constants.gravity])
+    if isinstance(layer, WalkingBody):
+        aim = layer.aim(layer.law.constants, layer.scale * seen.action, *given)
+        return aim.task.acceleration[0, :3]
+    return np.full(3, np.nan)
+
+
+def _asked_of_contacts(
+    robot: Robot, geometry: ContactGeometry, seen: Moment, torque: np.ndarray
+) -> np.ndarray:
+    """Forces (P, 3) on the points of planted feet that neither slip nor sink under torques (n,).
+
+    M a + h + D q' = S^T tau + J^T f and J a + Jdot v = 0 for the accelerations a and f; of the
+    forces that do it those of least norm.
+    """
+    jacobian, bias = (value[0] for value in point_jacobian(geometry, seen.terms))
+    stands = np.repeat(seen.reference.planted[0][geometry.foot_of_point], 3)
+    force = np.zeros(len(bias))
+    if not stands.any():
+        return force.reshape(-1, 3)
+    applied = -seen.terms.bias[0]
+    applied[6:] += torque - robot.joint_damping * seen.state.qvel[0, 6:]
+    rows = jacobian[stands]
+    response = np.linalg.solve(seen.terms.mass_matrix[0], np.column_stack([rows.T, applied]))
+    asked = -(rows @ response[:, -1] + bias[stands])
+    force[stands] = np.linalg.pinv(rows @ response[:, :-1], rcond=1e-8, hermitian=True) @ asked
+    return force.reshape(-1, 3)

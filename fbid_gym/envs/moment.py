@@ -1,0 +1,48 @@
+"""One robot of a batch at one moment, as its layer sees it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
+
+Rows = TypeVar("Rows", bound=tuple[np.ndarray, ...])
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What a layer would see of one robot if it were asked now; each in one row.
+
+    All are copies: whoever computes with them changes no robot.
+
+    Attributes:
+        action: (1, A) of the layer, the one that held last; zeros before the first.
+        state: of the robot.
+        reference: what the task asks for: a `Reference`, or the target of a gait.
+        terms: of the controller's model.
+        actual: of the robot itself.
+        memory: of the layer.
+        acceleration: (3,) m/s^2, of the centre of mass in the last policy step, on average; NaN
+            before the first.
+    """
+
+    action: np.ndarray
+    state: RobotState
+    reference: Any
+    terms: DynamicsTerms
+    actual: DynamicsTerms
+    memory: Memory
+    acceleration: np.ndarray
+
+
+def row_of(rows: Rows, env: int) -> Rows:
+    """Return a copy of one robot's row of each array of a named tuple."""
+    kind: Any = type(rows)
+    return kind(*(values[env : env + 1].copy() for values in rows))
+
+
+def rows_of(arrays: Mapping[str, np.ndarray], env: int) -> dict[str, np.ndarray]:
+    """Return a copy of one robot's row of each array."""
+    return {name: values[env : env + 1].copy() for name, values in arrays.items()}

@@ -1,0 +1,57 @@
+"""Shapes that MuJoCo's renderer draws beside a model, added to a scene; a full scene gets none."""
+
+import mujoco
+import numpy as np
+
+_GEOM = mujoco.mjtGeom
+
+Colour = tuple[float, float, float, float]
+"""Red, green, blue, opacity, each from 0 to 1."""
+
+
+def add_ball(scene: mujoco.MjvScene, place: np.ndarray, radius: float, colour: Colour) -> None:
+    """Add a ball at a place (3,) m."""
+    _add(scene, _GEOM.mjGEOM_SPHERE, np.full(3, radius), place, colour)
+
+
+def add_line(
+    scene: mujoco.MjvScene, start: np.ndarray, end: np.ndarray, radius: float, colour: Colour
+) -> None:
+    """Add a line from a place (3,) m to another."""
+    geom = _add(scene, _GEOM.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), colour)
+    if geom is not None:
+        mujoco.mjv_connector(geom, _GEOM.mjGEOM_CAPSULE, radius, start, end)
+
+
+def add_thread(
+    scene: mujoco.MjvScene, start: np.ndarray, end: np.ndarray, width: float, colour: Colour
+) -> None:
+    """Add a line as wide, in pixels, wherever it is; it casts no shadow."""
+    geom = _add(scene, _GEOM.mjGEOM_LINE, np.zeros(3), np.zeros(3), colour)
+    if geom is not None:
+        mujoco.mjv_connector(geom, _GEOM.mjGEOM_LINE, width, start, end)
+
+
+def add_arrow(
+    scene: mujoco.MjvScene, start: np.ndarray, end: np.ndarray, radius: float, colour: Colour
+) -> None:
+    """Add an arrow from a place (3,) m to another; its head is a few radii long."""
+    geom = _add(scene, _GEOM.mjGEOM_ARROW, np.zeros(3), np.zeros(3), colour)
+    if geom is not None:
+        mujoco.mjv_connector(geom, _GEOM.mjGEOM_ARROW, radius, start, end)
+        geom.size[2] *= 2.0  # of an arrow half of it is drawn
+
+
+def _add(
+    scene: mujoco.MjvScene,
+    kind: mujoco.mjtGeom,
+    size: np.ndarray,
+    place: np.ndarray,
+    colour: Colour,
+) -> mujoco.MjvGeom | None:
+    if scene.ngeom >= scene.maxgeom:
+        return None
+    geom = scene.geoms[scene.ngeom]
+    mujoco.mjv_initGeom(geom, kind, size, place, np.eye(3).ravel(), np.array(colour, np.float32))
+    scene.ngeom += 1
+    return geom

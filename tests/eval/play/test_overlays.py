@@ -1,0 +1,53 @@
+"""What is drawn in the browser is what is drawn in pictures."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="the live page is not installed: make play")
+
+from eval.play.overlays import SHOWN_FIRST, Overlays
+from eval.play.serving import close_server, open_server
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.insight import insight
+from fbid_gym.envs.overlays import EVERYTHING, LABELS, RenderOptions, marks, size_of
+
+
+@pytest.fixture
+def server() -> Iterator[Any]:
+    server = open_server("127.0.0.1", 0)
+    yield server
+    close_server(server)
+
+
+def test_the_page_draws_the_marks_and_hides_what_is_gone(server: Any) -> None:
+    batch = EnvBatch(EnvConfig(action_layer="base_acceleration"), 1)
+    batch.seed(0, np.random.default_rng(0))
+    batch.reset(np.zeros(1, int))
+    size, weight = size_of(batch.task.body.stance), batch.robot.weight
+    overlays = Overlays(server, "/robot", size, weight)
+    for _ in range(3):
+        for _ in range(5):
+            batch.step(np.zeros((1, 6)))
+        seen = insight(batch)
+        overlays.draw(EVERYTHING, seen)
+    drawn = {mark.name: mark for mark in marks(EVERYTHING, seen, size, weight)}
+    for name, node in overlays._nodes.items():
+        assert node.visible == (name in drawn and np.isfinite(drawn[name].place).all())
+        if node.visible:
+            np.testing.assert_allclose(node.position, drawn[name].place - seen.com, atol=1e-6)
+            if drawn[name].shape != "ball":
+                np.testing.assert_allclose(node.points, drawn[name].ends, atol=1e-6)
+    assert {"measured", "commanded", "com", "support"} <= overlays._nodes.keys()
+    overlays.draw(RenderOptions(com=True), seen)
+    shown = {name for name, node in overlays._nodes.items() if node.visible}
+    assert shown == {"com", "plumb line"}
+    overlays.hide()
+    assert not any(node.visible for node in overlays._nodes.values())
+
+
+def test_what_is_shown_first_exists() -> None:
+    assert set(SHOWN_FIRST) <= LABELS.keys()
