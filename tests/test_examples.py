@@ -22,7 +22,13 @@ SHORT = {
 NEEDS = {
     "recurrent": ("sb3_contrib", "pip install -c constraints.txt sb3-contrib"),
 }
-PAGES = ("README.md", "docs/index.md", "docs/own_task_and_layer.md")
+PAGES = (
+    "README.md",
+    "docs/index.md",
+    "docs/own_task_and_layer.md",
+    "docs/pictures.md",
+    "docs/policies.md",
+)
 
 
 def run(*command: str) -> str:
