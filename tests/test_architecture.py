@@ -25,6 +25,7 @@ RANK = {
     "compile_turn": -1,
     "errors": 0,
     "compile_cache": 0,
+    "compile_parts": 0,
     "own_files": 0,
     "reading": 1,
     "checks": 1,
@@ -51,7 +52,7 @@ RANK = {
 # Where a library may be imported: units, or single modules.
 ONLY_IN = {
     "pinocchio": {"dynamics"},
-    "numba": {"compiled", "compile_cache"},
+    "numba": {"compiled", "compile_cache", "compile_parts"},
     "torch": {"train", "eval", "fbid_gym.envs.sb3"},
     "stable_baselines3": {"train", "eval", "fbid_gym.envs.sb3"},
 }

@@ -94,7 +94,15 @@ PAGES = {
     ),
     "quantities": ("Quantities", ["fbid_gym.quantities"]),
     "options": ("Options", ["fbid_gym.options"]),
-    "policy": ("Policies", ["fbid_gym.policy"]),
+    "policy": (
+        "Policies",
+        [
+            "fbid_gym.policy",
+            "fbid_gym.policy.policy",
+            "fbid_gym.policy.shipping",
+            "fbid_gym.policy.card",
+        ],
+    ),
     "errors": ("Errors", ["fbid_gym.errors"]),
 }
 """Name of a page -> its title and the modules on it."""
