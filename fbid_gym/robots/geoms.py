@@ -18,28 +18,37 @@ def add_line(
     scene: mujoco.MjvScene, start: np.ndarray, end: np.ndarray, radius: float, colour: Colour
 ) -> None:
     """Add a line from a place (3,) m to another."""
-    geom = _add(scene, _GEOM.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), colour)
-    if geom is not None:
-        mujoco.mjv_connector(geom, _GEOM.mjGEOM_CAPSULE, radius, start, end)
+    _connect(scene, _GEOM.mjGEOM_CAPSULE, start, end, radius, colour)
 
 
 def add_thread(
     scene: mujoco.MjvScene, start: np.ndarray, end: np.ndarray, width: float, colour: Colour
 ) -> None:
     """Add a line as wide, in pixels, wherever it is; it casts no shadow."""
-    geom = _add(scene, _GEOM.mjGEOM_LINE, np.zeros(3), np.zeros(3), colour)
-    if geom is not None:
-        mujoco.mjv_connector(geom, _GEOM.mjGEOM_LINE, width, start, end)
+    _connect(scene, _GEOM.mjGEOM_LINE, start, end, width, colour)
 
 
 def add_arrow(
     scene: mujoco.MjvScene, start: np.ndarray, end: np.ndarray, radius: float, colour: Colour
 ) -> None:
     """Add an arrow from a place (3,) m to another; its head is a few radii long."""
-    geom = _add(scene, _GEOM.mjGEOM_ARROW, np.zeros(3), np.zeros(3), colour)
+    geom = _connect(scene, _GEOM.mjGEOM_ARROW, start, end, radius, colour)
     if geom is not None:
-        mujoco.mjv_connector(geom, _GEOM.mjGEOM_ARROW, radius, start, end)
         geom.size[2] *= 2.0  # of an arrow half of it is drawn
+
+
+def _connect(
+    scene: mujoco.MjvScene,
+    kind: mujoco.mjtGeom,
+    start: np.ndarray,
+    end: np.ndarray,
+    width: float,
+    colour: Colour,
+) -> mujoco.MjvGeom | None:
+    geom = _add(scene, kind, np.zeros(3), np.zeros(3), colour)
+    if geom is not None:
+        mujoco.mjv_connector(geom, kind, width, start, end)
+    return geom
 
 
 def _add(
