@@ -10,7 +10,6 @@ This uses Numba's compiler pipeline, which may be extended, and its code library
 """
 
 import functools
-import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -25,12 +24,13 @@ class _PartLibrary(JITCodeLibrary):
     """Code to be linked into other code, and never run from here."""
 
     def _optimize_final_module(self) -> None:
-        """Leave it to whoever calls this."""
+        """Take together what is called here, in short; the rest is up to whoever calls this."""
+        passes, builder = self._codegen._module_pass_manager(cost="cheap", slp_vectorize=False)
+        passes.run(self._final_module, builder)
 
     def _finalize_final_module(self) -> None:
         """Do what Numba's own does, but for machine code."""
         self._finalize_dynamic_globals()
-        self._final_module.__library = weakref.proxy(self)
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
