@@ -8,13 +8,14 @@ many are looked at first. Whether the text is an MJCF or a URDF at all, MuJoCo k
 import io
 import math
 import re
+import stat
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
 from fbid_gym.errors import RobotError
-from fbid_gym.reading import read_file
+from fbid_gym.reading import MOST_DATA, read_file
 
 MOST_TEXT = 2**24
 """Bytes of a file of text."""
@@ -32,6 +33,7 @@ MOST_MEMORY = 2**32
 """Bytes of MuJoCo's own memory for a robot."""
 
 _MOST_FILES = 1000
+_FOLDERS = {"meshdir", "texturedir", "assetdir"}
 # What is never closed goes on to the end, and is not looked for again.
 _SKIPPED = re.compile(r"<!--(?:.*?-->|.*)|<\?(?:.*?\?>|.*)|<!\[CDATA\[(?:.*?\]\]>|.*)", re.DOTALL)
 _TAG = re.compile(r"""<(/?)([A-Za-z_][\w.:-]*)((?:[^"'<>]|"[^"<]*+"|'[^'<]*+')*+)>""")
@@ -50,12 +52,21 @@ def check_bounds(content: Path | str | bytes, label: str) -> None:
         label: what messages call it.
 
     Raises:
-        RobotError: it asks for too much, is no text, or holds a number that is not finite.
+        RobotError: it asks for too much, is no text, holds a number that is not finite, or names a
+            pipe or a device, which may never end.
     """
+    named, folders = set[str](), {""}
     for number, text in enumerate(_texts(content, label)):
         if number == _MOST_FILES:
             _refuse(label, f"includes more than {_MOST_FILES} files")
         _check(text, label)
+        for name, value in _attributes(_SKIPPED.sub("", text.decode(errors="replace"))):
+            if name in _FOLDERS:
+                folders.add(value)
+            elif name.startswith("file") and "\0" not in value:
+                named.add(value)
+    if not isinstance(content, bytes):
+        _check_files(content.parent if isinstance(content, Path) else Path(), folders, named)
 
 
 def _texts(content: Path | str | bytes, label: str) -> Iterator[bytes]:
@@ -118,6 +129,22 @@ def _check(content: bytes, label: str) -> None:
     doctypes = len(re.findall(r"<!DOCTYPE", text, re.IGNORECASE))
     if text.count("<") != tags + doctypes:
         _refuse(label, "has a '<' that begins no tag")
+
+
+def _check_files(beside: Path, folders: set[str], named: set[str]) -> None:
+    """Look at meshes and textures wherever MuJoCo may find them; it says itself what is missing."""
+    for name in named:
+        for path in {beside / folder / name for folder in folders}:
+            try:
+                status = path.stat()
+            except (OSError, ValueError):
+                continue
+            if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+                raise RobotError(f"{path}: cannot be read (no regular file).")
+            if status.st_size > MOST_DATA:
+                raise RobotError(
+                    f"{path}: has more than {MOST_DATA >> 20} MB, the most that is read."
+                )
 
 
 def _check_numbers(element: str, attributes: dict[str, str], label: str) -> None:

@@ -59,6 +59,22 @@ def test_what_is_included_counts(tmp_path: Path):
         Robot.from_mjcf(robot, ["foot"])
 
 
+@pytest.mark.parametrize("folder", ["", "parts"])
+@pytest.mark.parametrize(
+    "asset", ['<mesh file="leg.stl"/>', '<texture type="2d" file="leg.stl" name="skin"/>']
+)
+def test_a_mesh_that_never_ends_is_refused(tmp_path: Path, folder: str, asset: str):
+    """A pipe: whoever opens it waits for somebody to write."""
+    (tmp_path / "parts").mkdir()
+    os.mkfifo(tmp_path / folder / "leg.stl")
+    robot = tmp_path / "robot.xml"
+    robot.write_text(
+        f'<mujoco><compiler meshdir="parts" texturedir="parts"/><asset>{asset}</asset></mujoco>'
+    )
+    with pytest.raises(RobotError, match=r"leg\.stl: cannot be read \(no regular file\)"):
+        Robot.from_mjcf(robot, ["foot"])
+
+
 def test_a_broken_encoding_is_one_error_but_a_comment_may_have_any(tmp_path: Path):
     robot = tmp_path / "robot.xml"
     robot.write_bytes(b"<mujoco><!-- caf\xe9 --- --></mujoco>")
