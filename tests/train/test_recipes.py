@@ -88,7 +88,8 @@ def test_a_file_that_is_no_recipe_is_one_clear_error(tmp_path, text, message):
     ("settings", "message"),
     [
         ("num_envs = 0", "Invalid num_envs: 0"),
-        ("[ppo]\nlearning_rate = 'fast'", "recipe 'mine'"),
+        ("[ppo]\nlearning_rate = 'fast'", "Invalid ppo.learning_rate: 'fast'"),
+        ("[ppo]\nhidden = ['wide']", "recipe 'mine'"),
         ("[ppo]\nlearning_rate_end = 2.0", "Invalid ppo.learning_rate_end: 2.0"),
     ],
 )
