@@ -53,6 +53,7 @@ RANK = {
 ONLY_IN = {
     "pinocchio": {"dynamics"},
     "numba": {"compiled", "compile_cache", "compile_parts"},
+    "ray": {"train.runs.cluster"},
     "torch": {"train", "eval", "fbid_gym.envs.sb3"},
     "stable_baselines3": {"train", "eval", "fbid_gym.envs.sb3"},
 }

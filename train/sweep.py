@@ -1,11 +1,13 @@
 """Run every training of a study: `python -m train.sweep studies/survey.toml`.
 
 Each is a `python -m train.ppo` of its own, one core each. What has finished is left alone, what has
-begun is continued: the same command goes on after an interruption, whatever it was.
+begun is continued: the same command goes on after an interruption, whatever it was. `--ray` runs
+them on the machines of a cluster, in the same folders (`train.runs.cluster`).
 """
 
 import sys
-from dataclasses import dataclass, field
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -14,10 +16,11 @@ from rich.console import Console
 from rich.table import Table
 
 from fbid_gym.options import Whole, check_fields
+from train.runs.cluster import cluster
 from train.runs.config import cores
 from train.runs.exit_status import exit_status
 from train.runs.files import check_folder
-from train.runs.jobs import run_jobs
+from train.runs.jobs import Start, run_jobs, start_here
 from train.runs.study import Cell, Study, read_study
 from train.runs.training import last_line, progress, training_job
 from train.runs.training import standing as state_of
@@ -31,8 +34,10 @@ class SweepConfig:
     """TOML file, see `train.runs.study`."""
     out: Path | None = None
     """Folder of the runs; by default `runs` and the study's name."""
-    workers: Annotated[int, Whole(1, 1024)] = field(default_factory=lambda: cores())
-    """Trainings at the same time, one core each."""
+    workers: Annotated[int, Whole(1, 1024)] | None = None
+    """Trainings at the same time, one core each. Default: as many as there are cores."""
+    ray: str | None = None
+    """Train on a Ray cluster: the address of its head, or "auto" for that of this machine."""
     dry_run: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Show where the study stands, and run nothing."""
 
@@ -66,10 +71,17 @@ def main(config: SweepConfig) -> int:
     if not config.dry_run:
         check_folder(study.cells[0].config.folder.parent, "out")
         jobs = [training_job(cell.name, cell.config) for cell in unfinished(study)]
-        not_done = run_jobs(jobs, config.workers, console, keep_going=True)
+        with _machines(config.ray, study.cells[0].config.folder.parent) as (start, most):
+            at_once = config.workers or most
+            not_done = run_jobs(jobs, at_once, console, keep_going=True, start=start)
         failed = frozenset(job.name for job in not_done if job.log.exists())
     console.print(standing(study, failed))
     return 1 if not config.dry_run and unfinished(study) else 0
+
+
+def _machines(address: str | None, folder: Path) -> AbstractContextManager[tuple[Start, int]]:
+    """What begins jobs, and how many cores there are for them: here, or on a cluster."""
+    return nullcontext((start_here, cores())) if address is None else cluster(address, folder)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -48,8 +48,44 @@ class Job:
     """Says how far it is: asked before it starts, while it runs and once it has ended."""
 
 
+class Running(Protocol):
+    """A job that runs, here or elsewhere."""
+
+    def poll(self) -> int | None:
+        """Return its exit status; None while it runs."""
+
+    def send_signal(self, number: int) -> None:
+        """Send SIGINT."""
+
+    def terminate(self) -> None:
+        """End it."""
+
+
+Start = Callable[[Job], Running]
+
+
+def start_here(job: Job) -> Running:
+    """Begin a job on this machine."""
+    job.log.parent.mkdir(parents=True, exist_ok=True)
+    with job.log.open("wb") as log:
+        return subprocess.Popen(
+            job.command,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            # Ctrl-C reaches this process alone, which passes it on once: at a second one a
+            # training stops without saving.
+            start_new_session=True,
+        )
+
+
 def run_jobs(
-    jobs: Sequence[Job], at_once: int, console: Console, *, keep_going: bool = False
+    jobs: Sequence[Job],
+    at_once: int,
+    console: Console,
+    *,
+    keep_going: bool = False,
+    start: Start = start_here,
 ) -> list[Job]:
     """Run all jobs, `at_once` at a time in their order.
 
@@ -60,6 +96,7 @@ def run_jobs(
         at_once: how many at a time, at least one.
         console: shows how far they are, and how the log of a failed one ends.
         keep_going: run the others although one has failed; otherwise they are stopped.
+        start: begins a job; by default on this machine.
 
     Returns:
         Those that did not run to their end with status 0, in their order.
@@ -70,7 +107,7 @@ def run_jobs(
     if at_once < 1:
         raise InvalidValueError("jobs", at_once, "at least 1 at a time")
     waiting, finished = list(jobs), list[Job]()
-    running: dict[Job, subprocess.Popen[bytes]] = {}
+    running: dict[Job, Running] = {}
     stopping = False
     with (
         _ended_at_last(running),
@@ -80,9 +117,10 @@ def run_jobs(
         while running or (waiting and not stopping):
             while waiting and len(running) < at_once and not stopping:
                 job = waiting.pop(0)
-                running[job] = _start(job)
+                running[job] = start(job)
             time.sleep(_POLL_SECONDS)
-            ended = {job: p.returncode for job, p in running.items() if p.poll() is not None}
+            statuses = {job: process.poll() for job, process in running.items()}
+            ended = {job: status for job, status in statuses.items() if status is not None}
             for job, status in ended.items():
                 del running[job]
                 if status == 0:
@@ -100,22 +138,8 @@ def run_jobs(
     return [job for job in jobs if job not in finished]
 
 
-def _start(job: Job) -> subprocess.Popen[bytes]:
-    job.log.parent.mkdir(parents=True, exist_ok=True)
-    with job.log.open("wb") as log:
-        return subprocess.Popen(
-            job.command,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-            # Ctrl-C reaches this process alone, which passes it on once: at a second one a
-            # training stops without saving.
-            start_new_session=True,
-        )
-
-
 @contextmanager
-def _ended_at_last(running: dict[Job, subprocess.Popen[bytes]]) -> Iterator[None]:
+def _ended_at_last(running: dict[Job, Running]) -> Iterator[None]:
     """Leave no process behind, not even at a second Ctrl-C."""
     try:
         yield
