@@ -31,10 +31,10 @@ PAGES = (
 )
 
 
-def run(*command: str) -> str:
+def run(*command: str, cwd: Path = ROOT) -> str:
     environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
     done = subprocess.run(
-        [sys.executable, *command], cwd=ROOT, env=environment, capture_output=True, text=True
+        [sys.executable, *command], cwd=cwd, env=environment, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -66,10 +66,10 @@ def blocks(page: str) -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
-def test_code_on_a_page_runs(page: str) -> None:
-    """All of a page's, one block after another."""
+def test_code_on_a_page_runs(page: str, tmp_path: Path) -> None:
+    """All of a page's, one block after another; what it writes is not left behind."""
     assert blocks(page)
-    run("-c", "\n".join(blocks(page)))
+    run("-c", "\n".join(blocks(page)), cwd=tmp_path)
 
 
 def test_no_page_has_code_that_nothing_runs() -> None:
