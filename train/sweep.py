@@ -33,7 +33,7 @@ class SweepConfig:
     study: tyro.conf.Positional[Path]
     """TOML file, see `train.runs.study`."""
     out: Path | None = None
-    """Folder of the runs; by default `runs` and the study's name."""
+    """Folder of the runs; by default the one that the study names, or runs/NAME."""
     workers: Annotated[int, Whole(1, 1024)] | None = None
     """Trainings at the same time, one core each. Default: as many as there are cores."""
     ray: str | None = None

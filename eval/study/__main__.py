@@ -46,7 +46,7 @@ class StudyConfig:
     study: tyro.conf.Positional[Path]
     """TOML file, see `train.runs.study`."""
     runs: Path | None = None
-    """Folder of the runs; by default `runs` and the study's name."""
+    """Folder of the runs; by default the one that the study names, or runs/NAME."""
     out: Path | None = None
     """The page, in HTML. Its numbers go into a file of the same name ending in .json."""
     reference: str | None = None

@@ -12,7 +12,7 @@ from train.runs.differences import in_words, run_differences
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
 from train.runs.robots import chosen, with_robot
-from train.runs.study import Cell, Study
+from train.runs.study import Cell, Study, environment_name
 from train.runs.tables import read_rows
 
 
@@ -113,4 +113,5 @@ def exploring(run: TrainConfig) -> tuple[list[float], list[float]]:
 def robustness_file(study: Study, env_id: str) -> Path:
     """Return where the robustness of a study's policies in an environment is kept."""
     runs = study.cells[0].config.folder.parent
-    return runs / "robustness" / f"{env_id.rpartition('/')[2]}.json"
+    # Studies may share a folder, and with it the trainings that they have in common.
+    return runs / "robustness" / f"{study.name}-{environment_name(env_id)}.json"

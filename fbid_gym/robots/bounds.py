@@ -56,11 +56,13 @@ def check_bounds(content: Path | str | bytes, label: str) -> None:
             pipe or a device, which may never end.
     """
     named, folders = set[str](), {""}
-    for number, text in enumerate(_texts(content, label)):
+    for number, encoded in enumerate(_texts(content, label)):
         if number == _MOST_FILES:
             _refuse(label, f"includes more than {_MOST_FILES} files")
+        # Comments may be of any encoding; MuJoCo does not read them.
+        text = _SKIPPED.sub("", encoded.decode(errors="surrogateescape"))
         _check(text, label)
-        for name, value in _attributes(_SKIPPED.sub("", text.decode(errors="replace"))):
+        for name, value in _attributes(text):
             if name in _FOLDERS:
                 folders.add(value)
             elif name.startswith("file") and "\0" not in value:
@@ -101,10 +103,8 @@ def _included(path: Path, folder: Path, seen: set[Path]) -> Iterator[bytes]:
                 yield from _included(folder / named, folder, seen)
 
 
-def _check(content: bytes, label: str) -> None:
-    """Walk through the tags of a text."""
-    # Comments may be of any encoding; MuJoCo does not read them.
-    text = _SKIPPED.sub("", content.decode(errors="surrogateescape"))
+def _check(text: str, label: str) -> None:
+    """Walk through the tags of a text without comments."""
     if "\0" in text or any("\udc80" <= letter <= "\udcff" for letter in text):
         _refuse(label, "is not UTF-8 text")
     if "<!ENTITY" in text:

@@ -16,14 +16,15 @@ from eval.pages import DOCS, marks, spliced
 from eval.results import Estimate
 from eval.robustness.curves import Along, Budget, Curve, Robustness
 from eval.study.__main__ import StudyConfig, main
-from eval.study.cells import arms, curve, exploring, robustness_file
+from eval.study.cells import arms, check_cells, curve, exploring, robustness_file
 from eval.study.findings import Settings, findings
 from eval.study.page import page
 from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError
 from train.runs.folder import RunFolder
+from train.runs.reading import load
 from train.runs.study import read_study
-from train.runs.training import log_of
+from train.runs.training import log_of, standing
 
 STUDY = """
 seeds = [0, 1]
@@ -290,6 +291,15 @@ STUDIES = sorted((DOCS.parent / "studies").glob("*.toml"))
 def test_every_study_has_a_page_of_docs(path, tmp_path):
     study = read_study(path, tmp_path)
     assert "here" in spliced(DOCS / f"{study.page}.md", "here", study.name)
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_kept_runs_are_those_of_their_study(path):
+    study = read_study(path)
+    check_cells(study)
+    for cell in study.cells:
+        if standing(cell.config).state == "done":
+            assert load(cell.config.folder).seed == cell.config.seed
 
 
 def test_returns_are_compared_as_shares_of_what_can_be_earned(tmp_path):

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from fbid_gym.errors import RunError
-from train.runs.jobs import Job, Start
+from train.runs.jobs import ONE_CORE, Job, Start
 
 AUTO = "auto"
 """The address of the cluster that this machine is of."""
@@ -111,7 +111,7 @@ class _Remote:
 
 
 def _start_on(ray: Any) -> Start:
-    here = str(Path.cwd())
+    here, one_core = str(Path.cwd()), ONE_CORE
 
     # Within a function, so that it is sent as it is: workers import nothing of ours.
     def run(command: tuple[str, ...], log: str, patience: float) -> int:
@@ -137,7 +137,7 @@ def _start_on(ray: Any) -> Start:
                     cwd=here,
                     stdout=output,
                     stderr=subprocess.STDOUT,
-                    env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+                    env={**os.environ, **one_core},
                     start_new_session=True,
                     preexec_fn=begin,
                 )

@@ -20,6 +20,9 @@ from rich.progress import Progress as Bars
 from fbid_gym.errors import InvalidValueError
 from train.runs.interrupt import stop_requests
 
+ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Environment of a program that is to use one core."""
+
 _POLL_SECONDS = 0.3
 _LINE_SECONDS = 15.0
 _LOG_LINES = 15
@@ -72,7 +75,7 @@ def start_here(job: Job) -> Running:
             job.command,
             stdout=log,
             stderr=subprocess.STDOUT,
-            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            env={**os.environ, **ONE_CORE},
             # Ctrl-C reaches this process alone, which passes it on once: at a second one a
             # training stops without saving.
             start_new_session=True,

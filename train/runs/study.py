@@ -4,6 +4,7 @@
     seeds = [0, 1, 2]                        # of every arm that names none
     reference = "home"                       # arm the others are compared with; else the first
     page = "study"                           # of docs/; else the study's own name
+    runs = "mine"                            # folder of the runs, beside the file; else runs/NAME
     eval = { every = 250_000 }               # any setting of a recipe, for every arm
 
     [[arms]]
@@ -75,7 +76,7 @@ def read_study(path: Path, out: Path | None = None) -> Study:
 
     Args:
         path: the file.
-        out: folder of the run folders; by default `runs` and the study's name.
+        out: folder of the run folders; by default the study's, see above.
 
     Raises:
         RunError: there is no such file, it is no TOML, or arms lack something or are there twice.
@@ -90,10 +91,13 @@ def read_study(path: Path, out: Path | None = None) -> Study:
         raise RunError(f"{path}: is no TOML: {error}.") from error
     title, seeds, arms = data.pop("title", path.stem), data.pop("seeds", [0]), data.pop("arms", [])
     reference, page = data.pop("reference", None), data.pop("page", path.stem)
+    runs = data.pop("runs", None)
     if not isinstance(arms, list) or not arms or not all(isinstance(arm, dict) for arm in arms):
         raise RunError(f"{path}: has no arms. Expected one [[arms]] table for each.")
     check(f"study {path.stem!r}", data, valid_settings())
-    out = out or Path("runs") / path.stem
+    if runs is not None and (not isinstance(runs, str) or Path(runs).name != runs):
+        raise RunError(f"{path}: runs is {runs!r}. Expected the name of a folder beside it.")
+    out = out or (Path("runs") / path.stem if runs is None else path.parent / runs)
     cells = [cell for arm in arms for cell in _cells(path, arm, data, seeds, out)]
     folders = [cell.config.folder for cell in cells]
     for cell in cells:

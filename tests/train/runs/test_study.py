@@ -59,6 +59,23 @@ def test_a_study_says_whom_its_arms_are_set_against_and_where_it_is_told(tmp_pat
     assert (said.reference, said.page) == ("b", "study")
 
 
+def test_runs_lie_where_they_are_wanted_else_where_the_study_says(tmp_path):
+    (usual,) = read_study(write(tmp_path, ARM)).cells
+    assert usual.config.folder.parent == Path("runs") / "mine"
+    path = write(tmp_path, f'runs = "kept"\n{ARM}')
+    (said,), (wanted,) = read_study(path).cells, read_study(path, tmp_path / "out").cells
+    assert said.config.folder.parent == tmp_path / "kept"
+    assert wanted.config.folder.parent == tmp_path / "out"
+
+
+def test_studies_that_share_a_folder_mean_the_same_by_a_training():
+    cells = [cell for path in STUDIES for cell in read_study(path).cells]
+    by_folder = {cell.config.folder: cell for cell in cells}
+    assert len(by_folder) < len(cells)  # some are shared
+    for cell in cells:
+        assert cell == by_folder[cell.config.folder]
+
+
 def test_cells_are_arms_times_seeds_seed_by_seed(tmp_path):
     text = (
         f'title = "T"\nseeds = [0, 3]\n{ARM}total_steps = 1000\nppo = {{ hidden = [8] }}\n'
@@ -100,6 +117,7 @@ def test_settings_of_an_arm_go_before_those_of_the_study(tmp_path):
         ("arms = 3", "has no arms"),
         (f"reference = 'c'\n{ARM}", "Unknown reference of the study 'c'. Valid choices: a."),
         (f"page = '../x'\n{ARM}", "page is '../x'. Expected the name of one of docs/."),
+        (f"runs = 'a/b'\n{ARM}", "runs is 'a/b'. Expected the name of a folder beside it."),
         (f"colour = 1\n{ARM}", "Unknown setting of study 'mine' 'colour'. Valid choices: total"),
         (f"{ARM}speed = 1", "Unknown setting of arm 'a' 'speed'. Valid choices: name, env"),
         (f"{ARM}ppo = {{ lr = 1 }}", "Unknown setting of arm 'a' 'lr'. Valid choices: n_steps"),
