@@ -40,8 +40,8 @@ from fbid_gym.small_matrices import (
     times,
 )
 
-# Singular values of J at or below 1e-5 of the largest are treated as absent.
-_CONTACT_RTOL = 1e-10
+# Singular values of J at or below a thousandth of the largest are treated as absent.
+_CONTACT_RTOL = 1e-6
 # Contacts whose shortest lever arm is below a thousandth of the longest count as a line or a point:
 # taking them for more would buy a moment with a thousandfold force.
 _BASE_RTOL = 1e-6
