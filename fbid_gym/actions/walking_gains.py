@@ -34,11 +34,19 @@ class WalkingGains(NamedTuple):
     def of(cls, robot: Robot, omega: float) -> "WalkingGains":
         """Derive the gains from the rate omega (1/s) at which the robot falls."""
         of_kind = _ON_SOLES if robot.has_soles else _ON_POINTS
+        if has_spare_joints(robot):
+            # Held as firmly as a foot in the air: else a leg turns about its ends.
+            of_kind = of_kind._replace(posture=of_kind.swing, posture_damping=of_kind.swing_damping)
         powers = cls(2, 1, 2, 1, 2, 1, 1, 2, 1)
         return cls(*(gain * omega**power for gain, power in zip(of_kind, powers, strict=True)))
 
 
+def has_spare_joints(robot: Robot) -> bool:
+    """Whether it can move while its feet, which are points, and its base stay where they are."""
+    return not robot.has_soles and robot.num_joints > 3 * robot.num_feet
+
+
 # In units of omega, to the power of the unit. On points a robot has no ankles: what it does with
-# its joints is all in its feet and its body.
+# its joints is all in its feet and its body, but where it has joints to spare.
 _ON_POINTS = WalkingGains(4.4, 3.4, 5.9, 4.3, 26.0, 10.0, 5.0, 0.0, 0.34)
 _ON_SOLES = WalkingGains(7.84, 5.6, 6.25, 5.0, 49.0, 14.0, 2.9, 4.84, 4.4)

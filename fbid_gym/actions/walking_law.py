@@ -22,7 +22,7 @@ from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.law_memory import LawMemory, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
-from fbid_gym.actions.walking_gains import WalkingGains
+from fbid_gym.actions.walking_gains import WalkingGains, has_spare_joints
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
@@ -117,6 +117,8 @@ class WalkingLaw:
         # points there is little of a moment to give away.
         cost = (1.0, 1.0, 1.0, 0.05, 0.05, 0.05) if soles else None
         length = stance.length if soles else 0.3 * stance.length
+        # Where joints are free, what forces cannot do must not be taken out of all of them.
+        priority = 1.0 if soles or has_spare_joints(robot) else 1e5
         constants = WalkingConstants(
             gains=WalkingGains.of(robot, omega),
             geometry=contact_geometry(robot, share=_SOLE),
@@ -124,7 +126,7 @@ class WalkingLaw:
             most_load=math.inf if soles else _MOST_LOAD,
             mobility=stance.mobility(1.0),
             least_gain=LEAST_GAIN * np.repeat([stance.home_com[2], 1.0], 3),
-            nearness=Nearness(stance.mobility(1.0 if soles else 1e5), wrench_scale(length, cost)),
+            nearness=Nearness(stance.mobility(priority), wrench_scale(length, cost)),
             gravity=robot.gravity,
             passive=contact.passive(robot),
             home=robot.home_qpos,

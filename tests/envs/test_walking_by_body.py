@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from eval.zoo import morphology as zoo
+from eval.zoo.__main__ import built
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
@@ -13,12 +15,14 @@ WALKS = {
     "biped": "fbid_gym/BipedWalk-v0",
     "humanoid": "fbid_gym/HumanoidWalk-v0",
 }
+# Of the zoo: quadrupeds on points whose legs have five and six joints, and can turn about their ends.
+SPARE_JOINTS = (42, 47)
 
 
-def walking(robot, layer, count, **arguments):
-    """Robots that walk, each to its own commands, without pushes."""
-    known = {"robot": robot, "action_layer": layer, "push_force": (0.0, 0.0)} | arguments
-    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[WALKS[robot]] | known), count)
+def walking(like, layer, count, **arguments):
+    """Robots that walk as one of WALKS does, each to its own commands, without pushes."""
+    known = {"robot": like, "action_layer": layer, "push_force": (0.0, 0.0)} | arguments
+    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[WALKS[like]] | known), count)
     for env in range(count):
         batch.seed(env, np.random.default_rng(env))
     batch.reset(np.arange(count))
@@ -35,6 +39,17 @@ def test_a_zero_action_walks_upright(robot, layer):
         step = batch.step(zero)
         assert not step.terminated.any()
         assert (step.observation[:, vertical[2]] > np.cos(0.5)).all()
+
+
+@pytest.mark.parametrize("seed", SPARE_JOINTS)
+@pytest.mark.parametrize("layer", LAYERS)
+def test_legs_with_joints_to_spare_walk_and_keep_their_posture(seed, layer):
+    batch, zero = walking("go1", layer, 8, robot=built(zoo.draw(seed)))
+    home = batch.robot.home_qpos[7:]
+    for _ in range(5 * batch.rates.policy):
+        step = batch.step(zero)
+        assert not step.terminated.any()
+    assert np.abs(batch.simulation.qpos[:, 7:] - home).max() < 1.2
 
 
 class _Watched:
