@@ -6,6 +6,7 @@ of mass lies in the triangle of the three planted feet at every instant: the wal
 anywhere. The paper takes its gait from a planner that is not given; this is a plain one.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions.crawl_gait import Gait, check_crawls, gait_for
+from fbid_gym.motions.crawl_gait import Gait, gait_for, stepping_joints
 from fbid_gym.motions.curves import Curve, cosine
 from fbid_gym.motions.gait.schedule import corners_of
 from fbid_gym.motions.kinematics import (
@@ -123,7 +124,8 @@ def crawl(robot: Robot, gait: Gait | None = None, *, hz: int = 500) -> Crawl:
     """Plan a crawl.
 
     Args:
-        robot: a quadruped: at each corner a foot of one contact point, on three joints.
+        robot: a quadruped: at each corner a foot of one contact point, on three joints or more. Of
+            more the three that place the foot best move, the others stay at home.
         gait: its numbers. Default: those of `gait_for`.
         hz: ticks per second.
 
@@ -132,7 +134,7 @@ def crawl(robot: Robot, gait: Gait | None = None, *, hz: int = 500) -> Crawl:
         InvalidValueError: a number is not valid, a foot cannot reach its place, or a joint leaves
             its range.
     """
-    check_crawls(robot)
+    moving = stepping_joints(robot)
     gait = gait_for(robot, hz) if gait is None else gait
     _check(gait)
     ticks = period_ticks("stride frequency", 1.0 / gait.period, hz)
@@ -140,7 +142,7 @@ def crawl(robot: Robot, gait: Gait | None = None, *, hz: int = 500) -> Crawl:
     tables = []
     guess = np.tile(robot.home_qpos[7:], (ticks, 1))
     for speed in speeds:
-        tables.append(_table(robot, gait, ticks, hz, float(speed), guess))
+        tables.append(_table(robot, gait, ticks, hz, float(speed), guess, moving))
         guess = tables[-1].rows.qpos[:, 7:]
     rows = [side_by_side(table.rows) for table in tables]
     powers = np.linspace(0.0, 1.0, gait.tables)[:, None] ** np.arange(gait.tables)
@@ -175,7 +177,13 @@ def _schedule(gait: Gait, ticks: int) -> list[tuple[int, int]]:
 
 
 def _table(
-    robot: Robot, gait: Gait, ticks: int, hz: int, speed: float, guess: np.ndarray
+    robot: Robot,
+    gait: Gait,
+    ticks: int,
+    hz: int,
+    speed: float,
+    guess: np.ndarray,
+    moving: Sequence[int],
 ) -> MotionTable:
     """Plan the walk at one speed.
 
@@ -238,7 +246,7 @@ def _table(
             places.value[:, foot] += where
         return places
 
-    states = joints_on_feet(robot, base, centres, standing, range(robot.num_joints), guess)
+    states = joints_on_feet(robot, base, centres, standing, moving, guess)
     return MotionTable(robot, seen_from_feet(robot, states, planted), hz, periodic=True)
 
 

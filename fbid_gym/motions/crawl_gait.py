@@ -7,6 +7,7 @@ import numpy as np
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.schedule import corners_of
+from fbid_gym.motions.legs import placing
 from fbid_gym.robots import Robot
 
 
@@ -77,7 +78,7 @@ def gait_for(
     Raises:
         RobotError: the robot has not one foot at each corner, or cannot crawl.
     """
-    check_crawls(robot)
+    stepping_joints(robot)  # refuses who cannot crawl
     corners, stance = corners_of(robot), Stance.of(robot)
     feet = stance.terms.foot_position[0, np.argsort(corners), :2]
     front, hind, left, right = (
@@ -101,15 +102,19 @@ def gait_for(
     )
 
 
-def check_crawls(robot: Robot) -> None:
-    """Check that a robot has what a crawl needs.
+def stepping_joints(robot: Robot) -> list[int]:
+    """Return the twelve joints with which a robot crawls: of each leg the three that place it.
 
     Raises:
-        RobotError: other feet or other joints.
+        RobotError: other feet, or a leg of fewer joints.
     """
-    if robot.num_feet != 4 or robot.num_points != 4 or robot.num_joints != 12:
+    stance = Stance.of(robot)
+    if robot.num_feet != 4 or robot.num_points != 4 or (stance.legs.sum(axis=1) < 3).any():
         raise RobotError(
             f"Robot {robot.name!r} cannot crawl: it has {robot.num_joints} joints and the feet "
-            f"{', '.join(robot.foot_names)} on {robot.num_points} points. Expected 12 joints, and "
-            "four feet on one point each."
+            f"{', '.join(robot.foot_names)} on {robot.num_points} points. Expected four feet on "
+            "one point each, and three joints or more that move it alone."
         )
+    legs = zip(stance.legs, stance.terms.foot_jacobian[0, :, :3], strict=True)
+    own = [placing(np.flatnonzero(moves), foot, stance.length) for moves, foot in legs]
+    return sorted(np.concatenate(own).tolist())

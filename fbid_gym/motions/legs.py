@@ -1,4 +1,4 @@
-"""Which joints of a robot on two legs are hips, knees and ankles, found from its kinematics."""
+"""Which joints of a robot place its feet, and which of two legs are hips, knees and ankles."""
 
 from itertools import combinations
 from typing import NamedTuple
@@ -63,7 +63,7 @@ def legs_of(robot: Robot) -> Legs:
                 "Expected at least six, three of them about that axis: hip, knee, ankle."
             )
         bent = _bend(terms.foot_jacobian[0, foot][:, 6 + pitching], left)
-        joints.append(_placing(own, terms.foot_jacobian[0, foot], stance.length))
+        joints.append(placing(own, terms.foot_jacobian[0, foot], stance.length))
         pitch.append(pitching)
         sign.append(np.sign(along[np.abs(along) > _PITCHES]))
         forward.append(1.0 if bent >= 0.0 else -1.0)
@@ -76,6 +76,24 @@ def legs_of(robot: Robot) -> Legs:
     columns, signs = np.array(pitch), np.array(sign)
     home, limits = robot.home_qpos[7:][columns], np.moveaxis(robot.joint_range[columns], -1, 0)
     return Legs(order, np.array(joints), columns, signs, home, bend[0], forward[0], limits)
+
+
+def placing(joints: np.ndarray, jacobian: np.ndarray, length: float) -> np.ndarray:
+    """Return those joints that place a foot best: their Jacobian has the largest determinant.
+
+    Args:
+        joints: to choose from, at least as many as coordinates.
+        jacobian: (3, nv) of a point, or (6, nv) of a sole, its rotation last.
+        length: m, that counts as much as a radian.
+
+    Returns:
+        (3,) or (6,) int.
+    """
+    count = len(jacobian)
+    scaled = jacobian / np.repeat([length, 1.0], 3)[:count, None]
+    some = list(combinations(joints, count))
+    sizes = [abs(np.linalg.det(scaled[:, 6 + np.array(those)])) for those in some]
+    return np.array(some[int(np.argmax(sizes))])
 
 
 def least_bend(legs: Legs) -> float:
@@ -110,15 +128,6 @@ def bent(robot: Robot, legs: Legs, knee: Curve, ankle: Curve, pitch: Curve) -> C
         for whole, part in zip(joints, turn, strict=True):
             whole[:, columns] += sign * part
     return joints
-
-
-def _placing(joints: np.ndarray, jacobian: np.ndarray, length: float) -> np.ndarray:
-    """The six of joints that place a foot best: their Jacobian has the largest determinant."""
-    scaled = jacobian / np.repeat([length, 1.0], 3)[:, None]
-    six = list(combinations(joints, 6))
-    return np.array(
-        six[int(np.argmax([abs(np.linalg.det(scaled[:, 6 + np.array(some)])) for some in six]))]
-    )
 
 
 def _bend(jacobian: np.ndarray, left: np.ndarray) -> float:

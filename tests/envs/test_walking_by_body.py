@@ -15,7 +15,8 @@ WALKS = {
     "biped": "fbid_gym/BipedWalk-v0",
     "humanoid": "fbid_gym/HumanoidWalk-v0",
 }
-# Of the zoo: quadrupeds on points whose legs have five and six joints, and can turn about their ends.
+# Of the zoo: quadrupeds on points whose legs have five and six joints, so that they can turn about
+# their ends.
 SPARE_JOINTS = (42, 47)
 
 

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from eval.zoo import morphology as zoo
+from eval.zoo.__main__ import built
 from fbid_gym.dynamics import PinocchioDynamics
 from fbid_gym.dynamics.frames import rotation_vector
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import FbidError
 from fbid_gym.motions import Crawl, Gait, MotionTable, crawl, gait_for
 from fbid_gym.motions.gait.schedule import corners_of
-from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots import ROBOTS, load
 from tests.robots.similar import similar
 
 
@@ -19,12 +20,11 @@ def walk() -> Crawl:
     return crawl(load("quadruped"))
 
 
-@pytest.fixture(scope="module", params=["quadruped", "go1", "zoo22"])
+@pytest.fixture(scope="module", params=["quadruped", "go1", 22, 42])
 def any_walk(request: pytest.FixtureRequest) -> Crawl:
     if request.param in ROBOTS:
         return crawl(load(request.param))
-    animal = zoo.draw(22)
-    return crawl(Robot.from_mjcf(zoo.mjcf(animal), animal.foot_names))
+    return crawl(built(zoo.draw(request.param)))  # three and five joints a leg
 
 
 def feet_of(motion: MotionTable, rows: np.ndarray) -> np.ndarray:
