@@ -191,14 +191,14 @@ def rank_of(matrix: np.ndarray, rtol: float) -> int:
 
 
 @compiled
-def pseudo_inverse(matrix: np.ndarray, rtol: float, inverse: np.ndarray) -> int:
-    """Write the inverse (a, a) of a symmetric positive semidefinite matrix; returns its rank.
+def invert(matrix: np.ndarray, inverse: np.ndarray) -> tuple[int, float]:
+    """Write the inverse (a, a) of a symmetric positive definite matrix, rows of zeros left out.
 
-    Eigenvalues at or below `rtol` times the largest count as zero. The lower half is read, the
-    upper one is filled. A matrix that is not finite gets NaN and rank 0.
+    The lower half is read, the upper one is filled.
 
-    Most matrices are regular but for rows of zeros: they are inverted without those, and certified
-    by a bound on the condition number. Only those that fail are decomposed.
+    Returns:
+        The number of rows that are not zero, and a bound on their condition number: no number below
+        infinity where they are not positive definite, and then the inverse is none.
     """
     rows, lower = len(matrix), np.empty_like(matrix)
     size, inverse_size, rank = 0.0, 0.0, 0
@@ -218,15 +218,28 @@ def pseudo_inverse(matrix: np.ndarray, rtol: float, inverse: np.ndarray) -> int:
             inverse[i, i] -= 1.0
         size += dot(matrix[i], matrix[i])
         inverse_size += dot(inverse[i], inverse[i])
-    # |A| |A^-1| bounds the condition number.
-    if size * inverse_size < rtol**-2:
+    return rank, np.sqrt(size * inverse_size)  # |A| |A^-1|
+
+
+@compiled
+def pseudo_inverse(matrix: np.ndarray, rtol: float, inverse: np.ndarray) -> int:
+    """Write the inverse (a, a) of a symmetric positive semidefinite matrix; returns its rank.
+
+    Eigenvalues at or below `rtol` times the largest count as zero. The lower half is read, the
+    upper one is filled. A matrix that is not finite gets NaN and rank 0.
+
+    Most matrices are regular but for rows of zeros: they are inverted without those, and certified
+    by a bound on the condition number. Only those that fail are decomposed.
+    """
+    rank, condition = invert(matrix, inverse)
+    if condition < 1.0 / rtol:
         return rank
-    if not np.isfinite(size):
+    if not np.isfinite(matrix.sum()):
         inverse[:] = np.nan
         return 0
     values, vectors = np.linalg.eigh(matrix)
     inverse[:] = 0.0
-    rank = 0
+    rank, rows = 0, len(matrix)
     for k in range(rows):
         if values[k] > rtol * values[-1]:
             rank += 1

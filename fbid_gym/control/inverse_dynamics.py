@@ -34,14 +34,17 @@ from fbid_gym.small_matrices import (
     add_transposed_times,
     dot,
     gram,
+    invert,
     multiply,
     multiply_transposed,
     pseudo_inverse,
     times,
 )
 
-# Singular values of J at or below a thousandth of the largest are treated as absent.
+# Singular values of J at or below a thousandth of the largest are treated as absent: what two flat
+# feet on legs of five joints cannot do at home, they can hardly do when they have moved a little.
 _CONTACT_RTOL = 1e-6
+_WEIGHTED_RTOL = 1e-10  # of what is left, with weights that may be far from each other
 # Contacts whose shortest lever arm is below a thousandth of the longest count as a line or a point:
 # taking them for more would buy a moment with a thousandfold force.
 _BASE_RTOL = 1e-6
@@ -144,6 +147,7 @@ def invert_dynamics(
     rank, underactuation = np.empty(count, np.int64), np.empty(count, np.int64)
     residual = np.empty(count)
 
+    shifts, turns = mobility[:3], mobility[3:]  # of the base, and of all else
     weighted, by_cost = np.empty((rows, velocities)), np.empty((rows, velocities))
     product, inverse = np.empty((rows, rows)), np.empty((rows, rows))
     cost_inverse, error = np.empty((rows, rows)), np.empty(rows)
@@ -151,19 +155,23 @@ def invert_dynamics(
     push, push_inverse, missing = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
     force = np.empty(velocities)
     for i in range(count):
-        jacobian, own = constraint.jacobian[i], acceleration[i]
+        jacobian, bias, own = constraint.jacobian[i], constraint.bias[i], acceleration[i]
         own_motion = EquationOfMotion(motion.mass_matrix[i], motion.bias[i])
         arm = _radius_of_gyration(own_motion.mass_matrix)
         push_rtol = _BASE_RTOL * min(1.0, mobility[:3].min() / arm**2, mobility[3:6].min())
-        for k in range(rows):
-            for j in range(velocities):
-                weighted[k, j] = jacobian[k, j] * mobility[j]
-        gram(weighted, jacobian, 0.0, product)
-        rank[i] = pseudo_inverse(product, _CONTACT_RTOL, inverse)
+        _gram_by(jacobian, mobility, weighted, product)
+        rank[i], condition = invert(product, inverse)
+        # Weights apart make a condition that is not the contacts'.
+        most = max(shifts.max(), turns.max() * arm**2)
+        apart = most / min(shifts.min(), turns.min() * arm**2)
+        if not condition * apart < 1.0 / _CONTACT_RTOL:
+            jacobian, bias = _firm(jacobian, bias, arm)
+            _gram_by(jacobian, mobility, weighted, product)
+            rank[i] = pseudo_inverse(product, _WEIGHTED_RTOL, inverse)
 
         # The nearest acceleration with J a + Jdot v = 0, [M10] eq. (4).
         for k in range(rows):
-            error[k] = -(dot(jacobian[k], own) + constraint.bias[i, k])
+            error[k] = -(dot(jacobian[k], own) + bias[k])
         times(inverse, error, contact_force[i])
         add_transposed_times(weighted, contact_force[i], own)
 
@@ -178,7 +186,7 @@ def invert_dynamics(
                     weight = mean * arm**2 if j < 3 else mean if j < 6 else entries[j - 6]
                     by_cost[k, j] = jacobian[k, j] * weight
             gram(by_cost, jacobian, 0.0, product)
-            pseudo_inverse(product, _CONTACT_RTOL, cost_inverse)
+            pseudo_inverse(product, _WEIGHTED_RTOL, cost_inverse)
             least, cost = cost_inverse, by_cost
         for k in range(rows):
             for row in range(6):
@@ -208,6 +216,49 @@ def invert_dynamics(
         torque[i] = force[6:]
         residual[i] = _backward_error(own_motion, own, jacobian, contact_force[i], force)
     return InverseDynamics(torque, contact_force, acceleration, rank, underactuation, residual)
+
+
+@compiled
+def _gram_by(
+    jacobian: np.ndarray, weights: np.ndarray, weighted: np.ndarray, product: np.ndarray
+) -> None:
+    """Write J A^-1 (k, nv) and the lower half of J A^-1 J^T (k, k), A^-1 the diagonal `weights`."""
+    for k in range(len(jacobian)):
+        for j in range(len(weights)):
+            weighted[k, j] = jacobian[k, j] * weights[j]
+    gram(weighted, jacobian, 0.0, product)
+
+
+@compiled
+def _firm(jacobian: np.ndarray, bias: np.ndarray, arm: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return J (k, nv) and Jdot v (k,) without the directions in which the contacts hardly hold.
+
+    Which these are is a property of the contacts, whatever weighs how much: motions count by what
+    they move at the radius of gyration, `arm` (m).
+    """
+    rows = len(jacobian)
+    product, scratch = np.empty((rows, rows)), np.empty((rows, rows))
+    even = np.full(jacobian.shape[1], 1.0 / arm**2)
+    even[:3] = 1.0
+    _gram_by(jacobian, even, np.empty_like(jacobian), product)
+    _, condition = invert(product, scratch)
+    if condition < 1.0 / _CONTACT_RTOL or not np.isfinite(product.sum()):
+        return jacobian, bias
+    values, vectors = np.linalg.eigh(product)
+    firm, firm_bias, along = np.zeros_like(jacobian), np.zeros(rows), np.empty(jacobian.shape[1])
+    for k in range(rows):
+        if values[k] > _CONTACT_RTOL * values[-1]:
+            along[:] = 0.0
+            change = 0.0
+            for row in range(rows):
+                change += vectors[row, k] * bias[row]
+                for j in range(len(along)):
+                    along[j] += vectors[row, k] * jacobian[row, j]
+            for row in range(rows):
+                firm_bias[row] += vectors[row, k] * change
+                for j in range(len(along)):
+                    firm[row, j] += vectors[row, k] * along[j]
+    return firm, firm_bias
 
 
 @compiled
