@@ -1,8 +1,9 @@
-"""Whether anything grows while environments run for long: `python -m eval.soak`.
+"""Whether anything grows, or gets lost, while environments run for long: `python -m eval.soak`.
 
 Every layer takes steps with random actions in a batch of robots whose episodes are short, so that
-resets are frequent. Memory, file descriptors and threads are read at intervals. What a process
-keeps after its first steps is its own; what counts is growth from the end of the first fifth on.
+resets are frequent. What comes out has to be numbers. Memory, file descriptors and threads are read
+at intervals: what a process keeps after its first steps is its own; what counts is growth from the
+end of the first fifth on.
 """
 
 import gc
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import gymnasium as gym
+import numpy as np
 import psutil
 import tyro
 
@@ -61,6 +63,10 @@ class Soaked(NamedTuple):
     layer: str
     steps: int
     """Environment steps."""
+    ticks: int
+    """Of the layer, in these."""
+    lost: int
+    """Robots that were given an observation or a reward that is no number."""
     resets: int
     """Ends of episodes."""
     first: Reading
@@ -75,9 +81,10 @@ class Soaked(NamedTuple):
 
     @property
     def held(self) -> bool:
-        """Whether nothing grew that must not."""
+        """Whether nothing grew that must not, and nothing was lost."""
         return (
-            self.growth < MOST_GROWTH
+            self.lost == 0
+            and self.growth < MOST_GROWTH
             and self.last.files <= self.first.files
             and self.last.threads <= self.first.threads
         )
@@ -103,18 +110,23 @@ def soak(config: SoakConfig, layer: str) -> Soaked:
     part = max(round(share / _READINGS), 1)
     envs.reset(seed=0)
     envs.action_space.seed(0)
-    readings, resets = [], 0
+    readings, resets, lost = [], 0, 0
     for _ in range(_READINGS):
         for _ in range(part):
-            _, _, terminated, truncated, _ = envs.step(envs.action_space.sample())
+            seen, reward, terminated, truncated, _ = envs.step(envs.action_space.sample())
             resets += int((terminated | truncated).sum())
+            lost += int((~np.isfinite(np.column_stack([seen, reward])).all(axis=1)).sum())
         readings.append(read())
     envs.close()
     steps = _READINGS * part * config.num_envs
-    return Soaked(layer, steps, resets, readings[_READINGS // 5], readings[-1])
+    ticks = steps * envs.unwrapped.config.rates().ticks
+    return Soaked(layer, steps, ticks, lost, resets, readings[_READINGS // 5], readings[-1])
 
 
-_HEAD = ("Layer", "Steps", "Resets", "Memory (MB)", "Growth", "File descriptors", "Threads")
+_HEAD = (
+    *("Layer", "Steps", "Control ticks", "Lost", "Resets", "Memory (MB)", "Growth"),
+    *("File descriptors", "Threads"),
+)
 
 
 def rows(found: list[Soaked]) -> list[str]:
@@ -122,7 +134,8 @@ def rows(found: list[Soaked]) -> list[str]:
     lines = [f"| {' | '.join(_HEAD)} |", f"|{' --- |' * len(_HEAD)}"]
     for one in found:
         growth = f"{100 * one.growth:+.2f} %{'' if one.held else ' (missed)'}"
-        cells = [f"`{one.layer}`", f"{one.steps:,}", f"{one.resets:,}"]
+        cells = [f"`{one.layer}`", f"{one.steps:,}", f"{one.ticks:,}", str(one.lost)]
+        cells += [f"{one.resets:,}"]
         cells += [f"{one.last.memory / 2**20:.0f}", growth]
         cells += [f"{one.first.files} → {one.last.files}"]
         cells += [f"{one.first.threads} → {one.last.threads}"]
