@@ -199,7 +199,7 @@ class _News:
     def compiling(self) -> None:
         """Compilation begins; to be said once all of it has taken a moment."""
         self._began = time.monotonic()
-        text = "compiling the control laws for their first use, which takes half a minute."
+        text = "compiling the control laws for their first use, which may take a minute or two."
         left = max(_MOMENT - self._spent, 0.0)
         self._timer = threading.Timer(left, self.say, ("compiling", text))
         self._timer.daemon = True
