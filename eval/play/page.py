@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
+from eval.play.controls import MOST_PUSH, shown
 from eval.play.overlays import Overlays
 from eval.play.panel import Panel
 from eval.play.plots import Plots
 from eval.play.scene import Scene
-from eval.play.session import MOST_PUSH, Push, Session
+from eval.play.session import Push, Session
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
 
@@ -53,7 +54,7 @@ class Page:
         self._furnish()
         self._stop = threading.Event()
         self._drawn = (-1, -1)
-        self._overlaid: object = None
+        self._overlaid = (-1, -1)
         self._due: dict[str, float] = {}
         self.pace = Pace(0.0, 0.0, 0, 0.0)
 
@@ -139,9 +140,8 @@ class Page:
             with self._server.atomic():
                 self._scene.draw(session.lanes, min(share, 1.0), session.weight)
         self._drawn = now
-        seen = (*now, self._panel.shown)
-        if seen != self._overlaid and self._is_due("overlays", _OVERLAYS_HZ):
-            self._overlaid = seen
+        if now != self._overlaid and self._is_due("overlays", _OVERLAYS_HZ):
+            self._overlaid = now
             with self._server.atomic():
                 self._draw_overlays()
         if self._plots is not None and self._is_due("plots", _PLOTS_HZ):
@@ -150,10 +150,10 @@ class Page:
             self._panel.show(self._status())
 
     def _draw_overlays(self) -> None:
-        shown, lanes = self._panel.shown, self._session.lanes
+        options, lanes = shown(self._session.settings), self._session.lanes
         for lane, overlays in zip(lanes, self._overlays, strict=True):
-            if shown.any:
-                overlays.draw(shown, insight(lane.batch))
+            if options.any:
+                overlays.draw(options, insight(lane.batch))
             else:
                 overlays.hide()
 
