@@ -85,7 +85,7 @@ class Page:
     def run(self, seconds: float | None = None) -> None:
         """Go on in real time until `stop`, or for some seconds of the clock."""
         session = self._session
-        begun = last = time.perf_counter()
+        begun = last = frame = time.perf_counter()
         behind = 0.0  # s of the clock that the robots have not gone through
         while not self._stop.is_set():
             now = time.perf_counter()
@@ -106,7 +106,8 @@ class Page:
                 frames=self.pace.frames + 1,
                 lost=self.pace.lost + lost,
             )
-            self._stop.wait(max(1.0 / DISPLAY_HZ - (time.perf_counter() - now), 0.0))
+            frame = max(frame + 1.0 / DISPLAY_HZ, now)  # who is late does not catch up on frames
+            self._stop.wait(max(frame - time.perf_counter(), 0.0))
 
     def stop(self) -> None:
         """Let `run` return."""

@@ -38,7 +38,7 @@ class Body:
         batch = lane.batch
         _, self._model = batch.config.ground(batch.config.load_robot())  # with what is only drawn
         self._data = mujoco.MjData(self._model)
-        self.root, self.offset = f"/world/robot{place}", offset
+        self.root, self.offset, self._place = f"/world/robot{place}", offset, place
         self._node = server.scene.add_frame(self.root, show_axes=False, position=offset)
         drawn = list(shapes(self._model))
         tint = 0.5 if place else 0.0
@@ -112,7 +112,9 @@ class Body:
         if word != self._label.text:
             self._label.text, self._label.visible = word, bool(word)
         if word:
-            self._label.position = trunk + np.array([0.0, 0.0, 0.6 * size])
+            # One above the other where robots walk in the same place.
+            above = (0.6 + 0.15 * self._place) * size
+            self._label.position = trunk + np.array([0.0, 0.0, above])
 
     def _between(self, share: float) -> np.ndarray:
         before, now = self._before, self._now
