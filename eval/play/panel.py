@@ -14,7 +14,8 @@ from fbid_gym.errors import FbidError
 
 _STEPS = {100.0: 1.0, 0.5: 0.01, 0.0: 0.002}
 """Of a slider whose range is at least that wide."""
-_WAYS = {"ahead": (1, 0, 0), "back": (-1, 0, 0), "left": (0, 1, 0), "right": (0, -1, 0)}
+_WAYS = {"ahead": (1, 0), "back": (-1, 0), "left": (0, 1), "right": (0, -1)}
+"""Shares ahead and to the left."""
 
 
 class Panel:
@@ -52,11 +53,12 @@ class Panel:
         @ways.on_click
         def _(event: viser.GuiEvent) -> None:
             def push() -> Push:
-                x, y, _ = _WAYS.get(ways.value, (0, 0, 0))
-                ahead = heading(self._session.lanes[0].qpos)
+                x, y = _WAYS.get(ways.value, (0, 0))
+                session = self._session
+                ahead = heading(session.lanes[0].qpos)
                 left = np.array([-ahead[1], ahead[0], 0.0])
-                force = self._widgets["push_force"].value * (x * ahead + y * left)
-                return Push(tuple(force.tolist()), float(self._widgets["push_seconds"].value))
+                force = session.settings["push_force"] * (x * ahead + y * left)
+                return Push(tuple(force.tolist()), session.settings["push_seconds"])
 
             self._submit(event, push)
 
