@@ -12,17 +12,19 @@ from typing import Annotated, Any
 
 import tyro
 
-from eval.play.controls import ALONE, controls, from_text
+from eval.play import roster
+from eval.play.controls import ALONE, controls
 from eval.play.serving import close_server, measured, open_server, show
 from eval.play.session import Session
-from eval.play.stage import OWNED, Stage
+from eval.play.stage import NO_POLICY, OWNED, Stage, check_stage
+from eval.play.texts import from_text
 from eval.rollout import parse_env_args
 from fbid_gym.checks import check_positive
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.policy import Policy, place_of
-from fbid_gym.robots import Robot
 from train.runs.exit_status import exit_status
-from train.runs.robots import chosen, of_policy
+from train.runs.robots import chosen
 
 DEFAULT_ENV = "fbid_gym/QuadrupedWalk-v0"
 
@@ -34,8 +36,8 @@ class PlayConfig:
     env: Annotated[str | None, tyro.conf.Positional] = None
     """Environment id. Default: that of the policy, or QuadrupedWalk-v0."""
     policy: tuple[Path, ...] = ()
-    """Run folders, exported policies or `shipped:NAME` that can be chosen on the page; the first
-    acts first."""
+    """Run folders, exported policies or `shipped:NAME`; the first acts first. They can be chosen on
+    the page, beside all that are shipped for the environment and its robot."""
     action_layer: str | None = None
     """Layer to begin with. Default: the first policy's, or base_acceleration."""
     beside: str | None = None
@@ -64,27 +66,18 @@ def stage_of(config: PlayConfig) -> Stage:
         if name in arguments and name not in ("layer_options", "terrain", "difficulty", "gait"):
             expected = "an argument that is not the page's own; see --help"
             raise InvalidValueError("--env-args", name, expected)
-    robot = chosen(config.robot, config.feet)
-    policies, env_id = {}, config.env
-    for path in map(place_of, config.policy):
-        policy = Policy.load(path)
-        env_id = env_id or policy.env_id
-        robot = _same(robot, of_policy(path, policy.env_args, robot), path)
-        name = path.name or str(path)
-        if name in policies:
-            raise InvalidValueError("--policy", str(path), f"one policy of the name {name}")
-        policies[name] = policy
+    given = roster.named(config.policy)
+    env_id = config.env or next((entry.policy.env_id for entry in given), DEFAULT_ENV)
+    policies = {entry.name: entry.policy for entry in given}
+    check_stage(env_id, policies)
+    robot = chosen(config.robot, config.feet) or roster.robot_of(given)
     if robot is not None:
         arguments["robot"] = robot
-    if config.action_layer is not None or not policies:
+    if config.action_layer is not None or not given:
         arguments["action_layer"] = config.action_layer or "base_acceleration"
-    return Stage.of(env_id or DEFAULT_ENV, arguments, policies)
-
-
-def _same(robot: Robot | None, other: Robot | None, path: Path) -> Robot | None:
-    if robot is not None and other is not None and robot.digest != other.digest:
-        raise InvalidValueError("--policy", str(path), f"a policy for robot {robot.name!r}")
-    return robot or other
+    own = robot or EnvConfig.of(ENVIRONMENTS[env_id]).load_robot()
+    policies |= {entry.name: entry.policy for entry in roster.of_package(env_id, own)}
+    return Stage.of(env_id, arguments, policies, given[0].name if given else NO_POLICY)
 
 
 def session_of(config: PlayConfig) -> Session:
@@ -103,7 +96,7 @@ def run(config: PlayConfig) -> None:
     if config.measure is not None:
         check_positive(measure=config.measure)
     session = session_of(config)
-    server = open_server(config.host, config.port)
+    server = open_server(session, config.host, config.port)
     try:
         if config.measure is not None:
             share = measured(server, session, config.measure)

@@ -1,16 +1,16 @@
 """What can be set while a session runs: each with its range, checked before anything changes."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from eval.play.stage import Stage
+from eval.play.stage import MOST_PUSH_SECONDS, NO_POLICY, Stage
 from fbid_gym.actions import LAYERS
 from fbid_gym.actions.contact_options import CONTACT_LIMITS
-from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.envs.overlays import LABELS, RenderOptions
+from fbid_gym.errors import UnknownOptionError
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.options import Choice, Flag, Number, Whole
 from fbid_gym.robots.terrain import TERRAINS
@@ -21,10 +21,24 @@ from fbid_gym.tasks.tracking import Tracking
 Settings = dict[str, Any]
 """Name of a control -> its value."""
 
-NO_POLICY, ALONE = "zero action", "nobody"
+ALONE = "nobody"
 LONGEST_DELAY = 0.1
 """s, of an action on its way."""
-_LONGEST_TEXT = 10_000
+MOST_PUSH = 2.0
+"""Weights of the robot."""
+PUSH, TIME, WHO, COMMAND, WORLD, OVERLAYS = GROUPS = (
+    "Push (or drag the robot)",
+    "Time",
+    "Who acts",
+    "Command",
+    "World",
+    "Overlays",
+)
+"""Where controls stand on the page, in its order."""
+ASIDE = (PUSH, TIME, OVERLAYS)
+"""Groups whose controls, unless they reset, change nothing of a robot."""
+_USUAL_PUSH, _USUAL_SECONDS = 0.4, 0.15  # weights, s
+_SHOWN_FIRST = ("forces", "com")
 
 
 @dataclass(frozen=True)
@@ -93,25 +107,49 @@ def controls(stage: Stage) -> dict[str, Control]:
     config = stage.config({})
     robot = config.load_robot()
     return {
-        "paused": Switch("Time", "paused", False),
-        "speed": Slider("Time", "speed, share of real time", 0.05, 1.0, 1.0),
-        "get_up": Switch("Time", "start anew 1.5 s after a fall", True),
-        "seed": Slider("Time", "seed of the start", 0, 2**31 - 1, 0, whole=True, resets=True),
-        "layer": Menu("Who acts", "action layer", tuple(LAYERS), config.action_layer),
-        "policy": Menu("Who acts", "policy", (NO_POLICY, *stage.policies), stage.first),
-        "contact_limits": Menu("Who acts", "contact limits", CONTACT_LIMITS, stage.contact_limits),
-        "beside": Menu("Who acts", "beside it", (ALONE, *LAYERS, *stage.policies), ALONE),
-        **_commands(stage),
-        "friction": Slider("World", "friction of the ground, factor", 0.1, 1.5, 1.0),
-        "added_mass": Slider("World", "mass added to the trunk (kg)", 0.0, 0.5 * robot.mass, 0.0),
-        "motors": Slider("World", "strength of the motors, factor", 0.3, 1.2, 1.0),
-        "action_delay": Slider("World", "delay of actions (s)", 0.0, LONGEST_DELAY, 0.0),
-        "model_mass": Slider("World", "masses in the law's model, factor", 0.5, 1.5, 1.0),
-        "terrain": Menu("World", "terrain", TERRAINS, config.terrain, resets=True),
-        "difficulty": Slider(
-            "World", "difficulty of the terrain", 0.0, 1.0, config.difficulty, resets=True
+        "push_force": Slider(
+            PUSH,
+            "force (N)",
+            0.0,
+            float(int(MOST_PUSH * robot.weight)),
+            float(round(_USUAL_PUSH * robot.weight)),
         ),
+        "push_seconds": Slider(PUSH, "time (s)", 0.02, MOST_PUSH_SECONDS, _USUAL_SECONDS),
+        "paused": Switch(TIME, "paused", False),
+        "speed": Slider(TIME, "speed, share of real time", 0.05, 1.0, 1.0),
+        "get_up": Switch(TIME, "start anew 1.5 s after a fall", True),
+        "seed": Slider(TIME, "seed of the start", 0, 2**31 - 1, 0, whole=True, resets=True),
+        "layer": Menu(WHO, "action layer", tuple(LAYERS), config.action_layer),
+        "policy": Menu(WHO, "policy", (NO_POLICY, *stage.policies), stage.first),
+        "contact_limits": Menu(WHO, "contact limits", CONTACT_LIMITS, stage.contact_limits),
+        "beside": Menu(WHO, "beside it", (ALONE, *LAYERS, *stage.policies), ALONE),
+        **_commands(stage),
+        "friction": Slider(WORLD, "friction of the ground, factor", 0.1, 1.5, 1.0),
+        "added_mass": Slider(
+            WORLD, "mass added to the trunk (kg)", 0.0, round(0.5 * robot.mass, 1), 0.0
+        ),
+        "motors": Slider(WORLD, "strength of the motors, factor", 0.3, 1.2, 1.0),
+        "action_delay": Slider(WORLD, "delay of actions (s)", 0.0, LONGEST_DELAY, 0.0),
+        "model_mass": Slider(WORLD, "masses in the law's model, factor", 0.5, 1.5, 1.0),
+        "terrain": Menu(WORLD, "terrain", TERRAINS, config.terrain, resets=True),
+        "difficulty": Slider(
+            WORLD, "difficulty of the terrain", 0.0, 1.0, config.difficulty, resets=True
+        ),
+        **{
+            _switch(kind): Switch(OVERLAYS, label.partition(" (")[0], kind in _SHOWN_FIRST)
+            for kind, label in LABELS.items()
+        },
     }
+
+
+def _switch(kind: str) -> str:
+    """Name of the control of a kind of overlay."""
+    return f"show_{kind}"
+
+
+def shown(settings: Settings) -> RenderOptions:
+    """Return which overlays are switched on."""
+    return RenderOptions(**{kind: settings[_switch(kind)] for kind in LABELS})
 
 
 def _commands(stage: Stage) -> dict[str, Control]:
@@ -120,21 +158,21 @@ def _commands(stage: Stage) -> dict[str, Control]:
     if isinstance(task, Walk):
         words = ("ahead", "forward (m/s)"), ("left", "to the left (m/s)"), ("turn", "turn (rad/s)")
         found: dict[str, Control] = {
-            name: Slider("Command", label, *_rounded(ends), 0.0)
+            name: Slider(COMMAND, label, *_rounded(ends), 0.0)
             for (name, label), ends in zip(words, task.most, strict=True)
             if ends[0] <= 0.0 <= ends[1]
         }
         if len(task.body.robot.feet) == 4:
             names = tuple(PATTERNS)
-            found["gait"] = Menu("Command", "gait", names, task.gait_name, resets=True)
+            found["gait"] = Menu(COMMAND, "gait", names, task.gait_name, resets=True)
         return found
     if isinstance(task, Balance):
         least, most = _rounded(task.body.home_height * np.array(task.height_range))
-        return {"height": Slider("Command", "height (m), a policy's to follow", least, most, most)}
+        return {"height": Slider(COMMAND, "height (m), a policy's to follow", least, most, most)}
     if isinstance(task, Tracking) and task.speed_range[0] < task.speed_range[1]:
         least, most = _rounded(task.speed_range)
         middle = round(0.5 * (least + most), 3)
-        return {"pace": Slider("Command", "forward (m/s)", least, most, middle)}
+        return {"pace": Slider(COMMAND, "forward (m/s)", least, most, middle)}
     return {}
 
 
@@ -153,30 +191,3 @@ def checked(offered: Mapping[str, Control], name: Any, value: Any) -> Any:
     if not isinstance(name, str) or name not in offered:
         raise UnknownOptionError("setting", name, offered)
     return offered[name].checked(name, value)
-
-
-def to_text(offered: Mapping[str, Control], settings: Settings) -> str:
-    """Return what differs from the start as one line of JSON, to be sent to somebody."""
-    return json.dumps(
-        {name: value for name, value in settings.items() if value != offered[name].default}
-    )
-
-
-def from_text(offered: Mapping[str, Control], text: Any) -> Settings:
-    """Read what `to_text` wrote; what it does not name is as at the start.
-
-    Raises:
-        FbidError: not such a text, or a value that may not be set.
-    """
-    expected = "settings as the page shows them, a line of JSON"
-    if not isinstance(text, str) or len(text) > _LONGEST_TEXT:
-        raise InvalidValueError("settings", str(text)[:40], expected)
-    try:
-        given = json.loads(text)
-    except (ValueError, RecursionError):
-        raise InvalidValueError("settings", text[:80], expected) from None
-    if not isinstance(given, dict):
-        raise InvalidValueError("settings", text[:80], expected)
-    return defaults(offered) | {
-        name: checked(offered, name, value) for name, value in given.items()
-    }

@@ -1,13 +1,15 @@
 """One robot of a session, with the layer and the policy that drive it."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from eval.play.carry import State, carried, imposed, pushed
-from eval.play.controls import ALONE, NO_POLICY, Settings
-from eval.play.stage import Stage
+from eval.play.controls import ALONE, Settings
+from eval.play.policies import layer_of
+from eval.play.stage import NO_POLICY, Stage
 from fbid_gym.envs.env_batch import EnvBatch, Step
 from fbid_gym.policy import Policy
 
@@ -25,6 +27,11 @@ class Player(NamedTuple):
     layer: str
     policy: str
 
+    @property
+    def word(self) -> str:
+        """What it is called beside another."""
+        return self.layer if self.policy == NO_POLICY else f"policy {Path(self.policy).name}"
+
 
 def players(stage: Stage, settings: Settings) -> list[Player]:
     """Return who plays by these settings: one, or two side by side."""
@@ -35,11 +42,6 @@ def players(stage: Stage, settings: Settings) -> list[Player]:
     elif beside != ALONE:
         found.append(Player(beside, NO_POLICY))
     return found
-
-
-def layer_of(policy: Policy) -> str:
-    """Return the layer through which a policy acts."""
-    return str(policy.env_args.get("action_layer", "joint_position"))
 
 
 class Lane:

@@ -6,8 +6,6 @@ import viser
 from fbid_gym.envs.insight import Insight
 from fbid_gym.envs.overlays import Mark, RenderOptions, marks
 
-SHOWN_FIRST = ("forces", "com")
-
 
 class Overlays:
     """The overlays of one robot."""

@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
+from eval.play.controls import MOST_PUSH, shown
 from eval.play.overlays import Overlays
 from eval.play.panel import Panel
 from eval.play.plots import Plots
 from eval.play.scene import Scene
-from eval.play.session import MOST_PUSH, Push, Session
+from eval.play.session import Push, Session
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
 
@@ -53,7 +54,7 @@ class Page:
         self._furnish()
         self._stop = threading.Event()
         self._drawn = (-1, -1)
-        self._overlaid: object = None
+        self._overlaid = (-1, -1)
         self._due: dict[str, float] = {}
         self.pace = Pace(0.0, 0.0, 0, 0.0)
 
@@ -84,7 +85,7 @@ class Page:
     def run(self, seconds: float | None = None) -> None:
         """Go on in real time until `stop`, or for some seconds of the clock."""
         session = self._session
-        begun = last = time.perf_counter()
+        begun = last = frame = time.perf_counter()
         behind = 0.0  # s of the clock that the robots have not gone through
         while not self._stop.is_set():
             now = time.perf_counter()
@@ -105,7 +106,8 @@ class Page:
                 frames=self.pace.frames + 1,
                 lost=self.pace.lost + lost,
             )
-            self._stop.wait(max(1.0 / DISPLAY_HZ - (time.perf_counter() - now), 0.0))
+            frame = max(frame + 1.0 / DISPLAY_HZ, now)  # who is late does not catch up on frames
+            self._stop.wait(max(frame - time.perf_counter(), 0.0))
 
     def stop(self) -> None:
         """Let `run` return."""
@@ -139,9 +141,8 @@ class Page:
             with self._server.atomic():
                 self._scene.draw(session.lanes, min(share, 1.0), session.weight)
         self._drawn = now
-        seen = (*now, self._panel.shown)
-        if seen != self._overlaid and self._is_due("overlays", _OVERLAYS_HZ):
-            self._overlaid = seen
+        if now != self._overlaid and self._is_due("overlays", _OVERLAYS_HZ):
+            self._overlaid = now
             with self._server.atomic():
                 self._draw_overlays()
         if self._plots is not None and self._is_due("plots", _PLOTS_HZ):
@@ -150,10 +151,10 @@ class Page:
             self._panel.show(self._status())
 
     def _draw_overlays(self) -> None:
-        shown, lanes = self._panel.shown, self._session.lanes
+        options, lanes = shown(self._session.settings), self._session.lanes
         for lane, overlays in zip(lanes, self._overlays, strict=True):
-            if shown.any:
-                overlays.draw(shown, insight(lane.batch))
+            if options.any:
+                overlays.draw(options, insight(lane.batch))
             else:
                 overlays.hide()
 

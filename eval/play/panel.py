@@ -1,21 +1,21 @@
 """The panel of the page: widgets that become requests, and that show what applies."""
 
 from collections.abc import Callable
-from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
 import viser
 
-from eval.play.controls import Control, Menu, Slider, from_text, to_text
-from eval.play.overlays import SHOWN_FIRST
-from eval.play.session import MOST_PUSH, Change, OneStep, Push, Request, Reset, Session
-from eval.play.stage import MOST_PUSH_SECONDS
-from fbid_gym.envs.overlays import LABELS, RenderOptions
+from eval.play.controls import GROUPS, OVERLAYS, PUSH, TIME, WORLD, Control, Menu, Slider
+from eval.play.session import Change, ChangeAll, OneStep, Push, Request, Reset, Session
+from eval.play.texts import from_text, to_query, to_text
+from fbid_gym.envs.overlays import LABELS
 from fbid_gym.errors import FbidError
 
-_USUAL_PUSH, _USUAL_SECONDS = 0.4, 0.15  # weights, s
-_WAYS = {"ahead": (1, 0, 0), "back": (-1, 0, 0), "left": (0, 1, 0), "right": (0, -1, 0)}
+_STEPS = {100.0: 1.0, 0.5: 0.01, 0.0: 0.002}
+"""Of a slider whose range is at least that wide."""
+_WAYS = {"ahead": (1, 0), "back": (-1, 0), "left": (0, 1), "right": (0, -1)}
+"""Shares ahead and to the left."""
 
 
 class Panel:
@@ -29,46 +29,36 @@ class Panel:
         self._known: dict[str, Any] = dict(session.settings)
         self._text_version = -1
         self._status = server.gui.add_markdown("")
-        self._add_pushes()
-        groups = dict.fromkeys(control.group for control in session.offered.values())
-        for group in groups:
-            with server.gui.add_folder(group, expand_by_default=group != "World"):
-                for name, control in session.offered.items():
-                    if control.group == group:
-                        self._widgets[name] = self._add(name, control)
-                if group == "Time":
-                    self._button("one step", OneStep)
-                    self._button("reset", Reset)
-        self._add_overlays()
+        for group in GROUPS:
+            self._add_group(group, {n: c for n, c in session.offered.items() if c.group == group})
         self._add_text()
 
-    def _add_pushes(self) -> None:
-        session, gui = self._session, self._gui
-        with ExitStack() as stack:
-            stack.enter_context(gui.add_folder("Push (or drag the robot)"))
-            most, usual = round(MOST_PUSH * session.weight), round(_USUAL_PUSH * session.weight)
-            size = gui.add_slider("force (N)", min=0, max=most, step=1, initial_value=usual)
-            time = gui.add_slider(
-                "time (s)",
-                min=0.02,
-                max=MOST_PUSH_SECONDS,
-                step=0.01,
-                initial_value=_USUAL_SECONDS,
-            )
-            ways = gui.add_button_group("push", tuple(_WAYS))
+    def _add_group(self, group: str, offered: dict[str, Control]) -> None:
+        if not offered:
+            return
+        with self._gui.add_folder(group, expand_by_default=group not in (WORLD, OVERLAYS)):
+            for name, control in offered.items():
+                self._widgets[name] = self._add(name, control)
+            if group == PUSH:
+                self._add_ways()
+            elif group == TIME:
+                self._button("one step", OneStep)
+                self._button("reset", Reset)
+            elif group == OVERLAYS:
+                self._gui.add_markdown(f"*{'; '.join(LABELS.values())}*")
+
+    def _add_ways(self) -> None:
+        ways = self._gui.add_button_group("push", tuple(_WAYS))
 
         @ways.on_click
         def _(event: viser.GuiEvent) -> None:
             def push() -> Push:
-                way = _WAYS.get(ways.value, (0, 0, 0))
-                lane = session.lanes[0]
-                w, x, y, z = lane.qpos[3:7]
-                yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-                cosine, sine = np.cos(yaw), np.sin(yaw)
-                force = size.value * np.array(
-                    [cosine * way[0] - sine * way[1], sine * way[0] + cosine * way[1], 0.0]
-                )
-                return Push(tuple(force.tolist()), float(time.value))
+                x, y = _WAYS.get(ways.value, (0, 0))
+                session = self._session
+                ahead = heading(session.lanes[0].qpos)
+                left = np.array([-ahead[1], ahead[0], 0.0])
+                force = session.settings["push_force"] * (x * ahead + y * left)
+                return Push(tuple(force.tolist()), session.settings["push_seconds"])
 
             self._submit(event, push)
 
@@ -81,8 +71,8 @@ class Panel:
             ends = int(control.least), int(control.most)
             widget = gui.add_number(label, int(value), min=ends[0], max=ends[1], step=1)
         elif isinstance(control, Slider):
-            step = 0.01 if control.most - control.least > 0.5 else 0.002
             least, most = control.least, control.most
+            step = next(each for span, each in _STEPS.items() if most - least >= span)
             widget = gui.add_slider(label, min=least, max=most, step=step, initial_value=value)
         else:
             widget = gui.add_checkbox(label, initial_value=value)
@@ -96,29 +86,17 @@ class Panel:
 
         return widget
 
-    def _add_overlays(self) -> None:
-        with self._gui.add_folder("Overlays", expand_by_default=False):
-            self._overlays = {
-                kind: self._gui.add_checkbox(label, initial_value=kind in SHOWN_FIRST)
-                for kind, label in LABELS.items()
-            }
-
     def _add_text(self) -> None:
         """Settings to send to somebody: they see them, change them here, or paste theirs."""
-        with self._gui.add_folder("Settings as text", expand_by_default=False):
+        with self._gui.add_folder("Settings as text and link", expand_by_default=False):
             self._text = self._gui.add_text("settings", "", multiline=True)
             apply = self._gui.add_button("apply text")
+            self._link = self._gui.add_markdown("")
 
         @apply.on_click
         def _(event: viser.GuiEvent) -> None:
-            try:
-                wanted = from_text(self._session.offered, self._text.value)
-            except FbidError as error:
-                self._refuse(event, error)
-                return
-            # The policy first: it brings its layer, and that its limits.
-            for name in ("policy", "layer", *wanted):
-                self._session.submit(Change(name, wanted[name]))
+            offered, text = self._session.offered, self._text.value
+            self._submit(event, lambda: ChangeAll(from_text(offered, text)))
 
     def _button(self, label: str, request: Callable[[], Request]) -> None:
         button = self._gui.add_button(label)
@@ -138,11 +116,6 @@ class Panel:
         if event.client is not None:
             event.client.add_notification("Refused", str(error), color="red")
 
-    @property
-    def shown(self) -> RenderOptions:
-        """Which overlays are switched on."""
-        return RenderOptions(**{kind: bool(box.value) for kind, box in self._overlays.items()})
-
     def show(self, status: str) -> None:
         """Show what applies, where that has changed, and how it goes."""
         session = self._session
@@ -156,3 +129,13 @@ class Panel:
         if self._text_version != session.version:
             self._text_version = session.version
             self._text.value = to_text(session.offered, session.settings)
+            query = to_query(session.offered, session.settings)
+            # Without a host: it is that of the viewer's own address, through whatever tunnel.
+            self._link.content = f"[Link to these settings](?{query})"
+
+
+def heading(qpos: np.ndarray) -> np.ndarray:
+    """Unit vector (3,), horizontal, world, to where a base (7,) looks."""
+    w, x, y, z = qpos[3:7]
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return np.array([np.cos(yaw), np.sin(yaw), 0.0])

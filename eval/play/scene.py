@@ -9,6 +9,7 @@ import viser
 
 from eval.play.lane import Lane
 from eval.play.shapes import Shape, shapes
+from eval.play.view import show_from
 from fbid_gym.envs.overlays import size_of
 
 _SECOND = np.array([40, 120, 255])  # what the second robot's colours are mixed with
@@ -37,7 +38,7 @@ class Body:
         batch = lane.batch
         _, self._model = batch.config.ground(batch.config.load_robot())  # with what is only drawn
         self._data = mujoco.MjData(self._model)
-        self.root, self.offset = f"/world/robot{place}", offset
+        self.root, self.offset, self._place = f"/world/robot{place}", offset, place
         self._node = server.scene.add_frame(self.root, show_axes=False, position=offset)
         drawn = list(shapes(self._model))
         tint = 0.5 if place else 0.0
@@ -111,7 +112,9 @@ class Body:
         if word != self._label.text:
             self._label.text, self._label.visible = word, bool(word)
         if word:
-            self._label.position = trunk + np.array([0.0, 0.0, 0.6 * size])
+            # One above the other where robots walk in the same place.
+            above = (0.6 + 0.15 * self._place) * size
+            self._label.position = trunk + np.array([0.0, 0.0, above])
 
     def _between(self, share: float) -> np.ndarray:
         before, now = self._before, self._now
@@ -156,8 +159,7 @@ class Scene:
             shadow_opacity=0.3,
             fade_distance=12.0 * self.size,
         )
-        server.initial_camera.position = (1.6 * self.size, -1.9 * self.size, 0.9 * self.size)
-        server.initial_camera.look_at = (0.0, 0.0, 0.8 * stance.home_base[2])
+        show_from(server, self.size, float(stance.home_base[2]))
         self.bodies: list[Body] = []
         self._shown: list[list[Any]] = []
         self.cast(lanes)
@@ -193,5 +195,5 @@ class Scene:
             self._grid.position = (step[0], step[1], -1e-3)
         self._world.position = (-centre[0], -centre[1], 0.0)
         for body, lane in zip(self.bodies, lanes, strict=True):
-            word = lane.player.layer if len(lanes) > 1 else ""
+            word = lane.player.word if len(lanes) > 1 else ""
             body.draw(share, lane.push_force, self.size, weight, word)

@@ -37,10 +37,11 @@ class Share(NamedTuple):
     frames: float
 
 
-def open_server(host: str, port: int) -> Any:
+def open_server(session: Session, host: str, port: int) -> Any:
     """Return a server of pages; the caller stops it.
 
     Args:
+        session: whose settings an address can carry.
         host: address to listen on.
         port: of 0 to 65535; 0 for any that is free.
 
@@ -64,7 +65,10 @@ def open_server(host: str, port: int) -> Any:
             expected = f"an address of this machine whose port is free ({error})"
             raise InvalidValueError("host and port", f"{host}:{port}", expected) from error
         free = probe.getsockname()[1]
-    with redirect_stdout(io.StringIO()):  # it announces itself in a box
+    from eval.play.links import answering, answers
+
+    # It announces itself in a box.
+    with redirect_stdout(io.StringIO()), answering(answers(session)):
         server = viser.ViserServer(host=host, port=free, label="fbid_gym", verbose=False)
     # Any viewer could ask for a tunnel through which the world sees the page. None gets one.
     server.request_share_url = lambda verbose=False: None

@@ -11,14 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from eval.play.controls import NO_POLICY, Settings, checked, controls, defaults
-from eval.play.lane import Lane, layer_of, players
+from eval.play.controls import ASIDE, MOST_PUSH, Settings, checked, controls
+from eval.play.lane import Lane, players
+from eval.play.policies import brought, resolved
 from eval.play.stage import MOST_PUSH_SECONDS, Stage
 from fbid_gym.checks import number
 from fbid_gym.errors import FbidError, InvalidValueError
 
-MOST_PUSH = 2.0
-"""Weights of the robot."""
 GET_UP_AFTER = 1.5
 """s after a fall until an episode starts anew."""
 _MOST_QUEUED = 1000
@@ -29,6 +28,12 @@ class Change(NamedTuple):
 
     name: str
     value: Any
+
+
+class ChangeAll(NamedTuple):
+    """Set all controls; those that are not named as they are at the start."""
+
+    settings: Settings
 
 
 class Push(NamedTuple):
@@ -46,7 +51,7 @@ class OneStep(NamedTuple):
     """Go on by one policy step although paused."""
 
 
-Request = Change | Push | Reset | OneStep
+Request = Change | ChangeAll | Push | Reset | OneStep
 
 
 class Session:
@@ -69,17 +74,7 @@ class Session:
             FbidError: a setting that may not be, or a policy that does not fit.
         """
         self.stage, self.offered = stage, controls(stage)
-        given = {n: checked(self.offered, n, v) for n, v in (settings or {}).items()}
-        self.settings: Settings = defaults(self.offered)
-        for name in ("policy", "layer"):  # as a viewer would, the policy first
-            if name in given:
-                self.settings |= self._with_policy(Change(name, given[name]))
-        self.settings |= given
-        if self.settings["policy"] in stage.policies:
-            its = layer_of(stage.policies[self.settings["policy"]])
-            if its != self.settings["layer"]:
-                expected = f"{its!r}, through which {self.settings['policy']} acts"
-                raise InvalidValueError("layer", self.settings["layer"], expected)
+        self.settings: Settings = resolved(stage, self.offered, settings or {})
         self.lanes = [
             Lane(stage, player, self.settings) for player in players(stage, self.settings)
         ]
@@ -111,10 +106,14 @@ class Session:
         """
         if isinstance(request, Change):
             request = Change(request.name, checked(self.offered, request.name, request.value))
+        elif isinstance(request, ChangeAll):
+            request = ChangeAll(resolved(self.stage, self.offered, request.settings))
         elif isinstance(request, Push):
             request = self._checked_push(request)
         elif not isinstance(request, Reset | OneStep):
-            raise InvalidValueError("request", request, "a Change, a Push, a Reset or a OneStep")
+            raise InvalidValueError(
+                "request", request, "a Change, ChangeAll, Push, Reset or OneStep"
+            )
         if len(self._queue) >= _MOST_QUEUED:
             raise InvalidValueError("request", request, f"at most {_MOST_QUEUED} that wait")
         self._queue.append(request)
@@ -170,39 +169,31 @@ class Session:
             self._restart()
         elif isinstance(request, OneStep):
             self._single += 1
+        elif isinstance(request, ChangeAll):
+            self._set(request.settings)
         else:
-            self._change(request)
+            name, value = request
+            more = brought(self.stage, self.settings, name, value)
+            self._set(self.settings | {name: value} | more)
         self.version += 1
 
-    def _change(self, change: Change) -> None:
-        """Set a control; one that cannot be brought about leaves everything as it was."""
-        wanted = self.settings | {change.name: change.value} | self._with_policy(change)
-        if wanted == self.settings:
+    def _set(self, wanted: Settings) -> None:
+        """Set controls; those that cannot be brought about leave everything as it was."""
+        changed = [self.offered[n] for n, value in wanted.items() if value != self.settings[n]]
+        if not changed:
             return
+        anew = any(control.resets for control in changed)
         try:
-            lanes = self._recast(wanted, self.offered[change.name].resets)
+            lanes = self._recast(wanted, anew)
         except FbidError as error:
             self.refused = str(error)
             return
         self.settings, self.lanes, self.refused = wanted, lanes, ""
-        if self.offered[change.name].resets:
+        if anew:
             self._restart()
-        elif change.name not in ("paused", "speed", "get_up"):
+        elif any(control.group not in ASIDE for control in changed):
             for lane in self.lanes:
                 lane.apply(wanted)
-
-    def _with_policy(self, change: Change) -> Settings:
-        """What else a change of layer or policy means: a policy acts through its own layer."""
-        if change.name == "policy" and change.value in self.stage.policies:
-            policy = self.stage.policies[change.value]
-            options = policy.env_args.get("layer_options") or {}
-            limits = options.get("contact_limits", "friction")
-            return {"layer": layer_of(policy), "contact_limits": limits}
-        if change.name == "layer":
-            acting = self.stage.policies.get(self.settings["policy"])
-            if acting is not None and layer_of(acting) != change.value:
-                return {"policy": NO_POLICY}
-        return {}
 
     def _recast(self, wanted: Settings, anew: bool) -> list[Lane]:
         """Return the robots for new settings: those that stand, or others in their state."""

@@ -12,6 +12,7 @@ from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.policy import Policy
 from fbid_gym.tasks import Task
 
+NO_POLICY = "zero action"
 MOST_PUSH_SECONDS = 2.0
 _DAY = 86_400.0
 
@@ -38,6 +39,15 @@ OWNED = (
 """Arguments of an environment that are a session's own."""
 
 
+def check_stage(env_id: str, policies: Mapping[str, Policy]) -> None:
+    """Raise FbidError unless it is an environment of ours, and the policies are for it."""
+    if env_id not in ENVIRONMENTS:
+        raise UnknownOptionError("environment", env_id, ENVIRONMENTS)
+    for name, policy in policies.items():
+        if policy.env_id != env_id:
+            raise InvalidValueError(f"policy {name}", policy.env_id, f"a policy for {env_id}")
+
+
 @dataclass(frozen=True)
 class Stage:
     """Where a session plays.
@@ -46,7 +56,7 @@ class Stage:
         env_id: a registered environment.
         arguments: further ones of the environment; of those in `OWNED`, with what it begins.
         policies: those that can be chosen, by name.
-        first: name of the one that acts first, or "zero action".
+        first: name of the one that acts first, or `NO_POLICY`.
     """
 
     env_id: str
@@ -56,19 +66,19 @@ class Stage:
 
     @classmethod
     def of(
-        cls, env_id: str, arguments: Mapping[str, Any], policies: Mapping[str, Policy]
+        cls,
+        env_id: str,
+        arguments: Mapping[str, Any],
+        policies: Mapping[str, Policy],
+        first: str = NO_POLICY,
     ) -> "Stage":
-        """Check and build; the first policy acts first.
+        """Check and build.
 
         Raises:
             FbidError: no such environment, or arguments or a policy that do not fit it.
         """
-        if env_id not in ENVIRONMENTS:
-            raise UnknownOptionError("environment", env_id, ENVIRONMENTS)
-        for name, policy in policies.items():
-            if policy.env_id != env_id:
-                raise InvalidValueError(f"policy {name}", policy.env_id, f"a policy for {env_id}")
-        return cls(env_id, dict(arguments), dict(policies), next(iter(policies), "zero action"))
+        check_stage(env_id, policies)
+        return cls(env_id, dict(arguments), dict(policies), first)
 
     @cached_property
     def own(self) -> dict[str, Any]:

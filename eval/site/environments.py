@@ -1,9 +1,9 @@
 """A page for each environment, in Gymnasium's form: what its docstring says, what the code says."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 
@@ -13,7 +13,11 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.__main__ import meanings, table
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.options import Option, options_of
+from fbid_gym.policy import Shipped, shipped
 from fbid_gym.tasks import TASKS
+
+_FIRST = "base_acceleration"
+"""Whose clip is shown: of the layers the one that stands and walks in all of them."""
 
 _LINKS = {
     "BalanceEnv": "BipedBalance.md",
@@ -25,15 +29,56 @@ _LINKS = {
 """What docstrings call a described environment -> a page that has its description."""
 
 
-def pages(clips: Iterable[str]) -> dict[str, str]:
+class Scene(NamedTuple):
+    """What the clip of an environment shows.
+
+    Attributes:
+        env_id: of the environment.
+        shipped: the policy that acts; None where none is shipped, then the zero action does.
+    """
+
+    env_id: str
+    shipped: Shipped | None
+
+    @classmethod
+    def of(cls, env_id: str) -> "Scene":
+        """Choose who acts: of several shipped policies one through the layer of the others."""
+        found = shipped_for(env_id)
+        return cls(env_id, min(found, key=lambda each: each.layer != _FIRST, default=None))
+
+    @property
+    def env_args(self) -> dict[str, Any]:
+        """Arguments of the environment."""
+        return {"action_layer": _FIRST} if self.shipped is None else {**self.shipped.card.env_args}
+
+    @property
+    def file(self) -> str:
+        """Name of the clip: another one for another policy, so that none shows what is gone."""
+        acts = "zero" if self.shipped is None else self.shipped.card.sha256[:8]
+        return f"{short(self.env_id)}-{acts}.mp4"
+
+    @property
+    def caption(self) -> str:
+        """Who acts, in words."""
+        if self.shipped is None:
+            return f"The zero action of `{_FIRST}`, seed 0; no policy is shipped for it."
+        return f"The policy `shipped:{self.shipped.name}`, seed 0."
+
+
+def shipped_for(env_id: str) -> list[Shipped]:
+    """Return the policies that are shipped for an environment."""
+    return [each for each in shipped() if each.env == env_id]
+
+
+def pages(clips: Collection[str]) -> dict[str, str]:
     """Return the pages, file name -> Markdown.
 
     Args:
-        clips: names of the environments, without namespace and version, of which there is a clip.
+        clips: names of the files of clips that there are.
     """
     found = {"index.md": _index()}
     for env_id in ENVIRONMENTS:
-        found[f"{short(env_id)}.md"] = _page(env_id, short(env_id) in set(clips))
+        found[f"{short(env_id)}.md"] = _page(env_id, Scene.of(env_id).file in clips)
     return found
 
 
@@ -71,10 +116,14 @@ def _page(env_id: str, clip: bool) -> str:
     }
     parts = [f"# {name}", f"`{env_id}`. {said.pop('')}"]
     if clip:
+        scene = Scene.of(env_id)
         parts.append(
-            f'<video src="{name}.mp4" controls loop muted playsinline width="480"></video>\n\n'
-            "The zero action, seed 0."
+            f'<video src="{scene.file}" controls loop muted playsinline width="480"></video>\n\n'
+            f"{scene.caption}"
         )
+    if policies := shipped_for(env_id):
+        names = ", ".join(f"`shipped:{each.name}`" for each in policies)
+        parts.append(f"Policies that come with the package ([cards](../policies.md)): {names}.")
     for title, text in said.items():
         parts += [f"## {title}", _linked(text, name)]
         if title in added:

@@ -8,8 +8,10 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 from eval.site import environments, examples, layers, reference
+from eval.site.environments import Scene
 from eval.site.mathematics import with_mathml
 from eval.site.pictures import FOLDER
+from fbid_gym.envs import ENVIRONMENTS
 
 OUTSIDE = {"../SECURITY.md": "security.md", "../CHANGELOG.md": "changelog.md"}
 """Files of the repository that are pages, too: as pages under docs/ link to them -> their names."""
@@ -17,11 +19,16 @@ OUTSIDE = {"../SECURITY.md": "security.md", "../CHANGELOG.md": "changelog.md"}
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are made of the code, and what has been drawn; it does without, too."""
-    drawn = sorted(path for path in FOLDER.rglob("*") if path.suffix in (".mp4", ".svg"))
+    current = {Scene.of(env_id).file for env_id in ENVIRONMENTS}
+    drawn = [
+        path
+        for path in sorted(FOLDER.rglob("*"))
+        if path.suffix == ".svg" or path.name in current  # not clips of policies that are gone
+    ]
     for path in drawn:
         name = path.relative_to(FOLDER).as_posix()
         files.append(File.generated(config, name, abs_src_path=str(path.resolve())))
-    for name, text in _made({path.stem for path in drawn if path.suffix == ".mp4"}):
+    for name, text in _made({path.name for path in drawn if path.suffix == ".mp4"}):
         files.append(File.generated(config, name, content=text))
     return files
 

@@ -1,25 +1,25 @@
 """What the site shows of robots, drawn before it is built: `python -m eval.site.pictures`.
 
-A clip of each environment on a zero action, and for each layer a chart of what its zero action
-makes of a push. What is there already stays; `--anew` draws it again.
+A clip of each environment, of a policy that is shipped or of a zero action, and for each layer a
+chart of what its zero action makes of a push. What is there already stays; `--anew` draws it again.
 """
 
 import sys
 from pathlib import Path
 from typing import NamedTuple
 
-import gymnasium as gym
 import numpy as np
 import tyro
 
 from eval.colours import colours_of
 from eval.plots import Marks, Series, panel, sheet
-from eval.site.environments import short
-from eval.video import record
+from eval.rollout import Player, filmed
+from eval.site.environments import Scene
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.errors import FbidError
+from fbid_gym.policy import Policy
 from fbid_gym.robots import load
 from train.runs.exit_status import exit_status
 
@@ -35,7 +35,6 @@ _ROBOT, _SHARE = "biped", 0.2
 _BEFORE, _AFTER = 1.0, 2.0  # s, shown before and after the push
 _SECONDS, _FPS = 3.0, 17.0  # of a clip
 _SEED = 3
-_FILMED = "base_acceleration"  # stands and walks on all of them
 
 
 class Response(NamedTuple):
@@ -104,14 +103,11 @@ def _below(top: float, values: list[float]) -> list[float]:
     return [min(value, top) for value in values]
 
 
-def film(env_id: str, seconds: float = _SECONDS) -> bytes:
-    """Film a zero action in an environment: an mp4 file."""
-    env = gym.make(env_id, action_layer=_FILMED, render_mode="rgb_array")
-    try:
-        still = np.zeros((1, *(env.action_space.shape or ())))
-        return record(env.unwrapped, lambda _: still, 0, seconds, fps=_FPS).mp4()
-    finally:
-        env.close()
+def film(scene: Scene, seconds: float = _SECONDS) -> bytes:
+    """Film a scene: an mp4 file."""
+    policy = None if scene.shipped is None else Policy.load(scene.shipped.path)
+    arguments = {**scene.env_args, "render_options": {}}
+    return filmed(Player("", scene.env_id, arguments, policy), 0, seconds, "", _FPS).mp4()
 
 
 def main(anew: bool = False, clips: bool = True) -> None:
@@ -127,11 +123,11 @@ def main(anew: bool = False, clips: bool = True) -> None:
         for layer, path in charts.items():
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(chart(layer, responses), encoding="utf-8")
-    for env_id in ENVIRONMENTS if clips else ():
-        path = FOLDER / "environments" / f"{short(env_id)}.mp4"
+    for scene in map(Scene.of, ENVIRONMENTS) if clips else ():
+        path = FOLDER / "environments" / scene.file
         if anew or not path.exists():
             try:
-                clip = film(env_id)
+                clip = film(scene)
             except FbidError as error:  # nothing to draw with: the site does without
                 print(f"No clips. {error}", file=sys.stderr)
                 return

@@ -1,5 +1,6 @@
 """What a user of the wheel does, in an environment that has nothing but it and what it needs."""
 
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -79,7 +80,8 @@ def check_plays(place: Place) -> None:
 
 def check_typed(place: Place) -> None:
     """A strict type checker sees the types of the installed package."""
-    script = _SCRIPTS / "typed.py"
+    # Outside the checkout: beside a script the checker looks for the packages of its folders.
+    script = Path(shutil.copy(_SCRIPTS / "typed.py", place.folder))
     place.run(script)
     checker = [sys.executable, "-m", "mypy", "--strict", "--config-file=", "--cache-dir=/dev/null"]
     call([*checker, "--python-executable", str(place.interpreter), str(script)], place.folder)

@@ -15,6 +15,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.terrain_env import TerrainEnv
 from fbid_gym.envs.walking_env import WalkingEnv
 from fbid_gym.errors import FbidError
+from fbid_gym.policy import Shipped, shipped
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -44,9 +45,7 @@ def test_a_page_of_an_environment() -> None:
     env_id = "fbid_gym/BipedWalk-v0"
     page = environments._page(env_id, clip=True)
     assert re.findall("^## (.*)", page, re.M) == list(sections(WalkingEnv))[1:]
-    assert '<video src="BipedWalk.mp4"' in page and "<video src" not in environments._page(
-        env_id, False
-    )
+    assert page.count("<video ") == 1 and "<video " not in environments._page(env_id, False)
     for layer in LAYERS:
         assert f"(../layers/{layer}.md)" in page
     assert "`biped`: 55.5 kg, 16 joints, 2 flat feet, 8 contact points" in page
@@ -91,14 +90,38 @@ def test_a_push_on_a_zero_action() -> None:
     assert drawn.startswith("<svg ") and "nan" not in drawn
 
 
-def test_a_clip() -> None:
-    assert pictures.film("fbid_gym/QuadrupedBalance-v0", seconds=0.1)[4:8] == b"ftyp"
+@pytest.fixture
+def shelf(monkeypatch: pytest.MonkeyPatch) -> tuple[Shipped, ...]:
+    """The policies that are shipped, all of one environment, one of a layer alone last."""
+    (first, *_), env_id = shipped(), "fbid_gym/BipedWalk-v0"
+    both = ("torque", "base_acceleration")
+    shelf = tuple(first._replace(name=f"x/{n}", env=env_id, layer=n) for n in both)
+    monkeypatch.setattr(environments, "shipped", lambda: shelf)
+    return shelf
+
+
+def test_a_clip_is_of_a_shipped_policy_or_says_that_none_is(shelf: tuple[Shipped, ...]) -> None:
+    walk, stand = environments.Scene.of("fbid_gym/BipedWalk-v0"), "fbid_gym/BipedBalance-v0"
+    assert walk.shipped is shelf[1] and walk.file.startswith("BipedWalk-")
+    pages = environments.pages([walk.file, environments.Scene.of(stand).file])
+    assert f'<video src="{walk.file}"' in pages["BipedWalk.md"]
+    assert "The policy `shipped:x/base_acceleration`" in pages["BipedWalk.md"]
+    assert "`shipped:x/torque`" in pages["BipedWalk.md"]
+    assert "The zero action of `base_acceleration`" in pages["BipedBalance.md"]
+    assert "](../policies.md)" not in pages["BipedBalance.md"]
+    # A clip of another policy is not shown as if it were of this one.
+    assert "<video " not in environments.pages(["BipedWalk-zero.mp4"])["BipedWalk.md"]
+
+
+@pytest.mark.parametrize("env_id", ["fbid_gym/QuadrupedBalance-v0", "fbid_gym/QuadrupedWalk-v0"])
+def test_a_clip(env_id: str) -> None:
+    assert pictures.film(environments.Scene.of(env_id), seconds=0.1)[4:8] == b"ftyp"
 
 
 def test_without_a_renderer_there_are_no_clips(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def blind(env_id: str) -> bytes:
+    def blind(scene: environments.Scene) -> bytes:
         raise FbidError("Cannot render without a display.")
 
     monkeypatch.setattr(pictures, "FOLDER", tmp_path)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from eval.play.serving import close_server, open_server
-from eval.play.session import Session
+from eval.play.session import ChangeAll, Session
 from eval.play.stage import Stage
 
 CHROMIUM = shutil.which("chromium")
@@ -38,11 +38,16 @@ class Live:
         self.browser, self.session = browser, session
         self.address = f"http://{server.get_host()}:{server.get_port()}"
 
-    def view(self) -> Any:
-        """A viewer of the page, in a window of its own."""
-        page = self.browser.new_page(viewport={"width": 560, "height": 420})
+    def open(self, link: str = "", width: int = 560, height: int = 420) -> Any:
+        """What an address shows, in a window of its own."""
+        page = self.browser.new_page(viewport={"width": width, "height": height})
         page.set_default_timeout(1000 * PATIENCE)
-        page.goto(self.address, wait_until="domcontentloaded")
+        page.goto(self.address + link, wait_until="domcontentloaded")
+        return page
+
+    def view(self, link: str = "", width: int = 560, height: int = 420) -> Any:
+        """A viewer of the page."""
+        page = self.open(link, width, height)
         page.get_by_text("action layer").wait_for()
         return page
 
@@ -63,7 +68,7 @@ def live() -> Iterator[Live]:
     stage = Stage.of("fbid_gym/QuadrupedWalk-v0", {"action_layer": "base_acceleration"}, {})
     # Paused, so that a slow browser has nothing to draw but what the test does.
     session = Session(stage, {"paused": True})
-    server = open_server("127.0.0.1", 0)
+    server = open_server(session, "127.0.0.1", 0)
     page = Page(server, session)
     loop = threading.Thread(target=page.run)
     loop.start()
@@ -128,3 +133,47 @@ def test_a_viewer_pushes_steers_and_switches_and_another_sees_it(live: Live) -> 
     page.close()
     press(second, "one step")
     live.until(second, lambda: session.steps == 11)
+
+
+def test_a_link_carries_the_settings_from_one_viewer_to_another(live: Live) -> None:
+    session, page = live.session, live.view("/?ahead=0.5&layer=com_wrench&paused=true&seed=4")
+    live.until(page, lambda: session.settings["ahead"] == 0.5)
+    assert session.settings["layer"] == session.lanes[0].player.layer == "com_wrench"
+    assert float(number(page, "forward (m/s)").input_value()) == 0.5
+    box = number(page, "to the left (m/s)")
+    box.fill("-0.1", force=True)
+    box.press("Enter")
+    link = page.get_by_text("Link to these settings")
+    live.until(page, lambda: "left=-0.1" in str(link.get_attribute("href")))
+    wanted, copied = dict(session.settings), link.get_attribute("href")
+    session.submit(ChangeAll({}))  # as at the start
+    live.until(page, lambda: session.settings["layer"] == "base_acceleration")
+    live.view(f"/{copied}")
+    live.until(page, lambda: session.settings == wanted)
+    # What may not be is said, and nothing is set.
+    said = live.open("/?ahead=50").inner_text("body")
+    assert said.strip() == "Invalid ahead: 50. Expected a number from -0.57 to 0.945."
+    assert session.settings == wanted and not session.waiting
+
+
+def test_a_robot_is_pushed_by_dragging_it(live: Live) -> None:
+    session, page = live.session, live.view("/?paused=true", 900, 420)
+    place = page.locator("canvas").first.bounding_box()
+    x, y = place["x"] + 0.5 * place["width"], place["y"] + 0.5 * place["height"]
+
+    def pushed() -> np.ndarray:
+        return session.lanes[0].state()["plan.push_force"][0, 0]
+
+    def drag() -> bool:
+        page.mouse.move(x, y)
+        page.mouse.down()
+        for step in range(1, 6):
+            page.mouse.move(x + 10 * step, y, steps=2)
+            page.wait_for_timeout(500)
+        return bool(pushed().any())
+
+    live.until(page, lambda: drag() or page.mouse.up())  # until the robot is drawn
+    # The camera looks along (-1.6, 1.9): to its right is (1.9, 1.6).
+    assert pushed()[:2] @ [1.9, 1.6] > 0.9 * np.hypot(1.9, 1.6) * np.linalg.norm(pushed()) > 1.0
+    page.mouse.up()
+    live.until(page, lambda: not pushed().any())

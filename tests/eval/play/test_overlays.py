@@ -8,17 +8,20 @@ import pytest
 
 pytest.importorskip("viser", reason="the live page is not installed: make play")
 
-from eval.play.overlays import SHOWN_FIRST, Overlays
+from eval.play.overlays import Overlays
 from eval.play.serving import close_server, open_server
+from eval.play.session import Session
+from eval.play.stage import Stage
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
-from fbid_gym.envs.overlays import EVERYTHING, LABELS, RenderOptions, marks, size_of
+from fbid_gym.envs.overlays import EVERYTHING, RenderOptions, marks, size_of
 
 
 @pytest.fixture
 def server() -> Iterator[Any]:
-    server = open_server("127.0.0.1", 0)
+    session = Session(Stage.of("fbid_gym/BipedBalance-v0", {}, {}))
+    server = open_server(session, "127.0.0.1", 0)
     yield server
     close_server(server)
 
@@ -47,7 +50,3 @@ def test_the_page_draws_the_marks_and_hides_what_is_gone(server: Any) -> None:
     assert shown == {"com", "plumb line"}
     overlays.hide()
     assert not any(node.visible for node in overlays._nodes.values())
-
-
-def test_what_is_shown_first_exists() -> None:
-    assert set(SHOWN_FIRST) <= LABELS.keys()

@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eval.play.controls import controls, from_text, to_text
-from eval.play.session import Change, OneStep, Push, Request, Reset, Session
+from eval.play.controls import ASIDE, Menu, Slider, Switch, controls
+from eval.play.session import Change, ChangeAll, OneStep, Push, Request, Reset, Session
 from eval.play.stage import Stage
+from eval.play.texts import from_query, from_text, to_query, to_text
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
@@ -157,7 +158,9 @@ def test_who_is_paused_goes_a_step_at_a_time_and_who_falls_starts_anew() -> None
         (Push((float("inf"), 0.0, 0.0), 0.1), "three numbers of N"),
         (Push("abc", 0.1), "three numbers of N"),  # type: ignore[arg-type]
         (Push((1.0, 0.0, 0.0), 60.0), "a time of 0 to 2 s"),
-        ("import os", "a Change, a Push, a Reset or a OneStep"),
+        (ChangeAll({"ahead": 0.1, "added_mass": -1.0}), "Invalid added_mass: -1.0. Expected"),
+        (ChangeAll({"ahead": 0.1, "nothing": 1.0}), "Unknown setting 'nothing'"),
+        ("import os", "a Change, ChangeAll, Push, Reset or OneStep"),
     ],
 )
 def test_what_may_not_be_asked_is_refused_before_anything_changes(
@@ -199,11 +202,56 @@ def test_a_policy_brings_its_layer_and_leaves_with_it(session_: Session) -> None
 def test_settings_travel_as_text() -> None:
     offered = controls(STAGE)
     settings = from_text(offered, '{"ahead": 0.25, "layer": "com_wrench", "beside": "torque"}')
-    text = to_text(offered, settings)
-    assert from_text(offered, text) == settings and "friction" not in text
+    session = walking(**settings)
+    text = to_text(offered, session.settings)
+    assert from_text(offered, text).items() >= settings.items() and "motors" not in text
     for bad in ("", "[1]", '{"ahead": 9}', '{"x": 1}', "[" * 9000, "{" * 20_000, None):
         with pytest.raises(FbidError):
             from_text(offered, bad)
+
+
+def other(control: Any) -> Any:
+    """Another value than at the start."""
+    if isinstance(control, Menu):
+        return next(choice for choice in control.choices if choice != control.default)
+    if isinstance(control, Switch):
+        return not control.default
+    assert isinstance(control, Slider)
+    return control.most if control.default == control.least else control.least
+
+
+def test_every_setting_travels_by_link_and_by_text_and_acts_elsewhere() -> None:
+    """Also on a page that has begun with other ones."""
+    policies = {"good": Policy.load("shipped:QuadrupedWalk-v0/joint_position_gait")}
+    here = Stage.of(WALK, {"action_layer": "base_acceleration"}, policies)
+    elsewhere = Stage.of(WALK, {"action_layer": "com_wrench", "gait": "pace"}, policies)
+    session = Session(here)
+    wanted = {name: other(control) for name, control in session.offered.items()}
+    session.submit(ChangeAll(wanted | {"layer": "joint_position"}))  # the policy's
+    session.settle()
+    assert session.refused == ""
+    assert all(session.settings[n] != each.default for n, each in session.offered.items())
+    for there in (here, elsewhere):
+        offered = controls(there)
+        for given in (
+            from_query(offered, to_query(session.offered, session.settings)),
+            from_text(offered, to_text(session.offered, session.settings)),
+        ):
+            assert Session(there, given).settings == session.settings
+    untouched = Session(here)
+    given = from_query(controls(elsewhere), to_query(untouched.offered, untouched.settings))
+    assert Session(elsewhere, given).settings == untouched.settings
+
+
+def test_what_is_only_looked_at_leaves_the_robot_alone() -> None:
+    session = walking()
+    session.play([], 5)
+    before = session.lanes[0].state()
+    for name, control in session.offered.items():
+        if control.group in ASIDE and not control.resets:
+            session.submit(Change(name, other(control)))
+    session.settle()
+    assert same(before, session.lanes[0].state(), ())
 
 
 @pytest.mark.parametrize("layer", ["base_acceleration", "com_wrench", "joint_position"])

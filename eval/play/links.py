@@ -1,0 +1,61 @@
+"""Addresses that carry settings: who opens one sets them for everybody, as by the panel."""
+
+import http
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import websockets.asyncio.server as websockets_server
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+from eval.play.session import ChangeAll, Session
+from eval.play.texts import from_query
+from fbid_gym.errors import FbidError
+
+Answer = Callable[[ServerConnection, Request], Response | None]
+"""What is answered to a request; None leaves that to the page's server."""
+
+
+def answers(session: Session) -> Answer:
+    """Let an address with settings set them; one that may not be is refused in a sentence."""
+
+    def answer(connection: ServerConnection, request: Request) -> Response | None:
+        path, _, query = request.path.partition("?")
+        if path != "/" or not query or not _opened(request):
+            return None
+        try:
+            session.submit(ChangeAll(from_query(session.offered, query)))
+        except FbidError as error:
+            return connection.respond(http.HTTPStatus.BAD_REQUEST, f"{error}\n")
+        return None
+
+    return answer
+
+
+def _opened(request: Request) -> bool:
+    """Whether somebody opens the address, and not some other page a picture that is called so."""
+    told = request.headers
+    return (
+        told.get("Upgrade") is None
+        and told.get("Sec-Fetch-Dest", "document") == "document"
+        and told.get("Sec-Purpose") is None  # a browser that guesses what will be opened
+    )
+
+
+@contextmanager
+def answering(answer: Answer) -> Iterator[None]:
+    """Ask this first where a server is opened meanwhile: viser itself has no place for it."""
+    serve = websockets_server.serve
+
+    def asking(*arguments: Any, process_request: Any, **options: Any) -> Any:
+        def process(connection: ServerConnection, request: Request) -> Any:
+            return answer(connection, request) or process_request(connection, request)
+
+        return serve(*arguments, process_request=process, **options)
+
+    websockets_server.serve = asking  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        websockets_server.serve = serve

@@ -1,0 +1,82 @@
+"""Which policies can be chosen on the page: those of the command line, and shipped ones."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from eval.play.controls import ALONE
+from eval.play.stage import NO_POLICY
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.policy import Policy, place_of, shipped
+from fbid_gym.policy.shipping import PREFIX
+from fbid_gym.robots import Robot, load
+from train.runs.robots import of_policy
+
+
+class Entry(NamedTuple):
+    """A policy that can be chosen.
+
+    Attributes:
+        name: on the page.
+        policy: what acts.
+        path: its folder.
+    """
+
+    name: str
+    policy: Policy
+    path: Path
+
+    def robot(self) -> Robot:
+        """Return the robot that it learnt with.
+
+        Raises:
+            FbidError: one of the user's own that is not beside it.
+        """
+        named = self.policy.env_args.get("robot")
+        if isinstance(named, str):
+            return load(named)
+        own = EnvConfig.of(ENVIRONMENTS[self.policy.env_id]).load_robot()
+        return of_policy(self.path, self.policy.env_args) or own
+
+
+def named(sources: Sequence[Path]) -> list[Entry]:
+    """Return the policies that a command line names, each under a name of its own.
+
+    Raises:
+        FbidError: one that cannot be read, or two of a name.
+    """
+    found: list[Entry] = []
+    for source in sources:
+        path = place_of(source)
+        name = str(source) if str(source).startswith(PREFIX) else path.name or str(path)
+        if name in (NO_POLICY, ALONE, *LAYERS, *(entry.name for entry in found)):
+            expected = f"a policy alone of its name, not another {name!r}"
+            raise InvalidValueError("--policy", str(source), expected)
+        found.append(Entry(name, Policy.load(path), path))
+    return found
+
+
+def of_package(env_id: str, robot: Robot) -> Iterator[Entry]:
+    """Yield the policies that are shipped for an environment and a robot."""
+    for each in shipped():
+        if each.env == env_id:
+            entry = Entry(PREFIX + each.name, Policy.load(each.path), each.path)
+            if entry.robot().digest == robot.digest:
+                yield entry
+
+
+def robot_of(entries: Sequence[Entry]) -> Robot | None:
+    """Return the robot that policies learnt with; None without any policy.
+
+    Raises:
+        FbidError: they learnt with different ones.
+    """
+    robots = [entry.robot() for entry in entries]
+    for entry, robot in zip(entries, robots, strict=True):
+        if robot.digest != robots[0].digest:
+            expected = f"a policy for robot {robots[0].name!r}, or --robot"
+            raise InvalidValueError("--policy", str(entry.path), expected)
+    return next(iter(robots), None)

@@ -1,0 +1,52 @@
+"""From where a viewer first looks at the robots."""
+
+from typing import NamedTuple
+
+import numpy as np
+import viser
+
+_AWAY = np.array([1.6, -1.9, 0.9])  # sizes of the robot
+_AIM = 0.8  # of the height of its base
+_RAISED = 0.45
+"""Half heights of the picture by which the robots are above its middle where the panel is below:
+it takes three fifths of a narrow window."""
+
+
+class View(NamedTuple):
+    """Where a camera stands and what it looks at, (3,) m each, the robots being in the middle."""
+
+    position: np.ndarray
+    look_at: np.ndarray
+
+
+def view(size: float, height: float, aspect: float, fov: float) -> View:
+    """Return the view in which robots are seen whole.
+
+    Args:
+        size: m, of a robot.
+        height: m, of its base.
+        aspect: of the picture, width to height. A high one is of a phone: the panel lies over it.
+        fov: rad, vertical.
+    """
+    aim = np.array([0.0, 0.0, _AIM * height])
+    position = _AWAY * size
+    if aspect >= 1.0:
+        return View(position, aim)
+    position = aim + (position - aim) / aspect
+    ahead = aim - position
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    up = np.cross(right / np.linalg.norm(right), ahead)  # as long as `ahead`
+    return View(position, aim - _RAISED * np.tan(0.5 * fov) * up)
+
+
+def show_from(server: viser.ViserServer, size: float, height: float) -> None:
+    """Let those who come see the robots whole."""
+    first = server.initial_camera
+    first.position, first.look_at = view(size, height, 1.0, first.fov)
+
+    @server.on_client_connect
+    def _(client: viser.ClientHandle) -> None:
+        if client.camera.aspect < 1.0:
+            camera = client.camera
+            with client.atomic():
+                camera.position, camera.look_at = view(size, height, camera.aspect, camera.fov)

@@ -1,0 +1,58 @@
+"""Policies on the page's menu: those named, and those shipped for the environment and its robot."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from eval.play.__main__ import PlayConfig, session_of, stage_of
+from eval.play.session import Change
+from eval.play.stage import NO_POLICY
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.policy import Policy, shipped
+
+WALK = "fbid_gym/QuadrupedWalk-v0"
+NAMES = [f"shipped:{each.name}" for each in shipped() if each.env == WALK]
+
+
+def saved(folder: Path, **env_args: object) -> Path:
+    """A policy that is shipped, as one of the user's own."""
+    policy = Policy.load(NAMES[0])
+    replace(policy, env_args={**policy.env_args, **env_args}).save(folder)
+    return folder
+
+
+def test_shipped_policies_can_be_chosen_and_none_acts_unasked() -> None:
+    session = session_of(PlayConfig())
+    assert session.settings["policy"] == NO_POLICY and NAMES
+    assert list(session.stage.policies) == NAMES
+    for name in NAMES:
+        session.play([(0, Change("policy", name))], 2)
+        assert session.refused == "" and session.lanes[0].player.policy == name
+        assert session.lanes[0].action.any()
+    session.play([(0, Change("beside", NAMES[0]))], 2)
+    assert [lane.player.policy for lane in session.lanes] == [NAMES[-1], NAMES[0]]
+
+
+def test_they_are_offered_where_they_fit() -> None:
+    assert not stage_of(PlayConfig(robot="quadruped")).policies
+    assert not stage_of(PlayConfig(env="fbid_gym/BipedBalance-v0")).policies
+    assert list(stage_of(PlayConfig(robot="go1")).policies) == NAMES
+
+
+def test_a_named_policy_acts_first_on_its_own_robot(tmp_path: Path) -> None:
+    mine = saved(tmp_path / "mine", robot="quadruped")
+    stage = stage_of(PlayConfig(policy=(mine,)))
+    assert stage.first == "mine" and list(stage.policies) == ["mine"]
+    assert stage.config({}).load_robot().name == "quadruped"
+    named = stage_of(PlayConfig(policy=(Path(NAMES[-1]),)))
+    assert named.first == NAMES[-1] and sorted(named.policies) == NAMES
+    with pytest.raises(InvalidValueError, match="a policy for robot 'quadruped', or --robot"):
+        stage_of(PlayConfig(policy=(mine, Path(NAMES[0]))))
+    assert stage_of(PlayConfig(policy=(mine, Path(NAMES[0])), robot="go1")).first == "mine"
+
+
+@pytest.mark.parametrize("name", ["torque", "nobody", "zero action"])
+def test_a_name_means_one_thing(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InvalidValueError, match=f"alone of its name, not another '{name}'"):
+        stage_of(PlayConfig(policy=(saved(tmp_path / name),)))
