@@ -10,7 +10,7 @@ import gc
 import sys
 import time
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -119,7 +119,8 @@ def soak(config: SoakConfig, layer: str) -> Soaked:
         readings.append(read())
     envs.close()
     steps = _READINGS * part * config.num_envs
-    ticks = steps * envs.unwrapped.config.rates().ticks
+    ours: Any = envs.unwrapped
+    ticks = steps * ours.config.rates().ticks
     return Soaked(layer, steps, ticks, lost, resets, readings[_READINGS // 5], readings[-1])
 
 
