@@ -147,7 +147,10 @@ def invert_dynamics(
     rank, underactuation = np.empty(count, np.int64), np.empty(count, np.int64)
     residual = np.empty(count)
 
-    shifts, turns = mobility[:3], mobility[3:]  # of the base, and of all else
+    # Of the base's shifts, and of all that turns.
+    least_shift, most_shift = mobility[:3].min(), mobility[:3].max()
+    least_turn, most_turn = mobility[3:].min(), mobility[3:].max()
+    least_base_turn = mobility[3:6].min()
     weighted, by_cost = np.empty((rows, velocities)), np.empty((rows, velocities))
     product, inverse = np.empty((rows, rows)), np.empty((rows, rows))
     cost_inverse, error = np.empty((rows, rows)), np.empty(rows)
@@ -158,16 +161,16 @@ def invert_dynamics(
         jacobian, bias, own = constraint.jacobian[i], constraint.bias[i], acceleration[i]
         own_motion = EquationOfMotion(motion.mass_matrix[i], motion.bias[i])
         arm = _radius_of_gyration(own_motion.mass_matrix)
-        push_rtol = _BASE_RTOL * min(1.0, mobility[:3].min() / arm**2, mobility[3:6].min())
+        push_rtol = _BASE_RTOL * min(1.0, least_shift / arm**2, least_base_turn)
         _gram_by(jacobian, mobility, weighted, product)
         rank[i], condition = invert(product, inverse)
         # Weights apart make a condition that is not the contacts'.
-        most = max(shifts.max(), turns.max() * arm**2)
-        apart = most / min(shifts.min(), turns.min() * arm**2)
+        apart = max(most_shift, most_turn * arm**2) / min(least_shift, least_turn * arm**2)
         if not condition * apart < 1.0 / _CONTACT_RTOL:
-            jacobian, bias = _firm(jacobian, bias, arm)
-            _gram_by(jacobian, mobility, weighted, product)
-            rank[i] = pseudo_inverse(product, _WEIGHTED_RTOL, inverse)
+            jacobian, bias, cut = _firm(jacobian, bias, arm)
+            if cut or not condition < 1.0 / _WEIGHTED_RTOL:
+                _gram_by(jacobian, mobility, weighted, product)
+                rank[i] = pseudo_inverse(product, _WEIGHTED_RTOL, inverse)
 
         # The nearest acceleration with J a + Jdot v = 0, [M10] eq. (4).
         for k in range(rows):
@@ -230,11 +233,13 @@ def _gram_by(
 
 
 @compiled
-def _firm(jacobian: np.ndarray, bias: np.ndarray, arm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return J (k, nv) and Jdot v (k,) without the directions in which the contacts hardly hold.
+def _firm(
+    jacobian: np.ndarray, bias: np.ndarray, arm: float
+) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Return J (k, nv) and Jdot v (k,) without directions in which contacts hardly hold, if any.
 
     Which these are is a property of the contacts, whatever weighs how much: motions count by what
-    they move at the radius of gyration, `arm` (m).
+    they move at the radius of gyration, `arm` (m). Last comes whether there are any.
     """
     rows = len(jacobian)
     product, scratch = np.empty((rows, rows)), np.empty((rows, rows))
@@ -243,7 +248,7 @@ def _firm(jacobian: np.ndarray, bias: np.ndarray, arm: float) -> tuple[np.ndarra
     _gram_by(jacobian, even, np.empty_like(jacobian), product)
     _, condition = invert(product, scratch)
     if condition < 1.0 / _CONTACT_RTOL or not np.isfinite(product.sum()):
-        return jacobian, bias
+        return jacobian, bias, False
     values, vectors = np.linalg.eigh(product)
     firm, firm_bias, along = np.zeros_like(jacobian), np.zeros(rows), np.empty(jacobian.shape[1])
     for k in range(rows):
@@ -258,7 +263,7 @@ def _firm(jacobian: np.ndarray, bias: np.ndarray, arm: float) -> tuple[np.ndarra
                 firm_bias[row] += vectors[row, k] * change
                 for j in range(len(along)):
                     firm[row, j] += vectors[row, k] * along[j]
-    return firm, firm_bias
+    return firm, firm_bias, True
 
 
 @compiled

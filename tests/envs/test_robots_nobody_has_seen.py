@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from eval.zoo import morphology as zoo
+from eval.zoo.__main__ import built
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch, Step
-from fbid_gym.robots import Robot
 
 # On soles with five joints a leg, two, four and six of them, 1.3 to 4.4 kg: closed chains that can
 # hardly move in some directions, and not at all in others.
 CHAINS = (2, 20, 29, 32)
-# Two legs of four and five joints on soles: what such legs cannot do at
-# home, they can hardly do when they have moved a little.
+# Two legs of four and five joints on soles: what such legs cannot do at home, they can hardly do
+# when they have moved a little.
 TWO_SOLES = (2, 3, 20, 27)
 # Feet so light that what holds them in the air would hold no robot up, on three to seven joints.
 LIGHT_FEET = (1, 16, 22, 25, 26, 29, 30, 35)
@@ -20,11 +20,8 @@ LIGHT_FEET = (1, 16, 22, 25, 26, 29, 30, 35)
 
 def stand(seed: int, layer: str, **options: str) -> tuple[EnvBatch, Step]:
     """Let four robots of the zoo stand for five seconds."""
-    animal = zoo.draw(seed)
-    limit = zoo.torque_limit(animal) if animal.actuators == "none" else None
-    robot = Robot.from_mjcf(zoo.mjcf(animal), animal.foot_names, torque_limit=limit)
     acting = {"action_layer": layer, "layer_options": options}
-    config = {"robot": robot, "task": "balance", "push_force": (0.0, 0.0), **acting}
+    config = {"robot": built(zoo.draw(seed)), "task": "balance", "push_force": (0.0, 0.0), **acting}
     batch = EnvBatch(EnvConfig.of(config), 4)
     for env in range(4):
         batch.seed(env, np.random.default_rng(env))

@@ -18,7 +18,8 @@ def versions() -> dict[str, Any]:
         "python": platform.python_version(),
         "packages": package_versions(),
         **_git(Path(__file__).resolve().parent),
-        "platform": platform.platform(),
+        # What results may depend on, and no more: not the build of the kernel.
+        "platform": f"{platform.system()}-{platform.machine()}-{''.join(platform.libc_ver())}",
         "cpu_count": os.cpu_count(),
     }
 
