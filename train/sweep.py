@@ -22,7 +22,7 @@ from train.runs.exit_status import exit_status
 from train.runs.files import check_folder
 from train.runs.jobs import Start, run_jobs, start_here
 from train.runs.study import Cell, Study, read_study
-from train.runs.training import last_line, progress, training_job
+from train.runs.training import is_finished, last_line, training_job
 from train.runs.training import standing as state_of
 
 
@@ -60,7 +60,7 @@ def standing(study: Study, failed: frozenset[str] = frozenset()) -> Table:
 
 def unfinished(study: Study) -> list[Cell]:
     """Return the cells that have steps left to train."""
-    return [cell for cell in study.cells if progress(cell.config).share < 1.0]
+    return [cell for cell in study.cells if not is_finished(cell.config)]
 
 
 def main(config: SweepConfig) -> int:

@@ -15,7 +15,7 @@ from train.environments import make_envs
 from train.runs.reading import Run, layer_name, load
 from train.runs.robots import named
 from train.runs.study import read_study
-from train.runs.training import progress
+from train.runs.training import is_finished
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def load_runs(
         cells = [
             cell for cell in read_study(path).cells if env_id is None or cell.config.env == env_id
         ]
-        finished = [cell for cell in cells if progress(cell.config).share >= 1.0]
+        finished = [cell for cell in cells if is_finished(cell.config)]
         if not finished:
             where = f" in {env_id}" if env_id else ""
             raise RunError(

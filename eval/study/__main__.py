@@ -33,7 +33,7 @@ from fbid_gym.options import Number, Whole, check_fields
 from train.runs.exit_status import exit_status
 from train.runs.reading import layer_name, load
 from train.runs.study import Cell, Study, read_study
-from train.runs.training import progress
+from train.runs.training import is_finished
 
 Say = Callable[[str], None]
 """Told what is happening."""
@@ -140,7 +140,7 @@ def measure_robustness(config: StudyConfig, study: Study, say: Say) -> None:
     """Try the finished trainings of each environment along all factors, and keep what is found."""
     tried: dict[str, list[Tried]] = {}
     for arm in arms(study):
-        done = [cell for cell in arm.cells if progress(cell.config).share >= 1.0]
+        done = [cell for cell in arm.cells if is_finished(cell.config)]
         if done:
             tried.setdefault(arm.env, []).append(_tried(arm.name, done, config.robustness_seconds))
     budget = Budget(config.robustness_episodes, config.settings.seed)

@@ -14,6 +14,7 @@ from train.runs.folder import RunFolder
 from train.runs.robots import chosen, with_robot
 from train.runs.study import Cell, Study, environment_name
 from train.runs.tables import read_rows
+from train.runs.training import is_finished
 
 
 class Arm(NamedTuple):
@@ -25,7 +26,7 @@ class Arm(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """One measure of an arm, at the evaluations that all its seeds have had.
+    """One measure of an arm, at the evaluations that all seeds that count have had.
 
     Attributes:
         steps: (K,) of the training.
@@ -92,8 +93,12 @@ def columns(run: TrainConfig) -> dict[str, np.ndarray]:
 
 
 def curve(arm: Arm, column: str) -> Curve:
-    """Return a column of the evaluations, over steps and seeds."""
-    tables = [rows for cell in arm.cells if (rows := evaluations(cell.config))]
+    """Return a column of the evaluations, over steps and seeds.
+
+    The finished cells count; where there is none, all do, as far as they have come together.
+    """
+    cells = [cell for cell in arm.cells if is_finished(cell.config)] or arm.cells
+    tables = [rows for cell in cells if (rows := evaluations(cell.config))]
     common = min(map(len, tables), default=0)
     steps = [float(row["steps"]) for row in tables[0][:common]] if tables else []
     values = [[float(row[column]) for row in rows[:common]] for rows in tables]

@@ -1,6 +1,7 @@
 """The curves and the table of a study, for pages of docs/.
 
-A cell that has not finished counts with what it has, and is said to be unfinished.
+Of an arm its finished cells count. Where none has finished, all count as far as they have come, and
+are said to be unfinished.
 """
 
 from bisect import bisect_right
@@ -15,7 +16,7 @@ from eval.wording import steps as steps_text
 from fbid_gym.errors import RunError
 from train.runs.study import Study, environment_name
 from train.runs.tables import to_csv
-from train.runs.training import progress
+from train.runs.training import is_finished
 
 _COLUMNS = ("env", "arm", "seed", "steps", "wall_seconds", "episodes", "return_mean", "return_q25",
             "return_q75", "survival", "velocity_error", "return_exploring")  # fmt: skip
@@ -85,7 +86,7 @@ def table(study: Study) -> str:
         errors, survival, returns = (
             curve(arm, name) for name in ("velocity_error", "survival", "return_mean")
         )
-        finished = sum(progress(cell.config).share >= 1.0 for cell in arm.cells)
+        finished = sum(is_finished(cell.config) for cell in arm.cells)
         seeds = str(len(arm.cells))
         if finished < len(arm.cells):
             seeds = f"{finished} of {seeds} finished"

@@ -97,6 +97,15 @@ def test_what_is_not_finished_counts_with_what_it_has_and_is_said(study):
     drawn(study)
 
 
+def test_what_has_only_begun_does_not_cut_short_what_has_finished(study):
+    first, _, second = study.cells
+    fill(first, 10.0, 0.1)
+    fill(second, 20.0, 0.3, until=900)
+    walks = arms(study)[0]
+    assert curve(walks, "velocity_error").values.tolist() == [[0.2, 0.1]]
+    assert "| one | 1 of 2 finished |" in table(study)
+
+
 def test_a_study_without_runs_is_said(study):
     assert "| none |" in table(study)
     with pytest.raises(FbidError, match=re.escape("has not been evaluated yet")):

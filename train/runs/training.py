@@ -77,6 +77,11 @@ def progress(config: TrainConfig) -> Progress:
         raise RunError(f"{folder.path}: its tables are not those of a training.") from error
 
 
+def is_finished(config: TrainConfig) -> bool:
+    """Return whether a training has taken all its steps and been evaluated after the last."""
+    return progress(config).share >= 1.0
+
+
 def _progress(
     config: TrainConfig, row: list[dict[str, str]], evaluation: list[dict[str, str]]
 ) -> Progress:
