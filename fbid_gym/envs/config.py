@@ -127,6 +127,10 @@ class EnvConfig:
             return self.robot
         if not isinstance(self.robot, str):
             raise InvalidValueError("robot", self.robot, f"a Robot or one of {', '.join(ROBOTS)}")
+        if self.robot not in ROBOTS:
+            # Many give the path of their file here.
+            made = "a Robot such as Robot.load(path) makes"
+            raise UnknownOptionError("robot", self.robot, (*ROBOTS, made))
         return load(self.robot)
 
     def rates(self) -> Rates:

@@ -29,7 +29,11 @@ ARGUMENTS = [
     ({"action_layer": ["torque"]}, r"Unknown action layer \['torque'\]. Valid choices: torque,"),
     ({"action_layr": "torque"}, r"\(did you mean 'action_layer'\?\) 'action_layr'. Valid.*push_f"),
     ({"zzz": 1}, "Unknown environment argument 'zzz'. Valid choices: robot, task, action_l"),
-    ({"robot": "horse"}, f"Unknown robot 'horse'. Valid choices: {ALL_ROBOTS}."),
+    ({"robot": "horse"}, f"Unknown robot 'horse'. Valid choices: {ALL_ROBOTS}, a Robot such"),
+    (
+        {"robot": "dog.xml"},
+        r"Unknown robot 'dog.xml'. .* a Robot such as Robot.load\(path\) makes.",
+    ),
     ({"robot": 3}, f"Invalid robot: 3. Expected a Robot or one of {ALL_ROBOTS}."),
     # Options of the layers.
     (options("torque", gain=1.0), "option of action layer 'torque' 'gain'. Valid choices: none."),
