@@ -25,8 +25,6 @@ from train.runs.exit_status import exit_status
 MOST_GROWTH = 0.01
 """Share of the memory."""
 
-_READINGS = 25
-
 
 @dataclass(frozen=True)
 class SoakConfig:
@@ -106,22 +104,20 @@ def soak(config: SoakConfig, layer: str) -> Soaked:
         action_layer=layer,
         episode_seconds=1.0,
     )
-    share = config.steps / len(config.layers) / config.num_envs
-    part = max(round(share / _READINGS), 1)
+    fifth = max(round(config.steps / len(config.layers) / config.num_envs / 5), 1)
     envs.reset(seed=0)
     envs.action_space.seed(0)
     readings, resets, lost = [], 0, 0
-    for _ in range(_READINGS):
+    for part in (fifth, 4 * fifth):
         for _ in range(part):
             seen, reward, terminated, truncated, _ = envs.step(envs.action_space.sample())
             resets += int((terminated | truncated).sum())
             lost += int((~np.isfinite(np.column_stack([seen, reward])).all(axis=1)).sum())
         readings.append(read())
     envs.close()
-    steps = _READINGS * part * config.num_envs
+    steps = 5 * fifth * config.num_envs
     ours: Any = envs.unwrapped
-    ticks = steps * ours.config.rates().ticks
-    return Soaked(layer, steps, ticks, lost, resets, readings[_READINGS // 5], readings[-1])
+    return Soaked(layer, steps, steps * ours.config.rates().ticks, lost, resets, *readings)
 
 
 _HEAD = (

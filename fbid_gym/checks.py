@@ -90,8 +90,12 @@ def check_shape(name: str, array: np.ndarray, expected: tuple[int, ...], axes: s
 
 
 def contiguous(array: np.ndarray) -> np.ndarray:
-    """Return the array in float64, C-contiguous; itself if it is that already."""
-    return np.ascontiguousarray(array, np.float64)
+    """Return the array in float64, C-contiguous and writable; itself if it is that already.
+
+    Compiled code of its own is made for arrays that may not be written, which takes half a minute.
+    """
+    own = np.ascontiguousarray(array, np.float64)
+    return own if own.flags.writeable else own.copy()
 
 
 def is_number(value: Any) -> bool:

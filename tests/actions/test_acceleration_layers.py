@@ -31,13 +31,15 @@ def settled(robot, count, layer="base_acceleration", seconds=4.0, **options):
         episode_seconds=100.0,
     )
     env.reset(seed=0)
-    batch = env.chunks.batches[0]
     for _ in range(round(50 * seconds)):
         env.step(np.zeros(env.action_space.shape))
-    simulation = batch.simulation
-    tick = np.zeros(count, np.int64)
-    # The live arrays of the simulation: they stay current.
-    return batch, RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, tick)
+    return env.chunks.batches[0]
+
+
+def state_of(simulation):
+    """Where the robots are, in arrays of their own."""
+    seen = (simulation.qpos, simulation.qvel, simulation.contact_force)
+    return RobotState(*(array.copy() for array in seen), np.zeros(len(simulation.qpos), np.int64))
 
 
 def promised(layer, acceleration, terms, active=None):
@@ -70,8 +72,8 @@ def promised(layer, acceleration, terms, active=None):
 @pytest.mark.parametrize("limits", LIMITS)
 def test_predicted_contact_forces_are_measured_in_stance(robot, limits):
     """Point by point, to 1e-8 of the weight with limits and 1e-4 without (its feet creep)."""
-    batch, state = settled(robot, 2, contact_limits=limits)
-    terms, layer = batch.simulation.terms(), batch.layer
+    batch = settled(robot, 2, contact_limits=limits)
+    terms, layer, state = batch.simulation.terms(), batch.layer, state_of(batch.simulation)
     acceleration = layer.acceleration(np.zeros((2, 6)), state, home_reference(robot), terms)
     _, _, forces = promised(layer, acceleration, terms)
     tolerance = {"friction": 1e-8, "none": 1e-4}[limits] * robot.weight
@@ -89,12 +91,12 @@ def test_promised_accelerations_come_true(robot, limits):
     load changes, which turns the feet: the ankles are off by up to 40 % of the largest velocity
     (g1's, whose soles are 6 cm narrow; 31 % the humanoid's, 20 % elsewhere).
     """
-    batch, state = settled(robot, 6, contact_limits=limits)
+    batch = settled(robot, 6, contact_limits=limits)
     layer, simulation = batch.layer, batch.simulation
     action, memory = 0.1 * np.eye(6), layer.memory(6)
     start, gained = simulation.qvel.copy(), np.zeros_like(simulation.qvel)
     for _ in range(30):
-        terms = simulation.terms()
+        state, terms = state_of(simulation), simulation.terms()
         torque, acceleration, _ = promised(
             layer, layer.acceleration(action, state, home_reference(robot), terms), terms
         )

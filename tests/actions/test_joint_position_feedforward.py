@@ -199,7 +199,8 @@ def test_a_squat_is_followed(limits):
     for k in range(500):
         tick = np.array([k])
         reference = motion.reference(tick)
-        now = RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, tick)
+        force = simulation.contact_force
+        now = RobotState(simulation.qpos.copy(), simulation.qvel.copy(), force, tick)
         worst = max(worst, np.abs(reference.qpos[:, 7:] - now.qpos[:, 7:]).max())
         simulation.step(layer.torque(still, now, reference, simulation.terms, memory))
     assert worst < 2e-3
@@ -216,7 +217,8 @@ def test_balance_brings_the_centre_of_mass_back(robot):
     away = []
     for k in range(700):
         tick = np.full(4, k)
-        now = RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, tick)
+        force = simulation.contact_force
+        now = RobotState(simulation.qpos.copy(), simulation.qvel.copy(), force, tick)
         simulation.push(0.1 * robot.weight * side * (k < 75))
         simulation.step(layer.torque(still, now, home, simulation.terms, memory))
         terms = simulation.terms()

@@ -112,7 +112,7 @@ def test_motors_that_springs_work_against_are_not_asked_for_more_than_they_can()
     stretched = float(np.abs(plain.home_qpos[7:] + 3.0).min())
     strong = animal(limit, damping=[0.0], stiffness=[0.5 * limit / stretched], springref=-3.0)
     state = RobotState(
-        plain.home_qpos[None],
+        plain.home_qpos[None].copy(),
         np.zeros((1, plain.nv)),
         np.full((1, plain.num_points, 3), plain.weight / plain.num_points),
         np.zeros(1, np.int64),

@@ -164,20 +164,21 @@ def test_a_sweep_goes_on_where_it_was_and_says_what_failed(tmp_path, monkeypatch
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
     small = "num_envs = 2\ntotal_steps = 64\nppo = { n_steps = 16, batch_size = 32 }\n"
     small += "eval = { every = 32, episodes = 2 }\n"
-    broken = ARM.replace('"a"', '"broken"') + "layer_options = { wings = 2 }\n"
-    path, out = write(tmp_path, f"{small}{ARM}{broken}"), tmp_path / "out"
+    short = ARM + "env_args = { episode_seconds = 1 }\n"
+    broken = short.replace('"a"', '"broken"') + "layer_options = { wings = 2 }\n"
+    path, out = write(tmp_path, f"{small}{short}{broken}"), tmp_path / "out"
     assert main(SweepConfig(path, out, workers=1)) == 1
     study = read_study(path, out)
     assert [cell.arm for cell in unfinished(study)] == ["broken"]
     text = capsys.readouterr().out
     assert "failed" in text and "wings" in text
     kept = (out / "QuadrupedWalk-v0-a-s0" / "progress.csv").read_bytes()
-    assert main(SweepConfig(path, out, workers=1)) == 1
-    assert (out / "QuadrupedWalk-v0-a-s0" / "progress.csv").read_bytes() == kept
     longer = write(tmp_path, path.read_text().replace("= 64", "= 128").replace(broken, ""))
     assert main(SweepConfig(longer, out, workers=1)) == 0
     after = (out / "QuadrupedWalk-v0-a-s0" / "progress.csv").read_bytes()
     assert after.startswith(kept) and len(after) > len(kept)
+    assert main(SweepConfig(longer, out, workers=1)) == 0
+    assert (out / "QuadrupedWalk-v0-a-s0" / "progress.csv").read_bytes() == after
     assert standing(read_study(longer, out)).row_count == 1
 
 

@@ -70,6 +70,7 @@ def test_trainings_finish_side_by_side(tmp_path, monkeypatch):
             f"seed {seed}",
             TrainConfig(
                 action_layer="joint_position",
+                env_args={"episode_seconds": 1.0},
                 seed=seed,
                 total_steps=1024,
                 num_envs=16,

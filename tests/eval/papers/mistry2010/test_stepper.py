@@ -49,7 +49,8 @@ def test_a_planned_step_waits_until_the_robot_is_calm(robot, speed):
     simulation.place(np.arange(1), plan.qpos, qvel)
     memory = stepper.memory(1)
     for tick in (due - 1, due):
-        state = RobotState(simulation.qpos, simulation.qvel, simulation.contact_force, tick)
+        force = simulation.contact_force
+        state = RobotState(simulation.qpos.copy(), simulation.qvel.copy(), force, tick)
         stepper(state, simulation.terms(), plan, memory)
     assert memory["due"].tolist() == [[True, False]]
     # Standing, or on the way to the right foot.
