@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from scipy.optimize import least_squares
 
 from fbid_gym.errors import RobotError
 from fbid_gym.robots.feet import Foot
@@ -56,6 +55,9 @@ def standing_pose(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]
     Raises:
         RobotError: no such pose was found.
     """
+    # Half a second that only those who ask for a pose should wait for.
+    from scipy.optimize import least_squares
+
     joints = moving_joints(model)
     legs = _legs(model, start, feet)
     low, high = _bounds(model, joints)
