@@ -46,10 +46,10 @@ study: setup  ## Train what a study names, write its page (STUDY=studies/survey.
 	@$(HEADLESS) $(BIN)/python -m eval.study $(STUDY) --write-docs
 
 test: setup  ## Run every test.
-	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) $(ARGS)
+	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal $(ARGS)
 
 test-fast: setup  ## Run the tests that take less than ten seconds each.
-	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) -m "not slow" $(ARGS)
+	@$(HEADLESS) $(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal -m "not slow" $(ARGS)
 
 check: setup  ## Lint, formatting, types.
 	@$(BIN)/ruff check --quiet
