@@ -47,6 +47,7 @@ def imposed(batch: EnvBatch, state: Mapping[str, np.ndarray], settings: Settings
     if isinstance(batch.task, Walk):
         command = [settings.get(name, 0.0) for name in ("ahead", "left", "turn")]
         new["plan.command"] = np.broadcast_to(command, state["plan.command"].shape).copy()
+        new["plan.lowered"] = np.full_like(state["plan.lowered"], -settings["height"])
     elif isinstance(batch.task, Balance):
         new["plan.command"] = np.full_like(state["plan.command"], settings["height"])
     elif "pace" in settings:

@@ -17,6 +17,7 @@ from fbid_gym.robots.terrain import TERRAINS
 from fbid_gym.tasks import Walk
 from fbid_gym.tasks.balance import Balance
 from fbid_gym.tasks.tracking import Tracking
+from fbid_gym.tasks.walk import MOST_LOWERED
 
 Settings = dict[str, Any]
 """Name of a control -> its value."""
@@ -162,6 +163,8 @@ def _commands(stage: Stage) -> dict[str, Control]:
             for (name, label), ends in zip(words, task.most, strict=True)
             if ends[0] <= 0.0 <= ends[1]
         }
+        lowest, _ = _rounded((-MOST_LOWERED * float(task.body.stance.home_com[2]), 0.0))
+        found["height"] = Slider(COMMAND, "height, from the gait's (m)", lowest, 0.0, 0.0)
         if len(task.body.robot.feet) == 4:
             names = tuple(PATTERNS)
             found["gait"] = Menu(COMMAND, "gait", names, task.gait_name, resets=True)

@@ -32,6 +32,7 @@ OWNED = (
     "push_interval",
     "command_interval",
     "height_interval",
+    "lowered_range",
     "render_mode",
     "render_options",
     "num_threads",

@@ -122,6 +122,7 @@ class WalkingEnv(RobotEnv):
     |                    |                 | likewise                                              |
     | `turning_range`    | `(-0.13, 0.13)` | (least, most) commanded yaw rate over sqrt(g / h)     |
     | `command_interval` | `(2.0, 5.0)`    | (least, most) s from one command to the next          |
+    | `lowered_range`    | `(0.0, 0.0)`    | how much lower than the gait, of h, in an episode     |
     | `gait`             | `None`          | Of a quadruped: `"trot"` by default, `"walk"`,        |
     |                    |                 | `"pace"`, `"bound"`, `"stand"`                        |
     | `height_scan`      | `False`         | Whether the ground is seen; see `TerrainEnv`          |

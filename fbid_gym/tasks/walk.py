@@ -37,6 +37,9 @@ REWARD_WEIGHTS = WalkReward(
 )
 """Each reward term lies in [0, weight]; they sum to 1."""
 
+MOST_LOWERED = 0.2
+"""Of the height of the centre of mass: much lower, and a robot counts as fallen."""
+
 Rates = Annotated[tuple[float, float], Pair(-2.0, 2.0)]
 
 _TOLERANCE = 0.12  # of sqrt(g h)
@@ -57,6 +60,7 @@ class Walk:
         gait_name: what it is called.
         most: (3, 2) least and greatest command: m/s ahead, m/s to the left, rad/s to the left.
         interval: (least, most) s from one command to the next.
+        lowered: (least, most) m by which the base is lower than the gait has it, in an episode.
         scan: (S, 2) m ahead and to the left of the base, where the ground is seen; none: blind.
         ground: its heights.
     """
@@ -70,6 +74,7 @@ class Walk:
     gait_name: str
     most: np.ndarray
     interval: tuple[float, float]
+    lowered: tuple[float, float]
     scan: np.ndarray
     ground: HeightGrid
 
@@ -87,6 +92,7 @@ class Walk:
         sideways_range: Rates = (-0.23, 0.23),
         turning_range: Rates = (-0.13, 0.13),
         command_interval: Annotated[tuple[float, float], Pair(0.1, 1e9, "s")] = (2.0, 5.0),
+        lowered_range: Annotated[tuple[float, float], Pair(0.0, MOST_LOWERED)] = (0.0, 0.0),
         gait: str | None = None,
         height_scan: bool = False,
     ) -> "Walk":
@@ -104,6 +110,8 @@ class Walk:
             turning_range: (least, most) commanded yaw rate, in units of sqrt(g / h).
             command_interval: (least, most) s from one command to the next. One command in ten is
                 to stand.
+            lowered_range: (least, most) by which the base is lower than the gait has it throughout
+                an episode, in units of h. Layers follow; the policy sees its height.
             gait: of a quadruped: "trot", "walk", "pace", "bound" or "stand". Default: "trot"; a
                 biped has but one.
             height_scan: whether the ground is known: its heights around the robot are observed, and
@@ -117,8 +125,13 @@ class Walk:
         most = np.array(ranges) * np.array([speed, speed, rate])[:, None]
         walks, name = gait_of(robot, hz, gait), gait or default_gait(robot)
         scan = SCAN * height if height_scan else np.zeros((0, 2))
-        times = command_interval
-        return cls(body, seconds, hz, pushes, start, walks, name, most, times, scan, plane())
+        return cls(
+            *(body, seconds, hz, pushes, start, walks, name, most),
+            interval=command_interval,
+            lowered=(height * lowered_range[0], height * lowered_range[1]),
+            scan=scan,
+            ground=plane(),
+        )
 
     def on(self, ground: HeightGrid) -> "Walk":
         """Return the task on other ground."""
@@ -175,12 +188,15 @@ class Walk:
         times = np.cumsum(rng.uniform(*self.interval, size=count))
         command = rng.uniform(self.most[:, 0], self.most[:, 1], size=(count, 3))
         command[rng.random(count) < _STANDS] = 0.0
+        least, most = self.lowered
         return {
             "qpos": qpos,
             "qvel": qvel,
             **pushes,
             "command_start": np.concatenate([[0.0], times[:-1]]) * self.hz,
             "command": command,
+            # Where nothing is to be drawn, nothing is: what is drawn next stays as it is.
+            "lowered": np.array(rng.uniform(least, most) if least < most else most),
         }
 
     def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
@@ -199,6 +215,7 @@ class Walk:
             shift=now.steering.shift,
             rate=now.steering.rate,
             ground=self._foreseen(notes.foothold),
+            lowered=plan["lowered"],
         )
         target = self.gait.target(command, terms, now.state.contact_force, now.memory)
         note(target, terms.foot_position, notes)

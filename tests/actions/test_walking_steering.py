@@ -30,7 +30,7 @@ def held(robot):
 def commanded(velocity, steering):
     """A command with this steering, on ground that is not known."""
     ground = np.full(steering.shift.shape[:2], np.nan)
-    return GaitCommand(velocity, steering.shift, steering.rate, ground)
+    return GaitCommand(velocity, *steering, ground, np.zeros(len(velocity)))
 
 
 @pytest.mark.parametrize("name", ["go1", "biped"])

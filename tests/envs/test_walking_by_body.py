@@ -8,6 +8,7 @@ from eval.zoo.__main__ import built
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.tasks.walk import MOST_LOWERED
 
 LAYERS = ("base_acceleration", "com_wrench")
 WALKS = {
@@ -40,6 +41,21 @@ def test_a_zero_action_walks_upright(robot, layer):
         step = batch.step(zero)
         assert not step.terminated.any()
         assert (step.observation[:, vertical[2]] > np.cos(0.5)).all()
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+@pytest.mark.parametrize("robot", ["go1", "biped"])
+def test_robots_walk_as_much_lower_as_they_are_told(robot, layer):
+    share = 0.9 * MOST_LOWERED
+    batch, zero = walking(robot, layer, 4, lowered_range=(share, share))
+    for _ in range(3 * batch.rates.policy):
+        step = batch.step(zero)
+        assert not step.terminated.any()
+    task = batch.task
+    told = share * task.body.stance.home_com[2]
+    asked = task.gait.constants.height - told
+    assert step.info["height_command"] == pytest.approx(asked, abs=0.05 * told)
+    assert step.info["height"] == pytest.approx(asked, abs=0.1 * told)
 
 
 @pytest.mark.parametrize("seed", SPARE_JOINTS)

@@ -21,6 +21,7 @@ _SETTLE = 1.25  # pendulum times to shift the weight
 _GAIN = 2.0
 _LIFT = 0.07
 _SINK = 0.03
+_BEND = 0.05
 _LOAD = 0.05
 _LONGEST = 0.6
 _WIDEST = 0.35  # of the leg, beyond the width
@@ -68,6 +69,7 @@ def biped_gait(robot: Robot) -> FlatFootGait:
         settle=_SETTLE / omega,
         gain=_GAIN,
         height=float((1.0 - _LOWER) * leg),
+        bend=_BEND * math.sqrt(gravity * leg),
         width=float(width),
         least_apart=float(2.0 * sole[1] + _GAP * leg),
         most_apart=float(width + _WIDEST * leg),

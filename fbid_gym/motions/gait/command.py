@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.compiled import compiled
+
 
 class Steering(NamedTuple):
     """What a policy changes of a gait.
@@ -26,12 +28,20 @@ class GaitCommand(NamedTuple):
         rate: (N,) cycles per planned cycle, positive; 1 for the planned frequency.
         ground: (N, F) m, height of the ground at the next foothold of each foot; NaN where it is
             not known, for that of the plane on which the feet last stood.
+        lowered: (N,) m by which the base shall be lower than the gait has it.
     """
 
     velocity: np.ndarray
     shift: np.ndarray
     rate: np.ndarray
     ground: np.ndarray
+    lowered: np.ndarray
+
+
+@compiled
+def approached(now: float, asked: float, most: float) -> float:
+    """Return a number that has come nearer to what is asked, by no more than `most`."""
+    return now + min(max(asked - now, -most), most)
 
 
 def no_command(num_robots: int, num_feet: int) -> GaitCommand:
@@ -42,4 +52,5 @@ def no_command(num_robots: int, num_feet: int) -> GaitCommand:
         shift=np.zeros((*feet, 2)),
         rate=np.ones(num_robots),
         ground=np.full(feet, np.nan),
+        lowered=np.zeros(num_robots),
     )

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.motions.gait.command import GaitCommand
+from fbid_gym.motions.gait.command import GaitCommand, approached
 from fbid_gym.motions.gait.divergent import (
     StepTiming,
     error_to_come,
@@ -87,7 +87,8 @@ def walk(
         error = _balance(gait, now, terms, points, memory, target)
         plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
         base = terms.base_position[i]
-        target.height[i] = height_on(plane, base[0], base[1]) + gait.height
+        memory.lowered[i] = approached(memory.lowered[i], command.lowered[i], gait.bend * tick)
+        target.height[i] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
         velocity = (0.0, 0.0, 0.0)
         if memory.phase[i] != STAND:
             velocity = (command.velocity[i, 0], command.velocity[i, 1], command.velocity[i, 2])

@@ -11,7 +11,7 @@ through the places where the feet last stood, unless the command knows better.
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.motions.gait.command import GaitCommand
+from fbid_gym.motions.gait.command import GaitCommand, approached
 from fbid_gym.motions.gait.heading import turned, turned_on
 from fbid_gym.motions.gait.landing import swing_or_reach
 from fbid_gym.motions.gait.lifting import all_stand, lift_or_land, start_or_stop, tell_time
@@ -60,7 +60,8 @@ def walk(
                 swing_or_reach(gait, command, terms, plane, step, tick, memory, target)
         _lean(gait, terms, middle, tick, memory, target, i)
         base = terms.base_position[i]
-        target.height[i] = height_on(plane, base[0], base[1]) + gait.height
+        memory.lowered[i] = approached(memory.lowered[i], command.lowered[i], gait.bend * tick)
+        target.height[i] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
         target.cycle[i] = memory.phase[i]
     return target
 
@@ -76,9 +77,8 @@ def _follow(
 ) -> None:
     """Bring the velocity that is followed nearer to the command, and turn the heading with it."""
     for axis in range(3):
-        most = gait.agility[axis] * tick
-        change = command.velocity[i, axis] - memory.velocity[i, axis]
-        memory.velocity[i, axis] += min(max(change, -most), most)
+        now, asked = memory.velocity[i, axis], command.velocity[i, axis]
+        memory.velocity[i, axis] = approached(now, asked, gait.agility[axis] * tick)
     turn = memory.velocity[i, 2] * tick
     memory.heading[i] = turned_on(memory.heading[i], turn, terms.world_from_base[i])
 

@@ -25,6 +25,7 @@ class PointFootGait(NamedTuple):
         margin: m, distance of the capture point from the middle of the feet at which a robot that
             stands has to step.
         height: m, of the base above the ground below it.
+        bend: m/s with which the base is lowered, or raised again.
         lift: m that a foot is lifted above the higher end of its step.
         sink: m/s with which a foot reaches for the ground.
         touch: N on a foot that count as contact.
@@ -46,6 +47,7 @@ class PointFootGait(NamedTuple):
     astray: float
     margin: float
     height: float
+    bend: float
     lift: float
     sink: float
     touch: float
@@ -71,6 +73,7 @@ class GaitMemory(NamedTuple):
         clock: (N, F) s since a foot has begun to reach.
         begun: (N, F, 3) m, where a foot lifted, or began to reach.
         load: (N, F) share of its greatest force that a foot may take.
+        lowered: (N,) m by which the base is lower than the gait has it.
     """
 
     phase: np.ndarray
@@ -84,6 +87,7 @@ class GaitMemory(NamedTuple):
     clock: np.ndarray
     begun: np.ndarray
     load: np.ndarray
+    lowered: np.ndarray
 
 
 def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
@@ -104,4 +108,5 @@ def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
         clock=np.zeros(feet),
         begun=np.array(foot_position, dtype=float),
         load=np.ones(feet),
+        lowered=np.zeros(len(heading)),
     )

@@ -23,6 +23,7 @@ _ASTRAY = 0.25  # of the height
 _MARGIN = 0.5  # of the way to the edge of the feet
 _LIFT = 0.25
 _SINK = 1.0
+_BEND = 0.1  # of the speed
 _TOUCH = 0.01
 _UNLOAD = 0.14  # pendulum times
 _REACH = 0.95  # of the stretched leg
@@ -78,6 +79,7 @@ def quadruped_gait(
         astray=_ASTRAY * height,
         margin=_MARGIN * float(stance.margin.min()),
         height=float(stance.home_base[2]) - drop,
+        bend=_BEND * speed,
         lift=_LIFT * height,
         sink=_SINK * speed,
         touch=_TOUCH * robot.weight,

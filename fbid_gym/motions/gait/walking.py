@@ -21,6 +21,7 @@ class FlatFootGait(NamedTuple):
         settle: s in which a robot that stands shifts its weight.
         gain: of the centre of pressure on errors of xi, which decay with gain * omega.
         height: m, of the base above the ground below it.
+        bend: m/s with which the base is lowered, or raised again.
         width: m between the feet.
         least_apart: m between the feet, sideways.
         most_apart: m between the feet, sideways.
@@ -42,6 +43,7 @@ class FlatFootGait(NamedTuple):
     settle: float
     gain: float
     height: float
+    bend: float
     width: float
     least_apart: float
     most_apart: float
@@ -76,6 +78,7 @@ class GaitMemory(NamedTuple):
         moments: (N, 5) m^2, of these places, see `slope.feel_ground`.
         lifted: (N, 3) m, where the foot in the air left the ground.
         lifted_heading: (N,) rad that it had then.
+        lowered: (N,) m by which the base is lower than the gait has it.
     """
 
     phase: np.ndarray
@@ -94,6 +97,7 @@ class GaitMemory(NamedTuple):
     moments: np.ndarray
     lifted: np.ndarray
     lifted_heading: np.ndarray
+    lowered: np.ndarray
 
 
 def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
@@ -120,4 +124,5 @@ def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
         moments=level_moments(foot_position),
         lifted=np.zeros((count, 3)),
         lifted_heading=np.zeros(count),
+        lowered=np.zeros(count),
     )

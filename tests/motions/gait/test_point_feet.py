@@ -99,6 +99,16 @@ def test_a_robot_that_is_pushed_far_enough_steps_though_told_to_stand() -> None:
         assert ghost.memory.walking[0] == steps
 
 
+def test_the_base_is_lowered_and_raised_at_a_limited_rate() -> None:
+    ghost = Ghost(GAIT, home())
+    upright = ghost.tick().height[0]
+    for asked in (0.05, 0.0):
+        ghost.command.lowered[:] = asked
+        heights = [ghost.tick().height[0] for _ in range(round(0.05 / GAIT.bend / TICK) + 1)]
+        assert heights[-1] == pytest.approx(upright - asked, abs=1e-12)
+        assert np.abs(np.diff(heights)).max() == pytest.approx(GAIT.bend * TICK, rel=1e-6)
+
+
 def test_starting_walking_and_stopping_are_without_jumps() -> None:
     ghost = commanded(Ghost(GAIT, home()), 0.2, 0.05, 0.3)
     last = ghost.tick()
