@@ -91,6 +91,16 @@ def test_a_reset_right_after_loading(rng):
     np.testing.assert_array_equal(first.reset(), second.reset())
 
 
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_the_state_after_a_reset_can_be_put_back(name):
+    """All robots stand: the biped's gait had not begun any phase, which was infinitely long ago."""
+    envs = fbid_gym.make_sb3(name, 2, seed=1, action_layer="joint_position")
+    envs.reset()
+    state = envs.state_dict()
+    assert all(np.isfinite(value).all() for value in state.values())
+    envs.load_state_dict(state)
+
+
 def test_the_state_has_the_observation():
     envs = fbid_gym.make_sb3(BIPED, 2, seed=1, action_layer="torque")
     np.testing.assert_array_equal(envs.reset(), envs.state_dict()["observation"])

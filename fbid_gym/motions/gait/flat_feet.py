@@ -35,6 +35,7 @@ from fbid_gym.motions.gait.target import GaitTarget, standing_target
 from fbid_gym.motions.gait.touchdown import load_on
 from fbid_gym.motions.gait.walking import (
     DOUBLE,
+    LONG_AGO,
     STAND,
     SWING,
     FlatFootGait,
@@ -174,7 +175,7 @@ def _set_out(
     span: float, phase: int, command: GaitCommand, xi: Pair, memory: GaitMemory, i: int
 ) -> None:
     """Begin a double support, or to stand, from what is."""
-    first = memory.clock[i] == np.inf
+    first = memory.clock[i] >= LONG_AGO
     memory.phase[i], memory.clock[i], memory.span[i] = phase, 0.0, span
     memory.rate[i] = command.rate[i]
     for axis in range(2):

@@ -9,6 +9,9 @@ from fbid_gym.motions.gait.slope import Sense, level_moments
 STAND, DOUBLE, SWING = 0, 1, 2
 """Phases: on both feet; on the way to the foot that will carry; the other one in the air."""
 
+LONG_AGO = 1e9
+"""s since a robot that has not walked yet began to stand: states are finite numbers."""
+
 
 class FlatFootGait(NamedTuple):
     """How a robot walks; constants, of which `biped_gait` makes those of a robot.
@@ -110,7 +113,7 @@ def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
     return GaitMemory(
         phase=np.full(count, STAND),
         carrier=np.zeros(count, np.int64),
-        clock=np.full(count, np.inf),
+        clock=np.full(count, LONG_AGO),
         span=np.ones(count),
         heading=np.array(heading, dtype=float),
         velocity=flat[0],
