@@ -21,3 +21,10 @@ def colours_of(names: Iterable[str]) -> dict[str, int]:
     for k, name in enumerate(sorted(set(names) - set(chosen))):
         chosen[name] = free[k % len(free)]
     return chosen
+
+
+def colours_of_arms(names: Iterable[str]) -> dict[str, int]:
+    """Return the number of the colour of each arm of a study, in whatever environment it is."""
+    words = {name: name.replace("_", " ") for name in names}
+    by_words = colours_of(words.values())
+    return {name: by_words[its] for name, its in words.items()}

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from html import escape
 
-from eval.colours import colours_of
+from eval.colours import colours_of_arms
 from eval.results import Estimate
 from eval.study.findings import ERROR, ArmFound, Findings, Measure
 from eval.wording import interval, number, percent
@@ -11,9 +11,7 @@ from eval.wording import interval, number, percent
 
 def colours(found: Findings) -> dict[str, int]:
     """Return the colour of each arm, the same in every environment."""
-    words = {arm.name: arm.name.replace("_", " ") for arm in found.arms}
-    by_words = colours_of(words.values())
-    return {name: by_words[its] for name, its in words.items()}
+    return colours_of_arms(arm.name for arm in found.arms)
 
 
 def titled(measure: Measure) -> str:

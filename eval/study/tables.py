@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from eval.colours import colours_of_arms
 from eval.plots import Series, panel, sheet
 from eval.study.cells import Arm, arms, curve, evaluations, exploring
 from eval.wording import number, percent
@@ -46,10 +47,11 @@ def drawn(study: Study) -> str:
     by_env: dict[str, list[Arm]] = {}
     for arm in arms(study):
         by_env.setdefault(arm.env, []).append(arm)
+    colour = colours_of_arms(arm.name for arm in arms(study))
     panels = []
     for env, its in by_env.items():
         for column, title in _MEASURES.items():
-            series = [item for k, arm in enumerate(its) for item in _series(arm, column, k)]
+            series = [item for arm in its for item in _series(arm, column, colour[arm.name])]
             if series:
                 what = f"{title}, {environment_name(env)}"
                 panels.append(panel(series, what, "steps", x_format=steps_text))
