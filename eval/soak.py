@@ -151,7 +151,8 @@ def main(config: SoakConfig) -> int:
         print("\n".join(rows(found)[0 if len(found) == 1 else -1 :]), flush=True)
     minutes = (time.monotonic() - began) / 60.0
     total = sum(one.steps for one in found)
-    head = f"{total:,} environment steps of `{config.env}` on {config.num_threads} threads, "
+    head = f"{total:,} environment steps of `{config.env}` on {config.num_threads} "
+    head += f"thread{'s' if config.num_threads > 1 else ''}, "
     head += f"{config.num_envs} robots side by side, in {minutes:.1f} minutes.\n\n"
     if config.write_docs:
         splice(RELIABILITY_PAGE, head + "\n".join(rows(found)), "soak")
