@@ -18,6 +18,7 @@ import psutil
 import tyro
 
 from eval.pages import RELIABILITY_PAGE, splice, spliced
+from eval.wording import count
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_positive
 from train.runs.exit_status import exit_status
@@ -151,8 +152,9 @@ def main(config: SoakConfig) -> int:
         print("\n".join(rows(found)[0 if len(found) == 1 else -1 :]), flush=True)
     minutes = (time.monotonic() - began) / 60.0
     total = sum(one.steps for one in found)
-    head = f"{total:,} environment steps of `{config.env}` on {config.num_threads} "
-    head += f"thread{'s' if config.num_threads > 1 else ''}, "
+    head = (
+        f"{total:,} environment steps of `{config.env}` on {count(config.num_threads, 'thread')}, "
+    )
     head += f"{config.num_envs} robots side by side, in {minutes:.1f} minutes.\n\n"
     if config.write_docs:
         splice(RELIABILITY_PAGE, head + "\n".join(rows(found)), "soak")
