@@ -148,9 +148,8 @@ def invert_dynamics(
     residual = np.empty(count)
 
     # Of the base's shifts, and of all that turns.
-    least_shift, most_shift = mobility[:3].min(), mobility[:3].max()
-    least_turn, most_turn = mobility[3:].min(), mobility[3:].max()
-    least_base_turn = mobility[3:6].min()
+    least_shift, least_base_turn = mobility[:3].min(), mobility[3:6].min()
+    most_shift, most_turn = mobility[:3].max(), mobility[3:].max()
     weighted, by_cost = np.empty((rows, velocities)), np.empty((rows, velocities))
     product, inverse = np.empty((rows, rows)), np.empty((rows, rows))
     cost_inverse, error = np.empty((rows, rows)), np.empty(rows)
@@ -164,9 +163,8 @@ def invert_dynamics(
         push_rtol = _BASE_RTOL * min(1.0, least_shift / arm**2, least_base_turn)
         _gram_by(jacobian, mobility, weighted, product)
         rank[i], condition = invert(product, inverse)
-        # Weights apart make a condition that is not the contacts'.
-        apart = max(most_shift, most_turn * arm**2) / min(least_shift, least_turn * arm**2)
-        if not condition * apart < 1.0 / _CONTACT_RTOL:
+        most = max(most_shift, most_turn * arm**2)
+        if not (condition < 1.0 / _WEIGHTED_RTOL and _holds(jacobian, arm, inverse, most)):
             jacobian, bias, cut = _firm(jacobian, bias, arm)
             if cut or not condition < 1.0 / _WEIGHTED_RTOL:
                 _gram_by(jacobian, mobility, weighted, product)
@@ -230,6 +228,27 @@ def _gram_by(
         for j in range(len(weights)):
             weighted[k, j] = jacobian[k, j] * weights[j]
     gram(weighted, jacobian, 0.0, product)
+
+
+@compiled
+def _holds(jacobian: np.ndarray, arm: float, inverse: np.ndarray, most: float) -> bool:
+    """Return whether it is certain that the contacts hold in all directions, see `_firm`.
+
+    Args:
+        jacobian: J (k, nv).
+        arm: m, the radius of gyration.
+        inverse: (k, k) of J A^-1 J^T.
+        most: the largest entry of A^-1, as a multiple of that of motions which count by what they
+            move at `arm`.
+    """
+    # A singular value squared is no larger than all of them together, and by the even weights at
+    # least 1 / most of what it is by A^-1.
+    shifts, turns, largest = 0.0, 0.0, 0.0
+    for k in range(len(jacobian)):
+        shifts += dot(jacobian[k, :3], jacobian[k, :3])
+        turns += dot(jacobian[k, 3:], jacobian[k, 3:])
+        largest += inverse[k, k]
+    return (shifts + turns / arm**2) * largest * most < 1.0 / _CONTACT_RTOL
 
 
 @compiled
