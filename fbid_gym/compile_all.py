@@ -2,8 +2,8 @@
 
 Compiled functions are kept for each combination of argument types that they meet. So every
 environment takes a few steps through every layer, alone and in a batch, and with every choice that
-leads elsewhere in the code; what a user then runs is found on disk. Laws that a user calls by
-themselves, and robots of another kind, may still compile something on first use.
+leads elsewhere in the code, and the laws that a user may call alone are called; what a user then
+runs is found on disk. Robots of another kind may still compile something on first use.
 
 Run as `python -m fbid_gym.compile_all`.
 """
@@ -12,12 +12,14 @@ import multiprocessing
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
 from fbid_gym.actions.com_wrench import BALANCERS
 from fbid_gym.compile_cache import say_nothing_of_compiling
+from fbid_gym.compile_laws import LAWS, call
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.envs.vector_env import RobotVectorEnv
@@ -97,14 +99,18 @@ def run(trial: Trial) -> None:
     one.close()
 
 
+def _do(job: Callable[[], object]) -> None:
+    job()
+
+
 def main() -> None:
-    """Run all trials on a few processes, and show how far they are."""
-    every = list(trials())
+    """Run all of it on a few processes, and show how far they are."""
+    every = [partial(call, law) for law in LAWS] + [partial(run, trial) for trial in trials()]
     began = time.monotonic()
     processes = min(len(os.sched_getaffinity(0)), _PROCESSES)
     spawn = multiprocessing.get_context("spawn")  # threads and forks do not go together
     with spawn.Pool(processes, initializer=say_nothing_of_compiling) as pool:
-        results = pool.imap_unordered(run, every)
+        results = pool.imap_unordered(_do, every)
         done = 0
         while done < len(every):
             try:

@@ -42,6 +42,7 @@ RANK = {
     "actions": 7,
     "tasks": 7,
     "envs": 8,
+    "compile_laws": 6,
     "compile_all": 9,
     "fbid_gym": 9,
     "train.runs": 10,

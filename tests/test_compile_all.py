@@ -1,11 +1,14 @@
-"""What `make setup` compiles is what the environments run."""
+"""What `make setup` compiles is what the environments run, and the laws that stand on their own."""
 
+import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
 from fbid_gym.compile_all import Trial, run, trials
+from fbid_gym.compile_laws import LAWS, call
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.vector_env import RobotVectorEnv
@@ -50,6 +53,23 @@ def test_every_layer_on_a_gait_meets_its_choices(layer: str) -> None:
     for env in ("fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0"):
         for option, value in choices.items():
             assert ((env, option, str(value)) in met) == (option in known)
+
+
+def test_every_law_that_compiles_is_called() -> None:
+    for name in LAWS:
+        answer = call(name)
+        assert all(np.isfinite(value).all() for value in answer if isinstance(value, np.ndarray))
+    # In a process of its own: in this one other tests call them, too.
+    called = "import fbid_gym.compile_laws as laws; [laws.call(name) for name in laws.LAWS]"
+    listed = (
+        "import sys; print([f'{name}.{value.__name__}' for name, module in sys.modules.items()"
+        " if name.startswith('fbid_gym.control') for value in vars(module).values()"
+        " if hasattr(value, 'entry') and value.__module__ == name and not value.entry.signatures])"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", f"{called}; {listed}"], capture_output=True, text=True, check=True
+    )
+    assert found.stdout.split() == ["[]"], found.stdout
 
 
 def compiled_forms() -> set[tuple[str, str]]:

@@ -78,7 +78,7 @@ def resting_target(com: np.ndarray, rotation: np.ndarray) -> BalanceTarget:
     return BalanceTarget(com, rotation, still, still, still, np.zeros((len(com), 6)))
 
 
-@kernel
+@compiled
 def balance_target(
     reference: Reference, frame: SupportFrame, body: CentroidalTerms
 ) -> BalanceTarget:
@@ -141,7 +141,7 @@ def _angular_momentum(
     return total
 
 
-@kernel
+@compiled
 def body_motion(state: RobotState, terms: DynamicsTerms, body: CentroidalTerms) -> BodyMotion:
     """Return how the robots move as a whole."""
     count = len(terms.com)
