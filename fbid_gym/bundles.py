@@ -3,9 +3,10 @@
 Exported policies and training checkpoints are both such bundles. Reading needs neither pickle nor
 torch, so a file from a stranger can at worst be refused.
 
-Replacing `folder` goes: fill `folder.new`, rename `folder` to `folder.old`, rename `folder.new` to
-`folder`, delete `folder.old`. A process killed anywhere in between leaves at least one complete
-bundle under `folder` or `folder.old`, and `load_bundle` reads whichever is there.
+Replacing `folder` goes: fill `.folder.new`, rename `folder` to `.folder.old`, rename `.folder.new`
+to `folder`, delete `.folder.old`. A process killed anywhere in between leaves at least one complete
+bundle under `folder` or `.folder.old`, and `load_bundle` reads whichever is there. These names are
+hidden, so that no copy that somebody keeps beside the folder is in the way.
 """
 
 import hashlib
@@ -22,7 +23,7 @@ import safetensors
 import safetensors.numpy
 
 from fbid_gym.errors import FbidError, InvalidValueError
-from fbid_gym.reading import MOST_DATA, read_file, read_object
+from fbid_gym.reading import MOST_DATA, MOST_JSON, read_file, read_object
 
 Tensors = dict[str, np.ndarray]
 
@@ -71,10 +72,13 @@ def save_bundle(
 
     Raises:
         InvalidValueError: `folder` holds anything that is not an earlier bundle of this name, or
-            a tensor or a value has a type that the files cannot hold. Nothing is written then.
+            a tensor or a value has a type that the files cannot hold, or there are more of them
+            than `load_bundle` reads. Nothing is written then.
     """
     folder = Path(folder).resolve()
-    _refuse_foreign(folder, name)
+    fresh, previous = fresh_path(folder), previous_path(folder)
+    for own in (folder, fresh, previous):
+        _refuse_foreign(own, name)
     for key, tensor in tensors.items():
         if tensor.dtype.kind not in "biuf":
             raise InvalidValueError(
@@ -89,7 +93,12 @@ def save_bundle(
         raise InvalidValueError(f"{name}.json", data, f"values JSON can hold ({error})") from error
 
     text = json.dumps({**data, _DIGEST: _digest(data, packed)}, indent=2)
-    fresh, previous = _beside(folder, "new"), _beside(folder, "old")
+    for file, size, most in (
+        ("json", len(text), MOST_JSON),
+        ("safetensors", len(packed), MOST_DATA),
+    ):
+        if size > most:
+            raise InvalidValueError(f"size of {name}.{file}", size, f"at most {most:,} bytes")
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)
     _write_through(fresh / f"{name}.safetensors", packed)
@@ -104,7 +113,7 @@ def save_bundle(
 
 
 def load_bundle(folder: Path, name: str, error: type[FbidError]) -> Bundle:
-    """Read what `save_bundle` wrote to `folder`, or to `folder.old` after an interrupted save.
+    """Read what `save_bundle` wrote to `folder`, or to `.folder.old` after an interrupted save.
 
     Args:
         folder: the folder given to `save_bundle`.
@@ -132,14 +141,14 @@ def _digest(data: Mapping[str, Any], packed: bytes) -> str:
 
 
 def present_bundle(folder: Path) -> Path:
-    """Return `folder`, or `folder.old` where only that survived an interrupted save."""
-    previous = _beside(folder, "old")
+    """Return `folder`, or `.folder.old` where only that survived an interrupted save."""
+    previous = previous_path(folder)
     return previous if previous.exists() and not folder.exists() else folder
 
 
 def write_file(path: Path, content: bytes) -> None:
     """Write a file beside its place, then rename it there, so that it is never half-written."""
-    fresh = _beside(path, "new")
+    fresh = fresh_path(path)
     _write_through(fresh, content)
     os.replace(fresh, path)
 
@@ -170,8 +179,14 @@ def _refuse_foreign(folder: Path, name: str) -> None:
         )
 
 
-def _beside(path: Path, suffix: str) -> Path:
-    return path.with_name(f"{path.name}.{suffix}")
+def fresh_path(path: Path) -> Path:
+    """Return where what replaces a file or folder is made."""
+    return path.with_name(f".{path.name}.new")
+
+
+def previous_path(path: Path) -> Path:
+    """Return where what is replaced lies until it is deleted."""
+    return path.with_name(f".{path.name}.old")
 
 
 def _write_through(path: Path, content: bytes) -> None:

@@ -164,18 +164,19 @@ class Choice:
 
 @dataclass(frozen=True)
 class Each:
-    """One or more values, each of a kind."""
+    """`least` values or more, each of a kind."""
 
     kind: Kind
+    least: int = 1
 
     @property
     def words(self) -> str:
         """See `Kind`."""
-        return f"one or more, each {self.kind.words}"
+        return f"{'one' if self.least else 'none'} or more, each {self.kind.words}"
 
     def check(self, name: str, value: Any) -> tuple[Any, ...]:
         """See `Kind`."""
-        if not isinstance(value, list | tuple) or not value:
+        if not isinstance(value, list | tuple) or len(value) < self.least:
             raise InvalidValueError(name, value, self.words)
         return tuple(self.kind.check(name, one) for one in value)
 

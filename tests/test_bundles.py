@@ -145,6 +145,37 @@ def test_folders_with_other_things_are_not_replaced(tmp_path):
         save_bundle(tmp_path / "thesis.tex", "b", *_numbered(1))
 
 
+@pytest.mark.parametrize("name", ["b.old", "b.new", ".b.old", ".b.new"])
+def test_what_lies_beside_a_bundle_is_not_replaced(tmp_path, name):
+    (tmp_path / name).mkdir()
+    (tmp_path / name / "thesis.tex").write_text("years of work")
+    try:
+        save_bundle(tmp_path / "b", "b", *_numbered(1))
+        save_bundle(tmp_path / "b", "b", *_numbered(2))
+    except InvalidValueError as error:
+        assert "thesis.tex" in str(error) and name.startswith(".")
+    assert (tmp_path / name / "thesis.tex").read_text() == "years of work"
+
+
+def test_a_copy_kept_beside_a_bundle_stays(tmp_path):
+    save_bundle(tmp_path / "b", "b", *_numbered(1))
+    for name in ("b.old", "b.new"):
+        shutil.copytree(tmp_path / "b", tmp_path / name)
+    save_bundle(tmp_path / "b", "b", *_numbered(2))
+    for name in ("b.old", "b.new"):
+        assert load_bundle(tmp_path / name, "b", RunError).data["number"] == 1
+
+
+def test_more_than_can_be_read_is_not_written(tmp_path, monkeypatch):
+    save_bundle(tmp_path / "b", "b", *_numbered(1))
+    for name in ("MOST_JSON", "MOST_DATA"):
+        with monkeypatch.context() as patch:
+            patch.setattr(bundles, name, 10)
+            with pytest.raises(InvalidValueError, match="Expected at most 10 bytes"):
+                save_bundle(tmp_path / "b", "b", *_numbered(2))
+        assert load_bundle(tmp_path / "b", "b", RunError).data["number"] == 1
+
+
 def test_what_the_files_cannot_hold_is_refused_before_writing(tmp_path):
     with pytest.raises(InvalidValueError, match=r"tensor 'x': 'object'\. Expected booleans"):
         save_bundle(tmp_path / "b", "b", {}, {"x": np.array([None])})
@@ -162,7 +193,7 @@ def test_written_file_replaces_the_old_one(tmp_path):
 
 
 def test_present_bundle_is_the_old_one_only_without_a_new_one(tmp_path):
-    folder, old = tmp_path / "b", tmp_path / "b.old"
+    folder, old = tmp_path / "b", tmp_path / ".b.old"
     assert present_bundle(folder) == folder
     old.mkdir()
     assert present_bundle(folder) == old

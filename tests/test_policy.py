@@ -148,7 +148,7 @@ def test_run_folder_and_interrupted_save_are_found(tmp_path):
     (run / "policy").parent.mkdir()
     make_policy().save(run / "policy")
     assert Policy.load(run).trained_steps == 123
-    (run / "policy").rename(run / "policy.old")
+    (run / "policy").rename(run / ".policy.old")
     assert Policy.load(run).trained_steps == 123
     assert Policy.load(run / "policy").trained_steps == 123
 
@@ -224,6 +224,10 @@ DAMAGE = {
     "output": (
         lambda f: _edit_network(f, output="softmax"),
         "policy.json: Unknown output 'softmax'. Valid choices: clip, tanh",
+    ),
+    "clip beyond a float": (
+        lambda f: _edit_json(f, normalisation={"clip": 10**400, "epsilon": 1e-8}),
+        "0. Expected a positive number.",
     ),
     "no output": (lambda f: _edit_network(f, output=None), "network.output is None. Expected"),
     "network of more": (

@@ -16,6 +16,7 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from fbid_gym.bundles import Tensors, load_bundle, save_bundle
+from fbid_gym.checks import is_number
 from fbid_gym.errors import RunError
 from train.algorithms import ALGORITHMS
 from train.learner import moments, normaliser, robots
@@ -25,6 +26,8 @@ FORMAT = 1
 _NAME = "checkpoint"
 _MANY = 2**62
 _WORDS = 624  # of NumPy's Mersenne twister
+_TABLES = ("progress", "evaluations")
+_MISFIT = (KeyError, ValueError, RuntimeError, TypeError, IndexError, AttributeError, OverflowError)
 
 
 class Resumable(Protocol):
@@ -78,7 +81,7 @@ def restore(folder: Path, algorithm: str, learner: BaseAlgorithm) -> dict[str, A
         _check_counters(bundle.data)
         _put_back(algorithm, learner, bundle.tensors, bundle.data)
         return dict(bundle.data["counters"])
-    except (KeyError, ValueError, RuntimeError, TypeError, IndexError) as reason:
+    except _MISFIT as reason:
         raise RunError(
             f"{bundle.tensor_file}: does not fit this run: {type(reason).__name__}: {reason}. "
             "Expected a checkpoint of the same network and environment."
@@ -86,23 +89,25 @@ def restore(folder: Path, algorithm: str, learner: BaseAlgorithm) -> dict[str, A
 
 
 def _check_counters(state: Mapping[str, Any]) -> None:
-    """Raise ValueError for numbers that no training has; a generator off its array reads memory."""
+    """Raise an error for numbers that no training has; a generator off its array reads memory."""
     numpy_state, counters = state["rng_numpy"], state["counters"]
     whole = {
         "steps": (state["steps"], _MANY),
         "updates": (state["updates"], _MANY),
         "rng_numpy.pos": (numpy_state["pos"], _WORDS),
         "rng_numpy.has_gauss": (numpy_state["has_gauss"], 1),
-        **{f"bytes.{name}": (size, _MANY) for name, size in counters["bytes"].items()},
+        **{f"bytes.{name}": (counters["bytes"][name], _MANY) for name in _TABLES},
     }
     for name, (value, most) in whole.items():
         if type(value) is not int or not 0 <= value <= most:
             raise ValueError(f"{name} is {value!r}, not a whole number from 0 to {most}")
-    for name in ("obs_count", "return_count"):
-        if not float(state[name]) >= 0.0:
-            raise ValueError(f"{name} is {state[name]!r}, not a number of at least 0")
-    if not float(counters["wall_seconds"]) >= 0.0:
-        raise ValueError(f"wall_seconds is {counters['wall_seconds']!r}, no time")
+    numbers = {name: state[name] for name in ("obs_count", "return_count")}
+    for name, value in {**numbers, "wall_seconds": counters["wall_seconds"]}.items():
+        if not is_number(value) or not 0.0 <= value < np.inf:
+            raise ValueError(f"{name} is {value!r}, not a number of at least 0")
+    best = counters["best_return"]
+    if best is not None and not (is_number(best) and abs(best) < np.inf):
+        raise ValueError(f"best_return is {best!r}, no number")
 
 
 def _capture(algorithm: str, learner: BaseAlgorithm) -> tuple[Tensors, dict[str, Any]]:

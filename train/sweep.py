@@ -20,7 +20,7 @@ from train.runs.cluster import cluster
 from train.runs.config import cores
 from train.runs.exit_status import exit_status
 from train.runs.files import check_folder
-from train.runs.jobs import Start, run_jobs, start_here
+from train.runs.jobs import Job, Start, run_jobs, start_here
 from train.runs.study import Cell, Study, read_study
 from train.runs.training import is_finished, last_line, training_job
 from train.runs.training import standing as state_of
@@ -67,7 +67,7 @@ def main(config: SweepConfig) -> int:
     """Train; return the exit status."""
     check_fields(config)
     console, study = Console(), read_study(config.study, config.out)
-    failed = frozenset[str]()
+    not_done, failed = list[Job](), frozenset[str]()
     if not config.dry_run:
         check_folder(study.cells[0].config.folder.parent, "out")
         jobs = [training_job(cell.name, cell.config) for cell in unfinished(study)]
@@ -76,7 +76,7 @@ def main(config: SweepConfig) -> int:
             not_done = run_jobs(jobs, at_once, console, keep_going=True, start=start)
         failed = frozenset(job.name for job in not_done if job.log.exists())
     console.print(standing(study, failed))
-    return 1 if not config.dry_run and unfinished(study) else 0
+    return 1 if not_done else 0
 
 
 def _machines(address: str | None, folder: Path) -> AbstractContextManager[tuple[Start, int]]:

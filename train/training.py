@@ -211,11 +211,12 @@ class _Training:
         policy = self.export_policy()
         result = evaluate(policy, self.evaluated, self.config.eval.seed)
         row = {"steps": self.steps, "wall_seconds": round(self.seconds, 3), **result}
-        self.evaluations.append(row)
-        self.tensorboard.append("eval", row)
+        # First what the row tells of: whoever reads that a training is at its end finds it.
         if row["return_mean"] > self.best_return:
             self.best_return = row["return_mean"]
             policy.save(self.folder.best_policy)
+        self.evaluations.append(row)
+        self.tensorboard.append("eval", row)
         self.display.note(
             f"step {self.steps}: evaluation return {row['return_mean']:.1f} "
             f"± {row['return_std']:.1f}, survival {row['survival']:.0%}"
@@ -281,7 +282,4 @@ def _mean(values: list[float]) -> float:
 
 def command_line(algorithm: str) -> int:
     """Run `main` on the command line of an algorithm and return the exit status."""
-    try:
-        return exit_status(lambda: print(main(parse(algorithm=algorithm))))
-    except KeyboardInterrupt:
-        return 130
+    return exit_status(lambda: print(main(parse(algorithm=algorithm))))

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.bundles import load_bundle, present_bundle, save_bundle
+from fbid_gym.checks import is_number
 from fbid_gym.errors import (
     FbidError,
     NonFiniteError,
@@ -294,7 +295,7 @@ class _Sizes:
 
         def positive(key: str) -> float:
             value = get(key, (int, float))
-            if not 0 < value < float("inf"):
+            if not is_number(value) or not 0 < value < float("inf"):
                 raise PolicyFileError(f"{file}: {key} is {value!r}. Expected a positive number.")
             return float(value)
 
@@ -370,7 +371,7 @@ def _policy_folder(path: Path) -> Path:
     if (path / "config.json").exists():
         raise PolicyFileError(
             f"{path}: this run has exported no policy yet. Expected {_NAME}/ in it, which "
-            "training writes at every evaluation and at the end."
+            "training writes at every evaluation and checkpoint."
         )
     raise PolicyFileError(
         f"{path}: no policy here. Expected {_NAME}.json and {_NAME}.safetensors, or a run folder "

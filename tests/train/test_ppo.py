@@ -183,7 +183,13 @@ def test_damaged_checkpoint(tmp_path, name):
         ("steps", 1.5),
         ("updates", "many"),
         ("obs_count", -1.0),
+        ("obs_count", 10**400),
+        ("return_count", "2"),
         ("counters.wall_seconds", None),
+        ("counters.wall_seconds", "3"),
+        ("counters.best_return", "high"),
+        ("counters.bytes", [1]),
+        ("counters.bytes", {"progress": 1}),
         ("counters.bytes.progress", -1),
         ("rng_python.version", 7),
     ],
@@ -201,7 +207,7 @@ def test_forged_numbers_are_refused(straight, tmp_path, path, value):
     save_bundle(folder, "checkpoint", bundle.data, bundle.tensors)
     before = {file: file.read_bytes() for file in (tmp_path / "run").rglob("*.*")}
     with pytest.raises(RunError, match=r"checkpoint\.safetensors: does not fit this run"):
-        stand_in.train(tmp_path / "run", total_steps=512)
+        stand_in.train(tmp_path / "run", total_steps=1024)
     assert {file: file.read_bytes() for file in before} == before
 
 

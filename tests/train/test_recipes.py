@@ -75,6 +75,13 @@ def test_parsing_does_not_change_the_recipe():
         ("seed = 3", "Unknown setting of recipe 'mine' 'seed'"),
         ("[[exceptions]]\nnum_envs = 3", "an exception for layers None. Expected a list"),
         ("num_envs = [", "is no TOML"),
+        ("envs = 3", "envs is 3. Expected a list of environment ids."),
+        ("exceptions = 3", "exceptions is 3. Expected [[exceptions]] tables."),
+        ("exceptions = [3]", "exceptions is [3]. Expected [[exceptions]] tables."),
+        (
+            "[[exceptions]]\nlayers = [{ action_layer = 'torque', layer_options = 3 }]",
+            "a table of layer_options where it takes such",
+        ),
         ("[[exceptions]]\nalgorithm = 'dqn'", "Unknown algorithm of recipe 'mine' 'dqn'"),
         ("[[exceptions]]\nalgorithm = 'sac'\nlayers = 3", "an exception for layers 3. Expected"),
     ],
@@ -89,7 +96,9 @@ def test_a_file_that_is_no_recipe_is_one_clear_error(tmp_path, text, message):
     [
         ("num_envs = 0", "Invalid num_envs: 0"),
         ("[ppo]\nlearning_rate = 'fast'", "Invalid ppo.learning_rate: 'fast'"),
-        ("[ppo]\nhidden = ['wide']", "recipe 'mine'"),
+        ("[ppo]\nhidden = ['wide']", "Invalid ppo.hidden: 'wide'. Expected a whole number"),
+        ("[ppo]\nhidden = 64", "Invalid ppo.hidden: 64. Expected none or more"),
+        ("[ppo]\nactivation = 'gelu'", "Unknown ppo.activation 'gelu'. Valid choices: tanh"),
         ("[ppo]\nlearning_rate_end = 2.0", "Invalid ppo.learning_rate_end: 2.0"),
     ],
 )

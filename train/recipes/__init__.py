@@ -5,7 +5,7 @@ what the command line says goes before both. Environments that no recipe names a
 defaults.
 
     envs = ["fbid_gym/QuadrupedWalk-v0"]     # which it is for
-    num_envs = 512                           # any field of TrainConfig but those that name the run
+    num_envs = 512                           # or total_steps, torch_threads
     [ppo]                                    # of PPOConfig, where PPO learns
     [sac]                                    # of SACConfig, where SAC learns
     [eval]                                   # of EvaluationConfig
@@ -64,7 +64,7 @@ class Recipe:
             if exception.get("algorithm", algorithm) == algorithm and (
                 layers is None or any(_fits(layer, action_layer, layer_options) for layer in layers)
             ):
-                found = _merged(found, _settings_of(exception))
+                found = merged(found, _settings_of(exception))
         return {k: v for k, v in found.items() if k not in ALGORITHMS or k == algorithm}
 
 
@@ -134,9 +134,7 @@ def config_for(
     given = dict(layer_options or {})
     recipe = recipe_for(env_id, name, folder)
     settings = recipe.settings_for(algorithm, action_layer, given)
-    own = dict(settings.pop(algorithm, {}))
-    if "hidden" in own:
-        own["hidden"] = tuple(own["hidden"])
+    own = settings.pop(algorithm, {})
     parts: dict[str, Any] = {
         algorithm: ALGORITHMS[algorithm](**own),
         "eval": EvaluationConfig(**settings.pop("eval", {})),
@@ -164,23 +162,25 @@ def _read(path: Path) -> Recipe:
         data = tomllib.loads(path.read_text())
     except tomllib.TOMLDecodeError as error:
         raise RunError(f"{path}: is no TOML: {error}.") from error
-    exceptions = tuple(data.pop("exceptions", ()))
-    envs, valid = tuple(data.pop("envs", ())), valid_settings()
+    envs, exceptions, valid = data.pop("envs", []), data.pop("exceptions", []), valid_settings()
+    if not isinstance(envs, list) or not all(isinstance(env, str) for env in envs):
+        raise RunError(f"{path}: envs is {envs!r}. Expected a list of environment ids.")
+    if not isinstance(exceptions, list) or not all(isinstance(one, dict) for one in exceptions):
+        raise RunError(f"{path}: exceptions is {exceptions!r}. Expected [[exceptions]] tables.")
     check(f"recipe {path.stem!r}", data, valid)
     for exception in exceptions:
         layers, learns = exception.get("layers"), exception.get("algorithm")
         if (learns is None or layers is not None) and (
-            not isinstance(layers, list)
-            or not all(isinstance(layer, dict) and "action_layer" in layer for layer in layers)
+            not isinstance(layers, list) or not all(map(_is_layer, layers))
         ):
             raise RunError(
                 f"{path}: an exception for layers {layers!r}. Expected a list of tables, an "
-                "action_layer in each."
+                "action_layer in each, and a table of layer_options where it takes such."
             )
         if learns not in (None, *ALGORITHMS):
             raise UnknownOptionError(f"algorithm of recipe {path.stem!r}", learns, ALGORITHMS)
         check(f"recipe {path.stem!r}", _settings_of(exception), valid)
-    return Recipe(path.stem, envs, data, exceptions)
+    return Recipe(path.stem, tuple(envs), data, tuple(exceptions))
 
 
 def valid_settings() -> dict[str, Any]:
@@ -192,12 +192,21 @@ def valid_settings() -> dict[str, Any]:
     }
 
 
-def _merged(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+def _is_layer(layer: Any) -> bool:
+    return (
+        isinstance(layer, dict)
+        and isinstance(layer.get("action_layer"), str)
+        and isinstance(layer.get("layer_options", {}), dict)
+    )
+
+
+def merged(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of two nested dictionaries; where both have one, the other's."""
     found = dict(one)
     for name, value in other.items():
         known = found.get(name)
         both = isinstance(value, Mapping) and isinstance(known, Mapping)
-        found[name] = _merged(known, value) if both else value  # type: ignore[arg-type]
+        found[name] = merged(known, value) if both else value  # type: ignore[arg-type]
     return found
 
 

@@ -163,13 +163,14 @@ def _start_on(ray: Any) -> Start:
 
 
 def _check_storage(ray: Any, folder: Path) -> None:
-    """Raise a RunError for a machine that does not see the folder and this Python."""
+    """Raise a RunError for a machine that cannot write the folder and begin this Python."""
     strategy = ray.util.scheduling_strategies.NodeAffinitySchedulingStrategy
 
     def sees(mark: str, python: str) -> bool:
         import os
 
-        return os.path.isfile(mark) and os.access(python, os.X_OK)
+        writes = os.access(os.path.dirname(mark), os.W_OK)
+        return os.path.isfile(mark) and writes and os.access(python, os.X_OK)
 
     look = ray.remote(sees)
     folder.mkdir(parents=True, exist_ok=True)
@@ -183,6 +184,7 @@ def _check_storage(ray: Any, folder: Path) -> None:
     for node, seen in zip(machines, answers, strict=True):
         if not seen:
             raise RunError(
-                f"Machine {node['NodeManagerAddress']} of the cluster does not see "
-                f"{folder.absolute()} and {sys.executable}. Expected storage that all machines see."
+                f"Machine {node['NodeManagerAddress']} of the cluster cannot write to "
+                f"{folder.absolute()} and begin {sys.executable}. Expected storage that all "
+                "machines share."
             )

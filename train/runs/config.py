@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from fbid_gym.options import Number, Whole, check_fields
+from fbid_gym.options import Choice, Each, Number, Whole, check_fields
 
 
 def parse_object(text: str) -> dict[str, Any]:
@@ -43,11 +43,14 @@ _MOST_STEPS = 100_000_000  # of an iteration
 MOST_TRANSITIONS = 10_000_000
 """That a replay buffer may hold: some 5 GB."""
 
-Seed = Annotated[int, Whole(0, 2**32 - 1)]
+SEED = Whole(0, 2**32 - 1)
+Seed = Annotated[int, SEED]
 Count = Annotated[int, Whole(1, _LARGE)]
 Steps = Annotated[int, Whole(0, _LARGE)]
 Robots = Annotated[int, Whole(1, 65_536)]
 Share = Annotated[float, Number(0.0, 1.0)]
+Widths = Annotated[tuple[int, ...], Each(Whole(1, _WIDEST), least=0)]
+Activation = Annotated[Literal["tanh", "relu", "elu"], Choice(("tanh", "relu", "elu"))]
 
 
 @dataclass(frozen=True)
@@ -83,9 +86,9 @@ class PPOConfig:
     log_std_init: Annotated[float, Number(-10.0, 2.0)] = -2.0
     """Logarithm of the initial standard deviation of the actions, whose range is [-1, 1]. Robots
     that stand without a policy are shaken down by more noise than this before they learn."""
-    hidden: tuple[int, ...] = (64, 64)
+    hidden: Widths = (64, 64)
     """Widths of the hidden layers, of the policy and of the value network."""
-    activation: Literal["tanh", "relu", "elu"] = "tanh"
+    activation: Activation = "tanh"
     """After each hidden layer."""
     clip_observation: Annotated[float, Number(1e-3, 1e6)] = 10.0
     """Observations are scaled to unit variance, then clipped to this."""
@@ -141,9 +144,9 @@ class SACConfig:
     """Nats per action. -1: a standard deviation of about 0.09."""
     log_std_init: Annotated[float, Number(-10.0, 2.0)] = -2.0
     """Logarithm of the initial standard deviation of the actions, before they are squashed."""
-    hidden: tuple[int, ...] = (128, 128)
+    hidden: Widths = (128, 128)
     """Widths of the hidden layers, of the policy and of the value networks."""
-    activation: Literal["tanh", "relu", "elu"] = "relu"
+    activation: Activation = "relu"
     """After each hidden layer."""
     clip_observation: Annotated[float, Number(1e-3, 1e6)] = 10.0
     """Observations are scaled to unit variance, then clipped to this."""
@@ -255,9 +258,6 @@ class TrainConfig:
     def _check_together(self) -> None:
         """Check what depends on more than one value."""
         own = self.hyperparameters
-        if any(not 1 <= width <= _WIDEST for width in own.hidden):
-            expected = f"positive widths of at most {_WIDEST:,}"
-            raise InvalidValueError(f"{self.algorithm}.hidden", own.hidden, expected)
         if isinstance(own, SACConfig):
             least, most = self.iteration_steps, MOST_TRANSITIONS
             if not least <= own.buffer_size <= most:

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import NamedTuple
 
+from fbid_gym.bundles import fresh_path, previous_path
+
 
 class RunFolder(NamedTuple):
     """The paths of a run; whether anything is there is the reader's to find out."""
@@ -26,7 +28,7 @@ class RunFolder(NamedTuple):
     replay: Path
     """The replay buffer, of what learns from one: files of `train.replay`."""
     policy: Path
-    """The policy at the latest evaluation, at the end of training the final one: a bundle."""
+    """The policy at the latest evaluation or checkpoint, whichever is later: a bundle."""
     best_policy: Path
     """The policy of the evaluation with the highest mean return: a bundle."""
     tensorboard: Path
@@ -53,6 +55,6 @@ class RunFolder(NamedTuple):
             *(self.versions, self.environment, self.robot),
             *(self.progress, self.evaluations, self.tensorboard, self.replay),
             *bundles,
-            *(path.with_name(f"{path.name}.new") for path in replaced),
-            *(path.with_name(f"{path.name}.old") for path in bundles),
+            *map(fresh_path, replaced),
+            *map(previous_path, bundles),
         }

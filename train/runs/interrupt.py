@@ -7,15 +7,16 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# The last where a terminal is closed. Whoever has it ignored, as `nohup` does, wants to go on.
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextmanager
 def stop_requests(announce: Callable[[], None]) -> Iterator[Callable[[], bool]]:
-    """Yield what says whether a SIGINT or SIGTERM came; the second raises KeyboardInterrupt.
+    """Yield what says whether a SIGINT, SIGTERM or SIGHUP came.
 
-    So does a second SIGTERM, where it would have ended the process at once: what has been started
-    is then cleaned up as after Ctrl-C.
+    The second one raises KeyboardInterrupt, also a SIGTERM, which would have ended the process at
+    once: what has been started is then cleaned up as after Ctrl-C.
 
     Only the main thread of a process can do so; elsewhere it stays False.
 
@@ -39,7 +40,9 @@ def stop_requests(announce: Callable[[], None]) -> Iterator[Callable[[], bool]]:
         announce()
 
     if threading.current_thread() is threading.main_thread():
-        before.update({number: signal.signal(number, handle) for number in _SIGNALS})
+        for number in _SIGNALS:
+            if number is not signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, handle)
     try:
         yield lambda: requested
     finally:

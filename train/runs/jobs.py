@@ -3,6 +3,7 @@
 A job is a command, a log and a way to say how far it is: a training, an experiment, a measurement.
 """
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -23,6 +24,8 @@ from train.runs.interrupt import stop_requests
 ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Environment of a program that is to use one core."""
 
+_DEATH_SIGNAL = 1  # of prctl: what a process gets when that which began it is gone
+_LIBC = ctypes.CDLL(None)
 _POLL_SECONDS = 0.3
 _LINE_SECONDS = 15.0
 _LOG_LINES = 15
@@ -79,7 +82,19 @@ def start_here(job: Job) -> Running:
             # Ctrl-C reaches this process alone, which passes it on once: at a second one a
             # training stops without saving.
             start_new_session=True,
+            preexec_fn=_end_with_us,
         )
+
+
+def _end_with_us() -> None:
+    """Ask for a SIGINT once the process that began this one is gone, even by a kill."""
+    if hasattr(_LIBC, "prctl"):
+        _LIBC.prctl(_DEATH_SIGNAL, signal.SIGINT)
+
+
+def last_lines(log: Path, count: int) -> list[str]:
+    """Return the last lines of a log, as far as it is there and text."""
+    return log.read_text(errors="replace").splitlines()[-count:] if log.is_file() else []
 
 
 def run_jobs(
@@ -92,7 +107,7 @@ def run_jobs(
 ) -> list[Job]:
     """Run all jobs, `at_once` at a time in their order.
 
-    On SIGINT or SIGTERM no more are started, and those that run get a SIGINT.
+    On SIGINT, SIGTERM or SIGHUP no more are started, and those that run get a SIGINT.
 
     Args:
         jobs: what to run.
@@ -130,7 +145,7 @@ def run_jobs(
                     finished.append(job)
                 elif not stopping:
                     console.print(f"{job.name} failed with status {status}; {job.log} ends:")
-                    for line in job.log.read_text().splitlines()[-_LOG_LINES:]:
+                    for line in last_lines(job.log, _LOG_LINES):
                         console.print(line, markup=False, highlight=False)
             show(list(running), finished)
             failed = any(ended.values()) and not keep_going

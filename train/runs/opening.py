@@ -17,6 +17,7 @@ from train.runs.differences import Difference, differences, in_words, made_with,
 from train.runs.environment import meaning
 from train.runs.files import read_json, to_json, write
 from train.runs.folder import RunFolder
+from train.runs.tables import last_steps
 from train.runs.versions import versions
 
 
@@ -39,7 +40,7 @@ class OpenRun:
     so that it may round differently or learn something else."""
 
     def begin(self) -> None:
-        """Write what the run is. What is left of one without a checkpoint is removed."""
+        """Write what the run is. Where it does not go on from a checkpoint, the rest is removed."""
         folder = self.folder
         if not self.resumes:
             for path in folder.results:
@@ -57,7 +58,7 @@ class OpenRun:
 def open_run(config: TrainConfig, robot: Robot | None = None) -> Iterator[OpenRun]:
     """Open the run folder of a configuration, alone, until the context ends.
 
-    A folder that holds this run is continued; what it holds of this run without a checkpoint is
+    A folder that holds this run is continued; one that was killed before its first checkpoint is
     started anew. Files that a run does not write are never touched. Refused or not, all that is
     written before `OpenRun.begin` is the folder with its lock.
 
@@ -66,22 +67,23 @@ def open_run(config: TrainConfig, robot: Robot | None = None) -> Iterator[OpenRu
         robot: that it is of, where it is none of the built-in ones.
 
     Raises:
-        RunError: the folder holds another run (names what differs), or no run but other files, or
-            a checkpoint that cannot be read, or is in use by another process.
+        RunError: the folder holds another run (names what differs), or a longer one, or one whose
+            checkpoint is gone, or no run but other files, or a checkpoint that cannot be read, or
+            is in use by another process.
         FbidError: the arguments of the environment are not valid.
     """
     folder, asked = RunFolder.of(config.folder), config.to_json()
     means = meaning(asked, robot)
-    _check_same_run(folder, asked, config.overwrite)
+    _check_same_run(folder, config, asked)
     folder.path.mkdir(parents=True, exist_ok=True)
     with _locked(folder):
         # Again: another process may have had the folder in between.
-        resumes = _check_same_run(folder, asked, config.overwrite)
+        resumes = _check_same_run(folder, config, asked)
         changes = _changes(folder, means) if resumes else ()
         yield OpenRun(folder, asked, means, resumes, robot, changes)
 
 
-def _check_same_run(folder: RunFolder, asked: Mapping[str, Any], overwrite: bool) -> bool:
+def _check_same_run(folder: RunFolder, config: TrainConfig, asked: Mapping[str, Any]) -> bool:
     """Return whether the folder holds a checkpoint of this run; RunError if it is not ours."""
     path = folder.path
     if not path.exists():
@@ -98,7 +100,7 @@ def _check_same_run(folder: RunFolder, asked: Mapping[str, Any], overwrite: bool
             )
         return False
     stored = read_json(folder.config)
-    if overwrite:
+    if config.overwrite:
         return False
     different = run_differences(stored, asked)
     if different:
@@ -106,10 +108,32 @@ def _check_same_run(folder: RunFolder, asked: Mapping[str, Any], overwrite: bool
             f"{path}: holds another run: asked for {in_words(different)}. Choose another --out, or "
             "--overwrite to start anew."
         )
+    anew = "Choose another --out, or --overwrite to start anew."
+    trained = last_steps(folder.progress)
     if not present_bundle(folder.checkpoint).exists():
+        if _had_checkpoint(folder, config, stored):
+            raise RunError(
+                f"{path}: holds a run of {trained} steps without the checkpoint that it would go "
+                f"on from. {anew}"
+            )
         return False
+    if trained >= config.total_steps + config.iteration_steps:
+        raise RunError(
+            f"{path}: is trained for {trained} steps, which total_steps {config.total_steps} would "
+            f"deny. {anew}"
+        )
     load_bundle(folder.checkpoint, folder.checkpoint.name, RunError).check_digest(RunError)
     return True
+
+
+def _had_checkpoint(folder: RunFolder, config: TrainConfig, stored: Mapping[str, Any]) -> bool:
+    """Whether a run came farther than one does that is killed before its first checkpoint."""
+    trained, evaluated = last_steps(folder.progress), last_steps(folder.evaluations)
+    every, total = stored.get("checkpoint_every"), stored.get("total_steps")
+    if isinstance(every, int) and every and trained >= every + config.iteration_steps:
+        return True
+    at_end = isinstance(total, int) and trained >= total
+    return at_end and (evaluated >= trained or not config.eval.every)
 
 
 def _changes(folder: RunFolder, means: Mapping[str, Any] | None) -> tuple[str, ...]:

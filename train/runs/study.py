@@ -29,8 +29,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
-from train.recipes import SETTINGS, check, config_for, valid_settings
-from train.runs.config import ALGORITHMS, TrainConfig
+from train.recipes import SETTINGS, check, config_for, merged, valid_settings
+from train.runs.config import ALGORITHMS, SEED, TrainConfig
 
 _OF_ARM = (
     *("name", "env", "action_layer", "layer_options", "env_args"),
@@ -95,7 +95,7 @@ def read_study(path: Path, out: Path | None = None) -> Study:
     if not isinstance(arms, list) or not arms or not all(isinstance(arm, dict) for arm in arms):
         raise RunError(f"{path}: has no arms. Expected one [[arms]] table for each.")
     check(f"study {path.stem!r}", data, valid_settings())
-    if runs is not None and (not isinstance(runs, str) or Path(runs).name != runs):
+    if runs is not None and not _is_name(runs):
         raise RunError(f"{path}: runs is {runs!r}. Expected the name of a folder beside it.")
     out = out or (Path("runs") / path.stem if runs is None else path.parent / runs)
     cells = [cell for arm in arms for cell in _cells(path, arm, data, seeds, out)]
@@ -107,7 +107,7 @@ def read_study(path: Path, out: Path | None = None) -> Study:
     reference = names[0] if reference is None else reference
     if reference not in names:
         raise UnknownOptionError("reference of the study", reference, dict.fromkeys(names))
-    if not isinstance(page, str) or Path(page).name != page:
+    if not _is_name(page):
         raise RunError(f"{path}: page is {page!r}. Expected the name of one of docs/.")
     cells.sort(key=lambda cell: cell.config.seed)
     return Study(path.stem, str(title), reference, page, tuple(cells))
@@ -132,6 +132,12 @@ def _cells(
     seeds = arm.get("seeds", seeds)
     if not isinstance(seeds, list) or not seeds:
         raise RunError(f"{path}: seeds of arm {arm['name']!r} are {seeds!r}. Expected a list.")
+    seeds = [SEED.check(f"seed of arm {arm['name']!r}", seed) for seed in seeds]
+    for name in ("layer_options", "env_args"):
+        if not isinstance(arm.get(name, {}), dict):
+            raise RunError(
+                f"{path}: {name} of arm {arm['name']!r} is {arm[name]!r}. Expected a table."
+            )
     robot, feet = arm.get("robot"), arm.get("feet", [])
     if not isinstance(robot, str | None):
         raise RunError(f"{path}: robot of arm {arm['name']!r} is {robot!r}. Expected a name.")
@@ -146,7 +152,7 @@ def _cells(
         raise InvalidValueError(
             f"setting of arm {arm['name']!r}", name, f"those of {usual.algorithm!r}, which learns"
         )
-    usual = _with(_with(usual, {k: v for k, v in shared.items() if k not in others}), own)
+    usual = _with(usual, merged({k: v for k, v in shared.items() if k not in others}, own))
     place = f"{environment_name(arm['env'])}-{arm['name'].replace(' ', '_')}"
     if Path(place).name != place:
         raise RunError(f"{path}: arm {arm['name']!r} cannot name a folder.")
@@ -169,12 +175,13 @@ def _cells(
 
 def _with(config: TrainConfig, settings: Mapping[str, Any]) -> TrainConfig:
     parts = {
-        name: replace(getattr(config, name), **_as_fields(settings[name]))
+        name: replace(getattr(config, name), **settings[name])
         for name in (*ALGORITHMS, "eval")
         if name in settings
     }
     return replace(config, **{**settings, **parts})
 
 
-def _as_fields(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+def _is_name(value: Any) -> bool:
+    """Whether it can be the name of something in a folder."""
+    return isinstance(value, str) and Path(value).name == value and value not in ("", "..")

@@ -35,6 +35,19 @@ def read_rows(path: Path) -> list[dict[str, str]]:
         raise RunError(f"{path}: no table, or corrupt ({error}).") from error
 
 
+def last_steps(path: Path) -> int:
+    """Return the steps of the last complete row; 0 where there is none.
+
+    Raises:
+        RunError: it cannot be read as a table of a training.
+    """
+    rows = read_rows(path)
+    try:
+        return int(float(rows[-1]["steps"])) if rows else 0
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise RunError(f"{path}: is not the table of a training.") from error
+
+
 def to_csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
     """Return the rows as CSV with a header; of each row only these columns."""
     text = io.StringIO()

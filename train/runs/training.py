@@ -10,7 +10,7 @@ from fbid_gym.errors import RunError
 from train.runs.command_line import options
 from train.runs.config import TrainConfig
 from train.runs.folder import RunFolder
-from train.runs.jobs import Job, Progress
+from train.runs.jobs import Job, Progress, last_lines
 from train.runs.tables import read_rows
 
 
@@ -51,9 +51,7 @@ def standing(config: TrainConfig) -> Standing:
 
 def last_line(config: TrainConfig) -> str:
     """Return the last line of the log of a training that ran as a job; empty without one."""
-    log = log_of(config)
-    lines = log.read_text(errors="replace").splitlines() if log.is_file() else []
-    return lines[-1] if lines else ""
+    return next(iter(last_lines(log_of(config), 1)), "")
 
 
 def log_of(config: TrainConfig) -> Path:

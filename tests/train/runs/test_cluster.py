@@ -29,7 +29,7 @@ def test_jobs_of_a_lost_machine_go_on_elsewhere(tmp_path: Path) -> None:
     assert found["begun"] == [1, 2]  # one of the two began again, and went on
     assert found["saved"]  # what is stopped may save what it has
     assert found["status"] == 3
-    assert "does not see" in found["blind"] and "/nowhere/python" in found["blind"]
+    assert "cannot write to" in found["blind"] and "/nowhere/python" in found["blind"]
 
 
 @with_ray

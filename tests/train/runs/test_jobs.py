@@ -154,6 +154,45 @@ def test_a_second_sigterm_leaves_nothing_behind(tmp_path):
         runner.kill()
 
 
+@pytest.mark.parametrize("end", [signal.SIGHUP, signal.SIGKILL])
+def test_what_a_runner_began_saves_and_ends_when_it_is_gone(tmp_path, end):
+    """A terminal that is closed, and a kill that nothing can answer."""
+    child = (
+        "import os, time\nopen('child', 'w').write(str(os.getpid()))\n"
+        "try:\n    os.rename('child', 'started'); time.sleep(60)\n"
+        "except KeyboardInterrupt:\n    open('saved', 'w')"
+    )
+    runner = subprocess.Popen(
+        [sys.executable, "-c", RUNNER, child],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[3])},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        _until((tmp_path / "started").exists)
+        number = int((tmp_path / "started").read_text())
+        time.sleep(0.2)
+        runner.send_signal(end)
+        runner.communicate(timeout=60)
+        _until(lambda: not _lives(number))
+        assert (tmp_path / "saved").exists()
+    finally:
+        runner.kill()
+
+
+@pytest.mark.parametrize(
+    "script", ["os.write(1, b'\\xff no text'); 1 / 0", "os.remove(log); 1 / 0"]
+)
+def test_a_log_that_cannot_be_read_ends_nobody_else(tmp_path, script):
+    log = str(tmp_path / "logs" / "bad.log")
+    bad = _job(tmp_path, "bad", script.replace("log)", f"{log!r})"))
+    good = _job(tmp_path, "good", "time.sleep(1)")
+    console = _console()
+    assert run_jobs([bad, good], 2, console, keep_going=True) == [bad]
+    assert "good: done, 1 of 2" in _text(console)
+
+
 def _until(true):
     for _ in range(1200):
         if true():

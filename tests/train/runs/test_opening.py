@@ -1,5 +1,6 @@
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,21 +75,72 @@ def test_without_a_checkpoint_everything_starts_anew_but_notes_stay(tmp_path):
     with open_run(config) as run:
         run.begin()
         run.folder.progress.write_text("steps\n1\n")
-        (tmp_path / "policy.new").mkdir()
+        (tmp_path / ".policy.new").mkdir()
         for name in ("notes.txt", "config.json.old", "progress.csv.new"):
             (tmp_path / name).write_text("mine")
     with open_run(config) as run:
         run.begin()
         assert not run.resumes and not run.folder.progress.exists()
-        assert not (tmp_path / "policy.new").exists()
+        assert not (tmp_path / ".policy.new").exists()
     for name in ("notes.txt", "config.json.old", "progress.csv.new"):
         assert (tmp_path / name).read_text() == "mine"
+
+
+def _curve(folder: Path, steps: int, evaluated: int) -> None:
+    (folder / "progress.csv").write_text(f"steps,fps\n{steps},1\n")
+    (folder / "evaluations.csv").write_text(f"steps,return_mean\n{evaluated},1\n")
+
+
+@pytest.mark.parametrize(("steps", "evaluated"), [(1024, 1024), (512, 0)])
+def test_a_run_whose_checkpoint_is_gone_is_not_begun_anew(tmp_path, steps, evaluated):
+    """Neither a finished one, as is kept without its checkpoint, nor one farther than its first."""
+    config = stand_in.config(tmp_path, total_steps=1000, checkpoint_every=256)
+    _begin(config)
+    _curve(tmp_path, steps, evaluated)
+    before = _contents(tmp_path)
+    for changes in ({}, {"total_steps": 2000}):
+        longer = stand_in.config(
+            tmp_path, **({"total_steps": 1000, "checkpoint_every": 256} | changes)
+        )
+        expected = f"holds a run of {steps} steps without the checkpoint"
+        with pytest.raises(RunError, match=expected), open_run(longer):
+            pass
+    assert _contents(tmp_path) == before
+    with open_run(replace(config, overwrite=True)) as run:
+        run.begin()
+    assert not (tmp_path / "progress.csv").exists()
+
+
+@pytest.mark.parametrize(("steps", "evaluated"), [(256, 0), (128, 128)])
+def test_a_run_killed_before_its_first_checkpoint_is_begun_anew(tmp_path, steps, evaluated):
+    config = stand_in.config(tmp_path, total_steps=1000, checkpoint_every=256)
+    _begin(config)
+    _curve(tmp_path, steps, evaluated)
+    with open_run(config) as run:
+        run.begin()
+        assert not run.resumes and not run.folder.progress.exists()
+
+
+def test_a_longer_run_is_not_called_a_shorter_one(tmp_path):
+    config = stand_in.config(tmp_path, total_steps=1000)
+    _begin(config, checkpoint=True)
+    _curve(tmp_path, 1024, 1024)
+    before = _contents(tmp_path)
+    shorter = stand_in.config(tmp_path, total_steps=500)
+    with (
+        pytest.raises(RunError, match="trained for 1024 steps, which total_steps 500 would deny"),
+        open_run(shorter),
+    ):
+        pass
+    assert _contents(tmp_path) == before
+    with open_run(config) as run:
+        assert run.resumes
 
 
 def test_interrupted_replacement_of_a_checkpoint_resumes(tmp_path):
     config = stand_in.config(tmp_path)
     _begin(config, checkpoint=True)
-    (tmp_path / "checkpoint").rename(tmp_path / "checkpoint.old")
+    (tmp_path / "checkpoint").rename(tmp_path / ".checkpoint.old")
     with open_run(config) as run:
         assert run.resumes
 

@@ -12,6 +12,7 @@ import fbid_gym  # noqa: F401
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError
+from train import sweep
 from train.recipes import config_for
 from train.runs.command_line import parse
 from train.runs.study import read_study
@@ -109,6 +110,12 @@ def test_settings_of_an_arm_go_before_those_of_the_study(tmp_path):
     assert (cell.config.eval.every, cell.config.eval.episodes) == (9, 7)
 
 
+def test_settings_of_study_and_arm_are_checked_together(tmp_path):
+    text = f"num_envs = 200\n{ARM}ppo = {{ n_steps = 12, batch_size = 1200 }}"
+    (cell,) = read_study(write(tmp_path, text)).cells
+    assert (cell.config.num_envs, cell.config.batch_size) == (200, 1200)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -125,7 +132,16 @@ def test_settings_of_an_arm_go_before_those_of_the_study(tmp_path):
         (f"{ARM}{ARM}", "QuadrupedWalk-v0, a, seed 0 is there twice. Expected each cell once."),
         (f"seeds = [1, 1]\n{ARM}", "a, seed 1 is there twice"),
         (f"{ARM}seeds = []", "seeds of arm 'a' are []. Expected a list."),
-        (f"seeds = [-1]\n{ARM}", "Invalid seed: -1. Expected a whole number from 0 to"),
+        (f"seeds = [-1]\n{ARM}", "Invalid seed of arm 'a': -1. Expected a whole number from 0"),
+        (f"seeds = [1, 1.0]\n{ARM}", "a, seed 1 is there twice"),
+        (f"seeds = ['x']\n{ARM}", "Invalid seed of arm 'a': 'x'."),
+        (f"page = '..'\n{ARM}", "page is '..'."),
+        (f"runs = ''\n{ARM}", "runs is ''."),
+        (f"{ARM}env_args = 3", "env_args of arm 'a' is 3. Expected a table."),
+        (f"{ARM}layer_options = 'x'", "layer_options of arm 'a' is 'x'. Expected a table."),
+        (f"{ARM}ppo = {{ hidden = 64 }}", "Invalid ppo.hidden: 64. Expected none or more, each a"),
+        (f"{ARM}ppo = {{ hidden = [64.5] }}", "Invalid ppo.hidden: 64.5. Expected a whole number"),
+        (f"{ARM}ppo = {{ activation = 'gelu' }}", "Unknown ppo.activation 'gelu'. Valid choices:"),
         (f"{ARM}total_steps = 0", "Invalid total_steps: 0."),
         (f"{ARM}recipe = 'fast'", "Unknown recipe 'fast'. Valid choices: walk, none."),
         ('[[arms]]\nname = "a"', "an arm without env. Expected one in each"),
@@ -180,6 +196,23 @@ def test_a_sweep_goes_on_where_it_was_and_says_what_failed(tmp_path, monkeypatch
     assert main(SweepConfig(longer, out, workers=1)) == 0
     assert (out / "QuadrupedWalk-v0-a-s0" / "progress.csv").read_bytes() == after
     assert standing(read_study(longer, out)).row_count == 1
+
+
+def test_a_sweep_with_a_job_that_failed_has_not_succeeded(tmp_path, monkeypatch):
+    """Not even where its tables are at their end, as when the disk was full after the last row."""
+    path = write(tmp_path, f"{ARM}total_steps = 1000")
+    folder = read_study(path, tmp_path / "out").cells[0].config.folder
+
+    def run_jobs(jobs, *args, **options):
+        folder.mkdir(parents=True)
+        (folder / "progress.csv").write_text("steps,return_mean\n1000,3\n")
+        rows = "steps,return_mean,survival\n0,3,1\n1000,3,1\n"
+        (folder / "evaluations.csv").write_text(rows)
+        return jobs
+
+    monkeypatch.setattr(sweep, "run_jobs", run_jobs)
+    assert main(SweepConfig(path, tmp_path / "out")) == 1
+    assert unfinished(read_study(path, tmp_path / "out")) == []
 
 
 def test_arms_may_name_a_robot_of_their_own(tmp_path):
