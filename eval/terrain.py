@@ -39,7 +39,7 @@ class TerrainConfig:
     robot: str | None = None
     """A robot instead of the environments' own: a built-in one, or your own file."""
     feet: tuple[str, ...] = ()
-    """Its feet, as `foot` or `foot=point,point`, where the file does not say."""
+    """Its feet, as `eval.rollout` takes them, where the file does not say."""
     layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = (
         "base_acceleration",
         "com_wrench",
