@@ -14,6 +14,7 @@ from typing import Any
 
 from fbid_gym.actions import LAYERS, WALKING_LAYERS, Footholds
 from fbid_gym.actions.contact_options import ContactOptions, WalkingContact
+from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS, NUM_THREADS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.overlays import RenderOptions
@@ -28,8 +29,11 @@ What `gym.make`, `gym.make_vec` and `fbid_gym.make_sb3` take, made by `python -m
 ranges are wider than robots of 0.1 kg to 1 t need; what lies outside is refused with the name, the
 value and the range. Numbers may be NumPy's. `Falling(1.7)` is 1.7 times the frequency at which the
 robot falls over, sqrt(g / height of the centre of mass) / (2 pi). `None` is derived from the robot.
+Where robots walk to commands other values stand: [what each environment
+sets](#what-each-environment-sets).
 """
 
+_SETS = "These stand instead of the defaults; what `gym.make` is given goes before both."
 _VECTOR = {
     "num_envs": Option("num_envs", 1, NUM_ENVS, False),
     "num_threads": Option("num_threads", 1, NUM_THREADS, False),
@@ -67,9 +71,18 @@ def table(options: Mapping[str, Option], about: Mapping[str, str]) -> str:
     for name, option in options.items():
         takes = option.kind.words if option.kind is not None else "see its meaning"
         said = about.get(name, "").replace("|", r"\|")
-        default = repr(option.default).replace("'", '"').replace("times=", "")
+        default = _code(option.default).replace("times=", "")
         lines.append(f"| `{name}` | `{default}` | {takes} | {said} |")
     return "\n".join(lines) if options else "None of its own."
+
+
+def settings() -> str:
+    """Return a Markdown table of the arguments that ids stand for."""
+    lines = ["| Environment | Sets |", "| --- | --- |"]
+    for env, arguments in ENVIRONMENTS.items():
+        said = (f"`{name}={_code(value)}`" for name, value in arguments.items())
+        lines.append(f"| `{env}` | {', '.join(said)} |")
+    return "\n".join(lines)
 
 
 def page() -> str:
@@ -82,6 +95,7 @@ def page() -> str:
     own = options_of(EnvConfig)
     del own["task_options"]
     section("## Of every environment", own, meanings(EnvConfig))
+    parts.extend(["## What each environment sets", _SETS, settings()])
     section("## Of `gym.make_vec` and `make_sb3`", _VECTOR, _OF_VECTOR)
     parts.append("## Of the tasks")
     for name, task in TASKS.items():
@@ -107,6 +121,10 @@ def page() -> str:
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
     section("## `render_options`", options_of(RenderOptions), meanings(RenderOptions))
     return "\n\n".join(parts) + "\n"
+
+
+def _code(value: Any) -> str:
+    return repr(value).replace("'", '"')
 
 
 def _without(options: Mapping[str, Option], shared: Mapping[str, Option]) -> dict[str, Option]:
