@@ -10,6 +10,7 @@ from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.simulation import Simulation, hush
 from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.robots.mjcf import moving_joints
 
 # What is drawn for a whole robot, or for each of its motors, from a (least, most).
 _RANGES = (
@@ -132,11 +133,16 @@ class RandomPlant:
         inertia, com = mass * drawn["model_inertia"][:, None], drawn["model_com"]
         com[:, self._simulation.robot.base_body, 0] += drawn["model_com_ahead"]
         _weigh(self._believed, self._simulation.robot.model, ids, mass, inertia, com)
-        # A motor whose gear is larger gives more torque for the same control.
-        motors, gear = self._simulation.robot.actuator, simulated.actuator_gear
-        strength = np.ones((len(ids), len(gear), 1))
-        strength[:, motors, 0] = drawn["motor_strength"]
-        self._simulation.batch.expand("actuator_gear")[ids] = gear * strength
+        # A motor whose gear is larger gives more torque for the same control, and a joint lets as
+        # much more through.
+        for field, index in (
+            ("actuator_gear", self._simulation.robot.actuator),
+            ("jnt_actfrcrange", moving_joints(self._simulation.robot.model)),
+        ):
+            nominal = getattr(simulated, field)
+            strength = np.ones((len(ids), len(nominal), 1))
+            strength[:, index, 0] = drawn["motor_strength"]
+            self._simulation.batch.expand(field)[ids] = nominal * strength
         friction = simulated.geom_friction.copy()
         scaled = np.tile(friction, (len(ids), 1, 1))
         scaled[:, :, 0] *= drawn["friction"][:, None]

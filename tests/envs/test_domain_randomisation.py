@@ -11,6 +11,7 @@ from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.randomisation import Randomisation
+from tests.robots.test_source_urdf import urdf
 
 PLANT = {"mass": 0.3, "com": 0.02, "friction": (0.4, 0.8), "motor_strength": (0.7, 1.1)}
 MODEL = {"model_mass": 0.2, "model_com": 0.01}
@@ -161,6 +162,18 @@ def test_motors_give_their_share_of_what_is_commanded():
         torque = env.step(np.full(env.action_space.shape, size))[4]["torque"]
         np.testing.assert_allclose(given[:, 6 : batch.robot.nv], strength * torque, rtol=1e-12)
     assert (np.abs(torque) == batch.robot.torque_limit).any()
+
+
+def test_strong_motors_give_their_share_through_joints_of_limited_force():
+    """Every joint of a URDF has such a limit."""
+    strength = {"motor_strength": (1.2, 1.2)}
+    own = {"robot": robots.Robot.from_mjcf(urdf()), "action_layer": "torque"}
+    env, batch = build("fbid_gym/QuadrupedBalance-v0", strength, **own)
+    assert batch.robot.model.jnt_actfrclimited[1:].all()
+    given = batch.simulation.batch.bind("qfrc_actuator")
+    torque = env.step(np.ones(env.action_space.shape))[4]["torque"]
+    np.testing.assert_allclose(torque, np.broadcast_to(batch.robot.torque_limit, torque.shape))
+    np.testing.assert_allclose(given[:, 6 : batch.robot.nv], 1.2 * torque, rtol=1e-12)
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 4, 5, 7, 10])
