@@ -195,8 +195,9 @@ class BalanceEnv(RobotEnv):
     | `terrain`         | str            | `"flat"`           | The ground: also `"obstacles"`     |
     |                   |                |                    | (planks) or `"rocks"`. An episode  |
     |                   |                |                    | starts on a level place of it      |
-    | `terrain_height`  | float or None  | `None`             | m, of the terrain's highest point; |
-    |                   |                |                    | 0.19 of the centre of mass's       |
+    | `terrain_height`  | float or None  | `None`             | m, of obstacles' or rocks' highest |
+    |                   |                |                    | point; 0.19 of the centre of       |
+    |                   |                |                    | mass's                             |
     | `terrain_seed`    | int            | `0`                | Decides where everything lies      |
     | `difficulty`      | float          | `0.5`              | Of `"slopes"`, `"stairs"` and the  |
     |                   |                |                    | like, 0 to 1; see `TerrainEnv`     |

@@ -28,7 +28,14 @@ from fbid_gym.envs.rates import Rate, Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice, Number, Whole, check_fields
 from fbid_gym.robots import ROBOTS, Robot, load
-from fbid_gym.robots.terrain import LEVELLED, TERRAINS, Terrain, compile_world, make_terrain
+from fbid_gym.robots.terrain import (
+    LEVELLED,
+    TERRAINS,
+    Terrain,
+    check_height,
+    compile_world,
+    make_terrain,
+)
 from fbid_gym.tasks import TASKS, Pushes, Start, Task, Walk, make_task, task_kind, task_options
 from fbid_gym.tasks.pushes import Duration, Force, Interval, Jump
 from fbid_gym.tasks.start import Noise
@@ -72,8 +79,8 @@ class EnvConfig:
     terrain: Annotated[str, Choice(TERRAINS)] = "flat"
     """The ground: see `fbid_gym.robots.terrain.TERRAINS`."""
     terrain_height: Annotated[float, Number(0.0, 10.0, "m")] | None = None
-    """m, height of the terrain's highest point; 0 is flat. Default: a fifth of the height of the
-    robot's centre of mass."""
+    """m, height of the highest point of obstacles or rocks; 0 is flat. Default: a fifth of the
+    height of the robot's centre of mass. Terrains that have a difficulty take none."""
     terrain_seed: Annotated[int, Whole(0, 2**63 - 1)] = 0
     """Decides where everything on the ground lies; every episode starts in another place of it."""
     difficulty: Annotated[float, Number(0.0, 1.0)] = 0.5
@@ -98,6 +105,7 @@ class EnvConfig:
         """Check each value that can be checked without a robot."""
         check_fields(self)
         by_name("layer_options", self.layer_options)
+        check_height(self.terrain, self.terrain_height)
         self.rates()
         self.randomisations()
 
@@ -202,6 +210,7 @@ class EnvConfig:
 
         Defaults may change; what is saved beside a policy must not change with them. The push is in
         newtons, the options of the layer and of the randomisation are complete; infinity is "inf".
+        None is left where a terrain takes no height.
         """
         robot = self.load_robot()
         task = self.make_task(robot)
@@ -223,8 +232,8 @@ class EnvConfig:
         filled |= {name: _derived(value) for name, value in task.derived.items()}
         return _plain(self.as_dict() | filled)
 
-    def _terrain_height(self, robot: Robot) -> float:
-        if self.terrain_height is None:
+    def _terrain_height(self, robot: Robot) -> float | None:
+        if self.terrain_height is None and self.terrain not in LEVELLED:
             return _TERRAIN_HEIGHT * float(Stance.of(robot).home_com[2])
         return self.terrain_height
 
@@ -254,7 +263,7 @@ def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, A
 # Every chunk of a batch asks for the same.
 @lru_cache(maxsize=8)
 def _ground(
-    name: str, robot: Robot, height: float, difficulty: float | None, seed: int
+    name: str, robot: Robot, height: float | None, difficulty: float | None, seed: int
 ) -> tuple[Terrain, mujoco.MjModel]:
     terrain = make_terrain(name, robot, height=height, difficulty=difficulty, seed=seed)
     return terrain, compile_world(robot, terrain)

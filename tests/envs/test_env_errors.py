@@ -102,6 +102,10 @@ ARGUMENTS = [
         {"terrain": "rocks", "terrain_height": -0.1},
         "Invalid terrain_height: -0.1. Expected a number from 0",
     ),
+    (
+        {"terrain": "stairs", "terrain_height": 0},
+        "Invalid terrain_height: 0.0. Expected none on terrain 'stairs', whose size follows diff",
+    ),
     ({"terrain_height": "high"}, "Invalid terrain_height: 'high'. Expected a number"),
     ({"terrain_seed": 0.5}, "Invalid terrain_seed: 0.5. Expected a whole number from 0 to"),
     # Rates and times.

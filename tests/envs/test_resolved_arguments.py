@@ -12,6 +12,7 @@ from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig, resolved_arguments
 from fbid_gym.errors import UnknownOptionError
+from fbid_gym.robots.terrain import LEVELLED
 from fbid_gym.tasks import task_options
 
 
@@ -24,7 +25,9 @@ def test_every_argument_has_a_value_that_json_keeps(name, layer):
     walks = ENVIRONMENTS[name]["task"] == "walk"
     options = walking_layer_options(layer) if walks else layer_options(layer)
     assert resolved["layer_options"].keys() == options.keys()
-    assert None not in [*resolved.values(), *resolved["layer_options"].values()]
+    unset = {key for key, value in resolved.items() if value is None}
+    assert unset == ({"terrain_height"} if resolved["terrain"] in LEVELLED else set())
+    assert None not in resolved["layer_options"].values()
     assert json.loads(json.dumps(resolved, allow_nan=False)) == resolved
 
 
@@ -51,6 +54,12 @@ def test_what_is_resolved_is_the_same_environment(arguments):
         found += [env.step(action)[0] for _ in range(20)]
         seen.append(found)
     np.testing.assert_allclose(*seen, atol=1e-5)
+
+
+def test_what_is_resolved_of_ground_by_difficulty_can_be_said():
+    name = "fbid_gym/QuadrupedTerrain-v0"
+    resolved = resolved_arguments(name, {})
+    assert resolved_arguments(name, resolved | {"layer_options": {}}) == resolved
 
 
 def test_what_was_said_stays_and_a_changed_default_shows(monkeypatch):

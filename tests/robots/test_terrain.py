@@ -4,9 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import FbidError
-from fbid_gym.robots import load
+from fbid_gym.robots import Robot, load
 from fbid_gym.robots.terrain import LEVELLED, TERRAINS, compile_world, make_terrain
+from tests.robots.test_robot_errors import GOOD
 
 ROUGH = ("obstacles", "rocks")
 
@@ -91,6 +93,31 @@ def test_the_robot_keeps_its_coordinates_and_stands_at_a_start(name: str, robot:
 def test_a_height_that_cannot_be_is_refused(height: float) -> None:
     with pytest.raises(FbidError, match=r"Invalid terrain height: .* metres from 0 to 0\.\d+, .*"):
         make_terrain("rocks", load("quadruped"), height=height)
+
+
+LOW = GOOD.replace('pos="0 0 1"', 'pos="0 0 0"').replace(
+    '<body name="thigh" pos="0 0 -0.2">', '<body name="thigh" pos="0 0 0.43">'
+)
+
+
+@pytest.mark.parametrize("name", TERRAINS)
+def test_a_base_frame_near_the_soles_is_on_every_ground(name: str) -> None:
+    """A frame may lie anywhere in a body; no height is given, so none is at fault."""
+    text = LOW.replace('name="box" type="box"', 'name="box" type="box" pos="0 0 0.6"')
+    config = EnvConfig(Robot.from_mjcf(text, ["toe", "toe2"]), terrain=name)
+    assert abs(config.load_robot().home_qpos[2]) < 1e-9
+    ground, _ = config.ground(config.load_robot())
+    assert len(ground.starts) > 0
+
+
+@pytest.mark.parametrize("name", LEVELLED)
+def test_what_difficulty_decides_takes_no_height(name: str) -> None:
+    message = rf"Invalid terrain_height: 0.0. Expected none on terrain '{name}', .* difficulty"
+    with pytest.raises(FbidError, match=message):
+        make_terrain(name, load("quadruped"), height=0.0)
+    with pytest.raises(FbidError, match=message):
+        EnvConfig(terrain=name, terrain_height=0.0)
+    assert EnvConfig(terrain=name).resolved()["terrain_height"] is None
 
 
 def test_an_unknown_terrain_is_refused() -> None:

@@ -27,6 +27,7 @@ __all__ = [
     "HeightGrid",
     "Terrain",
     "Tiles",
+    "check_height",
     "compile_world",
     "hardest",
     "heights",
@@ -40,6 +41,8 @@ LEVELLED = (*PATCHES, "mixed")
 
 TERRAINS = ("flat", "obstacles", "rocks", *LEVELLED)
 """Names of the terrains."""
+
+_HEIGHT = 0.04  # m
 
 # Share of the height of the centre of mass that feet clear with ease: on points, and on soles.
 _REACH = {True: 1.0, False: 0.2}
@@ -81,7 +84,7 @@ def make_terrain(
     name: str,
     robot: Robot,
     *,
-    height: float = 0.04,
+    height: float | None = None,
     difficulty: float | None = 0.5,
     seed: int = 0,
 ) -> Terrain:
@@ -92,38 +95,55 @@ def make_terrain(
             "rocks", a board of rounded stones of up to `height`; or one of `LEVELLED`: "slopes",
             "roughness", "stairs", "planks", "gaps", and "mixed", patches of all of these.
         robot: for whose size.
-        height: m, of the highest point of obstacles or rocks. 0 is flat.
+        height: m, of the highest point of obstacles or rocks. 0 is flat. Default: 4 cm.
         difficulty: of a levelled terrain, from 0, which is flat, to 1. None: `NUM_LEVELS` levels
             from 0 to 1, side by side.
         seed: decides where everything lies.
 
     Raises:
         UnknownOptionError: no terrain of this name.
-        InvalidValueError: `height` is negative or more than the height of the robot's base;
-            `difficulty` is not within 0 and 1.
+        InvalidValueError: `height` of obstacles or rocks is negative or more than that of the
+            robot, or of a levelled terrain is given; `difficulty` is not within 0 and 1.
     """
     if name not in TERRAINS:
         raise UnknownOptionError("terrain", name, TERRAINS)
-    base = float(robot.home_qpos[2])
-    if not 0.0 <= height <= base:
-        raise InvalidValueError(
-            "terrain height",
-            height,
-            f"metres from 0 to {base:.3g}, where {robot.name!r} has its base",
-        )
+    check_height(name, height)
     if difficulty is not None and not 0.0 <= difficulty <= 1.0:
         raise InvalidValueError("difficulty", difficulty, "a number from 0 to 1")
     if name in LEVELLED:
         levels = np.linspace(0.0, 1.0, NUM_LEVELS) if difficulty is None else np.array([difficulty])
         return make_levels(name, _scale(robot), levels, seed)
-    reach, rng = _reach(robot), np.random.default_rng(seed)
+    height = _HEIGHT if height is None else height
     if name == "flat" or height == 0.0:
         return Flat(np.zeros((1, 2)), np.inf)
+    # A base's frame may lie anywhere in it, near the soles as well.
+    tallest = max(float(robot.home_qpos[2]), float(_at_home(robot).subtree_com[robot.base_body][2]))
+    if not 0.0 <= height <= tallest:
+        raise InvalidValueError(
+            "terrain height",
+            height,
+            f"metres from 0 to {tallest:.3g}, where {robot.name!r} has its base or centre of mass",
+        )
+    reach, rng = _reach(robot), np.random.default_rng(seed)
     line = START_SPACING * reach * np.array([-1.0, 0.0, 1.0])
     starts = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     if name == "obstacles":
         return random_obstacles(reach, height, starts, rng)
     return random_rocks(reach, height, starts, rng)
+
+
+def check_height(name: str, height: float | None) -> None:
+    """Check that no height is given for a terrain whose difficulty decides.
+
+    Raises:
+        InvalidValueError: it is.
+    """
+    if name in LEVELLED and height is not None:
+        raise InvalidValueError(
+            "terrain_height",
+            height,
+            f"none on terrain {name!r}, whose size follows difficulty and the robot's size",
+        )
 
 
 def hardest(kind: str, robot: Robot) -> float:
