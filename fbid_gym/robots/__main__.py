@@ -33,6 +33,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except FbidError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    except OSError as error:
+        what = f"{error.filename}: " if error.filename is not None else ""
+        print(f"error: {what}{error.strerror or error}.", file=sys.stderr)
+        return 2
     print(f"\nPicture: {path} (red: contact points, yellow: their hull, blue: centre of mass)")
     return 0
 

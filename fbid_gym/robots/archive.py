@@ -7,6 +7,7 @@
 import hashlib
 import io
 import json
+import lzma
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -110,7 +111,10 @@ def split(archive: bytes, name: str) -> tuple[bytes, dict[str, Any]]:
             if sum(entry.file_size for entry in entries) > MOST_BYTES:
                 raise RobotError(f"{label} unpacks to more than {MOST_BYTES >> 20} MB.")
             contents = {entry.filename: opened.read(entry) for entry in entries}
-    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
+    except (
+        *(OSError, ValueError, EOFError, RuntimeError),  # ValueError: a name that is no UTF-8
+        *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
+    ) as error:
         raise RobotError(f"{label} is not a zip that can be read: {error}") from error
     arguments = _arguments(label, contents.pop(_FILE, None))
     return _zipped(contents), arguments

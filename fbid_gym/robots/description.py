@@ -9,6 +9,7 @@ from typing import Any
 from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
 from fbid_gym.reading import read_file
 from fbid_gym.robots.archive import ARGUMENTS, MOST_BYTES, SUFFIX, split
+from fbid_gym.robots.bounds import MOST_TEXT
 from fbid_gym.robots.source import Source
 
 FILE = "robot.toml"
@@ -31,13 +32,13 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
     Raises:
         RobotError: a file that is not TOML, or no archive of a robot.
         UnknownOptionError: a key that means nothing.
+        InvalidValueError: a key `mjcf` that is no path.
     """
     if not isinstance(source, str | Path) or str(source).lstrip().startswith("<"):
         return source, {}
     path = Path(source)
     if path.suffix == ".toml":
-        options = _read(path)
-        return path.parent / options.pop("mjcf", "robot.xml"), options
+        return _read(path)
     if path.suffix == SUFFIX:
         archive = read_file(path, MOST_BYTES, RobotError)
         packed, options = split(archive, repr(str(path)))
@@ -45,8 +46,7 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
     beside = path.parent / FILE
     if not (path.is_file() and beside.is_file()):
         return source, {}
-    options = _read(beside)
-    about = beside.parent / options.pop("mjcf", "robot.xml")
+    about, options = _read(beside)
     return source, options if about.resolve() == path.resolve() else {}
 
 
@@ -72,18 +72,21 @@ def in_json(name: str, text: str) -> Any:
     """
     try:
         return json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         raise InvalidValueError(name, text, "JSON") from None
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> tuple[Path, dict[str, Any]]:
+    """The file that a `robot.toml` is about, and the other arguments in it."""
+    text = read_file(path, MOST_TEXT, RobotError)
     try:
-        options = tomllib.loads(path.read_text())
-    except FileNotFoundError:
-        raise RobotError(f"Robot file {str(path)!r} does not exist.") from None
-    except tomllib.TOMLDecodeError as error:
+        options = tomllib.loads(text.decode())
+    except (ValueError, RecursionError) as error:  # no UTF-8, no TOML, or too deep
         raise RobotError(f"Robot file {str(path)!r} is not valid TOML: {error}") from error
     for key in options:
         if key not in KEYS:
             raise UnknownOptionError(f"key in {path.name}", key, KEYS)
-    return options
+    mjcf = options.pop("mjcf", "robot.xml")
+    if not isinstance(mjcf, str) or "\0" in mjcf:
+        raise InvalidValueError(f"mjcf in {path.name}", mjcf, "the path of a file")
+    return path.parent / mjcf, options

@@ -1,7 +1,8 @@
 """Feet and their contact points: found in a compiled model and checked."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -90,19 +91,17 @@ def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str,
     )
     if isinstance(feet, str) or not isinstance(feet, Mapping | Sequence):
         raise InvalidValueError("feet", feet, expected)
-    if isinstance(feet, Mapping):
-        groups = {foot: (p,) if isinstance(p, str) else tuple(p) for foot, p in feet.items()}
-    else:
-        if len(set(feet)) < len(feet):
-            raise RobotError(
-                f"Foot {_first_repeated(feet)!r} is given twice. Expected distinct feet."
-            )
-        groups = {foot: (foot,) for foot in feet}
-    if not groups:
+    given = list(feet.items()) if isinstance(feet, Mapping) else [(foot, foot) for foot in feet]
+    if not given:
         raise InvalidValueError("feet", feet, f"at least one foot: {expected}")
-    every = [name for names in groups.values() for name in names]
-    if not all(isinstance(name, str) for name in [*groups, *every]):
+    points = [(p,) if isinstance(p, str) else _listed(p) for _, p in given]
+    every = [name for names in points for name in names]
+    if not all(isinstance(name, str) for name in [*(foot for foot, _ in given), *every]):
         raise InvalidValueError("feet", feet, expected)
+    groups = {foot: names for (foot, _), names in zip(given, points, strict=True)}
+    if len(groups) < len(given):
+        repeated = _first_repeated([foot for foot, _ in given])
+        raise RobotError(f"Foot {repeated!r} is given twice. Expected distinct feet.")
     for foot, names in groups.items():
         if not 1 <= len(names) <= MAX_POINTS_PER_FOOT:
             raise RobotError(
@@ -265,6 +264,11 @@ def _axis(quaternion: np.ndarray) -> np.ndarray:
     matrix = np.empty(9)
     mujoco.mju_quat2Mat(matrix, quaternion)
     return matrix.reshape(3, 3)[:, 2]
+
+
+def _listed(names: Any) -> tuple[Any, ...]:
+    """What is given as names; what is none, by itself."""
+    return tuple(names) if isinstance(names, Iterable) else (names,)
 
 
 def _first_repeated(names: Sequence[str]) -> str:

@@ -74,10 +74,16 @@ def moving_joints(model: mujoco.MjModel) -> list[int]:
 
 
 def name_joints(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[str, ...]:
-    """Give hinges and slides without a name one; returns all of them, in dof order."""
+    """Give joints without a name one that no other has; returns those that move, in dof order."""
     joints = {joint.id: joint for joint in spec.joints}
+    taken = {joint.name for joint in spec.joints}
     for j, joint in joints.items():
-        joint.name = joint.name or f"joint_{j}"
+        if not joint.name:
+            name = f"joint_{j}"
+            while name in taken:
+                name += "_"
+            joint.name = name
+            taken.add(name)
     return tuple(joints[j].name for j in moving_joints(model))
 
 

@@ -289,6 +289,8 @@ def _build(
     armature: ByJoint | None,
 ) -> Robot:
     """Load a robot, see `Robot.from_mjcf`; unpickling does this once more."""
+    if not isinstance(name, str | None):
+        raise InvalidValueError("name", name, "text")
     named = None if feet is None else group_points(feet)
     spec, notes = _floating(source, base)
     plain = mjcf.compile_spec(spec, source.label)

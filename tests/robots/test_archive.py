@@ -120,9 +120,9 @@ def test_what_cannot_be_written() -> None:
         load("go1").save("x.xml")
 
 
-def packed(entries: dict[str, str]) -> bytes:
+def packed(entries: dict[str, str], compression: int = zipfile.ZIP_DEFLATED) -> bytes:
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(file, "w", compression) as archive:
         for name, text in entries.items():
             archive.writestr(name, text)
     return file.getvalue()
@@ -132,6 +132,16 @@ XML = zoo.mjcf(zoo.draw(22))
 BAD = {
     "no zip": (b"robot", RobotError, "not a zip that can be read"),
     "empty": (b"", RobotError, "not a zip that can be read"),
+    "no name": (
+        packed({"é.xml": XML}).replace("é".encode(), b"\xff\xff"),
+        RobotError,
+        "not a zip that can be read",
+    ),
+    "no LZMA": (
+        packed({"a.xml": XML}, zipfile.ZIP_LZMA).replace(b"\x5d\x00\x00", b"\xff\xff\xff", 1),
+        RobotError,
+        "not a zip that can be read",
+    ),
     "no arguments": (packed({"a.xml": XML}), RobotError, "holds no robot.json"),
     "no robot": (packed({"robot.json": "{}"}), RobotError, "not a valid MJCF"),
     "no MJCF": (packed({"robot.json": "{}", "a.xml": "<x/>"}), RobotError, "not a valid MJCF"),

@@ -61,6 +61,15 @@ def test_errors_are_told_in_one_line(path: Path, capsys: pytest.CaptureFixture[s
     assert capsys.readouterr().err.startswith("error: No site or geom 'paw'.")
 
 
+def test_a_picture_that_cannot_be_written_is_one_line(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = str(path / "p.png")  # below a file
+    assert main([str(path), "--torque-limit", "20", "--picture", picture]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ") and "zoo.xml" in said and said.count("\n") == 1
+
+
 def test_the_portrait_shows_points_hull_and_centre_of_mass() -> None:
     pixels = portrait(load("biped")).astype(int)
     red, green, blue = pixels[..., 0], pixels[..., 1], pixels[..., 2]

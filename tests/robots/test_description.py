@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eval.zoo import morphology as zoo
-from fbid_gym.errors import FbidError, RobotError, UnknownOptionError
+from fbid_gym.errors import FbidError, InvalidValueError, RobotError, UnknownOptionError
 from fbid_gym.robots import Robot
 
 ANIMAL = zoo.draw(26)  # of no actuators
@@ -62,17 +62,31 @@ def test_without_a_description_it_is_the_file() -> None:
 @pytest.mark.parametrize(
     "text, kind, message",
     [
+        ("# N·m".encode("latin-1"), RobotError, "robot.toml' is not valid TOML: .*utf-8"),
+        ("feet = " + "[" * 3000, RobotError, "robot.toml' is not valid TOML: "),
+        ("#" * (2**24 + 1), RobotError, "robot.toml: has more than 16 MB"),
+        ("mjcf = 5", InvalidValueError, "Invalid mjcf in robot.toml: 5. Expected the path of"),
+        (r'mjcf = "a\u0000"', InvalidValueError, "Invalid mjcf in robot.toml: .* the path of a"),
+        ('mjcf = "zoo.xml"\nname = 5', InvalidValueError, "Invalid name: 5. Expected text"),
         ("feet = [", RobotError, "robot.toml' is not valid TOML: "),
         ("foot = 3", UnknownOptionError, "Unknown key in robot.toml 'foot'. Valid choices: mjcf"),
         ("", RobotError, "robot.xml' does not exist."),
     ],
 )
-def test_bad_descriptions(folder: Path, text: str, kind: type[FbidError], message: str) -> None:
-    (folder / "robot.toml").write_text(text)
-    with pytest.raises(kind, match=message):
-        Robot.load(folder / "robot.toml")
+def test_bad_descriptions(
+    folder: Path, text: str | bytes, kind: type[FbidError], message: str
+) -> None:
+    """Whether they are given, or stand beside what is."""
+    content = text if isinstance(text, bytes) else text.encode()
+    (folder / "robot.toml").write_bytes(content)
+    for given in ("robot.toml", "zoo.xml" if content else "robot.toml"):
+        with pytest.raises(kind, match=message):
+            Robot.load(folder / given)
 
 
 def test_a_description_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(RobotError, match="robot.toml' does not exist."):
+    with pytest.raises(RobotError, match="robot.toml: cannot be read"):
+        Robot.load(tmp_path / "robot.toml")
+    (tmp_path / "robot.toml").mkdir()
+    with pytest.raises(RobotError, match="robot.toml: cannot be read"):
         Robot.load(tmp_path / "robot.toml")

@@ -233,7 +233,13 @@ def test_bad_feet(tmp_path: Path, feet: Any, message: str) -> None:
         build(tmp_path, feet=feet)
 
 
-@pytest.mark.parametrize("feet", ["toe", [], {}, 3, [1], {"a": [1]}, {1: ["toe"]}])
+@pytest.mark.parametrize(
+    "feet",
+    [
+        *("toe", [], {}, 3, [1], {"a": [1]}, {1: ["toe"]}, [["toe"], ["toe2"]], [None]),
+        *({"a": 3}, {"a": None}, {"a": [["toe"]]}, {"a": b"toe"}, [{"a": "toe"}]),
+    ],
+)
 def test_feet_of_another_form(tmp_path: Path, feet: Any) -> None:
     with fails(InvalidValueError, f"Invalid feet: {feet!r}. Expected "):
         build(tmp_path, feet=feet)
@@ -271,6 +277,20 @@ QPOS = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.2, -0.3]
 def test_bad_home(tmp_path: Path, home: Any, kind: type[FbidError], message: str) -> None:
     with fails(kind, message):
         build(tmp_path, home=home)
+
+
+@pytest.mark.parametrize("name", [5, ["dog"], b"dog"])
+def test_a_name_that_is_none(tmp_path: Path, name: Any) -> None:
+    with fails(InvalidValueError, f"Invalid name: {name!r}. Expected text."):
+        build(tmp_path, name=name)
+
+
+def test_a_joint_without_a_name_gets_one_that_no_other_has(tmp_path: Path) -> None:
+    """The third joint has none, and the second the one that it would get."""
+    text = GOOD.replace(KNEE, "").replace('<joint name="knee" axis', "<joint axis")
+    text = text.replace('joint="hip"', 'joint="joint_2"').replace('name="hip"', 'name="joint_2"')
+    robot = build(tmp_path, text, torque_limit=5.0)
+    assert robot.joint_names == ("joint_2", "joint_2_")
 
 
 def test_bad_base(tmp_path: Path) -> None:
