@@ -88,10 +88,11 @@ def name_joints(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[str, ...]:
 
 
 def can_touch(model: mujoco.MjModel) -> np.ndarray:
-    """(ngeom,) bool, geoms that are not only drawn."""
-    paired = np.concatenate([model.pair_geom1, model.pair_geom2])
-    in_pair = np.isin(np.arange(model.ngeom), paired)
-    return (model.geom_contype != 0) | (model.geom_conaffinity != 0) | in_pair
+    """(ngeom,) bool, geoms that can touch the ground.
+
+    A `<pair>` does not count: no robot has one with the ground, see `unmodelled`.
+    """
+    return (model.geom_contype != 0) | (model.geom_conaffinity != 0)
 
 
 def check_tree(model: mujoco.MjModel) -> int:

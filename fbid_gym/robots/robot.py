@@ -24,6 +24,7 @@ from fbid_gym.robots.scene import add_ground
 from fbid_gym.robots.servos import ServoGains, servo_gains, use_motors
 from fbid_gym.robots.source import RobotSource, Source
 from fbid_gym.robots.stand import standing_pose
+from fbid_gym.robots.unmodelled import refuse_unmodelled
 from fbid_gym.robots.urdf import prepare_urdf, root_link
 
 _LOG = logging.getLogger("fbid_gym")
@@ -361,6 +362,7 @@ def _floating(source: Source, base: str | None) -> tuple[mujoco.MjSpec, list[str
 def _checked_base(model: mujoco.MjModel, base: str | None) -> int:
     """Id of the floating body of a checked tree."""
     body = mjcf.check_tree(model)
+    refuse_unmodelled(model)
     name = mjcf.object_name(model, _OBJ.mjOBJ_BODY, body)
     if base is not None and base != name:
         raise RobotError(f"The free joint is on body {name!r}, not on base={base!r}.")

@@ -1,0 +1,91 @@
+"""What acts on a robot and stands in no law's equation of motion is refused by name."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.errors import RobotError
+from fbid_gym.robots import Robot
+from tests.robots.test_robot_errors import GOOD, fails
+
+BLIND = 'contype="0" conaffinity="0" '
+FLOOR = f'<worldbody><geom name="floor" type="plane" size="0 0 1" {BLIND}/>'
+
+STONE = '<geom name="stone" type="sphere" size="0.1" pos="5 0 0"/>'
+
+
+def cord(attributes: str) -> str:
+    joints = '<joint joint="hip" coef="1"/><joint joint="knee" coef="1"/>'
+    tendon = f'<tendon><fixed name="cord" {attributes}>{joints}</fixed></tendon>'
+    return GOOD.replace("</mujoco>", f"{tendon}</mujoco>")
+
+
+def option(inside: str) -> str:
+    return GOOD.replace("<worldbody>", f"<option {inside}<worldbody>")
+
+
+def paired(geom: str, other: str = "floor") -> str:
+    text = GOOD.replace(f'name="{geom}"', f'name="{geom}" {BLIND}').replace(STONE, "")
+    pair = f'<contact><pair geom1="{other}" geom2="{geom}"/></contact></mujoco>'
+    return text.replace("<worldbody>", FLOOR).replace("</mujoco>", pair)
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    [
+        *('stiffness="9"', 'damping="2"', 'damping="0 2"', 'frictionloss="1"'),
+        *('armature="0.1"', 'limited="true" range="-1 1"'),
+    ],
+)
+def test_tendons_that_act_are_refused(attributes: str) -> None:
+    with fails(RobotError, "Tendons that act are not supported: cord. Expected none with stiffn"):
+        Robot.from_mjcf(cord(attributes), ["toe"])
+
+
+def test_tendons_that_only_measure_are_none_of_them() -> None:
+    """They move nothing: the same robot accelerates as it does without."""
+    found = []
+    for text in (GOOD, cord('margin="0.1"')):
+        robot = Robot.from_mjcf(text, ["toe"])
+        data = mujoco.MjData(robot.model)
+        data.qpos[:], data.qvel[:] = robot.home_qpos, 0.3
+        mujoco.mj_forward(robot.model, data)
+        found.append(data.qacc.copy())
+    np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (
+            GOOD.replace('name="shank"', 'name="shank" gravcomp="0.5"'),
+            "Compensated gravity is not supported: gravcomp of the bodies shank.",
+        ),
+        (option('><flag actuation="disable"/></option>'), "The file switches actuation off: "),
+        (option('><flag gravity="disable"/></option>'), "The file switches gravity off: "),
+        (
+            option('actuatorgroupdisable="0 3"/>'),
+            "The file switches actuators off: actuatorgroupdisable of the groups 0, 3.",
+        ),
+        (option('density="1.2"/>'), "A fluid about the robot is not supported: density 1.2 of <o"),
+        (option('viscosity="0.1"/>'), "A fluid about the robot is not supported: viscosity 0.1"),
+        (option('wind="1 0 0"/>'), "A fluid about the robot is not supported: wind [1. 0. 0.]"),
+    ],
+)
+def test_what_acts_on_the_whole_robot_is_refused(text: str, message: str) -> None:
+    with fails(RobotError, message):
+        Robot.from_mjcf(text, ["toe"])
+
+
+@pytest.mark.parametrize("feet", [["toe"], ["shank"], None])
+def test_feet_that_touch_the_ground_by_pairs_are_refused(feet: list[str] | None) -> None:
+    """No terrain is in a pair, and no friction that is drawn reaches one."""
+    message = "Geom 'toe' of body 'shank' touches the ground ('floor') by a <pair>. Expected feet"
+    with fails(RobotError, message):
+        Robot.from_mjcf(paired("toe"), feet)
+
+
+def test_pairs_of_the_robots_own_parts_are_no_touch_of_the_ground() -> None:
+    robot = Robot.from_mjcf(paired("toe2", "bar"), ["toe"])
+    assert robot.model.npair == 1
+    assert any(robot.model.geom(i).name == "fbid_ground" for i in range(robot.model.ngeom))
