@@ -20,19 +20,23 @@ STAND = "stand"
 
 _KEYFRAME = "home"
 _TOLERANCE = 1e-6  # rad: angles copied with rounding may sit on a limit
+_VERTICAL = 1e-4  # shorter than this seen from above, an axis points nowhere
 
 
 def home_pose(
     model: mujoco.MjModel, home: Mapping[str, float] | Sequence[float] | np.ndarray | str | None
 ) -> np.ndarray:
-    """Resolve the home pose; its height is still as given.
+    """Resolve the home pose: above the origin and facing along x; its height is still as given.
+
+    Where a robot is on level ground and which way it faces is decided where an episode begins.
 
     Args:
         model: compiled model with the free joint first.
         home: see `Robot.from_mjcf`. For STAND this is the pose from which to stand up.
 
     Returns:
-        qpos (nq,), base quaternion normalised.
+        qpos (nq,), base quaternion normalised. Seen from above, the base's x axis is the world's;
+        a base whose x axis is vertical faces nowhere and keeps its orientation.
 
     Raises:
         UnknownOptionError: unknown keyframe or joint name.
@@ -72,7 +76,7 @@ def home_pose(
         raise RobotError("The base quaternion home[3:7] is zero. Expected a unit quaternion.")
     qpos[3:7] /= length
     _check_ranges(model, qpos)
-    return qpos
+    return _at_the_origin(qpos)
 
 
 def on_the_ground(model: mujoco.MjModel, qpos: np.ndarray, feet: Sequence[Foot]) -> np.ndarray:
@@ -80,6 +84,19 @@ def on_the_ground(model: mujoco.MjModel, qpos: np.ndarray, feet: Sequence[Foot])
     raised = qpos.copy()
     raised[2] -= _lowest_contact(model, qpos, feet)
     return raised
+
+
+def _at_the_origin(qpos: np.ndarray) -> np.ndarray:
+    """Return a pose (nq,) moved above the origin and turned about the vertical to face along x."""
+    placed, rotation = qpos.copy(), np.empty(9)
+    placed[:2] = 0.0
+    mujoco.mju_quat2Mat(rotation, qpos[3:7])
+    x, y = rotation[0], rotation[3]
+    if np.hypot(x, y) > _VERTICAL:
+        half = -0.5 * np.arctan2(y, x)
+        turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+        mujoco.mju_mulQuat(placed[3:7], turn, qpos[3:7])
+    return placed
 
 
 def _number(joint: str, value: float) -> float:

@@ -49,7 +49,8 @@ class Robot:
             place at the head of every list.
         feet: the feet, in the order given.
         base_body: MuJoCo id of the floating body.
-        home_qpos: (nq,) a standing pose, the lowest contact point at z = 0.
+        home_qpos: (nq,) a standing pose above the origin, facing along x, the lowest contact point
+            at z = 0.
         joint_names: n names.
         torque_limit: (n,) N·m (N for slides), the same in both directions.
         joint_range: (n, 2) rad (m for slides), +-inf where unlimited.
@@ -262,8 +263,9 @@ class Robot:
             home: joint name -> rad (m for slides), the rest from the default; or a whole qpos
                 (nq,); or the name of a keyframe; or "stand", a standing pose that is searched for.
                 Default: the keyframe "home" if there is one, else the model's reference pose moved
-                into the joint ranges. The base height is always set so that the lowest contact
-                point touches z = 0.
+                into the joint ranges. The base is always put above the origin, with its x axis
+                along the world's as seen from above, and so high that the lowest contact point
+                touches z = 0.
             base: a top-level body that shall float, if the file has no free joint.
             torque_limit: N·m (N for slides), one for all joints or by name or pattern ("*_knee");
                 in place of the file's limits, and for joints without motor.
@@ -354,8 +356,7 @@ def _floating(source: Source, base: str | None) -> tuple[mujoco.MjSpec, list[str
         notes += prepare_urdf(spec, folder)
         base = base or root_link(spec)
     if base is not None and not any(joint.type == _JOINT.mjJNT_FREE for joint in spec.joints):
-        mjcf.float_base(spec, base)
-        notes.append(f"Body {base!r} was made to float.")
+        notes += mjcf.float_base(spec, base, source.label)
     return spec, notes
 
 
