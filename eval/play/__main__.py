@@ -6,7 +6,7 @@ python -m eval.play --policy runs/my_run
 
 import logging
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,8 +36,9 @@ class PlayConfig:
     env: Annotated[str | None, tyro.conf.Positional] = None
     """Environment id. Default: that of the policy, or QuadrupedWalk-v0."""
     policy: tuple[Path, ...] = ()
-    """Run folders, exported policies or `shipped:NAME`; the first acts first. They can be chosen on
-    the page, beside all that are shipped for the environment and its robot."""
+    """Run folders, exported policies or `shipped:NAME`; the first acts first, all in its
+    environment. They can be chosen on the page, beside all that are shipped for it and its robot.
+    """
     action_layer: str | None = None
     """Layer to begin with. Default: the first policy's, or base_acceleration."""
     beside: str | None = None
@@ -48,7 +49,7 @@ class PlayConfig:
     feet: tuple[str, ...] = ()
     """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
     env_args: str = "{}"
-    """Further environment arguments as a JSON object."""
+    """Further environment arguments as a JSON object, instead of the policies'."""
     settings: str = "{}"
     """Settings as text, as the page shows them."""
     host: str = "127.0.0.1"
@@ -75,9 +76,18 @@ def stage_of(config: PlayConfig) -> Stage:
         arguments["robot"] = robot
     if config.action_layer is not None or not given:
         arguments["action_layer"] = config.action_layer or "base_acceleration"
+    stage = Stage.of(env_id, arguments, policies, given[0].name if given else NO_POLICY)
+    for entry in given:
+        if unlike := stage.unlike(entry.policy):
+            expected = f"one that learnt where {given[0].name} did, or --env-args; it has {unlike}"
+            raise InvalidValueError("--policy", str(entry.path), expected)
     own = robot or EnvConfig.of(ENVIRONMENTS[env_id]).load_robot()
-    policies |= {entry.name: entry.policy for entry in roster.of_package(env_id, own)}
-    return Stage.of(env_id, arguments, policies, given[0].name if given else NO_POLICY)
+    fitting = {
+        entry.name: entry.policy
+        for entry in roster.of_package(env_id, own)
+        if not stage.unlike(entry.policy)
+    }
+    return replace(stage, policies={**policies, **fitting})
 
 
 def session_of(config: PlayConfig) -> Session:

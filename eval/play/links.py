@@ -9,6 +9,7 @@ import websockets.asyncio.server as websockets_server
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+from eval.play.guard import MOST_BYTES, foreign
 from eval.play.session import ChangeAll, Session
 from eval.play.texts import from_query
 from fbid_gym.errors import FbidError
@@ -18,9 +19,15 @@ Answer = Callable[[ServerConnection, Request], Response | None]
 
 
 def answers(session: Session) -> Answer:
-    """Let an address with settings set them; one that may not be is refused in a sentence."""
+    """Let an address with settings set them; one that may not be is refused in a sentence.
+
+    So is a page of another address that would act as a viewer.
+    """
 
     def answer(connection: ServerConnection, request: Request) -> Response | None:
+        if foreign(request):
+            expected = "Expected a viewer on the page of this address, not on another page.\n"
+            return connection.respond(http.HTTPStatus.FORBIDDEN, expected)
         path, _, query = request.path.partition("?")
         if path != "/" or not query or not _opened(request):
             return None
@@ -45,14 +52,18 @@ def _opened(request: Request) -> bool:
 
 @contextmanager
 def answering(answer: Answer) -> Iterator[None]:
-    """Ask this first where a server is opened meanwhile: viser itself has no place for it."""
+    """Ask this first where a server is opened meanwhile: viser itself has no place for it.
+
+    Nor for a size of messages: its own is for pictures that viewers send, which nobody asks for.
+    """
     serve = websockets_server.serve
 
     def asking(*arguments: Any, process_request: Any, **options: Any) -> Any:
         def process(connection: ServerConnection, request: Request) -> Any:
             return answer(connection, request) or process_request(connection, request)
 
-        return serve(*arguments, process_request=process, **options)
+        options |= {"process_request": process, "max_size": MOST_BYTES}
+        return serve(*arguments, **options)
 
     websockets_server.serve = asking  # type: ignore[assignment]
     try:

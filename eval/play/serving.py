@@ -61,15 +61,17 @@ def open_server(session: Session, host: str, port: int) -> Any:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((host, port))
-        except (OSError, OverflowError) as error:
+        except (OSError, OverflowError, UnicodeError) as error:  # a name that is too long
             expected = f"an address of this machine whose port is free ({error})"
             raise InvalidValueError("host and port", f"{host}:{port}", expected) from error
         free = probe.getsockname()[1]
+    from eval.play.guard import only_values
     from eval.play.links import answering, answers
 
     # It announces itself in a box.
     with redirect_stdout(io.StringIO()), answering(answers(session)):
         server = viser.ViserServer(host=host, port=free, label="fbid_gym", verbose=False)
+    only_values(server.gui)
     # Any viewer could ask for a tunnel through which the world sees the page. None gets one.
     server.request_share_url = lambda verbose=False: None
     return server

@@ -1,5 +1,6 @@
 """What stays while a session runs: environment, robot, and the policies that were named."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,7 @@ from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.policy import Policy
 from fbid_gym.tasks import Task
+from train.runs.differences import differences, in_words
 
 NO_POLICY = "zero action"
 MOST_PUSH_SECONDS = 2.0
@@ -40,6 +42,15 @@ OWNED = (
 """Arguments of an environment that are a session's own."""
 
 
+_BEGUN = ("action_layer", "layer_options", "gait")
+"""Of these, what a session begins with where a policy has them."""
+
+
+def _fixed(env_args: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments that stay as they are while a page is open; not the robot, see there."""
+    return {name: value for name, value in env_args.items() if name not in (*OWNED, "robot")}
+
+
 def check_stage(env_id: str, policies: Mapping[str, Policy]) -> None:
     """Raise FbidError unless it is an environment of ours, and the policies are for it."""
     if env_id not in ENVIRONMENTS:
@@ -55,7 +66,8 @@ class Stage:
 
     Attributes:
         env_id: a registered environment.
-        arguments: further ones of the environment; of those in `OWNED`, with what it begins.
+        arguments: further ones of the environment, for all policies; of those in `OWNED`, with what
+            it begins. What they do not name is as the first policy learnt with.
         policies: those that can be chosen, by name.
         first: name of the one that acts first, or `NO_POLICY`.
     """
@@ -84,12 +96,26 @@ class Stage:
     @cached_property
     def own(self) -> dict[str, Any]:
         """Arguments of the environment as the session begins."""
-        given = {**ENVIRONMENTS[self.env_id], **self.arguments}
-        if self.first in self.policies:
-            trained = self.policies[self.first].env_args
-            chosen = ("action_layer", "layer_options", "gait")
-            given |= {name: trained[name] for name in chosen if name in trained}
-        return given
+        trained = self.policies[self.first].env_args if self.first in self.policies else {}
+        begun = {name: trained[name] for name in _BEGUN if name in trained}
+        return {**ENVIRONMENTS[self.env_id], **_fixed(trained), **self.arguments, **begun}
+
+    def unlike(self, policy: Policy) -> str:
+        """Say in which arguments a policy's environment is not the one here; empty: in none.
+
+        Those that the page sets and those that were given for all policies do not count, nor does
+        the robot, of which there is one.
+        """
+        sides = self.own, {**ENVIRONMENTS[self.env_id], **_fixed(policy.env_args)}
+        here, there = (
+            {
+                name: value
+                for name, value in EnvConfig.of(_fixed(side)).as_dict().items()
+                if name not in (*OWNED, *self.arguments, "robot")
+            }
+            for side in sides
+        )
+        return in_words(differences(*(json.loads(json.dumps(side)) for side in (here, there))))
 
     @property
     def contact_limits(self) -> str:

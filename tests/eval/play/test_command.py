@@ -27,6 +27,7 @@ pytest.importorskip("viser", reason="the live page is not installed: make play")
         (["--port", "-1"], "Invalid port"),
         (["--port", "70000"], "Invalid port"),
         (["--host", "256.1.1.1"], "Invalid host and port"),
+        (["--host", "a" * 64], "Invalid host and port"),
         (["--measure", "0"], "Invalid measure"),
     ],
 )

@@ -3,11 +3,15 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from eval.play.__main__ import PlayConfig, session_of, stage_of
 from eval.play.session import Change
 from eval.play.stage import NO_POLICY
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy, shipped
 
@@ -50,6 +54,34 @@ def test_a_named_policy_acts_first_on_its_own_robot(tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match="a policy for robot 'quadruped', or --robot"):
         stage_of(PlayConfig(policy=(mine, Path(NAMES[0]))))
     assert stage_of(PlayConfig(policy=(mine, Path(NAMES[0])), robot="go1")).first == "mine"
+
+
+def test_the_first_policy_brings_what_cannot_change(tmp_path: Path) -> None:
+    quick = saved(tmp_path / "quick", policy_hz=250, push_force=[0, 5], forward_range=[-0.1, 0.2])
+    session = session_of(PlayConfig(policy=(quick,)))
+    assert session.hz == 250 and session.stage.own["forward_range"] == [-0.1, 0.2]
+    assert session.lanes[0].batch.config.push_force == (0.0, 0.0)  # the page's own
+    assert list(session.stage.policies) == ["quick"]  # the shipped ones learnt at 50 Hz
+    slower = stage_of(PlayConfig(policy=(quick,), env_args='{"policy_hz": 125}'))
+    assert slower.config({}).policy_hz == 125 and slower.first == "quick"
+    for order in ((quick, Path(NAMES[0])), (Path(NAMES[0]), quick)):
+        with pytest.raises(InvalidValueError, match="policy_hz (250|50) instead of (50|250)"):
+            stage_of(PlayConfig(policy=order))
+    alike = saved(tmp_path / "alike", policy_hz=50, push_interval=[1.0, 2.0])
+    assert len(stage_of(PlayConfig(policy=(Path(NAMES[0]), alike))).policies) == len(NAMES) + 1
+
+
+def test_a_policy_that_sees_the_ground_does_so_on_the_page(tmp_path: Path) -> None:
+    env_id = "fbid_gym/QuadrupedTerrain-v0"
+    given = {"action_layer": "joint_position", "height_scan": True}
+    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[env_id] | given), 1)
+    seen, acts = batch.observation().shape[1], len(batch.action_names)
+    Policy(
+        env_id, given, np.zeros(seen), np.ones(seen), (np.zeros((acts, seen)),), (np.zeros(acts),)
+    ).save(tmp_path / "sees")
+    session = session_of(PlayConfig(policy=(tmp_path / "sees",)))
+    session.play([], 2)
+    assert session.lanes[0].player.policy == "sees" and session.refused == ""
 
 
 @pytest.mark.parametrize("name", ["torque", "nobody", "zero action"])
