@@ -10,6 +10,7 @@ from typing import Annotated
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 
 from eval.comparison import compare, film
 from eval.files import check_output, to_json, write
@@ -49,18 +50,22 @@ def run(config: CompareConfig, console: Console, command: list[str]) -> None:
     robot = chosen(config.robot, config.feet)
     runs = [load(path, robot) for path in config.runs]
     with console.status("comparing") as status:
-        comparison = compare(runs, config.settings, status.update)
+
+        def say(what: str) -> None:
+            status.update(escape(what))
+
+        comparison = compare(runs, config.settings, say)
         clips = None
         if config.settings.video_seconds > 0:
-            clips = film(runs, comparison, status.update)
+            clips = film(runs, comparison, say)
         status.update("writing")
         html = page(comparison, clips, command)
     write(config.out.with_suffix(".json"), to_json(asdict(comparison)))
     write(config.out, html)
     for warning in comparison.warnings:
-        console.print(f"[yellow]warning:[/] {warning}")
-    console.print(headline(comparison))
-    console.print(f"wrote {config.out}")
+        console.print(f"warning: {warning}", style="yellow", markup=False, highlight=False)
+    console.print(headline(comparison), markup=False, highlight=False)
+    console.print(f"wrote {config.out}", markup=False, highlight=False)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,7 @@ class Clips:
     run_names: dict[str, str]
     """The run that is shown, by layer."""
     push: float
-    """Size of the pushes, N."""
+    """Size of the pushes, N; 0 where nobody was pushed with a force in the episodes."""
     same_pushes: bool
     """Whether all layers did meet the same, as far as their episodes lasted."""
 
@@ -158,7 +159,6 @@ def _result(run: Run, episodes: Episodes, sweep: list[float]) -> RunResult:
         trained_steps=run.policy.trained_steps,
         wall_seconds=None if curve is None else float(curve.wall_seconds[-1]),
         metrics=_means(episodes),
-        longest=float(episodes.length.max()),
         steps=[] if curve is None else curve.steps.tolist(),
         wall=[] if curve is None else curve.wall_seconds.tolist(),
         returns=[] if curve is None else curve.returns.tolist(),
@@ -220,13 +220,15 @@ def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: No
     """
     settings = comparison.settings
     push = settings.video_push * comparison.hardest_push
+    # Who was never pushed may be of an environment that knows no such argument.
+    changes: dict[str, Any] = {"push_force": [push, push]} if comparison.hardest_push > 0 else {}
     clips, names, traces = {}, {}, []
     for layer in comparison.layers:
         ranked = sorted(layer.runs, key=lambda run: run.metrics["returned"])
         chosen = ranked[(len(ranked) - 1) // 2]
         say(f"{layer.name}: clip of {chosen.name}")
         run = next(run for run in runs if str(run.path) == chosen.path)
-        player = Player.of(run, push_force=[push, push])
+        player = Player.of(run, **changes)
         clip = filmed(player, settings.seed, settings.video_seconds, layer.name)
         clips[layer.name], names[layer.name] = clip, chosen.name
         traces.append(clip.pushes)

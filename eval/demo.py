@@ -158,7 +158,7 @@ def main(config: DemoConfig) -> int:
     console = Console()
     began = time.monotonic()
     if config.video_seconds > 0:
-        console.print(f"Before any training: {film_zero_action(config)}")
+        console.print(f"Before any training: {film_zero_action(config)}", markup=False)
     every = trainings(config)
     jobs = [training_job(f"{layer}, seed {seed}", its) for (layer, seed), its in every.items()]
     if run_jobs(jobs, config.jobs, console):
@@ -169,7 +169,7 @@ def main(config: DemoConfig) -> int:
     if status != 0:
         return status
     console.print(table(every))
-    console.print(f"{(time.monotonic() - began) / 60:.1f} minutes. Report: {report}")
+    console.print(f"{(time.monotonic() - began) / 60:.1f} minutes. Report: {report}", markup=False)
     return 0
 
 

@@ -145,10 +145,12 @@ def _videos(clips: Clips | None, colours: dict[str, int], env_id: str) -> str:
         else "The pushes are of the same size but not at the same times, as the layers draw chance "
         "differently"
     )
+    head, same = "The same push", f"{same}: {number(clips.push)} N each"
+    if clips.push == 0:
+        head, same = "The same start", "Same seed, same start, the same commands if there are any"
     return (
-        "<h2>The same push</h2>"
-        f"<p>The median seed of each layer, the lower of two. {same}: {number(clips.push)} N each."
-        "</p>"
+        f"<h2>{head}</h2>"
+        f"<p>The median seed of each layer, the lower of two. {same}.</p>"
         f"{side_by_side(shown, env_id)}"
     )
 
@@ -288,8 +290,9 @@ def _thresholds(c: Comparison, colours: dict[str, int]) -> str:
     return (
         f"<h2>Time to a return of {number(c.threshold)}</h2>"
         f"<p>When the evaluations during training first reach {number(c.threshold)}{chosen}: "
-        "median over seeds, with its interval. A run that never gets there counts as later than "
-        "any that does, one that is there at its first evaluation as getting there then.</p>"
+        "interpolated between evaluations, median over seeds, with its interval. A run that never "
+        "gets there counts as later than any that does, one that is there at its first evaluation "
+        "as getting there then.</p>"
         + table(["", "runs that reach it", "steps", "wall-clock"], rows)
     )
 

@@ -6,11 +6,14 @@ first and the intervals are over runs only.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
 from fbid_gym.options import Each, Number, Whole
 
 
@@ -41,6 +44,22 @@ class Settings:
     """Of the intervals."""
     samples: Annotated[int, Whole(1, 1_000_000)] = 5000
     """Bootstrap samples."""
+
+
+def greatest_return(env_id: str, arguments: Mapping[str, Any]) -> float:
+    """Return that no episode exceeds: in environments of ours a policy step earns at most 1.
+
+    Args:
+        env_id: Gymnasium id.
+        arguments: of the environment.
+
+    Returns:
+        NaN for an environment of somebody else.
+    """
+    if env_id not in ENVIRONMENTS:
+        return math.nan
+    its = EnvConfig.of({**ENVIRONMENTS[env_id], **arguments})
+    return its.policy_hz * its.episode_seconds
 
 
 @dataclass(frozen=True)
@@ -88,8 +107,6 @@ class RunResult:
     wall_seconds: float | None
     metrics: dict[str, float]
     """Mean over episodes, by the names of `METRICS`."""
-    longest: float
-    """Steps of the longest episode."""
     steps: list[float]
     """Abscissae of the learning curve, empty for an exported policy."""
     wall: list[float]
@@ -163,6 +180,11 @@ class Comparison:
     shared: dict[str, Any]
     """Training settings all runs have in common."""
     versions: dict[str, Any]
+
+    @property
+    def most(self) -> float:
+        """Return that no episode exceeds; NaN where that is not known."""
+        return greatest_return(self.env_id, self.env_args)
 
     @property
     def fewest_seeds(self) -> int:

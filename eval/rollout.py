@@ -15,6 +15,7 @@ import gymnasium as gym
 import numpy as np
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
@@ -225,9 +226,8 @@ def _warnings(config: RolloutConfig, player: Player) -> list[str]:
 
 def table(player: Player, episodes: Episodes) -> Table:
     """Mean and spread of every metric over the episodes."""
-    result = Table(
-        title=f"{player.name} in {player.env_id}, {len(episodes)} episodes", title_justify="left"
-    )
+    title = f"{player.name} in {player.env_id}, {len(episodes)} episodes"
+    result = Table(title=escape(title), title_justify="left")
     result.add_column("metric")
     for heading in ("mean", "standard deviation", "worst 1 in 20"):
         result.add_column(heading, justify="right")
@@ -243,7 +243,7 @@ def table(player: Player, episodes: Episodes) -> Table:
         )
     for reason in sorted(set(episodes.termination) - {""}):
         count = episodes.termination.count(reason)
-        result.add_row(f"ended by {reason}", str(count), "", "", "episodes")
+        result.add_row(escape(f"ended by {reason}"), str(count), "", "", "episodes")
     return result
 
 
@@ -300,11 +300,11 @@ def run(config: RolloutConfig, console: Console) -> None:
         as_csv = config.out.suffix.lower() == ".csv"
         text = metrics_csv(episodes) if as_csv else metrics_json(player, episodes, config.seed)
         write(config.out, text)
-        console.print(f"wrote {config.out}")
+        console.print(f"wrote {config.out}", markup=False, highlight=False)
     if config.video is not None:
         clip = filmed(player, config.seed, config.video_seconds, player.name, fps=50.0)
         write(config.video, clip.mp4())
-        console.print(f"wrote {config.video}")
+        console.print(f"wrote {config.video}", markup=False, highlight=False)
 
 
 def main(arguments: list[str] | None = None) -> int:

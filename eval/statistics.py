@@ -180,6 +180,12 @@ def interpolate(x: Sequence[np.ndarray], y: Sequence[np.ndarray], grid: np.ndarr
 def first_crossing(x: np.ndarray, y: np.ndarray, threshold: float) -> float:
     """Where a curve first reaches a threshold, linearly interpolated between its points.
 
+    Args:
+        x: (K,) increasing abscissae.
+        y: (K,); minus infinity where a point does not count, and then the next one that reaches
+            the threshold is the time: what is not known in between is not guessed.
+        threshold: to be reached.
+
     Returns:
         The abscissa; x[0] if the curve starts at or above the threshold (reached there or before);
         infinity if it never reaches it. A censored run is thereby later than any budget, never
@@ -191,7 +197,7 @@ def first_crossing(x: np.ndarray, y: np.ndarray, threshold: float) -> float:
     k = int(above[0])
     if k == 0:
         return float(x[0])
-    if not math.isfinite(y[k - 1]):  # what is not known in between is not guessed
+    if not math.isfinite(y[k - 1]):
         return float(x[k])
     share = (threshold - y[k - 1]) / (y[k] - y[k - 1])
     return float(x[k - 1] + share * (x[k] - x[k - 1]))

@@ -118,7 +118,9 @@ def lede(comparison: Comparison) -> list[str]:
     level = percent(comparison.settings.confidence)
     known = f", interquartile mean over seeds with its {level} interval" if _several(layers) else ""
     finals = "; ".join(f"{x.name} {interval(x.metrics['returned'])}" for x in layers)
-    sentences = [f"Return at the end, of at most {number(_longest(layers))}{known}: {finals}."]
+    most = comparison.most
+    limit = f", of at most {number(most)}" if math.isfinite(most) else ""
+    sentences = [f"Return at the end{limit}{known}: {finals}."]
     if comparison.pairs:
         pair = comparison.pairs[0]
         pairings = layers[0].seeds * layers[1].seeds
@@ -185,11 +187,6 @@ def _gain(layer: Layer) -> str:
     if gain < 0:
         return f"from which training takes {number(-gain)}"
     return f"to which training adds {number(gain)}"
-
-
-def _longest(layers: Sequence[Layer]) -> float:
-    """Steps of the longest episode, which bound the return: no step earns more than 1."""
-    return max(run.longest for layer in layers for run in layer.runs)
 
 
 def _several(layers: Sequence[Layer]) -> bool:

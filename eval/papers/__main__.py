@@ -119,7 +119,7 @@ def run(config: PapersConfig, given: Sequence[str]) -> int:
     write(report, page(papers, command, seconds, config.quick))
     if config.write_docs:
         splice(PAPERS_PAGE, summary(papers))
-    console.print(f"{seconds / 60:.1f} minutes. Page: {report}", highlight=False)
+    console.print(f"{seconds / 60:.1f} minutes. Page: {report}", markup=False, highlight=False)
     return 1 if failed else 0
 
 

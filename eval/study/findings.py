@@ -15,14 +15,11 @@ from eval import estimates
 from eval import statistics as st
 from eval.comparable import origin_warnings
 from eval.estimates import Chance
-from eval.results import Band, Crossing, Estimate
+from eval.results import Band, Crossing, Estimate, greatest_return
 from eval.study.cells import Arm, arms, check_cells, columns
-from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.options import Each, Number, Whole
 from train.runs.command_line import command_again
-from train.runs.config import TrainConfig
 from train.runs.differences import made_with
 from train.runs.environment import changed_meaning
 from train.runs.files import read_json
@@ -207,10 +204,7 @@ def findings(study: Study, settings: Settings, reference: str | None = None) -> 
         UnknownOptionError: no arm has the name of the reference.
     """
     check_cells(study)
-    reference = study.reference if reference is None else reference
-    names = dict.fromkeys(cell.arm for cell in study.cells)
-    if reference not in names:
-        raise UnknownOptionError("reference", reference, names)
+    reference = checked_reference(study, reference)
     rng = np.random.default_rng(settings.seed)
     chance = Chance(rng, settings.samples, settings.confidence)
     found = [_arm(arm, settings, chance) for arm in arms(study)]
@@ -231,6 +225,18 @@ def findings(study: Study, settings: Settings, reference: str | None = None) -> 
         [*_changed(study), *origin_warnings([made_with(its) for its in versions])],
         versions[0] if versions else {},
     )
+
+
+def checked_reference(study: Study, reference: str | None) -> str:
+    """Return the arm that the others are set against; None: the study's.
+
+    Raises:
+        UnknownOptionError: no arm has that name.
+    """
+    names = dict.fromkeys(cell.arm for cell in study.cells)
+    if reference is not None and reference not in names:
+        raise UnknownOptionError("reference", reference, names)
+    return study.reference if reference is None else reference
 
 
 def _cell(cell: Cell) -> CellFound:
@@ -261,7 +267,7 @@ def _arm(arm: Arm, settings: Settings, chance: Chance) -> ArmFound:
         arm.env,
         arm.name,
         layer_name(first.make_args()),
-        _most(first),
+        greatest_return(first.env, first.make_args()),
         cells,
         [cell.name for cell in counted],
         until,
@@ -283,7 +289,10 @@ def _band(cells: Sequence[CellFound], axis: str, measure: Measure, chance: Chanc
 def _crossing(
     cells: Sequence[CellFound], axis: str, error: float, settings: Settings, chance: Chance
 ) -> Crossing:
-    """When the runs first err no more than that, and stay up often enough."""
+    """When the runs first err no more than that, and stay up often enough.
+
+    Interpolated between evaluations; from one at which too many fall it is not.
+    """
     each = []
     for cell in cells:
         upright = 1.0 - np.array(cell.curves[FALLS.name]) >= settings.survival
@@ -332,14 +341,6 @@ def _across(
         env_ids = [arm.env_id for arm in its]
         across.append(Across(name, env_ids, estimates.over_tasks(shares, chance), probability))
     return across
-
-
-def _most(run: TrainConfig) -> float:
-    """Return that no episode exceeds: in environments of ours a policy step earns at most 1."""
-    if run.env not in ENVIRONMENTS:
-        return np.nan
-    its = EnvConfig.of({**ENVIRONMENTS[run.env], **run.make_args()})
-    return its.policy_hz * its.episode_seconds
 
 
 def _changed(study: Study) -> list[str]:

@@ -100,6 +100,17 @@ def test_other_training_is_a_warning(
     assert message in warning and "joint_position-s0 was not trained like base_acc" in warning
 
 
+@pytest.mark.parametrize(("name", "value"), [("every", 50_000), ("episodes", 8), ("seed", 7)])
+def test_other_evaluations_are_a_warning(run_folder: Build, name: str, value: int) -> None:
+    other = EvaluationConfig(**{name: value})
+    usual = getattr(EvaluationConfig(), name)
+    runs = [load(run_folder()), load(run_folder("joint_position", 0, eval=other))]
+    (warning,) = check_comparable(runs)
+    assert f"joint_position-s0 was not evaluated like base_acceleration-s0: eval.{name} {value} " \
+           f"instead of {usual}." in warning  # fmt: skip
+    assert shared_settings(runs) == shared_settings(runs[:1])
+
+
 def test_other_machines_and_numbers_and_equal_seeds_are_warnings(run_folder: Build) -> None:
     folders = [run_folder(), run_folder("joint_position", 0), run_folder(name="again")]
     made_with = read_json(folders[1] / "versions.json")

@@ -4,11 +4,13 @@ import json
 import re
 import shlex
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import scipy.stats
@@ -18,7 +20,7 @@ from eval.comparison import compare, film
 from eval.report import page
 from eval.results import Settings
 from eval.rollout import Player, play_player
-from eval.wording import number
+from eval.wording import lede, number
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from train.episodes import METRICS
@@ -193,6 +195,52 @@ def test_clips_show_the_same_pushes(four_runs: list[Path]) -> None:
     assert clips.push == pytest.approx(QUICK.video_push * result.hardest_push)
     strengths = np.linalg.norm(clips.by_layer["base acceleration"].pushes, axis=1)
     assert strengths.max() == pytest.approx(clips.push)
+
+
+def test_an_environment_without_pushes_is_filmed_and_promised_none(
+    four_runs: list[Path], stand_in: Callable[..., Any]
+) -> None:
+    """Of somebody else, who rewards beyond 1."""
+
+    def unpushed(
+        action_layer: str = "base_acceleration",
+        layer_options: dict[str, Any] | None = None,
+        render_mode: str | None = None,
+    ) -> gym.Env[np.ndarray, np.ndarray]:
+        env = stand_in(action_layer, layer_options, (0.0, 0.0), render_mode=render_mode)
+        return gym.wrappers.TransformReward(env, lambda reward: 10.0 * reward)
+
+    gym.register("eval_tests/Unpushed-v0", entry_point=unpushed)
+    runs = [load(path) for path in four_runs]
+    runs = [
+        replace(run, policy=replace(run.policy, env_id="eval_tests/Unpushed-v0")) for run in runs
+    ]
+    result = compare(runs, replace(QUICK, video_seconds=1.0))
+    html = page(result, film(runs, result))
+    assert "<h2>The same start</h2>" in html and "same push" not in html
+    assert result.layers[0].metrics["returned"].value > 100.0 and "of at most" not in html
+
+
+def test_the_most_that_can_be_earned_is_said_where_it_is_known(four_runs: list[Path]) -> None:
+    """However early all of them fall."""
+    result = compare([load(path) for path in four_runs], QUICK)
+    assert lede(result)[0].startswith("Return at the end, interquartile mean")
+    env_args = {"episode_seconds": 4.0, "policy_hz": 25}
+    ours = replace(result, env_id="fbid_gym/QuadrupedWalk-v0", env_args=env_args)
+    assert lede(ours)[0].startswith("Return at the end, of at most 100, interquartile mean")
+
+
+def test_what_files_say_is_printed_as_it_is(
+    run_folder: Build, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = [run_folder(), run_folder("joint_position", name="[bold]b[/x]")]
+    known = json.loads((folders[0] / "versions.json").read_text())
+    (folders[0] / "versions.json").write_text(json.dumps(known | {"commit": "[/x]"}))
+    out = tmp_path / "[b]" / "report.html"
+    assert main([*map(str, folders), "--out", str(out), "--video-seconds", "0", *QUICK_ARGS]) == 0
+    said = capsys.readouterr().out.replace("\n", "")
+    assert "different commits of this project: " in said and "[/x]" in said
+    assert "[b]/report.html" in said
 
 
 def test_the_sweep_and_the_zero_action_are_played(four_runs: list[Path]) -> None:

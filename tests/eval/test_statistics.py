@@ -164,6 +164,9 @@ def test_first_crossing() -> None:
     assert st.first_crossing(x, y, -1.0) == 0.0
     assert st.first_crossing(x, y, 4.0) == 10.0
     assert st.first_crossing(x, y, 9.0) == math.inf
+    unknown = np.array([-np.inf, 4.0, -np.inf, 8.0])  # points that do not count
+    assert st.first_crossing(x, unknown, 2.0) == 10.0
+    assert st.first_crossing(x, unknown, 5.0) == 30.0
 
 
 @pytest.mark.slow

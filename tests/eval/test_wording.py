@@ -68,7 +68,7 @@ def comparison(
 ) -> Comparison:
     def layer(name: str, values: list[float]) -> Layer:
         runs = [
-            RunResult("r", "r", k, 100, 1.0, {"returned": value}, 500.0, [], [], [], [])
+            RunResult("r", "r", k, 100, 1.0, {"returned": value}, [], [], [], [])
             for k, value in enumerate(values)
         ]
         mean = Estimate(sum(values) / len(values), min(values), max(values))
