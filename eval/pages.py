@@ -1,6 +1,7 @@
 """Pages of `docs/` whose tables a command writes, between two marks."""
 
-from collections.abc import Iterable
+import shlex
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from eval.files import write
@@ -9,6 +10,7 @@ from fbid_gym.errors import RunError
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 BENCHMARK_PAGE = DOCS / "benchmark.md"
 PAPERS_PAGE = DOCS / "papers.md"
+TERRAIN_PAGE = DOCS / "terrain.md"
 WALKING_PAGE = DOCS / "walking.md"
 RATES_PAGE = DOCS / "rates.md"
 ZOO_PAGE = DOCS / "zoo.md"
@@ -17,6 +19,8 @@ RELIABILITY_PAGE = DOCS / "reliability.md"
 POLICIES_PAGE = DOCS / "policies.md"
 
 START, END = "<!-- tables: written by the command above -->", "<!-- end of tables -->"
+
+_WIDEST = 110  # characters
 
 
 def marks(part: str = "") -> tuple[str, str]:
@@ -44,6 +48,16 @@ def spliced(page: Path, tables: str, part: str = "") -> str:
 def splice(page: Path, tables: str, part: str = "") -> None:
     """Write the tables into a page; raises as `spliced` does."""
     write(page, spliced(page, tables, part))
+
+
+def command_block(words: Sequence[str]) -> str:
+    """Return a command line as a block of Markdown that can be pasted, no wider than the pages."""
+    lines = [""]
+    for word in map(shlex.quote, words):
+        if lines[-1].strip() and len(lines[-1]) + len(word) > _WIDEST:
+            lines.append("   ")
+        lines[-1] += f" {word}" if lines[-1] else word
+    return "```\n" + " \\\n".join(lines) + "\n```"
 
 
 def tell_rows(rows: Iterable[str], said: str, page: Path | None) -> None:

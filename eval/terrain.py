@@ -4,25 +4,23 @@ Every layer meets the same ground, starts and commands, blind and with a scan of
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
 import tyro
 
+from eval.pages import TERRAIN_PAGE, command_block, tell_rows
 from eval.walking import Seconds, ready
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
+from fbid_gym.envs.config import EnvConfig
 from fbid_gym.options import Choice, Each, Number, check_fields
 from fbid_gym.robots.terrain import LEVELLED
 from train.runs.exit_status import exit_status
 from train.runs.robots import chosen
-
-PAGE = Path("docs/terrain.md")
-
 
 WALKING = [env for env, given in ENVIRONMENTS.items() if given["task"] == "walk"]
 
@@ -57,7 +55,7 @@ class TerrainConfig:
     seconds: Seconds = 20.0
     """Length of an episode."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Write docs/terrain.md."""
+    """Put the table into docs/terrain.md."""
 
 
 class Row(NamedTuple):
@@ -105,13 +103,23 @@ def walk(row: Row, difficulty: float, config: TerrainConfig) -> Walked:
     return Walked(1.0 - float(fell.mean()), errors / steps)
 
 
-def rows(config: TerrainConfig) -> Iterator[Row]:
-    """Yield all rows."""
+def trials(config: TerrainConfig) -> Iterator[Row]:
+    """Yield who walks on what, in the order of the table."""
     for env in config.envs:
         for layer in config.layers:
             for scan in config.scans:
                 for terrain in config.terrains:
                     yield Row(env, layer, scan, terrain)
+
+
+def rows(config: TerrainConfig) -> Iterator[str]:
+    """Yield the lines of the table, each when it is there."""
+    heads = ["environment", "layer", "ground", "terrain"]
+    heads += [f"difficulty {difficulty:g}" for difficulty in config.difficulties]
+    yield f"| {' | '.join(heads)} |"
+    yield f"|{' --- |' * len(heads)}"
+    for row in trials(config):
+        yield line(row, [walk(row, difficulty, config) for difficulty in config.difficulties])
 
 
 def line(row: Row, walked: list[Walked]) -> str:
@@ -122,50 +130,31 @@ def line(row: Row, walked: list[Walked]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def page(config: TerrainConfig, lines: list[str]) -> str:
-    """Return docs/terrain.md."""
-    heads = ["environment", "layer", "ground", "terrain"]
-    heads += [f"difficulty {difficulty:g}" for difficulty in config.difficulties]
-    return "\n".join(
-        [
-            "# Walking over rough ground without a policy",
-            "",
-            "![Robots on every kind of ground](terrain.jpg)",
-            "",
-            "What the kinds of ground are and what their difficulty means stands in "
-            "`fbid_gym.envs.terrain_env`.",
-            f"Here {config.robots} robots walk to random commands for {config.seconds:g} s by a "
-            "zero action: the share that does not fall,",
-            "and the mean error of their velocity in m/s while they walk. There are no pushes.",
-            "",
-            "| " + " | ".join(heads) + " |",
-            "|" + " --- |" * len(heads),
-            *lines,
-            "",
-            "Made by `python -m eval.terrain --write-docs "
-            f"--robots {config.robots} --seconds {config.seconds:g}`.",
-            "",
-        ]
+def said(config: TerrainConfig, command: Sequence[str]) -> str:
+    """Say of what the table is: how many, how long, on which robots, under which pushes."""
+    robot, pushed = chosen(config.robot, config.feet), []
+    for env in config.envs:
+        its = EnvConfig.of(ENVIRONMENTS[env] | ({} if robot is None else {"robot": robot}))
+        least, most = its.resolved()["push_force"]
+        pushes = f"pushes of {least:.0f} to {most:.0f} N" if most else "no pushes"
+        pushed.append(f"{env.removeprefix('fbid_gym/')} with {its.load_robot().name}: {pushes}")
+    return (
+        f"{config.robots} robots each, {config.seconds:g} s. {'; '.join(pushed)}. By\n\n"
+        f"{command_block(command)}"
     )
 
 
-def run(config: TerrainConfig) -> None:
+def run(config: TerrainConfig, command: Sequence[str]) -> None:
     """Walk, print the table and write it where asked to; what can be refused is refused before."""
     check_fields(config)
-    chosen(config.robot, config.feet)
-    lines = []
-    for row in rows(config):
-        walked = [walk(row, difficulty, config) for difficulty in config.difficulties]
-        lines.append(line(row, walked))
-        print(lines[-1], flush=True)
-        if config.write_docs:  # row by row: what is interrupted leaves what it has
-            PAGE.write_text(page(config, lines), encoding="utf-8")
+    tell_rows(rows(config), said(config, command), TERRAIN_PAGE if config.write_docs else None)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Command line."""
-    config = tyro.cli(TerrainConfig, args=argv, description=__doc__)
-    return exit_status(lambda: run(config))
+    given = sys.argv[1:] if argv is None else argv
+    config = tyro.cli(TerrainConfig, args=given, description=__doc__)
+    return exit_status(lambda: run(config, ["python", "-m", "eval.terrain", *given]))
 
 
 if __name__ == "__main__":

@@ -16,12 +16,12 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from eval.files import check_output, to_json, write
-from eval.pages import ROBUSTNESS_PAGE, splice, spliced
+from eval.pages import ROBUSTNESS_PAGE, command_block, splice, spliced
 from eval.robustness.arms import Arm, arms_of_runs, load_runs, zero_action
 from eval.robustness.curves import Budget, Robustness, measure
 from eval.robustness.factors import FACTORS
 from eval.robustness.page import drawn, page
-from eval.robustness.tables import markdown, numbers, shown
+from eval.robustness.tables import markdown, numbers, said, shown
 from eval.robustness.wording import headline
 from eval.rollout import parse_env_args
 from fbid_gym.actions import LAYERS
@@ -97,7 +97,7 @@ def run(config: RobustnessConfig, console: Console, command: list[str]) -> None:
     if config.write_docs:
         write(ROBUSTNESS_PAGE.with_suffix(".csv"), numbers(found))
         write(ROBUSTNESS_PAGE.with_suffix(".svg"), drawn(found))
-        splice(ROBUSTNESS_PAGE, markdown(found))
+        splice(ROBUSTNESS_PAGE, f"{said(found)}\n\n{command_block(command)}\n\n{markdown(found)}")
     tell(found, console)
     console.print(f"wrote {config.out}", markup=False, highlight=False)
 

@@ -1,5 +1,6 @@
 """Every arm along every factor: what is played, and what the episodes say."""
 
+import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -16,6 +17,7 @@ from eval.robustness.factors import FACTORS, Factor, changed
 from eval.rollout import Player, play_player
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import RunError
+from fbid_gym.policy import Policy
 from fbid_gym.reading import read_object
 from train.episodes import METRICS, Episodes
 
@@ -60,6 +62,8 @@ class Along:
     values: list[float]
     curves: dict[str, dict[str, Curve]]
     """By measure and arm."""
+    nominal: float | None = None
+    """Value at which nothing differs from training; None: there is none, or it is not known."""
 
 
 @dataclass(frozen=True)
@@ -82,10 +86,23 @@ class Robustness:
     """Name of a factor -> why it is not there."""
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, Any] = field(default_factory=dict)
+    robot: str = ""
+    """Its name; empty in files that were written before it was told."""
+    policies: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Name of an arm -> digests of its policies, in the order of its runs; empty in files that were
+    written before there were any."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data."""
         return {**asdict(self), "budget": self.budget._asdict(), "confidence": CONFIDENCE}
+
+
+def digest(policy: Policy) -> str:
+    """Return the SHA-256 of the numbers that a policy acts by: trained on, it has another."""
+    found = hashlib.sha256()
+    for array in (policy.mean, policy.variance, *policy.weights, *policy.biases):
+        found.update(np.asarray(array, dtype=float).tobytes())
+    return found.hexdigest()
 
 
 def read(path: Path) -> Robustness:
@@ -107,6 +124,10 @@ def read(path: Path) -> Robustness:
             left_out={str(name): str(reason) for name, reason in data["left_out"].items()},
             warnings=list(map(str, data["warnings"])),
             versions=dict(data["versions"]),
+            robot=str(data.get("robot", "")),
+            policies={
+                str(arm): tuple(map(str, its)) for arm, its in data.get("policies", {}).items()
+            },
         )
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise RunError(f"{path}: not the numbers of eval.robustness, or corrupt.") from error
@@ -124,7 +145,8 @@ def _read_along(data: dict[str, Any], measures: list[str], arms: dict[str, str])
             if len(points) != len(values) or len({point.low is None for point in points}) != 1:
                 raise ValueError("points that are not those of the values")
             its[arm] = Curve(points, summary)
-    return Along(str(data["name"]), values, curves)
+    nominal = data.get("nominal")
+    return Along(str(data["name"]), values, curves, None if nominal is None else float(nominal))
 
 
 def _estimate(data: dict[str, Any]) -> Estimate:
@@ -169,6 +191,20 @@ def measure(
     walks = all(np.isfinite(episodes.velocity_error).all() for episodes in played.values())
     measures = "survived", "velocity_error" if walks else "returned"
 
+    trained = {id(player): _key(player, player) for arm in arms for player in arm.players}
+
+    def nominal(factor: Factor) -> float | None:
+        """Where training itself randomises the quantity, there is none."""
+        value = factor.nominal
+        if value is None or value not in factor.values_in(config):
+            return None
+        same = all(
+            one.key == trained[id(player)]
+            for arm in arms
+            for player, one in zip(arm.players, plan[arm.name, factor.name, value], strict=True)
+        )
+        return value if same else None
+
     def curve(arm: Arm, factor: Factor, name: str) -> Curve:
         values = factor.values_in(config)
         table = np.array(
@@ -191,10 +227,16 @@ def measure(
                 factor.name,
                 list(factor.values_in(config)),
                 {name: {arm.name: curve(arm, factor, name) for arm in arms} for name in measures},
+                nominal(factor),
             )
             for factor in there
         ],
         left_out={name: reason for name, reason in left_out.items() if reason},
+        robot=config.load_robot().name,
+        policies={
+            arm.name: tuple(digest(each.policy) for each in arm.players if each.policy is not None)
+            for arm in arms
+        },
     )
 
 
@@ -247,8 +289,11 @@ class _Condition(NamedTuple):
 def _at(player: Player, factor: Factor, value: float) -> _Condition:
     own = meant(player)
     there = replace(player, env_args=changed(player.env_args, factor.changes(value, own)))
-    meaning = json.dumps(meant(there).resolved(), sort_keys=True)
-    return _Condition(there, f"{id(player)} {meaning}")
+    return _Condition(there, _key(player, there))
+
+
+def _key(player: Player, there: Player) -> str:
+    return f"{id(player)} {json.dumps(meant(there).resolved(), sort_keys=True)}"
 
 
 def meant(player: Player) -> EnvConfig:

@@ -55,7 +55,7 @@ def panels(found: Robustness, along: Along, colours: Mapping[str, int] | None = 
     made = []
     for measure in found.measures:
         limits = (0.0, 1.04) if measure == "survived" else None
-        marks = Marks(upright=factor.nominal if factor.nominal in along.values else None)
+        marks = Marks(upright=along.nominal)
         made.append(
             panel(
                 _series(found, along.values, along.curves[measure], colours),
@@ -156,8 +156,7 @@ def _along(found: Robustness, along: Along) -> str:
     dashed = _is_dashed(found)
     caption = (
         f"Bands: {percent(CONFIDENCE)} intervals."
-        + (" Upright: nothing differs." if factor.nominal in along.values and not factor.stages
-           else "")
+        + (" Upright: nothing differs." if along.nominal is not None and not factor.stages else "")
         + (" Dashed: the zero action of the same layer." if dashed else "")
         + (" The velocity error counts until a robot falls: read it beside survival."
            if "velocity_error" in found.measures else "")

@@ -1,5 +1,6 @@
 """The findings as numbers: for files, for a terminal and for a page of docs."""
 
+import json
 from collections.abc import Iterator
 
 from rich.markup import escape
@@ -86,6 +87,18 @@ def shown(found: Robustness) -> Iterator[Table]:
         for row in rows:
             table.add_row(*row)
         yield table
+
+
+def said(found: Robustness) -> str:
+    """Say of what the tables are: where, who, how much."""
+    known = ("robot", "action_layer", "layer_options", "episode_seconds")
+    others = {name: value for name, value in found.env_args.items() if name not in known}
+    seconds = float(found.env_args.get("episode_seconds") or 0.0)
+    return (
+        f"`{found.env_id}`{f' with `{json.dumps(others)}`' if others else ''}, robot "
+        f"{found.robot}: {found.budget.episodes} episodes of {number(seconds)} s at every value, "
+        f"from seed {found.budget.seed} on, by"
+    )
 
 
 def markdown(found: Robustness) -> str:

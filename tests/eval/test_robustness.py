@@ -14,7 +14,7 @@ from eval.robustness.arms import zero_action
 from eval.robustness.curves import Along, Budget, Curve, Robustness, area, estimated, meant, measure
 from eval.robustness.factors import FACTORS, changed
 from eval.robustness.page import drawn, page
-from eval.robustness.tables import markdown
+from eval.robustness.tables import markdown, said
 from eval.robustness.wording import headline, leader
 from eval.rollout import Player, play_player
 from fbid_gym.policy import Policy
@@ -57,6 +57,33 @@ def test_the_nominal_point_is_the_plain_evaluation_to_the_bit() -> None:
     for name in ("survived", "velocity_error"):
         (curve,) = found.along[0].curves[name].values()
         assert curve.points[0].value == np.mean([row[name] for row in plain])
+
+
+def test_nothing_is_called_nominal_that_training_randomised(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    once = play_player(player(0.1), 1, seed=5)
+    monkeypatch.setattr("eval.robustness.curves.play_player", lambda *arguments: once)
+    values = {"mass": (0.0, 0.3), "motor": (0.7, 1.0)}
+    factors = [replace(FACTOR[name], values=its) for name, its in values.items()]
+    for ranges, nominal in (({}, [0.0, 1.0]), ({"motor_strength": (0.8, 1.2)}, [0.0, None])):
+        arm = zero_action(WALK, "joint_position", {"randomisation": ranges})
+        found = measure([arm], factors, Budget(1, 5))
+        assert [along.nominal for along in found.along] == nominal
+        html, marked = page(found), sum(value is not None for value in nominal)
+        assert html.count("Upright: nothing differs") == marked
+        assert html.count('class="threshold"') == 2 * marked
+
+
+def test_the_tables_of_docs_say_what_they_are_of() -> None:
+    found = replace(
+        made({"a": flat(0.5, 0.4, 0.6)}), env_args={"episode_seconds": 3.0}, robot="go1"
+    )
+    assert said(found) == (
+        f"`{WALK}`, robot go1: 4 episodes of 3 s at every value, from seed 5 on, by"
+    )
+    more = replace(found, env_args={**found.env_args, "action_layer": "torque", "gait": "pace"})
+    assert f'`{WALK}` with `{{"gait": "pace"}}`, robot' in said(more)
 
 
 def test_what_a_policy_was_trained_with_stays_but_for_the_factor() -> None:
