@@ -15,24 +15,33 @@ from typing import Annotated
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 
 from eval.clips import Shown, fate
 from eval.files import check_output, to_json, write
 from eval.pages import DOCS, splice, spliced
 from eval.robustness.arms import Arm as Tried
-from eval.robustness.curves import Budget, Robustness, measure, read
+from eval.robustness.curves import Budget, Robustness, digest, measure, read
 from eval.robustness.factors import FACTORS
 from eval.rollout import Player, filmed
-from eval.study.cells import arms, robustness_file
-from eval.study.findings import RETURN, ArmFound, Findings, Settings, findings
+from eval.study.cells import arms, check_cells, robustness_file
+from eval.study.findings import (
+    RETURN,
+    ArmFound,
+    Findings,
+    Settings,
+    checked_reference,
+    findings,
+)
 from eval.study.page import page
 from eval.study.parts import colours
 from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError, InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
+from fbid_gym.policy import Policy
 from train.runs.exit_status import exit_status
 from train.runs.reading import layer_name, load
-from train.runs.study import Cell, Study, read_study
+from train.runs.study import Cell, Study, environment_name, read_study
 from train.runs.training import is_finished
 
 Say = Callable[[str], None]
@@ -73,6 +82,8 @@ def main(config: StudyConfig, command: str = "") -> int:
     check_fields(config.settings)
     console = Console(width=200, highlight=False)
     study = read_study(config.study, config.runs)
+    check_cells(study)
+    checked_reference(study, config.reference)
     said = table(study)
     docs = DOCS / f"{study.page}.md"
     pictures = {}
@@ -85,13 +96,19 @@ def main(config: StudyConfig, command: str = "") -> int:
         check_output(config.out, "out", (".html", ".htm"))
         found = findings(study, config.settings, config.reference)
         with console.status("reading") as status:
+
+            def say(what: str) -> None:
+                status.update(escape(what))
+
             if config.robustness:
-                measure_robustness(config, study, status.update)
+                measure_robustness(config, study, say)
             robustness = {env_id: kept for env_id in found.environments()
                           if (kept := _kept(study, env_id)) is not None}  # fmt: skip
+            old = [warning for kept in robustness.values() for warning in _outdated(study, kept)]
+            found = replace(found, warnings=[*found.warnings, *old])
             clips: dict[tuple[str, str], Shown] = {}
             if config.video_seconds > 0:
-                clips, missing = film(study, found, config.video_seconds, status.update)
+                clips, missing = film(study, found, config.video_seconds, say)
                 found = replace(found, warnings=[*found.warnings, *missing])
         write(config.out.with_suffix(".json"), to_json(asdict(found)))
         write(config.out, page(found, clips, robustness, command))
@@ -172,6 +189,32 @@ def _kept(study: Study, env_id: str) -> Robustness | None:
         whose = "arm {}, run {}".format(*min(strangers)) if strangers else kept.env_id
         raise RunError(f"{file}: is of {whose}. Expected {env_id} and runs of the study.")
     return kept
+
+
+def _outdated(study: Study, kept: Robustness) -> list[str]:
+    """Warn where the policies that were tried are not those of today, or are not known."""
+    place = {cell.config.folder.name: cell.config.folder for cell in study.cells}
+    what = f"What the policies stand in {environment_name(kept.env_id)}"
+    again = "--robustness measures it anew."
+    if any(len(kept.policies.get(arm, ())) != len(runs) for arm, runs in kept.runs.items()):
+        return [f"{what} was measured before it was noted of which policies: {again}"]
+    changed = [
+        run
+        for arm, runs in kept.runs.items()
+        for run, then in zip(runs, kept.policies[arm], strict=True)
+        if then != _digest(place[run])
+    ]
+    if not changed:
+        return []
+    return [f"{what} is of policies that have changed since, of {', '.join(changed)}: {again}"]
+
+
+def _digest(folder: Path) -> str:
+    """Return the digest of a run's policy; empty where there is none that can be read."""
+    try:
+        return digest(Policy.load(folder))
+    except FbidError:
+        return ""
 
 
 if __name__ == "__main__":

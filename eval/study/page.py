@@ -9,7 +9,7 @@ from eval.document import document
 from eval.papers.parts import folded, table, text
 from eval.robustness.curves import Robustness
 from eval.study.findings import FALLS, JUDGED, MEASURES, Findings
-from eval.study.parts import coloured, form_of, named, probability, titled, told
+from eval.study.parts import coloured, latest, named, probability, titled, told
 from eval.study.section import Clips, environment
 from eval.study.wording import lede, standing
 from eval.wording import capital, count, duration, interval, steps
@@ -124,7 +124,7 @@ def _cells(found: Findings) -> str:
     for arm in found.arms:
         for cell in arm.cells:
             last = cell.steps[-1] if cell.begun else 0.0
-            values = [form_of(m)(cell.curves[m.name][-1]) if cell.begun else "–" for m in shown]
+            values = [latest(cell, m) for m in shown]
             rows.append(
                 [
                     f"{escape(environment_name(arm.env_id))}, {named(found, arm)}",

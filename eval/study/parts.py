@@ -1,11 +1,12 @@
 """What the sections of a study's page are made of: names, numbers and their colours."""
 
+import math
 from collections.abc import Callable
 from html import escape
 
 from eval.colours import colours_of_arms
 from eval.results import Estimate
-from eval.study.findings import ERROR, ArmFound, Findings, Measure
+from eval.study.findings import ERROR, ArmFound, CellFound, Findings, Measure
 from eval.wording import interval, number, percent
 
 
@@ -24,6 +25,12 @@ def form_of(measure: Measure) -> Callable[[float], str]:
     if measure is ERROR:
         return lambda value: f"{value:.3f}"
     return percent if measure.unit == "share" else number
+
+
+def latest(cell: CellFound, measure: Measure) -> str:
+    """Write a measure of a training's latest evaluation; a dash where it has none."""
+    value = cell.curves[measure.name][-1] if cell.begun else math.nan
+    return form_of(measure)(value) if math.isfinite(value) else "–"
 
 
 def named(found: Findings, arm: ArmFound) -> str:

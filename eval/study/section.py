@@ -169,11 +169,12 @@ def _thresholds(found: Findings, arms: Sequence[ArmFound]) -> str:
     return (
         heading("Samples and time to a velocity error")
         + text(
-            "Training steps until an evaluation first has no larger velocity error than this, with "
-            f"at least {percent(found.settings.survival)} of its episodes without a fall: median "
-            "over seeds, with its interval, and of how many where not all got there. A training "
-            "that never does counts as later than any that does; from the start: the zero action "
-            "is as good."
+            "Training steps until the velocity error is first no larger than this, with "
+            f"at least {percent(found.settings.survival)} of the episodes without a fall, "
+            "interpolated between evaluations; where too many fell at the one before, the time of "
+            "the first that counts. Median over seeds, with its interval, and of how many where "
+            "not all got there. A training that never does counts as later than any that does; "
+            "from the start: the zero action is as good."
         )
         + reached("steps_to", steps)
         + text("The same in time spent on training, on machines that may have done more besides.")

@@ -41,8 +41,8 @@ def numbers(study: Study) -> str:
 def drawn(study: Study) -> str:
     """Return the learning curves as SVG: a panel for each environment and measure.
 
-    Thick: the mean over seeds of the policy without noise, its band from the worst seed to the
-    best. Thin, beside returns: with the noise of exploration, which is what PPO climbs.
+    Thick: the mean over seeds of the policy without noise, its band from the least seed to the
+    greatest. Thin, beside returns: with the noise of exploration, which is what PPO climbs.
     """
     by_env: dict[str, list[Arm]] = {}
     for arm in arms(study):
@@ -82,7 +82,7 @@ _HEAD = ("Environment", "Arm", "Seeds", "Steps", "Velocity error (m/s)", "Surviv
 
 
 def table(study: Study) -> str:
-    """Return what the arms came to, as Markdown: before -> after, (worst to best seed)."""
+    """Return what the arms came to, as Markdown: before -> after, (least to greatest seed)."""
     lines = [f"| {' | '.join(_HEAD)} |", f"|{' --- |' * len(_HEAD)}"]
     for arm in arms(study):
         errors, survival, returns = (

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+import shutil
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -14,13 +15,14 @@ from eval.estimates import Chance, improvement, over_tasks
 from eval.files import to_json
 from eval.pages import DOCS, marks, spliced
 from eval.results import Estimate
-from eval.robustness.curves import Along, Budget, Curve, Robustness
+from eval.robustness.curves import Along, Budget, Curve, Robustness, digest
 from eval.study.__main__ import StudyConfig, main
 from eval.study.cells import arms, check_cells, curve, exploring, robustness_file
 from eval.study.findings import Settings, findings
 from eval.study.page import page
 from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError
+from fbid_gym.policy import Policy
 from train.runs.folder import RunFolder
 from train.runs.reading import load
 from train.runs.study import read_study
@@ -291,6 +293,69 @@ def test_docs_are_written_whole_or_not_at_all(study, tmp_path, monkeypatch, caps
     assert {path.suffix for path in page_of_docs.parent.iterdir()} == {".md", ".csv", ".svg"}
     with pytest.raises(FbidError, match="Invalid --robustness"):
         main(replace(config, write_docs=False, robustness=True))
+
+
+def test_docs_are_of_the_runs_of_the_study_and_of_no_others(study, tmp_path, monkeypatch):
+    monkeypatch.setattr("eval.study.__main__.DOCS", tmp_path)
+    page_of_docs, (first, last) = tmp_path / "mine.md", marks("mine")
+    page_of_docs.write_text(f"{first}\n{last}\n")
+    fill(study.cells[0], 10.0, 0.1)
+    other = STUDY.replace("total_steps", "ppo = { learning_rate = 0.5 }\ntotal_steps")
+    (tmp_path / "mine.toml").write_text(other)
+    config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", write_docs=True)
+    for wrong, message in (
+        (config, "is not what the study says: it says ppo.learning_rate 0.5 instead of"),
+        (replace(config, write_docs=False), "is not what the study says"),
+    ):
+        with pytest.raises(FbidError, match=message):
+            main(wrong)
+    (tmp_path / "mine.toml").write_text(STUDY)
+    with pytest.raises(FbidError, match="Unknown reference 'cat'. Valid choices: one, other"):
+        main(replace(config, reference="cat"))
+    assert page_of_docs.read_text() == f"{first}\n{last}\n"
+    assert not (tmp_path / "mine.csv").exists()
+
+
+def test_kept_robustness_of_policies_that_have_changed_is_said_to_be_that(study, tmp_path):
+    first = study.cells[0]
+    fill(first, 10.0, 0.1)
+    name, folder = first.config.folder.name, RunFolder.of(first.config.folder)
+    policy(0.1).save(folder.policy)
+    found, file = measured_robustness("one", name), robustness_file(study, first.config.env)
+    file.parent.mkdir()
+    out = tmp_path / "page.html"
+    config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", out, video_seconds=0.0)
+
+    def warning(policies):
+        file.write_text(to_json(replace(found, policies=policies).to_dict()))
+        assert main(config) == 0
+        said = json.loads(out.with_suffix(".json").read_text())["warnings"]
+        return [one for one in said if "What the policies stand in QuadrupedWalk-v0" in one]
+
+    assert warning({"one": (digest(policy(0.1)),)}) == []
+    assert ["before it was noted" in one for one in warning({})] == [True]
+    (text,) = warning({"one": (digest(policy(0.2)),)})
+    assert f"have changed since, of {name}: --robustness" in text and text in out.read_text()
+    shutil.rmtree(folder.policy)
+    assert len(warning({"one": (digest(policy(0.1)),)})) == 1
+
+
+def policy(bias):
+    return Policy(
+        "fbid_gym/QuadrupedWalk-v0", {"action_layer": "torque"}, np.zeros(3), np.ones(3),
+        (np.zeros((2, 3)),), (np.full(2, bias),),
+    )  # fmt: skip
+
+
+def test_what_is_not_measured_of_a_training_is_a_dash(study):
+    first, squat, _ = study.cells
+    fill(first, 10.0, 0.1)
+    fill(squat, 5.0, float("nan"))
+    html = page(findings(study, FEW))
+    assert "nan" not in re.sub("<style>.*?</style>", "", html, flags=re.DOTALL)
+    trainings = html.partition("<h2>Every training</h2>")[2]
+    (row,) = [row for row in trainings.split("<tr>") if "BipedSquat-v0, " in row]
+    assert row.count("<td>–</td>") == 1  # the velocity error
 
 
 STUDIES = sorted((DOCS.parent / "studies").glob("*.toml"))
