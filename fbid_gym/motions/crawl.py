@@ -18,16 +18,19 @@ from fbid_gym.motions.crawl_gait import Gait, gait_for, stepping_joints
 from fbid_gym.motions.curves import Curve, cosine
 from fbid_gym.motions.gait.schedule import corners_of
 from fbid_gym.motions.kinematics import (
+    Chunked,
     States,
     foot_radius,
     home_points,
     joints_on_feet,
     seen_from_feet,
 )
+from fbid_gym.motions.lean import refuse_beyond
 from fbid_gym.motions.squat import period_ticks
 from fbid_gym.motions.table import MotionTable, empty_reference, side_by_side
 from fbid_gym.quantities import Reference
 from fbid_gym.robots import Robot
+from fbid_gym.robots.polygon import margin_within
 from fbid_gym.small_matrices import dot
 
 _ORDER = (2, 0, 3, 1)
@@ -131,8 +134,8 @@ def crawl(robot: Robot, gait: Gait | None = None, *, hz: int = 500) -> Crawl:
 
     Raises:
         RobotError: the robot has other feet or other joints.
-        InvalidValueError: a number is not valid, a foot cannot reach its place, or a joint leaves
-            its range.
+        InvalidValueError: a number is not valid, a foot cannot reach its place, a joint leaves its
+            range, or the centre of mass what the planted feet span.
     """
     moving = stepping_joints(robot)
     gait = gait_for(robot, hz) if gait is None else gait
@@ -203,9 +206,9 @@ def _table(
         np.zeros((ticks, robot.nv)),
     )
     points = home_points(robot)
-    home = robot.home_qpos[:2].copy()
+    home, stance = robot.home_qpos[:2].copy(), Stance.of(robot)
     # The centre of mass above the middle of the feet, where it may not be at home.
-    base.qpos[:, :2] = home - Stance.of(robot).home_com[:2]
+    base.qpos[:, :2] = home + (stance.home_base - stance.home_com)[:2]
     base.qpos[:, 2] = robot.home_qpos[2] + gait.height
     for axis, curve in ((0, forward.plus(surge)), (1, sway)):
         for whole, part in zip(base, curve, strict=True):
@@ -247,7 +250,17 @@ def _table(
         return places
 
     states = joints_on_feet(robot, base, centres, standing, moving, guess)
+    _check_over_feet(robot, states, planted)
     return MotionTable(robot, seen_from_feet(robot, states, planted), hz, periodic=True)
+
+
+def _check_over_feet(robot: Robot, states: States, planted: np.ndarray) -> None:
+    """Check that the centre of mass stays above what the planted feet (T, F) span."""
+    least = np.inf
+    for rows, terms in Chunked(robot).terms(states.qpos, states.qvel):
+        for feet, down, com in zip(terms.foot_position, planted[rows], terms.com, strict=True):
+            least = min(least, margin_within(feet[down, :2], com[:2]))
+    refuse_beyond(robot, least)
 
 
 def _across(turn: np.ndarray) -> np.ndarray:

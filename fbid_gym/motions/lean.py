@@ -82,11 +82,15 @@ def check_over_feet(robot: Robot, rows: Reference) -> None:
         InvalidValueError: it does not.
     """
     places, points = rows.com_in_support[:, :2], Stance.of(robot).layout
-    margins = [margin_within(points, places[row]) for row in convex_hull(places)]
-    if min(margins) < -_OVER:
+    refuse_beyond(robot, min(margin_within(points, places[row]) for row in convex_hull(places)))
+
+
+def refuse_beyond(robot: Robot, margin: float) -> None:
+    """Raise an `InvalidValueError` if a motion's least margin within the feet, m, is negative."""
+    if margin < -_OVER:
         raise InvalidValueError(
             f"motion of robot {robot.name!r}",
-            f"centre of mass {-min(margins):.2g} m beyond its feet",
+            f"centre of mass {-margin:.2g} m beyond its feet",
             "one above its feet",
         )
 

@@ -12,7 +12,7 @@ from fbid_gym.errors import FbidError
 from fbid_gym.motions import Crawl, Gait, MotionTable, crawl, gait_for
 from fbid_gym.motions.gait.schedule import corners_of
 from fbid_gym.robots import ROBOTS, load
-from tests.robots.similar import similar
+from tests.robots.similar import moved, similar
 
 
 @pytest.fixture(scope="module")
@@ -193,3 +193,20 @@ def test_the_base_keeps_its_heading_while_the_feets_changes(walk: Crawl) -> None
     heading = rotation_vector(terms.world_from_base)[:, 2]
     assert 0.01 < np.ptp(heading) < 0.4
     assert abs(heading.mean()) < 1e-9
+
+
+def test_where_the_base_has_its_origin_does_not_matter() -> None:
+    gait = gait_for(load("quadruped"), 250, speeds=(0.04, 0.04))._replace(tables=1)
+    one, other = (
+        crawl(robot, gait, hz=250).tables[0].rows
+        for robot in (load("quadruped"), moved("quadruped", 0.05, 0.02, 0.1))
+    )
+    np.testing.assert_allclose(other.com_in_support, one.com_in_support, atol=1e-9)
+    np.testing.assert_allclose(other.qpos[:, 7:], one.qpos[:, 7:], atol=1e-8)
+
+
+def test_a_centre_of_mass_beyond_the_planted_feet_is_refused() -> None:
+    gait = gait_for(load("quadruped"), 250, speeds=(0.04, 0.04))
+    gait = gait._replace(tables=1, sway=-gait.sway)
+    with pytest.raises(FbidError, match=r"centre of mass 0\.0.* m beyond its feet"):
+        crawl(load("quadruped"), gait, hz=250)

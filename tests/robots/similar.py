@@ -1,7 +1,8 @@
 """Dynamically similar robots: the same motions at another size, in proportionate time.
 
 Lengths are multiplied by s, masses by s^3, gravity stays. Then times go with sqrt(s), forces with
-s^3 and torques with s^4, and nothing that a robot does may tell its size.
+s^3 and torques with s^4, and nothing that a robot does may tell its size. Neither may where in its
+body the base has its origin.
 """
 
 import mujoco
@@ -38,6 +39,24 @@ def similar(name: str, size: float) -> Robot:
     for actuator in spec.actuators:
         _multiply(actuator, size**4, "ctrlrange", "forcerange")
     return Robot.from_mjcf(spec, own.FEET, name=f"{name} x {size:g}", home=own.HOME)
+
+
+def moved(name: str, *origin: float) -> Robot:
+    """A built-in robot whose base has its origin elsewhere: x, y, z (m) from where it was."""
+    own, way = getattr(robots, name), np.array(origin)
+    spec = mujoco.MjSpec.from_file(str(asset_path(own.ASSET)))
+    (base,) = (
+        body
+        for body in spec.bodies
+        if any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in body.joints)
+    )
+    base.ipos = base.ipos - way
+    for part in (*base.bodies, *base.geoms, *base.sites):
+        if hasattr(part, "fromto") and np.isfinite(part.fromto[0]):
+            part.fromto = part.fromto - np.tile(way, 2)
+        else:
+            part.pos = part.pos - way
+    return Robot.from_mjcf(spec, own.FEET, name=f"{name} moved", home=own.HOME)
 
 
 def _multiply(element: object, factor: float, *attributes: str) -> None:
