@@ -67,7 +67,6 @@ class JointPositionFeedforward:
 
     Attributes:
         law: InvDyn.
-        stance: the home stance.
         target: of the offset.
         gains: K_P and K_D.
         balance: of the centre of mass.
@@ -75,7 +74,6 @@ class JointPositionFeedforward:
     """
 
     law: AccelerationLaw
-    stance: Stance
     target: SmoothTarget
     gains: JointGains
     balance: _Balance
@@ -113,13 +111,12 @@ class JointPositionFeedforward:
         (target,) = in_hertz(robot, target_frequency=target_frequency).values()
         (balance,) = in_hertz(robot, balance_frequency=balance_frequency).values()
         gains = JointGains.of(robot, control_hz, natural_frequency, damping_ratio)
-        stance, omega = Stance.of(robot), 2.0 * np.pi * balance
+        omega = 2.0 * np.pi * balance
         return cls(
             AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST),
-            stance,
             SmoothTarget(2.0 * np.pi * target, 1.0 / control_hz),
             gains,
-            _Balance(omega**2, 2.0 * omega, stance.heading),
+            _Balance(omega**2, 2.0 * omega, Stance.of(robot).heading),
             scale,
         )
 

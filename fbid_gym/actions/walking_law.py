@@ -32,6 +32,7 @@ from fbid_gym.control.operational_space import LEAST_GAIN, serve_task
 from fbid_gym.control.underactuation import underactuation
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry, reduce_contacts
+from fbid_gym.dynamics.rotations import rotation_left
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import (
@@ -188,9 +189,7 @@ def _turning_inertia(robot: Robot) -> np.ndarray:
     turn = np.zeros((len(held), 3))
     turn[-3:] = terms.world_from_base[0].T
     inertia = body.matrix[0, 3:] @ np.linalg.pinv(held, rcond=1e-6) @ turn
-    ahead = stance.home_base_rotation[:2, 0] / np.linalg.norm(stance.home_base_rotation[:2, 0])
-    level = np.array([[*ahead, 0.0], [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
-    inertia = level @ inertia @ level.T
+    inertia = stance.level @ inertia @ stance.level.T
     return 0.5 * (inertia + inertia.T)
 
 
@@ -320,7 +319,7 @@ def _moving_feet(gains: WalkingGains, target: GaitTarget, terms: DynamicsTerms) 
     bias = terms.foot_bias.copy()
     for i in range(count):
         for foot in range(feet):
-            turn = _rotation_left(target.world_from_foot[i, foot], terms.world_from_foot[i, foot])
+            turn = rotation_left(target.world_from_foot[i, foot], terms.world_from_foot[i, foot])
             for k in range(6):
                 rate = target.foot_velocity[i, foot, k] - terms.foot_velocity[i, foot, k]
                 if target.planted[i, foot]:
@@ -350,15 +349,3 @@ def with_foot_bias(terms: DynamicsTerms, foot_bias: np.ndarray) -> DynamicsTerms
         terms.foot_jacobian,
         foot_bias,
     )
-
-
-@compiled
-def _rotation_left(target: np.ndarray, now: np.ndarray) -> tuple[float, float, float]:
-    """Axis times sine of the rotation from `now` to `target`, both (3, 3), world axes."""
-    x, y, z = 0.0, 0.0, 0.0
-    # 1/2 sum over columns of now × target.
-    for k in range(3):
-        x += now[1, k] * target[2, k] - now[2, k] * target[1, k]
-        y += now[2, k] * target[0, k] - now[0, k] * target[2, k]
-        z += now[0, k] * target[1, k] - now[1, k] * target[0, k]
-    return 0.5 * x, 0.5 * y, 0.5 * z

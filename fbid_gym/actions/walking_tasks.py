@@ -30,6 +30,7 @@ from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.operational_space import serve_task
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import reduce_contacts
+from fbid_gym.motions.gait.heading import lean
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import (
     CentroidalTerms,
@@ -96,28 +97,12 @@ def base_task(
         rise = target.height[i] - terms.base_position[i, 2]
         acceleration[i, 2] = gains.height * rise - gains.height_damping * state.qvel[i, 2]
         acceleration[i, 2] += added[i, 2]
-        error = lean(target, terms, i)
+        error = lean(target.heading[i], terms.world_from_base[i])
         for k in range(3):
             rate = terms.world_from_base[i, 2, k] * target.turning[i] - state.qvel[i, 3 + k]
             acceleration[i, 3 + k] = gains.rotation * error[k] + gains.rotation_damping * rate
             acceleration[i, 3 + k] += added[i, 3 + k]
     return TaskCommand(jacobian, bias, acceleration)
-
-
-@compiled
-def lean(target: GaitTarget, terms: DynamicsTerms, i: int) -> tuple[float, float, float]:
-    """Axis times sine of the rotation from the base to upright in its heading; base axes."""
-    cosine, sine = math.cos(target.heading[i]), math.sin(target.heading[i])
-    base = terms.world_from_base
-    # E = R^T D, D the turn about the vertical; its axial vector.
-    ahead = (cosine, sine, 0.0)
-    left = (-sine, cosine, 0.0)
-    e10 = base[i, 0, 1] * ahead[0] + base[i, 1, 1] * ahead[1]
-    e20 = base[i, 0, 2] * ahead[0] + base[i, 1, 2] * ahead[1]
-    e01 = base[i, 0, 0] * left[0] + base[i, 1, 0] * left[1]
-    e21 = base[i, 0, 2] * left[0] + base[i, 1, 2] * left[1]
-    e02, e12 = base[i, 2, 0], base[i, 2, 1]
-    return 0.5 * (e21 - e12), 0.5 * (e02 - e20), 0.5 * (e10 - e01)
 
 
 @kernel
@@ -155,7 +140,8 @@ def wrench_aim(
         wanted[i, 2] += push[i, 2] / body.mass[i]
 
         # Spring and action ahead, to the left and up, then in the world.
-        error, rotation = lean(target, terms, i), terms.world_from_base[i]
+        rotation = terms.world_from_base[i]
+        error = lean(target.heading[i], rotation)
         for k in range(3):
             turned[k] = rotation[k, 0] * error[0] + rotation[k, 1] * error[1]
             turned[k] += rotation[k, 2] * error[2]

@@ -19,3 +19,15 @@ def rotation_of(quaternion: np.ndarray, result: np.ndarray) -> None:
     result[2, 0] = double * (x * z - w * y)
     result[2, 1] = double * (y * z + w * x)
     result[2, 2] = 1.0 - double * (x * x + y * y)
+
+
+@compiled
+def rotation_left(target: np.ndarray, now: np.ndarray) -> tuple[float, float, float]:
+    """Return axis times sine of the rotation from `now` to `target`, both (3, 3), world axes."""
+    x, y, z = 0.0, 0.0, 0.0
+    # 1/2 sum over columns of now × target.
+    for k in range(3):
+        x += now[1, k] * target[2, k] - now[2, k] * target[1, k]
+        y += now[2, k] * target[0, k] - now[0, k] * target[2, k]
+        z += now[0, k] * target[1, k] - now[1, k] * target[0, k]
+    return 0.5 * x, 0.5 * y, 0.5 * z

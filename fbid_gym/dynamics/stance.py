@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
+import mujoco
 import numpy as np
 
 from fbid_gym.dynamics.contacts import contact_geometry, point_positions
@@ -18,6 +19,8 @@ class Stance:
 
     Attributes:
         geometry: of its contacts.
+        hips: (F, 3) m, world, where the first joint of each foot's leg has its axis; of a foot
+            without joints of its own, where that is.
         heading: finds the level frame of its feet.
         terms: of its dynamics, in one row.
         home_base: (3,) m, base from the centre of the contact points.
@@ -28,6 +31,7 @@ class Stance:
     """
 
     geometry: ContactGeometry
+    hips: np.ndarray
     heading: Heading
     terms: DynamicsTerms
     home_base: np.ndarray
@@ -48,6 +52,7 @@ class Stance:
         home_com = terms.com[0] - centre
         return Stance(
             geometry=geometry,
+            hips=_hips(robot, terms),
             heading=heading_of(geometry, layout),
             terms=terms,
             home_base=terms.base_position[0] - centre,
@@ -56,6 +61,21 @@ class Stance:
             falling_rate=float(np.sqrt(robot.gravity / home_com[2])),
             layout=layout,
         )
+
+    @cached_property
+    def level(self) -> np.ndarray:
+        """(3, 3) from the world to the robot's heading: ahead, to the left and up."""
+        ahead = self.home_base_rotation[:2, 0] / np.linalg.norm(self.home_base_rotation[:2, 0])
+        return np.array([[*ahead, 0.0], [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
+
+    @cached_property
+    def size(self) -> float:
+        """How tall the robot stands, m: its hips above its feet, or its centre of mass if higher.
+
+        Wherever in its body the base has its origin.
+        """
+        ground = self.terms.base_position[0, 2] - self.home_base[2]
+        return float(max(self.hips[:, 2].max() - ground, self.home_com[2]))
 
     @property
     def margin(self) -> np.ndarray:
@@ -109,12 +129,27 @@ class Stance:
     @cached_property
     def legs(self) -> np.ndarray:
         """(F, n) bool, joints that move this foot and no other."""
-        moves = np.abs(self.terms.foot_jacobian[0, :, :, 6:]).max(axis=1) > 0.0
-        return moves & (moves.sum(axis=0) == 1)
+        return _legs(self.terms)
 
     def frame(self, terms: DynamicsTerms) -> SupportFrame:
         """Return the level frame of the feet of N robots."""
         return support_frame(self.heading, terms)
+
+
+def _legs(terms: DynamicsTerms) -> np.ndarray:
+    moves = np.abs(terms.foot_jacobian[0, :, :, 6:]).max(axis=1) > 0.0
+    return moves & (moves.sum(axis=0) == 1)
+
+
+def _hips(robot: Robot, terms: DynamicsTerms) -> np.ndarray:
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos
+    mujoco.mj_kinematics(robot.model, data)
+    hips = terms.foot_position[0].copy()
+    for foot, leg in enumerate(_legs(terms)):
+        if leg.any():
+            hips[foot] = data.xanchor[robot.model.dof_jntid[6 + np.flatnonzero(leg)[0]]]
+    return hips
 
 
 def _margin(points: np.ndarray, axis: int) -> float:

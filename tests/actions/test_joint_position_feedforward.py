@@ -11,6 +11,7 @@ from fbid_gym.actions import make_layer
 from fbid_gym.actions.smooth_target import SmoothTarget, TargetMemory, follow
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import point_jacobian
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import home_reference, periodic_squat
@@ -31,7 +32,7 @@ def standing(layer, state, robot):
     """The state and its dynamics without the velocities that would move the feet."""
     qvel = state.qvel.copy()
     jacobian, _ = point_jacobian(
-        layer.stance.geometry, MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
+        Stance.of(robot).geometry, MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
     )
     for row, matrix in enumerate(jacobian):
         qvel[row] -= np.linalg.pinv(matrix, rcond=1e-9) @ matrix @ qvel[row]
@@ -92,13 +93,13 @@ def test_the_torque_is_equation_18(robot, states, moving, rng, balance):
     layer = make_layer(NAME, robot, 500, options | UNLIMITED)
     state, terms = standing(layer, states(3)[0], robot)
     reference = moving(3)
-    jacobian, bias = point_jacobian(layer.stance.geometry, terms)
-    frame = layer.stance.frame(terms)
+    jacobian, bias = point_jacobian(Stance.of(robot).geometry, terms)
+    frame = Stance.of(robot).frame(terms)
     memory, target = layer.memory(3), np.zeros((3, 3, robot.num_joints))
     exact, w = second_order(1.5, 1 / 500), 2 * np.pi * 1.5
     # The base follows the joints; its position counts in heights of the centre of mass.
     weight = np.sqrt(np.r_[np.full(6, 1e-3), np.ones(robot.num_joints)])
-    weight[:3] /= layer.stance.home_com[2]
+    weight[:3] /= Stance.of(robot).home_com[2]
     for _ in range(4):
         action = rng.uniform(-1, 1, (3, robot.num_joints))
         found = layer.torque(action, state, reference, lambda: terms, memory)
@@ -141,7 +142,7 @@ def test_the_torque_is_equation_18(robot, states, moving, rng, balance):
 
 def test_feedback_is_as_soft_as_the_robot_falls(robot):
     layer = make_layer(NAME, robot, 500)
-    pendulum = np.sqrt(9.81 / layer.stance.home_com[2])
+    pendulum = np.sqrt(9.81 / Stance.of(robot).home_com[2])
     assert layer.natural_frequency == pytest.approx(pendulum / (2 * np.pi))
     stiff = make_layer("joint_position", robot, 500, {"natural_frequency": 1.0})
     np.testing.assert_allclose(
@@ -174,7 +175,7 @@ def test_on_the_motion_it_is_equation_15_alone():
     layer = make_layer(NAME, robot, 500, UNLIMITED)
     none = np.zeros(robot.num_joints)
     bare = replace(layer, gains=layer.gains._replace(stiffness=none, damping=none))
-    jacobian, _ = point_jacobian(layer.stance.geometry, terms)
+    jacobian, _ = point_jacobian(Stance.of(robot).geometry, terms)
     still = np.zeros((4, robot.num_joints))
     for one in (layer, bare):
         found = one.torque(still, state, reference, lambda: terms, one.memory(4))
@@ -222,12 +223,13 @@ def test_balance_brings_the_centre_of_mass_back(robot):
         simulation.push(0.1 * robot.weight * side * (k < 75))
         simulation.step(layer.torque(still, now, home, simulation.terms, memory))
         terms = simulation.terms()
-        frame = layer.stance.frame(terms)
+        frame = Stance.of(robot).frame(terms)
         shift = (
-            np.vecmat(terms.com - frame.centre, frame.world_from_support) - layer.stance.home_com
+            np.vecmat(terms.com - frame.centre, frame.world_from_support)
+            - Stance.of(robot).home_com
         )
         away.append(np.vecdot(shift[:, :2], side[:, :2]))
-    height = layer.stance.home_com[2]
+    height = Stance.of(robot).home_com[2]
     largest = np.max(away, axis=0)
     assert (largest > 0.005 * height).all()
     assert (np.abs(away[-1]) < 0.1 * largest).all()

@@ -54,3 +54,18 @@ def along(axes: Pair, x: float, y: float) -> Pair:
 def turned(angle: float, x: float, y: float) -> Pair:
     """Return a horizontal vector, turned to the left by an angle (rad)."""
     return in_world(axes_of(angle), x, y)
+
+
+@compiled
+def lean(heading: float, world_from_base: np.ndarray) -> tuple[float, float, float]:
+    """Return axis times sine of the rotation from a base, (3, 3), to upright in a heading (rad).
+
+    In the base's axes.
+    """
+    base, (cosine, sine) = world_from_base, axes_of(heading)
+    # E = R^T D, D the turn about the vertical; its axial vector.
+    e10 = base[0, 1] * cosine + base[1, 1] * sine
+    e20 = base[0, 2] * cosine + base[1, 2] * sine
+    e01 = base[1, 0] * cosine - base[0, 0] * sine
+    e21 = base[1, 2] * cosine - base[0, 2] * sine
+    return 0.5 * (e21 - base[2, 1]), 0.5 * (base[2, 0] - e20), 0.5 * (e10 - e01)

@@ -14,9 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
+from fbid_gym.dynamics.rotations import rotation_left
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
 from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.heading import lean
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Heading, Reference, RobotState
 from fbid_gym.robots import Robot
@@ -149,7 +151,7 @@ def _see_body(target: GaitTarget, terms: DynamicsTerms, body: _Motion, i: int) -
     for axis in range(2):
         body.gap[axis] = target.offset[i, axis]
     body.gap[2] = target.height[i] - terms.base_position[i, 2]
-    _turn_left(target.heading[i], terms.world_from_base[i], body.gap)
+    body.gap[3], body.gap[4], body.gap[5] = lean(target.heading[i], terms.world_from_base[i])
     for axis in range(2):
         body.rate[axis] = target.velocity[i, axis]
         body.acceleration[axis] = target.com_acceleration[i, axis]
@@ -167,7 +169,8 @@ def _see_foot(
     for r in range(min(rows, 3)):
         left.gap[r] = target.foot_position[i, foot, r] - terms.foot_position[i, foot, r]
     if rows == 6:
-        _add_rotation(target.world_from_foot[i, foot], terms.world_from_foot[i, foot], left.gap)
+        turn = rotation_left(target.world_from_foot[i, foot], terms.world_from_foot[i, foot])
+        left.gap[3], left.gap[4], left.gap[5] = turn
     for r in range(rows):
         left.rate[r] = target.foot_velocity[i, foot, r]
         left.acceleration[r] = target.foot_acceleration[i, foot, r] - terms.foot_bias[i, foot, r]
@@ -176,28 +179,6 @@ def _see_foot(
             left.gap[r] -= share * body.gap[k]
             left.rate[r] -= share * body.rate[k]
             left.acceleration[r] -= share * body.acceleration[k]
-
-
-@compiled
-def _turn_left(heading: float, rotation: np.ndarray, lag: np.ndarray) -> None:
-    """Write the rotation that is left to upright and a heading, base axes, to lag[3:]."""
-    cosine, sine = np.cos(heading), np.sin(heading)
-    e10 = rotation[0, 1] * cosine + rotation[1, 1] * sine
-    e20 = rotation[0, 2] * cosine + rotation[1, 2] * sine
-    e01 = rotation[1, 0] * cosine - rotation[0, 0] * sine
-    e21 = rotation[1, 2] * cosine - rotation[0, 2] * sine
-    lag[3] = 0.5 * (e21 - rotation[2, 1])
-    lag[4] = 0.5 * (rotation[2, 0] - e20)
-    lag[5] = 0.5 * (e10 - e01)
-
-
-@compiled
-def _add_rotation(target: np.ndarray, now: np.ndarray, gap: np.ndarray) -> None:
-    """Add axis times sine of the rotation from `now` to `target`, world axes, to gap[3:]."""
-    for k in range(3):
-        gap[3] += 0.5 * (now[1, k] * target[2, k] - now[2, k] * target[1, k])
-        gap[4] += 0.5 * (now[2, k] * target[0, k] - now[0, k] * target[2, k])
-        gap[5] += 0.5 * (now[0, k] * target[1, k] - now[1, k] * target[0, k])
 
 
 @compiled

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.checks import check_positive
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import compiled
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
 from fbid_gym.robots import Robot
@@ -91,10 +91,8 @@ def corners_of(robot: Robot) -> np.ndarray:
         RobotError: the robot has not one foot at each corner.
     """
     stance = Stance.of(robot)
-    forward = stance.home_base_rotation[:2, 0] / np.linalg.norm(stance.home_base_rotation[:2, 0])
-    feet = stance.terms.foot_position[0, :, :2]
-    feet = feet - feet.mean(axis=0)
-    ahead, left = feet @ forward, feet @ np.array([-forward[1], forward[0]])
+    feet = stance.terms.foot_position[0]
+    ahead, left, _ = stance.level @ (feet - feet.mean(axis=0)).T
     corners = 2 * (ahead < 0.0) + (left < 0.0)
     if sorted(corners) != [0, 1, 2, 3]:
         raise RobotError(
@@ -110,13 +108,3 @@ def since_lift(schedule: Schedule, phase: float, foot: int) -> float:
     """Return the share of the cycle since a foot was last due to lift, in [0, 1)."""
     share = phase - schedule.lift[foot]
     return share - math.floor(share)
-
-
-@kernel
-def planned_contacts(schedule: Schedule, phase: np.ndarray) -> np.ndarray:
-    """Return which feet the schedule lets stand, (N, F) bool, at phases (N,)."""
-    planted = np.empty((len(phase), len(schedule.lift)), np.bool_)
-    for i in range(len(phase)):
-        for foot in range(len(schedule.lift)):
-            planted[i, foot] = since_lift(schedule, phase[i], foot) >= 1.0 - schedule.duty
-    return planted

@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 
 from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
-from fbid_gym.motions.gait.schedule import PATTERNS, planned_contacts, schedule_of
+from fbid_gym.motions.gait.schedule import PATTERNS, Schedule, schedule_of, since_lift
 from fbid_gym.robots import Robot, load
 
 PHASES = (np.arange(10000) + 0.5) / 10000.0
+
+
+def planned_contacts(schedule: Schedule, phases: np.ndarray) -> np.ndarray:
+    """Which feet shall stand, (N, F) bool, at phases (N,)."""
+    feet = range(len(schedule.lift))
+    passed = [[since_lift(schedule, phase, foot) for foot in feet] for phase in phases]
+    return np.array(passed) >= 1.0 - schedule.duty
 
 
 @pytest.mark.parametrize("gait", PATTERNS)
