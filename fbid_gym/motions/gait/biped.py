@@ -9,15 +9,17 @@ from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.slope import Sense
 from fbid_gym.motions.gait.walking import FlatFootGait
 from fbid_gym.robots import Robot
+from fbid_gym.robots.polygon import convex_hull
 
 SOLE = 0.8
 """Share of the sole that the centre of pressure may use."""
 
-# In units of the robot: of the pendulum time sqrt(h / g), the leg's length (hips or base above the
-# soles), its speed sqrt(g l), its weight and its soles.
+# In units of the robot: of the pendulum time sqrt(h / g), the leg's length (`Stance.size`), its
+# speed sqrt(g l), its weight and its soles.
 _PERIOD = 1.7  # pendulum times a step
 _DOUBLE = 0.25  # of a step in double support
 _SETTLE = 1.25  # pendulum times to shift the weight
+_AGILITY = 0.4  # of gravity
 _GAIN = 2.0
 _LIFT = 0.07
 _SINK = 0.03
@@ -34,7 +36,7 @@ def biped_gait(robot: Robot) -> FlatFootGait:
     """Return the gait of a robot with two feet, a left one and a right one, on flat soles.
 
     Raises:
-        RobotError: the robot has not two feet, or not side by side.
+        RobotError: the robot has not two feet, or not flat ones, or not side by side.
     """
     if robot.num_feet != 2:
         raise RobotError(
@@ -42,16 +44,19 @@ def biped_gait(robot: Robot) -> FlatFootGait:
             "Expected two flat feet to walk like a biped."
         )
     stance = Stance.of(robot)
-    home = stance.terms
-    forward = home.world_from_base[0, :2, 0] / np.linalg.norm(home.world_from_base[0, :2, 0])
-    upright = np.array([[*forward, 0.0], [-forward[1], forward[0], 0.0], [0.0, 0.0, 1.0]])
-    feet, turn = home.foot_position[0] @ upright.T, upright @ home.world_from_foot[0]
+    home, leg = stance.terms, stance.size
+    feet, turn = home.foot_position[0] @ stance.level.T, stance.level @ home.world_from_foot[0]
     width = abs(feet[0, 1] - feet[1, 1])
     geometry = stance.geometry
     points = np.matvec(turn[geometry.foot_of_point], geometry.offset)[:, :2]
+    for foot, name in enumerate(robot.foot_names):
+        if len(convex_hull(points[geometry.foot_of_point == foot])) < 3:
+            raise RobotError(
+                f"The contact points of foot {name!r} of {robot.name!r} span no area. "
+                "Expected two flat feet to walk like a biped."
+            )
     sole = np.abs(points).max(axis=0)
     ground = feet[:, 2].mean()
-    leg = home.base_position[0, 2] - ground
     if width < 2.0 * sole[1] + _GAP * leg:
         raise RobotError(
             f"Feet {robot.foot_names[0]!r} and {robot.foot_names[1]!r} of {robot.name!r} stand "
@@ -67,8 +72,9 @@ def biped_gait(robot: Robot) -> FlatFootGait:
         single=(1.0 - _DOUBLE) * period,
         double=_DOUBLE * period,
         settle=_SETTLE / omega,
+        agility=_AGILITY * gravity * np.array([1.0, 1.0, 1.0 / leg]),
         gain=_GAIN,
-        height=float((1.0 - _LOWER) * leg),
+        height=float((1.0 - _LOWER) * leg + (home.base_position[0, 2] - ground - leg)),
         bend=_BEND * math.sqrt(gravity * leg),
         width=float(width),
         least_apart=float(2.0 * sole[1] + _GAP * leg),

@@ -1,10 +1,12 @@
 """Where walking robots shall go: what task and policy tell a gait."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fbid_gym.compiled import compiled
+from fbid_gym.motions.gait.heading import turned_on
+from fbid_gym.quantities import DynamicsTerms
 
 
 class Steering(NamedTuple):
@@ -42,6 +44,32 @@ class GaitCommand(NamedTuple):
 def approached(now: float, asked: float, most: float) -> float:
     """Return a number that has come nearer to what is asked, by no more than `most`."""
     return now + min(max(asked - now, -most), most)
+
+
+@compiled
+def follow(
+    agility: np.ndarray,
+    command: GaitCommand,
+    terms: DynamicsTerms,
+    tick: float,
+    memory: Any,
+    i: int,
+) -> None:
+    """Bring the velocity that is followed nearer to the command, and turn the heading with it.
+
+    Args:
+        agility: (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the velocity.
+        command: where to go.
+        terms: where the robots are.
+        tick: s, of the control.
+        memory: of a gait on points or on soles; updated.
+        i: the robot.
+    """
+    for axis in range(3):
+        now, asked = memory.velocity[i, axis], command.velocity[i, axis]
+        memory.velocity[i, axis] = approached(now, asked, agility[axis] * tick)
+    turn = memory.velocity[i, 2] * tick
+    memory.heading[i] = turned_on(memory.heading[i], turn, terms.world_from_base[i])
 
 
 def no_command(num_robots: int, num_feet: int) -> GaitCommand:

@@ -8,8 +8,8 @@ far as the soles reach, and the next foothold takes up what is then left. So the
 follow planned footprints: it steps where it must to go on with the commanded velocity.
 
 What is planned goes on from what is: each double support takes xi and the centre of pressure as it
-finds them, so that starting, stepping and stopping are without jumps. A new velocity counts from
-the next step on.
+finds them, so that starting, stepping and stopping are without jumps. A new velocity is approached
+at a limited rate, and with it the foothold of the foot in the air.
 """
 
 import math
@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.motions.gait.command import GaitCommand, approached
+from fbid_gym.motions.gait.command import GaitCommand, approached, follow
 from fbid_gym.motions.gait.divergent import (
     StepTiming,
     error_to_come,
@@ -27,7 +27,7 @@ from fbid_gym.motions.gait.divergent import (
     stride_to_catch,
     transfer,
 )
-from fbid_gym.motions.gait.heading import Pair, along, axes_of, in_world, turned_on, wrapped
+from fbid_gym.motions.gait.heading import Pair, along, axes_of, in_world, wrapped
 from fbid_gym.motions.gait.hull import nearest_in_hull
 from fbid_gym.motions.gait.slope import Plane, feel_ground, height_on
 from fbid_gym.motions.gait.swing import lift_and_land, rise
@@ -71,20 +71,23 @@ def walk(
     target = standing_target(terms)
     points = np.empty(gait.points.shape)
     for i in range(len(terms.com)):
-        turn = command.velocity[i, 2] * tick
-        memory.heading[i] = turned_on(memory.heading[i], turn, terms.world_from_base[i])
+        follow(gait.agility, command, terms, tick, memory, i)
         axes = axes_of(memory.heading[i])
+        xi = (
+            terms.com[i, 0] + terms.com_velocity[i, 0] / gait.omega,
+            terms.com[i, 1] + terms.com_velocity[i, 1] / gait.omega,
+        )
+        if memory.clock[i] == LONG_AGO:
+            # Its first tick: what it stands on is taken to be below its capture point, at rest.
+            memory.pressure[i, 0], memory.pressure[i, 1] = xi[0], xi[1]
         memory.clock[i] += tick
         memory.progress[i] += tick * memory.hurry[i]
 
         pace = memory.rate[i]
         timing = StepTiming(gait.omega, gait.double / pace, gait.single / pace)
-        xi = (
-            terms.com[i, 0] + terms.com_velocity[i, 0] / gait.omega,
-            terms.com[i, 1] + terms.com_velocity[i, 1] / gait.omega,
-        )
         now = _Now(i, timing, axes, xi)
         _change_phase(gait, now, command, terms, contact_force, memory)
+        _settle(gait, terms, tick, memory, target, i)
         error = _balance(gait, now, terms, points, memory, target)
         plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
         base = terms.base_position[i]
@@ -92,7 +95,7 @@ def walk(
         target.height[i] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
         velocity = (0.0, 0.0, 0.0)
         if memory.phase[i] != STAND:
-            velocity = (command.velocity[i, 0], command.velocity[i, 1], command.velocity[i, 2])
+            velocity = (memory.velocity[i, 0], memory.velocity[i, 1], memory.velocity[i, 2])
         if memory.phase[i] == SWING:
             _find_foothold(gait, now, command, plane, error, memory, target)
             _swing(gait, timing, velocity[2], memory, target, i)
@@ -135,8 +138,9 @@ def _change_phase(
 ) -> None:
     """Lift, land, start and stop."""
     i, timing, axes, xi = now
-    velocity = command.velocity[i]
-    still = velocity[0] == 0.0 and velocity[1] == 0.0 and velocity[2] == 0.0
+    velocity, followed, still = command.velocity[i], memory.velocity[i], True
+    for axis in range(3):
+        still &= velocity[axis] == 0.0 and followed[axis] == 0.0
     feet = terms.foot_position[i]
     if memory.phase[i] == STAND:
         x = xi[0] - 0.5 * (feet[0, 0] + feet[1, 0])
@@ -149,7 +153,8 @@ def _change_phase(
             side = y if falls else -velocity[1] if velocity[1] != 0.0 else -velocity[2]
             memory.carrier[i] = 0 if side * gait.left[0] > 0.0 else 1
             span = 0.5 * timing.double if falls else gait.settle
-            _set_out(span, DOUBLE, command, xi, memory, i)
+            # No foot is in the air: the first step is planned for what is asked.
+            _set_out(span, DOUBLE, velocity, command, xi, memory, i)
     elif memory.phase[i] == DOUBLE and memory.clock[i] >= memory.span[i]:
         foot = 1 - memory.carrier[i]
         memory.phase[i], memory.clock[i], memory.span[i] = SWING, 0.0, timing.single
@@ -165,23 +170,47 @@ def _change_phase(
             near &= abs(y * gait.left[foot] - gait.width) < _BESIDE * gait.width
             memory.carrier[i] = foot
             if still and near:
-                _set_out(gait.settle, STAND, command, xi, memory, i)
+                _set_out(gait.settle, STAND, followed, command, xi, memory, i)
             else:
-                _set_out(timing.double, DOUBLE, command, xi, memory, i)
+                _set_out(timing.double, DOUBLE, followed, command, xi, memory, i)
 
 
 @compiled
 def _set_out(
-    span: float, phase: int, command: GaitCommand, xi: Pair, memory: GaitMemory, i: int
+    span: float,
+    phase: int,
+    velocity: np.ndarray,
+    command: GaitCommand,
+    xi: Pair,
+    memory: GaitMemory,
+    i: int,
 ) -> None:
     """Begin a double support, or to stand, from what is."""
-    first = memory.clock[i] >= LONG_AGO
     memory.phase[i], memory.clock[i], memory.span[i] = phase, 0.0, span
     memory.rate[i] = command.rate[i]
     for axis in range(2):
-        memory.velocity[i, axis] = command.velocity[i, axis]
+        memory.planned[i, axis] = velocity[axis]
         memory.xi[i, axis] = xi[axis]
-        memory.begun[i, axis] = xi[axis] if first else memory.pressure[i, axis]
+        memory.begun[i, axis] = memory.pressure[i, axis]
+
+
+@compiled
+def _settle(
+    gait: FlatFootGait,
+    terms: DynamicsTerms,
+    tick: float,
+    memory: GaitMemory,
+    target: GaitTarget,
+    i: int,
+) -> None:
+    """Say how far the centre of mass is from where a robot that stands is held."""
+    stands = memory.phase[i] == STAND
+    # Held over the feet as it comes to stand, let go until the first foot lifts.
+    change = tick / gait.settle if stands else -tick / memory.span[i]
+    memory.settled[i] = min(max(memory.settled[i] + change, 0.0), 1.0)
+    for axis in range(2):
+        middle = 0.5 * (terms.foot_position[i, 0, axis] + terms.foot_position[i, 1, axis])
+        target.offset[i, axis] = memory.settled[i] * (middle - terms.com[i, axis])
 
 
 @compiled
@@ -207,7 +236,7 @@ def _balance(
     """Choose the centre of pressure; return the error of xi, along the heading."""
     i, timing, axes, xi = now
     feet, carrier, phase = terms.foot_position[i], memory.carrier[i], memory.phase[i]
-    offset = _offset(gait, timing, (memory.velocity[i, 0], memory.velocity[i, 1]), carrier)
+    offset = _offset(gait, timing, (memory.planned[i, 0], memory.planned[i, 1]), carrier)
     offset = in_world(axes, offset[0], offset[1])
     error_x, error_y, wanted_x, wanted_y = 0.0, 0.0, 0.0, 0.0
     for axis in range(2):
@@ -219,8 +248,6 @@ def _balance(
             if phase == STAND:
                 end = 0.5 * (feet[0, axis] + feet[1, axis])
                 xi_end = end
-                settled = min(memory.clock[i] / memory.span[i], 1.0)
-                target.offset[i, axis] = settled * (end - terms.com[i, axis])
             else:
                 end = feet[carrier, axis]
                 xi_end = end + offset[axis]
@@ -280,7 +307,7 @@ def _find_foothold(
     # The feedback counts on half of the sole.
     x += error_to_come(gait.omega, gait.gain, error[0], 0.5 * gait.sole[0], left)
     y += error_to_come(gait.omega, gait.gain, error[1], 0.5 * gait.sole[1], left)
-    wanted = _offset(gait, timing, (command.velocity[i, 0], command.velocity[i, 1]), foot)
+    wanted = _offset(gait, timing, (memory.velocity[i, 0], memory.velocity[i, 1]), foot)
     x = stride_to_catch(timing, x, wanted[0]) + command.shift[i, foot, 0]
     y = stride_to_catch(timing, y, wanted[1]) + command.shift[i, foot, 1]
     apart = gait.left[foot] * y

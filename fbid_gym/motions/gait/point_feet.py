@@ -11,8 +11,8 @@ through the places where the feet last stood, unless the command knows better.
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.motions.gait.command import GaitCommand, approached
-from fbid_gym.motions.gait.heading import turned, turned_on
+from fbid_gym.motions.gait.command import GaitCommand, approached, follow
+from fbid_gym.motions.gait.heading import turned
 from fbid_gym.motions.gait.landing import swing_or_reach
 from fbid_gym.motions.gait.lifting import all_stand, lift_or_land, start_or_stop, tell_time
 from fbid_gym.motions.gait.point_gait import GaitMemory, PointFootGait
@@ -47,7 +47,7 @@ def walk(
         for foot in range(feet):
             load = load_on(foot, gait.foot_of_point, contact_force[i])
             touches[foot] = load > gait.touch
-        _follow(gait, command, terms, tick, memory, i)
+        follow(gait.agility, command, terms, tick, memory, i)
         _stand_on(terms, touches, middle, memory, i)
         plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
         start_or_stop(gait, command, terms, middle, memory, i)
@@ -64,23 +64,6 @@ def walk(
         target.height[i] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
         target.cycle[i] = memory.phase[i]
     return target
-
-
-@compiled
-def _follow(
-    gait: PointFootGait,
-    command: GaitCommand,
-    terms: DynamicsTerms,
-    tick: float,
-    memory: GaitMemory,
-    i: int,
-) -> None:
-    """Bring the velocity that is followed nearer to the command, and turn the heading with it."""
-    for axis in range(3):
-        now, asked = memory.velocity[i, axis], command.velocity[i, axis]
-        memory.velocity[i, axis] = approached(now, asked, gait.agility[axis] * tick)
-    turn = memory.velocity[i, 2] * tick
-    memory.heading[i] = turned_on(memory.heading[i], turn, terms.world_from_base[i])
 
 
 @compiled

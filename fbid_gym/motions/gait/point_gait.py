@@ -30,7 +30,8 @@ class PointFootGait(NamedTuple):
         sink: m/s with which a foot reaches for the ground.
         touch: N on a foot that count as contact.
         unload: s in which a foot gives up its load, or takes it.
-        place: (F, 2) m, of each foot from the base at home, ahead and to the left.
+        place: (F, 2) m, of each foot from the base, ahead and to the left: as at home, but with the
+            middle of the feet below the centre of mass.
         hip: (F, 3) m, of each hip from the base at home, ahead, to the left and up.
         reach: (F,) m, greatest distance of a foothold from its hip.
         foot_of_point: (P,) int64.

@@ -58,15 +58,14 @@ def quadruped_gait(
             "Expected point feet to walk on four of them."
         )
     stance, gravity = Stance.of(robot), robot.gravity
-    hips, lengths = _legs(robot, stance)
+    hips, lengths = stance.hips, _leg_lengths(robot, stance)
     base, feet = stance.terms.base_position[0], stance.terms.foot_position[0]
     drop = max(0.0, float(np.max(hips[:, 2] - feet[:, 2] - _BENT * lengths)))
     height = float(stance.home_com[2]) - drop
     time, speed = math.sqrt(height / gravity), math.sqrt(height * gravity)
-    forward = stance.home_base_rotation[:2, 0] / np.linalg.norm(stance.home_base_rotation[:2, 0])
-    level = np.array([[*forward, 0.0], [-forward[1], forward[0], 0.0], [0.0, 0.0, 1.0]])
-    agility = _AGILITY * gravity
-    place = ((feet - base) @ level.T)[:, :2]
+    level, agility = stance.level, _AGILITY * gravity
+    # Around the point below the centre of mass, where at home that is not their middle.
+    place = ((feet - base + stance.home_com) @ level.T)[:, :2]
     return PointFootGait(
         schedule=schedule,
         sense=Sense(_FELT * schedule.period, _LEVEL * float(place.var(axis=0).mean())),
@@ -91,19 +90,13 @@ def quadruped_gait(
     )
 
 
-def _legs(robot: Robot, stance: Stance) -> tuple[np.ndarray, np.ndarray]:
-    """Where the hips are at home, (F, 3) m, world, and how long the legs are, (F,) m.
-
-    A hip is where the first joint of a leg has its axis; its length is the farthest that its foot
-    gets from there, of many postures within the joints' ranges.
-    """
+def _leg_lengths(robot: Robot, stance: Stance) -> np.ndarray:
+    """Farthest that each foot gets from its hip, of many postures within the ranges: (F,) m."""
     model, rng = robot.model, np.random.default_rng(0)
     data = mujoco.MjData(model)
     data.qpos[:] = robot.home_qpos
-    mujoco.mj_kinematics(model, data)
     first = [int(np.flatnonzero(leg)[0]) for leg in stance.legs]
     joints = [int(model.dof_jntid[6 + joint]) for joint in first]
-    hips = data.xanchor[joints].copy()
     low, high = np.clip(robot.joint_range, -np.pi, np.pi).T
     lengths = np.zeros(robot.num_feet)
     for _ in range(_SAMPLES):
@@ -112,4 +105,4 @@ def _legs(robot: Robot, stance: Stance) -> tuple[np.ndarray, np.ndarray]:
         for foot, (part, joint) in enumerate(zip(robot.feet, joints, strict=True)):
             centre = data.xpos[part.body] + data.xmat[part.body].reshape(3, 3) @ part.points[0]
             lengths[foot] = max(lengths[foot], np.linalg.norm(centre - data.xanchor[joint]))
-    return hips, lengths
+    return lengths

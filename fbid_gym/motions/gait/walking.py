@@ -22,6 +22,7 @@ class FlatFootGait(NamedTuple):
         single: s in single support.
         double: s in double support.
         settle: s in which a robot that stands shifts its weight.
+        agility: (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the commanded velocity.
         gain: of the centre of pressure on errors of xi, which decay with gain * omega.
         height: m, of the base above the ground below it.
         bend: m/s with which the base is lowered, or raised again.
@@ -44,6 +45,7 @@ class FlatFootGait(NamedTuple):
     single: float
     double: float
     settle: float
+    agility: np.ndarray
     gain: float
     height: float
     bend: float
@@ -69,8 +71,10 @@ class GaitMemory(NamedTuple):
         carrier: (N,) int64, the foot that stands in the swing, or will.
         clock: (N,) s since the phase began.
         span: (N,) s that it takes.
-        heading: (N,) rad, integral of the commanded rate.
-        velocity: (N, 2) m/s, commanded when the step began.
+        settled: (N,) share to which a robot that stands is held over its feet.
+        velocity: (N, 3) m/s, m/s, rad/s: the command as it is followed.
+        heading: (N,) rad, integral of the rate that is followed.
+        planned: (N, 2) m/s with which the step began.
         rate: (N,) of steps, commanded then.
         progress: (N,) s of the planned swing that have passed.
         hurry: (N,) times as fast as planned that the foot swings.
@@ -88,8 +92,10 @@ class GaitMemory(NamedTuple):
     carrier: np.ndarray
     clock: np.ndarray
     span: np.ndarray
-    heading: np.ndarray
+    settled: np.ndarray
     velocity: np.ndarray
+    heading: np.ndarray
+    planned: np.ndarray
     rate: np.ndarray
     progress: np.ndarray
     hurry: np.ndarray
@@ -115,8 +121,10 @@ def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
         carrier=np.zeros(count, np.int64),
         clock=np.full(count, LONG_AGO),
         span=np.ones(count),
+        settled=np.ones(count),
+        velocity=np.zeros((count, 3)),
         heading=np.array(heading, dtype=float),
-        velocity=flat[0],
+        planned=flat[0],
         rate=np.ones(count),
         progress=np.zeros(count),
         hurry=np.ones(count),

@@ -148,8 +148,11 @@ def test_it_turns_with_the_commanded_rate(gait: FlatFootGait) -> None:
     count = ticks(gait, 10)
     for _ in range(count):
         target = walkers.step(velocity)
-    turn = velocity[:, 2] * count * TICK
-    np.testing.assert_allclose(target.heading, turn, atol=1e-9)
+    # Short of what the rate takes to come.
+    ramp = 0.5 * velocity[:, 2] ** 2 / gait.agility[2]
+    turn = velocity[:, 2] * count * TICK - np.sign(velocity[:, 2]) * ramp
+    tick = np.abs(velocity[:, 2]).max() * TICK
+    np.testing.assert_allclose(target.heading, turn, atol=tick)
     feet = np.arctan2(walkers.rotation[:, :, 1, 0], walkers.rotation[:, :, 0, 0])
     assert np.abs(feet - turn[:, None]).max() < 2.0 * np.abs(velocity[:, 2]).max()
 
@@ -191,6 +194,45 @@ def test_centre_of_pressure_does_not_jump_but_for_new_feet(gait: FlatFootGait) -
         last = pressure
     # A whole stride in a tenth of the double support would be ten times as much as it takes.
     assert fastest < 5.0 * gait.width * TICK / gait.double
+
+
+def test_a_foot_does_not_jump_when_the_command_does(gait: FlatFootGait) -> None:
+    velocity = commands(gait, 8, seed=5)
+    fastest = []
+    for flips in (False, True):
+        walkers, most = Pendulums(gait, np.zeros(8)), np.zeros(2)
+        for tick in range(ticks(gait, 16)):
+            before, turned_before = walkers.feet.copy(), walkers.rotation.copy()
+            # In every third step, at any share of it.
+            sign = -1.0 if flips and tick * TICK / (gait.single + gait.double) % 3.1 > 1.55 else 1.0
+            walkers.step(sign * velocity)
+            if tick > ticks(gait, 3):
+                way = np.linalg.norm((walkers.feet - before)[..., :2], axis=-1).max()
+                turn = np.abs(walkers.rotation - turned_before).max()
+                most = np.maximum(most, [way, turn])
+        fastest.append(most)
+    steady, flipped = fastest
+    assert (flipped < 2.0 * steady).all()
+
+
+def test_setting_out_is_without_jumps(gait: FlatFootGait) -> None:
+    aside = np.array([0.4 * gait.sole[0], 0.1 * gait.width])
+    for stands in (20, ticks(gait, 3)):
+        walkers = Pendulums(gait, np.zeros(1))
+        for _ in range(stands):
+            walkers.com[0, :2], walkers.velocity[:] = aside, 0.0
+            last = walkers.step(np.zeros(3))
+        pressure = walkers.memory.pressure.copy()
+        np.testing.assert_allclose(last.offset[0], -aside, atol=1e-9)
+        walkers.com[0, :2], walkers.velocity[:] = aside, 0.0
+        for _ in range(round(gait.settle / TICK) + 1):
+            target = walkers.step(np.array([0.1 * gait.width * gait.omega, 0.0, 0.0]))
+            moved = np.linalg.norm(walkers.memory.pressure - pressure)
+            assert moved < 5.0 * gait.width * TICK / gait.settle
+            faded = np.linalg.norm(target.offset - last.offset)
+            assert faded < 5.0 * gait.width * TICK / gait.settle
+            last, pressure = target, walkers.memory.pressure.copy()
+        assert not target.offset.any()
 
 
 def test_it_stops_and_stands(gait: FlatFootGait) -> None:
@@ -254,6 +296,7 @@ def test_a_robot_four_times_as_long_walks_half_as_fast(gait: FlatFootGait) -> No
     large = gait._replace(
         sense=gait.sense._replace(time=2.0 * gait.sense.time, level=16.0 * gait.sense.level),
         omega=gait.omega / 2.0,
+        agility=gait.agility * [1.0, 1.0, 0.25],
         sink=2.0 * gait.sink,
         **{name: 4.0 * getattr(gait, name) for name in lengths},
         **{name: 2.0 * getattr(gait, name) for name in times},
@@ -350,3 +393,13 @@ def test_feet_aim_at_the_plane_on_which_they_stood(gait: FlatFootGait) -> None:
 def test_four_feet_are_refused() -> None:
     with pytest.raises(RobotError, match="'quadruped' has 4 feet. Expected two flat feet"):
         biped_gait(robots.load("quadruped"))
+
+
+@pytest.mark.parametrize("corners", [("toe_in",), ("toe_in", "heel_in")])
+def test_feet_that_are_not_flat_are_refused(corners: tuple[str, ...]) -> None:
+    biped = robots.load("biped")
+    feet = {side: [f"{side}_{corner}" for corner in corners] for side in ("left", "right")}
+    home = biped.home_qpos
+    robot = robots.Robot.from_mjcf(biped.spec.copy(), feet, name="blades", home=home)
+    with pytest.raises(RobotError, match="foot 'left' of 'blades' span no area. Expected two flat"):
+        biped_gait(robot)

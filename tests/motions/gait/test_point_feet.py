@@ -14,7 +14,7 @@ from fbid_gym.motions.gait.point_gait import GaitMemory, PointFootGait, standing
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms
-from fbid_gym.robots import Robot, load
+from fbid_gym.robots import Robot, load, quadruped
 
 TICK = 0.002
 ROBOT = load("quadruped")
@@ -236,6 +236,25 @@ def test_level_ground_is_level_exactly() -> None:
         assert (target.foothold[:, :, 2] <= 1e-12).all()
         assert np.abs(target.foothold[ghost.memory.mode == 1][:, 2]).max(initial=0.0) < 1e-12
         assert target.height == pytest.approx(GAIT.height, abs=1e-12)
+
+
+def test_feet_land_around_the_point_below_the_centre_of_mass() -> None:
+    level = GAIT.place + home().base_position[0, :2]
+    np.testing.assert_array_equal(level, home().foot_position[0, :, :2])  # where it is their middle
+    spec = ROBOT.spec.copy()
+    (trunk,) = (body for body in spec.bodies if body.name == ROBOT.model.body(ROBOT.base_body).name)
+    trunk.ipos = trunk.ipos + [0.03, -0.01, 0.0]
+    robot = Robot.from_mjcf(spec, quadruped.FEET, name="nose-heavy", home=quadruped.HOME)
+    gait, terms = quadruped_gait(robot), home(robot=robot)
+    below = terms.com[0, :2] - terms.base_position[0, :2]
+    assert below[0] > 0.01
+    np.testing.assert_allclose(gait.place.mean(axis=0), below, atol=1e-9)
+    np.testing.assert_allclose(gait.place - below, GAIT.place, atol=1e-9)
+    ghost, landed = commanded(Ghost(gait, terms), 0.0, 0.0, 0.01), []
+    for _ in range(round(4.0 * gait.schedule.period / TICK)):
+        landed.append(ghost.tick().foot_position.mean(axis=(0, 1))[:2])
+    # Over whole cycles, and whichever way it went.
+    assert np.abs(landed[-1] - ghost.terms.com[0, :2]).max() < 0.002
 
 
 def scattered(
