@@ -6,6 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
+from fbid_gym.actions.contact_options import WALKING_CONTACT_DEFAULTS, WalkingContact
 from fbid_gym.actions.falling import Falling
 from fbid_gym.actions.joint_acceleration import JointAcceleration
 from fbid_gym.actions.joint_gains import SERVO
@@ -142,6 +143,7 @@ def walking_feedforward(
     damping_ratio: DampingRatio = 1.0,
     scale: TargetScale = 0.3,
     target_frequency: Frequency = Falling(3.4),
+    contact: WalkingContact = WALKING_CONTACT_DEFAULTS,
 ) -> ActionLayer:
     """Build layer `joint_position_feedforward`; other arguments as for `JointPositionFeedforward`.
 
@@ -155,6 +157,7 @@ def walking_feedforward(
         damping_ratio: of the feedback.
         scale: rad at action 1.
         target_frequency: Hz, at which the offset follows the action.
+        contact: what it assumes of contacts.
     """
     own = Falling(1.0) if robot.has_soles else body_frequency(robot, omega)
     inner = JointPositionFeedforward.of(
@@ -164,6 +167,7 @@ def walking_feedforward(
         damping_ratio=damping_ratio,
         scale=scale,
         target_frequency=target_frequency,
+        contact=contact.options(robot, omega),
     )
     return Following(inner, joints_of_gait(robot, aware=True))
 
@@ -177,6 +181,7 @@ def walking_joint_acceleration(
     natural_frequency: Frequency | None = None,
     damping_ratio: DampingRatio = 1.0,
     scale: AccelerationScale | None = None,
+    contact: WalkingContact = WALKING_CONTACT_DEFAULTS,
 ) -> ActionLayer:
     """Build layer `joint_acceleration`.
 
@@ -188,6 +193,7 @@ def walking_joint_acceleration(
             the air need, see `swing_frequency`.
         damping_ratio: see `JointAcceleration`.
         scale: rad/s^2 at action 1, see `JointAcceleration`.
+        contact: what it assumes of contacts.
     """
     if natural_frequency is None:
         natural_frequency = swing_frequency(robot, omega)
@@ -197,5 +203,6 @@ def walking_joint_acceleration(
         natural_frequency=natural_frequency,
         damping_ratio=damping_ratio,
         scale=scale,
+        contact=contact.options(robot, omega),
     )
     return Following(inner, joints_of_gait(robot, aware=True))

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from fbid_gym import robots
-from fbid_gym.actions import make_walking_layer
+from fbid_gym.actions import make_walking_layer, walking_options
+from fbid_gym.actions.contact_options import WalkingContact
 from fbid_gym.actions.joint_position_feedforward import JointPositionFeedforward
 from fbid_gym.actions.walking_joints import body_frequency, swing_frequency
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.options import options_of
 
 HZ = 250
 
@@ -50,3 +52,28 @@ def test_feedback_on_a_gait_is_as_stiff_as_its_tasks_are(name):
         layer, _ = make_walking_layer("joint_acceleration", robot, HZ, omega)
         stiffness = (2.0 * np.pi * swing_frequency(robot, omega)) ** 2
         assert layer.inner.gains.stiffness == pytest.approx(stiffness)
+
+
+MODEL_BASED = ("joint_position_feedforward", "joint_acceleration")
+
+
+@pytest.mark.parametrize("name", MODEL_BASED)
+def test_joint_layers_take_the_contacts_as_those_of_the_body_do(name):
+    """The same options, with the same defaults and the same meaning."""
+    shared = options_of(WalkingContact).keys()
+    own, others = walking_options(name), walking_options("base_acceleration")
+    assert {key: own[key] for key in shared} == {key: others[key] for key in shared}
+    robot, given = robots.load("biped"), {"contact_limits": "none", "friction": 0.3}
+    for options in ({}, given, {"contact_ramp": 0.02}):
+        laws = [
+            layer.law if other else layer.inner.law
+            for other, layer in (
+                (key == "base_acceleration", make_walking_layer(key, robot, HZ, 4.0, options)[0])
+                for key in (name, "base_acceleration")
+            )
+        ]
+        assert laws[0].limited == laws[1].limited == ("contact_limits" not in options)
+        assert laws[0].ramp == laws[1].ramp
+        np.testing.assert_array_equal(
+            laws[0].constants.limits[0, 0], laws[1].constants.limits[0, 0]
+        )
