@@ -37,7 +37,7 @@ class Bob:
 
     def height(self, plan, outcome):
         bow = 0.5 - 0.5 * np.cos(2 * np.pi * plan["pace"] * outcome.state.tick / self.hz)
-        return self.body.home_height * (1 - self.depth * bow)
+        return self.body.height(1 - self.depth * bow)
 
     def observe(self, outcome, plan, memory):
         return np.column_stack([self.height(plan, outcome), self.body.observe(outcome)])

@@ -170,7 +170,7 @@ def _commands(stage: Stage) -> dict[str, Control]:
             found["gait"] = Menu(COMMAND, "gait", names, task.gait_name, resets=True)
         return found
     if isinstance(task, Balance):
-        least, most = _rounded(task.body.home_height * np.array(task.height_range))
+        least, most = _rounded(task.body.height(np.array(task.height_range)))
         return {"height": Slider(COMMAND, "height (m), a policy's to follow", least, most, most)}
     if isinstance(task, Tracking) and task.speed_range[0] < task.speed_range[1]:
         least, most = _rounded(task.speed_range)

@@ -57,7 +57,7 @@ class Balance:
         pushes: the disturbances.
         start: how an episode begins.
         home: the home stance, what the action layers follow.
-        height_range: (least, most) commanded base height, as shares of the home height.
+        height_range: (least, most) commanded base height, see `Body.height`.
         height_interval: (least, most) s from one command to the next.
     """
 
@@ -94,7 +94,8 @@ class Balance:
             hz: control ticks per second.
             pushes: the disturbances.
             start: how an episode begins.
-            height_range: (least, most) commanded base height, as shares of the home height.
+            height_range: (least, most) commanded base height, as shares of the robot's size: of the
+                height of its hips or of its centre of mass above the feet, whichever is higher.
             height_interval: (least, most) s from one command to the next.
         """
         check_schedule("height_interval", height_interval, seconds)
@@ -103,7 +104,7 @@ class Balance:
 
     @property
     def derived(self) -> Mapping[str, Any]:
-        """See `Task.derived`: shares of the home height need no robot."""
+        """See `Task.derived`: shares of its size need no robot."""
         return {}
 
     @property
@@ -128,7 +129,7 @@ class Balance:
             "qvel": qvel,
             **pushes,
             "command_start": np.concatenate([[0.0], command_times[:-1]]) * self.hz,
-            "command": self.body.home_height * rng.uniform(*self.height_range, size=count),
+            "command": self.body.height(rng.uniform(*self.height_range, size=count)),
         }
 
     def memory(self, terms: DynamicsTerms) -> Memory:
@@ -162,7 +163,8 @@ class Balance:
         """
         body = self.body
         posture, command = body.posture(outcome), self.command(plan, outcome.state.tick)
-        scales = _Scales(body.stance.home_base, body.speed, body.mean_torque_limit)
+        home = body.stance.home_base
+        scales = _Scales(home, body.size, body.speed, body.mean_torque_limit)
         shares = _judge(scales, posture, outcome, command)
         height = posture.base[:, 2]
         metrics = {
@@ -180,6 +182,7 @@ class _Scales(NamedTuple):
     """What the reward measures by."""
 
     home_base: np.ndarray  # (3,) m, support frame
+    size: float  # m, see `Body.size`
     speed: float  # m/s, see `Body.speed`
     torque_limit: float  # N·m, mean of the joints
 
@@ -212,7 +215,7 @@ def _judge(
     )
     home = scales.home_base
     # Lengths, speeds and rates scale with the robot.
-    size, speed, rate = home[2], scales.speed, scales.speed / home[2]
+    size, speed, rate = scales.size, scales.speed, scales.speed / scales.size
     for i in range(count):
         base, qvel = posture.base[i], outcome.state.qvel[i]
         drift = np.hypot(base[0] - home[0], base[1] - home[1])

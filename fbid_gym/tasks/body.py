@@ -15,7 +15,7 @@ from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.outcome import Outcome
 
 FALLEN_HEIGHT = 0.6
-"""Share of the home height below which the robot counts as fallen."""
+"""Share of `Body.size` below which what is as high at home counts as fallen."""
 
 FALLEN_TILT = 60.0
 """Tilt of the base (degrees) beyond which the robot counts as fallen."""
@@ -99,10 +99,19 @@ class Body:
         """Height of the base above its feet at home, m."""
         return float(self.stance.home_base[2])
 
+    @property
+    def size(self) -> float:
+        """How tall the robot stands, m: `Stance.size`, what lengths are measured by."""
+        return self.stance.size
+
     @cached_property
     def speed(self) -> float:
-        """What makes speeds of robots of all sizes comparable: sqrt(g * home height), m/s."""
-        return float(np.sqrt(self.robot.gravity * self.home_height))
+        """What makes speeds of robots of all sizes comparable: sqrt(g * size), m/s."""
+        return float(np.sqrt(self.robot.gravity * self.size))
+
+    def height(self, share: np.ndarray) -> np.ndarray:
+        """Return the height of a base, m, that is lower than at home as a robot of a share is."""
+        return self.size * share + (self.home_height - self.size)
 
     @cached_property
     def mean_torque_limit(self) -> float:
@@ -171,8 +180,9 @@ class Body:
 
     def fallen(self, outcome: Outcome) -> np.ndarray:
         """Return which robots lie: (N,) bool."""
-        low = FALLEN_HEIGHT * self.home_height
-        return _find_fallen(self._constants, low, _LEAST_UPRIGHT, outcome)
+        above = self.size - self.home_height
+        low = FALLEN_HEIGHT * self.size
+        return _find_fallen(self._constants, above, low, _LEAST_UPRIGHT, outcome)
 
 
 @kernel
@@ -257,14 +267,22 @@ def see_limbs(
 
 @kernel
 def _find_fallen(
-    body: _Constants, low: float, least_upright: float, outcome: Outcome
+    body: _Constants, above: float, low: float, least_upright: float, outcome: Outcome
 ) -> np.ndarray:
-    """Robots (N,) whose base is lower than `low` m above the feet, or not upright."""
+    """Robots (N,) that lie: the point `above` m above the base's origin is low, or it is tilted.
+
+    Args:
+        body: whose.
+        above: m, up at home, along the base.
+        low: m above the feet.
+        least_upright: cosine of the greatest tilt.
+        outcome: of the robots.
+    """
     terms, count = outcome.terms, len(outcome.torque)
     lying = np.empty(count, np.bool_)
     for i in range(count):
-        height = terms.base_position[i, 2] - outcome.frame.centre[i, 2]
         upright = dot(terms.world_from_base[i, 2], body.home_up)
+        height = terms.base_position[i, 2] - outcome.frame.centre[i, 2] + above * upright
         lying[i] = height < low or upright < least_upright
     return lying
 

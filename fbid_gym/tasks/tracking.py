@@ -162,7 +162,7 @@ class Tracking:
         """Judge a policy step; see `Task.reward`."""
         body, posture = self.body, self.body.posture(outcome)
         reference = self._planned(plan, outcome.state.tick)
-        sizes = body.home_height, body.speed, body.mean_torque_limit
+        sizes = body.size, body.speed, body.mean_torque_limit
         scales = _Scales(*sizes, body.stance.geometry.foot_of_point)
         joint_error, shares = _judge(scales, posture, outcome, reference)
         height, asked = posture.base[:, 2], reference.qpos[:, 2]
@@ -236,7 +236,7 @@ def _ask(
 class _Scales(NamedTuple):
     """What the reward measures by."""
 
-    size: float  # m, home height
+    size: float  # m, see `Body.size`
     speed: float  # m/s, see `Body.speed`
     torque_limit: float  # N·m, mean of the joints
     foot_of_point: np.ndarray  # (P,)

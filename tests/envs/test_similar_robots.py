@@ -1,13 +1,22 @@
-"""No robot's size is known to anything: similar robots do the same, each in its own time."""
+"""No robot's size is known to anything: similar robots do the same, each in its own time.
+
+Nor is where in its body a robot's base has its origin.
+"""
 
 import numpy as np
 import pytest
 
 from fbid_gym.actions import LAYERS
+from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from tests.robots.similar import similar
+from fbid_gym.motions.gait.gait import gait_of
+from fbid_gym.quantities import RobotState
+from fbid_gym.robots import Robot, load
+from fbid_gym.tasks.body import Body
+from fbid_gym.tasks.outcome import Outcome
+from tests.robots.similar import moved, similar
 
 CASES = [
     ("go1", "QuadrupedBalance", "height_interval"),
@@ -56,3 +65,46 @@ def test_size_is_unknown(name, env, commands, layer):
         other = rollout(name, size, env, commands, layer)
         for expected, value in zip(own, other, strict=True):
             np.testing.assert_allclose(value, expected, rtol=2e-4, atol=2e-4)
+
+
+def outcome_of(robot: Robot, qpos: np.ndarray) -> Outcome:
+    """Robots (N, nq) at rest."""
+    count, joints = len(qpos), np.zeros((len(qpos), robot.num_joints))
+    qvel, force = np.zeros((count, robot.nv)), np.zeros((count, robot.num_points, 3))
+    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    state, frame = RobotState(qpos, qvel, force, np.zeros(count, np.int64)), Body.of(robot).stance
+    return Outcome(state, terms, frame.frame(terms), joints, joints[:, 0], joints[:, 0], 0.02)
+
+
+@pytest.mark.parametrize("up", [-0.9, 0.3])
+@pytest.mark.parametrize("name", ["biped", "quadruped"])
+def test_the_base_may_have_its_origin_anywhere(name: str, up: float) -> None:
+    up *= load(name).home_qpos[2]
+    one, other = load(name), moved(name, 0.0, 0.0, up)
+    own, body = Body.of(one), Body.of(other)
+    near = 1e-5 * own.size  # home is found by letting the robot down
+    assert body.speed == pytest.approx(own.speed, rel=1e-5)
+    shares = np.array([0.7, 1.0, 1.2])
+    np.testing.assert_allclose(body.height(shares), own.height(shares) + up, atol=near)
+
+    numbers, found = (gait_of(robot, 500).constants._asdict() for robot in (one, other))
+    assert found["height"] == pytest.approx(numbers.pop("height") + up, abs=near)
+    if "hip" in numbers:
+        np.testing.assert_allclose(found["hip"], numbers.pop("hip") - [0.0, 0.0, up], atol=near)
+    for number, value in numbers.items():
+        parts = (item if isinstance(item, tuple) else (item,) for item in (value, found[number]))
+        for a, b in zip(*parts, strict=True):
+            np.testing.assert_allclose(b, a, rtol=1e-4, atol=near, err_msg=number)
+
+    # Bent, tilted and lowered: where the one lies the other does.
+    rng, count = np.random.default_rng(3), 400
+    qpos = np.tile(one.home_qpos, (count, 1))
+    qpos[:, 7:] += rng.uniform(-1.5, 1.5, (count, 1)) * np.sign(one.home_qpos[7:])
+    qpos[:, 3:7] += 0.3 * rng.normal(size=(count, 4))
+    qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7], axis=1, keepdims=True)
+    lies = own.fallen(outcome_of(one, qpos))
+    upright = MuJoCoDynamics(one).terms(qpos, np.zeros((count, one.nv))).world_from_base
+    qpos[:, :3] += up * upright[:, :, 2]
+    np.testing.assert_array_equal(body.fallen(outcome_of(other, qpos)), lies)
+    tilted = np.arccos(upright[:, 2, 2]) > np.radians(60.0)
+    assert 0.05 < lies[~tilted].mean() < 0.95
