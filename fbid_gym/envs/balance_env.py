@@ -121,8 +121,8 @@ class BalanceEnv(RobotEnv):
 
     ## Rewards
     The reward of a step is the sum of six terms, each between 0 and its weight; the weights sum to
-    1, so a return is at most the number of steps. With `bell(x) = exp(-x^2)`, H the home height of
-    the base above the contact points and g gravity:
+    1, so a return is at most the number of steps. With `bell(x) = exp(-x^2)`, H the robot's size
+    (height of hips or centre of mass above the feet, the higher) and g gravity:
 
     | Term        | Weight | Formula                                                               |
     | ----------- | ------ | --------------------------------------------------------------------- |

@@ -51,7 +51,8 @@ class TrackingEnv(RobotEnv):
 
     ## Rewards
     The sum of six terms, each between 0 and its weight; the weights sum to 1. With
-    `bell(x) = exp(-x^2)`, H the home height of the base above the contact points and g gravity:
+    `bell(x) = exp(-x^2)`, H the robot's size (height of hips or centre of mass above the
+    feet, the higher) and g gravity:
 
     | Term       | Weight | Formula                                                                |
     | ---------- | ------ | ---------------------------------------------------------------------- |

@@ -54,8 +54,12 @@ class WalkingEnv(RobotEnv):
     | `torque`                     | none                                                          |
     | `joint_position`             | `reference`, `natural_frequency`, `damping_ratio`, `scale`    |
     | `joint_position_feedforward` | `natural_frequency`, `damping_ratio`, `scale`,                |
-    |                              | `target_frequency`                                            |
-    | `joint_acceleration`         | `natural_frequency`, `damping_ratio`, `scale`                 |
+    |                              | `target_frequency`,                                           |
+    |                              | `contact_limits`, `contact_ramp`, `friction`,                 |
+    |                              | `compensate_damping`, `compensate_friction`                   |
+    | `joint_acceleration`         | `natural_frequency`, `damping_ratio`, `scale`,                |
+    |                              | `contact_limits`, `contact_ramp`, `friction`,                 |
+    |                              | `compensate_damping`, `compensate_friction`                   |
     | `base_acceleration`          | `contact_limits`, `contact_ramp`, `friction`,                 |
     |                              | `compensate_damping`, `compensate_friction`                   |
     | `com_wrench`                 | `contact_limits`, `contact_ramp`, `friction`,                 |
