@@ -14,7 +14,7 @@ from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, Posture, bell, level, weighted
 from fbid_gym.tasks.outcome import Outcome
-from fbid_gym.tasks.plan import Plan, check_schedule
+from fbid_gym.tasks.plan import Plan, check_schedule, command_at
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.task import Now
@@ -145,7 +145,7 @@ class Balance:
 
     def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the commanded height of each base above its feet: (N,) m."""
-        return _find_command(plan["command_start"], plan["command"], tick)
+        return command_at(plan["command_start"], plan["command"][:, :, None], tick)[:, 0]
 
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
@@ -185,18 +185,6 @@ class _Scales(NamedTuple):
     size: float  # m, see `Body.size`
     speed: float  # m/s, see `Body.speed`
     torque_limit: float  # N·m, mean of the joints
-
-
-@kernel
-def _find_command(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.ndarray:
-    """Return the commands (N,) at ticks (N,), of those (N, K) that start at ticks (N, K)."""
-    found = np.empty(len(tick))
-    for i in range(len(tick)):
-        index = -1
-        for k in range(start.shape[1]):
-            index += start[i, k] <= tick[i]
-        found[i] = command[i, index]
-    return found
 
 
 @kernel

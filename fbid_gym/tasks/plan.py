@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
 
 MOST_EVENTS = 100_000
@@ -9,6 +10,20 @@ MOST_EVENTS = 100_000
 
 Plan = dict[str, np.ndarray]
 """All that chance decided about the episodes of N robots, one row each: see `Task.draw`."""
+
+
+@kernel
+def command_at(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.ndarray:
+    """Return the commands (N, C) at ticks (N,), of those (N, K, C) that start at ticks (N, K)."""
+    axes = command.shape[2]
+    found = np.empty((len(tick), axes))
+    for i in range(len(tick)):
+        index = -1
+        for k in range(start.shape[1]):
+            index += start[i, k] <= tick[i]
+        for axis in range(axes):
+            found[i, axis] = command[i, index, axis]
+    return found
 
 
 def check_schedule(name: str, interval: tuple[float, float], seconds: float) -> None:

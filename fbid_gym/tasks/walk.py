@@ -17,7 +17,7 @@ from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
 from fbid_gym.tasks.body import Body, weighted
 from fbid_gym.tasks.height_scan import SCAN, scan_heights
 from fbid_gym.tasks.outcome import Outcome
-from fbid_gym.tasks.plan import Plan, check_schedule
+from fbid_gym.tasks.plan import Plan, check_schedule, command_at
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.task import Now
@@ -26,7 +26,6 @@ from fbid_gym.tasks.walk_measures import (
     Scales,
     Seen,
     WalkReward,
-    command_at,
     judge,
     note,
     observe,

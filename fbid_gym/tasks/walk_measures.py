@@ -117,19 +117,6 @@ class Judged(NamedTuple):
     moved: Moved
 
 
-@kernel
-def command_at(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.ndarray:
-    """Return the commands (N, 3) at ticks (N,), of those (N, K, 3) that start at ticks (N, K)."""
-    found = np.empty((len(tick), 3))
-    for i in range(len(tick)):
-        index = -1
-        for k in range(start.shape[1]):
-            index += start[i, k] <= tick[i]
-        for axis in range(3):
-            found[i, axis] = command[i, index, axis]
-    return found
-
-
 @compiled
 def yaw_rate(world_from_base: np.ndarray, qvel: np.ndarray) -> float:
     """rad/s about the vertical, of one robot: (3, 3) and (nv,)."""
