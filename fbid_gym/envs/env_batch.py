@@ -107,9 +107,13 @@ class EnvBatch:
         return (*self.layer.action_names, *self.footholds.action_names)
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
-        """Give one environment a random generator of its own."""
-        self._rngs[env] = rng
+        """Give one environment a random generator of its own, and begin its curriculum anew."""
+        self.draw_from(env, rng)
         self._progress.begin(env)
+
+    def draw_from(self, env: int, rng: np.random.Generator) -> None:
+        """Give one environment a random generator of its own; its curriculum goes on."""
+        self._rngs[env] = rng
 
     def reset(self, ids: np.ndarray) -> None:
         """Start new episodes in the environments `ids` (K,)."""

@@ -44,11 +44,14 @@ class RobotEnv(gym.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start a new episode; there are no options."""
+        """Start a new episode; there are no options. Only a seed begins a curriculum anew."""
         self._check_open()
         by_name("options", options, ())
         super().reset(seed=seed)
-        self.batch.seed(0, self.np_random)
+        if seed is None:
+            self.batch.draw_from(0, self.np_random)
+        else:
+            self.batch.seed(0, self.np_random)
         self.batch.reset(self._only)
         if self.render_mode == "human":
             self.render()

@@ -170,6 +170,28 @@ def test_a_curriculum_in_the_environment_and_its_exact_state() -> None:
     assert (batch._progress.level < 4).any()
 
 
+def test_a_scalar_environment_goes_through_the_levels_as_a_vector_environment_does() -> None:
+    given = {"action_layer": "torque", "curriculum": True}
+    one = gym.make(QUADRUPED, **given)
+    many = gym.make_vec(QUADRUPED, num_envs=2, autoreset_mode="DISABLED", **given)
+    np.testing.assert_array_equal(one.reset(seed=3)[0], many.reset(seed=3)[0][0])
+    levels: list[int] = []
+    while len(levels) < 4:
+        seen, _, terminated, truncated, info = one.step(-np.ones(12, np.float32))
+        every, _, fell, late, _ = many.step(-np.ones((2, 12), np.float32))
+        over = fell | late
+        np.testing.assert_array_equal(seen, every[0])
+        assert over[0] == (terminated or truncated)
+        if over.any():
+            again = many.reset(options={"reset_mask": over})[0]
+        if over[0]:
+            levels.append(int(info["terrain_level"]))
+            np.testing.assert_array_equal(one.reset()[0], again[0])
+    assert levels == [5, 4, 3, 2]
+    one.reset(seed=3)
+    assert one.step(-np.ones(12, np.float32))[4]["terrain_level"] == 5
+
+
 @pytest.mark.parametrize("env", [QUADRUPED, BIPED])
 def test_the_registered_environments_step(env: str) -> None:
     made = gym.make(env, action_layer="torque")
