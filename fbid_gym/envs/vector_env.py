@@ -9,7 +9,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from fbid_gym.checks import by_name, real_numbers
+from fbid_gym.checks import by_name, count, real_numbers
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
@@ -64,13 +64,19 @@ class RobotVectorEnv(VectorEnv):
         self._done = np.ones(num_envs, bool)
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | np.ndarray | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start new episodes.
 
         Args:
-            seed: environment i gets seed + i; or one seed (or None) each.
+            seed: environment i gets seed + i; or one seed (or None) each, in a list or an array.
             options: {"reset_mask": (N,) bool} resets only those environments.
+
+        Raises:
+            FbidError: seeds, options or a mask that are none. Nothing was seeded or reset.
         """
         everyone = np.ones(self.num_envs, bool)
         given = by_name("options", options, ("reset_mask",)).get("reset_mask", everyone)
@@ -85,14 +91,15 @@ class RobotVectorEnv(VectorEnv):
         self._done[chosen] = False
         return self.chunks.observation(), {}
 
-    def _seeds(self, seed: int | list[int | None] | None) -> list[int | None]:
-        if seed is None:
-            return [None] * self.num_envs
-        if isinstance(seed, int | np.integer):
-            return [int(seed) + env for env in range(self.num_envs)]
-        if not isinstance(seed, Sequence | np.ndarray) or len(seed) != self.num_envs:
+    def _seeds(self, seed: Any) -> list[int | None]:
+        """Return one for each environment, as Gymnasium takes them: ints of Python, or None."""
+        given = seed.tolist() if isinstance(seed, np.ndarray) else seed
+        if not isinstance(given, list | tuple):
+            first = _seed("seed", given)
+            return [None if first is None else first + env for env in range(self.num_envs)]
+        if len(given) != self.num_envs:
             raise InvalidValueError("seed", seed, f"one integer, or {self.num_envs} of them")
-        return list(seed)
+        return [_seed(f"seed of environment {env}", one) for env, one in enumerate(given)]
 
     def step(
         self, actions: np.ndarray
@@ -161,6 +168,10 @@ def spaces(batch: EnvBatch) -> tuple[gym.spaces.Box, gym.spaces.Box]:
     observation = gym.spaces.Box(-bound, bound, dtype=np.float32)
     action = gym.spaces.Box(-1.0, 1.0, (len(batch.action_names),), dtype=np.float32)
     return observation, action
+
+
+def _seed(name: str, value: Any) -> int | None:
+    return None if value is None else count(name, value)
 
 
 def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:

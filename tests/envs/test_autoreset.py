@@ -101,7 +101,8 @@ def test_seeds_in_every_form():
     env = gym.make_vec(name, num_envs=3, action_layer="torque")
     counted = env.reset(seed=5)[0]
     np.testing.assert_array_equal(env.reset(seed=[5, 6, 7])[0], counted)
-    np.testing.assert_array_equal(env.reset(seed=np.int64(5))[0], counted)
+    for same in (np.int64(5), np.array([5, 6, 7]), (5, np.int64(6), np.uint8(7))):
+        np.testing.assert_array_equal(env.reset(seed=same)[0], counted)
     following = env.reset()[0]
     assert (following != counted).any(axis=1).all()
     # None leaves an environment its generator.
@@ -117,10 +118,23 @@ def test_seeds_in_every_form():
         env.reset(seed=[1, 2])
     with pytest.raises(InvalidValueError, match=r"Invalid seed: 1.5"):
         env.reset(seed=1.5)
+    with pytest.raises(InvalidValueError, match=r"Invalid seed: .*\[\[1\]\].*Expected one integer"):
+        env.reset(seed=np.array([[1]]))
     with pytest.raises(ShapeError, match=r"reset_mask has shape \(2,\). Expected \(3,\) bool"):
         env.reset(options={"reset_mask": np.ones(2, bool)})
     with pytest.raises(ShapeError, match=r"reset_mask has shape \(3,\). Expected \(3,\) bool"):
         env.reset(options={"reset_mask": np.ones(3)})
+
+
+@pytest.mark.parametrize("bad", [[8, -1, 5], [8, 5, 0.5], [8, True, 5], "123", {8, 5, 1}, -1])
+def test_what_is_no_seed_seeds_nothing(bad):
+    env = gym.make_vec(next(iter(ENVIRONMENTS)), num_envs=3, action_layer="torque")
+    env.reset(seed=5)
+    before = env.chunks.state_dict()
+    with pytest.raises(InvalidValueError, match="Invalid seed.* Expected a whole number of at lea"):
+        env.reset(seed=bad)
+    for name, value in env.chunks.state_dict().items():
+        np.testing.assert_array_equal(value, before[name], err_msg=name)
 
 
 def test_without_an_episode_there_is_no_step():
