@@ -32,7 +32,7 @@ class Chunks:
         num_threads = NUM_THREADS.check("num_threads", num_threads)
         bounds = np.linspace(0, num_envs, min(num_threads, num_envs) + 1).astype(int)
         self.slices = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
-        self.batches = [EnvBatch(config, s.stop - s.start) for s in self.slices]
+        self.batches = [EnvBatch(config, s.stop - s.start, num_envs) for s in self.slices]
         self.num_envs = num_envs
         self._closed = False
         self._pool = ThreadPoolExecutor(len(self.batches) - 1) if len(self.batches) > 1 else None

@@ -58,8 +58,18 @@ class EnvBatch:
         simulation: the physics.
     """
 
-    def __init__(self, config: EnvConfig, num_envs: int) -> None:
-        """Build the environments; reset them all before the first step."""
+    def __init__(self, config: EnvConfig, num_envs: int, of: int | None = None) -> None:
+        """Build the environments; reset them all before the first step.
+
+        Args:
+            config: what they are.
+            num_envs: how many.
+            of: how many they are together with those of other batches; None: there are no others.
+
+        Raises:
+            FbidError: arguments that no environment has, or episodes that take more memory, all
+                batches together, than they may.
+        """
         self.config = config
         self.rates = config.rates()
         self.robot = config.load_robot()
@@ -77,7 +87,7 @@ class EnvBatch:
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         drawn = self.task.draw(np.random.default_rng(0))
         check_plan(self.task, drawn)
-        _check_memory(drawn, num_envs, self.task.seconds)
+        _check_memory(drawn, num_envs if of is None else of, self.task.seconds)
         self._plan = {
             name: np.zeros((num_envs, *value.shape), value.dtype) for name, value in drawn.items()
         }

@@ -174,10 +174,11 @@ def test_what_would_take_too_much_memory_or_never_end(arguments, message):
         gym.make(BIPED, **config, **arguments)
 
 
-def test_episodes_of_many_robots_have_bounds_too():
+@pytest.mark.parametrize("num_threads", [1, 300])
+def test_episodes_of_many_robots_have_bounds_too(num_threads):
     config = EnvConfig.of({"episode_seconds": 1e5})
     with pytest.raises(FbidError, match="episode_seconds: 100000.0. Expected less: .* 300 such"):
-        Chunks(config, 300, 1)
+        Chunks(config, 300, num_threads)
 
 
 @pytest.fixture(scope="module")
