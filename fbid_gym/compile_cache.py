@@ -6,7 +6,7 @@ this order, in NUMBA_CACHE_DIR if that is set, and nowhere else; beside the sour
 cache (XDG_CACHE_HOME, by default ~/.cache), for an installation that cannot be written. Where none
 can be written, every process compiles for itself. Files that cannot be read, because a process was
 killed or a disk was full, count as absent and are written anew. Of several processes that start at
-once, one compiles a function and the others wait for it (`compile_turn`).
+once, one compiles a function and the others wait for it (`compile_turn`), unless that one fails.
 """
 
 import hashlib
@@ -45,7 +45,8 @@ def folders(package: Path) -> tuple[Path, ...]:
 
 def kept(dispatcher: Any, places: Sequence[Path]) -> Any:
     """Return one of Numba's compiled functions, from now on kept in the first place that can be."""
-    dispatcher._cache = _Cache(dispatcher.py_func, places)
+    cache, compiler = _Cache(dispatcher.py_func, places), dispatcher._compiler
+    dispatcher._cache, compiler.compile = cache, cache.giving(compiler.compile)
     return dispatcher
 
 
@@ -166,10 +167,29 @@ class _Cache(FunctionCache):
             _NEWS.compiling()
         return found
 
+    def giving(self, build: Callable[..., Any]) -> Callable[..., Any]:
+        """Return what compiles as `build` does, and gives the turn away where that fails.
+
+        Numba saves nothing then. The process may live on, after Ctrl-C in a notebook or an error of
+        typing, and others would wait for what never comes.
+        """
+
+        def build_or_give(*args: Any) -> Any:
+            try:
+                return build(*args)
+            except BaseException:
+                _NEWS.compiled()
+                self._turn.give()
+                raise
+
+        return build_or_give
+
     def save_overload(self, signature: Any, data: Any) -> None:
         _NEWS.compiled()
-        super().save_overload(signature, data)
-        self._turn.give()
+        try:
+            super().save_overload(signature, data)
+        finally:
+            self._turn.give()
 
 
 class _News:

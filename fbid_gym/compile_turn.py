@@ -26,7 +26,7 @@ class Turn:
         self._held: IO[bytes] | None = None
 
     def take(self, done: Callable[[], Any], waiting: Callable[[float], None]) -> Any:
-        """Wait for the turn; it is kept until `give`.
+        """Wait for the turn; it is kept until `give`, unless something was found or raised.
 
         Args:
             done: returns what another process may have compiled meanwhile, or None.
@@ -38,14 +38,14 @@ class Turn:
         file = None if self._held else self._open()
         if file is None:
             return None
-        if not _locked(file, waiting):
-            file.close()
-            return None
-        found = done()
-        if found is None:
-            self._held = file
-        else:
-            file.close()
+        found = None
+        try:
+            if _locked(file, waiting):
+                found = done()
+                self._held = file if found is None else None
+        finally:
+            if self._held is not file:
+                file.close()
         return found
 
     def give(self) -> None:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from fbid_gym.compile_turn import Turn
+
 KERNELS = """
 import numpy as np
 from fbid_gym.compiled import kernel
@@ -49,6 +51,29 @@ print(x[0] - 1.0, *(sum(f.entry.stats.cache_hits.values()) for f in (scale, shif
 """
 PACKAGE = str(Path(__file__).parents[1] / "fbid_gym")
 COLD, WARM = ["2.0", "0", "0"], ["2.0", "1", "1"]
+FAIL = """
+import fcntl, sys
+from pathlib import Path
+from types import ModuleType
+import numpy as np
+sys.modules["fbid_gym"] = package = ModuleType("fbid_gym")
+package.__path__ = [{package!r}]
+from fbid_gym import compile_cache, compiled
+compile_cache._MOMENT = 0.0
+compiled._PLACES = compile_cache.folders(Path("probe").resolve())
+from probe.outer import scale
+def interrupt(*_):
+    raise KeyboardInterrupt
+if {interrupted}:
+    scale.entry._compiler._compile_core = interrupt
+try:
+    scale(np.ones(3))
+except BaseException as error:
+    print(type(error).__name__)
+(lock,) = Path("probe").glob("__pycache__/compiled-*/*scale*.lock")
+with open(lock) as other:
+    fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+"""
 AT_ONCE, NEVER = 0.0, 1e9
 """When to say that something is compiled, s."""
 
@@ -64,14 +89,16 @@ def probe(tmp_path: Path) -> Path:
     return folder
 
 
-def start(probe: Path, moment: float = NEVER, **environment: str) -> subprocess.Popen[str]:
+def start(
+    probe: Path, moment: float = NEVER, program: str = RUN, **environment: str
+) -> subprocess.Popen[str]:
     """Start a process that uses both kernels."""
     inherited = {
         k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
     }
     own = {"XDG_CACHE_HOME": str(probe.parent / "cache")}
     return subprocess.Popen(
-        [sys.executable, "-c", RUN.format(moment=moment, package=PACKAGE)],
+        [sys.executable, "-c", program.format(moment=moment, package=PACKAGE)],
         cwd=probe.parent,
         env=inherited | own | environment,
         stdout=subprocess.PIPE,
@@ -174,6 +201,30 @@ def test_of_processes_that_start_at_once_one_compiles_and_the_others_wait(probe:
     # Each kernel was compiled once, whoever did it, and found on disk by the others.
     for kernel in (1, 2):
         assert sorted(result[kernel] for result, _ in found) == ["0", "1", "1", "1"]
+
+
+@pytest.mark.parametrize("error", ["TypingError", "KeyboardInterrupt"])
+def test_who_fails_to_compile_lets_the_others(probe: Path, error: str) -> None:
+    """While it lives on, as a notebook does."""
+    if error == "TypingError":
+        (probe / "inner.py").write_text(INNER.format(factor="'two'"))
+    program = FAIL.replace("{interrupted}", str(error == "KeyboardInterrupt"))
+    assert end(start(probe, program=program))[0] == [error]
+
+
+def test_a_turn_that_is_interrupted_is_nobodys(tmp_path: Path) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    one, other = (Turn([tmp_path / "a.lock"]) for _ in range(2))
+    waited: list[float] = []
+    for turn in (one, other):
+        with pytest.raises(KeyboardInterrupt):
+            turn.take(interrupted, waited.append)
+    assert one.take(lambda: "made", waited.append) == "made"
+    assert other.take(lambda: None, waited.append) is None
+    other.give()
+    assert waited == []
 
 
 def test_one_line_says_that_another_process_compiles(probe: Path) -> None:
