@@ -23,14 +23,12 @@ STEPS = 25
 """Policy steps timed at a stretch. Each stretch starts from a reset, so that all layers are
 compared on robots that stand."""
 
+BALANCE = "fbid_gym/BipedBalance-v0"
+"""The environment, given a robot: not every robot has one of its own."""
+
 RELATIVE_LIMIT = {("biped", "base_acceleration"): Limit(0.55, at_least=True)}
 THREAD_LIMIT = Limit(1.7, at_least=True)
 SINGLE_LIMIT = Limit(45.0)
-
-
-def env_id(robot: str) -> str:
-    """Return the environment of a built-in robot."""
-    return f"fbid_gym/{robot.capitalize()}Balance-v0"
 
 
 def zero_action(space: gym.Space) -> np.ndarray:
@@ -97,10 +95,13 @@ def by_layer(robots: list[str], layers: list[str], num_envs: int, rounds: int) -
     figures = []
     for robot in robots:
         stretches = {
-            layer: Stretch(gym.make_vec(env_id(robot), num_envs=num_envs, action_layer=layer,
-                                        num_threads=1))
+            layer: Stretch(
+                gym.make_vec(
+                    BALANCE, robot=robot, num_envs=num_envs, action_layer=layer, num_threads=1
+                )
+            )
             for layer in layers
-        }  # fmt: skip
+        }
         seconds = _seconds(stretches, rounds, time.process_time)
         for layer, values in seconds.items():
             figures.append(
@@ -130,7 +131,11 @@ def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int)
             for layer in layers:
                 stretches[f"`{layer}` {threads}"] = Stretch(
                     gym.make_vec(
-                        env_id(robot), num_envs=num_envs, action_layer=layer, num_threads=threads
+                        BALANCE,
+                        robot=robot,
+                        num_envs=num_envs,
+                        action_layer=layer,
+                        num_threads=threads,
                     )
                 )
         seconds = _seconds(stretches, rounds, time.perf_counter)
@@ -188,7 +193,7 @@ class _Single:
     steps = 20
 
     def __init__(self, robot: str, layer: str) -> None:
-        env = gym.make(env_id(robot), action_layer=layer).unwrapped
+        env = gym.make(BALANCE, robot=robot, action_layer=layer).unwrapped
         assert isinstance(env, RobotEnv)
         self.env = env
         self.timed = TimedBatch.inside(env.batch.simulation)

@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import psutil
 
-from eval.benchmark.environments import env_id, zero_action
+from eval.benchmark.environments import BALANCE, zero_action
 from eval.benchmark.figures import Figure, Limit, Section
 
 FEW, MANY = 64, 320
@@ -20,7 +20,7 @@ MEGABYTE = 2**20
 def _measure(
     answer: Connection, robot: str, layer: str, num_envs: int, warmup: int, steps: int
 ) -> None:
-    envs = gym.make_vec(env_id(robot), num_envs=num_envs, action_layer=layer, num_threads=2)
+    envs = gym.make_vec(BALANCE, robot=robot, num_envs=num_envs, action_layer=layer, num_threads=2)
     action = zero_action(envs.action_space)
     envs.reset(seed=0)
     process = psutil.Process()

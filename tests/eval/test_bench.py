@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from eval.benchmark.environments import by_layer
 from eval.benchmark.figures import Figure, Limit, Section, interleave, short
 
 
@@ -52,3 +53,8 @@ def test_a_table_names_what_missed_its_limit() -> None:
         "| slow | 9 µs | **2.00** | 1.50 – 2.50 | ≤ 0.35 (missed) |",
         "| free | 2 µs | **1.00** |  |  |",
     ]
+
+
+def test_a_robot_without_an_environment_of_its_own_is_measured() -> None:
+    figures = by_layer(["go1"], ["torque"], 1, 1).figures
+    assert [figure.what for figure in figures] == ["go1, `torque`"]
