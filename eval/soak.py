@@ -12,7 +12,6 @@ import time
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
-import gymnasium as gym
 import numpy as np
 import psutil
 import tyro
@@ -21,6 +20,7 @@ from eval.pages import RELIABILITY_PAGE, splice, spliced
 from eval.wording import count
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_positive
+from train.environments import make_envs
 from train.runs.exit_status import exit_status
 
 MOST_GROWTH = 0.01
@@ -98,13 +98,12 @@ def read() -> Reading:
 
 def soak(config: SoakConfig, layer: str) -> Soaked:
     """Run the environment through a layer."""
-    envs = gym.make_vec(
-        config.env,
-        num_envs=config.num_envs,
-        num_threads=config.num_threads,
-        action_layer=layer,
-        episode_seconds=1.0,
-    )
+    given = {
+        "num_threads": config.num_threads,
+        "action_layer": layer,
+        "episode_seconds": 1.0,
+    }
+    envs = make_envs(config.env, given, config.num_envs)
     fifth = max(round(config.steps / len(config.layers) / config.num_envs / 5), 1)
     envs.reset(seed=0)
     envs.action_space.seed(0)

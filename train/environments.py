@@ -23,7 +23,7 @@ def register(modules: Iterable[str]) -> None:
     for module in modules:
         try:
             importlib.import_module(module)
-        except (ImportError, ValueError) as error:
+        except (ImportError, TypeError, ValueError) as error:
             raise InvalidValueError(
                 "register", module, f"a module that can be imported ({error})"
             ) from error
@@ -34,7 +34,8 @@ def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> Vector
 
     Raises:
         UnknownOptionError: no such id.
-        InvalidValueError: arguments the environment does not take.
+        InvalidValueError: arguments the environment does not take; or the id names a module, as in
+            "module:id", that cannot be imported.
     """
     options = _own_arguments(env_args)
     if env_id in ENVIRONMENTS:
@@ -61,6 +62,9 @@ def _own_arguments(env_args: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _make(build: Any, env_id: str, env_args: Mapping[str, Any]) -> Any:
+    module, named, _ = env_id.partition(":")
+    if named:  # as Gymnasium would
+        register([module])
     try:
         return build()
     except gym.error.UnregisteredEnv as error:

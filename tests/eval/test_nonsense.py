@@ -3,7 +3,7 @@
 import pytest
 import tyro
 
-from eval import bench, compare, demo, rates, rollout, terrain, walking
+from eval import bench, compare, demo, noise, rates, rollout, soak, terrain, walking
 from eval.papers.__main__ import main as papers
 from train import ppo, sweep
 from train.runs.command_line import parse
@@ -29,6 +29,8 @@ def train(arguments):
 measure = command(bench.BenchConfig, bench.main)
 show = command(demo.DemoConfig, demo.main)
 sweeps = command(sweep.SweepConfig, sweep.main)
+soaks = command(soak.SoakConfig, soak.main)
+noises = command(noise.NoiseConfig, noise.main)
 at_rates = command(rates.RatesConfig, rates.main)
 
 
@@ -89,6 +91,11 @@ at_rates = command(rates.RatesConfig, rates.main)
         ),
         (terrain.main, ["--robots", "-2"], "Invalid robots: -2. Expected a whole number from"),
         (terrain.main, ["--seconds", "nan"], "Invalid seconds: nan. Expected a number from"),
+        (soaks, ["--env", "fbid_gym/Moon-v0"], "Unknown environment 'fbid_gym/Moon-v0'. Valid ch"),
+        (soaks, ["--env", "CartPole-v1"], "Expected what CartPole-v1 takes"),
+        (soaks, ["--env", "no module:Moon-v0"], "Invalid register: 'no module'. Expected a mod"),
+        (noises, ["--env", "no module:Moon-v0"], "Invalid register: 'no module'. Expected a mod"),
+        (rollout.main, [*WALK, "--register", ".here"], "Invalid register: '.here'. Expected a mo"),
         (rollout.main, [*WALK, "--action-layer", "magic"], "Unknown action layer 'magic'. Valid c"),
         (rollout.main, [*WALK, "--env-args", '{"robot": "horse"}'], "Unknown robot 'horse'. Valid"),
         (rollout.main, [*WALK, "--env-args", '{"gait": "hop"}'], "Unknown gait 'hop'. Valid choic"),
