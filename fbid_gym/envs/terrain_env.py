@@ -25,11 +25,12 @@ class TerrainEnv(RobotEnv):
     | `roughness` | random heights 0.6 h apart, joined      | up to 0.35 c d h                     |
     | `stairs`    | steps of 1 h up to a level top          | 0.45 c d h each                      |
     | `planks`    | low obstacles lying about               | 0.2 c d h to 0.4 c d h high          |
-    | `gaps`      | gaps every 2 h in raised ground         | 0.7 d h wide, c d h deep             |
+    | `gaps`      | raised ground, two gaps 2 h apart       | 0.7 d h wide, c d h deep             |
     | `mixed`     | patches of all of these                 |                                      |
 
     Difficulty 0 is level. The sides of stairs, planks and gaps are 0.14 h wide, a cell of the
-    height field.
+    height field. Gaps go around the middle of a patch, 2 h and 4 h away; from middle to middle of
+    their sides they are whole cells wide, at least one.
 
     ## Action Space
     As in the other environments of task `walk`.

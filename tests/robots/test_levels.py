@@ -7,6 +7,7 @@ import pytest
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot, load
 from fbid_gym.robots.terrain import LEVELLED, NUM_LEVELS, Terrain, compile_world, make_terrain
+from fbid_gym.robots.terrain.patches import CLEARING
 
 ROBOTS = ("go1", "biped")
 
@@ -71,6 +72,27 @@ def test_starts_are_level_and_far_from_the_end(name: str, robot: Robot) -> None:
     level = np.zeros(len(terrain.starts), np.int64)
     assert not terrain.tiles.left(level, terrain.starts).any()
     assert terrain.tiles.left(level, terrain.starts + [terrain.tiles.edge, 0.0]).all()
+
+
+def test_gaps_are_alike_and_as_wide_as_their_difficulty_says(robot: Robot) -> None:
+    """Along a line from the middle of a patch, in heights of the centre of mass."""
+    out, cell, found = np.linspace(0.0, 5.5, 20_001), 0.14, []
+    difficulties = np.linspace(0.05, 1.0, 20)
+    for difficulty in difficulties:
+        terrain = make_terrain("gaps", robot, difficulty=float(difficulty))
+        unit, (x, y) = terrain.clearing / CLEARING, terrain.starts[4]
+        profile = terrain.height(x + unit * out, np.full(len(out), y))
+        low = np.flatnonzero(np.diff((profile < 0.5 * profile[0]).astype(int)))
+        begins, ends = out[low[::2]], out[low[1::2]]
+        np.testing.assert_allclose(np.diff(begins), 2.0, atol=cell)
+        found.append(ends - begins)
+    widths = np.array(found)
+    assert widths.shape == (20, 2)
+    np.testing.assert_allclose(widths, 0.7 * difficulties[:, None] * np.ones(2), atol=cell)
+    np.testing.assert_allclose(widths[:, 0], widths[:, 1], atol=1e-3)
+    # But for what the lowest ground lies below the plane.
+    assert (np.diff(widths, axis=0) > -0.1 * cell).all()
+    assert (widths[-1] > widths[0] + 3.0 * cell).all()
 
 
 def test_a_seed_decides(robot: Robot) -> None:

@@ -25,6 +25,8 @@ _STEP, _TREAD = 0.45, 1.0
 _PLANK, _PLANKS_PER_AREA = 0.4, 0.16
 _PLANK_LENGTH, _PLANK_WIDTH = (2.0, 6.0), (0.5, 1.0)
 _DEPTH, _GAP, _ISLAND = 1.0, 0.7, 2.0
+_FIRST_GAP = CLEARING + 0.5
+_VERGE, _RAMP = 0.2, 2.0  # level strip along the edge, and way up from it, where there are gaps
 
 
 class Places(NamedTuple):
@@ -90,11 +92,19 @@ def _planks(places: Places, difficulty: float, rng: np.random.Generator) -> np.n
 
 
 def _gaps(places: Places, difficulty: float, rng: np.random.Generator) -> np.ndarray:
-    """Square rings of raised ground with gaps between them, reached by a ramp from the edge."""
-    outside = 0.5 * EDGE - places.ring
-    ramp = np.clip((outside - _RIM) / 2.0, 0.0, 1.0)
-    phase = np.mod(places.ring - CLEARING - 0.5, _ISLAND)
-    gap = (phase < _GAP * difficulty) & (places.ring > CLEARING + 0.5) & (outside > _RIM + 2.0)
+    """Square rings of raised ground with gaps between them, reached by a ramp from the edge.
+
+    There are as many at all difficulties: those that leave level ground on both sides when widest.
+    """
+    end = 0.5 * EDGE - _VERGE
+    ramp = np.clip((end - places.ring) / _RAMP, 0.0, 1.0)
+    cell = float(places.x[0, 1] - places.x[0, 0])
+    # As many nodes lie low in each, however the grid falls upon it; one where it is narrower.
+    nodes = max(np.ceil(_GAP * difficulty / cell - 0.5 - 1e-9), 1.0)
+    gap = np.zeros(places.x.shape, bool)
+    for first in np.arange(_FIRST_GAP, end - _RAMP - _GAP, _ISLAND):
+        node = np.floor((places.ring - first) / cell)
+        gap |= (node >= 0.0) & (node < nodes)
     return places.reach * _DEPTH * difficulty * np.where(gap, 0.0, ramp)
 
 
