@@ -21,12 +21,7 @@ def register(modules: Iterable[str]) -> None:
         InvalidValueError: one that cannot be imported.
     """
     for module in modules:
-        try:
-            importlib.import_module(module)
-        except (ImportError, TypeError, ValueError) as error:
-            raise InvalidValueError(
-                "register", module, f"a module that can be imported ({error})"
-            ) from error
+        _import("register", module)
 
 
 def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> VectorEnv:
@@ -54,6 +49,13 @@ def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
     return _make(lambda: gym.make(env_id, **options), env_id, env_args)
 
 
+def _import(name: str, module: str) -> None:
+    try:
+        importlib.import_module(module)
+    except (ImportError, TypeError, ValueError) as error:
+        raise InvalidValueError(name, module, f"a module that can be imported ({error})") from error
+
+
 def _own_arguments(env_args: Mapping[str, Any]) -> dict[str, Any]:
     for name in ("id", "num_envs"):
         if name in env_args:
@@ -64,7 +66,7 @@ def _own_arguments(env_args: Mapping[str, Any]) -> dict[str, Any]:
 def _make(build: Any, env_id: str, env_args: Mapping[str, Any]) -> Any:
     module, named, _ = env_id.partition(":")
     if named:  # as Gymnasium would
-        register([module])
+        _import("module of the environment", module)
     try:
         return build()
     except gym.error.UnregisteredEnv as error:

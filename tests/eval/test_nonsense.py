@@ -93,8 +93,16 @@ at_rates = command(rates.RatesConfig, rates.main)
         (terrain.main, ["--seconds", "nan"], "Invalid seconds: nan. Expected a number from"),
         (soaks, ["--env", "fbid_gym/Moon-v0"], "Unknown environment 'fbid_gym/Moon-v0'. Valid ch"),
         (soaks, ["--env", "CartPole-v1"], "Expected what CartPole-v1 takes"),
-        (soaks, ["--env", "no module:Moon-v0"], "Invalid register: 'no module'. Expected a mod"),
-        (noises, ["--env", "no module:Moon-v0"], "Invalid register: 'no module'. Expected a mod"),
+        (
+            soaks,
+            ["--env", "no module:Moon-v0"],
+            "Invalid module of the environment: 'no module'. Ex",
+        ),
+        (
+            noises,
+            ["--env", "no module:Moon-v0"],
+            "Invalid module of the environment: 'no module'. Ex",
+        ),
         (rollout.main, [*WALK, "--register", ".here"], "Invalid register: '.here'. Expected a mo"),
         (rollout.main, [*WALK, "--action-layer", "magic"], "Unknown action layer 'magic'. Valid c"),
         (rollout.main, [*WALK, "--env-args", '{"robot": "horse"}'], "Unknown robot 'horse'. Valid"),
