@@ -7,8 +7,10 @@ from fbid_gym.small_matrices import dot, factor_damped, gram
 
 # Legs without a joint that turns their sole that way hold each other in it: what such a constraint
 # asks of the joints is hundreds of times the motion, and comes from rounding and from real contacts
-# being soft. So directions whose squared gain is less than this share of what joints move fade out,
-# whatever the metric A.
+# being soft. So directions whose squared gain is less than this share of what joints move fade out.
+# Both are taken in the metric A, so that nothing depends on its size. They do depend on how much
+# the base counts in it: a heavy one hardly gives way, and directions that it alone serves fade out
+# sooner.
 _FAINT = 5e-6
 
 
@@ -24,7 +26,7 @@ def factor_contacts(weighted: np.ndarray, jacobian: np.ndarray, lower: np.ndarra
     gram(weighted, jacobian, 0.0, lower)
     total = 0.0
     for i in range(len(jacobian)):
-        total += dot(jacobian[i, 6:], jacobian[i, 6:])
+        total += dot(weighted[i, 6:], jacobian[i, 6:])
     for i in range(len(jacobian)):
         # A row of zeros holds nothing, whatever its force.
         if lower[i, i] == 0.0:

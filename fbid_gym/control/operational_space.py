@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_positive, check_shape, contiguous
+from fbid_gym.checks import check_positive, check_shape, contiguous, positive_numbers
 from fbid_gym.compiled import kernel
 from fbid_gym.control.held import factor_contacts
 from fbid_gym.errors import ShapeError
@@ -49,7 +49,9 @@ class TaskMotion(NamedTuple):
     """A motion that keeps the contacts and serves a task.
 
     Attributes:
-        motion: (N, nv) accelerations, or velocities for inverse kinematics.
+        motion: (N, nv) accelerations, or velocities for inverse kinematics. They keep the contacts
+            but where hardly any motion would: such directions give way, sooner where the base
+            costs much more than the joints, and what they miss is J_C a + Jdot_C v.
         task_error: (N, m) by how much the task is missed, wanted less achieved; zero to rounding
             unless the robot is near a singularity of the task.
     """
@@ -122,7 +124,7 @@ def operational_space_acceleration(
 
     Raises:
         ShapeError: an array does not fit.
-        InvalidValueError: `least_gain` is not positive and finite.
+        InvalidValueError: `motion_cost` or `least_gain` is not positive and finite.
     """
     if task_bias is None:
         task_bias = np.zeros(task.shape)
@@ -163,7 +165,7 @@ def floating_base_inverse_kinematics(
 
     Raises:
         ShapeError: an array does not fit.
-        InvalidValueError: `least_gain` is not positive and finite.
+        InvalidValueError: `motion_cost` or `least_gain` is not positive and finite.
     """
     return _nearest(
         Constraint(jacobian, np.zeros(jacobian.shape[:2])),
@@ -189,7 +191,9 @@ def _nearest(
     part, robots = task.jacobian, count
     if part.ndim == 2:
         part, robots = part[None], 1
-    check_shape("task_jacobian", part, (robots, part.shape[-2], velocities), "(N, m, nv)")
+    if part.ndim != 3:
+        raise ShapeError("task_jacobian", tuple(part.shape), "(N, m, nv) or (m, nv)")
+    check_shape("task_jacobian", part, (robots, part.shape[1], velocities), "(N, m, nv)")
     check_shape("task", task.acceleration, (count, part.shape[1]), "(N, m)")
     check_shape("jacobian_bias", constraint.bias, (count, rows), "(N, k)")
     if reference is None:
@@ -199,6 +203,7 @@ def _nearest(
     if motion_cost is None:
         motion_cost = np.ones(velocities)
     check_shape("motion_cost", motion_cost, (velocities,), "(nv,)")
+    positive_numbers("motion_cost", motion_cost, velocities)
     check_positive(least_gain=least_gain)
     return serve_task(
         Constraint(*map(contiguous, constraint)),

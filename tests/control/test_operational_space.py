@@ -111,6 +111,23 @@ def test_motion_is_the_nearest_to_the_reference(
         np.testing.assert_allclose(right @ change[i], 0.0, atol=1e-6)
 
 
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_what_all_motion_costs_alike_changes_nothing(
+    make_system: Callable[..., Any], rng: np.random.Generator, contacts: str, size: float
+) -> None:
+    """Contacts hold in any unit of the cost; gains are in units of its root."""
+    system = make_system(contacts)
+    arguments = (system.jacobian, system.jacobian_bias, *task_of(rng, system, 2))
+    expected = operational_space_acceleration(*arguments, least_gain=1e-2)
+    found = operational_space_acceleration(
+        *arguments,
+        motion_cost=np.full(system.bias.shape[1], size),
+        least_gain=1e-2 / np.sqrt(size),
+    )
+    np.testing.assert_allclose(found.motion, expected.motion, atol=1e-6)
+    np.testing.assert_allclose(found.task_error, expected.task_error, atol=1e-6)
+
+
 def test_contacts_outrank_a_task_that_contradicts_them(
     make_system: Callable[..., Any], rng: np.random.Generator, contacts: str
 ) -> None:
@@ -284,6 +301,12 @@ def test_tasks_name_what_does_not_fit(make_system: Callable[..., Any]) -> None:
     ):
         with pytest.raises(ShapeError, match=message):
             operational_space_acceleration(jacobian, *wrong)
+    with pytest.raises(ShapeError, match=r"task_jacobian has shape .* or \(m, nv\)"):
+        floating_base_inverse_kinematics(jacobian, rows[0], task[:, :1])
     for bad in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InvalidValueError, match="Invalid least_gain.*positive"):
             floating_base_inverse_kinematics(jacobian, rows, task, least_gain=bad)
+        cost = np.ones(nv)
+        cost[3] = bad
+        with pytest.raises(InvalidValueError, match="Invalid motion_cost.*positive"):
+            floating_base_inverse_kinematics(jacobian, rows, task, motion_cost=cost)
