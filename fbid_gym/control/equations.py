@@ -1,12 +1,17 @@
-"""What the laws of [M10] start from, checked."""
+"""What the laws start from, checked."""
 
 from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import check_shape, contiguous, positive_numbers
-from fbid_gym.errors import ShapeError
+from fbid_gym.checks import check_shape, contiguous, positive_numbers, real_numbers
+from fbid_gym.compiled import compiled
+from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.quantities import Constraint, EquationOfMotion
+
+# Mobilities of the base beside one of the joints. Farther from it they would hardly change what
+# moves, but contacts that joints alone, or the base alone, can serve would be lost in rounding.
+_LEAST_MOBILITY, _MOST_MOBILITY = 1e-6, 1e6
 
 
 def checked_equations(
@@ -43,6 +48,24 @@ def checked_equations(
     )
 
 
+def numbers_of_robots(name: str, given: float | np.ndarray, count: int) -> np.ndarray:
+    """Return positive numbers of N robots, (N,), or (1,) where one stands for all.
+
+    NaN passes: it belongs to a robot gone wrong, which harms no other.
+
+    Raises:
+        ShapeError: there are neither one nor N.
+        InvalidValueError: one is not positive.
+    """
+    expected = "positive numbers, one or (N,)"
+    numbers = contiguous(np.atleast_1d(real_numbers(name, given, expected)))
+    if numbers.shape != (1,):
+        check_shape(name, numbers, (count,), "(N,)")
+    if (numbers <= 0.0).any():
+        raise InvalidValueError(name, given, expected)
+    return numbers
+
+
 def mobility_of(velocities: int, base_priority: Any) -> np.ndarray:
     """How readily coordinates depart from their desired acceleration: (nv,), one for joints.
 
@@ -56,3 +79,33 @@ def mobility_of(velocities: int, base_priority: Any) -> np.ndarray:
     mobility = np.ones(velocities)
     mobility[:6] /= positive_numbers("base_priority", base_priority, 1, 6)
     return mobility
+
+
+@compiled
+def bound_mobility(mobility: np.ndarray, arm: float, bounded: np.ndarray) -> tuple[float, float]:
+    """Write the mobilities of the base, as far from those of the joints, one, as makes sense.
+
+    Args:
+        mobility: (nv,), see `mobility_of`.
+        arm: m, at which shifts count as turns do.
+        bounded: (nv,), whose first six entries are written to.
+
+    Returns:
+        The least and the greatest of those, of shifts as multiples of arm^2.
+    """
+    least, most = np.inf, 0.0
+    for i in range(6):
+        unit = arm**2 if i < 3 else 1.0
+        bounded[i] = min(max(mobility[i], _LEAST_MOBILITY * unit), _MOST_MOBILITY * unit)
+        least, most = min(least, bounded[i] / unit), max(most, bounded[i] / unit)
+    return least, most
+
+
+@compiled
+def radius_of_gyration(mass_matrix: np.ndarray) -> float:
+    """Of a robot with locked joints about its base, m; from M (nv, nv)."""
+    mass, inertia = 0.0, 0.0
+    for axis in range(3):
+        mass += mass_matrix[axis, axis]
+        inertia += mass_matrix[3 + axis, 3 + axis]
+    return np.sqrt(inertia / mass)

@@ -26,9 +26,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_shape, contiguous
+from fbid_gym.checks import check_shape, contiguous, positive_numbers
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.equations import checked_equations, mobility_of
+from fbid_gym.control.equations import (
+    bound_mobility,
+    checked_equations,
+    mobility_of,
+    radius_of_gyration,
+)
 from fbid_gym.quantities import Constraint, EquationOfMotion
 from fbid_gym.small_matrices import (
     add_transposed_times,
@@ -49,6 +54,8 @@ _WEIGHTED_RTOL = 1e-10  # of what is left, with weights that may be far from eac
 # taking them for more would buy a moment with a thousandfold force.
 _BASE_RTOL = 1e-6
 _REGULAR_RTOL = 1e-13  # of a matrix that is regular but for rounding
+# Weights of the base farther from each other would hide what its contacts can push.
+_UNEVEN = 1e3
 
 
 class InverseDynamics(NamedTuple):
@@ -101,14 +108,15 @@ def orthogonal_inverse_dynamics(
         torque_cost: (n,) or (N, n) positive diagonal of W in [M10] eq. (16): a larger entry makes
             the joint do less. Default: ones.
         base_priority: positive weight of base accelerations beside one for joints, or one for each
-            of the six.
+            of the six. Beyond 1e6 and below 1e-6 it counts as that, of shifts at the robot's radius
+            of gyration: the base first, and the base last, in effect.
 
     Returns:
         InverseDynamics.
 
     Raises:
         ShapeError: an array does not fit.
-        InvalidValueError: `base_priority` is not positive and finite.
+        InvalidValueError: `torque_cost` or `base_priority` is not positive and finite.
     """
     motion, constraint, desired = checked_equations(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
@@ -118,6 +126,7 @@ def orthogonal_inverse_dynamics(
     if torque_cost is not None:
         if torque_cost.shape != (joints,):
             check_shape("torque_cost", torque_cost, (count, joints), "(N, n)")
+        positive_numbers("torque_cost", torque_cost.ravel(), torque_cost.size)
         cost = contiguous(np.atleast_2d(torque_cost))
     mobility = mobility_of(joints + 6, base_priority)
     return invert_dynamics(motion, constraint, desired, cost, mobility)
@@ -147,9 +156,9 @@ def invert_dynamics(
     rank, underactuation = np.empty(count, np.int64), np.empty(count, np.int64)
     residual = np.empty(count)
 
-    # Of the base's shifts, and of all that turns.
-    least_shift, least_base_turn = mobility[:3].min(), mobility[3:6].min()
-    most_shift, most_turn = mobility[:3].max(), mobility[3:].max()
+    even, bounded, most_joint = np.ones((1, joints)), mobility.copy(), 0.0
+    for j in range(6, velocities):
+        most_joint = max(most_joint, mobility[j])
     weighted, by_cost = np.empty((rows, velocities)), np.empty((rows, velocities))
     product, inverse = np.empty((rows, rows)), np.empty((rows, rows))
     cost_inverse, error = np.empty((rows, rows)), np.empty(rows)
@@ -159,15 +168,16 @@ def invert_dynamics(
     for i in range(count):
         jacobian, bias, own = constraint.jacobian[i], constraint.bias[i], acceleration[i]
         own_motion = EquationOfMotion(motion.mass_matrix[i], motion.bias[i])
-        arm = _radius_of_gyration(own_motion.mass_matrix)
-        push_rtol = _BASE_RTOL * min(1.0, least_shift / arm**2, least_base_turn)
-        _gram_by(jacobian, mobility, weighted, product)
+        arm = radius_of_gyration(own_motion.mass_matrix)
+        least_base, most_base = bound_mobility(mobility, arm, bounded)
+        push_rtol = _BASE_RTOL * min(1.0, least_base)
+        _gram_by(jacobian, bounded, weighted, product)
         rank[i], condition = invert(product, inverse)
-        most = max(most_shift, most_turn * arm**2)
+        most = max(most_base, most_joint) * arm**2
         if not (condition < 1.0 / _WEIGHTED_RTOL and _holds(jacobian, arm, inverse, most)):
             jacobian, bias, cut = _firm(jacobian, bias, arm)
             if cut or not condition < 1.0 / _WEIGHTED_RTOL:
-                _gram_by(jacobian, mobility, weighted, product)
+                _gram_by(jacobian, bounded, weighted, product)
                 rank[i] = pseudo_inverse(product, _WEIGHTED_RTOL, inverse)
 
         # The nearest acceleration with J a + Jdot v = 0, [M10] eq. (4).
@@ -177,18 +187,19 @@ def invert_dynamics(
         add_transposed_times(weighted, contact_force[i], own)
 
         # X of the module: shared with the projection unless the torque cost differs from its
-        # metric.
+        # metric, or that of the base is too uneven to see by it what contacts can push.
         least, cost = inverse, weighted
-        if len(torque_cost) > 0:
-            entries = torque_cost[min(i, len(torque_cost) - 1)]
-            mean = entries.mean()
+        if len(torque_cost) > 0 or most_base > _UNEVEN * least_base:
+            costs = torque_cost if len(torque_cost) > 0 else even
+            entries = costs[min(i, len(costs) - 1)]
+            mean = entries.mean() if joints > 0 else 1.0
             for k in range(rows):
                 for j in range(velocities):
                     weight = mean * arm**2 if j < 3 else mean if j < 6 else entries[j - 6]
                     by_cost[k, j] = jacobian[k, j] * weight
             gram(by_cost, jacobian, 0.0, product)
             pseudo_inverse(product, _WEIGHTED_RTOL, cost_inverse)
-            least, cost = cost_inverse, by_cost
+            least, cost, push_rtol = cost_inverse, by_cost, _BASE_RTOL
         for k in range(rows):
             for row in range(6):
                 base[k, row] = jacobian[k, row] / (1.0 if row < 3 else arm)
@@ -197,7 +208,7 @@ def invert_dynamics(
         underactuation[i] = 6 - pseudo_inverse(push, push_rtol, push_inverse)
         if underactuation[i] > 0:
             held = _Held(weighted, inverse, push, push_inverse)
-            _make_achievable(own_motion, held, mobility, arm, own)
+            _make_achievable(own_motion, held, bounded, arm, own)
 
         times(motion.mass_matrix[i], own, force)
         force += motion.bias[i]
@@ -314,16 +325,6 @@ def _backward_error(
         if size > 0.0:
             largest = max(largest, abs(missing[row]) / size)
     return largest
-
-
-@compiled
-def _radius_of_gyration(mass_matrix: np.ndarray) -> float:
-    """Of a robot with locked joints about its base, m; from M (nv, nv)."""
-    mass, inertia = 0.0, 0.0
-    for axis in range(3):
-        mass += mass_matrix[axis, axis]
-        inertia += mass_matrix[3 + axis, 3 + axis]
-    return np.sqrt(inertia / mass)
 
 
 class _Held(NamedTuple):

@@ -14,6 +14,7 @@ with A the diagonal metric of "nearest" and M_b the first six rows of M. What co
 motion for, on legs of few joints, comes with P = A^-1: there the contacts give way.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,12 @@ from fbid_gym.control.contact_forces import (
     wrench_scale,
 )
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
-from fbid_gym.control.equations import checked_equations, mobility_of
+from fbid_gym.control.equations import (
+    bound_mobility,
+    checked_equations,
+    mobility_of,
+    radius_of_gyration,
+)
 from fbid_gym.control.held import factor_contacts
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import (
@@ -62,7 +68,9 @@ class LimitedInverseDynamics(NamedTuple):
         torque: (N, n) N·m.
         contact_force: (N, k) generalized forces of the rows of J.
         acceleration: (N, nv) the robot will have with these torques and contact forces; where
-            J a + Jdot v is not zero the contacts give way.
+            J a + Jdot v is not zero the contacts give way. Beside limits, that is where hardly any
+            motion would keep them; with a base that counts a thousand times as much as the joints,
+            also where only the base could, as one flat foot on a leg of four joints.
         point_force: (N, P, 3) N, per contact point: two tangential components, then the normal one.
         residual: (N,) how far the base wrench is from the one the command asks for, per weight.
         iterations: (N,) int64, Newton steps the contact forces took.
@@ -90,7 +98,7 @@ def limited_inverse_dynamics(
     active: np.ndarray | None = None,
     base_priority: float | np.ndarray = 1.0,
     length: float = 1.0,
-    wrench_cost: tuple[float, ...] | None = None,
+    wrench_cost: Sequence[float] | np.ndarray | None = None,
     warm_start: np.ndarray | None = None,
     accuracy: Accuracy = DEFAULT_ACCURACY,
     gravity: float = 9.81,
@@ -114,7 +122,8 @@ def limited_inverse_dynamics(
             forces. Default: rows of J are stacked point rows, k = 3 P.
         active: (N, P) bool, points in contact; the others get zero force. Default: all.
         base_priority: positive weight of base accelerations beside one for joints in "nearest", or
-            one for each of the six.
+            one for each of the six. Beyond 1e6 and below 1e-6 it counts as that, see
+            `orthogonal_inverse_dynamics`.
         length: m, lever arm that makes base moments comparable to forces.
         wrench_cost: six positive weights of the squared base wrench errors. Default: ones.
         warm_start: (N, 6) `warm_start` of the previous result. Default: zeros.
@@ -178,10 +187,12 @@ def limit_dynamics(
     base_rows, delivered = np.empty((6, rows)), np.empty(6)
     force, wrench, missing = np.empty(velocities), np.empty(6), np.empty(6)
     held = _Held(np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows))
+    mobility = nearness.mobility.copy()
     for i in range(count):
         own_map = contacts.point_map[min(i, len(contacts.point_map) - 1)]
         jacobian, mass_matrix = contacts.jacobian[i], motion.mass_matrix[i]
-        _hold(jacobian, nearness.mobility, held)
+        bound_mobility(nearness.mobility, radius_of_gyration(mass_matrix), mobility)
+        _hold(jacobian, mobility, held)
         acceleration[i] = desired[i]
         _make_consistent(held, jacobian, contacts.bias[i], acceleration[i])
 
@@ -200,7 +211,7 @@ def limit_dynamics(
         if residual[i] != 0.0:
             for row in range(6):
                 delivered[row] = missing[row] / nearness.scale[row]
-            _yield_to(mass_matrix, jacobian, held, nearness.mobility, delivered, force)
+            _yield_to(mass_matrix, jacobian, held, mobility, delivered, force)
             acceleration[i] += force
             times(mass_matrix, acceleration[i], force)
             force += motion.bias[i]

@@ -163,6 +163,40 @@ def test_a_base_first_priority_moves_the_base_less_off_its_command(
     assert (error[2] < 0.01 * error[0]).all()
 
 
+@pytest.mark.parametrize("priority", [1e-6, 1e-3, 1e3, 1e6])
+@pytest.mark.parametrize("axes", [[2], [4], [0, 1, 2], [3, 4, 5]], ids=str)
+def test_what_contacts_can_push_does_not_depend_on_weights(
+    make_system: Callable[..., Any], contacts: str, axes: list[int], priority: float
+) -> None:
+    system = make_system(contacts)
+    uneven = np.ones(6)
+    uneven[axes] = priority
+    solution = orthogonal_inverse_dynamics(*system.law, base_priority=uneven)
+    np.testing.assert_array_equal(solution.underactuation, system.underactuation)
+    np.testing.assert_array_equal(solution.rank, system.rank)
+    motion = np.matvec(system.jacobian, solution.acceleration) + system.jacobian_bias
+    np.testing.assert_allclose(motion, 0.0, atol=1e-2)  # rounding, where weights are far apart
+    assert (solution.residual < 1e-5).all()
+
+
+def test_a_base_that_is_first_or_last_by_any_weight_keeps_the_contacts(
+    make_system: Callable[..., Any], contacts: str
+) -> None:
+    """Weights without bound would leave to rounding what joints alone, or the base alone, hold."""
+    system = make_system(contacts)
+    for priorities in ((1e6, 1e9, 1e12), (1e-6, 1e-9, 1e-12)):
+        first, *others = (
+            orthogonal_inverse_dynamics(*system.law, base_priority=p) for p in priorities
+        )
+        np.testing.assert_array_equal(first.underactuation, system.underactuation)
+        for other in others:
+            np.testing.assert_array_equal(other.rank, system.rank)
+            motion = np.matvec(system.jacobian, other.acceleration) + system.jacobian_bias
+            np.testing.assert_allclose(motion, 0.0, atol=1e-4)
+        for one, two in zip(*others, strict=True):
+            np.testing.assert_array_equal(one, two)
+
+
 @pytest.mark.parametrize("weighted", [False, True])
 def test_no_other_torque_is_cheaper(
     make_system: Callable[..., Any], rng: np.random.Generator, contacts: str, weighted: bool
@@ -315,6 +349,12 @@ def test_the_law_names_bad_weights(make_system: Callable[..., Any]) -> None:
     system = make_system("one point")
     with pytest.raises(ShapeError, match="torque_cost has shape"):
         orthogonal_inverse_dynamics(*system.law, torque_cost=np.ones(3))
+    count, joints = len(system.bias), system.bias.shape[1] - 6
     for bad in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InvalidValueError, match="Invalid base_priority.*positive"):
             orthogonal_inverse_dynamics(*system.law, base_priority=bad)
+        cost = np.ones((count, joints))
+        cost[1, 2] = bad
+        for given in (cost, cost[1]):
+            with pytest.raises(InvalidValueError, match="Invalid torque_cost.*positive"):
+                orthogonal_inverse_dynamics(*system.law, torque_cost=given)

@@ -156,6 +156,13 @@ def test_rows_may_be_compressed(make_system: Callable[..., Any], contacts: str) 
     )
 
 
+def test_a_base_first_by_any_weight_is_first_in_effect(make_system: Callable[..., Any]) -> None:
+    system = make_system("two flat feet")
+    one, other = (solve(system, base_priority=priority) for priority in (1e9, 1e12))
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
 def test_without_contacts_the_base_falls_freely(make_system: Callable[..., Any]) -> None:
     system = make_system("flight")
     solution = solve(system)
