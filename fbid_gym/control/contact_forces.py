@@ -20,6 +20,7 @@ moves the optimum itself by up to 1e-3 of the weight while points slide or lift,
 and not at all while they stick.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -29,6 +30,7 @@ import numpy as np
 from fbid_gym.checks import check_shape, contiguous, positive_numbers
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
+from fbid_gym.control.equations import numbers_of_robots
 from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.quantities import Accuracy, PointLimits
 
@@ -39,6 +41,8 @@ _LARGEST = float(np.finfo(np.float64).max)
 @dataclass(frozen=True, eq=False)
 class ContactLimits:
     """What a contact point can transmit. Each entry is a number or broadcasts to (N, P).
+
+    Arrays are copied, and read-only.
 
     Attributes:
         friction: friction coefficient mu: |tangential force| <= mu * normal force.
@@ -59,13 +63,14 @@ class ContactLimits:
         for name in ("friction", "min_normal_force", "max_normal_force"):
             given, largest = getattr(self, name), np.inf if name == "max_normal_force" else _LARGEST
             try:
-                value = np.asarray(given, dtype=np.float64)
+                value = np.array(given, dtype=np.float64)
                 valid = bool(np.all((value >= 0.0) & (value <= largest)))
             except (TypeError, ValueError):
                 valid = False
             if not valid:
                 finite = "" if largest == np.inf else "finite "
                 raise InvalidValueError(name, given, f"{finite}numbers of at least 0")
+            value.flags.writeable = False
             object.__setattr__(self, name, value)
         try:
             ordered = bool(np.all(self.min_normal_force <= self.max_normal_force))
@@ -102,7 +107,7 @@ def limited_contact_forces(
     *,
     weight: float | np.ndarray,
     length: float = 1.0,
-    wrench_cost: tuple[float, ...] | None = None,
+    wrench_cost: Sequence[float] | np.ndarray | None = None,
     active: np.ndarray | None = None,
     warm_start: np.ndarray | None = None,
     accuracy: Accuracy = DEFAULT_ACCURACY,
@@ -116,22 +121,25 @@ def limited_contact_forces(
         wrench_map: (N, 6, 3 P), the G of stacked point forces: rows force, then moment.
         wrench: (N, 6) desired, N and N·m.
         limits: friction and normal force limits.
-        weight: N, of the robot; a number or (N,). Scales the tolerance and the residual only.
+        weight: N, of the robot, positive; a number or (N,). Scales the tolerance and the residual
+            only.
         length: m, a lever arm that makes moments comparable to forces.
         wrench_cost: six positive weights of the squared errors. Default: ones.
         active: (N, P) bool, points in contact; the others get zero force. Default: all.
         warm_start: (N, 6) `dual` of an earlier result. Default: zeros.
         accuracy: its regularisation prefers small forces among those that deliver about the same
-            wrench. After its `max_iterations` Newton steps a robot is solved anew, cold and by way
-            of stronger regularisations, in four rounds of at most twice as many steps. Forces are
-            feasible, and no worse than those of the warm start, even if that should not suffice.
+            wrench. After its `max_iterations` Newton steps follows a cold start by way of stronger
+            regularisations, in three rounds of at most twice as many steps and a last one of twelve
+            times as many. Forces are feasible, and no worse than those of the warm start, even if
+            that should not suffice.
 
     Returns:
         ContactForces; finite, and within the limits, for every finite input.
 
     Raises:
         ShapeError: an array does not fit.
-        InvalidValueError: `length` or `wrench_cost` is not positive and finite.
+        InvalidValueError: `length` or `wrench_cost` is not positive and finite, or `weight` not
+            positive.
     """
     shape = tuple(wrench_map.shape)
     if len(shape) != 3 or shape[1] != 6 or shape[2] % 3:
@@ -145,18 +153,26 @@ def limited_contact_forces(
         contiguous(wrench_map),
         contiguous(wrench),
         scale,
-        contiguous(np.broadcast_to(weight, (count,))),
+        contiguous(np.broadcast_to(numbers_of_robots("weight", weight, count), (count,))),
         own_limits,
         accuracy,
         start,
     )
 
 
-@lru_cache(maxsize=256)
-def wrench_scale(length: float, wrench_cost: tuple[float, ...] | None) -> np.ndarray:
-    """(6,) factors that turn N and N·m into N whose squares are comparable."""
-    arm = float(positive_numbers("length", length, 1)[0])
+def wrench_scale(length: float, wrench_cost: Sequence[float] | np.ndarray | None) -> np.ndarray:
+    """(6,) factors that turn N and N·m into N whose squares are comparable.
+
+    Raises:
+        InvalidValueError: `length` or `wrench_cost` is not positive and finite.
+    """
+    arm = positive_numbers("length", length, 1)
     cost = positive_numbers("wrench_cost", (1.0,) * 6 if wrench_cost is None else wrench_cost, 6)
+    return _wrench_scale(float(arm[0]), tuple(cost.tolist()))
+
+
+@lru_cache(maxsize=256)
+def _wrench_scale(arm: float, cost: tuple[float, ...]) -> np.ndarray:
     return np.sqrt(cost) / np.array([1.0, 1.0, 1.0, arm, arm, arm])
 
 
@@ -226,6 +242,11 @@ def _deliver_all(
             for column in range(columns):
                 maps[row, column] = scale[row] * wrench_map[i, row, column]
         limits_in_contact(limits, i, own)
+        present = limits.active[min(i, len(limits.active) - 1)]
+        for column in range(columns):
+            # Else the smallest forces would take part of theirs from points that have none.
+            if not present[column // 3]:
+                maps[:, column] = 0.0
         problem, found = Problem(maps, wanted, own), Forces(force[i], missing, dual[i])
         iterations[i] = deliver(problem, accuracy, weight[i], start[i], found)
         square = 0.0

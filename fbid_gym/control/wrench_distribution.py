@@ -14,6 +14,7 @@ limits are linear in the forces. They are looked at only where the first solutio
 limits agree with each other, as for a robot too weak to stand, the torques exceed them.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ from fbid_gym.control.contact_forces import (
     wrench_scale,
 )
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
+from fbid_gym.control.equations import numbers_of_robots
 from fbid_gym.control.point_forces import (
     com_wrench_of_points,
     torque_of_forces,
@@ -97,7 +99,7 @@ def distribute(
     contact_rotation: np.ndarray | None = None,
     active: np.ndarray | None = None,
     length: float = 1.0,
-    wrench_cost: tuple[float, ...] | None = None,
+    wrench_cost: Sequence[float] | np.ndarray | None = None,
     warm_start: np.ndarray | None = None,
     accuracy: Accuracy = DEFAULT_ACCURACY,
 ) -> Distribution:
@@ -112,7 +114,7 @@ def distribute(
         limits: friction and normal force limits of the contact points.
         to_com: (N, 6, 6) `CentroidalTerms.to_com`.
         point_map: (N, k, 3 P) `ReducedContacts.point_map`.
-        weight: N, of the robot; a number or (N,).
+        weight: N, of the robot, positive; a number or (N,).
         torque_limit: (n,) or (N, n) N·m, symmetric. Default: none.
         contact_rotation: (N, P, 3, 3) world from contact axes, whose third is the ground's normal.
             Default: level ground.
@@ -124,7 +126,8 @@ def distribute(
 
     Raises:
         ShapeError: an array does not fit.
-        InvalidValueError: `length` or `wrench_cost` is not positive and finite.
+        InvalidValueError: `length` or `wrench_cost` is not positive and finite, or `weight` not
+            positive.
     """
     own_map, path = _checked(torque_map, to_com, point_map, contact_rotation)
     (count, joints), points = own_map.offset.shape, path.point_map.shape[2] // 3
@@ -172,10 +175,7 @@ def _checked(
 def _checked_weight(wrench: np.ndarray, weight: float | np.ndarray, count: int) -> np.ndarray:
     """Weights (N,) or (1,), or the error that says what does not fit."""
     check_shape("wrench", wrench, (count, 6), "(N, 6)")
-    weights = contiguous(np.atleast_1d(weight))
-    if weights.shape != (1,):
-        check_shape("weight", weights, (count,), "(N,)")
-    return weights
+    return numbers_of_robots("weight", weight, count)
 
 
 @kernel

@@ -359,6 +359,10 @@ def test_bad_shapes_and_options_are_refused(stance):
         stance.solve(active=np.ones((COUNT, 1), bool))
     with pytest.raises(ShapeError, match="torque_limit has shape"):
         stance.solve(torque_limit=np.ones(3))
+    with pytest.raises(ShapeError, match="weight has shape"):
+        stance.solve(weight=np.ones(COUNT + 1))
+    with pytest.raises(InvalidValueError, match="Invalid weight: .*positive"):
+        stance.solve(weight=0.0)
     with pytest.raises(InvalidValueError, match="Invalid length"):
         stance.solve(length=0.0)
     with pytest.raises(InvalidValueError, match="Invalid wrench_cost"):
