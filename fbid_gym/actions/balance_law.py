@@ -17,7 +17,7 @@ from fbid_gym.control.balancers import RIDGE, map_torques
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
 from fbid_gym.control.underactuation import underactuation
 from fbid_gym.control.wrench_distribution import share_freely, share_within_limits
-from fbid_gym.dynamics.centroidal import centroidal_terms
+from fbid_gym.dynamics.centroidal import find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduce_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
@@ -204,7 +204,7 @@ def _balance(
     memory: LawMemory,
 ) -> np.ndarray:
     """Torques (N, n) for a push (N, 6) in the frame of the feet; updates the memory."""
-    body = centroidal_terms(terms, state.qvel)
+    body = find_centroidal_terms(terms, state.qvel)
     frame = support_frame(law.heading, terms)
     contacts = reduce_contacts(law.geometry, active, terms)
     constraint = Constraint(contacts.jacobian, contacts.bias)

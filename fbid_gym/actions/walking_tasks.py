@@ -28,7 +28,7 @@ from fbid_gym.actions.walking_law import (
 )
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.operational_space import serve_task
-from fbid_gym.dynamics.centroidal import centroidal_terms
+from fbid_gym.dynamics.centroidal import find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduce_contacts
 from fbid_gym.motions.gait.heading import lean
 from fbid_gym.motions.gait.target import GaitTarget
@@ -123,7 +123,7 @@ def wrench_aim(
         terms: of the robots.
     """
     gains = law.gains
-    body = centroidal_terms(terms, state.qvel)
+    body = find_centroidal_terms(terms, state.qvel)
     jacobian, bias = _momentum_rows(law.gravity, body, terms)
     velocity, acceleration = _carried(law, state, target, terms)
     rate, late = np.empty(6), np.empty(6)

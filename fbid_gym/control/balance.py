@@ -22,9 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import contiguous
+from fbid_gym.checks import check_shape, contiguous
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.balance_gains import BalanceGains
+from fbid_gym.control.equations import numbers_of_robots
 from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.dynamics.vectors import (
     Rotation,
@@ -39,6 +40,7 @@ from fbid_gym.dynamics.vectors import (
     turn,
     vector,
 )
+from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import (
     BodyMotion,
     CentroidalTerms,
@@ -188,7 +190,7 @@ def desired_wrench_ott2011(
     com_velocity: np.ndarray,
     rotation: np.ndarray,
     angular_velocity: np.ndarray,
-    mass: np.ndarray,
+    mass: float | np.ndarray,
     axes: np.ndarray | None = None,
     gravity: float = GRAVITY,
 ) -> np.ndarray:
@@ -201,15 +203,20 @@ def desired_wrench_ott2011(
         com_velocity: (N, 3) m/s, world.
         rotation: (N, 3, 3) world from base.
         angular_velocity: (N, 3) rad/s, of the base, world axes.
-        mass: (N,) kg.
+        mass: kg, positive; a number or (N,).
         axes: (N, 3, 3) world from the axes of all gains but K_R. Default: the world's.
         gravity: m/s^2, along -z.
 
     Returns:
         (N, 6) N and N·m, world axes, what the contacts shall do to the robot.
+
+    Raises:
+        ShapeError: an array does not fit.
+        InvalidValueError: `mass` is not positive.
     """
     momentum = np.zeros((len(com), 6))  # (36) does not look at it
-    motion = BodyMotion(com, com_velocity, rotation, angular_velocity, momentum, mass)
+    masses = _masses(mass, com)
+    motion = BodyMotion(com, com_velocity, rotation, angular_velocity, momentum, masses)
     return _wrench(gains.of_velocity(), target, motion, axes, gravity)
 
 
@@ -220,7 +227,7 @@ def desired_wrench_garofalo2015(
     com: np.ndarray,
     rotation: np.ndarray,
     momentum: np.ndarray,
-    mass: np.ndarray,
+    mass: float | np.ndarray,
     axes: np.ndarray | None = None,
     gravity: float = GRAVITY,
 ) -> np.ndarray:
@@ -234,16 +241,27 @@ def desired_wrench_garofalo2015(
         com: (N, 3) m, world.
         rotation: (N, 3, 3) world from base.
         momentum: (N, 6) kg·m/s and kg·m²/s, world axes.
-        mass: (N,) kg.
+        mass: kg, positive; a number or (N,).
         axes: (N, 3, 3) world from the axes of all gains but K_R. Default: the world's.
         gravity: m/s^2, along -z.
 
     Returns:
         (N, 6) N and N·m, world axes, what the contacts shall do to the robot.
+
+    Raises:
+        ShapeError: an array does not fit.
+        InvalidValueError: `mass` is not positive.
     """
     still = np.zeros(com.shape)  # (38) does not look at velocities
-    motion = BodyMotion(com, still, rotation, still, momentum, mass)
+    motion = BodyMotion(com, still, rotation, still, momentum, _masses(mass, com))
     return _wrench(gains.of_momentum(), target, motion, axes, gravity)
+
+
+def _masses(mass: float | np.ndarray, com: np.ndarray) -> np.ndarray:
+    """Masses (N,) of the robots at com (N, 3)."""
+    if com.ndim != 2:
+        raise ShapeError("com", tuple(com.shape), "(N, 3)")
+    return np.broadcast_to(numbers_of_robots("mass", mass, len(com)), (len(com),))
 
 
 def _wrench(
@@ -253,8 +271,24 @@ def _wrench(
     axes: np.ndarray | None,
     gravity: float,
 ) -> np.ndarray:
-    """Bring arrays into order, and compute."""
-    own_axes = np.broadcast_to(np.eye(3) if axes is None else axes, motion.world_from_base.shape)
+    """Bring arrays into order, or say what does not fit, and compute."""
+    count = len(motion.com)
+    own_axes = np.broadcast_to(np.eye(3), (count, 3, 3)) if axes is None else axes
+    for name, array, tail in (
+        ("com", motion.com, (3,)),
+        ("com_velocity", motion.com_velocity, (3,)),
+        ("rotation", motion.world_from_base, (3, 3)),
+        ("angular_velocity", motion.angular_velocity, (3,)),
+        ("momentum", motion.momentum, (6,)),
+        ("axes", own_axes, (3, 3)),
+        ("target.com", target.com, (3,)),
+        ("target.world_from_base", target.world_from_base, (3, 3)),
+        ("target.com_velocity", target.com_velocity, (3,)),
+        ("target.angular_velocity", target.angular_velocity, (3,)),
+        ("target.angular_momentum", target.angular_momentum, (3,)),
+        ("target.momentum_rate", target.momentum_rate, (6,)),
+    ):
+        check_shape(name, array, (count, *tail), f"(N, {', '.join(map(str, tail))})")
     return balance_wrench(
         gains,
         BalanceTarget(*map(contiguous, target)),

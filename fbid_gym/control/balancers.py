@@ -33,8 +33,9 @@ such as a swinging leg's, while the others make up for it.
 
 import numpy as np
 
-from fbid_gym.checks import check_shape, contiguous
+from fbid_gym.checks import check_shape, contiguous, positive_numbers
 from fbid_gym.compiled import compiled, kernel
+from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import (
     CentroidalTerms,
     Constraint,
@@ -69,6 +70,10 @@ def torque_map_ott2011(
         contacts: `reduced_contacts` of the same.
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
         mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
+
+    Raises:
+        ShapeError: an array does not fit.
+        InvalidValueError: `mobility` is not positive and finite.
     """
     return _torque_map(OTT2011, terms, body, contacts, posture, mobility)
 
@@ -88,6 +93,10 @@ def torque_map_garofalo2015(
         contacts: `reduced_contacts` of the same.
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
         mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
+
+    Raises:
+        ShapeError: an array does not fit.
+        InvalidValueError: `mobility` is not positive and finite.
     """
     return _torque_map(GAROFALO2015, terms, body, contacts, posture, mobility)
 
@@ -111,6 +120,10 @@ def torque_map_inverse_dynamics(
         contacts: `reduced_contacts` of the same.
         posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
         mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
+
+    Raises:
+        ShapeError: an array does not fit.
+        InvalidValueError: `mobility` is not positive and finite.
     """
     return _torque_map(INVERSE_DYNAMICS, terms, body, contacts, posture, mobility)
 
@@ -123,8 +136,22 @@ def _torque_map(
     posture: np.ndarray | None,
     mobility: np.ndarray | None,
 ) -> TorqueMap:
-    """One of the three."""
-    count, joints = terms.bias.shape[0], terms.bias.shape[1] - 6
+    """One of the three, or the error that says what does not fit."""
+    if contacts.jacobian.ndim != 3 or contacts.jacobian.shape[2] < 6:
+        raise ShapeError("jacobian", tuple(contacts.jacobian.shape), "(N, k, nv)")
+    count, rows, velocities = contacts.jacobian.shape
+    joints = velocities - 6
+    for name, array, expected, axes in (
+        ("mass_matrix", terms.mass_matrix, (count, velocities, velocities), "(N, nv, nv)"),
+        ("bias", terms.bias, (count, velocities), "(N, nv)"),
+        ("contacts.bias", contacts.bias, (count, rows), "(N, k)"),
+        ("body.matrix", body.matrix, (count, 6, velocities), "(N, 6, nv)"),
+        ("body.mass", body.mass, (count,), "(N,)"),
+        ("body.inverse_inertia", body.inverse_inertia, (count, 3, 3), "(N, 3, 3)"),
+        ("body.to_com", body.to_com, (count, 6, 6), "(N, 6, 6)"),
+        ("body.wrench_map", body.wrench_map, (count, velocities, 6), "(N, nv, 6)"),
+    ):
+        check_shape(name, array, expected, axes)
     command = PostureCommand(
         np.zeros((1, joints)) if posture is None else contiguous(posture),
         np.ones((1, joints)) if mobility is None else contiguous(mobility),
@@ -132,9 +159,11 @@ def _torque_map(
     for name, given, own in zip(("posture", "mobility"), (posture, mobility), command, strict=True):
         if given is not None:
             check_shape(name, own, (count, joints), "(N, n)")
-    motion = EquationOfMotion(terms.mass_matrix, terms.bias)
-    constraint = Constraint(contacts.jacobian, contacts.bias)
-    return map_torques(balancer, motion, body, constraint, command, RIDGE)
+    positive_numbers("mobility", command.mobility.ravel(), command.mobility.size)
+    motion = EquationOfMotion(contiguous(terms.mass_matrix), contiguous(terms.bias))
+    constraint = Constraint(contiguous(contacts.jacobian), contiguous(contacts.bias))
+    own_body = CentroidalTerms(*map(contiguous, body))
+    return map_torques(balancer, motion, own_body, constraint, command, RIDGE)
 
 
 @kernel

@@ -20,15 +20,17 @@ v is MuJoCo's here (see `DynamicsTerms`), and xi, h, Lambda and Gamma do not dep
 The joints' armature is part of Lambda_q. Armature on the free joint has no place in the theory: it
 makes M unlike that of any rigid bodies, and none of the propositions hold.
 
-N robots, nv = 6 + n. `centroidal_terms`, which runs at every control tick, is compiled.
+N robots, nv = 6 + n. What runs at every control tick is compiled.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.checks import check_shape, contiguous
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.frames import skew
+from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import CentroidalTerms, DynamicsTerms
 from fbid_gym.small_matrices import multiply, multiply_by_transpose, times
 
@@ -54,7 +56,6 @@ class DecoupledDynamics(NamedTuple):
     coriolis: np.ndarray
 
 
-@kernel
 def centroidal_terms(terms: DynamicsTerms, velocity: np.ndarray) -> CentroidalTerms:
     """Return the centroidal momentum and the matrices around it.
 
@@ -63,7 +64,24 @@ def centroidal_terms(terms: DynamicsTerms, velocity: np.ndarray) -> CentroidalTe
     Args:
         terms: the dynamics of N robots without armature on their free joints.
         velocity: (N, nv) their generalized velocities.
+
+    Raises:
+        ShapeError: an array does not fit.
     """
+    shape = tuple(velocity.shape)
+    if len(shape) != 2 or shape[1] < 6:
+        raise ShapeError("velocity", shape, "(N, nv) with nv of at least 6")
+    count, size = shape
+    check_shape("mass_matrix", terms.mass_matrix, (count, size, size), "(N, nv, nv)")
+    check_shape("base_position", terms.base_position, (count, 3), "(N, 3)")
+    check_shape("world_from_base", terms.world_from_base, (count, 3, 3), "(N, 3, 3)")
+    check_shape("com", terms.com, (count, 3), "(N, 3)")
+    return find_centroidal_terms(DynamicsTerms(*map(contiguous, terms)), contiguous(velocity))
+
+
+@kernel
+def find_centroidal_terms(terms: DynamicsTerms, velocity: np.ndarray) -> CentroidalTerms:
+    """Return the centroidal momentum (N, 6) at velocities (N, nv), and the matrices around it."""
     count, size = velocity.shape
     matrix, momentum, mass = np.empty((count, 6, size)), np.empty((count, 6)), np.empty(count)
     inertia, inverse_inertia = np.empty((count, 3, 3)), np.empty((count, 3, 3))

@@ -12,7 +12,7 @@ from fbid_gym.control.balance import (
     resting_target,
 )
 from fbid_gym.control.balance_gains import TABLE_1, BalanceGains
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.errors import InvalidValueError, ShapeError
 
 COUNT = 20
 GOOD = {"stiffness": 1.0, "damping": 1.0, "rotation_stiffness": 1.0, "rotation_damping": 1.0}
@@ -184,6 +184,36 @@ def test_at_rest_where_it_should_be_a_robot_wants_its_weight(orientations):
     velocities = {"com_velocity": still[:, :3], "angular_velocity": still[:, 3:]}
     wrench = desired_wrench_ott2011(TABLE_1, target, **velocities, **state)
     np.testing.assert_allclose(wrench, expected, atol=1e-12)
+
+
+def test_one_mass_stands_for_all(measured):
+    target, state = measured
+    momentum = np.zeros((COUNT, 6))
+    velocities = {"com_velocity": momentum[:, :3], "angular_velocity": momentum[:, 3:]}
+    for law, motion in (
+        (desired_wrench_garofalo2015, {"momentum": momentum}),
+        (desired_wrench_ott2011, velocities),
+    ):
+        expected = law(TABLE_1, target, **motion, **state | {"mass": np.full(COUNT, 50.0)})
+        for mass in (50, 50.0, np.float64(50.0), np.array([50.0])):
+            found = law(TABLE_1, target, **motion, **state | {"mass": mass})
+            np.testing.assert_array_equal(found, expected)
+        with pytest.raises(InvalidValueError, match="Invalid mass: .*positive"):
+            law(TABLE_1, target, **motion, **state | {"mass": 0.0})
+
+
+def test_what_belongs_to_other_robots_is_refused(measured):
+    target, state = measured
+    motion = {"momentum": np.zeros((COUNT, 6)), "axes": np.tile(np.eye(3), (COUNT, 1, 1))}
+    for name in ("com", "rotation", "momentum", "axes", "mass"):
+        given = state | motion
+        given[name] = given[name][:2]
+        with pytest.raises(ShapeError, match="has shape .* Expected"):
+            desired_wrench_garofalo2015(TABLE_1, target, **given)
+    for name in BalanceTarget._fields:
+        one_row = target._replace(**{name: getattr(target, name)[:1]})
+        with pytest.raises(ShapeError, match=f"target.{name} has shape .* Expected"):
+            desired_wrench_garofalo2015(TABLE_1, one_row, **state, **motion)
 
 
 def test_gains_turn_with_their_axes(rng, measured):

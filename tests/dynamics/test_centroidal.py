@@ -28,6 +28,7 @@ from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, point_p
 from fbid_gym.dynamics.coriolis import CoriolisMatrix
 from fbid_gym.dynamics.pinocchio_coriolis import pinocchio_coriolis
 from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
+from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import DynamicsTerms
 
 EXACT = 1e-9
@@ -385,7 +386,20 @@ def test_eq_34_kinetic_energy_in_three_parts(case):
     assert_close(energy.sum(axis=1), 0.5 * np.vecdot(case.velocity, momentum))
 
 
-# --- array API, simulation ---------------------------------------------------------------------
+def test_what_belongs_to_other_robots_is_refused():
+    robot = robots.load("quadruped")
+    velocity = np.zeros((4, robot.nv))
+    terms = MuJoCoDynamics(robot).terms(np.tile(robot.home_qpos, (4, 1)), velocity)
+    for name in ("mass_matrix", "base_position", "world_from_base", "com"):
+        one_robots = terms._replace(**{name: getattr(terms, name)[:1]})
+        with pytest.raises(ShapeError, match=f"{name} has shape .* Expected"):
+            centroidal_terms(one_robots, velocity)
+    for wrong in (velocity[0], velocity[:, :5], velocity[:2]):
+        with pytest.raises(ShapeError, match="has shape .* Expected"):
+            centroidal_terms(terms, wrong)
+
+
+# --- simulation --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", robots.ROBOTS)
