@@ -18,9 +18,9 @@ With R the rotation of the base (world from base) and X = blkdiag(Rᵀ, I₃, I�
 
 The Ẋ v term vanishes at rest, so a check at zero velocity cannot tell whether it was forgotten.
 
-All functions are pure, accept any leading batch axes, and work in the array-API namespace of
-their first argument (NumPy, torch). Rotations are written as one constant linear map of a small
-product because at small batches the number of array calls, not of operations, sets the cost.
+All functions are pure and accept any leading batch axes. Rotations are written as one constant
+linear map of a small product because at small batches the number of array calls, not of operations,
+sets the cost.
 """
 
 import numpy as np

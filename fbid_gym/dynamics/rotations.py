@@ -1,4 +1,4 @@
-"""Rotations of one robot, compiled; `frames` has them for whole batches of any array library."""
+"""Rotations of one robot, compiled; `frames` has them for whole batches."""
 
 import numpy as np
 

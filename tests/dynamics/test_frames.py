@@ -217,11 +217,11 @@ def test_equation_of_motion_holds_in_both_coordinates(rng, states, base):
     np.testing.assert_allclose(actual, expected, rtol=1e-11, atol=1e-11)
 
 
-# --- batches and namespaces --------------------------------------------------------------------
+# --- batches -----------------------------------------------------------------------------------
 
 
 def calls(rng, shape):
-    """Every function with random arguments of the leading shape given, and NumPy's namespace."""
+    """Every function with random arguments of the leading shape given."""
     quaternion, vector = rng.normal(size=(*shape, 4)), rng.normal(size=(*shape, 3))
     rotation = frames.quaternion_to_matrix(quaternion)
     qpos, qpos0 = rng.normal(size=(*shape, 12)), rng.normal(size=12)
