@@ -40,10 +40,12 @@ class Following:
     Attributes:
         inner: the layer.
         reference_of: what it follows.
+        contact_ramp: s, of the layer's law, see `WalkingContact`; None where it has none.
     """
 
     inner: ActionLayer
     reference_of: ReferenceOf
+    contact_ramp: float | None = None
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -160,6 +162,7 @@ def walking_feedforward(
         contact: what it assumes of contacts.
     """
     own = Falling(1.0) if robot.has_soles else body_frequency(robot, omega)
+    options = contact.options(robot, omega)
     inner = JointPositionFeedforward.of(
         robot,
         control_hz,
@@ -167,9 +170,9 @@ def walking_feedforward(
         damping_ratio=damping_ratio,
         scale=scale,
         target_frequency=target_frequency,
-        contact=contact.options(robot, omega),
+        contact=options,
     )
-    return Following(inner, joints_of_gait(robot, aware=True))
+    return Following(inner, joints_of_gait(robot, aware=True), options.contact_ramp)
 
 
 @checked
@@ -197,12 +200,13 @@ def walking_joint_acceleration(
     """
     if natural_frequency is None:
         natural_frequency = swing_frequency(robot, omega)
+    options = contact.options(robot, omega)
     inner = JointAcceleration.of(
         robot,
         control_hz,
         natural_frequency=natural_frequency,
         damping_ratio=damping_ratio,
         scale=scale,
-        contact=contact.options(robot, omega),
+        contact=options,
     )
-    return Following(inner, joints_of_gait(robot, aware=True))
+    return Following(inner, joints_of_gait(robot, aware=True), options.contact_ramp)

@@ -219,7 +219,8 @@ class EnvConfig:
         for name, value in options.items():
             if value is None:
                 # A layer of the user's need not tell what it makes of None.
-                options[name] = _derived(getattr(getattr(layer, "inner", layer), name, None))
+                inner = getattr(getattr(layer, "inner", None), name, None)
+                options[name] = _derived(getattr(layer, name, inner))
             elif isinstance(value, Falling):
                 options[name] = _derived(*in_hertz(robot, **{name: value}).values())
         filled = {

@@ -28,7 +28,7 @@ def test_rows_of_a_docstring_are_joined() -> None:
     assert "`reward_torque`" in row and row.endswith("| The terms of the reward |")
     (row,) = (line for line in info.splitlines() if "cost_of_transport" in line)
     assert "a way shorter than h counts as h" in row
-    assert "| `gaps` | gaps every 2 h in raised ground |" in re.sub(
+    assert "| `gaps` | raised ground, two gaps 2 h apart |" in re.sub(
         " +", " ", sections(TerrainEnv)["Description"]
     )
 

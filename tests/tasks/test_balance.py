@@ -195,7 +195,7 @@ def test_standing_perfectly_earns_everything(task):
 
 def test_rewards_are_their_formulas(task, rng):
     """The table of the environment's docstring, computed from MjData."""
-    robot, plan, size = task.body.robot, plans(task, 20), task.body.home_height
+    robot, plan, size = task.body.robot, plans(task, 20), task.body.size
     speed = np.sqrt(9.81 * size)
     qpos, qvel, rest = at_random(task, rng, 20)
     qvel *= 0.2
