@@ -11,6 +11,7 @@ from fbid_gym.envs.action_delay import ActionDelay
 from fbid_gym.envs.answers import as_numbers, as_terms, check_plan
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.curriculum import Progress
+from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
 from fbid_gym.envs.moment import Moment, row_of, rows_of
 from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
@@ -23,7 +24,6 @@ from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
 
 _ACTION_TOLERANCE = 1e-6
-_LOW = 2**64 - 1
 _MOST_PLANNED = 2**30  # bytes, of all robots' episodes
 
 
@@ -312,7 +312,7 @@ class EnvBatch:
         state |= {f"progress.{k}": v.copy() for k, v in self._progress.arrays.items()}
         state |= {"tick": self._tick.copy(), "torque": self._torque.copy()}
         state["observation"] = self.observation()
-        state["generator"] = np.array([_packed(rng) for rng in self._rngs], np.uint64)
+        state["generator"] = np.array([packed(rng) for rng in self._rngs], np.uint64)
         return state
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
@@ -323,7 +323,7 @@ class EnvBatch:
             "delay.ticks": history * self.rates.ticks,
             "progress.level": self.terrain.tiles.number - 1,
             "planned.carrier": self.robot.num_feet - 1,
-            "generator": np.array([_LOW, _LOW, _LOW, _LOW, 1, 2**32 - 1], np.uint64),
+            "generator": MOST_NUMBERS,
         }
         for name, last in most.items():
             value = state.get(name, np.zeros(6, np.uint64))
@@ -343,7 +343,7 @@ class EnvBatch:
         self._tick[:], self._torque = state["tick"], state["torque"].copy()
         self._observation = state["observation"].copy()
         self._com_velocity[:] = np.nan
-        self._rngs = [_unpacked(row) for row in state["generator"]]
+        self._rngs = [unpacked(row) for row in state["generator"]]
 
 
 def _check_memory(drawn: Plan, num_envs: int, seconds: float) -> None:
@@ -388,24 +388,3 @@ def _drawn_place(starts: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def _under(prefix: str, state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     start = prefix + "."
     return {k.removeprefix(start): v for k, v in state.items() if k.startswith(start)}
-
-
-def _packed(rng: np.random.Generator) -> list[int]:
-    """A PCG64 generator, the kind that Gymnasium makes, as six 64-bit integers."""
-    state = dict(rng.bit_generator.state)
-    numbers = state["state"]["state"], state["state"]["inc"]
-    halves = [half for number in numbers for half in (number >> 64, number & _LOW)]
-    return [*halves, state["has_uint32"], state["uinteger"]]
-
-
-def _unpacked(row: np.ndarray) -> np.random.Generator:
-    """The generator of a `_packed` row."""
-    high, low, inc_high, inc_low, has_uint32, uinteger = (int(number) for number in row)
-    rng = np.random.Generator(np.random.PCG64())
-    rng.bit_generator.state = {
-        "bit_generator": "PCG64",
-        "state": {"state": high << 64 | low, "inc": inc_high << 64 | inc_low},
-        "has_uint32": has_uint32,
-        "uinteger": uinteger,
-    }
-    return rng
