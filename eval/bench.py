@@ -19,9 +19,9 @@ from eval.files import check_folder, to_json, write
 from eval.pages import BENCHMARK_PAGE, splice, spliced
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs.chunks import NUM_ENVS
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Choice, Each, Whole, check_fields
 from fbid_gym.robots import ROBOTS
-from train.runs.exit_status import exit_status
 from train.runs.versions import versions
 
 SectionName = Literal["laws", "controllers", "layers", "threads", "single", "ppo", "memory"]

@@ -17,9 +17,9 @@ from eval.files import check_output, to_json, write
 from eval.report import page
 from eval.results import Settings
 from eval.wording import headline
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import check_fields
 from train.environments import register
-from train.runs.exit_status import exit_status
 from train.runs.reading import load
 from train.runs.robots import chosen
 

@@ -25,12 +25,12 @@ from eval.rollout import Player
 from eval.video import record
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Choice, Each, Number, Whole, check_fields
 from train.environments import make_env
 from train.recipes import config_for
 from train.runs import robots
 from train.runs.config import EvaluationConfig, TrainConfig, cores
-from train.runs.exit_status import exit_status
 from train.runs.folder import RunFolder
 from train.runs.jobs import run_jobs
 from train.runs.tables import read_rows

@@ -21,10 +21,10 @@ from eval.wording import number
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_choices
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Whole, check_fields
 from train.environments import make_envs
 from train.recipes import config_for
-from train.runs.exit_status import exit_status
 
 WARM_UP = (7, 18, 29, 40, 51)
 """Policy steps by the zero action before the noisy one: different phases of a gait."""

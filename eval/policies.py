@@ -10,8 +10,8 @@ import tyro
 from eval.pages import POLICIES_PAGE, splice
 from eval.wording import number, percent
 from eval.wording import steps as steps_text
+from fbid_gym.exit_status import exit_status
 from fbid_gym.policy import Measured, Shipped, shipped
-from train.runs.exit_status import exit_status
 
 _HEAD = (
     "Policy", "Learnt by", "Steps", "Time (min)", "Velocity error (m/s)", "Survival", "Return",

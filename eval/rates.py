@@ -15,8 +15,8 @@ from eval.pages import RATES_PAGE, tell_rows
 from eval.walking import Push, Seconds, Trial, Walked, WalkingConfig, gaits, loaded, walk
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs.chunks import NUM_ENVS
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Choice, Each, check_fields
-from train.runs.exit_status import exit_status
 
 EXACT: dict[str, Any] = {
     "physics_hz": 1000,

@@ -23,6 +23,7 @@ from eval.files import check_output, to_json, write
 from eval.video import Clip, record
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Number, Whole, check_fields
 from fbid_gym.policy import Policy, place_of
 from fbid_gym.robots import Robot
@@ -30,7 +31,6 @@ from train.environments import make_env, make_envs, register, step_seconds
 from train.episodes import METRICS, Actor, Episodes, play
 from train.runs.config import parse_object
 from train.runs.environment import changed_meaning
-from train.runs.exit_status import exit_status
 from train.runs.reading import Run
 from train.runs.robots import another, chosen, named, of_policy
 from train.runs.tables import to_csv

@@ -19,6 +19,7 @@ from eval.files import check_folder, read_json, to_json, write
 from eval.rollout import Player, play_player
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import InvalidValueError, RunError
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Number, Whole, check_fields
 from fbid_gym.policy import Card, Measured, Policy
 from fbid_gym.policy.shipping import CARD, PREFIX
@@ -26,7 +27,6 @@ from train.episodes import METRICS, Episodes
 from train.runs.command_line import command_again
 from train.runs.config import algorithm_of
 from train.runs.environment import changed_meaning
-from train.runs.exit_status import exit_status
 from train.runs.folder import RunFolder
 from train.runs.reading import Run, load
 from train.runs.study import environment_name

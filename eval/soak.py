@@ -20,8 +20,8 @@ from eval.pages import RELIABILITY_PAGE, splice, spliced
 from eval.wording import count
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_positive
+from fbid_gym.exit_status import exit_status
 from train.environments import make_envs
-from train.runs.exit_status import exit_status
 
 MOST_GROWTH = 0.01
 """Share of the memory."""

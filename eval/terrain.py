@@ -17,9 +17,9 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.envs.config import EnvConfig
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Choice, Each, Number, check_fields
 from fbid_gym.robots.terrain import LEVELLED
-from train.runs.exit_status import exit_status
 from train.runs.robots import chosen
 
 WALKING = [env for env, given in ENVIRONMENTS.items() if given["task"] == "walk"]

@@ -29,6 +29,7 @@ RANK = {
     "own_files": 0,
     "reading": 1,
     "checks": 1,
+    "exit_status": 1,
     "options": 2,
     "quantities": 1,
     "compiled": 1,

@@ -15,10 +15,10 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Whole, check_fields
 from train.runs.cluster import cluster
 from train.runs.config import cores
-from train.runs.exit_status import exit_status
 from train.runs.files import check_folder
 from train.runs.jobs import Job, Start, run_jobs, start_here
 from train.runs.study import Cell, Study, read_study

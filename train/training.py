@@ -18,6 +18,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from fbid_gym import make_sb3
 from fbid_gym.bundles import present_bundle
 from fbid_gym.errors import RunError
+from fbid_gym.exit_status import exit_status
 from fbid_gym.policy import Policy
 from train import checkpoint, replay
 from train.algorithms import ALGORITHMS
@@ -27,7 +28,6 @@ from train.evaluation import evaluate
 from train.learner import MakeEnv, build, export, seeds
 from train.runs.command_line import parse
 from train.runs.config import TrainConfig
-from train.runs.exit_status import exit_status
 from train.runs.files import check_folder
 from train.runs.folder import RunFolder
 from train.runs.interrupt import stop_requests

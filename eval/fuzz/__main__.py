@@ -12,7 +12,7 @@ from eval.fuzz import arguments, bundles, commands, laws, models, ticks
 from eval.fuzz.search import Outcome, Subject, faults_in, read_case, search
 from eval.pages import RELIABILITY_PAGE, splice, spliced
 from fbid_gym.checks import check_choices, check_positive
-from train.runs.exit_status import exit_status
+from fbid_gym.exit_status import exit_status
 
 SUBJECTS: dict[str, Subject] = {
     "laws": laws,

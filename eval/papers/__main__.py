@@ -24,9 +24,9 @@ from eval.papers.page import Paper, Section, page
 from eval.papers.registry import PAPERS, experiments
 from eval.papers.summary import summary
 from fbid_gym.errors import RunError
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Whole, check_fields
 from train.runs.config import cores
-from train.runs.exit_status import exit_status
 from train.runs.jobs import Job, Progress, run_jobs
 
 _LOG = "log.txt"

@@ -18,8 +18,8 @@ import tyro
 from eval.files import read_json, to_json, write
 from eval.papers.parts import Finding
 from fbid_gym.errors import RunError
+from fbid_gym.exit_status import exit_status
 from fbid_gym.reading import MOST_DATA, read_file
-from train.runs.exit_status import exit_status
 
 OUT = Path("runs/papers")
 _SHOWN_EVERY = 1.0

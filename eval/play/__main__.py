@@ -23,7 +23,7 @@ from fbid_gym.checks import check_positive
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError
-from train.runs.exit_status import exit_status
+from fbid_gym.exit_status import exit_status
 from train.runs.robots import chosen
 
 DEFAULT_ENV = "fbid_gym/QuadrupedWalk-v0"

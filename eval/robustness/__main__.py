@@ -27,8 +27,8 @@ from eval.rollout import parse_env_args
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_choices, check_positive, count, whole_number
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.exit_status import exit_status
 from train.environments import register
-from train.runs.exit_status import exit_status
 from train.runs.robots import chosen
 from train.runs.versions import versions
 

@@ -19,9 +19,9 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.errors import FbidError
+from fbid_gym.exit_status import exit_status
 from fbid_gym.policy import Policy
 from fbid_gym.robots import load
-from train.runs.exit_status import exit_status
 
 FOLDER = Path("build/docs")
 """Where they go; git does not see it."""

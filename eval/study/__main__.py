@@ -37,9 +37,9 @@ from eval.study.page import page
 from eval.study.parts import colours
 from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError, InvalidValueError, RunError
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Number, Whole, check_fields
 from fbid_gym.policy import Policy
-from train.runs.exit_status import exit_status
 from train.runs.reading import layer_name, load
 from train.runs.study import Cell, Study, environment_name, read_study
 from train.runs.training import is_finished

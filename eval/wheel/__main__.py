@@ -19,7 +19,7 @@ import tyro
 from eval.wheel import archives, environment
 from eval.wheel.place import ROOT, Check, Place
 from fbid_gym.errors import FbidError
-from train.runs.exit_status import exit_status
+from fbid_gym.exit_status import exit_status
 
 CHECKS: tuple[Check, ...] = (*archives.CHECKS, *environment.CHECKS)
 

@@ -18,9 +18,9 @@ from eval.zoo.morphology import Morphology
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import RobotError
+from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Choice, Each, Whole, check_fields
 from fbid_gym.robots import Robot
-from train.runs.exit_status import exit_status
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from fbid_gym.errors import FbidError, UnknownOptionError
+from fbid_gym.errors import UnknownOptionError
+from fbid_gym.exit_status import exit_status
 from fbid_gym.policy.shipping import shipped
 
 
@@ -21,19 +22,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("names", nargs="*", help="of which the cards are printed")
     asked = parser.parse_args(arguments).names
-    try:
-        known = {each.name: each for each in shipped()}
-        for name in asked:
-            if name not in known:
-                raise UnknownOptionError("shipped policy", name, known or ("none",))
-    except FbidError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    return exit_status(lambda: _show(asked))
+
+
+def _show(asked: Sequence[str]) -> None:
+    known = {each.name: each for each in shipped()}
+    for name in asked:
+        if name not in known:
+            raise UnknownOptionError("shipped policy", name, known or ("none",))
     for name in known if not asked else ():
         print(name)
     for name in asked:
         print("\n".join([name, *(f"  {line}" for line in known[name].card.lines())]))
-    return 0
 
 
 if __name__ == "__main__":

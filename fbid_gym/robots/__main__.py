@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fbid_gym.errors import FbidError
+from fbid_gym.exit_status import exit_status
 from fbid_gym.robots import ROBOTS, load
 from fbid_gym.robots.description import feet_in_words, in_json
 from fbid_gym.robots.portrait import portrait, write_png
@@ -17,28 +17,23 @@ from fbid_gym.robots.summary import summary
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print a robot's joints, limits, feet and check at home, and draw it; returns 2 on errors."""
     given = _parser().parse_args(arguments)
-    try:
-        options = {
-            name: _value(name, text)
-            for name in ("home", "torque_limit", "armature", "base", "name")
-            if (text := getattr(given, name)) is not None
-        }
-        if given.robot in ROBOTS and not options and not given.feet:
-            robot = load(given.robot)
-        else:
-            robot = Robot.load(given.robot, feet_in_words(given.feet), **options)
-        print(summary(robot))
-        path = Path(given.picture or f"{robot.name}.png")
-        write_png(path, portrait(robot))
-    except FbidError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        what = f"{error.filename}: " if error.filename is not None else ""
-        print(f"error: {what}{error.strerror or error}.", file=sys.stderr)
-        return 2
+    return exit_status(lambda: _show(given))
+
+
+def _show(given: argparse.Namespace) -> None:
+    options = {
+        name: _value(name, text)
+        for name in ("home", "torque_limit", "armature", "base", "name")
+        if (text := getattr(given, name)) is not None
+    }
+    if given.robot in ROBOTS and not options and not given.feet:
+        robot = load(given.robot)
+    else:
+        robot = Robot.load(given.robot, feet_in_words(given.feet), **options)
+    print(summary(robot))
+    path = Path(given.picture or f"{robot.name}.png")
+    write_png(path, portrait(robot))
     print(f"\nPicture: {path} (red: contact points, yellow: their hull, blue: centre of mass)")
-    return 0
 
 
 def _parser() -> argparse.ArgumentParser:

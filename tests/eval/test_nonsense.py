@@ -5,9 +5,9 @@ import tyro
 
 from eval import bench, compare, demo, noise, rates, rollout, soak, terrain, walking
 from eval.papers.__main__ import main as papers
+from fbid_gym.exit_status import exit_status
 from train import ppo, sweep
 from train.runs.command_line import parse
-from train.runs.exit_status import exit_status
 
 WALK = ["--zero-action", "--env", "fbid_gym/QuadrupedWalk-v0"]
 
