@@ -8,8 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from eval.fuzz import arguments, bundles, commands, laws, models, ticks
-from eval.fuzz.search import Outcome, Subject, faults_in, read_case, search
+from eval.fuzz import arguments, bundles, commands, kills, laws, models, ticks
+from eval.fuzz.search import Subject, faults_in, read_case, search
 from eval.pages import RELIABILITY_PAGE, splice, spliced
 from fbid_gym.checks import check_choices, check_positive
 from fbid_gym.exit_status import exit_status
@@ -21,6 +21,7 @@ SUBJECTS: dict[str, Subject] = {
     "models": models,
     "bundles": bundles,
     "commands": commands,
+    "kills": kills,
 }
 
 
@@ -53,23 +54,22 @@ def main(config: FuzzConfig) -> int:
     if config.write_docs:
         spliced(RELIABILITY_PAGE, "", "fuzz")  # to know before the work that it can be written
     print(f"seed {config.seed}", flush=True)
-    lines = ["| Subject | Cases | Failures kept |", "| --- | --- | --- |"]
+    lines = ["| Subject | Cases | With | Failures kept |", "| --- | --- | --- | --- |"]
     seconds, failed = 60.0 * config.minutes / len(config.subjects), False
     for name in config.subjects:
         outcome = search(name, SUBJECTS[name], config.seed, seconds, config.out)
-        lines.append(f"| {name} | {outcome.tried:,} | {len(outcome.failures)} |")
-        failed |= _tell(name, outcome)
+        held = f"{outcome.amount:,} {SUBJECTS[name].UNIT}"
+        lines.append(f"| {name} | {outcome.tried:,} | {held} | {len(outcome.failures)} |")
+        print(
+            f"{name}: {outcome.tried:,} cases, {held}, {len(outcome.failures)} failed", flush=True
+        )
+        for path in outcome.failures:
+            print(f"  python -m eval.fuzz --case {path}", flush=True)
+        failed |= bool(outcome.failures)
     if config.write_docs:
         head = f"{config.minutes:g} minutes, seed {config.seed}.\n\n"
         splice(RELIABILITY_PAGE, head + "\n".join(lines), "fuzz")
     return int(failed)
-
-
-def _tell(name: str, outcome: Outcome) -> bool:
-    print(f"{name}: {outcome.tried:,} cases, {len(outcome.failures)} failed", flush=True)
-    for path in outcome.failures:
-        print(f"  python -m eval.fuzz --case {path}", flush=True)
-    return bool(outcome.failures)
 
 
 if __name__ == "__main__":

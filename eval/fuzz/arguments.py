@@ -16,6 +16,8 @@ _NAMES = ("action_layer", "randomisation", "physics_hz", "control_hz", "push_for
           "push_interval", "push_duration", "layer_options", "render_mode",
           "render_options", "robot")  # fmt: skip
 
+UNIT = "values"
+
 
 def cases() -> st.SearchStrategy[dict[str, Any]]:
     """Return the choice of an argument, or of an option of a layer, and of its value."""
@@ -46,6 +48,11 @@ def _meant(value: Any) -> Any:
     if isinstance(value, dict):
         return float(value["float"])
     return [_meant(entry) for entry in value] if isinstance(value, list) else value
+
+
+def amount(case: dict[str, Any]) -> int:
+    """Return how many values a case tries: one."""
+    return 1
 
 
 def faults(case: dict[str, Any]) -> Iterator[str]:

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
 
+UNIT = "changed bits"
+
 
 def cases() -> st.SearchStrategy[dict[str, Any]]:
     """Return the choice of a policy, and of the places of bits and of the end of its files."""
@@ -22,6 +24,11 @@ def cases() -> st.SearchStrategy[dict[str, Any]]:
             "kept": st.one_of(st.just(1.0), st.floats(0.0, 1.0)),
         }
     )
+
+
+def amount(case: dict[str, Any]) -> int:
+    """Return how many bits of a case change."""
+    return len(case["bits"])
 
 
 def faults(case: dict[str, Any]) -> Iterator[str]:

@@ -28,6 +28,8 @@ _OPTIONS = {
 _NUMBERS = ("-1", "nan", "-inf", "", "one", "1e999", "0x10", "\0")
 _NAMES = ("", "horse", "../..", "\n", "é", "fbid_gym/Nothing-v0", "os:system", "%s", "\0")
 
+UNIT = "options"
+
 
 def cases() -> st.SearchStrategy[dict[str, Any]]:
     """Return the choice of a command, and of options that it cannot take."""
@@ -43,6 +45,11 @@ def cases() -> st.SearchStrategy[dict[str, Any]]:
             {"command": st.just(command), "options": options(command)}
         )
     )
+
+
+def amount(case: dict[str, Any]) -> int:
+    """Return how many options of a case are nonsense: one."""
+    return 1
 
 
 def faults(case: dict[str, Any]) -> Iterator[str]:

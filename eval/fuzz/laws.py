@@ -279,10 +279,18 @@ def _same(one: tuple[np.ndarray, ...], other: tuple[np.ndarray, ...]) -> bool:
     return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(one, other, strict=True))
 
 
+UNIT = "robots"
+
+
 def cases() -> st.SearchStrategy[dict[str, Any]]:
     """Return the choice of a law and of a problem, fair or wild."""
     problem = st.one_of(problems(False), problems(True)).map(Problem._asdict)
     return st.fixed_dictionaries({"law": st.sampled_from(list(LAWS)), "problem": problem})
+
+
+def amount(case: dict[str, Any]) -> int:
+    """Return how many robots a case has."""
+    return int(case["problem"]["robots"])
 
 
 def faults(case: dict[str, Any]) -> Iterator[str]:

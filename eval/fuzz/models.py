@@ -26,6 +26,8 @@ _ELEMENTS = (
     "<worldbody/>",
 )
 
+UNIT = "changes"
+
 
 def cases() -> st.SearchStrategy[dict[str, Any]]:
     """Return the choice of a robot and of what is done to its text."""
@@ -36,6 +38,11 @@ def cases() -> st.SearchStrategy[dict[str, Any]]:
             "changes": st.lists(change, min_size=1, max_size=4),
         }
     )
+
+
+def amount(case: dict[str, Any]) -> int:
+    """Return how often the text of a case is changed."""
+    return len(case["changes"])
 
 
 def faults(case: dict[str, Any]) -> Iterator[str]:

@@ -20,6 +20,12 @@ _ROUND = 20
 class Subject(Protocol):
     """A module of this package."""
 
+    UNIT: str
+    """Of what a case may hold several, in words."""
+
+    def amount(self, case: dict[str, Any]) -> int:
+        """Return how many of them a case holds."""
+
     def cases(self) -> Any:
         """Return a Hypothesis strategy for cases, which JSON can hold."""
 
@@ -32,6 +38,8 @@ class Outcome(NamedTuple):
 
     tried: int
     """Cases."""
+    amount: int
+    """What there was of `Subject.amount` in them."""
     failures: list[Path]
     """Files of those that failed, one a round."""
 
@@ -65,15 +73,16 @@ def search(name: str, subject: Subject, seed: int, seconds: float, folder: Path)
     """
     folder.mkdir(parents=True, exist_ok=True)
     trying, end = folder / f"{name}-trying.json", time.monotonic() + seconds
-    tried, failures = 0, set[Path]()
+    tried, amount, failures = 0, 0, set[Path]()
     while not tried or time.monotonic() < end:
         failing = False
 
         def check(case: dict[str, Any]) -> None:
-            nonlocal tried, failing
+            nonlocal tried, amount, failing
             if tried and not failing and time.monotonic() > end:
                 return
-            tried += not failing
+            if not failing:
+                tried, amount = tried + 1, amount + subject.amount(case)
             trying.write_text(_text(name, case, ["the process ended"]))
             if found := faults_in(subject, case):
                 failing = True
@@ -94,7 +103,7 @@ def search(name: str, subject: Subject, seed: int, seconds: float, folder: Path)
             failures.add(_keep(folder, name, fault))
         seed += 1
     trying.unlink(missing_ok=True)
-    return Outcome(tried, sorted(failures))
+    return Outcome(tried, amount, sorted(failures))
 
 
 def read_case(path: Path, subjects: dict[str, Subject]) -> tuple[Subject, dict[str, Any]]:

@@ -11,28 +11,53 @@ import gymnasium as gym
 import numpy as np
 from hypothesis import strategies as st
 
-from fbid_gym.actions import LAYERS, layer_options
+from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
 from fbid_gym.robots import load
 
 _CONTACTS = ("planned", "all", "measured", "some feet")
-_PLAIN = [name for name in ENVIRONMENTS if "Walk" not in name and "Terrain" not in name]
+_MOST_ROBOTS = 5
+# Wilder than anything that is learnt with.
+_DIFFERENT = {
+    "mass": 0.5,
+    "com": 0.05,
+    "friction": (0.1, 1.5),
+    "motor_strength": (0.3, 1.2),
+    "action_delay": (0.0, 0.05),
+    "model_mass": 0.5,
+    "model_inertia": (0.3, 3.0),
+}
+_OPTIONS = ("contacts", "contact_limits", "contact_ramp", "base_priority", "reference",
+            "footholds", "step_rate")  # fmt: skip
+_ALIKE = {"go1": "quadruped", "biped": "humanoid", "humanoid": "g1"}  # walk as well
+_FASTEST = 30.0  # rad/s and m/s, of a state that is put in
+
+UNIT = "control ticks"
 
 
 def cases() -> st.SearchStrategy[dict[str, Any]]:
     """Return the choice of an environment, its arguments, and how it is driven."""
     return st.fixed_dictionaries(
         {
-            "env": st.sampled_from(_PLAIN),
+            "env": st.sampled_from(list(ENVIRONMENTS)),
+            "other_robot": st.booleans(),
             "layer": st.sampled_from(list(LAYERS)),
             "contacts": st.sampled_from(_CONTACTS),
             "contact_limits": st.sampled_from(("friction", "none")),
             "contact_ramp": st.sampled_from((0.0, 0.02)),
             "base_priority": st.sampled_from((1.0, 30.0, 0.01)),
-            "num_envs": st.integers(1, 5),
+            "reference": st.sampled_from(("gait", "home")),
+            "footholds": st.booleans(),
+            "step_rate": st.booleans(),
+            "height_scan": st.booleans(),
+            "different": st.booleans(),
+            "push": st.sampled_from((0.0, 0.5, 5.0)),
+            "num_envs": st.integers(1, _MOST_ROBOTS),
             "threads": st.integers(2, 3),
             "steps": st.integers(1, 12),
             "size": st.floats(0.0, 1.0),
+            "put_in": st.one_of(st.just(0.0), st.floats(0.0, _FASTEST)),
             "seed": st.integers(0, 2**31),
         }
     )
@@ -54,15 +79,34 @@ def faults(case: dict[str, Any]) -> Iterator[str]:
             yield f"{name} of a robot depends on the others"
 
 
+def amount(case: dict[str, Any]) -> int:
+    """Return the control ticks of a case, over all robots of its three trajectories."""
+    ticks = EnvConfig.of(ENVIRONMENTS[case["env"]] | _arguments(case)).rates().ticks
+    return ticks * case["steps"] * (2 * case["num_envs"] + 1)
+
+
 def _arguments(case: dict[str, Any]) -> dict[str, Any]:
-    known = layer_options(case["layer"])
-    given = {name: case[name] for name in ("contacts", "contact_limits", "contact_ramp")}
+    usual, layer = ENVIRONMENTS[case["env"]], case["layer"]
+    walks = usual["task"] == "walk"
+    given = {name: case[name] for name in _OPTIONS}
     if given["contacts"] == "some feet":
-        feet = load(ENVIRONMENTS[case["env"]]["robot"]).foot_names
+        feet = load(usual["robot"]).foot_names
         given["contacts"] = [(1.0, list(feet[: len(feet) // 2]))]
-    given["base_priority"] = case["base_priority"]
+    known = (walking_layer_options if walks else layer_options)(layer)
     options = {name: value for name, value in given.items() if name in known}
-    return {"action_layer": case["layer"], "layer_options": options, "episode_seconds": 0.2}
+    robot = _ALIKE[usual["robot"]] if walks and case["other_robot"] else usual["robot"]
+    weight = load(robot).weight
+    return {
+        "robot": robot,
+        "action_layer": layer,
+        "layer_options": options,
+        "episode_seconds": 0.2,
+        "push_force": (0.0, case["push"] * weight),
+        "push_duration": 0.04,
+        "push_interval": (0.05, 0.1),
+        **({"randomisation": _DIFFERENT} if case["different"] else {}),
+        **({"height_scan": case["height_scan"]} if "Terrain" in case["env"] else {}),
+    }
 
 
 def _trajectory(
@@ -70,9 +114,16 @@ def _trajectory(
 ) -> dict[str, np.ndarray]:
     """What robots see and earn: name -> (steps, N, ...)."""
     envs = gym.make_vec(case["env"], num_envs=num_envs, num_threads=threads, **arguments)
+    ours: Any = envs.unwrapped
     found: dict[str, list[np.ndarray]] = {"observation": [envs.reset(seed=case["seed"])[0]]}
     rng = np.random.default_rng(case["seed"])
-    for _ in range(case["steps"]):
+    for number in range(case["steps"]):
+        if case["put_in"] and number == case["steps"] // 2:
+            state = ours.chunks.state_dict()
+            moving = state["simulation.qvel"]
+            wild = rng.uniform(-1.0, 1.0, (_MOST_ROBOTS, moving.shape[1]))
+            moving += case["put_in"] * wild[:num_envs]
+            ours.chunks.load_state_dict(state)
         shape = (case["num_envs"], *(envs.single_action_space.shape or ()))
         action = case["size"] * rng.uniform(-1.0, 1.0, shape)
         observation, reward, terminated, truncated, info = envs.step(action[:num_envs])

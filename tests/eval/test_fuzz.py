@@ -1,6 +1,7 @@
 """The search for inputs that break something: a short one, and that it finds and keeps what fails.
 
-Arguments are left to `make fuzz`: some may take all the time there is.
+Arguments and kills are left to `make fuzz`: some take all the time there is. Trainings that are
+killed have tests of their own.
 """
 
 from types import SimpleNamespace
@@ -28,7 +29,9 @@ def _faults(case):
 
 def test_a_failure_is_shrunk_kept_and_repeated(tmp_path, monkeypatch, capsys):
     cases = st.fixed_dictionaries({"x": st.integers(-1000, 10**6)})
-    subject = SimpleNamespace(cases=lambda: cases, faults=_faults)
+    subject = SimpleNamespace(
+        cases=lambda: cases, faults=_faults, UNIT="digits", amount=lambda case: len(str(case["x"]))
+    )
     outcome = search("planted", subject, seed=0, seconds=0.3, folder=tmp_path)
     (kept,) = outcome.failures
     assert '"x": 101' in kept.read_text()

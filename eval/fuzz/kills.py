@@ -1,0 +1,114 @@
+"""Trainings that are killed at any moment and started again: each ends in the same numbers.
+
+Signal 9 leaves a process no time for anything: what it was writing stays half written.
+"""
+
+import functools
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from hypothesis import strategies as st
+
+from train.runs.folder import RunFolder
+from train.runs.tables import read_rows
+
+_MOST_SECONDS = 120.0
+# Checkpoints are frequent, so that some kills fall into the writing of one.
+_TRAINING = [
+    *("--env", "fbid_gym/QuadrupedBalance-v0", "--action-layer", "torque"),
+    *("--env-args", '{"episode_seconds": 0.4, "push_force": [0, 0]}'),
+    *("--total-steps", "960", "--num-envs", "4", "--num-threads", "1"),
+    *("--ppo.n-steps", "16", "--ppo.batch-size", "64", "--ppo.n-epochs", "1", "--ppo.hidden", "8"),
+    *("--eval.every", "320", "--eval.episodes", "2", "--checkpoint-every", "64"),
+]
+_WALL = ("wall_seconds", "fps")
+_SEEDS = (0, 1)
+
+
+class _Straight(NamedTuple):
+    """A training that nobody killed."""
+
+    seconds: float
+    """From its beginning on."""
+    numbers: dict[str, Any]
+
+
+UNIT = "kills"
+
+
+def cases() -> st.SearchStrategy[dict[str, Any]]:
+    """Return the choice of a training, and when it is killed: shares of the time that it takes."""
+    return st.fixed_dictionaries(
+        {
+            "seed": st.sampled_from(_SEEDS),
+            "kills": st.lists(st.floats(0.0, 1.0), min_size=1, max_size=3),
+        }
+    )
+
+
+def amount(case: dict[str, Any]) -> int:
+    """Return how often the training of a case is killed, at most."""
+    return len(case["kills"])
+
+
+def faults(case: dict[str, Any]) -> Iterator[str]:
+    """Yield what goes wrong in a case, one sentence each."""
+    straight = _straight(case["seed"])
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place, "run")
+        for share in case["kills"]:
+            with _begun(folder, case["seed"]) as training:
+                time.sleep(share * straight.seconds)
+                training.kill()
+        with _begun(folder, case["seed"]) as training:
+            said = training.communicate(timeout=_MOST_SECONDS)[0]
+        if training.returncode != 0:
+            yield f"exit status {training.returncode}: {said.strip().splitlines()[-1:]}"
+            return
+        for name, value in _numbers(folder).items():
+            if value != straight.numbers[name]:
+                yield f"{name} is another than without kills"
+
+
+@functools.cache
+def _straight(seed: int) -> _Straight:
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place, "run")
+        with _begun(folder, seed) as training:
+            began = time.monotonic()
+            said = training.communicate(timeout=_MOST_SECONDS)[0]
+        assert training.returncode == 0, said
+        return _Straight(time.monotonic() - began, _numbers(folder))
+
+
+def _begun(path: Path, seed: int) -> subprocess.Popen[str]:
+    """Start or continue a training; what it imports, which takes longest, is over by now."""
+    events = RunFolder.of(path).tensorboard  # a file for each time that it is started
+    before = len(list(events.glob("*")))
+    command = [sys.executable, "-m", "train.ppo", *_TRAINING, "--seed", str(seed)]
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    training = subprocess.Popen([*command, "--out", str(path)], **pipes)
+    while len(list(events.glob("*"))) == before and training.poll() is None:
+        time.sleep(0.01)
+    return training
+
+
+def _numbers(path: Path) -> dict[str, Any]:
+    """What has to be the same: name -> value."""
+    folder = RunFolder.of(path)
+    found: dict[str, Any] = {
+        table.name: [
+            {name: value for name, value in row.items() if name not in _WALL}
+            for row in read_rows(table)
+        ]
+        for table in (folder.progress, folder.evaluations)
+    }
+    policies = (folder.policy, folder.best_policy)
+    return found | {
+        policy.name: (policy / "policy.safetensors").read_bytes() for policy in policies
+    }
