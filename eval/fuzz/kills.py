@@ -4,11 +4,14 @@ Signal 9 leaves a process no time for anything: what it was writing stays half w
 """
 
 import functools
-import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from multiprocessing import get_context
+from multiprocessing.context import ForkServerContext
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -62,13 +65,16 @@ def faults(case: dict[str, Any]) -> Iterator[str]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place, "run")
         for share in case["kills"]:
-            with _begun(folder, case["seed"]) as training:
-                time.sleep(share * straight.seconds)
-                training.kill()
-        with _begun(folder, case["seed"]) as training:
-            said = training.communicate(timeout=_MOST_SECONDS)[0]
-        if training.returncode != 0:
-            yield f"exit status {training.returncode}: {said.strip().splitlines()[-1:]}"
+            training = _begun(folder, case["seed"])
+            training.join(share * straight.seconds)
+            training.kill()
+            training.join()
+        training = _begun(folder, case["seed"])
+        training.join(_MOST_SECONDS)
+        if training.exitcode != 0:
+            training.kill()
+            said = _said(folder).read_text().splitlines()
+            yield f"exit status {training.exitcode}: {' '.join(said[-1:])}"
             return
         for name, value in _numbers(folder).items():
             if value != straight.numbers[name]:
@@ -78,24 +84,44 @@ def faults(case: dict[str, Any]) -> Iterator[str]:
 @functools.cache
 def _straight(seed: int) -> _Straight:
     with tempfile.TemporaryDirectory() as place:
-        folder = Path(place, "run")
-        with _begun(folder, seed) as training:
-            began = time.monotonic()
-            said = training.communicate(timeout=_MOST_SECONDS)[0]
-        assert training.returncode == 0, said
+        folder, training = Path(place, "run"), _begun(Path(place, "run"), seed)
+        began = time.monotonic()
+        training.join(_MOST_SECONDS)
         return _Straight(time.monotonic() - began, _numbers(folder))
 
 
-def _begun(path: Path, seed: int) -> subprocess.Popen[str]:
-    """Start or continue a training; what it imports, which takes longest, is over by now."""
-    events = RunFolder.of(path).tensorboard  # a file for each time that it is started
+def _begun(folder: Path, seed: int) -> BaseProcess:
+    """Start or continue a training, and wait until it has begun, or has nothing left to do."""
+    events = RunFolder.of(folder).tensorboard  # a file for each time that it is started
     before = len(list(events.glob("*")))
-    command = [sys.executable, "-m", "train.ppo", *_TRAINING, "--seed", str(seed)]
-    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    training = subprocess.Popen([*command, "--out", str(path)], **pipes)
-    while len(list(events.glob("*"))) == before and training.poll() is None:
+    training = _trainings().Process(target=_train, args=(folder, seed))
+    training.start()
+    while len(list(events.glob("*"))) == before and training.is_alive():
         time.sleep(0.01)
     return training
+
+
+@functools.cache
+def _trainings() -> ForkServerContext:
+    """What starts processes that have imported already what trains, which takes longest."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload(["train.ppo"])
+    return context
+
+
+def _train(folder: Path, seed: int) -> None:
+    """The command line of `train.ppo`, in a process of its own."""
+    from train.training import command_line  # torch: those who search have no use for it
+
+    words = [*_TRAINING, "--seed", str(seed), "--out", str(folder)]
+    sys.argv = ["train.ppo", *words]
+    with _said(folder).open("w") as said, redirect_stdout(said), redirect_stderr(said):
+        status = command_line("ppo")
+    sys.exit(status)
+
+
+def _said(folder: Path) -> Path:
+    return folder.with_suffix(".log")
 
 
 def _numbers(path: Path) -> dict[str, Any]:
