@@ -35,7 +35,7 @@ from fbid_gym.small_matrices import (
 _FORCE_PENALTY = 1.0
 _TORQUE_PENALTY = 10.0
 _OVERRELAXATION = 1.6
-_FAINT = 1e-9
+_FAINT = 1e-9  # of the longest lever arm: shorter ones do not count
 
 
 class AffineTorque(NamedTuple):
@@ -61,8 +61,13 @@ def forces_within_torque_limits(
     """
     joints, columns = motors.slope.shape
     rows, lowest, highest = np.empty((joints, columns)), np.empty(joints), np.empty(joints)
+    lever = 0.0
     for j in range(joints):
-        size = np.sqrt(dot(motors.slope[j], motors.slope[j])) + _FAINT
+        lever = max(lever, np.sqrt(dot(motors.slope[j], motors.slope[j])))
+    if lever == 0.0:
+        return  # no force changes a torque
+    for j in range(joints):
+        size = np.sqrt(dot(motors.slope[j], motors.slope[j])) + _FAINT * lever
         for i in range(columns):
             rows[j, i] = motors.slope[j, i] / size
         lowest[j] = (-motors.limit[j] - motors.offset[j]) / size / weight
