@@ -16,7 +16,7 @@ from train.algorithms import ALGORITHMS
 from train.runs.config import TrainConfig
 
 MakeEnv = Callable[..., VecEnv]
-"""`fbid_gym.make_sb3`, or what stands in for it: (env_id, num_envs=, seed=, **env_args)."""
+"""`fbid_gym.make_sb3`, or a stand-in: (env_id, num_envs=, seed=, stagger=, **env_args)."""
 
 
 def seeds(seed: int) -> dict[str, int]:

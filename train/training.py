@@ -57,7 +57,15 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
             args["robot"] = robot
         seed = seeds(config.seed)["robots"]
         robots = stack.enter_context(
-            closing(make_env(config.env, num_envs=config.num_envs, seed=seed, **args))
+            closing(
+                make_env(
+                    config.env,
+                    num_envs=config.num_envs,
+                    seed=seed,
+                    stagger=config.stagger,
+                    **args,
+                )
+            )
         )
         # Whoever makes the environments may have brought a robot, too.
         robot = getattr(robots, "robot", robot)

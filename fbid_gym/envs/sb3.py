@@ -37,10 +37,11 @@ class SB3VecEnv(VecEnv):
         config: EnvConfig,
         num_envs: int,
         num_threads: int,
+        stagger: bool = False,
         render_mode: str | None = None,
         render_options: dict[str, Any] | None = None,
     ) -> None:
-        """Build the environments."""
+        """Build the environments; see `make_sb3`."""
         self._shown = check_rendering(render_mode, render_options)
         self.chunks = Chunks(config, num_envs, num_threads)
         self.render_mode, num_envs = render_mode, self.chunks.num_envs
@@ -53,6 +54,10 @@ class SB3VecEnv(VecEnv):
         self.last_info: dict[str, np.ndarray] = {}
         self._seeded = False
         self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
+        # Steps after which the episode ends at the latest: of the first, and of all others.
+        self._whole = np.full(num_envs, first.num_steps)
+        self._first = staggered(self._whole) if stagger else self._whole
+        self._limits = self._first.copy()
         self._started = time.monotonic()
         self._actions: np.ndarray | None = None
         self._renderers: dict[int, RobotRenderer] = {}
@@ -70,7 +75,7 @@ class SB3VecEnv(VecEnv):
         self._seeded = True
         self._reset_seeds()
         self.chunks.reset(np.ones(self.num_envs, bool))
-        self._returns[:], self._lengths[:] = 0.0, 0
+        self._returns[:], self._lengths[:], self._limits[:] = 0.0, 0, self._first
         return self.chunks.observation()
 
     def step_async(self, actions: np.ndarray) -> None:
@@ -87,7 +92,9 @@ class SB3VecEnv(VecEnv):
         self.last_info = step.info
         self._returns += step.reward
         self._lengths += 1
-        done = step.terminated | step.truncated
+        cut = (self._lengths >= self._limits) & (self._limits < self._whole)
+        truncated = step.truncated | (cut & ~step.terminated)
+        done = step.terminated | truncated
         observation = step.observation
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if done.any():
@@ -95,22 +102,25 @@ class SB3VecEnv(VecEnv):
             for env in np.flatnonzero(done):
                 infos[env] = {name: value[env] for name, value in step.info.items()} | {
                     "terminal_observation": observation[env],
-                    "TimeLimit.truncated": bool(step.truncated[env]),
-                    "episode": {
+                    "TimeLimit.truncated": bool(truncated[env]),
+                }
+                # What an episode earns that is cut short says nothing of one that is not.
+                if not cut[env] or step.terminated[env]:
+                    infos[env]["episode"] = {
                         "r": float(self._returns[env]),
                         "l": int(self._lengths[env]),
                         "t": round(elapsed, 6),
-                    },
-                }
+                    }
             self.chunks.reset(done)
             self._returns[done], self._lengths[done] = 0.0, 0
+            self._limits[done] = self._whole[done]
             observation = self.chunks.observation()
         return observation, step.reward.astype(np.float32), done, infos
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return the exact state of all environments as named arrays."""
-        own = {"returns": self._returns.copy(), "lengths": self._lengths.copy()}
-        return self.chunks.state_dict() | own
+        own = {"returns": self._returns, "lengths": self._lengths, "limits": self._limits}
+        return self.chunks.state_dict() | {name: value.copy() for name, value in own.items()}
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` of as many environments of the same kind.
@@ -118,11 +128,16 @@ class SB3VecEnv(VecEnv):
         Raises:
             FbidError: the state is of other environments. Nothing was loaded.
         """
-        own: dict[str, np.ndarray] = {"returns": self._returns, "lengths": self._lengths}
+        own: dict[str, np.ndarray] = {
+            "returns": self._returns,
+            "lengths": self._lengths,
+            "limits": self._limits,
+        }
         if isinstance(state, Mapping):
             own = {name: checked_array(name, value, state) for name, value in own.items()}
         self.chunks.load_state_dict(state)
         self._returns, self._lengths = own["returns"].copy(), own["lengths"].copy()
+        self._limits = own["limits"].copy()
         self._seeded = True
         self._reset_seeds()
 
@@ -161,12 +176,19 @@ class SB3VecEnv(VecEnv):
         return [False for _ in self._get_indices(indices)]
 
 
+def staggered(steps: np.ndarray) -> np.ndarray:
+    """Return lengths of first episodes (N,) of which one ends as soon as another: evenly spread."""
+    count = len(steps)
+    return np.ceil(steps * (np.arange(count) + 1) / count).astype(np.int64)
+
+
 def make_sb3(
     env_id: str,
     num_envs: int = 1,
     *,
     seed: int | None = None,
     num_threads: int = 1,
+    stagger: bool = False,
     render_mode: str | None = None,
     render_options: dict[str, Any] | None = None,
     **arguments: Any,
@@ -178,6 +200,10 @@ def make_sb3(
         num_envs: how many.
         seed: environment i starts from seed + i.
         num_threads: threads that step them.
+        stagger: truncate the first episode of each environment, evenly spread over its duration, so
+            that those to come do not begin and end together. A learner whose robots all begin at
+            once forgets meanwhile what beginning takes, and at the end of the episodes learns from
+            nothing else. What is cut short has no `episode` in its info.
         render_mode: None or "rgb_array".
         render_options: what is drawn over the robots, see `RenderOptions`.
         **arguments: of the environment, as for `gym.make`.
@@ -190,6 +216,6 @@ def make_sb3(
     if seed is not None:
         count("seed", seed)
     config = EnvConfig.of({**gym.registry[env_id].kwargs, **arguments})
-    envs = SB3VecEnv(config, num_envs, num_threads, render_mode, render_options)
+    envs = SB3VecEnv(config, num_envs, num_threads, stagger, render_mode, render_options)
     envs.seed(None if seed is None else int(seed))
     return envs

@@ -100,3 +100,47 @@ def test_unknown_ids_and_arguments():
         fbid_gym.make_sb3(BIPED, 2, action_layr="torque")
     with pytest.raises(InvalidValueError, match="Invalid num_envs: 0. Expected a whole number"):
         fbid_gym.make_sb3(BIPED, 0)
+
+
+def test_staggered_environments_begin_and_end_apart():
+    """Their first episodes are cut, evenly spread; until then they are what they are otherwise."""
+    arguments = {"seed": 1, "action_layer": "base_acceleration", "episode_seconds": 0.24}
+    envs = fbid_gym.make_sb3(BIPED, 5, stagger=True, **arguments)
+    twin = fbid_gym.make_sb3(BIPED, 5, **arguments)
+    np.testing.assert_array_equal(envs.reset(), twin.reset())
+    action = np.zeros((5, *envs.action_space.shape), np.float32)
+    ends = {env: [] for env in range(5)}
+    for step in range(1, 30):
+        if step == 4:  # an exact state remembers what is still to be cut
+            kept = envs.state_dict()
+            envs.step(action)
+            envs.load_state_dict(kept)
+        observation, reward, done, infos = envs.step(action)
+        seen, value, _, _ = twin.step(action)
+        for env in np.flatnonzero(done):
+            ends[env].append(step)
+            assert infos[env]["TimeLimit.truncated"] and infos[env]["termination"] == ""
+            whole = len(ends[env]) > 1 or step == 12
+            assert infos[env].get("episode", {"l": None})["l"] == (12 if whole else None)
+        first = [env for env in range(5) if not ends[env]]
+        np.testing.assert_array_equal(observation[first], seen[first])
+        np.testing.assert_array_equal(reward[first], value[first])
+    assert ends == {0: [3, 15, 27], 1: [5, 17, 29], 2: [8, 20], 3: [10, 22], 4: [12, 24]}
+    envs.reset()
+    assert [np.flatnonzero(envs.step(action)[2]).tolist() for _ in range(3)] == [[], [], [0]]
+    envs.close()
+    twin.close()
+
+
+def test_a_fall_is_reported_whenever_it_happens():
+    envs = fbid_gym.make_sb3(BIPED, 8, seed=0, stagger=True, action_layer="torque")
+    envs.reset()
+    action = np.ones((8, *envs.action_space.shape), np.float32)
+    fell = set()
+    while len(fell) < 8:
+        _, _, done, infos = envs.step(action)
+        for env in np.flatnonzero(done):
+            if infos[env]["termination"] == "fall":
+                fell.add(env)
+                assert "episode" in infos[env] and not infos[env]["TimeLimit.truncated"]
+    envs.close()

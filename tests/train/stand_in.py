@@ -151,7 +151,7 @@ gym.register(ENV_ID, vector_entry_point=PointMassEpisodes)
 
 
 def make(env_id: str, *, num_envs: int, seed: int, num_threads: int, **env_args: Any) -> VecEnv:
-    """Take what `fbid_gym.make_sb3` takes."""
+    """Take what `fbid_gym.make_sb3` takes; these masses do not begin together."""
     return PointMasses(num_envs, seed, env_args.get("strength", 3.0))
 
 

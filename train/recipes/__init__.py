@@ -5,7 +5,7 @@ what the command line says goes before both. Environments that no recipe names a
 defaults.
 
     envs = ["fbid_gym/QuadrupedWalk-v0"]     # which it is for
-    num_envs = 512                           # or total_steps, torch_threads
+    num_envs = 512                           # or total_steps, stagger, torch_threads
     [ppo]                                    # of PPOConfig, where PPO learns
     [sac]                                    # of SACConfig, where SAC learns
     [eval]                                   # of EvaluationConfig
@@ -33,7 +33,7 @@ FOLDER = Path(__file__).parent
 NONE = "none"
 """Stands for the defaults where a recipe is asked for by name."""
 
-SETTINGS = ("total_steps", "num_envs", "torch_threads", *ALGORITHMS, "eval")
+SETTINGS = ("total_steps", "num_envs", "stagger", "torch_threads", *ALGORITHMS, "eval")
 """Fields of `TrainConfig` that a recipe may set."""
 
 

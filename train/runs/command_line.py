@@ -13,7 +13,7 @@ import tyro
 
 from fbid_gym.errors import InvalidValueError
 from train.recipes import NONE, config_for, recipes
-from train.runs.config import ALGORITHMS, TrainConfig, algorithm_of, parse_object
+from train.runs.config import ALGORITHMS, TrainConfig, algorithm_of, completed, parse_object
 from train.runs.folder import RunFolder
 
 # Said twice in the JSON, for readers of the environment's arguments alone.
@@ -80,7 +80,7 @@ def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, .
     if isinstance(robot, Mapping):
         robot = str(folder.robot)
     arguments.pop("robot", None)
-    again = {**stored, "env": env, "env_args": arguments, "robot": robot}
+    again = {**completed(stored), "env": env, "env_args": arguments, "robot": robot}
     return tuple(_options(again, usual))
 
 

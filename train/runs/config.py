@@ -209,6 +209,9 @@ class TrainConfig:
     """Robots side by side."""
     num_threads: Annotated[int, Whole(0, 1024)] = 0
     """Threads stepping the robots. 0: one per core this process may use. May be another later."""
+    stagger: bool = True
+    """Truncate the robots' first episodes, evenly spread, so that those to come do not begin and
+    end together: once an episode a learner would see nothing but beginnings."""
     torch_threads: Annotated[int, Whole(1, 1024)] = 1
     """Threads of torch. Another number rounds sums differently, so it is part of the run."""
     checkpoint_every: Steps = 20_000
@@ -327,9 +330,17 @@ class TrainConfig:
         return json.loads(json.dumps(data))
 
 
+_BEFORE: dict[str, Any] = {"algorithm": "ppo", "stagger": False}
+
+
+def completed(stored: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a `config.json` with what its run did before there was a choice, if that is older."""
+    return {**_BEFORE, **stored}
+
+
 def algorithm_of(stored: Mapping[str, Any]) -> str:
-    """Return what learns as a `config.json` says; one of before there was a choice is of PPO."""
-    return str(stored.get("algorithm", next(iter(ALGORITHMS))))
+    """Return what learns as a `config.json` or a checkpoint says."""
+    return str(completed(stored)["algorithm"])
 
 
 def cores() -> int:

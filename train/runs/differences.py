@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from train.runs.config import ALGORITHMS, algorithm_of
+from train.runs.config import ALGORITHMS, completed
 
 _UNSET = object()
 
@@ -91,7 +91,7 @@ def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def _settings(config: Mapping[str, Any], free: tuple[str, ...]) -> dict[str, Any]:
-    return _without({**config, "algorithm": algorithm_of(config)}, free)
+    return _without(completed(config), free)
 
 
 def _of_runs(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Difference]:

@@ -56,6 +56,12 @@ def test_options_say_only_what_is_not_the_default():
     )
 
 
+def test_stored_options_say_what_a_run_did_before_there_was_a_choice():
+    stored = TrainConfig(seed=3).to_json()
+    del stored["stagger"]
+    assert stored_options(stored, FOLDER) == ("--no-stagger", "--seed", "3")
+
+
 def test_stored_options_of_another_version_are_those_that_there_are():
     stored = TrainConfig(seed=3).to_json()
     del stored["torch_threads"]

@@ -46,6 +46,14 @@ def test_what_makes_another_training_for_a_comparison():
     assert names == ["ppo.gamma", "torch_threads", "total_steps"]
 
 
+def test_a_run_of_before_there_was_a_choice_is_not_one_of_today():
+    today = TrainConfig().to_json()
+    before = {name: value for name, value in today.items() if name != "stagger"}
+    assert in_words(run_differences(before, today)) == "stagger true instead of false"
+    assert run_differences(before, TrainConfig(stagger=False).to_json()) == []
+    assert [its.name for its in training_differences(before, today)] == ["stagger"]
+
+
 def test_what_the_numbers_of_a_run_were_made_with():
     """The writer's own words: were a name changed there, this would not find it."""
     found = made_with(versions())
