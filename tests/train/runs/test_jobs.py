@@ -168,6 +168,8 @@ def test_what_a_runner_began_saves_and_ends_when_it_is_gone(tmp_path, end):
         env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[3])},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
+        # Under nohup, whose children go on, this would be another test.
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
     )
     try:
         _until((tmp_path / "started").exists)
