@@ -41,7 +41,7 @@ class _Straight(NamedTuple):
     numbers: dict[str, Any]
 
 
-UNIT = "kills"
+UNIT = "kills at most"
 
 
 def cases() -> st.SearchStrategy[dict[str, Any]]:
@@ -55,7 +55,7 @@ def cases() -> st.SearchStrategy[dict[str, Any]]:
 
 
 def amount(case: dict[str, Any]) -> int:
-    """Return how often the training of a case is killed, at most."""
+    """Return how often the training of a case is killed, unless it has ended by then."""
     return len(case["kills"])
 
 

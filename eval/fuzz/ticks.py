@@ -81,7 +81,7 @@ def faults(case: dict[str, Any]) -> Iterator[str]:
 
 def amount(case: dict[str, Any]) -> int:
     """Return the control ticks of a case, over all robots of its three trajectories."""
-    ticks = EnvConfig.of(ENVIRONMENTS[case["env"]] | _arguments(case)).rates().ticks
+    ticks = EnvConfig.of(ENVIRONMENTS[case["env"]]).rates().ticks
     return ticks * case["steps"] * (2 * case["num_envs"] + 1)
 
 

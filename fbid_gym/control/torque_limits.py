@@ -61,13 +61,14 @@ def forces_within_torque_limits(
     """
     joints, columns = motors.slope.shape
     rows, lowest, highest = np.empty((joints, columns)), np.empty(joints), np.empty(joints)
-    lever = 0.0
+    levers, longest = np.empty(joints), 0.0
     for j in range(joints):
-        lever = max(lever, np.sqrt(dot(motors.slope[j], motors.slope[j])))
-    if lever == 0.0:
+        levers[j] = np.sqrt(dot(motors.slope[j], motors.slope[j]))
+        longest = max(longest, levers[j])
+    if longest == 0.0:
         return  # no force changes a torque
     for j in range(joints):
-        size = np.sqrt(dot(motors.slope[j], motors.slope[j])) + _FAINT * lever
+        size = levers[j] + _FAINT * longest
         for i in range(columns):
             rows[j, i] = motors.slope[j, i] / size
         lowest[j] = (-motors.limit[j] - motors.offset[j]) / size / weight

@@ -55,8 +55,9 @@ class SB3VecEnv(VecEnv):
         self._seeded = False
         self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
         # Steps after which the episode ends at the latest: of the first, and of all others.
-        self._whole = np.full(num_envs, first.num_steps)
-        self._first = staggered(self._whole) if stagger else self._whole
+        self._whole = first.num_steps
+        parts = np.arange(1, num_envs + 1) if stagger else np.full(num_envs, num_envs)
+        self._first = -(-self._whole * parts // num_envs)
         self._limits = self._first.copy()
         self._started = time.monotonic()
         self._actions: np.ndarray | None = None
@@ -92,9 +93,9 @@ class SB3VecEnv(VecEnv):
         self.last_info = step.info
         self._returns += step.reward
         self._lengths += 1
-        cut = (self._lengths >= self._limits) & (self._limits < self._whole)
-        truncated = step.truncated | (cut & ~step.terminated)
-        done = step.terminated | truncated
+        ended = step.terminated | step.truncated
+        cut = (self._lengths >= self._limits) & ~ended
+        done = ended | cut
         observation = step.observation
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if done.any():
@@ -102,10 +103,10 @@ class SB3VecEnv(VecEnv):
             for env in np.flatnonzero(done):
                 infos[env] = {name: value[env] for name, value in step.info.items()} | {
                     "terminal_observation": observation[env],
-                    "TimeLimit.truncated": bool(truncated[env]),
+                    "TimeLimit.truncated": bool(step.truncated[env] or cut[env]),
                 }
                 # What an episode earns that is cut short says nothing of one that is not.
-                if not cut[env] or step.terminated[env]:
+                if not cut[env]:
                     infos[env]["episode"] = {
                         "r": float(self._returns[env]),
                         "l": int(self._lengths[env]),
@@ -113,7 +114,7 @@ class SB3VecEnv(VecEnv):
                     }
             self.chunks.reset(done)
             self._returns[done], self._lengths[done] = 0.0, 0
-            self._limits[done] = self._whole[done]
+            self._limits[done] = self._whole
             observation = self.chunks.observation()
         return observation, step.reward.astype(np.float32), done, infos
 
@@ -176,12 +177,6 @@ class SB3VecEnv(VecEnv):
         return [False for _ in self._get_indices(indices)]
 
 
-def staggered(steps: np.ndarray) -> np.ndarray:
-    """Return lengths of first episodes (N,) of which one ends as soon as another: evenly spread."""
-    count = len(steps)
-    return np.ceil(steps * (np.arange(count) + 1) / count).astype(np.int64)
-
-
 def make_sb3(
     env_id: str,
     num_envs: int = 1,
@@ -201,9 +196,9 @@ def make_sb3(
         seed: environment i starts from seed + i.
         num_threads: threads that step them.
         stagger: truncate the first episode of each environment, evenly spread over its duration, so
-            that those to come do not begin and end together. A learner whose robots all begin at
-            once forgets meanwhile what beginning takes, and at the end of the episodes learns from
-            nothing else. What is cut short has no `episode` in its info.
+            that those to come do not begin and end together. Else whole episodes are reported all
+            at once, and in between only those that end early. What is cut short has no `episode` in
+            its info.
         render_mode: None or "rgb_array".
         render_options: what is drawn over the robots, see `RenderOptions`.
         **arguments: of the environment, as for `gym.make`.
