@@ -57,7 +57,7 @@ def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel, base: mujoco.MjsBody)
     spec.stat.center = [0, 0, 0.5 * size]
     spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
     spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
-    spec.visual.quality.shadowsize = 4096
+    spec.visual.quality.shadowsize = 2048
     spec.visual.global_.offwidth = max(spec.visual.global_.offwidth, 1920)
     spec.visual.global_.offheight = max(spec.visual.global_.offheight, 1080)
     # contype and conaffinity 1, so that it meets a geom which has either.
