@@ -18,8 +18,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import safetensors.numpy
+import torch
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
 from train import training
@@ -176,6 +178,18 @@ def config(out: Path, **changes: Any) -> TrainConfig:
         "eval": EvaluationConfig(every=300, episodes=4, seed=77),
     }
     return TrainConfig(out=out, **{**fields, **changes})
+
+
+def draw_network(learner: BaseAlgorithm) -> None:
+    """Give a learner a network whose actions differ, some at their limits.
+
+    What little training comes to is another network on another machine, of constant actions or of
+    sums so large that float32 rounds them by more than a test allows.
+    """
+    generator = torch.Generator().manual_seed(5)
+    with torch.no_grad():
+        for parameter in learner.policy.parameters():
+            parameter.normal_(0.0, 0.1 if parameter.ndim > 1 else 1.0, generator=generator)
 
 
 def make_dying(step: int, signal_number: int, make_env: Any = make) -> Any:
