@@ -21,25 +21,19 @@ from eval.clips import Shown, fate
 from eval.files import check_output, to_json, write
 from eval.pages import DOCS, splice, spliced
 from eval.robustness.arms import Arm as Tried
-from eval.robustness.curves import Budget, Robustness, digest, measure, read
+from eval.robustness.curves import Budget, Robustness, measure, read
 from eval.robustness.factors import FACTORS
 from eval.rollout import Player, filmed
-from eval.study.cells import arms, check_cells, robustness_file
-from eval.study.findings import (
-    RETURN,
-    ArmFound,
-    Findings,
-    Settings,
-    checked_reference,
-    findings,
-)
+from eval.study import fresh
+from eval.study.cells import arms, check_cells, policy_digest, robustness_file
+from eval.study.findings import checked_reference, findings
 from eval.study.page import page
 from eval.study.parts import colours
+from eval.study.results import RETURN, ArmFound, Findings, Settings
 from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError, InvalidValueError, RunError
 from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Number, Whole, check_fields
-from fbid_gym.policy import Policy
 from train.runs.reading import layer_name, load
 from train.runs.study import Cell, Study, environment_name, read_study
 from train.runs.training import is_finished
@@ -69,6 +63,10 @@ class StudyConfig:
     """At every value, for every run."""
     robustness_seconds: Annotated[float, Number(0.1, 10_000.0, "s")] = 10.0
     """Length of these episodes, s."""
+    fresh_episodes: Annotated[int, Whole(1, 65_536)] | None = None
+    """Play first, by every finished policy that has not, so many episodes that neither training nor
+    its evaluations have seen, and keep what they did beside the runs. It is shown without being
+    asked for."""
     settings: Annotated[Settings, tyro.conf.arg(name="")] = field(default_factory=Settings)
     """How the runs are put together."""
     write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -84,6 +82,11 @@ def main(config: StudyConfig, command: str = "") -> int:
     study = read_study(config.study, config.runs)
     check_cells(study)
     checked_reference(study, config.reference)
+    if config.out is not None:
+        check_output(config.out, "out", (".html", ".htm"))
+    if config.fresh_episodes is not None:
+        with console.status("reading") as status:
+            fresh.measure(study, config.fresh_episodes, lambda what: status.update(escape(what)))
     said = table(study)
     docs = DOCS / f"{study.page}.md"
     pictures = {}
@@ -93,7 +96,6 @@ def main(config: StudyConfig, command: str = "") -> int:
     if config.robustness and config.out is None:
         raise InvalidValueError("--robustness", True, "--out beside it, which shows it")
     if config.out is not None:
-        check_output(config.out, "out", (".html", ".htm"))
         found = findings(study, config.settings, config.reference)
         with console.status("reading") as status:
 
@@ -202,19 +204,11 @@ def _outdated(study: Study, kept: Robustness) -> list[str]:
         run
         for arm, runs in kept.runs.items()
         for run, then in zip(runs, kept.policies[arm], strict=True)
-        if then != _digest(place[run])
+        if then != policy_digest(place[run])
     ]
     if not changed:
         return []
     return [f"{what} is of policies that have changed since, of {', '.join(changed)}: {again}"]
-
-
-def _digest(folder: Path) -> str:
-    """Return the digest of a run's policy; empty where there is none that can be read."""
-    try:
-        return digest(Policy.load(folder))
-    except FbidError:
-        return ""
 
 
 if __name__ == "__main__":

@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.errors import RunError
+from eval.robustness.curves import digest
+from fbid_gym.errors import FbidError, RunError
+from fbid_gym.policy import Policy
 from train.runs.config import TrainConfig
 from train.runs.differences import in_words, run_differences
 from train.runs.files import read_json
@@ -113,6 +115,14 @@ def exploring(run: TrainConfig) -> tuple[list[float], list[float]]:
     ]
     known = [(step, mean) for step, mean in rows if math.isfinite(mean)]
     return [step for step, _ in known], [mean for _, mean in known]
+
+
+def policy_digest(folder: Path) -> str:
+    """Return the digest of a run's policy; empty where there is none that can be read."""
+    try:
+        return digest(Policy.load(folder))
+    except FbidError:
+        return ""
 
 
 def robustness_file(study: Study, env_id: str) -> Path:

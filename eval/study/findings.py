@@ -1,13 +1,12 @@
-"""What the run folders of a study say together, as data: `page` turns it into words and pictures.
+"""What the run folders of a study say together.
 
 The unit of chance is the run. Its numbers are those of its latest evaluation in training: the last
 policy, on episodes that no choice was made by, the same for every run. The first evaluation is the
 zero action, which is what a policy begins with.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Annotated, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,9 +15,27 @@ from eval import statistics as st
 from eval.comparable import origin_warnings
 from eval.estimates import Chance
 from eval.results import Band, Crossing, Estimate, greatest_return
+from eval.study import fresh
 from eval.study.cells import Arm, arms, check_cells, columns
+from eval.study.fresh import Falls
+from eval.study.results import (
+    CURVES,
+    ERROR,
+    FALLS,
+    JUDGED,
+    MEASURES,
+    RETURN,
+    Across,
+    ArmFound,
+    CellFound,
+    Findings,
+    Fresh,
+    Measure,
+    Settings,
+    Values,
+    Versus,
+)
 from fbid_gym.errors import UnknownOptionError
-from fbid_gym.options import Each, Number, Whole
 from train.runs.command_line import command_again
 from train.runs.differences import made_with
 from train.runs.environment import changed_meaning
@@ -27,168 +44,6 @@ from train.runs.folder import RunFolder
 from train.runs.reading import layer_name
 from train.runs.study import Cell, Study
 from train.runs.training import standing
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How the runs of a study are put together."""
-
-    thresholds: Annotated[tuple[float, ...], Each(Number(1e-6, 1e6, "m/s"))] = (
-        *(0.3, 0.2, 0.15, 0.1, 0.07),
-    )
-    """Velocity errors, m/s, whose first reaching is timed."""
-    survival: Annotated[float, Number(0.0, 1.0)] = 0.8
-    """Share of the episodes that must not end in a fall for a velocity error to count as reached:
-    who falls at once has hardly erred."""
-    seed: Annotated[int, Whole(0, 2**63)] = 20_000
-    """Of the bootstrap, and of the clips."""
-    samples: Annotated[int, Whole(1, 1_000_000)] = 5000
-    """Of the bootstrap."""
-    confidence: Annotated[float, Number(0.01, 0.9999)] = 0.95
-    """Of the intervals."""
-
-
-@dataclass(frozen=True)
-class Measure:
-    """A number of an evaluation."""
-
-    name: str
-    label: str
-    unit: str
-    better: int
-    """1 if more is better, -1 if less is."""
-
-    def of(self, table: dict[str, np.ndarray]) -> np.ndarray:
-        """Return it from the columns of evaluations, (K,); NaN where they do not have it."""
-        if self.name == "falls":
-            return 1.0 - table.get("survival", np.full(len(table["steps"]), np.nan))
-        return table.get(self.name, np.full(len(table["steps"]), np.nan))
-
-
-RETURN = Measure("return_mean", "return", "", 1)
-ERROR = Measure("velocity_error", "velocity error", "m/s", -1)
-FALLS = Measure("falls", "falls", "share", -1)
-MEASURES = (RETURN, ERROR, FALLS, Measure("cost_of_transport", "cost of transport", "", -1))
-CURVES = (RETURN, ERROR)
-"""What is drawn over steps and time."""
-JUDGED = (RETURN, ERROR, FALLS)
-"""In what an arm is set against the reference."""
-
-
-@dataclass(frozen=True)
-class CellFound:
-    """One training."""
-
-    name: str
-    seed: int
-    state: str
-    """See `train.runs.training.Standing`."""
-    note: str
-    steps: list[float]
-    """Of its evaluations."""
-    wall: list[float]
-    """Likewise, s."""
-    curves: dict[str, list[float]]
-    """By measure."""
-    command: str
-    """That trains it."""
-
-    @property
-    def begun(self) -> bool:
-        """Whether it has been evaluated at all."""
-        return bool(self.steps)
-
-    def at(self, measure: str, steps: float) -> float:
-        """Return a measure after so many steps."""
-        return float(np.interp(steps, self.steps, self.curves[measure]))
-
-
-@dataclass(frozen=True)
-class Versus:
-    """An arm against the reference, in one measure."""
-
-    probability: Estimate
-    """That a run of the arm does better than one of the reference."""
-    p_value: float
-    """Of the two-sided Mann-Whitney permutation test."""
-
-
-@dataclass(frozen=True)
-class ArmFound:
-    """An arm in an environment: its cells and what they say together."""
-
-    env_id: str
-    name: str
-    layer: str
-    """Action layer with its options, in words."""
-    most: float
-    """Return that no episode exceeds; NaN where that is not known."""
-    cells: list[CellFound]
-    counted: list[str]
-    """Names of the cells that the numbers are of: those done, or those begun where none is."""
-    steps: float
-    """After which the numbers are; 0 without any."""
-    before: dict[str, float]
-    """By measure: of the zero action, the mean of the first evaluations."""
-    each: dict[str, list[float]]
-    """By measure, of each counted cell."""
-    final: dict[str, Estimate]
-    """By measure."""
-    by_steps: dict[str, Band]
-    by_wall: dict[str, Band]
-    steps_to: list[Crossing]
-    """For each threshold; empty where no velocity is commanded."""
-    wall_to: list[Crossing]
-    versus: dict[str, Versus] = field(default_factory=dict)
-    """By measure; empty for the reference and where either has no cell that is done."""
-
-    @property
-    def done(self) -> int:
-        """Number of cells that have finished."""
-        return sum(cell.state == "done" for cell in self.cells)
-
-    @property
-    def complete(self) -> bool:
-        """Whether all have."""
-        return self.done == len(self.cells)
-
-    def has(self, measure: Measure) -> bool:
-        """Whether it has been measured."""
-        return measure.name in self.final and bool(np.isfinite(self.final[measure.name].value))
-
-
-@dataclass(frozen=True)
-class Across:
-    """An arm over all environments that it and the reference were trained in."""
-
-    name: str
-    env_ids: list[str]
-    share: Estimate
-    """Return over the most that can be earned: the mean of the interquartile means."""
-    probability: dict[str, Estimate]
-    """By measure: of doing better than the reference; empty for the reference."""
-
-
-@dataclass(frozen=True)
-class Findings:
-    """All that the page says but clips and robustness."""
-
-    name: str
-    title: str
-    reference: str
-    settings: Settings
-    arms: list[ArmFound]
-    across: list[Across]
-    warnings: list[str]
-    versions: dict[str, Any]
-    """Of the first run that there is."""
-
-    def environments(self) -> dict[str, list[ArmFound]]:
-        """Return the arms by environment."""
-        found: dict[str, list[ArmFound]] = {}
-        for arm in self.arms:
-            found.setdefault(arm.env_id, []).append(arm)
-        return found
 
 
 def findings(study: Study, settings: Settings, reference: str | None = None) -> Findings:
@@ -207,12 +62,17 @@ def findings(study: Study, settings: Settings, reference: str | None = None) -> 
     reference = checked_reference(study, reference)
     rng = np.random.default_rng(settings.seed)
     chance = Chance(rng, settings.samples, settings.confidence)
-    found = [_arm(arm, settings, chance) for arm in arms(study)]
+    played, outdated = fresh.kept(study)
+    found = [_with_fresh(_arm(arm, settings, chance), played, chance) for arm in arms(study)]
     references = {arm.env_id: arm for arm in found if arm.name == reference}
     for arm in found:
         other = references.get(arm.env_id)
         if other is not None and other is not arm and arm.done and other.done:
-            arm.versus.update(_versus(arm, other, chance))
+            most = arm.most, other.most
+            arm.versus.update(_versus(arm.each, other.each, most, chance))
+            if arm.fresh is not None and other.fresh is not None:
+                its = _versus(arm.fresh.each, other.fresh.each, most, chance)
+                arm.fresh.versus.update(its)
     folders = [RunFolder.of(cell.config.folder) for cell in study.cells]
     versions = [read_json(folder.versions) for folder in folders if folder.versions.is_file()]
     return Findings(
@@ -222,7 +82,7 @@ def findings(study: Study, settings: Settings, reference: str | None = None) -> 
         settings,
         found,
         _across(found, references, chance),
-        [*_changed(study), *origin_warnings([made_with(its) for its in versions])],
+        [*_changed(study), *origin_warnings([made_with(its) for its in versions]), *outdated],
         versions[0] if versions else {},
     )
 
@@ -260,7 +120,7 @@ def _arm(arm: Arm, settings: Settings, chance: Chance) -> ArmFound:
     counted = [cell for cell in begun if cell.state == "done"] or begun
     until = min((cell.steps[-1] for cell in counted), default=0.0)
     each = {m.name: [cell.at(m.name, until) for cell in counted] for m in MEASURES if counted}
-    known = [measure for measure in MEASURES if np.isfinite(each.get(measure.name, [np.nan])).all()]
+    known = [measure for measure in MEASURES if _has(each, measure)]
     first = arm.cells[0].config
     timed = settings.thresholds if ERROR in known else ()
     return ArmFound(
@@ -273,7 +133,7 @@ def _arm(arm: Arm, settings: Settings, chance: Chance) -> ArmFound:
         until,
         {m.name: float(np.mean([cell.curves[m.name][0] for cell in counted])) for m in known},
         each,
-        {m.name: estimates.estimate(np.array(each[m.name]), chance) for m in known},
+        _final(each, known, chance),
         {m.name: _band(counted, "steps", m, chance) for m in CURVES if m in known},
         {m.name: _band(counted, "wall", m, chance) for m in CURVES if m in known},
         [_crossing(counted, "steps", value, settings, chance) for value in timed],
@@ -301,19 +161,39 @@ def _crossing(
     return estimates.crossing(np.array(each), chance)
 
 
-def _scores(arm: ArmFound, measure: Measure) -> np.ndarray:
+def _with_fresh(arm: ArmFound, played: Mapping[str, fresh.Columns], chance: Chance) -> ArmFound:
+    runs = [cell.name for cell in arm.cells if cell.name in played]
+    if not runs:
+        return arm
+    each = {m.name: [float(m.of(played[name])[0]) for name in runs] for m in MEASURES}
+    final = _final(each, [measure for measure in MEASURES if _has(each, measure)], chance)
+    return replace(arm, fresh=Fresh(runs, Falls.of([played[name] for name in runs]), each, final))
+
+
+def _has(each: Values, measure: Measure) -> bool:
+    """Whether all runs have it."""
+    return measure.name in each and bool(np.isfinite(each[measure.name]).all())
+
+
+def _final(each: Values, known: Sequence[Measure], chance: Chance) -> dict[str, Estimate]:
+    return {m.name: estimates.estimate(np.array(each[m.name]), chance) for m in known}
+
+
+def _scores(each: Values, measure: Measure, most: float) -> np.ndarray:
     """What is compared, more being better; of returns the share of what can be earned.
 
     Arms that decide at different rates add up different numbers of rewards.
     """
-    values = measure.better * np.array(arm.each[measure.name])
-    return values / arm.most if measure is RETURN and np.isfinite(arm.most) else values
+    values = measure.better * np.array(each[measure.name])
+    return values / most if measure is RETURN and np.isfinite(most) else values
 
 
-def _versus(arm: ArmFound, other: ArmFound, chance: Chance) -> dict[str, Versus]:
+def _versus(
+    each: Values, others: Values, most: tuple[float, float], chance: Chance
+) -> dict[str, Versus]:
     found = {}
-    for measure in (m for m in JUDGED if arm.has(m) and other.has(m)):
-        x, y = _scores(arm, measure), _scores(other, measure)
+    for measure in (m for m in JUDGED if _has(each, m) and _has(others, m)):
+        x, y = (_scores(*side) for side in ((each, measure, most[0]), (others, measure, most[1])))
         p_value = st.permutation_p_value(x, y, chance.rng)
         found[measure.name] = Versus(estimates.improvement([x], [y], chance), p_value)
     return found
@@ -336,7 +216,9 @@ def _across(
         probability = {}
         for measure in JUDGED if its[0] is not others[0] else ():
             if all(arm.has(measure) for arm in (*its, *others)):
-                x, y = ([_scores(arm, measure) for arm in side] for side in (its, others))
+                x, y = (
+                    [_scores(arm.each, measure, arm.most) for arm in side] for side in (its, others)
+                )
                 probability[measure.name] = estimates.improvement(x, y, chance)
         env_ids = [arm.env_id for arm in its]
         across.append(Across(name, env_ids, estimates.over_tasks(shares, chance), probability))

@@ -8,8 +8,8 @@ from eval.clips import STARTS
 from eval.document import document
 from eval.papers.parts import folded, table, text
 from eval.robustness.curves import Robustness
-from eval.study.findings import FALLS, JUDGED, MEASURES, Findings
 from eval.study.parts import coloured, latest, named, probability, titled, told
+from eval.study.results import FALLS, JUDGED, MEASURES, Findings
 from eval.study.section import Clips, environment
 from eval.study.wording import lede, standing
 from eval.wording import capital, count, duration, interval, steps

@@ -6,7 +6,7 @@ from html import escape
 
 from eval.colours import colours_of_arms
 from eval.results import Estimate
-from eval.study.findings import ERROR, ArmFound, CellFound, Findings, Measure
+from eval.study.results import ERROR, ArmFound, CellFound, Findings, Measure
 from eval.wording import interval, number, percent
 
 

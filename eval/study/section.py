@@ -11,8 +11,8 @@ from eval.results import Band, Crossing
 from eval.robustness.curves import Robustness
 from eval.robustness.page import areas, panels
 from eval.robustness.tables import BY_NAME
-from eval.study.findings import CURVES, JUDGED, MEASURES, ArmFound, Findings, Measure
 from eval.study.parts import colours, form_of, in_cell, named, probability, titled, told
+from eval.study.results import CURVES, JUDGED, MEASURES, ArmFound, Findings, Measure, Versus
 from eval.wording import capital, number, percent, steps
 from train.runs.study import environment_name
 
@@ -35,6 +35,7 @@ def environment(found: Findings, env_id: str, clips: Clips, robustness: Robustne
         _strips(found, measured),
         _thresholds(found, measured),
         _judged(found, arms),
+        _fresh(found, arms),
         _clips(clips, env_id),
         _robustness(found, robustness),
     ]
@@ -207,14 +208,35 @@ def _reached(one: Crossing, form: Callable[[float], str], arm: ArmFound) -> str:
 
 
 def _judged(found: Findings, arms: Sequence[ArmFound]) -> str:
+    judged = _against(found, arms, lambda arm: arm.versus)
+    if not judged:
+        return ""
+    return (
+        heading(f"How sure is it? Against {found.reference}")
+        + text(
+            "Probability that a run of the arm does better than a run of the reference (one half: "
+            "no difference), and how often shuffling the runs between the two would move it as far "
+            "from one half, either way. Where every run of one beats every run of the other the "
+            "interval has no width: a limit of resampling so few runs, not certainty."
+        )
+        + judged
+    )
+
+
+def _against(
+    found: Findings,
+    arms: Sequence[ArmFound],
+    versus_of: Callable[[ArmFound], Mapping[str, Versus]],
+) -> str:
+    """Return the table of arms against the reference; nothing where none stands against it."""
+    shown = [m for m in JUDGED if any(m.name in versus_of(arm) for arm in arms)]
     rows = []
-    shown = [m for m in JUDGED if any(m.name in arm.versus for arm in arms)]
     for arm in arms:
         if arm.name == found.reference:
             continue
         cells = []
         for measure in shown:
-            versus = arm.versus.get(measure.name)
+            versus = versus_of(arm).get(measure.name)
             cells += ["–", "–"] if versus is None else [
                 probability(versus.probability), number(versus.p_value, 2)
             ]  # fmt: skip
@@ -224,15 +246,32 @@ def _judged(found: Findings, arms: Sequence[ArmFound]) -> str:
     heads = [""]
     for measure in shown:
         heads += [f"{capital(measure.label)}: does better", "by chance"]
+    return table(heads, rows)
+
+
+def _fresh(found: Findings, arms: Sequence[ArmFound]) -> str:
+    played = [(arm, arm.fresh) for arm in arms if arm.fresh is not None]
+    if not played:
+        return ""
+    shown = [m for m in MEASURES if any(m.name in fresh.final for _, fresh in played)]
+    rows = [
+        [
+            named(found, arm),
+            f"{len(fresh.runs)} of {len(arm.cells)}",
+            str(fresh.falls),
+            *(in_cell(fresh.final[m.name], m) if m.name in fresh.final else "–" for m in shown),
+        ]
+        for arm, fresh in played
+    ]
     return (
-        heading(f"How sure is it? Against {found.reference}")
+        heading("In fresh episodes")
         + text(
-            "Probability that a run of the arm does better than a run of the reference (one half: "
-            "no difference), and how often shuffling the runs between the two would move it as far "
-            "from one half, either way. Where every run of one beats every run of the other the "
-            "interval has no width: a limit of resampling so few runs, not certainty."
+            "Episodes that neither training nor its evaluations have seen, the same for all: "
+            "evaluations are too few to count what befalls one robot in a hundred. Numbers and "
+            f"intervals as above, and below them the arms against {escape(found.reference)}."
         )
-        + table(heads, rows)
+        + table(["", "trainings", "fell in", *(capital(titled(m)) for m in shown)], rows)
+        + _against(found, arms, lambda arm: {} if arm.fresh is None else arm.fresh.versus)
     )
 
 

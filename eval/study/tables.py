@@ -11,6 +11,7 @@ import numpy as np
 
 from eval.colours import colours_of_arms
 from eval.plots import Series, panel, sheet
+from eval.study import fresh
 from eval.study.cells import Arm, arms, curve, evaluations, exploring
 from eval.wording import number, percent
 from eval.wording import steps as steps_text
@@ -83,7 +84,9 @@ _HEAD = ("Environment", "Arm", "Seeds", "Steps", "Velocity error (m/s)", "Surviv
 
 def table(study: Study) -> str:
     """Return what the arms came to, as Markdown: before -> after, (least to greatest seed)."""
-    lines = [f"| {' | '.join(_HEAD)} |", f"|{' --- |' * len(_HEAD)}"]
+    played, _ = fresh.kept(study)
+    head = (*_HEAD, "Falls in fresh episodes") if played else _HEAD
+    lines = [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
     for arm in arms(study):
         errors, survival, returns = (
             curve(arm, name) for name in ("velocity_error", "survival", "return_mean")
@@ -96,6 +99,10 @@ def table(study: Study) -> str:
         cells = [environment_name(arm.env), arm.name, seeds, steps]
         cells += [_change(errors.values, _fine), _change(survival.values, percent)]
         cells += [_change(returns.values, number)]
+        if played:
+            runs = [cell.config.folder.name for cell in arm.cells]
+            its = [played[run] for run in runs if run in played]
+            cells.append(str(fresh.Falls.of(its)) if its else "–")
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from eval.study.findings import ERROR, FALLS, RETURN, ArmFound, Findings, Measure
+from eval.study.results import ERROR, FALLS, RETURN, ArmFound, Findings, Measure
 from eval.wording import interval, number, percent
 from train.runs.study import environment_name
 
@@ -20,11 +20,16 @@ def standing(found: Findings) -> str:
 
 def lede(found: Findings) -> list[str]:
     """Sentences with what each environment came to, of arms of which something is done."""
-    return [
-        sentence
-        for env_id, arms in found.environments().items()
-        if (sentence := _of(environment_name(env_id), arms, found.reference))
-    ]
+    sentences = []
+    for env_id, arms in found.environments().items():
+        name = environment_name(env_id)
+        sentences += [_of(name, arms, found.reference), _falls(name, arms)]
+    return list(filter(None, sentences))
+
+
+def _falls(name: str, arms: Sequence[ArmFound]) -> str:
+    parts = [f"{arm.name} {arm.fresh.falls}" for arm in arms if arm.fresh is not None]
+    return f"{name}, falls in fresh episodes: {'; '.join(parts)}." if parts else ""
 
 
 def _of(name: str, arms: Sequence[ArmFound], reference: str) -> str:

@@ -1,0 +1,195 @@
+"""What the runs of a study say together, as data: `page` turns it into words and pictures."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+import numpy as np
+
+from eval.results import Band, Crossing, Estimate
+from eval.study.fresh import Falls
+from fbid_gym.options import Each, Number, Whole
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the runs of a study are put together."""
+
+    thresholds: Annotated[tuple[float, ...], Each(Number(1e-6, 1e6, "m/s"))] = (
+        *(0.3, 0.2, 0.15, 0.1, 0.07),
+    )
+    """Velocity errors, m/s, whose first reaching is timed."""
+    survival: Annotated[float, Number(0.0, 1.0)] = 0.8
+    """Share of the episodes that must not end in a fall for a velocity error to count as reached:
+    who falls at once has hardly erred."""
+    seed: Annotated[int, Whole(0, 2**63)] = 20_000
+    """Of the bootstrap, and of the clips."""
+    samples: Annotated[int, Whole(1, 1_000_000)] = 5000
+    """Of the bootstrap."""
+    confidence: Annotated[float, Number(0.01, 0.9999)] = 0.95
+    """Of the intervals."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number of an evaluation."""
+
+    name: str
+    label: str
+    unit: str
+    better: int
+    """1 if more is better, -1 if less is."""
+
+    def of(self, table: dict[str, np.ndarray]) -> np.ndarray:
+        """Return it from the columns of evaluations, (K,); NaN where they do not have it."""
+        falls = self.name == "falls"
+        unknown = np.full_like(next(iter(table.values())), np.nan)
+        values = table.get("survival" if falls else self.name, unknown)
+        return 1.0 - values if falls else values
+
+
+RETURN = Measure("return_mean", "return", "", 1)
+ERROR = Measure("velocity_error", "velocity error", "m/s", -1)
+FALLS = Measure("falls", "falls", "share", -1)
+MEASURES = (RETURN, ERROR, FALLS, Measure("cost_of_transport", "cost of transport", "", -1))
+CURVES = (RETURN, ERROR)
+"""What is drawn over steps and time."""
+JUDGED = (RETURN, ERROR, FALLS)
+"""In what an arm is set against the reference."""
+
+
+Values = Mapping[str, list[float]]
+"""By measure, of each run."""
+
+
+@dataclass(frozen=True)
+class CellFound:
+    """One training."""
+
+    name: str
+    seed: int
+    state: str
+    """See `train.runs.training.Standing`."""
+    note: str
+    steps: list[float]
+    """Of its evaluations."""
+    wall: list[float]
+    """Likewise, s."""
+    curves: dict[str, list[float]]
+    """By measure."""
+    command: str
+    """That trains it."""
+
+    @property
+    def begun(self) -> bool:
+        """Whether it has been evaluated at all."""
+        return bool(self.steps)
+
+    def at(self, measure: str, steps: float) -> float:
+        """Return a measure after so many steps."""
+        return float(np.interp(steps, self.steps, self.curves[measure]))
+
+
+@dataclass(frozen=True)
+class Versus:
+    """An arm against the reference, in one measure."""
+
+    probability: Estimate
+    """That a run of the arm does better than one of the reference."""
+    p_value: float
+    """Of the two-sided Mann-Whitney permutation test."""
+
+
+@dataclass(frozen=True)
+class Fresh:
+    """What the policies of an arm do in episodes that are new to them, see `eval.study.fresh`."""
+
+    runs: list[str]
+    """Names of the cells that played, as many episodes each."""
+    falls: Falls
+    each: dict[str, list[float]]
+    """By measure, of each run."""
+    final: dict[str, Estimate]
+    """By measure."""
+    versus: dict[str, Versus] = field(default_factory=dict)
+    """By measure; empty for the reference and where either has none."""
+
+
+@dataclass(frozen=True)
+class ArmFound:
+    """An arm in an environment: its cells and what they say together."""
+
+    env_id: str
+    name: str
+    layer: str
+    """Action layer with its options, in words."""
+    most: float
+    """Return that no episode exceeds; NaN where that is not known."""
+    cells: list[CellFound]
+    counted: list[str]
+    """Names of the cells that the numbers are of: those done, or those begun where none is."""
+    steps: float
+    """After which the numbers are; 0 without any."""
+    before: dict[str, float]
+    """By measure: of the zero action, the mean of the first evaluations."""
+    each: dict[str, list[float]]
+    """By measure, of each counted cell."""
+    final: dict[str, Estimate]
+    """By measure."""
+    by_steps: dict[str, Band]
+    by_wall: dict[str, Band]
+    steps_to: list[Crossing]
+    """For each threshold; empty where no velocity is commanded."""
+    wall_to: list[Crossing]
+    versus: dict[str, Versus] = field(default_factory=dict)
+    """By measure; empty for the reference and where either has no cell that is done."""
+    fresh: Fresh | None = None
+    """None where no cell that is done has played any."""
+
+    @property
+    def done(self) -> int:
+        """Number of cells that have finished."""
+        return sum(cell.state == "done" for cell in self.cells)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all have."""
+        return self.done == len(self.cells)
+
+    def has(self, measure: Measure) -> bool:
+        """Whether it has been measured."""
+        return measure.name in self.final and bool(np.isfinite(self.final[measure.name].value))
+
+
+@dataclass(frozen=True)
+class Across:
+    """An arm over all environments that it and the reference were trained in."""
+
+    name: str
+    env_ids: list[str]
+    share: Estimate
+    """Return over the most that can be earned: the mean of the interquartile means."""
+    probability: dict[str, Estimate]
+    """By measure: of doing better than the reference; empty for the reference."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All that the page says but clips and robustness."""
+
+    name: str
+    title: str
+    reference: str
+    settings: Settings
+    arms: list[ArmFound]
+    across: list[Across]
+    warnings: list[str]
+    versions: dict[str, Any]
+    """Of the first run that there is."""
+
+    def environments(self) -> dict[str, list[ArmFound]]:
+        """Return the arms by environment."""
+        found: dict[str, list[ArmFound]] = {}
+        for arm in self.arms:
+            found.setdefault(arm.env_id, []).append(arm)
+        return found
