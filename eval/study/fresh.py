@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eval.files import write
+from eval.files import check_folder, write
 from eval.rollout import Player
 from eval.study.cells import policy_digest
 from fbid_gym.errors import RunError
@@ -66,8 +66,10 @@ def measure(study: Study, episodes: int, say: Callable[[str], None]) -> None:
     Raises:
         RunError: a policy that cannot be read, or what is kept is of another number of episodes;
             nothing is lost then.
+        InvalidValueError: nothing can be written beside the runs.
     """
     file = fresh_file(study)
+    check_folder(file.parent, "runs")
     rows = _rows(file)
     other = {int(float(row["episodes"])) for row in rows.values()} - {episodes}
     if other:
