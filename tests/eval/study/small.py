@@ -1,0 +1,48 @@
+"""A small study of two environments, and run folders that are made up."""
+
+import json
+
+import numpy as np
+
+from eval.study.results import Settings
+from fbid_gym.policy import Policy
+from train.runs.folder import RunFolder
+
+STUDY = """
+seeds = [0, 1]
+total_steps = 1000
+[[arms]]
+name = "one"
+env = "fbid_gym/QuadrupedWalk-v0"
+action_layer = "torque"
+[[arms]]
+name = "other"
+env = "fbid_gym/BipedSquat-v0"
+action_layer = "torque"
+seeds = [0]
+"""
+
+
+COLUMNS = ("steps,wall_seconds,episodes,return_mean,return_std,return_q25,return_q75,length_mean,"
+           "survival,velocity_error\n")  # fmt: skip
+
+
+FEW = Settings(samples=200)
+
+
+def fill(cell, height, error, until=1000):
+    folder = RunFolder.of(cell.config.folder)
+    folder.path.mkdir(parents=True)
+    folder.config.write_text(json.dumps(cell.config.to_json()))
+    folder.evaluations.write_text(
+        f"{COLUMNS}0,0,8,{height},1,{height - 1},{height + 1},50,0.5,{2 * error}\n"
+        f"1000,9,8,{2 * height},1,{height - 1},{height + 1},50,1.0,{error}\n"
+    )
+    folder.progress.write_text(f"steps,return_mean\n400,nan\n800,{height / 2}\n{until},{height}\n")
+
+
+def policy(bias):
+    return Policy(
+        "fbid_gym/QuadrupedWalk-v0", {"action_layer": "torque"}, np.zeros(3), np.ones(3),
+        (np.zeros((2, 3)),), (np.full(2, bias),),
+    )  # fmt: skip

@@ -1,0 +1,126 @@
+"""What the runs of a study say together is what was evaluated."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eval.estimates import Chance, improvement, over_tasks
+from eval.results import Estimate
+from eval.study.findings import findings
+from fbid_gym.errors import FbidError
+from tests.eval.study.small import FEW, STUDY, fill
+from train.runs.folder import RunFolder
+from train.runs.study import read_study
+
+
+def test_the_numbers_of_an_arm_are_of_the_trainings_that_are_done(study):
+    first, squat, second = study.cells
+    fill(first, 10.0, 0.1)
+    fill(second, 20.0, 0.3, until=900)  # evaluated, but not to its end
+    walks, squats = findings(study, FEW).arms
+    assert walks.counted == [first.config.folder.name] and (walks.done, walks.complete) == (
+        1,
+        False,
+    )
+    assert walks.final["velocity_error"] == Estimate(0.1)
+    assert walks.before["velocity_error"] == 0.2 and walks.final["falls"].value == 0.0
+    assert [cell.state for cell in walks.cells] == ["done", "90%"]
+    assert (squats.counted, squats.cells[0].state) == ([], "not begun")
+
+
+def test_where_none_is_done_numbers_are_as_far_as_all_are(study):
+    first, _, second = study.cells
+    fill(first, 10.0, 0.1, until=900)
+    fill(second, 20.0, 0.3, until=600)
+    evaluations = RunFolder.of(second.config.folder).evaluations
+    evaluations.write_text(evaluations.read_text().replace("1000,9,", "500,9,"))
+    arm = findings(study, FEW).arms[0]
+    assert arm.done == 0 and len(arm.counted) == 2 and arm.steps == 500.0
+    assert arm.each["velocity_error"] == pytest.approx([0.15, 0.3])
+
+
+def test_thresholds_are_reached_by_who_stays_up(study):
+    """Half the episodes fall at the first evaluation, where the error is twice as large."""
+    first, _, second = study.cells
+    fill(first, 10.0, 0.1)
+    fill(second, 10.0, 0.2)
+    settings = replace(FEW, thresholds=(0.5, 0.2, 0.15, 0.05))
+    arm = findings(study, settings).arms[0]
+    inf = float("inf")
+    assert [one.each for one in arm.steps_to] == [
+        [1000, 1000],
+        [1000, 1000],
+        [1000, inf],
+        [inf] * 2,
+    ]
+    assert arm.wall_to[0].each == [9.0, 9.0]
+    lenient = findings(study, replace(settings, survival=0.5)).arms[0]
+    assert [one.each for one in lenient.steps_to[:2]] == [[0, 0], [0, 1000]]
+    assert lenient.steps_to[2].each[0] == pytest.approx(500.0)
+
+
+def test_arms_are_set_against_the_reference(tmp_path):
+    path = tmp_path / "two.toml"
+    path.write_text(STUDY.replace("BipedSquat", "QuadrupedWalk").replace("seeds = [0]\n", ""))
+    study = read_study(path, tmp_path / "out")
+    for cell in study.cells:
+        fill(cell, 10.0 + cell.config.seed, 0.1 if cell.arm == "other" else 0.2)
+    one, other = findings(study, FEW).arms
+    assert study.reference == "one" and not one.versus
+    assert other.versus["velocity_error"].probability == Estimate(1.0, 1.0, 1.0)
+    assert other.versus["return_mean"].probability.value == 0.5
+    back, _ = findings(study, FEW, "other").arms
+    assert back.versus["velocity_error"].probability.value == 0.0
+    with pytest.raises(FbidError, match="Unknown reference 'cat'. Valid choices: one, other"):
+        findings(study, FEW, "cat")
+
+
+def test_environments_count_the_same_whatever_their_number_of_runs():
+    chance = Chance(np.random.default_rng(0), 500, 0.95)
+    both = over_tasks([np.zeros(8), np.ones(4)], chance)
+    assert (both.value, both.low, both.high) == (0.5, 0.5, 0.5)
+    better = improvement([np.ones(3), np.zeros(2)], [np.zeros(5), np.ones(2)], chance)
+    assert (better.value, better.low, better.high) == (0.5, 0.5, 0.5)
+    assert over_tasks([np.zeros(1), np.ones(4)], chance).low is None
+
+
+def test_a_folder_of_another_study_is_one_clear_error(study, tmp_path):
+    first = study.cells[0]
+    fill(first, 10.0, 0.1)
+    config = RunFolder.of(first.config.folder).config
+    mine = json.loads(config.read_text())
+    for changes, message in (
+        ({"num_envs": 3}, "num_envs 512 instead of 3"),
+        ({"total_steps": 5000}, "total_steps 1000 instead of 5000"),
+    ):
+        config.write_text(json.dumps(mine | changes))
+        with pytest.raises(FbidError, match=f"is not what the study says.*{message}") as caught:
+            findings(study, FEW)
+        assert str(first.config.folder) in str(caught.value)
+    config.write_text(json.dumps(mine | {"total_steps": 500}))  # will be continued
+    findings(study, FEW)
+
+
+def test_a_table_that_is_no_table_is_one_clear_error(study):
+    fill(study.cells[0], 10.0, 0.1)
+    evaluations = RunFolder.of(study.cells[0].config.folder).evaluations
+    evaluations.write_text(evaluations.read_text().replace("1000,9,", "1000,<b>,"))
+    with pytest.raises(FbidError, match="evaluations.csv: holds more than numbers"):
+        findings(study, FEW)
+
+
+def test_returns_are_compared_as_shares_of_what_can_be_earned(tmp_path):
+    """An arm that decides five times as often adds up five times as many rewards."""
+    path = tmp_path / "rates.toml"
+    fast = 'action_layer = "torque"\nenv_args = { policy_hz = 250 }\n'
+    text = STUDY.replace("BipedSquat", "QuadrupedWalk").replace("seeds = [0]\n", "")
+    first, _, last = text.rpartition('action_layer = "torque"\n')
+    path.write_text(first + fast + last)
+    study = read_study(path, tmp_path / "out")
+    for cell in study.cells:
+        fill(cell, 10.0 if cell.arm == "one" else 40.0, 0.1)
+    slow, quick = findings(study, FEW).arms
+    assert (slow.most, quick.most) == (1000.0, 5000.0)
+    assert quick.versus["return_mean"].probability.value == 0.0

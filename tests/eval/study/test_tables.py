@@ -1,0 +1,129 @@
+"""Table, curves and numbers of docs/ are of every cell, finished or not."""
+
+import csv
+import io
+import re
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import pytest
+
+from eval.pages import DOCS, marks, spliced
+from eval.study.__main__ import StudyConfig, main
+from eval.study.cells import arms, check_cells, curve, exploring
+from eval.study.tables import drawn, numbers, table
+from fbid_gym.errors import FbidError
+from tests.eval.study.small import STUDY, fill
+from train.runs.reading import load
+from train.runs.study import read_study
+from train.runs.training import standing
+
+
+def test_numbers_hold_every_evaluation(study):
+    for height, cell in zip((10.0, 20.0, 30.0), study.cells, strict=True):
+        fill(cell, height, 0.1)
+    rows = list(csv.DictReader(io.StringIO(numbers(study))))
+    assert [(row["env"], row["arm"], row["seed"], float(row["return_mean"])) for row in rows] == [
+        (cell.config.env, cell.arm, str(cell.config.seed), factor * height)
+        for height, cell in zip((10.0, 20.0, 30.0), study.cells, strict=True)
+        for factor in (1.0, 2.0)
+    ]
+    assert [row["return_exploring"] for row in rows][:4] == ["", "10.0", "", "20.0"]
+
+
+def test_curves_are_means_over_seeds_between_the_worst_and_the_best(study):
+    first, squat, second = study.cells
+    fill(first, 10.0, 0.1)
+    fill(second, 20.0, 0.3)
+    fill(squat, 5.0, float("nan"))
+    walks, squats = arms(study)
+    assert curve(walks, "velocity_error").values.tolist() == [[0.2, 0.1], [0.6, 0.3]]
+    assert exploring(first.config) == ([800.0, 1000.0], [5.0, 10.0])
+    text = table(study)
+    assert "| QuadrupedWalk-v0 | one | 2 | 1" in text
+    assert "0.400 → 0.200 (0.100 to 0.300)" in text
+    assert "| BipedSquat-v0 | other | 1 |" in text and "| – |" in text
+    picture = ElementTree.fromstring(drawn(study))
+    # Where nothing is commanded there is no velocity error to draw.
+    assert len(picture.findall("{http://www.w3.org/2000/svg}svg")) == 3
+    assert squats.cells == (squat,)
+
+
+def test_what_is_not_finished_counts_with_what_it_has_and_is_said(study):
+    fill(study.cells[0], 10.0, 0.1, until=900)
+    assert "0 of 2 finished" in table(study)
+    drawn(study)
+
+
+def test_what_has_only_begun_does_not_cut_short_what_has_finished(study):
+    first, _, second = study.cells
+    fill(first, 10.0, 0.1)
+    fill(second, 20.0, 0.3, until=900)
+    walks = arms(study)[0]
+    assert curve(walks, "velocity_error").values.tolist() == [[0.2, 0.1]]
+    assert "| one | 1 of 2 finished |" in table(study)
+
+
+def test_a_study_without_runs_is_said(study):
+    assert "| none |" in table(study)
+    with pytest.raises(FbidError, match=re.escape("has not been evaluated yet")):
+        drawn(study)
+
+
+def test_docs_are_written_whole_or_not_at_all(study, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("eval.study.__main__.DOCS", tmp_path / "docs")
+    (tmp_path / "docs").mkdir()
+    page_of_docs = tmp_path / "docs" / "mine.md"
+    first, last = marks("mine")
+    config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", write_docs=True)
+    with pytest.raises(FbidError, match="There is no page"):
+        main(config)
+    page_of_docs.write_text(f"{first}\n{last}\n")
+    with pytest.raises(FbidError, match="has not been evaluated yet"):
+        main(config)
+    assert [path.name for path in page_of_docs.parent.iterdir()] == ["mine.md"]
+    fill(study.cells[0], 10.0, 0.1)
+    assert main(config) == 0
+    assert table(study) in page_of_docs.read_text()
+    assert {path.suffix for path in page_of_docs.parent.iterdir()} == {".md", ".csv", ".svg"}
+    with pytest.raises(FbidError, match="Invalid --robustness"):
+        main(replace(config, write_docs=False, robustness=True))
+
+
+def test_docs_are_of_the_runs_of_the_study_and_of_no_others(study, tmp_path, monkeypatch):
+    monkeypatch.setattr("eval.study.__main__.DOCS", tmp_path)
+    page_of_docs, (first, last) = tmp_path / "mine.md", marks("mine")
+    page_of_docs.write_text(f"{first}\n{last}\n")
+    fill(study.cells[0], 10.0, 0.1)
+    other = STUDY.replace("total_steps", "ppo = { learning_rate = 0.5 }\ntotal_steps")
+    (tmp_path / "mine.toml").write_text(other)
+    config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", write_docs=True)
+    for wrong, message in (
+        (config, "is not what the study says: it says ppo.learning_rate 0.5 instead of"),
+        (replace(config, write_docs=False), "is not what the study says"),
+    ):
+        with pytest.raises(FbidError, match=message):
+            main(wrong)
+    (tmp_path / "mine.toml").write_text(STUDY)
+    with pytest.raises(FbidError, match="Unknown reference 'cat'. Valid choices: one, other"):
+        main(replace(config, reference="cat"))
+    assert page_of_docs.read_text() == f"{first}\n{last}\n"
+    assert not (tmp_path / "mine.csv").exists()
+
+
+STUDIES = sorted((DOCS.parent / "studies").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_every_study_has_a_page_of_docs(path, tmp_path):
+    study = read_study(path, tmp_path)
+    assert "here" in spliced(DOCS / f"{study.page}.md", "here", study.name)
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_kept_runs_are_those_of_their_study(path):
+    study = read_study(path)
+    check_cells(study)
+    for cell in study.cells:
+        if standing(cell.config).state == "done":
+            assert load(cell.config.folder).seed == cell.config.seed
