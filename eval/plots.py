@@ -226,11 +226,15 @@ def _end_labels(series: Sequence[Series], x: Scale, y: Scale) -> str:
     words = [item.name.replace("_", " ") for item in series]  # where lines may break
     lines = [textwrap.wrap(name, 17, break_long_words=False) for name in words]
     gaps = [_LINE * len(text) + 3 for text in lines]
+    lefts = [x(item.x[-1]) + 6 for item in series]
     wanted = [y(item.value[-1]) for item in series]
-    centres = spread(wanted, gaps, _TOP - 10, HEIGHT - _BOTTOM + 4)
+    centres = dict.fromkeys(range(len(series)), 0.0)
+    for column in _columns(lefts):
+        own = [wanted[i] for i in column], [gaps[i] for i in column]
+        placed = spread(*own, _TOP - 10, HEIGHT - _BOTTOM + 4)
+        centres.update(zip(column, placed, strict=True))
     parts = []
-    for item, text, centre in zip(series, lines, centres, strict=True):
-        left = x(item.x[-1]) + 6
+    for item, text, left, centre in zip(series, lines, lefts, centres.values(), strict=True):
         top = centre - _LINE * (len(text) - 1) / 2 + 4
         spans = "".join(
             f'<tspan x="{left:.1f}" y="{top + _LINE * k:.1f}">{escape(line)}</tspan>'
@@ -238,6 +242,17 @@ def _end_labels(series: Sequence[Series], x: Scale, y: Scale) -> str:
         )
         parts.append(f'<text class="name c{item.colour}">{spans}</text>')
     return "".join(parts)
+
+
+def _columns(lefts: Sequence[float]) -> list[list[int]]:
+    """Return which labels may be in each other's way: those not a label's width apart."""
+    columns: list[list[int]] = []
+    for i in sorted(range(len(lefts)), key=lambda i: lefts[i]):
+        if columns and lefts[i] - lefts[columns[-1][-1]] < _RIGHT:
+            columns[-1].append(i)
+        else:
+            columns.append([i])
+    return columns
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,20 @@ def test_labels_are_moved_apart_and_stay_in_order(rng: np.random.Generator) -> N
     assert spread([50.0, 120.0], [16.0, 16.0], 0, 200) == [50.0, 120.0]
 
 
+def test_labels_at_other_ends_do_not_move_each_other() -> None:
+    """Curves of a fifth of the steps end beside others: only the labels of each end make room."""
+
+    def heights(*ends: float) -> list[float]:
+        series = [Series("layer", 1, [0.0, end], [10.0, 3.0]) for end in (*ends, 100.0)]
+        svg = panel(series, "Error", "steps")
+        return [float(y) for y in re.findall(r'<tspan x="[^"]+" y="([^"]+)"', svg)]
+
+    (alone,) = heights()
+    *three, last = heights(20.0, 20.0, 20.0)
+    assert last == alone and min(np.diff(sorted(three))) > 12.0
+    assert min(np.diff(sorted(heights(99.0, 99.0, 99.0)))) > 12.0
+
+
 def test_scale_maps_ends_to_ends() -> None:
     scale = Scale(2.0, 4.0, 100.0, 0.0)
     assert [scale(value) for value in (2.0, 3.0, 4.0)] == [100.0, 50.0, 0.0]
