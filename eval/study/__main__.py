@@ -82,19 +82,20 @@ def main(config: StudyConfig, command: str = "") -> int:
     study = read_study(config.study, config.runs)
     check_cells(study)
     checked_reference(study, config.reference)
+    docs = DOCS / f"{study.page}.md"
     if config.out is not None:
         check_output(config.out, "out", (".html", ".htm"))
+    elif config.robustness:
+        raise InvalidValueError("--robustness", True, "--out beside it, which shows it")
+    if config.write_docs:
+        spliced(docs, "", study.name)  # refuses a page without marks before anything is played
     if config.fresh_episodes is not None:
         with console.status("reading") as status:
             fresh.measure(study, config.fresh_episodes, lambda what: status.update(escape(what)))
     said = table(study)
-    docs = DOCS / f"{study.page}.md"
     pictures = {}
     if config.write_docs:  # refuses before anything is written
-        spliced(docs, said, study.name)
         pictures = {".csv": numbers(study), ".svg": drawn(study)}
-    if config.robustness and config.out is None:
-        raise InvalidValueError("--robustness", True, "--out beside it, which shows it")
     if config.out is not None:
         found = findings(study, config.settings, config.reference)
         with console.status("reading") as status:

@@ -92,6 +92,14 @@ def test_fresh_episodes_are_on_the_page_and_in_the_table(played, tmp_path):
     assert told["falls"] == {"fallen": 3, "episodes": 6} and told["each"]["falls"] == [0.0, 1.0]
     fresh_file(played).unlink()
     assert "fresh" not in table(played)
+    for wrong in (
+        replace(config, robustness=True, out=None),
+        replace(config, write_docs=True),  # there is no such page
+        replace(config, out=tmp_path / "page.txt"),
+    ):
+        with pytest.raises(FbidError):
+            main(replace(wrong, fresh_episodes=3))
+        assert not fresh_file(played).exists()
 
 
 def test_fresh_episodes_judge_arms_as_evaluations_do(tmp_path):
