@@ -1,6 +1,7 @@
 """The gaits of four point feet, from what is measured on the robot's model."""
 
 import math
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -58,7 +59,7 @@ def quadruped_gait(
             "Expected point feet to walk on four of them."
         )
     stance, gravity = Stance.of(robot), robot.gravity
-    hips, lengths = stance.hips, _leg_lengths(robot, stance)
+    hips, lengths = stance.hips, _leg_lengths(robot)
     base, feet = stance.terms.base_position[0], stance.terms.foot_position[0]
     drop = max(0.0, float(np.max(hips[:, 2] - feet[:, 2] - _BENT * lengths)))
     height = float(stance.home_com[2]) - drop
@@ -90,12 +91,16 @@ def quadruped_gait(
     )
 
 
-def _leg_lengths(robot: Robot, stance: Stance) -> np.ndarray:
-    """Farthest that each foot gets from its hip, of many postures within the ranges: (F,) m."""
+@lru_cache(maxsize=64)
+def _leg_lengths(robot: Robot) -> np.ndarray:
+    """Farthest that each foot gets from its hip, of many postures within the ranges: (F,) m.
+
+    Measured once for each robot, as its stance is: it takes longer than all else of an environment.
+    """
     model, rng = robot.model, np.random.default_rng(0)
     data = mujoco.MjData(model)
     data.qpos[:] = robot.home_qpos
-    first = [int(np.flatnonzero(leg)[0]) for leg in stance.legs]
+    first = [int(np.flatnonzero(leg)[0]) for leg in Stance.of(robot).legs]
     joints = [int(model.dof_jntid[6 + joint]) for joint in first]
     low, high = np.clip(robot.joint_range, -np.pi, np.pi).T
     lengths = np.zeros(robot.num_feet)
@@ -105,4 +110,5 @@ def _leg_lengths(robot: Robot, stance: Stance) -> np.ndarray:
         for foot, (part, joint) in enumerate(zip(robot.feet, joints, strict=True)):
             centre = data.xpos[part.body] + data.xmat[part.body].reshape(3, 3) @ part.points[0]
             lengths[foot] = max(lengths[foot], np.linalg.norm(centre - data.xanchor[joint]))
+    lengths.flags.writeable = False
     return lengths
