@@ -15,7 +15,7 @@ import functools
 import inspect
 import types
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import (
     Annotated,
     Any,
@@ -243,6 +243,18 @@ def options_of(build: Callable[..., Any]) -> dict[str, Option]:
         for own in _fields(type(option.default)) if grouped else [option]:
             found[own.name] = own
     return found
+
+
+def grouped(build: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options that are given one by one as a constructor takes them, see `options_of`."""
+    rest, groups = dict(given), {}
+    for option in _keywords(build):
+        if is_dataclass(option.default) and not isinstance(option.default, type):
+            known = options_of(type(option.default))
+            own = {name: rest.pop(name) for name in known if name in rest}
+            if own:
+                groups[option.name] = replace(option.default, **own)
+    return rest | groups
 
 
 def check_names(what: str, given: Mapping[str, Any], known: Mapping[str, Any]) -> None:

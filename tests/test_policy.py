@@ -9,6 +9,7 @@ import safetensors.numpy
 from fbid_gym.bundles import load_bundle, save_bundle
 from fbid_gym.errors import (
     FbidError,
+    InvalidValueError,
     NonFiniteError,
     PolicyFileError,
     ShapeError,
@@ -110,6 +111,8 @@ def test_arrays_are_private_and_read_only():
 
 @pytest.mark.parametrize("shape", [(5,), (2, 4), (2, 5, 1), ()])
 def test_wrong_observation_shape(shape):
+    with pytest.raises(InvalidValueError, match=r"Invalid observation.*numbers of shape \(N, 5\)"):
+        make_policy()(np.full(shape, "a"))
     with pytest.raises(ShapeError, match=r"observation has shape .* Expected \(N, 5\)"):
         make_policy()(np.zeros(shape))
 
@@ -119,6 +122,10 @@ def test_wrong_observation_shape(shape):
     [
         ({"activation": "gelu"}, UnknownOptionError, "'gelu'. Valid choices: tanh, relu, elu"),
         ({"output": "softmax"}, UnknownOptionError, "'softmax'. Valid choices: clip, tanh"),
+        ({"activation": ["tanh"]}, UnknownOptionError, "Valid choices: tanh, relu, elu"),
+        ({"clip": -1.0}, InvalidValueError, "Invalid clip: -1.0. Expected a positive"),
+        ({"epsilon": np.nan}, InvalidValueError, "Invalid epsilon"),
+        ({"env_id": 3}, InvalidValueError, "Invalid env_id: 3. Expected text"),
         ({"variance": np.ones(4)}, ShapeError, r"variance has shape \(4,\). Expected \(5\)"),
         ({"mean": np.full(5, np.nan)}, NonFiniteError, r"mean is not finite.*index \(0,\)"),
         ({"variance": -np.ones(5)}, NonFiniteError, "square root of normalisation.variance"),

@@ -1,6 +1,5 @@
 """Action layers: policy action -> command -> joint torque, tick by tick."""
 
-import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -26,6 +25,7 @@ from fbid_gym.options import (
     check_call,
     check_names,
     check_own_name,
+    grouped,
     options_of,
 )
 from fbid_gym.robots import Robot
@@ -135,7 +135,7 @@ def make_walking_layer(
     steering = options_of(Footholds.of)
     steers = {option: given.pop(option, valid[option]) for option in steering}
     build = WALKING_LAYERS[name]
-    layer = build(robot, control_hz, omega, **_grouped(build, given))
+    layer = build(robot, control_hz, omega, **grouped(build, given))
     return layer, Footholds.of(robot, **steers)
 
 
@@ -160,17 +160,7 @@ def make_layer(
     """
     build, given = _layer(name), dict(options or {})
     check_names(f"option of action layer {name!r}", given, layer_options(name))
-    return build(robot, control_hz, **_grouped(build, given))
-
-
-def _grouped(build: Callable[..., ActionLayer], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options given one by one as a constructor takes them: `contact` holds some."""
-    own = inspect.signature(build).parameters
-    if "contact" not in own:
-        return dict(given)
-    about_contacts = {name: value for name, value in given.items() if name not in own}
-    rest = {name: value for name, value in given.items() if name in own}
-    return rest | {"contact": replace(own["contact"].default, **about_contacts)}
+    return build(robot, control_hz, **grouped(build, given))
 
 
 def _layer(

@@ -8,7 +8,7 @@ import numpy as np
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
-from fbid_gym.actions.law_memory import LawMemory, remember
+from fbid_gym.actions.law_memory import LawMemory, diagnostics_of, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.compiled import kernel
 from fbid_gym.control import ContactLimits
@@ -103,6 +103,11 @@ class AccelerationLaw:
             constants=constants,
             limited=limits is not None,
         )
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """What of its memory it reports."""
+        return diagnostics_of(self.limited)
 
     def memory(self, num_robots: int) -> Memory:
         """Warm start of the contact forces, the diagnostics, and a ramp's state."""

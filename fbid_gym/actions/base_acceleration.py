@@ -9,7 +9,6 @@ import numpy as np
 from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
-from fbid_gym.actions.law_memory import DIAGNOSTICS
 from fbid_gym.actions.ranges import DampingRatio, Frequency, Priority
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.rotations import rotation_of
@@ -136,7 +135,7 @@ class BaseAcceleration:
     @property
     def diagnostics(self) -> tuple[str, ...]:
         """Of the acceleration law."""
-        return DIAGNOSTICS
+        return self.law.diagnostics
 
     def memory(self, num_robots: int) -> Memory:
         """See `ActionLayer.memory`."""

@@ -10,11 +10,13 @@ from fbid_gym.actions.falling import Falling
 from fbid_gym.actions.joint_gains import SERVO, JointGains, holding_torque, servo_fault
 from fbid_gym.actions.ranges import DampingRatio, Hertz, TargetScale
 from fbid_gym.compiled import kernel
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
 
 _FREQUENCY = Falling(3.4)
+_DAMPING_RATIO = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,7 @@ class JointPosition:
         control_hz: int,
         *,
         natural_frequency: Annotated[float | str, Hertz(also=(SERVO,))] | None = None,
-        damping_ratio: DampingRatio = 1.0,
+        damping_ratio: DampingRatio = _DAMPING_RATIO,
         scale: TargetScale = 0.3,
     ) -> "JointPosition":
         """Derive the gains from a second-order response of the home stance.
@@ -55,7 +57,7 @@ class JointPosition:
                 theirs, if they held every joint and are steady at `control_hz`; else 3.4 times that
                 at which the robot falls, see `Falling`. Stiffer joints take harder pushes
                 untrained, but turn exploration noise into falls.
-            damping_ratio: zeta.
+            damping_ratio: zeta; of servos their own.
             scale: rad (m for slides) at action 1.
 
         Raises:
@@ -101,6 +103,10 @@ def _gains(
     if natural_frequency is None and not servo_fault(robot, control_hz):
         natural_frequency = SERVO
     if natural_frequency == SERVO:
+        if damping_ratio != _DAMPING_RATIO:
+            expected = f"{_DAMPING_RATIO:g} beside the gains of the file's servos, which have their"
+            expected += " own damping; or a natural_frequency in Hz"
+            raise InvalidValueError("damping_ratio", damping_ratio, expected)
         return JointGains.of_servos(robot, control_hz)
     frequency = _FREQUENCY if natural_frequency is None else natural_frequency
     return JointGains.of(robot, control_hz, frequency, damping_ratio)

@@ -10,7 +10,6 @@ from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.joint_gains import JointGains
-from fbid_gym.actions.law_memory import DIAGNOSTICS
 from fbid_gym.actions.ranges import DampingRatio, Frequency, Hertz, TargetScale
 from fbid_gym.actions.smooth_target import Offset, SmoothTarget, TargetMemory, follow
 from fbid_gym.compiled import compiled, kernel
@@ -136,7 +135,7 @@ class JointPositionFeedforward:
     @property
     def diagnostics(self) -> tuple[str, ...]:
         """Of the acceleration law."""
-        return DIAGNOSTICS
+        return self.law.diagnostics
 
     def memory(self, num_robots: int) -> Memory:
         """Of the law and of the offset."""

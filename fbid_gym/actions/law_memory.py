@@ -41,6 +41,15 @@ class LawMemory(NamedTuple):
         return LawMemory(*(part[rows] for part in self))
 
 
+def diagnostics_of(limited: bool) -> tuple[str, ...]:
+    """What of its memory a law of accelerations reports.
+
+    Where contact forces have no limits they miss no wrench but that of directions in which the
+    contacts cannot push at all.
+    """
+    return DIAGNOSTICS if limited else DIAGNOSTICS[1:]
+
+
 @compiled
 def remember(warm_start: np.ndarray, residual: np.ndarray, memory: LawMemory) -> None:
     """Write the warm start (N, 6) of the next tick and the residual (N,) of this one."""

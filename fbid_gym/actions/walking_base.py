@@ -8,7 +8,6 @@ import numpy as np
 from fbid_gym.actions.base_acceleration import action_scale
 from fbid_gym.actions.com_wrench import wrench_scale_of
 from fbid_gym.actions.contact_options import WALKING_CONTACT_DEFAULTS, WalkingContact
-from fbid_gym.actions.law_memory import DIAGNOSTICS
 from fbid_gym.actions.walking_law import BodyAim, WalkingConstants, WalkingLaw
 from fbid_gym.actions.walking_tasks import base_aim, wrench_aim
 from fbid_gym.dynamics.stance import Stance
@@ -44,7 +43,11 @@ class WalkingBody:
     aim: Aim
     scale: np.ndarray
     action_names: tuple[str, ...]
-    diagnostics: tuple[str, ...] = DIAGNOSTICS
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """Of the law."""
+        return self.law.diagnostics
 
     def memory(self, num_robots: int) -> Memory:
         """See `ActionLayer.memory`."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
-from fbid_gym.actions.law_memory import LawMemory, remember
+from fbid_gym.actions.law_memory import LawMemory, diagnostics_of, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.actions.walking_gains import WalkingGains, has_spare_joints
 from fbid_gym.compiled import compiled, kernel
@@ -134,6 +134,11 @@ class WalkingLaw:
             turning_inertia=_turning_inertia(robot),
         )
         return cls(robot, constants, contact.ramp(control_hz), limits is not None)
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """What of its memory it reports."""
+        return diagnostics_of(self.limited)
 
     def memory(self, num_robots: int) -> Memory:
         """Warm start of the contact forces, the diagnostics, and what the ramp goes on from."""

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.actions import ActionLayer
+from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
 from fbid_gym.tasks import Plan, Task
 
 _FLOAT = np.dtype(float)
+_MOST_PLANNED = 2**30  # bytes, of all robots' episodes
 _PLANNED = ("qpos", "qvel", "push_start", "push_force", "push_velocity")
 
 
@@ -33,6 +35,57 @@ def check_plan(task: Task, drawn: Plan) -> None:
     if np.shape(bound) != (len(names),):
         expected = f"({len(names)},), a bound for each of observation_names"
         raise ShapeError(f"observation_bound of {kind}", np.shape(bound), expected)
+
+
+def check_size(drawn: Plan, num_envs: int, seconds: float) -> None:
+    """Raise InvalidValueError where what is drawn for the episodes takes more than it may."""
+    total = num_envs * sum(value.nbytes for value in drawn.values())
+    if total > _MOST_PLANNED:
+        expected = (
+            f"less: the pushes and commands of {num_envs:,} such episodes take "
+            f"{total / 2**30:.3g} GiB, more than {_MOST_PLANNED / 2**30:g}"
+        )
+        raise InvalidValueError("episode_seconds", seconds, expected)
+
+
+def check_drawn(task: Task, drawn: Plan, plan: Plan) -> None:
+    """Raise an FbidError unless another episode is drawn of the arrays that make up the plan."""
+    kind = type(task).__name__
+    if not isinstance(drawn, Mapping) or drawn.keys() != plan.keys():
+        found = sorted(drawn) if isinstance(drawn, Mapping) else drawn
+        expected = f"what it drew before: {', '.join(plan)}"
+        raise InvalidValueError(f"plan drawn by {kind}", found, expected)
+    for name, value in drawn.items():
+        if np.shape(value) != plan[name].shape[1:]:
+            expected = f"{plan[name].shape[1:]}, as it had before"
+            raise ShapeError(f"{name!r} drawn by {kind}", np.shape(value), expected)
+
+
+def check_memory(memory: Any, num_robots: int, whose: object) -> None:
+    """Raise an FbidError unless a memory has a row for each of the robots in all of its arrays."""
+    kind = type(whose).__name__
+    if not isinstance(memory, Mapping):
+        raise InvalidValueError(f"memory of {kind}", memory, "a dictionary of arrays by name")
+    for name, value in memory.items():
+        if not isinstance(value, np.ndarray):
+            raise InvalidValueError(f"{name!r} in the memory of {kind}", value, "an array")
+        if value.shape[:1] != (num_robots,):
+            expected = f"({num_robots}, ...), a row for each robot"
+            raise ShapeError(f"{name!r} in the memory of {kind}", value.shape, expected)
+
+
+def check_layer(layer: ActionLayer, memory: Any, num_robots: int) -> None:
+    """Raise an FbidError unless a layer's names and its memory are what `ActionLayer` says."""
+    kind = type(layer).__name__
+    check_memory(memory, num_robots, layer)
+    for called in ("action_names", "diagnostics"):
+        names = getattr(layer, called, None)
+        if not isinstance(names, tuple | list) or not all(isinstance(name, str) for name in names):
+            raise InvalidValueError(f"{called} of {kind}", names, "a tuple of names")
+    unknown = [name for name in layer.diagnostics if name not in memory]
+    if unknown:
+        expected = f"names in its memory: {', '.join(memory) or 'none'}"
+        raise InvalidValueError(f"diagnostics of {kind}", unknown[0], expected)
 
 
 def as_numbers(answer: Any, shape: tuple[int, ...], whose: object, name: str) -> np.ndarray:
@@ -62,13 +115,34 @@ def as_numbers(answer: Any, shape: tuple[int, ...], whose: object, name: str) ->
 
 
 def as_terms(answer: Any, count: int, task: Task, name: str) -> dict[str, np.ndarray]:
-    """Return named rows of numbers, each (count,), see `as_numbers`."""
+    """Return named rows of numbers, each (count,), see `as_numbers`.
+
+    Args:
+        answer: of the task.
+        count: of robots.
+        task: whose answer it is.
+        name: of such a row.
+    """
     if not isinstance(answer, Mapping):
         called = f"{name} of {type(task).__name__}"
         raise InvalidValueError(called, answer, "a dictionary of arrays by name")
     shape, found = (count,), dict(answer)
     for key, value in found.items():
         # Two dozen at every step, and mostly what they should be.
-        if type(value) is not np.ndarray or value.shape != shape:
+        if type(value) is not np.ndarray or value.shape != shape or value.dtype is not _FLOAT:
             found[key] = as_numbers(value, shape, task, f"{name} {key!r}")
     return found
+
+
+def summed(terms: Mapping[str, np.ndarray], count: int, task: Task) -> np.ndarray:
+    """Return the rewards (count,) that terms make together.
+
+    Raises:
+        NonFiniteError: a term that is not finite, of robots whose state is.
+    """
+    total = sum(terms.values(), np.zeros(count))
+    if not np.isfinite(total).all():
+        for key, value in terms.items():
+            for robot in np.flatnonzero(~np.isfinite(value)):
+                raise NonFiniteError(f"reward term {key!r} of {type(task).__name__}", (int(robot),))
+    return total

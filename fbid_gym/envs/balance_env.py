@@ -281,7 +281,8 @@ class BalanceEnv(RobotEnv):
     | `layer_saturation`                       |        | Share of the joints at their limit       |
     | `layer_residual`                         |        | Share of the weight by which the base    |
     |                                          |        | wrench misses the commanded one (layers  |
-    |                                          |        | with accelerations)                      |
+    |                                          |        | with accelerations; without limits on    |
+    |                                          |        | contact forces only of `com_wrench`)     |
     | `layer_underactuation`                   |        | Base directions that the assumed         |
     |                                          |        | contacts cannot push (as before)         |
     | `termination`                            |        | "", "fall" or "diverged"                 |

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 import numpy as np
@@ -74,7 +74,11 @@ class Chunks:
             self._pool.submit(batch.step, action[part])
             for batch, part in zip(self.batches[1:], self.slices[1:], strict=True)
         ]
-        return _joined([first.step(action[self.slices[0]]), *(job.result() for job in jobs)])
+        try:
+            head = first.step(action[self.slices[0]])
+        finally:  # whoever hears of an error may reset or load at once
+            wait(jobs)
+        return _joined([head, *(job.result() for job in jobs)])
 
     def close(self) -> None:
         """Stop the threads; nothing steps any more."""

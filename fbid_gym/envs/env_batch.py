@@ -8,7 +8,16 @@ import numpy as np
 from fbid_gym.checks import real_numbers
 from fbid_gym.compiled import kernel
 from fbid_gym.envs.action_delay import ActionDelay
-from fbid_gym.envs.answers import as_numbers, as_terms, check_plan
+from fbid_gym.envs.answers import (
+    as_numbers,
+    as_terms,
+    check_drawn,
+    check_layer,
+    check_memory,
+    check_plan,
+    check_size,
+    summed,
+)
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.curriculum import Progress
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
@@ -17,14 +26,13 @@ from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
-from fbid_gym.quantities import DynamicsTerms, RobotState
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
 from fbid_gym.robots.undrawn import alone, undrawn
-from fbid_gym.tasks import Plan, Walk
+from fbid_gym.tasks import Walk
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
 
 _ACTION_TOLERANCE = 1e-6
-_MOST_PLANNED = 2**30  # bytes, of all robots' episodes
 
 
 class Step(NamedTuple):
@@ -87,11 +95,12 @@ class EnvBatch:
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         drawn = self.task.draw(np.random.default_rng(0))
         check_plan(self.task, drawn)
-        _check_memory(drawn, num_envs if of is None else of, self.task.seconds)
+        check_size(drawn, num_envs if of is None else of, self.task.seconds)
         self._plan = {
-            name: np.zeros((num_envs, *value.shape), value.dtype) for name, value in drawn.items()
+            name: np.repeat(value[None], num_envs, axis=0) for name, value in drawn.items()
         }
         self._memory = self.layer.memory(num_envs)
+        check_layer(self.layer, self._memory, num_envs)
         self._fresh_memory = self.layer.memory(num_envs)
         self._tick = np.zeros(num_envs, np.int64)
         self._torque = np.zeros((num_envs, self.robot.num_joints))
@@ -105,11 +114,15 @@ class EnvBatch:
         longest = randomisation.action_delay[1]
         self._delay = ActionDelay.of(num_envs, self._num_actions, self.rates, longest)
         planned = self.task.memory(simulation.terms())
+        check_memory(planned, num_envs, self.task)
         self._planned = {name: value.copy() for name, value in planned.items()}
         self._progress = Progress.of(num_envs, self.terrain.tiles, config.difficulty)
         self._all_ticks = np.arange(self.rates.ticks)[:, None]
         # At the beginning of the last policy step; only for those who look.
         self._com_velocity = np.full((num_envs, 3), np.nan)
+        # Of the last policy step; what is judged here is thrown away with `planned`.
+        outcome = self._outcome(Effort.none(num_envs, self.robot.num_joints))
+        self._metrics = self._judge(outcome, planned)[1]
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -128,7 +141,9 @@ class EnvBatch:
     def reset(self, ids: np.ndarray) -> None:
         """Start new episodes in the environments `ids` (K,)."""
         for env in ids:
-            for name, value in self.task.draw(self._rngs[env]).items():
+            drawn = self.task.draw(self._rngs[env])
+            check_drawn(self.task, drawn, self._plan)
+            for name, value in drawn.items():
                 self._plan[name][env] = value
             places = self._progress.starts(self.terrain.starts, env)
             self._plan["qpos"][env, :2] += _drawn_place(places, self._rngs[env])
@@ -178,30 +193,38 @@ class EnvBatch:
             self._retire(gone)
             effort.power[gone] = 0.0  # velocities that nobody trusts have a part in it
         outcome = self._outcome(effort)
-        judged, measured = self.task.reward(outcome, self._plan, self._planned)
-        terms = as_terms(judged, self.num_envs, self.task, "reward term")
-        metrics = as_terms(measured, self.num_envs, self.task, "metric")
-        rewards = {f"reward_{name}": share for name, share in terms.items()}
+        shares, metrics = self._judge(outcome, self._planned)
         seen = self._observe(outcome)
         if len(gone):
-            for share in rewards.values():
-                share[gone] = 0.0
-            # A diverged robot has no state worth observing: its last observation stands.
+            # A diverged robot has no state worth judging or observing: what was last seen stands.
+            shares = {name: np.where(lost, 0.0, share) for name, share in shares.items()}
+            before = lost & (self._tick > self.rates.ticks)
+            metrics = {k: np.where(before, self._metrics[k], v) for k, v in metrics.items()}
             seen[gone] = self._observation[gone]
-        self._observation = seen
+        reward = summed(shares, self.num_envs, self.task)
+        self._observation, self._metrics = seen, metrics
         fallen = self.task.body.fallen(outcome)
         terminated = fallen | lost
         strayed = self.terrain.tiles.left(self._progress.level, self._state.qpos[:, :2])
         late = self._tick >= self.num_steps * self.rates.ticks
         truncated = (late | strayed) & ~terminated
-        info = rewards | metrics | pushed | self._report(effort, fallen, lost)
+        info = {f"reward_{name}": share for name, share in shares.items()}
+        info |= {name: value.copy() for name, value in metrics.items()}
+        info |= pushed | self._report(effort, fallen, lost)
         if self.config.curriculum:
             info["terrain_level"] = self._progress.level.copy()
             assert isinstance(self.task, Walk)
             follows = metrics["velocity_error"], self.task.tolerance
             self._progress.advance(*follows, terminated, truncated)
-        reward = sum(rewards.values(), np.zeros(self.num_envs))
         return Step(self.observation(), reward, terminated, truncated, info)
+
+    def _judge(
+        self, outcome: Outcome, planned: Memory
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """The terms of the reward and the metrics, (N,) each."""
+        judged, measured = self.task.reward(outcome, self._plan, planned)
+        terms = as_terms(judged, self.num_envs, self.task, "reward term")
+        return terms, as_terms(measured, self.num_envs, self.task, "metric")
 
     def _act(self, action: np.ndarray) -> tuple[Effort, dict[str, np.ndarray]]:
         """Run the control ticks of a policy step; what the motors did, and what the pushes."""
@@ -308,6 +331,7 @@ class EnvBatch:
         state |= {f"plan.{k}": v.copy() for k, v in self._plan.items()}
         state |= {f"memory.{k}": v.copy() for k, v in self._memory.items()}
         state |= {f"planned.{k}": v.copy() for k, v in self._planned.items()}
+        state |= {f"metric.{k}": v.copy() for k, v in self._metrics.items()}
         state |= {f"delay.{k}": v.copy() for k, v in self._delay.arrays.items()}
         state |= {f"progress.{k}": v.copy() for k, v in self._progress.arrays.items()}
         state |= {"tick": self._tick.copy(), "torque": self._torque.copy()}
@@ -337,6 +361,7 @@ class EnvBatch:
         self._plan = {k: v.copy() for k, v in _under("plan", state).items()}
         self._memory = {k: v.copy() for k, v in _under("memory", state).items()}
         self._planned = {k: v.copy() for k, v in _under("planned", state).items()}
+        self._metrics = {k: v.copy() for k, v in _under("metric", state).items()}
         for own, prefix in ((self._delay.arrays, "delay"), (self._progress.arrays, "progress")):
             for name, value in _under(prefix, state).items():
                 own[name][:] = value
@@ -344,17 +369,6 @@ class EnvBatch:
         self._observation = state["observation"].copy()
         self._com_velocity[:] = np.nan
         self._rngs = [unpacked(row) for row in state["generator"]]
-
-
-def _check_memory(drawn: Plan, num_envs: int, seconds: float) -> None:
-    """Raise InvalidValueError where what is drawn for the episodes takes more than it may."""
-    total = num_envs * sum(value.nbytes for value in drawn.values())
-    if total > _MOST_PLANNED:
-        expected = (
-            f"less: the pushes and commands of {num_envs:,} such episodes take "
-            f"{total / 2**30:.3g} GiB, more than {_MOST_PLANNED / 2**30:g}"
-        )
-        raise InvalidValueError("episode_seconds", seconds, expected)
 
 
 def _once(compute: Callable[[], DynamicsTerms]) -> Callable[[], DynamicsTerms]:

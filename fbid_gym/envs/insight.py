@@ -10,6 +10,7 @@ import numpy as np
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.com_wrench import ComWrench
 from fbid_gym.actions.layer import ActionLayer
+from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.actions.walking_base import WalkingBody
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import point_jacobian, point_positions
@@ -112,8 +113,8 @@ def _asked_of_contacts(
 ) -> np.ndarray:
     """Forces (P, 3) on the points of planted feet that neither slip nor sink under torques (n,).
 
-    M a + h + D q' = S^T tau + J^T f and J a + Jdot v = 0 for the accelerations a and f; of the
-    forces that do it those of least norm.
+    M a + h = S^T (tau - what springs and damping take) + J^T f and J a + Jdot v = 0 for the
+    accelerations a and f; of the forces that do it those of least norm.
     """
     jacobian, bias = (value[0] for value in point_jacobian(geometry, seen.terms))
     stands = np.repeat(seen.reference.planted[0][geometry.foot_of_point], 3)
@@ -121,7 +122,9 @@ def _asked_of_contacts(
     if not stands.any():
         return force.reshape(-1, 3)
     applied = -seen.terms.bias[0]
-    applied[6:] += torque - robot.joint_damping * seen.state.qvel[0, 6:]
+    taken = np.zeros((1, robot.num_joints))
+    give_back(PassiveJoints.of(robot), taken, seen.state.qpos, seen.state.qvel)
+    applied[6:] += torque - taken[0]
     rows = jacobian[stands]
     response = np.linalg.solve(seen.terms.mass_matrix[0], np.column_stack([rows.T, applied]))
     asked = -(rows @ response[:, -1] + bias[stands])

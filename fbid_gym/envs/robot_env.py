@@ -9,7 +9,7 @@ from fbid_gym.checks import by_name
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_rendering
-from fbid_gym.envs.vector_env import spaces
+from fbid_gym.envs.vector_env import checked_seed, spaces
 from fbid_gym.errors import FbidError
 
 
@@ -39,7 +39,7 @@ class RobotEnv(gym.Env):
         self.render_mode = render_mode
         self._renderer: RobotRenderer | None = None
         self._only = np.zeros(1, int)
-        self._closed = False
+        self._begun, self._closed = False, False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -47,12 +47,14 @@ class RobotEnv(gym.Env):
         """Start a new episode; there are no options. Only a seed begins a curriculum anew."""
         self._check_open()
         by_name("options", options, ())
+        seed = checked_seed("seed", seed)
         super().reset(seed=seed)
         if seed is None:
             self.batch.draw_from(0, self.np_random)
         else:
             self.batch.seed(0, self.np_random)
         self.batch.reset(self._only)
+        self._begun = True
         if self.render_mode == "human":
             self.render()
         return self.batch.observation()[0], {}
@@ -60,6 +62,8 @@ class RobotEnv(gym.Env):
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Hold the action (A,) for one policy step."""
         self._check_open()
+        if not self._begun:
+            raise FbidError("There is no episode to step: call reset().")
         step = self.batch.step(self.batch.check_action(action)[None])
         if self.render_mode == "human":
             self.render()

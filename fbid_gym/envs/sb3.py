@@ -9,11 +9,10 @@ import numpy as np
 from gymnasium.utils import seeding
 from stable_baselines3.common.vec_env import VecEnv
 
-from fbid_gym.checks import count
 from fbid_gym.envs.chunks import Chunks, checked_array
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_rendering
-from fbid_gym.envs.vector_env import spaces
+from fbid_gym.envs.vector_env import checked_seed, spaces
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice
 from fbid_gym.robots import Robot
@@ -78,6 +77,10 @@ class SB3VecEnv(VecEnv):
         self.chunks.reset(np.ones(self.num_envs, bool))
         self._returns[:], self._lengths[:], self._limits[:] = 0.0, 0, self._first
         return self.chunks.observation()
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seed environment i with seed + i from the next reset on; None draws a seed."""
+        return super().seed(checked_seed("seed", seed))
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take note of the actions (N, A)."""
@@ -208,9 +211,8 @@ def make_sb3(
     """
     ours = [name for name in gym.registry if name.startswith("fbid_gym/")]
     Choice(ours).check("environment id", env_id)
-    if seed is not None:
-        count("seed", seed)
+    seed = checked_seed("seed", seed)
     config = EnvConfig.of({**gym.registry[env_id].kwargs, **arguments})
     envs = SB3VecEnv(config, num_envs, num_threads, stagger, render_mode, render_options)
-    envs.seed(None if seed is None else int(seed))
+    envs.seed(seed)
     return envs

@@ -95,18 +95,18 @@ class RobotVectorEnv(VectorEnv):
         """Return one for each environment, as Gymnasium takes them: ints of Python, or None."""
         given = seed.tolist() if isinstance(seed, np.ndarray) else seed
         if not isinstance(given, list | tuple):
-            first = _seed("seed", given)
+            first = checked_seed("seed", given)
             return [None if first is None else first + env for env in range(self.num_envs)]
         if len(given) != self.num_envs:
             raise InvalidValueError("seed", seed, f"one integer, or {self.num_envs} of them")
-        return [_seed(f"seed of environment {env}", one) for env, one in enumerate(given)]
+        return [checked_seed(f"seed of environment {env}", one) for env, one in enumerate(given)]
 
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Hold the actions (N, A) for one policy step."""
         mode = self.metadata["autoreset_mode"]
-        if not self._seeded or (mode == AutoresetMode.DISABLED and self._done.any()):
+        if not self._seeded or (mode != AutoresetMode.NEXT_STEP and self._done.any()):
             ended = np.flatnonzero(self._done).tolist()
             raise FbidError(
                 f"Environments {ended} have no episode to step: call reset(), or reset(options="
@@ -170,7 +170,8 @@ def spaces(batch: EnvBatch) -> tuple[gym.spaces.Box, gym.spaces.Box]:
     return observation, action
 
 
-def _seed(name: str, value: Any) -> int | None:
+def checked_seed(name: str, value: Any) -> int | None:
+    """Return a seed as Gymnasium takes it: an int of Python, or None."""
     return None if value is None else count(name, value)
 
 

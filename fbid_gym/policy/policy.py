@@ -15,14 +15,16 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.bundles import load_bundle, present_bundle, save_bundle
-from fbid_gym.checks import is_number
+from fbid_gym.checks import check_positive, is_number, real_numbers
 from fbid_gym.errors import (
     FbidError,
+    InvalidValueError,
     NonFiniteError,
     PolicyFileError,
     ShapeError,
     UnknownOptionError,
 )
+from fbid_gym.options import Choice
 from fbid_gym.policy.shipping import place_of
 
 FORMAT = 2
@@ -95,14 +97,18 @@ class Policy:
         """Check that the arrays fit together, and keep read-only copies of them.
 
         Raises:
+            InvalidValueError: an id or algorithm that is no text, a clip or epsilon that is not
+                positive.
             UnknownOptionError: the activation is not in `ACTIVATIONS`, or the output in `OUTPUTS`.
             ShapeError: an array does not fit the one before it.
             NonFiniteError: an array holds NaN or infinity.
         """
-        if self.activation not in ACTIVATIONS:
-            raise UnknownOptionError("activation", self.activation, ACTIVATIONS)
-        if self.output not in OUTPUTS:
-            raise UnknownOptionError("output", self.output, OUTPUTS)
+        Choice(ACTIVATIONS).check("activation", self.activation)
+        Choice(OUTPUTS).check("output", self.output)
+        for name in ("env_id", "algorithm"):
+            if not isinstance(getattr(self, name), str):
+                raise InvalidValueError(name, getattr(self, name), "text")
+        check_positive(clip=self.clip, epsilon=self.epsilon)
         if not self.weights or len(self.weights) != len(self.biases):
             raise ShapeError(
                 "weights", (len(self.weights),), f"one per bias ({len(self.biases)}), at least one"
@@ -150,8 +156,10 @@ class Policy:
 
         Raises:
             ShapeError: the observations are not (N, O).
+            InvalidValueError: they are not numbers.
         """
-        observation = np.asarray(observation)
+        expected = f"numbers of shape (N, {self.observation_size})"
+        observation = real_numbers("observation", observation, expected)
         if observation.ndim != 2 or observation.shape[1] != self.observation_size:
             raise ShapeError(
                 "observation", observation.shape, f"(N, {self.observation_size}) for {self.source}"

@@ -3,7 +3,15 @@
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from fbid_gym.options import Choice, Pair, check_call, check_names, check_own_name, options_of
+from fbid_gym.options import (
+    Choice,
+    Pair,
+    check_call,
+    check_names,
+    check_own_name,
+    grouped,
+    options_of,
+)
 from fbid_gym.robots import Robot
 from fbid_gym.tasks.balance import Balance
 from fbid_gym.tasks.body import Body
@@ -110,7 +118,8 @@ def make_task(
     given = dict(options or {})
     check_names(f"option of task {name!r}", given, task_options(name))
     check_schedule("push_interval", pushes.interval, seconds)
-    return task_kind(name).of(robot, seconds, hz, pushes, start, **given)
+    of = task_kind(name).of
+    return of(robot, seconds, hz, pushes, start, **grouped(of, given))
 
 
 def task_kind(name: str) -> TaskKind:

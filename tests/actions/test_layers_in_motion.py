@@ -66,6 +66,18 @@ def test_info_tells_what_the_layer_did(robot, layer):
     assert info.keys() == {f"reward_{r}" for r in rewards} | diagnostics | rest
 
 
+@pytest.mark.parametrize("layer", ["joint_acceleration", "base_acceleration", "com_wrench"])
+def test_nothing_is_reported_that_is_not_measured(layer):
+    """Forces without limits miss no command of an acceleration; a wrench they can miss."""
+    for env_id in (ENV, "fbid_gym/QuadrupedWalk-v0"):
+        env = gym.make(env_id, action_layer=layer, layer_options={"contact_limits": "none"})
+        env.reset(seed=0)
+        *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
+        assert "layer_underactuation" in info
+        balances = layer == "com_wrench" and env_id == ENV
+        assert ("layer_residual" in info) == balances
+
+
 def test_saturation_is_the_share_of_joints_at_their_limit(robot):
     env = gym.make(ENV, robot=robot.name, action_layer="torque")
     env.reset(seed=0)

@@ -13,6 +13,7 @@ from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.insight import insight
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions import home_reference
 from fbid_gym.quantities import RobotState
@@ -162,3 +163,18 @@ def test_sprung_and_rubbing_robots_walk() -> None:
 def test_nonsense_is_refused(option: str) -> None:
     with pytest.raises(InvalidValueError, match=f"{option}: 'yes'. Expected True or False"):
         make_layer("base_acceleration", animal(), 500, {option: "yes"})
+
+
+def test_what_is_asked_of_contacts_is_what_springs_leave() -> None:
+    """Of a robot at rest, the ground gives just that."""
+    sprung = animal(stiffness=[0.2 * pull(animal())], damping=[0.01], springref=0.2)
+    config = EnvConfig(
+        robot=sprung, action_layer="base_acceleration", push_force=(0.0, 0.0),
+        task_options={"height_range": (1.0, 1.0)},
+    )  # fmt: skip
+    batch = EnvBatch(config, 1)
+    batch.reset(np.zeros(1, int))
+    for _ in range(100):
+        batch.step(np.zeros((1, len(batch.action_names))))
+    seen = insight(batch)
+    np.testing.assert_allclose(seen.commanded, seen.measured, atol=0.02 * sprung.weight)

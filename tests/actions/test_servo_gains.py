@@ -60,6 +60,13 @@ def test_robots_without_servos_have_none_to_offer() -> None:
         make_layer("joint_position", load("go1"), 500, {"natural_frequency": "fast"})
 
 
+def test_servos_are_damped_as_they_are() -> None:
+    robot = with_servos(STIFF, 0.02 * STIFF)
+    with pytest.raises(InvalidValueError, match="damping_ratio: 2.0. Expected 1 beside the gains"):
+        make_layer("joint_position", robot, 500, {"damping_ratio": 2})
+    make_layer("joint_position", robot, 500, {"damping_ratio": 2.0, "natural_frequency": 0.5})
+
+
 def test_what_is_saved_says_servo() -> None:
     robot = with_servos(STIFF, 0.02 * STIFF)
     saved = EnvConfig.of({"robot": robot, "action_layer": "joint_position"}).resolved()

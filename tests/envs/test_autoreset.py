@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
+import fbid_gym
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
 
@@ -137,16 +138,31 @@ def test_what_is_no_seed_seeds_nothing(bad):
         np.testing.assert_array_equal(value, before[name], err_msg=name)
 
 
+@pytest.mark.parametrize("bad", [-1, 2.5, "1", True])
+def test_what_is_no_seed_is_none_for_one_robot_or_for_sb3_either(bad):
+    name = next(iter(ENVIRONMENTS))
+    env, sb3 = gym.make(name, action_layer="torque"), fbid_gym.make_sb3(name, action_layer="torque")
+    for seeded in (lambda: env.unwrapped.reset(seed=bad), lambda: sb3.seed(bad)):
+        with pytest.raises(InvalidValueError, match="Invalid seed.* Expected a whole number of at"):
+            seeded()
+    first = env.unwrapped.reset(seed=np.int64(3))[0]
+    np.testing.assert_array_equal(first, env.reset(seed=3)[0])
+
+
 def test_without_an_episode_there_is_no_step():
     name = next(iter(ENVIRONMENTS))
+    alone = gym.make(name, action_layer="torque").unwrapped
+    with pytest.raises(FbidError, match=r"There is no episode to step: call reset\(\)"):
+        alone.step(np.zeros(alone.action_space.shape))
     arguments = {"num_envs": 2, "action_layer": "torque", "episode_seconds": 0.1}
     env = gym.make_vec(name, **arguments)
     with pytest.raises(FbidError, match=r"Environments \[0, 1\] have no episode .* call reset\(\)"):
         env.step(np.zeros(env.action_space.shape))
-    env = gym.make_vec(name, **arguments, autoreset_mode="DISABLED")
-    env.reset(seed=0, options={"reset_mask": np.array([True, False])})
-    with pytest.raises(FbidError, match=r"Environments \[1\] have no episode"):
-        env.step(np.zeros(env.action_space.shape))
+    for mode in ("SAME_STEP", "DISABLED"):
+        env = gym.make_vec(name, **arguments, autoreset_mode=mode)
+        env.reset(seed=0, options={"reset_mask": np.array([True, False])})
+        with pytest.raises(FbidError, match=r"Environments \[1\] have no episode"):
+            env.step(np.zeros(env.action_space.shape))
     env.reset(seed=0)
     for _ in range(5):
         *_, truncated, _ = env.step(np.zeros(env.action_space.shape))

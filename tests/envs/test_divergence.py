@@ -103,3 +103,25 @@ def test_the_hardest_legal_actions_are_no_divergence(rng):
                 assert (reasons == "fall").all()
                 falls += len(reasons)
         assert falls > 16
+
+
+@pytest.mark.parametrize("mode", ["NEXT_STEP", "SAME_STEP"])
+def test_its_metrics_are_the_last_that_it_had(mode):
+    """Not those of the home pose in which it waits: who diverges has not walked for nothing."""
+    env = gym.make_vec(
+        "fbid_gym/QuadrupedWalk-v0", num_envs=2, action_layer="torque", autoreset_mode=mode
+    )
+    env.reset(seed=0)
+    nothing = np.zeros(env.action_space.shape)
+    for _ in range(5):
+        *_, before = env.step(nothing)
+    again = gym.make_vec("fbid_gym/QuadrupedWalk-v0", num_envs=2, action_layer="torque")
+    again.reset(seed=1)
+    again.chunks.load_state_dict(env.chunks.state_dict())
+    for each in (env, again):
+        each.chunks.batches[0].simulation.qvel[1] = np.nan
+        *_, info = each.step(nothing)
+        info = info.get("final_info", info)
+        for name in ("distance", "cost_of_transport", "velocity_error", "torque_rms"):
+            assert info[name][1] == before[name][1] > 0.0, name
+        assert info["distance"][0] > before["distance"][0]

@@ -1,8 +1,9 @@
 """Tasks and layers of a user's: what is refused of them, and that they work."""
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import gymnasium as gym
 import numpy as np
@@ -12,6 +13,7 @@ from fbid_gym.actions import LAYERS, WALKING_LAYERS, register_layer
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
 from fbid_gym.motions import home_reference
+from fbid_gym.options import Number
 from fbid_gym.tasks import TASKS, Body, Pushes, Start, register_task
 
 ENV = "fbid_gym/QuadrupedBalance-v0"
@@ -35,9 +37,10 @@ class Limp:
     answer: Any = None
     diagnostics: tuple[str, ...] = ()
     action_names: tuple[str, ...] = ("nothing",)
+    rows: int | None = None
 
     def memory(self, num_robots: int) -> dict[str, np.ndarray]:
-        return {}
+        return {} if self.rows is None else {"way": np.zeros(self.rows)}
 
     def torque(self, action, state, reference, terms, memory):
         return np.zeros((len(action), self.count)) if self.answer is None else self.answer
@@ -74,7 +77,7 @@ class Rest:
         return self.answers.get("plan", lambda plan: plan)(drawn)
 
     def memory(self, terms):
-        return {}
+        return self.answers.get("memory", {})
 
     def reference(self, plan, now):
         return home_reference(self.body.robot)
@@ -192,9 +195,120 @@ def test_numbers_of_another_kind_are_taken() -> None:
         ({"terms": np.ones(2)}, "reward term of Rest"),
         ({"terms": {"rest": 1.0}}, r"reward term 'rest' of Rest has shape \(\)"),
         ({"metrics": {"speed": np.zeros((2, 3))}}, "metric 'speed' of Rest"),
+        ({"terms": {"rest": np.array(["a", "b"])}}, "reward term 'rest' of Rest.*numbers"),
+        ({"terms": {"rest": np.array([1.0, np.nan])}}, r"reward term 'rest' of Rest.*\(1,\)"),
+        ({"memory": None}, "memory of Rest: None.*dictionary"),
+        ({"memory": {"way": 0.0}}, "'way' in the memory of Rest: 0.0.*an array"),
+        ({"memory": {"way": np.zeros(3)}}, r"'way' in the memory of Rest.*\(3,\).*\(2, \.\.\.\)"),
     ],
 )
 def test_answers_of_a_task_that_are_refused(answers: dict[str, Any], words: str) -> None:
     register_task("rest", rest)
     with pytest.raises(FbidError, match=words):
         stepped(task="rest", answers=answers, action_layer="torque")
+
+
+@pytest.mark.parametrize(
+    ("own", "words"),
+    [
+        ({"action_names": None}, "action_names of Limp: None.*a tuple of names"),
+        ({"diagnostics": ("way",)}, "diagnostics of Limp: 'way'.*in its memory: none"),
+        ({"rows": 3}, r"'way' in the memory of Limp has shape \(3,\)"),
+    ],
+)
+def test_layers_that_are_refused(own: dict[str, Any], words: str) -> None:
+    register_layer("limp", lambda robot, hz: Limp(robot.num_joints, **own))
+    with pytest.raises(FbidError, match=words):
+        gym.make_vec(ENV, num_envs=2, action_layer="limp")
+
+
+@pytest.mark.parametrize(
+    ("later", "words"),
+    [
+        (lambda plan: {k: v for k, v in plan.items() if k != "push_start"}, "plan drawn by Rest"),
+        (lambda plan: plan | {"qpos": np.zeros(3)}, r"'qpos' drawn by Rest has shape \(3,\)"),
+    ],
+)
+def test_episodes_that_differ_from_the_first_are_refused(later: Any, words: str) -> None:
+    drawn = []
+
+    def plan(usual: dict[str, Any]) -> dict[str, Any]:
+        drawn.append(usual)
+        return usual if len(drawn) < 4 else later(usual)
+
+    register_task("rest", rest)
+    envs = gym.make_vec(ENV, num_envs=2, task="rest", answers={"plan": plan})
+    envs.reset(seed=0)
+    with pytest.raises(FbidError, match=words):
+        envs.reset(seed=0)
+
+
+def test_what_a_task_answers_stays_the_tasks() -> None:
+    """A constant of its own, which not even a robot that diverges changes."""
+    ones = np.ones(2)
+    ones.flags.writeable = False
+    register_task("rest", rest)
+    envs = gym.make_vec(ENV, num_envs=2, task="rest", answers={"terms": {"rest": ones}})
+    envs.reset(seed=0)
+    envs.chunks.batches[0].simulation.qvel[1] = np.nan
+    _, reward, *_ = envs.step(np.zeros(envs.action_space.shape))
+    assert reward.tolist() == [1.0, 0.0]
+
+
+@dataclass(frozen=True)
+class Softness:
+    """Options that stand together."""
+
+    give: Annotated[float, Number(0.0, 1.0)] = 0.5
+
+
+def test_options_of_a_users_layer_and_task_may_stand_together() -> None:
+    """Whatever they are called; also beside one whose name this package uses for a group."""
+    built = []
+
+    def soft(robot: Any, hz: int, *, contact: bool = True, own: Softness = Softness()) -> Limp:
+        built.append((contact, own.give))
+        return Limp(robot.num_joints)
+
+    def task(robot, seconds, hz, pushes, start, *, own: Softness = Softness()) -> Rest:
+        built.append(own.give)
+        return Rest(Body.of(robot), seconds, hz, pushes, start)
+
+    register_layer("soft", soft)
+    register_task("mine", task)
+    gym.make(ENV, action_layer="soft", layer_options={"give": 0.25, "contact": False})
+    gym.make(ENV, action_layer="soft")
+    gym.make(ENV, task="mine", give=0.75)
+    assert built == [(False, 0.25), (True, 0.5), 0.75]
+    with pytest.raises(UnknownOptionError, match="option of action layer 'soft' 'own'.*give"):
+        gym.make(ENV, action_layer="soft", layer_options={"own": Softness()})
+
+
+def test_whoever_hears_of_an_error_is_alone() -> None:
+    """No other thread goes on to step the robots that may be reset at once."""
+    calls = []
+
+    @dataclass(frozen=True)
+    class Slow(Limp):
+        def torque(self, action, state, reference, terms, memory):
+            if len(action) == 1:
+                return "nothing"
+            calls.append(time.sleep(0.005))
+            return super().torque(action, state, reference, terms, memory)
+
+    register_layer("slow", lambda robot, hz: Slow(robot.num_joints))
+    envs = gym.make_vec(ENV, num_envs=3, num_threads=2, action_layer="slow")
+    envs.reset(seed=0)
+    with pytest.raises(InvalidValueError, match="torque of Slow"):
+        envs.step(np.zeros(envs.action_space.shape))
+    before = len(calls)
+    assert before == envs.config.rates().ticks
+    time.sleep(0.05)
+    assert len(calls) == before
+
+
+def test_what_was_given_may_change_afterwards() -> None:
+    options = {"friction": 0.7}
+    envs = gym.make_vec(ENV, num_envs=1, action_layer="base_acceleration", layer_options=options)
+    options["friction"] = 0.2
+    assert envs.config.resolved()["layer_options"]["friction"] == 0.7
