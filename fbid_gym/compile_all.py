@@ -8,6 +8,7 @@ runs is found on disk. Robots of another kind may still compile something on fir
 Run as `python -m fbid_gym.compile_all`.
 """
 
+import argparse
 import multiprocessing
 import os
 import sys
@@ -126,4 +127,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser("python -m fbid_gym.compile_all", description=__doc__).parse_args()
     main()

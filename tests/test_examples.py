@@ -24,7 +24,9 @@ NEEDS = {
 }
 PAGES = (
     "README.md",
+    "docs/arguments.md",
     "docs/index.md",
+    "docs/layers/index.md",
     "docs/own_task_and_layer.md",
     "docs/pictures.md",
     "docs/policies.md",

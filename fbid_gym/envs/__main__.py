@@ -3,6 +3,7 @@
 It prints docs/arguments.md, made of what the code says.
 """
 
+import argparse
 import ast
 import inspect
 import re
@@ -34,6 +35,23 @@ sets](#what-each-environment-sets).
 """
 
 _SETS = "These stand instead of the defaults; what `gym.make` is given goes before both."
+_RANDOMISED = """\
+What differs is drawn anew for each robot and each episode; nothing does by default. The
+controller's model starts from the file and does not see how the robot differs, and neither does the
+policy. Observations have no noise. With `--env-args '{"randomisation": {"mass": 0.2}}'` a training does:
+
+```python
+import gymnasium as gym
+
+import fbid_gym
+
+differences = {"mass": 0.2, "friction": (0.5, 1.2), "action_delay": (0.0, 0.02)}
+env = gym.make("fbid_gym/QuadrupedWalk-v0", randomisation=differences)
+```"""
+_SB3 = """\
+`make_sb3` also takes `seed` (environment i starts from seed + i) and `stagger` (False; truncates
+first episodes, evenly spread, so that robots do not end together, as trainings of this repository
+do)."""
 _VECTOR = {
     "num_envs": Option("num_envs", 1, NUM_ENVS, False),
     "num_threads": Option("num_threads", 1, NUM_THREADS, False),
@@ -97,6 +115,7 @@ def page() -> str:
     section("## Of every environment", own, meanings(EnvConfig))
     parts.extend(["## What each environment sets", _SETS, settings()])
     section("## Of `gym.make_vec` and `make_sb3`", _VECTOR, _OF_VECTOR)
+    parts.append(_SB3)
     parts.append("## Of the tasks")
     for name, task in TASKS.items():
         section(f"### `{name}`", options_of(task.of), meanings(task.of))
@@ -119,6 +138,7 @@ def page() -> str:
             parts.append("And those about contacts.")
     section("### About contacts, walking", walking, meanings(WalkingContact))
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
+    parts.append(_RANDOMISED)
     section("## `render_options`", options_of(RenderOptions), meanings(RenderOptions))
     return "\n\n".join(parts) + "\n"
 
@@ -133,4 +153,5 @@ def _without(options: Mapping[str, Option], shared: Mapping[str, Option]) -> dic
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser("python -m fbid_gym.envs", description=__doc__).parse_args()
     sys.stdout.write(page())

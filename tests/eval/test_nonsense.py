@@ -1,5 +1,9 @@
 """Nonsense on the command line of what measures without a policy: one line, exit status 2."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 import tyro
 
@@ -123,3 +127,15 @@ def test_nonsense_is_one_line(main, arguments, message, capsys, tmp_path, monkey
     captured = capsys.readouterr()
     assert captured.err.startswith("error: ") and captured.err.count("\n") == 1
     assert message in captured.err and "Traceback" not in captured.out + captured.err
+
+
+@pytest.mark.parametrize("module", ["fbid_gym.envs", "fbid_gym.compile_all", "train.recipes.zoo"])
+def test_what_takes_no_arguments_does_nothing_with_any(module):
+    done = subprocess.run(
+        [sys.executable, "-m", module, "--nonsense"],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.endswith("error: unrecognized arguments: --nonsense\n")

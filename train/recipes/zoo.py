@@ -9,6 +9,7 @@ told, so its value networks begin at zero; nor can its SAC be told `log_std_init
 `policy_starts`, so that begins with more noise, and with random actions until `learning_starts`.
 """
 
+import argparse
 from pathlib import Path
 from typing import Any
 
@@ -93,5 +94,6 @@ def text(algorithm: str) -> str:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser("python -m train.recipes.zoo", description=__doc__).parse_args()
     for algorithm in ALGORITHMS:
         write(FOLDER / f"{algorithm}.yml", text(algorithm))
