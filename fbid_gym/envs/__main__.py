@@ -38,7 +38,8 @@ _SETS = "These stand instead of the defaults; what `gym.make` is given goes befo
 _RANDOMISED = """\
 What differs is drawn anew for each robot and each episode; nothing does by default. The
 controller's model starts from the file and does not see how the robot differs, and neither does the
-policy. Observations have no noise. With `--env-args '{"randomisation": {"mass": 0.2}}'` a training does:
+policy. Observations have no noise. With `--env-args '{"randomisation": {"mass": 0.2}}'` a training
+does:
 
 ```python
 import gymnasium as gym
