@@ -193,15 +193,15 @@ def player_of(config: RolloutConfig) -> Player:
     if not isinstance(name, str | None) or config.robot not in (None, name):
         raise InvalidValueError("robot in --env-args", name, "none; name it by --robot")
     robot = chosen(name, config.feet)
+    if config.source is not None and (config.env, config.action_layer) != (None, None):
+        raise InvalidValueError(
+            "--env and --action-layer",
+            (config.env, config.action_layer),
+            "neither beside a policy, which brings its own",
+        )
     if not config.zero_action:
         if config.source is None:
             raise InvalidValueError("source", None, "a run folder or policy, or --zero-action")
-        if config.env is not None or config.action_layer is not None:
-            raise InvalidValueError(
-                "--env and --action-layer",
-                (config.env, config.action_layer),
-                "neither beside a policy, which brings its own",
-            )
         return load_player(config.source, env_args, robot)
     if config.source is not None:
         trained = load_player(config.source, env_args, robot)

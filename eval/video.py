@@ -84,7 +84,7 @@ def record(
     ended: float | None = None
     truncated = False
     last: Any = None
-    for step in range(round(seconds * rate)):
+    for step in range(max(1, round(seconds * rate))):
         if ended is None:
             action = actor(np.asarray(observation)[None])[0]
             observation, _, terminated, truncated, info = env.step(action)

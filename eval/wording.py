@@ -28,6 +28,11 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f}{_NO_BREAK}%" if math.isfinite(share) else "–"
 
 
+def rare(share: float) -> str:
+    """Write a share of which "0 %" would say too much."""
+    return f"fewer than {percent(0.01)}" if share < 0.005 else percent(share)
+
+
 def steps(count: float) -> str:
     """Write a number of steps."""
     if not math.isfinite(count):
@@ -127,7 +132,7 @@ def lede(comparison: Comparison) -> list[str]:
         sentences.append(
             f"{capital(pair.better)} wins {number(pair.probability.value * pairings)} of "
             f"{pairings} pairings of its runs with those of {pair.other}. If the layer did not "
-            f"matter, a score this lopsided would still turn up in {percent(pair.p_value)} of "
+            f"matter, a score this lopsided would still turn up in {rare(pair.p_value)} of "
             "comparisons."
         )
     if comparison.threshold is not None:

@@ -21,7 +21,7 @@ from train.runs.cluster import cluster
 from train.runs.config import cores
 from train.runs.files import check_folder
 from train.runs.jobs import Job, Start, run_jobs, start_here
-from train.runs.study import Cell, Study, read_study
+from train.runs.study import Cell, Study, check_cells, read_study
 from train.runs.training import is_finished, last_line, training_job
 from train.runs.training import standing as state_of
 
@@ -67,13 +67,18 @@ def main(config: SweepConfig) -> int:
     """Train; return the exit status."""
     check_fields(config)
     console, study = Console(), read_study(config.study, config.out)
+    check_cells(study)
     not_done, failed = list[Job](), frozenset[str]()
     if not config.dry_run:
         check_folder(study.cells[0].config.folder.parent, "out")
         jobs = [training_job(cell.name, cell.config) for cell in unfinished(study)]
         with _machines(config.ray, study.cells[0].config.folder.parent) as (start, most):
             at_once = config.workers or most
-            not_done = run_jobs(jobs, at_once, console, keep_going=True, start=start)
+            try:
+                not_done = run_jobs(jobs, at_once, console, keep_going=True, start=start)
+            except KeyboardInterrupt:
+                console.print(standing(study))
+                raise
         failed = frozenset(job.name for job in not_done if job.log.exists())
     console.print(standing(study, failed))
     return 1 if not_done else 0

@@ -91,6 +91,8 @@ def _room_for(path: Path) -> Iterator[None]:
     """Say in one line that a run could not be written, as on a full disk, and what is left."""
     try:
         yield
+    except BrokenPipeError:  # of who listens, not of the folder
+        raise
     except OSError as error:
         kept = present_bundle(RunFolder.of(path).checkpoint).exists()
         raise RunError(

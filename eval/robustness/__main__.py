@@ -17,7 +17,7 @@ from rich.progress import Progress
 
 from eval.files import check_output, to_json, write
 from eval.pages import ROBUSTNESS_PAGE, command_block, splice, spliced
-from eval.robustness.arms import Arm, arms_of_runs, load_runs, zero_action
+from eval.robustness.arms import Arm, Wanted, load_arms, zero_action
 from eval.robustness.curves import Budget, Robustness, measure
 from eval.robustness.factors import FACTORS
 from eval.robustness.page import drawn, page
@@ -29,6 +29,7 @@ from fbid_gym.checks import check_choices, check_positive, count, whole_number
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.exit_status import exit_status
 from train.environments import register
+from train.runs.reading import LAYER_ARGS
 from train.runs.robots import chosen
 from train.runs.versions import versions
 
@@ -49,6 +50,8 @@ class RobustnessConfig:
     """Action layers whose zero action is tried, too."""
     env: str | None = None
     """Environment of the zero actions where there are no runs; of a study, only the runs in it."""
+    arms: tuple[str, ...] = ()
+    """Of a study, only the arms of these names."""
     factors: tuple[str, ...] = tuple(factor.name for factor in FACTORS)
     """What is varied, one at a time."""
     episodes: int = 64
@@ -114,11 +117,13 @@ def gathered(config: RobustnessConfig) -> tuple[list[Arm], list[str]]:
             raise InvalidValueError(f"{name} in --env-args", further[name], f"none; see {option}")
     robot = chosen(config.robot, config.feet)
     further["episode_seconds"] = config.seconds
-    runs, warnings = load_runs(config.runs, config.env, robot)
-    arms, more = arms_of_runs(runs, further)
+    wanted = Wanted(config.env, config.arms)
+    arms, warnings = load_arms(config.runs, wanted, robot, further)
     env_id, env_args = config.env, {}
-    if runs:
-        env_id, env_args, robot = runs[0].policy.env_id, runs[0].env_args, runs[0].robot
+    if arms:
+        first = arms[0].players[0]
+        env_id, robot = first.env_id, first.robot
+        env_args = {k: v for k, v in first.env_args.items() if k not in LAYER_ARGS}
         if config.env not in (None, env_id):
             raise InvalidValueError("--env", config.env, f"that of the runs, {env_id}, or none")
     if config.zero_action and env_id is None:
@@ -130,7 +135,7 @@ def gathered(config: RobustnessConfig) -> tuple[list[Arm], list[str]]:
         zero_action(str(env_id), layer, {**env_args, **further}, robot)
         for layer in dict.fromkeys(config.zero_action)
     ]
-    return arms, warnings + more
+    return arms, warnings
 
 
 def tell(found: Robustness, console: Console) -> None:

@@ -1,12 +1,13 @@
-"""Who is tried: runs grouped by their action layer as `eval.compare` does, and zero actions."""
+"""Who is tried: runs grouped as `eval.compare` does, arms of studies, and zero actions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from eval.comparable import check_comparable, group
 from eval.rollout import Player
+from fbid_gym.checks import check_choices
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.vector_env import RobotVectorEnv
 from fbid_gym.errors import InvalidValueError, RunError
@@ -14,7 +15,8 @@ from fbid_gym.robots import Robot
 from train.environments import make_envs
 from train.runs.reading import Run, layer_name, load
 from train.runs.robots import named
-from train.runs.study import read_study
+from train.runs.study import Arm as StudyArm
+from train.runs.study import Cell, arms, check_cells, read_study
 from train.runs.training import is_finished
 
 
@@ -31,72 +33,103 @@ class Arm:
     """Names of the runs; none for a zero action."""
 
 
-def load_runs(
-    paths: Sequence[Path], env_id: str | None, robot: Robot | None
-) -> tuple[list[Run], list[str]]:
-    """Load run folders, exported policies, and the finished runs of studies.
+class Wanted(NamedTuple):
+    """What of studies is tried.
+
+    Attributes:
+        env_id: runs in this environment alone; None for all.
+        arms: names of these alone; none for all.
+    """
+
+    env_id: str | None
+    arms: tuple[str, ...]
+
+    def has(self, arm: StudyArm) -> bool:
+        """Whether an arm is among it."""
+        named = not self.arms or arm.name in self.arms
+        return named and self.env_id in (None, arm.env)
+
+
+def load_arms(
+    paths: Sequence[Path],
+    wanted: Wanted,
+    robot: Robot | None,
+    env_args: Mapping[str, Any],
+) -> tuple[list[Arm], list[str]]:
+    """Load run folders and exported policies, an arm a layer; and studies, with their own arms.
 
     Args:
         paths: folders; a file is a study.
-        env_id: of a study, only its runs in this environment.
+        wanted: of studies.
         robot: to be played on instead of the one that they were trained on.
-
-    Returns:
-        The runs; and warnings, one sentence each.
-
-    Raises:
-        RunError: one of them cannot be read or is not finished, or nothing of a study is.
-    """
-    runs: list[Run] = []
-    warnings: list[str] = []
-    for path in paths:
-        if not path.is_file():
-            runs.append(load(path, robot))
-            continue
-        cells = [
-            cell for cell in read_study(path).cells if env_id is None or cell.config.env == env_id
-        ]
-        finished = [cell for cell in cells if is_finished(cell.config)]
-        if not finished:
-            where = f" in {env_id}" if env_id else ""
-            raise RunError(
-                f"{path}: no run of the study has finished{where}: python -m train.sweep."
-            )
-        runs += [load(cell.config.folder, robot) for cell in finished]
-        warnings += [
-            f"{cell.name} of {path.name} has not finished and is left out."
-            for cell in cells
-            if cell not in finished
-        ]
-    return runs, warnings
-
-
-def arms_of_runs(runs: Sequence[Run], env_args: Mapping[str, Any]) -> tuple[list[Arm], list[str]]:
-    """Group runs as `eval.compare` does.
-
-    Args:
-        runs: what was trained.
         env_args: replace those that they were trained with.
 
     Returns:
         The arms; and warnings, one sentence each.
 
     Raises:
-        RunError: runs that cannot be compared.
+        RunError: one of them cannot be read or is not finished, or nothing of a study is; or runs
+            that cannot be compared.
+        UnknownOptionError: no study has an arm of that name.
     """
+    found, warnings = _arms_of_runs([load(p, robot) for p in paths if not p.is_file()], env_args)
+    studies = [(path, read_study(path)) for path in paths if path.is_file()]
+    known = dict.fromkeys(arm.name for _, study in studies for arm in arms(study))
+    check_choices("arm", wanted.arms, known or ("none: there is no study",))
+    for path, study in studies:
+        check_cells(study)
+        its = [arm for arm in arms(study) if wanted.has(arm)]
+        done = [[cell for cell in arm.cells if is_finished(cell.config)] for arm in its]
+        if not any(done):
+            where = f" in {wanted.env_id}" if wanted.env_id else ""
+            raise RunError(
+                f"{path}: no run of the study has finished{where}: python -m train.sweep."
+            )
+        found += [
+            arm_of_cells(arm.name, finished, robot, env_args)
+            for arm, finished in zip(its, done, strict=True)
+            if finished
+        ]
+        warnings += [
+            f"{cell.name} of {path.name} has not finished and is left out."
+            for arm, finished in zip(its, done, strict=True)
+            for cell in arm.cells
+            if cell not in finished
+        ]
+    _check_arms(found)
+    return found, warnings
+
+
+def arm_of_cells(
+    name: str, cells: Sequence[Cell], robot: Robot | None, env_args: Mapping[str, Any]
+) -> Arm:
+    """Return finished trainings of a study as its arm; other arguments as for `load_arms`."""
+    runs = [load(cell.config.folder, robot) for cell in cells]
+    return _arm(name, layer_name(cells[0].config.make_args()), runs, env_args)
+
+
+def _arms_of_runs(runs: Sequence[Run], env_args: Mapping[str, Any]) -> tuple[list[Arm], list[str]]:
+    """Group runs as `eval.compare` does."""
     if not runs:
         return [], []
     warnings = check_comparable(runs)
-    arms = [
-        Arm(
-            name,
-            name,
-            tuple(Player.of(run, **env_args) for run in members),
-            tuple(run.path.name for run in members),
-        )
-        for name, members in group(runs).items()
-    ]
-    return arms, warnings
+    return [_arm(name, name, its, env_args) for name, its in group(runs).items()], warnings
+
+
+def _arm(name: str, layer: str, runs: Sequence[Run], env_args: Mapping[str, Any]) -> Arm:
+    players = tuple(Player.of(run, **env_args) for run in runs)
+    return Arm(name, layer, players, tuple(run.path.name for run in runs))
+
+
+def _check_arms(found: Sequence[Arm]) -> None:
+    """Raise RunError unless arms are told apart by their names, and all are in one environment."""
+    names = [arm.name for arm in found]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise RunError(f"There are two arms {twice[0]!r}. Expected each name once.")
+    ids = sorted({player.env_id for arm in found for player in arm.players})
+    if len(ids) > 1:
+        raise RunError(f"The runs are of {', '.join(ids)}. Expected one environment: see --env.")
 
 
 def zero_action(

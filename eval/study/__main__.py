@@ -21,11 +21,12 @@ from eval.clips import Shown, fate
 from eval.files import check_output, to_json, write
 from eval.pages import DOCS, splice, spliced
 from eval.robustness.arms import Arm as Tried
+from eval.robustness.arms import arm_of_cells
 from eval.robustness.curves import Budget, Robustness, measure, read
 from eval.robustness.factors import FACTORS
 from eval.rollout import Player, filmed
 from eval.study import fresh
-from eval.study.cells import arms, check_cells, policy_digest, robustness_file
+from eval.study.cells import policy_digest, robustness_file
 from eval.study.findings import checked_reference, findings
 from eval.study.page import page
 from eval.study.parts import colours
@@ -34,8 +35,8 @@ from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError, InvalidValueError, RunError
 from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Number, Whole, check_fields
-from train.runs.reading import layer_name, load
-from train.runs.study import Cell, Study, environment_name, read_study
+from train.runs.reading import load
+from train.runs.study import Study, arms, check_cells, environment_name, read_study
 from train.runs.training import is_finished
 
 Say = Callable[[str], None]
@@ -162,18 +163,12 @@ def measure_robustness(config: StudyConfig, study: Study, say: Say) -> None:
     for arm in arms(study):
         done = [cell for cell in arm.cells if is_finished(cell.config)]
         if done:
-            tried.setdefault(arm.env, []).append(_tried(arm.name, done, config.robustness_seconds))
+            short = {"episode_seconds": config.robustness_seconds}
+            tried.setdefault(arm.env, []).append(arm_of_cells(arm.name, done, None, short))
     budget = Budget(config.robustness_episodes, config.settings.seed)
     for env_id, its in tried.items():
         found = measure(its, FACTORS, budget, lambda k, n, what: say(f"{what}: {k} of {n}"))
         write(robustness_file(study, env_id), to_json(found.to_dict()))
-
-
-def _tried(name: str, cells: list[Cell], seconds: float) -> Tried:
-    runs = [load(cell.config.folder) for cell in cells]
-    players = tuple(Player.of(run, episode_seconds=seconds) for run in runs)
-    names = tuple(run.path.name for run in runs)
-    return Tried(name, layer_name(cells[0].config.make_args()), players, names)
 
 
 def _kept(study: Study, env_id: str) -> Robustness | None:

@@ -10,21 +10,10 @@ from eval.robustness.curves import digest
 from fbid_gym.errors import FbidError, RunError
 from fbid_gym.policy import Policy
 from train.runs.config import TrainConfig
-from train.runs.differences import in_words, run_differences
-from train.runs.files import read_json
 from train.runs.folder import RunFolder
-from train.runs.robots import chosen, with_robot
-from train.runs.study import Cell, Study, environment_name
+from train.runs.study import Arm, Study, environment_name
 from train.runs.tables import read_rows
 from train.runs.training import is_finished
-
-
-class Arm(NamedTuple):
-    """The cells of a study that differ in their seed alone."""
-
-    env: str
-    name: str
-    cells: tuple[Cell, ...]
 
 
 class Curve(NamedTuple):
@@ -37,38 +26,6 @@ class Curve(NamedTuple):
 
     steps: np.ndarray
     values: np.ndarray
-
-
-def arms(study: Study) -> list[Arm]:
-    """Return the arms of a study in the order of its file."""
-    found: dict[tuple[str, str], list[Cell]] = {}
-    for cell in study.cells:
-        found.setdefault((cell.config.env, cell.arm), []).append(cell)
-    return [Arm(env, name, tuple(cells)) for (env, name), cells in found.items()]
-
-
-def check_cells(study: Study) -> None:
-    """Check that the run folders are those of the study.
-
-    Raises:
-        RunError: one is of another training than the study says, or of a longer one.
-    """
-    for cell in study.cells:
-        folder = RunFolder.of(cell.config.folder)
-        if not folder.config.is_file():
-            continue
-        stored, run = read_json(folder.config), cell.config
-        robot = chosen(run.robot, run.feet)
-        asked = (run if robot is None else with_robot(run, robot)).to_json()
-        different = in_words(run_differences(stored, asked))
-        trains, wants = stored.get("total_steps"), asked["total_steps"]
-        if not different and isinstance(trains, int) and trains > wants:
-            different = f"total_steps {wants} instead of {trains}"
-        if different:
-            raise RunError(
-                f"{folder.path}: is not what the study says: it says {different}. Expected the "
-                "folder of its own runs, see --runs."
-            )
 
 
 def evaluations(run: TrainConfig) -> list[dict[str, str]]:
@@ -95,16 +52,20 @@ def columns(run: TrainConfig) -> dict[str, np.ndarray]:
 
 
 def curve(arm: Arm, column: str) -> Curve:
-    """Return a column of the evaluations, over steps and seeds.
+    """Return a column of the evaluations, over steps and seeds; NaN where it is not known.
 
     The finished cells count; where there is none, all do, as far as they have come together.
     """
     cells = [cell for cell in arm.cells if is_finished(cell.config)] or arm.cells
-    tables = [rows for cell in cells if (rows := evaluations(cell.config))]
-    common = min(map(len, tables), default=0)
-    steps = [float(row["steps"]) for row in tables[0][:common]] if tables else []
-    values = [[float(row[column]) for row in rows[:common]] for rows in tables]
-    return Curve(np.array(steps), np.array(values).reshape(len(tables), common))
+    tables = [table for cell in cells if (table := columns(cell.config))]
+    # A training that goes on beyond what it was to take was evaluated once more there.
+    common = [set(table["steps"].tolist()) for table in tables]
+    steps = np.array(sorted(set.intersection(*common)) if common else [])
+    values = [
+        table.get(column, np.full(len(table["steps"]), np.nan))[np.isin(table["steps"], steps)]
+        for table in tables
+    ]
+    return Curve(steps, np.array(values).reshape(len(tables), len(steps)))
 
 
 def exploring(run: TrainConfig) -> tuple[list[float], list[float]]:

@@ -16,7 +16,7 @@ from eval.comparable import origin_warnings
 from eval.estimates import Chance
 from eval.results import Band, Crossing, Estimate, greatest_return
 from eval.study import fresh
-from eval.study.cells import Arm, arms, check_cells, columns
+from eval.study.cells import columns
 from eval.study.fresh import Falls
 from eval.study.results import (
     CURVES,
@@ -36,13 +36,13 @@ from eval.study.results import (
     Versus,
 )
 from fbid_gym.errors import UnknownOptionError
-from train.runs.command_line import command_again
+from train.runs.command_line import command
 from train.runs.differences import made_with
 from train.runs.environment import changed_meaning
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
 from train.runs.reading import layer_name
-from train.runs.study import Cell, Study
+from train.runs.study import Arm, Cell, Study, arms, check_cells
 from train.runs.training import standing
 
 
@@ -110,7 +110,7 @@ def _cell(cell: Cell) -> CellFound:
         table["steps"].tolist() if table else [],
         table.get("wall_seconds", table["steps"] * np.nan).tolist() if table else [],
         {measure.name: measure.of(table).tolist() for measure in MEASURES} if table else {},
-        command_again(cell.config.to_json(), cell.config.folder),
+        command(cell.config),
     )
 
 

@@ -12,11 +12,11 @@ import numpy as np
 from eval.colours import colours_of_arms
 from eval.plots import Series, panel, sheet
 from eval.study import fresh
-from eval.study.cells import Arm, arms, curve, evaluations, exploring
+from eval.study.cells import curve, evaluations, exploring
 from eval.wording import number, percent
 from eval.wording import steps as steps_text
 from fbid_gym.errors import RunError
-from train.runs.study import Study, environment_name
+from train.runs.study import Arm, Study, arms, environment_name
 from train.runs.tables import to_csv
 from train.runs.training import is_finished
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eval.results import Estimate
-from eval.robustness.__main__ import main
+from eval.robustness.__main__ import RobustnessConfig, gathered, main
 from eval.robustness.arms import zero_action
 from eval.robustness.curves import Along, Budget, Curve, Robustness, area, estimated, meant, measure
 from eval.robustness.factors import FACTORS, changed
@@ -17,6 +17,7 @@ from eval.robustness.page import drawn, page
 from eval.robustness.tables import markdown, said
 from eval.robustness.wording import headline, leader
 from eval.rollout import Player, play_player
+from fbid_gym.errors import RunError, UnknownOptionError
 from fbid_gym.policy import Policy
 from train.runs.folder import RunFolder
 from train.runs.opening import open_run
@@ -241,6 +242,30 @@ def test_a_study_counts_its_finished_runs_and_a_policy_of_zeros_is_the_zero_acti
     assert len(rows) == 2 * 2 * (2 + 1)
     html = out.read_text()
     assert html.count("<svg") == 2 and 'class="dashed"' in html
+
+
+def test_arms_of_a_study_are_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where their layer is the same, and another may have other arguments."""
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "mine.toml"
+    arm = STUDY[STUDY.index("[[arms]]") :]
+    quiet = arm.replace('"one"', '"quiet"') + "ppo = { log_std_init = -3.0 }\n"
+    other = arm.replace('"one"', '"other"') + "env_args = { randomisation = { mass = 0.1 } }\n"
+    file.write_text(STUDY.replace("[0, 1, 2]", "[0]") + quiet + other)
+    for cell in read_study(file).cells:
+        finish(cell)
+
+    def found(*names: str) -> list[tuple[str, tuple[str, ...]]]:
+        arms, _ = gathered(RobustnessConfig(runs=(file,), arms=names))
+        return [(arm.name, arm.runs) for arm in arms]
+
+    every = [(name, (f"QuadrupedWalk-v0-{name}-s0",)) for name in ("one", "quiet", "other")]
+    assert found() == every
+    assert found("quiet", "one") == every[:2]
+    with pytest.raises(UnknownOptionError, match="Unknown arm 'loud'. Valid choices: one, quiet,"):
+        found("loud")
+    with pytest.raises(RunError, match="There are two arms 'one'"):
+        gathered(RobustnessConfig(runs=(file, file)))
 
 
 def test_what_an_environment_does_not_have_is_left_out_and_said() -> None:

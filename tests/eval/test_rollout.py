@@ -114,6 +114,7 @@ def test_videos_show_what_layers_see_unless_told_otherwise() -> None:
             "Unknown environment 'fbid_gym/Nothing-v0'. Valid choices: fbid_gym/BipedBalance-v0, ",
         ),
         (["POLICY", "--env", ENV_ID], "Expected neither beside a policy"),
+        (["POLICY", "--zero-action", "--action-layer", "torque"], "Expected neither beside a pol"),
         (["POLICY", "--env-args", "[1]"], "Invalid env_args: '[1]'. Expected a JSON object"),
         (["POLICY", "--env-args", "{"], "Invalid env_args: '{'. Expected a JSON object"),
         (["POLICY", "--env-args", '{"nonsense": 1}'], "Expected what eval_tests/StandIn-v0 takes"),

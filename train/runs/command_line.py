@@ -58,6 +58,12 @@ def options(config: TrainConfig) -> tuple[str, ...]:
     return tuple(_options(asdict(config), asdict(_plain(usual))))
 
 
+def command(config: TrainConfig) -> str:
+    """Return the whole command that trains a configuration, in its own folder."""
+    own = replace(config, num_threads=TrainConfig.num_threads)
+    return shlex.join(["python", "-m", f"train.{config.algorithm}", *options(own)])
+
+
 def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, ...]:
     """Return the command line that trains again what a `config.json` says, in the usual folder.
 

@@ -107,7 +107,8 @@ def run_jobs(
 ) -> list[Job]:
     """Run all jobs, `at_once` at a time in their order.
 
-    On SIGINT, SIGTERM or SIGHUP no more are started, and those that run get a SIGINT.
+    On SIGINT, SIGTERM or SIGHUP no more are started, and those that run get a SIGINT and the time
+    to end.
 
     Args:
         jobs: what to run.
@@ -121,6 +122,7 @@ def run_jobs(
 
     Raises:
         InvalidValueError: none at a time.
+        KeyboardInterrupt: it was asked to stop, and all has ended.
     """
     if at_once < 1:
         raise InvalidValueError("jobs", at_once, "at least 1 at a time")
@@ -153,6 +155,8 @@ def run_jobs(
                 stopping = True
                 for process in running.values():
                     process.send_signal(signal.SIGINT)
+        if stop():
+            raise KeyboardInterrupt
     return [job for job in jobs if job not in finished]
 
 
@@ -212,13 +216,16 @@ def _bars(jobs: Sequence[Job], console: Console) -> Iterator[_Show]:
         tasks = {job: bars.add_task(job.name, False, 1.0, note="") for job in jobs}
         everything = bars.add_task("all", total=float(len(jobs)), note="")
 
+        full = set[Job]()
+
         def show(running: Sequence[Job], finished: Sequence[Job]) -> None:
-            for job in (*running, *finished):
+            for job in (*running, *(job for job in finished if job not in full)):
                 task = tasks[job]
                 if not bars.tasks[task].started:
                     bars.start_task(task)
                 share, note = job.progress()
                 bars.update(task, completed=1.0 if job in finished else share, note=note)
+            full.update(finished)
             bars.update(everything, completed=sum(bars.tasks[i].completed for i in tasks.values()))
 
         yield show

@@ -15,7 +15,7 @@ from train.runs.folder import RunFolder
 from train.runs.robots import of_policy
 from train.runs.tables import read_rows
 
-_LAYER_ARGS = ("action_layer", "layer_options")
+LAYER_ARGS = ("action_layer", "layer_options")
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Run:
     @property
     def env_args(self) -> dict[str, Any]:
         """Arguments of the environment other than the layer."""
-        return {k: v for k, v in self.policy.env_args.items() if k not in _LAYER_ARGS}
+        return {k: v for k, v in self.policy.env_args.items() if k not in LAYER_ARGS}
 
 
 def load(path: Path, robot: Robot | None = None) -> Run:

@@ -31,6 +31,10 @@ from typing import Any, NamedTuple
 from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
 from train.recipes import SETTINGS, check, config_for, merged, valid_settings
 from train.runs.config import ALGORITHMS, SEED, TrainConfig
+from train.runs.differences import in_words, run_differences
+from train.runs.files import read_json
+from train.runs.folder import RunFolder
+from train.runs.robots import chosen, with_robot
 
 _OF_ARM = (
     *("name", "env", "action_layer", "layer_options", "env_args"),
@@ -50,6 +54,14 @@ class Cell(NamedTuple):
     def name(self) -> str:
         """For people."""
         return f"{environment_name(self.config.env)}, {self.arm}, seed {self.config.seed}"
+
+
+class Arm(NamedTuple):
+    """The cells of a study that differ in their seed alone."""
+
+    env: str
+    name: str
+    cells: tuple[Cell, ...]
 
 
 @dataclass(frozen=True)
@@ -89,6 +101,8 @@ def read_study(path: Path, out: Path | None = None) -> Study:
         raise RunError(f"{path}: cannot be read as a study: {error}.") from error
     except tomllib.TOMLDecodeError as error:
         raise RunError(f"{path}: is no TOML: {error}.") from error
+    except RecursionError as error:
+        raise RunError(f"{path}: is nested too deeply.") from error
     title, seeds, arms = data.pop("title", path.stem), data.pop("seeds", [0]), data.pop("arms", [])
     reference, page = data.pop("reference", None), data.pop("page", path.stem)
     runs = data.pop("runs", None)
@@ -111,6 +125,38 @@ def read_study(path: Path, out: Path | None = None) -> Study:
         raise RunError(f"{path}: page is {page!r}. Expected the name of one of docs/.")
     cells.sort(key=lambda cell: cell.config.seed)
     return Study(path.stem, str(title), reference, page, tuple(cells))
+
+
+def arms(study: Study) -> list[Arm]:
+    """Return the arms of a study in the order of its file."""
+    found: dict[tuple[str, str], list[Cell]] = {}
+    for cell in study.cells:
+        found.setdefault((cell.config.env, cell.arm), []).append(cell)
+    return [Arm(env, name, tuple(cells)) for (env, name), cells in found.items()]
+
+
+def check_cells(study: Study) -> None:
+    """Check that the run folders are those of the study.
+
+    Raises:
+        RunError: one is of another training than the study says, or of a longer one.
+    """
+    for cell in study.cells:
+        folder = RunFolder.of(cell.config.folder)
+        if not folder.config.is_file():
+            continue
+        stored, run = read_json(folder.config), cell.config
+        robot = chosen(run.robot, run.feet)
+        asked = (run if robot is None else with_robot(run, robot)).to_json()
+        different = in_words(run_differences(stored, asked))
+        trains, wants = stored.get("total_steps"), asked["total_steps"]
+        if not different and isinstance(trains, int) and trains > wants:
+            different = f"total_steps {wants} instead of {trains}"
+        if different:
+            raise RunError(
+                f"{folder.path}: is not what the study says: it says {different}. Expected the "
+                "folder of its own runs, see --out of train.sweep and --runs of eval.study."
+            )
 
 
 def environment_name(env_id: str) -> str:

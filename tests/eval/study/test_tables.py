@@ -6,16 +6,18 @@ import re
 from dataclasses import replace
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 from eval.pages import DOCS, marks, spliced
 from eval.study.__main__ import StudyConfig, main
-from eval.study.cells import arms, check_cells, curve, exploring
+from eval.study.cells import curve, exploring
 from eval.study.tables import drawn, numbers, table
-from fbid_gym.errors import FbidError
+from fbid_gym.errors import FbidError, RunError
 from tests.eval.study.small import STUDY, fill
+from train.runs.folder import RunFolder
 from train.runs.reading import load
-from train.runs.study import read_study
+from train.runs.study import arms, check_cells, read_study
 from train.runs.training import standing
 
 
@@ -88,6 +90,23 @@ def test_docs_are_written_whole_or_not_at_all(study, tmp_path, monkeypatch, caps
     assert {path.suffix for path in page_of_docs.parent.iterdir()} == {".md", ".csv", ".svg"}
     with pytest.raises(FbidError, match="Invalid --robustness"):
         main(replace(config, write_docs=False, robustness=True))
+
+
+def test_curves_hold_the_evaluations_that_all_seeds_had(study):
+    """One that goes on beyond what it was to take was evaluated once more where that ended."""
+    first, _, second = study.cells
+    fill(first, 10.0, 0.1)
+    fill(second, 20.0, 0.3)
+    file = RunFolder.of(second.config.folder).evaluations
+    head, before, after = file.read_text().splitlines()
+    middle = before.replace("0,", "500,", 1)
+    file.write_text("\n".join([head, before, middle, after]) + "\n")
+    walks, _ = arms(study)
+    assert curve(walks, "velocity_error").values.tolist() == [[0.2, 0.1], [0.6, 0.3]]
+    assert np.isnan(curve(walks, "what nobody measured").values).all()
+    file.write_text("\n".join([head, before.replace(",8,", ",x,"), after]) + "\n")
+    with pytest.raises(RunError, match="evaluations.csv: holds more than numbers"):
+        curve(walks, "velocity_error")
 
 
 def test_docs_are_of_the_runs_of_the_study_and_of_no_others(study, tmp_path, monkeypatch):

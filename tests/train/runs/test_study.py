@@ -1,6 +1,7 @@
 """A study names trainings, each once, and what is wrong with a file is said in one line."""
 
 import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +12,11 @@ import pytest
 import fbid_gym  # noqa: F401
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.errors import FbidError
+from fbid_gym.errors import FbidError, RunError
 from train import sweep
 from train.recipes import config_for
-from train.runs.command_line import parse
+from train.runs.command_line import command, parse
+from train.runs.opening import open_run
 from train.runs.study import read_study
 from train.runs.training import training_job
 from train.sweep import SweepConfig, main, standing, unfinished
@@ -259,3 +261,45 @@ def test_arms_may_say_what_learns(tmp_path):
 def test_an_algorithm_that_there_is_not_is_refused(tmp_path, line, message):
     with pytest.raises(FbidError, match=re.escape(message)):
         read_study(write(tmp_path, f"{ARM}{line}\n"), tmp_path)
+
+
+def test_a_folder_of_another_training_is_not_taken_for_done(tmp_path, capsys):
+    """It may well have taken as many steps."""
+    path = write(tmp_path, f"{ARM}total_steps = 1000")
+    config = read_study(path, tmp_path / "out").cells[0].config
+    with open_run(config) as run:
+        run.begin()
+    (config.folder / "progress.csv").write_text("steps,return_mean\n1000,3\n")
+    rows = "steps,return_mean,survival\n0,3,1\n1000,3,1\n"
+    (config.folder / "evaluations.csv").write_text(rows)
+    assert main(SweepConfig(path, tmp_path / "out", dry_run=True)) == 0
+    other = write(tmp_path, f"{ARM}total_steps = 1000\nppo = {{ gamma = 0.5 }}")
+    for dry_run in (True, False):
+        with pytest.raises(RunError, match="the study says: it says ppo.gamma 0.5 instead of"):
+            main(SweepConfig(other, tmp_path / "out", dry_run=dry_run))
+
+
+def test_who_stops_a_sweep_sees_where_it_stands(tmp_path, monkeypatch, capsys):
+    def run_jobs(jobs, *args, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sweep, "run_jobs", run_jobs)
+    with pytest.raises(KeyboardInterrupt):
+        main(SweepConfig(write(tmp_path, ARM), tmp_path / "out"))
+    said = capsys.readouterr().out
+    assert "not begun" in said and "failed" not in said
+
+
+def test_the_command_of_a_cell_is_the_cell(tmp_path):
+    text = f'{ARM}robot = "my dog/robot.toml"\nfeet = ["a", "b"]\nppo = {{ gamma = 0.5 }}\n'
+    cell = read_study(write(tmp_path, text), tmp_path).cells[0]
+    words = shlex.split(command(cell.config))
+    assert words[:3] == ["python", "-m", "train.ppo"]
+    assert parse(words[3:]) == replace(cell.config, num_threads=0)
+
+
+def test_a_study_of_brackets_alone_is_refused(tmp_path):
+    path = tmp_path / "deep.toml"
+    path.write_text("a = " + "[" * 100_000)
+    with pytest.raises(RunError, match="deep.toml: is nested too deeply"):
+        read_study(path)
