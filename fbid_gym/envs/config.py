@@ -36,6 +36,7 @@ from fbid_gym.robots.terrain import (
     compile_world,
     make_terrain,
 )
+from fbid_gym.robots.unmodelled import refuse_gravity
 from fbid_gym.tasks import TASKS, Pushes, Start, Task, Walk, make_task, task_kind, task_options
 from fbid_gym.tasks.pushes import Duration, Force, Interval, Jump
 from fbid_gym.tasks.start import Noise
@@ -135,6 +136,7 @@ class EnvConfig:
     def load_robot(self) -> Robot:
         """Return the robot."""
         if isinstance(self.robot, Robot):
+            refuse_gravity(self.robot.model)
             return self.robot
         if not isinstance(self.robot, str):
             raise InvalidValueError("robot", self.robot, f"a Robot or one of {', '.join(ROBOTS)}")

@@ -5,6 +5,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
+from fbid_gym.checks import is_number
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 
 ByJoint = float | Mapping[str, float]
@@ -31,7 +32,7 @@ def by_joint(what: str, given: ByJoint | None, joints: Sequence[str]) -> dict[st
         fitting = [joint for joint in joints if fnmatchcase(joint, str(pattern))]
         if not fitting:
             raise UnknownOptionError(f"joint in {what}", pattern, joints)
-        if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        if not is_number(value):
             raise InvalidValueError(f"{what} of {pattern}", value, "a number")
         if not (np.isfinite(value) and value > 0):
             raise InvalidValueError(f"{what} of {pattern}", value, "a positive number")

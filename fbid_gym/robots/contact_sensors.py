@@ -59,7 +59,8 @@ def add_contact_sensors(
     for foot in feet:
         whole = _whole_foot(model, bodies, foot[0].body)
         places = np.array([point.position for point in foot])
-        for point, cell in zip(foot, cells(places, 2.0 * model.stat.extent), strict=True):
+        reach = max(2.0 * model.stat.extent, _reach(model, foot[0].body))
+        for point, cell in zip(foot, cells(places, reach), strict=True):
             name = f"{_PREFIX}{len(names)}"
             matched = whole
             if _touches_by_its_points_alone(model, foot):
@@ -153,6 +154,22 @@ def _whole_foot(
     if below and all(model.body_weldid[b] == root for b in below):
         return {"reftype": _OBJ.mjOBJ_XBODY, "refname": _named(bodies[root])}
     return {"reftype": _OBJ.mjOBJ_BODY, "refname": _named(bodies[body])}
+
+
+def _reach(model: mujoco.MjModel, body: int) -> float:
+    """m, no less than what is farthest from the origin of a body, of it and what is welded to it.
+
+    The file may say of its extent what it likes: that is for pictures.
+    """
+    welded = np.flatnonzero(model.body_weldid == model.body_weldid[body])
+    apart = np.linalg.norm(model.body_pos[welded], axis=1).sum()
+    geoms = np.flatnonzero(np.isin(model.geom_bodyid, welded))
+    return float(apart + _size(model, geoms))
+
+
+def _size(model: mujoco.MjModel, geoms: np.ndarray) -> float:
+    far = np.linalg.norm(model.geom_pos[geoms], axis=1) + model.geom_rbound[geoms]
+    return float(far.max(initial=0.0))
 
 
 def _hangs_from(model: mujoco.MjModel, body: int, root: int) -> bool:

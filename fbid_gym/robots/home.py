@@ -46,7 +46,7 @@ def home_pose(
         RobotError: a zero base quaternion, or joints outside their range.
     """
     keyframes = {model.key(i).name: model.key(i).qpos.copy() for i in range(model.nkey)}
-    if isinstance(home, str) and home == STAND:
+    if stands_up(model, home):
         qpos = keyframes.get(_KEYFRAME, _reference_pose(model))
     elif isinstance(home, str):
         if home not in keyframes:
@@ -63,7 +63,7 @@ def home_pose(
     else:
         try:
             qpos = np.array(home, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InvalidValueError(
                 "home", home, "a mapping joint -> angle, a qpos of numbers, or a keyframe's name"
             ) from None
@@ -77,6 +77,12 @@ def home_pose(
     qpos[3:7] /= length
     _check_ranges(model, qpos)
     return _at_the_origin(qpos)
+
+
+def stands_up(model: mujoco.MjModel, home: object) -> bool:
+    """Whether a posture to stand in is searched for: a keyframe of that name goes first."""
+    known = [model.key(i).name for i in range(model.nkey)]
+    return isinstance(home, str) and home == STAND and STAND not in known
 
 
 def on_the_ground(model: mujoco.MjModel, qpos: np.ndarray, feet: Sequence[Foot]) -> np.ndarray:
@@ -102,7 +108,7 @@ def _at_the_origin(qpos: np.ndarray) -> np.ndarray:
 def _number(joint: str, value: float) -> float:
     try:
         return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InvalidValueError(f"home of {joint}", value, "a number") from None
 
 

@@ -33,6 +33,7 @@ _CARRIES_NOTHING = 0.001
 
 _TICKS_PER_PERIOD = 20
 _SETTLING = 0.2  # s
+_STEP = 1e-3  # s
 
 _LOCKED = 1e4
 """m²: this times the mass is an inertia that no contact moves."""
@@ -132,10 +133,11 @@ def _unloaded(home: _Home, contact_sensor: np.ndarray) -> list[str]:
     if not np.any(home.model.opt.gravity):
         return []
     model = copy.copy(home.model)
+    model.opt.timestep = _STEP  # environments have one of their own, too
     model.dof_armature[6:] += _LOCKED * model.body_subtreemass[model.jnt_bodyid[0]]
     data = mujoco.MjData(model)
     data.qpos[:] = home.data.qpos
-    steps = int(_SETTLING / model.opt.timestep)
+    steps = round(_SETTLING / _STEP)
     forces = np.zeros((steps, len(contact_sensor)))
     for step in range(steps):
         mujoco.mj_step(model, data)
@@ -224,7 +226,8 @@ def _slippery(home: _Home) -> list[str]:
 def friction_of_feet(model: mujoco.MjModel, feet: Sequence[Foot]) -> float:
     """Least coefficient of sliding friction between a foot and the ground.
 
-    As MuJoCo mixes it: that of the geom with the higher priority, else the larger of both.
+    As MuJoCo mixes it: that of the geom with the higher priority, else the larger of both; none
+    where these have condim 1.
     """
     static = (model.body_weldid[model.geom_bodyid] == 0) & can_touch(model)
     grounds, found = np.flatnonzero(static), [np.inf]
@@ -235,5 +238,6 @@ def friction_of_feet(model: mujoco.MjModel, feet: Sequence[Foot]) -> float:
                 pair, priority = [geom, ground], model.geom_priority[[geom, ground]]
                 if priority[0] != priority[1]:
                     pair = [pair[int(np.argmax(priority))]]
-                found.append(float(model.geom_friction[pair, 0].max()))
+                rubs = model.geom_condim[pair].max() > 1
+                found.append(float(model.geom_friction[pair, 0].max()) * rubs)
     return min(found)

@@ -17,7 +17,7 @@ from fbid_gym.robots.contact_sensors import add_contact_sensors, remove_contact_
 from fbid_gym.robots.corrections import free_the_base, set_armature, set_solver
 from fbid_gym.robots.description import described
 from fbid_gym.robots.feet import ContactPoint, Foot, find_foot, group_points, points_of_body
-from fbid_gym.robots.home import STAND, home_pose, on_the_ground
+from fbid_gym.robots.home import home_pose, on_the_ground, stands_up
 from fbid_gym.robots.limbs import bodies_of_feet
 from fbid_gym.robots.motors import motor_of_each_joint
 from fbid_gym.robots.scene import add_ground
@@ -261,7 +261,8 @@ class Robot:
                 touches level ground at home. Default: the lowest bodies at the ends of the limbs.
             name: the robot's name; the model's name by default.
             home: joint name -> rad (m for slides), the rest from the default; or a whole qpos
-                (nq,); or the name of a keyframe; or "stand", a standing pose that is searched for.
+                (nq,); or the name of a keyframe; or "stand", a standing pose that is searched for
+                where the file has no keyframe of that name.
                 Default: the keyframe "home" if there is one, else the model's reference pose moved
                 into the joint ranges. The base is always put above the origin, with its x axis
                 along the world's as seen from above, and so high that the lowest contact point
@@ -311,7 +312,7 @@ def _build(
     if named is None:
         notes += [f"Feet found: {', '.join(points)}."]
     built = tuple(_foot(foot, found) for foot, found in points.items())
-    if isinstance(home, str) and home == STAND:
+    if stands_up(plain, home):
         qpos = standing_pose(plain, qpos, built)
 
     # Bodies, joints and actuators keep their ids: only geoms, sites, lights and sensors join.

@@ -1,11 +1,20 @@
 """What is added to a robot's MJCF: something to stand on, and light."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 
 from fbid_gym.robots.mjcf import can_touch
 
 _GEOM = mujoco.mjtGeom
+_EMPTY = mujoco.MjSpec()
+_PLAIN = _EMPTY.worldbody.add_geom()
+_INHERITED = (
+    *("condim", "friction", "priority", "solref", "solimp", "solmix", "margin", "gap"),
+    *("group", "rgba"),
+)
+_EVERY_BIT = 2**31 - 1
 
 
 def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel, base: mujoco.MjsBody) -> None:
@@ -60,15 +69,26 @@ def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel, base: mujoco.MjsBody)
     spec.visual.quality.shadowsize = 2048
     spec.visual.global_.offwidth = max(spec.visual.global_.offwidth, 1920)
     spec.visual.global_.offheight = max(spec.visual.global_.offheight, 1080)
-    # contype and conaffinity 1, so that it meets a geom which has either.
-    spec.worldbody.add_geom(
+    add_solid(
+        spec,
         name="fbid_ground",
         type=_GEOM.mjGEOM_PLANE,
         size=[0, 0, 0.1],
-        contype=1,
-        conaffinity=1,
         material="fbid_ground",
     )
+
+
+def add_solid(spec: mujoco.MjSpec, **geom: Any) -> None:
+    """Add a geom to the static world that meets whatever may touch anything.
+
+    It is as MuJoCo makes it: the file's own defaults are meant for the robot's geoms.
+
+    Args:
+        spec: the spec to extend.
+        **geom: attributes of the geom.
+    """
+    usual = {name: getattr(_PLAIN, name) for name in _INHERITED}
+    spec.worldbody.add_geom(**usual, contype=_EVERY_BIT, conaffinity=_EVERY_BIT, **geom)
 
 
 def _extent(model: mujoco.MjModel) -> float:

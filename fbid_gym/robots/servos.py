@@ -63,6 +63,9 @@ def is_servo(model: mujoco.MjModel, a: int) -> bool:
     )
 
 
+_GEAR = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+
+
 def use_motors(
     spec: mujoco.MjSpec, model: mujoco.MjModel, torque_limit: Mapping[str, float]
 ) -> list[str]:
@@ -93,7 +96,9 @@ def use_motors(
             motor = spec.add_actuator(
                 name=f"{name}_motor", trntype=_TRANSMISSION.mjTRN_JOINT, target=name
             )
-            motor.set_to_motor()
+            _make_motor(motor)
+            # The file's defaults are meant for its own.
+            motor.gear, motor.forcelimited, motor.forcerange = _GEAR, False, [0.0, 0.0]
             added.append(name)
         elif j in driven and name in torque_limit:
             motor = actuators[driven[j]]

@@ -90,7 +90,8 @@ class Source:
         """Whether it is a URDF."""
         if isinstance(self.content, bytes):
             return False
-        root = re.search(rb"<(robot|mujoco)\b", _bytes(self.content))
+        text = re.sub(rb"<!--.*?-->", b"", _bytes(self.content), flags=re.DOTALL)
+        root = re.search(rb"<(robot|mujoco)\b", text)
         return root is not None and root.group(1) == b"robot"
 
     def read(self) -> mujoco.MjSpec:

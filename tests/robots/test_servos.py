@@ -233,3 +233,19 @@ def test_a_solver_that_stops_early_is_told_to_go_on() -> None:
 def test_bad_motors(options: dict[str, Any], kind: type[FbidError], message: str) -> None:
     with pytest.raises(kind, match=re.escape(message)):
         Robot.from_mjcf(text(""), ["toe"], **options)
+
+
+def test_motors_that_are_added_take_nothing_from_the_files_defaults() -> None:
+    """These are meant for the actuators that the file has itself."""
+    text = LEG.format(
+        default="", root="<freejoint/>", hip='actuatorfrcrange="-50 50"', keyframe="",
+        knee='actuatorfrcrange="-50 50"', actuators="",
+    )  # fmt: skip
+    usual = '<position kp="100" ctrlrange="-1 1" forcerange="-20 20"/><motor gear="3"/>'
+    text = text.replace("<default>", f"<default>{usual}", 1)
+    robot = Robot.from_mjcf(text, ["toe"])
+    np.testing.assert_array_equal(robot.torque_limit, 50.0)
+    data = mujoco.MjData(robot.model)
+    data.ctrl[:] = 30.0
+    mujoco.mj_forward(robot.model, data)
+    np.testing.assert_allclose(data.qfrc_actuator[6:], 30.0)

@@ -77,3 +77,12 @@ def test_published_robots_need_their_package(monkeypatch: pytest.MonkeyPatch) ->
 def test_nothing_that_holds_a_robot(source: Any) -> None:
     with pytest.raises(InvalidValueError, match="Expected the path or text of an MJCF or URDF"):
         Robot.from_mjcf(source)
+
+
+def test_a_word_in_a_comment_makes_no_urdf() -> None:
+    robot = Robot.from_mjcf(f"<!-- made of a <robot name='cat'> -->{TEXT}", ANIMAL.foot_names)
+    assert robot.mass == pytest.approx(ANIMAL.mass)
+    bound = TEXT.replace("<freejoint", "<!-- <freejoint").replace("freejoint/>", "freejoint/> -->")
+    if bound != TEXT:
+        with pytest.raises(RobotError, match="free joint"):
+            Robot.from_mjcf(f"<!-- <robot> -->{bound}", ANIMAL.foot_names)

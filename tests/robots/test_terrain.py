@@ -1,5 +1,7 @@
 """Terrains: the height that is told is the height that is there, starts are level, bad input."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from fbid_gym.robots.terrain import LEVELLED, TERRAINS, compile_world, make_terr
 from tests.robots.test_robot_errors import GOOD
 
 ROUGH = ("obstacles", "rocks")
+QUADRUPED = Path(__file__).parents[2] / "assets" / "quadruped.xml"
+FEET = ["front_left_foot", "front_right_foot", "hind_left_foot", "hind_right_foot"]
 
 
 def heights_by_ray(name: str, seed: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -123,3 +127,20 @@ def test_what_difficulty_decides_takes_no_height(name: str) -> None:
 def test_an_unknown_terrain_is_refused() -> None:
     with pytest.raises(FbidError, match="Unknown terrain 'sand'. Valid choices: flat, obstacles"):
         make_terrain("sand", load("quadruped"))
+
+
+@pytest.mark.parametrize("kind", ["flat", "obstacles", "roughness"])
+def test_what_is_added_is_as_mujoco_makes_it_and_meets_the_robot(kind: str) -> None:
+    """Whatever the file's defaults say of its own geoms, and whichever bits these collide by."""
+    usual = '<default><geom condim="1" friction="3" priority="2" group="4" margin="0.1"/>'
+    text = QUADRUPED.read_text().replace("<default>", usual, 1)
+    text = text.replace('contype="0" conaffinity="1"', 'contype="0" conaffinity="4"')
+    robot = Robot.from_mjcf(text, FEET)
+    terrain = make_terrain(kind, robot, **{"height": 0.03} if kind == "obstacles" else {})
+    world = compile_world(robot, terrain)
+    static = np.flatnonzero(world.body_weldid[world.geom_bodyid] == 0)
+    assert len(static) > (kind != "flat")
+    np.testing.assert_array_equal(world.geom_condim[static], 3)
+    np.testing.assert_array_equal(world.geom_friction[static, 0], 1.0)
+    assert not world.geom_priority[static].any() and not world.geom_margin[static].any()
+    assert (world.geom_contype[static] & 4).all()

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot
 from tests.robots.test_robot_errors import GOOD, fails
@@ -89,3 +90,17 @@ def test_pairs_of_the_robots_own_parts_are_no_touch_of_the_ground() -> None:
     robot = Robot.from_mjcf(paired("toe2", "bar"), ["toe"])
     assert robot.model.npair == 1
     assert any(robot.model.geom(i).name == "fbid_ground" for i in range(robot.model.ngeom))
+
+
+@pytest.mark.parametrize("step", ["0", "-0.001", "1e-9"])
+def test_the_files_own_time_step_means_nothing(step: str) -> None:
+    """Environments have one of their own."""
+    robot = Robot.from_mjcf(option(f'timestep="{step}"/>'), ["toe"])
+    assert robot.check() == Robot.from_mjcf(GOOD, ["toe"]).check()
+
+
+@pytest.mark.parametrize("gravity", ["0 0 0", "0 0 9.81", "0 -9.81 0"])
+def test_who_stands_and_walks_is_pulled_down(gravity: str) -> None:
+    robot = Robot.from_mjcf(option(f'gravity="{gravity}"/>'), ["toe"])
+    with fails(RobotError, f'gravity="{gravity}" does not pull down. Expected "0 0 -9.81" or '):
+        EnvConfig(robot=robot).load_robot()

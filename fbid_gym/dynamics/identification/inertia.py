@@ -181,5 +181,21 @@ def with_parameters(
         robot,
         name=name or robot.name,
         model=model,
+        spec=_told(robot.spec, model, ids),
         mass=float(model.body_subtreemass[robot.base_body]),
     )
+
+
+def _told(spec: mujoco.MjSpec, model: mujoco.MjModel, ids: np.ndarray) -> mujoco.MjSpec:
+    """Return a spec of which the bodies `ids` are those of a model: worlds are made of it."""
+    told = spec.copy()
+    told.compile()  # gives bodies their ids
+    told.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    told.compiler.settotalmass = -1.0
+    for body in told.bodies:
+        if body.id in ids:
+            body.explicitinertial = True
+            body.mass, body.ipos = model.body_mass[body.id], model.body_ipos[body.id]
+            body.iquat, body.inertia = model.body_iquat[body.id], model.body_inertia[body.id]
+            body.fullinertia = np.full(6, np.nan)
+    return told

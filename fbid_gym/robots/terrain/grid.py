@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
+from fbid_gym.robots.scene import add_solid
 
 _SHALLOW = 1e-3  # m that a height field lies below the plane where the plane is the ground
 
@@ -96,11 +97,10 @@ def add_height_field(
         ncol=grid.elevation.shape[1],
         userdata=((grid.elevation - low) / (high - low)).ravel(),
     )
-    spec.worldbody.add_geom(
+    add_solid(
+        spec,
         type=mujoco.mjtGeom.mjGEOM_HFIELD,
         hfieldname=name,
         pos=[*(grid.corner + half), low],
-        contype=1,
-        conaffinity=1,
         material=name,
     )

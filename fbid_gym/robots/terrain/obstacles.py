@@ -7,6 +7,7 @@ from typing import ClassVar
 import mujoco
 import numpy as np
 
+from fbid_gym.robots.scene import add_solid
 from fbid_gym.robots.terrain.grid import HeightGrid
 from fbid_gym.robots.terrain.levels import Tiles
 from fbid_gym.robots.terrain.sizes import CLEARING, HALF_SIZE
@@ -57,13 +58,12 @@ class Obstacles:
         for (x, y), turn, half, top in zip(
             self.centre, self.heading, self.half, self.top, strict=True
         ):
-            spec.worldbody.add_geom(
+            add_solid(
+                spec,
                 type=_GEOM.mjGEOM_BOX,
                 size=[*half, 0.5 * top],
                 pos=[x, y, 0.5 * top],
                 quat=[np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)],
-                contype=1,
-                conaffinity=1,
                 material="fbid_plank",
             )
 

@@ -1,6 +1,7 @@
 """Identification: contact forces vanish, the truth comes back, and no estimate is impossible."""
 
 import clarabel
+import gymnasium as gym
 import numpy as np
 import pytest
 from scipy import sparse
@@ -488,3 +489,16 @@ def test_a_flat_body_is_refused(tmp_path, rng):
     robot = robots.Robot.from_mjcf(path, ["tip"])
     with pytest.raises(RobotError, match="Body 'trunk' has no extent.*solid bodies"):
         identify(robot, random_samples(robot, 20, rng))
+
+
+def test_worlds_are_made_of_the_robot_with_its_parameters() -> None:
+    """Also on level ground: an environment compiles its robot anew."""
+    nominal = robots.load("quadruped")
+    regressor = InertialRegressor(nominal)
+    heavy = with_parameters(nominal, regressor.bodies, 1.5 * regressor.parameters())
+    env = gym.make("fbid_gym/QuadrupedBalance-v0", robot=heavy).unwrapped
+    world = env.batch.simulation.model
+    assert heavy.mass == pytest.approx(1.5 * nominal.mass)
+    for name in ("body_mass", "body_inertia", "body_ipos", "body_iquat"):
+        there, own = getattr(world, name), getattr(heavy.model, name)
+        np.testing.assert_allclose(there, own, rtol=1e-12, atol=1e-12, err_msg=name)
