@@ -11,7 +11,7 @@ from gymnasium.vector import VectorEnv
 from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
 from fbid_gym.envs.overlays import EVERYTHING
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from train.runs.config import cores
+from train.runs.config import threads_for
 
 
 def register(modules: Iterable[str]) -> None:
@@ -34,7 +34,7 @@ def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> Vector
     """
     options = _own_arguments(env_args)
     if env_id in ENVIRONMENTS:
-        options.setdefault("num_threads", min(cores(), num_envs))
+        options.setdefault("num_threads", threads_for(num_envs))
     return _make(lambda: gym.make_vec(env_id, num_envs=num_envs, **options), env_id, env_args)
 
 

@@ -41,8 +41,7 @@ def test_a_shipped_policy_is_small_and_the_one_of_its_card(policy):
 
 @every
 def test_a_shipped_policy_does_what_its_card_says(policy):
-    # One thread: few robots, and other tests beside them.
-    player = load_player(Path(f"shipped:{policy.name}"), {"num_threads": 1})
+    player = load_player(Path(f"shipped:{policy.name}"), {})
     episodes = play_player(player, EPISODES, SEED)
     for name in {"velocity_error", "survived"} & policy.card.metrics.keys():
         # Twice as wide: two metrics of each of many policies are looked at.

@@ -299,7 +299,7 @@ class TrainConfig:
     @property
     def threads(self) -> int:
         """Threads stepping the robots, resolved."""
-        return self.num_threads or min(cores(), self.num_envs)
+        return self.num_threads or threads_for(self.num_envs)
 
     @property
     def iteration_steps(self) -> int:
@@ -343,8 +343,16 @@ def algorithm_of(stored: Mapping[str, Any]) -> str:
     return str(completed(stored)["algorithm"])
 
 
+_LEAST_PER_THREAD = 32  # 20 walk a quarter faster on one thread than on two, 64 half as fast
+
+
 def cores() -> int:
     """Cores this process may use; where the platform does not say, those there are."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def threads_for(num_envs: int) -> int:
+    """Threads that step so many robots fastest: those with few of them wait for Python's lock."""
+    return max(1, min(cores(), num_envs // _LEAST_PER_THREAD))
