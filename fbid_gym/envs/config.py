@@ -106,12 +106,12 @@ class EnvConfig:
         """Check each value that can be checked without a robot."""
         check_fields(self)
         by_name("layer_options", self.layer_options)
-        for name in ("layer_options", "task_options", "randomisation"):
-            # Copies: whoever gave them may go on to change what is his.
-            object.__setattr__(self, name, copy.deepcopy(getattr(self, name)))
         check_height(self.terrain, self.terrain_height)
         self.rates()
         self.randomisations()
+        for name in ("layer_options", "task_options", "randomisation"):
+            # Copies: whoever gave them may go on to change what is his.
+            object.__setattr__(self, name, copy.deepcopy(getattr(self, name)))
 
     @classmethod
     def of(cls, arguments: Mapping[str, Any]) -> "EnvConfig":

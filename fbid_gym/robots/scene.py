@@ -14,7 +14,6 @@ _INHERITED = (
     *("condim", "friction", "priority", "solref", "solimp", "solmix", "margin", "gap"),
     *("group", "rgba"),
 )
-_EVERY_BIT = 2**31 - 1
 
 
 def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel, base: mujoco.MjsBody) -> None:
@@ -71,6 +70,7 @@ def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel, base: mujoco.MjsBody)
     spec.visual.global_.offheight = max(spec.visual.global_.offheight, 1080)
     add_solid(
         spec,
+        collision_bits(spec),
         name="fbid_ground",
         type=_GEOM.mjGEOM_PLANE,
         size=[0, 0, 0.1],
@@ -78,17 +78,26 @@ def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel, base: mujoco.MjsBody)
     )
 
 
-def add_solid(spec: mujoco.MjSpec, **geom: Any) -> None:
-    """Add a geom to the static world that meets whatever may touch anything.
+def collision_bits(spec: mujoco.MjSpec) -> int:
+    """Return the bits by which any of the geoms of a file touches another."""
+    bits = 1
+    for geom in spec.geoms:
+        bits |= geom.contype | geom.conaffinity
+    return bits
+
+
+def add_solid(spec: mujoco.MjSpec, bits: int, **geom: Any) -> None:
+    """Add a geom to the static world.
 
     It is as MuJoCo makes it: the file's own defaults are meant for the robot's geoms.
 
     Args:
         spec: the spec to extend.
+        bits: of the geoms that it meets, see `collision_bits`.
         **geom: attributes of the geom.
     """
     usual = {name: getattr(_PLAIN, name) for name in _INHERITED}
-    spec.worldbody.add_geom(**usual, contype=_EVERY_BIT, conaffinity=_EVERY_BIT, **geom)
+    spec.worldbody.add_geom(**usual, contype=bits, conaffinity=bits, **geom)
 
 
 def _extent(model: mujoco.MjModel) -> float:

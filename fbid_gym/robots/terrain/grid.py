@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.robots.scene import add_solid
+from fbid_gym.robots.scene import add_solid, collision_bits
 
 _SHALLOW = 1e-3  # m that a height field lies below the plane where the plane is the ground
 
@@ -99,6 +99,7 @@ def add_height_field(
     )
     add_solid(
         spec,
+        collision_bits(spec),
         type=mujoco.mjtGeom.mjGEOM_HFIELD,
         hfieldname=name,
         pos=[*(grid.corner + half), low],

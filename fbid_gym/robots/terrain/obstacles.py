@@ -7,7 +7,7 @@ from typing import ClassVar
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.scene import add_solid
+from fbid_gym.robots.scene import add_solid, collision_bits
 from fbid_gym.robots.terrain.grid import HeightGrid
 from fbid_gym.robots.terrain.levels import Tiles
 from fbid_gym.robots.terrain.sizes import CLEARING, HALF_SIZE
@@ -54,12 +54,14 @@ class Obstacles:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """See `Terrain`."""
+        bits = collision_bits(spec)
         spec.add_material(name="fbid_plank", rgba=[0.72, 0.58, 0.42, 1.0], specular=0.1)
         for (x, y), turn, half, top in zip(
             self.centre, self.heading, self.half, self.top, strict=True
         ):
             add_solid(
                 spec,
+                bits,
                 type=_GEOM.mjGEOM_BOX,
                 size=[*half, 0.5 * top],
                 pos=[x, y, 0.5 * top],
