@@ -152,8 +152,8 @@ def _whole_foot(
     root = int(model.body_weldid[body])
     below = [b for b in range(root + 1, model.nbody) if _hangs_from(model, b, root)]
     if below and all(model.body_weldid[b] == root for b in below):
-        return {"reftype": _OBJ.mjOBJ_XBODY, "refname": _named(bodies[root])}
-    return {"reftype": _OBJ.mjOBJ_BODY, "refname": _named(bodies[body])}
+        return {"reftype": _OBJ.mjOBJ_XBODY, "refname": _named(bodies, root)}
+    return {"reftype": _OBJ.mjOBJ_BODY, "refname": _named(bodies, body)}
 
 
 def _reach(model: mujoco.MjModel, body: int) -> float:
@@ -163,13 +163,9 @@ def _reach(model: mujoco.MjModel, body: int) -> float:
     """
     welded = np.flatnonzero(model.body_weldid == model.body_weldid[body])
     apart = np.linalg.norm(model.body_pos[welded], axis=1).sum()
-    geoms = np.flatnonzero(np.isin(model.geom_bodyid, welded))
-    return float(apart + _size(model, geoms))
-
-
-def _size(model: mujoco.MjModel, geoms: np.ndarray) -> float:
+    geoms = np.isin(model.geom_bodyid, welded)
     far = np.linalg.norm(model.geom_pos[geoms], axis=1) + model.geom_rbound[geoms]
-    return float(far.max(initial=0.0))
+    return float(apart + far.max(initial=0.0))
 
 
 def _hangs_from(model: mujoco.MjModel, body: int, root: int) -> bool:
@@ -178,10 +174,10 @@ def _hangs_from(model: mujoco.MjModel, body: int, root: int) -> bool:
     return body == root
 
 
-def _named(body: mujoco.MjsBody) -> str:
-    if not body.name:
-        body.name = f"fbid_foot_body_{body.id}"
-    return str(body.name)
+def _named(bodies: Mapping[int, mujoco.MjsBody], body: int) -> str:
+    if not bodies[body].name:
+        bodies[body].name = f"fbid_foot_body_{body}"  # its own id is gone once something is added
+    return str(bodies[body].name)
 
 
 def _quaternion(axes: np.ndarray) -> np.ndarray:

@@ -89,11 +89,6 @@ class _Scene:
         self._straight = np.array(
             [np.linalg.norm(k - h) + np.linalg.norm(f - k) for h, k, f in triangles]
         )
-        if not (self._straight > 0.0).all():
-            raise RobotError(
-                "No standing pose found: a leg whose joints lie in its foot has no length. Give "
-                "home= as a whole pose."
-            )
         self.length = float(self._straight.mean())
         self._under = np.array([f[:2] - h[:2] for h, _, f in triangles])
         self._stretch = _STRETCH[len(legs) > 2]

@@ -81,3 +81,15 @@ def test_a_keyframe_of_that_name_goes_before_a_search() -> None:
     key = f'<keyframe><key name="stand" qpos="{" ".join(map(str, pose))}"/></keyframe>'
     robot = Robot.from_mjcf(zoo.mjcf(animal).replace("</mujoco>", key + "</mujoco>"), home="stand")
     np.testing.assert_allclose(robot.home_qpos[7:], pose[7:])
+
+
+def test_feet_may_be_on_bodies_without_names() -> None:
+    legs = "".join(
+        f'<body pos="{x} 0 -0.2"><joint axis="0 1 0" range="-1 1"/><geom size="0.05"/>'
+        f'<site name="{name}" pos="0 0 -0.05"/></body>'
+        for x, name in ((-0.1, "hind"), (0.1, "front"))
+    )
+    trunk = '<body name="trunk" pos="0 0 1"><freejoint/><geom size="0.1"/>'
+    text = f"<mujoco><worldbody>{trunk}{legs}</body></worldbody></mujoco>"
+    robot = Robot.from_mjcf(text, ["hind", "front"], torque_limit=1)
+    assert [foot.name for foot in robot.feet] == ["hind", "front"]

@@ -15,9 +15,7 @@ from fbid_gym.errors import InvalidValueError
 from train.recipes import NONE, config_for, recipes
 from train.runs.config import ALGORITHMS, TrainConfig, algorithm_of, completed, parse_object
 from train.runs.folder import RunFolder
-
-# Said twice in the JSON, for readers of the environment's arguments alone.
-_REPEATED = ("action_layer", "layer_options")
+from train.runs.reading import LAYER_ARGS
 
 
 def parse(arguments: Sequence[str] | None = None, algorithm: str = "ppo") -> TrainConfig:
@@ -80,7 +78,8 @@ def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, .
     # How many threads and checkpoints there were is no part of what was trained.
     for name in ("num_threads", "checkpoint_every", "env_id", "algorithm"):
         del usual[name]
-    arguments = {k: v for k, v in stored.get("env_args", {}).items() if k not in _REPEATED}
+    # What is of the layer is said twice in the JSON, for readers of these arguments alone.
+    arguments = {k: v for k, v in stored.get("env_args", {}).items() if k not in LAYER_ARGS}
     usual |= {"env": TrainConfig.env, "env_args": {}, "robot": None}
     robot = arguments.get("robot")
     if isinstance(robot, Mapping):

@@ -343,7 +343,7 @@ def algorithm_of(stored: Mapping[str, Any]) -> str:
     return str(completed(stored)["algorithm"])
 
 
-_LEAST_PER_THREAD = 32  # 20 walk a quarter faster on one thread than on two, 64 half as fast
+_LEAST_PER_THREAD = 32  # 20 robots walk faster on one thread than on two, 64 on two
 
 
 def cores() -> int:
