@@ -54,6 +54,8 @@ class DynamicsTerms(NamedTuple):
         bias: (N, nv) h, Coriolis, centrifugal and gravity forces; no joint damping, no friction.
         base_position: (N, 3) m, world.
         world_from_base: (N, 3, 3).
+        world_from_trunk: (N, 3, 3) of the body's axes ahead, to the left and up; at home they are
+            the world's, however those of the base lie.
         com: (N, 3) m, world.
         com_velocity: (N, 3) m/s, world.
         foot_position: (N, F, 3) m, world, of each foot's reference.
@@ -67,6 +69,7 @@ class DynamicsTerms(NamedTuple):
     bias: np.ndarray
     base_position: np.ndarray
     world_from_base: np.ndarray
+    world_from_trunk: np.ndarray
     com: np.ndarray
     com_velocity: np.ndarray
     foot_position: np.ndarray

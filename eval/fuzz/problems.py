@@ -104,6 +104,7 @@ def robots_of(problem: Problem) -> Robots:
             h * (gravity + 0.3 * weight * rng.normal(size=size.shape) * length / size),
             position,
             rotation,
+            rotation,
             position + com,
             np.empty((count, 3)),
             *feet,

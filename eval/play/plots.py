@@ -87,7 +87,7 @@ def _velocity(lane: Lane, walks: bool) -> np.ndarray:
     velocity = lane.batch.simulation.qvel[0, :2].copy()
     if not walks:
         return velocity
-    ahead = lane.batch.simulation.terms().world_from_base[0, :2, 0]
+    ahead = lane.batch.simulation.terms().world_from_trunk[0, :2, 0]
     ahead = ahead / max(np.linalg.norm(ahead), 1e-9)
     return np.array([ahead @ velocity, ahead[0] * velocity[1] - ahead[1] * velocity[0]])
 

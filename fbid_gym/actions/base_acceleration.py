@@ -14,6 +14,7 @@ from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
+from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.options import checked
 from fbid_gym.quantities import DynamicsTerms, Heading, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
@@ -229,5 +230,7 @@ def action_scale(robot: Robot, stance: Stance, friction: float) -> np.ndarray:
     linear = robot.gravity * np.minimum(margin / stance.home_com[2], friction)
     tilting = robot.weight * margin[::-1]  # a sideways shift rolls, a forward shift pitches
     turning = friction * robot.weight * stance.radius
-    moment = np.append(tilting, turning)
+    # About an axis of the base: until one about an axis of the trunk is at its end.
+    share = np.maximum(np.abs(base_from_trunk(robot)), 1e-9)
+    moment = (np.append(tilting, turning) / share).min(axis=1)
     return np.concatenate([linear, [_VERTICAL_SCALE * robot.gravity], moment / inertia])

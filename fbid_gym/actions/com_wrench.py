@@ -1,7 +1,7 @@
 """Layer `com_wrench`: the balancer of [G15], to whose desired wrench the action adds."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -16,6 +16,7 @@ from fbid_gym.control.balancers import GAROFALO2015, INVERSE_DYNAMICS, OTT2011
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.options import Choice, checked
 from fbid_gym.quantities import CentroidalTerms, DynamicsTerms, Memory, Reference, RobotState
 from fbid_gym.robots import Robot
@@ -121,6 +122,9 @@ class ComWrench:
         on_velocity = balancer == "ott2011"
         if on_velocity:
             gains = gains.on_velocity(robot.mass, inertia)
+        # Derived along the trunk's axes, and meant along the base's.
+        own = base_from_trunk(robot)
+        gains = replace(gains, rotation_stiffness=own @ gains.rotation_stiffness @ own.T)
         on_errors = gains.of_velocity() if on_velocity else gains.of_momentum()
         on_joints = PostureGains.of(posture, swing, damping_ratio)
         return cls(

@@ -194,7 +194,6 @@ def _turning_inertia(robot: Robot) -> np.ndarray:
     turn = np.zeros((len(held), 3))
     turn[-3:] = terms.world_from_base[0].T
     inertia = body.matrix[0, 3:] @ np.linalg.pinv(held, rcond=1e-6) @ turn
-    inertia = stance.level @ inertia @ stance.level.T
     return 0.5 * (inertia + inertia.T)
 
 
@@ -346,6 +345,7 @@ def with_foot_bias(terms: DynamicsTerms, foot_bias: np.ndarray) -> DynamicsTerms
         terms.bias,
         terms.base_position,
         terms.world_from_base,
+        terms.world_from_trunk,
         terms.com,
         terms.com_velocity,
         terms.foot_position,

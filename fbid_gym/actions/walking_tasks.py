@@ -97,7 +97,7 @@ def base_task(
         rise = target.height[i] - terms.base_position[i, 2]
         acceleration[i, 2] = gains.height * rise - gains.height_damping * state.qvel[i, 2]
         acceleration[i, 2] += added[i, 2]
-        error = lean(target.heading[i], terms.world_from_base[i])
+        error = lean(target.heading[i], terms, i)
         for k in range(3):
             rate = terms.world_from_base[i, 2, k] * target.turning[i] - state.qvel[i, 3 + k]
             acceleration[i, 3 + k] = gains.rotation * error[k] + gains.rotation_damping * rate
@@ -141,7 +141,7 @@ def wrench_aim(
 
         # Spring and action ahead, to the left and up, then in the world.
         rotation = terms.world_from_base[i]
-        error = lean(target.heading[i], rotation)
+        error = lean(target.heading[i], terms, i)
         for k in range(3):
             turned[k] = rotation[k, 0] * error[0] + rotation[k, 1] * error[1]
             turned[k] += rotation[k, 2] * error[2]

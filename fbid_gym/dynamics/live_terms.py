@@ -7,7 +7,18 @@ import mujoco.batch
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.dynamics.vectors import add, cross, scale, store, subtract, turn, vector
+from fbid_gym.dynamics.trunk import base_from_trunk
+from fbid_gym.dynamics.vectors import (
+    add,
+    cross,
+    matrix,
+    product,
+    scale,
+    store,
+    subtract,
+    turn,
+    vector,
+)
 from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots import Robot
 
@@ -16,6 +27,7 @@ class _Layout(NamedTuple):
     """Where a robot's quantities lie in MuJoCo's buffers; F feet, nv coordinates, B bodies."""
 
     base: int
+    base_from_trunk: np.ndarray  # (3, 3)
     members: np.ndarray  # (B,) the robot's bodies
     feet: np.ndarray  # (F,) body ids
     centre: np.ndarray  # (F, 3) m, centre of the foot's points, body frame
@@ -44,6 +56,7 @@ def _layout_of(robot: Robot) -> _Layout:
     model = robot.model
     return _Layout(
         base=robot.base_body,
+        base_from_trunk=base_from_trunk(robot),
         members=np.flatnonzero(model.body_rootid == robot.base_body),
         feet=np.array([foot.body for foot in robot.feet], np.int64),
         centre=np.array([foot.points.mean(axis=0) for foot in robot.feet]),
@@ -87,6 +100,7 @@ class LiveTerms:
             "bias": (count, nv),
             "base_position": (count, 3),
             "world_from_base": (count, 3, 3),
+            "world_from_trunk": (count, 3, 3),
             "com": (count, 3),
             "com_velocity": (count, 3),
             "foot_position": (count, feet, 3),
@@ -126,6 +140,9 @@ def _read(
         store(vector(xpos, (i, layout.base)), terms.base_position, (i,))
         for axis in range(3):
             store(vector(xmat, (i, layout.base), 3 * axis), terms.world_from_base, (i, axis))
+        trunk = product(matrix(terms.world_from_base, (i,)), matrix(layout.base_from_trunk, ()))
+        for axis in range(3):
+            store(trunk[axis], terms.world_from_trunk, (i, axis))
         origin = vector(buffers.subtree_com, (i, layout.base))
         store(origin, terms.com, (i,))
 

@@ -11,6 +11,7 @@ import pinocchio as pin
 from fbid_gym.dynamics import frames
 from fbid_gym.dynamics.mujoco_dynamics import check_states
 from fbid_gym.dynamics.pinocchio_model import armature_of_base, pinocchio_model
+from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.errors import InvalidValueError, ShapeError, UnknownOptionError
 from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots import Robot
@@ -142,6 +143,7 @@ class PinocchioDynamics:
             bias=bias,
             base_position=qpos[:, :3].copy(),
             world_from_base=rotation,
+            world_from_trunk=rotation @ base_from_trunk(self.robot),
             com=com,
             com_velocity=com_velocity,
             foot_position=foot_position,

@@ -63,12 +63,6 @@ class Stance:
         )
 
     @cached_property
-    def level(self) -> np.ndarray:
-        """(3, 3) from the world to the robot's heading: ahead, to the left and up."""
-        ahead = self.home_base_rotation[:2, 0] / np.linalg.norm(self.home_base_rotation[:2, 0])
-        return np.array([[*ahead, 0.0], [-ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
-
-    @cached_property
     def size(self) -> float:
         """How tall the robot stands, m: its hips above its feet, or its centre of mass if higher.
 

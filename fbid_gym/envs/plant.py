@@ -7,6 +7,7 @@ import mujoco.batch
 import numpy as np
 
 from fbid_gym.dynamics.live_terms import LiveTerms
+from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.simulation import Simulation, hush
 from fbid_gym.quantities import DynamicsTerms
@@ -131,7 +132,9 @@ class RandomPlant:
         _weigh(self._simulation.batch, simulated, ids, mass, mass, drawn["com"])
         mass = drawn["model_mass"] * drawn["model_total_mass"][:, None]
         inertia, com = mass * drawn["model_inertia"][:, None], drawn["model_com"]
-        com[:, self._simulation.robot.base_body, 0] += drawn["model_com_ahead"]
+        robot = self._simulation.robot
+        ahead = base_from_trunk(robot)[:, 0]
+        com[:, robot.base_body] += drawn["model_com_ahead"][:, None] * ahead
         _weigh(self._believed, self._simulation.robot.model, ids, mass, inertia, com)
         # A motor whose gear is larger gives more torque for the same control, and a joint lets as
         # much more through.

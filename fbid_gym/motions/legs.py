@@ -48,7 +48,7 @@ def legs_of(robot: Robot) -> Legs:
     feet = f"Robot {robot.name!r} has {robot.num_feet} feet: {', '.join(robot.foot_names)}."
     if robot.num_feet != 2 or not robot.has_soles:
         raise RobotError(f"{feet} Expected two, left and right, with soles.")
-    left = stance.level[1]
+    left = np.array([0.0, 1.0, 0.0])
     order = np.argsort(-terms.foot_position[0] @ left)
     joints, pitch, sign, bend, forward = [], [], [], [], []
     for foot in order:

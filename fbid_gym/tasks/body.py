@@ -68,7 +68,6 @@ class _Constants(NamedTuple):
 
     geometry: ContactGeometry
     home_base: np.ndarray
-    home_up: np.ndarray
     home_qpos: np.ndarray
     torque_limit: np.ndarray
     weight: float
@@ -81,18 +80,16 @@ class Body:
     Attributes:
         robot: the robot.
         stance: it at home.
-        home_up: (3,) what points up at home, in the base's axes.
     """
 
     robot: Robot
     stance: Stance
-    home_up: np.ndarray
 
     @classmethod
     def of(cls, robot: Robot) -> "Body":
         """Measure a robot's home stance."""
         stance = Stance.of(robot)
-        return cls(robot, stance, stance.home_base_rotation[2].copy())
+        return cls(robot, stance)
 
     @cached_property
     def home_height(self) -> float:
@@ -121,7 +118,7 @@ class Body:
     @cached_property
     def _constants(self) -> _Constants:
         robot, stance = self.robot, self.stance
-        home = stance.home_base, self.home_up, robot.home_qpos
+        home = stance.home_base, robot.home_qpos
         return _Constants(stance.geometry, *home, robot.torque_limit, robot.weight)
 
     @property
@@ -200,7 +197,7 @@ def _measure(body: _Constants, touch: float, outcome: Outcome) -> Posture:
                 offset = terms.base_position[i, axis] - frame.centre[i, axis]
                 base[i, k] += frame.world_from_support[i, axis, k] * offset
                 velocity[i, k] += frame.world_from_support[i, axis, k] * state.qvel[i, axis]
-        upright[i] = dot(terms.world_from_base[i, 2], body.home_up)
+        upright[i] = terms.world_from_trunk[i, 2, 2]
         total, down = 0.0, 0
         for point in range(points):
             touching[i, point] = state.contact_force[i, point, 2] > touch * body.weight
@@ -281,7 +278,7 @@ def _find_fallen(
     terms, count = outcome.terms, len(outcome.torque)
     lying = np.empty(count, np.bool_)
     for i in range(count):
-        upright = dot(terms.world_from_base[i, 2], body.home_up)
+        upright = terms.world_from_trunk[i, 2, 2]
         height = terms.base_position[i, 2] - outcome.frame.centre[i, 2] + above * upright
         lying[i] = height < low or upright < least_upright
     return lying

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fbid_gym.compiled import kernel
-from fbid_gym.motions.gait.heading import axes_of_base, in_world
+from fbid_gym.motions.gait.heading import axes_of_trunk, in_world
 from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots.terrain.grid import HeightGrid, height_at
 
@@ -26,7 +26,7 @@ def scan_heights(
     count = len(below)
     found = np.empty((count, len(offsets)))
     for i in range(count):
-        base, axes = terms.base_position[i], axes_of_base(terms.world_from_base[i])
+        base, axes = terms.base_position[i], axes_of_trunk(terms.world_from_trunk[i])
         for k in range(len(offsets)):
             x, y = in_world(axes, offsets[k, 0], offsets[k, 1])
             found[i, k] = height_at(ground, base[0] + x, base[1] + y) - below[i]

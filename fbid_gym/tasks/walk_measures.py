@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.motions.gait.heading import along, axes_of_base
+from fbid_gym.dynamics.trunk import trunk_rate
+from fbid_gym.motions.gait.heading import along, axes_of_trunk
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Memory
 from fbid_gym.small_matrices import dot
@@ -172,7 +173,8 @@ def observe(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes)
         angle = 2.0 * np.pi * notes.cycle[i]
         seen.clock[i, 0], seen.clock[i, 1] = np.sin(angle), np.cos(angle)
         base = terms.world_from_base[i]
-        ahead, left = along(axes_of_base(base), state.qvel[i, 0], state.qvel[i, 1])
+        axes = axes_of_trunk(terms.world_from_trunk[i])
+        ahead, left = along(axes, state.qvel[i, 0], state.qvel[i, 1])
         seen.velocity[i, 0], seen.velocity[i, 1] = ahead, left
         seen.velocity[i, 2] = state.qvel[i, 2]
         height = terms.base_position[i, 2] - notes.ground[i]
@@ -211,7 +213,7 @@ def judge(
     down = np.empty(feet, np.bool_)
     for i in range(count):
         base, qvel = terms.world_from_base[i], state.qvel[i]
-        ahead, left = along(axes_of_base(base), qvel[0], qvel[1])
+        ahead, left = along(axes_of_trunk(terms.world_from_trunk[i]), qvel[0], qvel[1])
         moved.velocity_error[i] = np.hypot(ahead - command[i, 0], left - command[i, 1])
         moved.speed[i] = np.hypot(ahead, left)
         notes.distance[i] += moved.speed[i] * outcome.seconds
@@ -224,7 +226,8 @@ def judge(
         as_planned = 0
         for foot in range(feet):
             as_planned += down[foot] == notes.planted[i, foot]
-        tumble = np.sqrt(qvel[3] ** 2 + qvel[4] ** 2) / rate + abs(qvel[2]) / speed
+        roll, pitch, _ = trunk_rate(terms, state.qvel, i)
+        tumble = np.sqrt(roll**2 + pitch**2) / rate + abs(qvel[2]) / speed
         torque = np.sqrt(outcome.torque_square[i])
         # Speeds scale with sqrt(g h), rates with sqrt(g / h).
         share.velocity[i] = bell(moved.velocity_error[i], 0.19 * speed)

@@ -187,7 +187,8 @@ def test_the_base_turns_back_about_the_axis_that_it_is_tilted_about(robot, rng):
     ])  # fmt: skip
     cross = np.cross(np.eye(3), axis)  # [axis]x
     tilt = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-    terms = terms._replace(world_from_base=(upright @ tilt)[None])
+    turned = (upright @ tilt)[None]
+    terms = terms._replace(world_from_base=turned, world_from_trunk=turned)
     gains = law_of(robot).constants.gains
     target = target_of(robot, terms, rng)._replace(heading=np.array([heading]))
     task = base_task(gains, np.zeros((1, 6)), state, target, terms)

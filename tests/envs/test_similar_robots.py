@@ -1,6 +1,6 @@
 """No robot's size is known to anything: similar robots do the same, each in its own time.
 
-Nor is where in its body a robot's base has its origin.
+Nor is where in its body a robot's base has its origin, nor how its axes lie.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot, load
 from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.outcome import Outcome
-from tests.robots.similar import moved, similar
+from tests.robots.similar import moved, similar, turned
 
 CASES = [
     ("go1", "QuadrupedBalance", "height_interval"),
@@ -108,3 +108,35 @@ def test_the_base_may_have_its_origin_anywhere(name: str, up: float) -> None:
     np.testing.assert_array_equal(body.fallen(outcome_of(other, qpos)), lies)
     tilted = np.arccos(upright[:, 2, 2]) > np.radians(60.0)
     assert 0.05 < lies[~tilted].mean() < 0.95
+
+
+# Y up and x ahead, as computer graphics has it; x up, as some makers have it; pitched.
+AXES = [((1.0, 0.0, 0.0), -np.pi / 2), ((0.0, 1.0, 0.0), -np.pi / 2), ((0.0, 1.0, 0.0), 0.6)]
+
+
+def moves(robot: Robot, env: str, layer: str) -> list[tuple[np.ndarray, ...]]:
+    """Joints, torques and rewards of two robots that follow commands by a zero action."""
+    # What is drawn at the begin is about the base's axes.
+    own = {"robot": robot, "action_layer": layer, "velocity_noise": 0.0}
+    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[f"fbid_gym/{env}-v0"] | own), 2)
+    for env_id in range(2):
+        batch.seed(env_id, np.random.default_rng(env_id))
+    batch.reset(np.arange(2))
+    # Feet that just touch would do so or not by the last bit.
+    batch.simulation.qpos[:, 2] += 1e-4 * robot.home_qpos[2]
+    zero, said = np.zeros((2, len(batch.action_names))), []
+    for _ in range(5 * STEPS):
+        step = batch.step(zero)
+        torque = step.info["torque"] / robot.torque_limit
+        said.append((batch.simulation.qpos[:, 7:].copy(), torque, step.reward))
+    return said
+
+
+@pytest.mark.parametrize(("axis", "angle"), AXES)
+@pytest.mark.parametrize("layer", ["joint_position", "base_acceleration", "com_wrench"])
+@pytest.mark.parametrize(("name", "env"), [case[:2] for case in CASES])
+def test_the_axes_of_the_base_may_lie_as_they_like(name, env, layer, axis, angle):
+    own, other = (moves(robot, env, layer) for robot in (load(name), turned(name, axis, angle)))
+    for step, expected in zip(other, own, strict=True):
+        for value, said in zip(step, expected, strict=True):
+            np.testing.assert_allclose(value, said, atol=1e-5)

@@ -105,7 +105,7 @@ def test_the_scan_turns_and_moves_and_rises_with_the_robot() -> None:
         cosine, sine = np.cos(angle), np.sin(angle)
         turned = np.array([[[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]])
         base = np.concatenate([place, [[0.3]]], axis=1)
-        moved = terms._replace(base_position=base, world_from_base=turned)
+        moved = terms._replace(base_position=base, world_from_trunk=turned)
         return scan_heights(ground, 0.5 * SCAN, moved, level)
 
     first = seen(place, 0.4, grid, level)

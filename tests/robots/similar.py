@@ -2,7 +2,7 @@
 
 Lengths are multiplied by s, masses by s^3, gravity stays. Then times go with sqrt(s), forces with
 s^3 and torques with s^4, and nothing that a robot does may tell its size. Neither may where in its
-body the base has its origin.
+body the base has its origin, nor how its axes lie in it.
 """
 
 import mujoco
@@ -44,12 +44,7 @@ def similar(name: str, size: float) -> Robot:
 def moved(name: str, *origin: float) -> Robot:
     """A built-in robot whose base has its origin elsewhere: x, y, z (m) from where it was."""
     own, way = getattr(robots, name), np.array(origin)
-    spec = mujoco.MjSpec.from_file(str(asset_path(own.ASSET)))
-    (base,) = (
-        body
-        for body in spec.bodies
-        if any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in body.joints)
-    )
+    spec, base = _with_base(own.ASSET)
     base.ipos = base.ipos - way
     for part in (*base.bodies, *base.geoms, *base.sites):
         if hasattr(part, "fromto") and np.isfinite(part.fromto[0]):
@@ -57,6 +52,31 @@ def moved(name: str, *origin: float) -> Robot:
         else:
             part.pos = part.pos - way
     return Robot.from_mjcf(spec, own.FEET, name=f"{name} moved", home=own.HOME)
+
+
+def turned(name: str, axis: tuple[float, float, float], angle: float) -> Robot:
+    """A built-in robot whose base has other axes: those from before turned by an angle (rad)."""
+    own, turn, back, ipos = getattr(robots, name), np.empty(4), np.empty(4), np.empty(3)
+    mujoco.mju_axisAngle2Quat(turn, np.array(axis), angle)
+    mujoco.mju_negQuat(back, turn)
+    spec, base = _with_base(own.ASSET)
+    as_before = base.add_frame(quat=back)
+    for part in (*base.bodies, *base.geoms, *base.sites, *base.cameras, *base.lights):
+        part.set_frame(as_before)
+    mujoco.mju_rotVecQuat(ipos, base.ipos, back)
+    base.quat, base.ipos, base.iquat = turn, ipos, back
+    return Robot.from_mjcf(spec, own.FEET, name=f"{name} turned", home=own.HOME)
+
+
+def _with_base(asset: str) -> tuple[mujoco.MjSpec, mujoco.MjsBody]:
+    """The model, and its body with the free joint."""
+    spec = mujoco.MjSpec.from_file(str(asset_path(asset)))
+    (base,) = (
+        body
+        for body in spec.bodies
+        if any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in body.joints)
+    )
+    return spec, base
 
 
 def _multiply(element: object, factor: float, *attributes: str) -> None:

@@ -251,7 +251,7 @@ def test_a_tilted_base_has_fallen(task, degrees, fallen):
         quaternion, axis = np.empty(4), np.array([np.cos(heading), np.sin(heading), 0.0])
         mujoco.mju_axisAngle2Quat(quaternion, axis, np.radians(degrees))
         mujoco.mju_quat2Mat(matrix, quaternion)
-    terms = outcome.terms._replace(world_from_base=rotations.reshape(8, 3, 3))
+    terms = outcome.terms._replace(world_from_trunk=rotations.reshape(8, 3, 3))
     assert (task.body.fallen(outcome._replace(terms=terms)) == fallen).all()
 
 

@@ -45,7 +45,7 @@ def biped_gait(robot: Robot) -> FlatFootGait:
         )
     stance = Stance.of(robot)
     home, leg = stance.terms, stance.size
-    feet, turn = home.foot_position[0] @ stance.level.T, stance.level @ home.world_from_foot[0]
+    feet, turn = home.foot_position[0], home.world_from_foot[0]
     width = abs(feet[0, 1] - feet[1, 1])
     geometry = stance.geometry
     points = np.matvec(turn[geometry.foot_of_point], geometry.offset)[:, :2]

@@ -69,7 +69,7 @@ def follow(
         now, asked = memory.velocity[i, axis], command.velocity[i, axis]
         memory.velocity[i, axis] = approached(now, asked, agility[axis] * tick)
     turn = memory.velocity[i, 2] * tick
-    memory.heading[i] = turned_on(memory.heading[i], turn, terms.world_from_base[i])
+    memory.heading[i] = turned_on(memory.heading[i], turn, terms.world_from_trunk[i])
 
 
 def no_command(num_robots: int, num_feet: int) -> GaitCommand:

@@ -43,7 +43,7 @@ class Gait:
 
     def memory(self, terms: DynamicsTerms) -> Memory:
         """Return what is remembered of robots that stand where they are."""
-        rotation = terms.world_from_base
+        rotation = terms.world_from_trunk
         heading = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
         found: Memory = self.begin(heading, terms.foot_position)._asdict()
         return found

@@ -5,6 +5,8 @@ import math
 import numpy as np
 
 from fbid_gym.compiled import compiled
+from fbid_gym.dynamics.vectors import Vector, matrix, transposed, turn
+from fbid_gym.quantities import DynamicsTerms
 
 Pair = tuple[float, float]
 
@@ -18,9 +20,9 @@ def wrapped(angle: float) -> float:
 
 
 @compiled
-def turned_on(heading: float, turn: float, world_from_base: np.ndarray) -> float:
-    """Return a heading (rad), turned on, and kept near that of a body with a rotation (3, 3)."""
-    body = math.atan2(world_from_base[1, 0], world_from_base[0, 0])
+def turned_on(heading: float, turn: float, world_from_trunk: np.ndarray) -> float:
+    """Return a heading (rad), turned on, and kept near that of a trunk with a rotation (3, 3)."""
+    body = math.atan2(world_from_trunk[1, 0], world_from_trunk[0, 0])
     ahead = wrapped(heading + turn - body)
     return body + min(max(ahead, -_LOST), _LOST)
 
@@ -32,10 +34,10 @@ def axes_of(heading: float) -> Pair:
 
 
 @compiled
-def axes_of_base(world_from_base: np.ndarray) -> Pair:
-    """Return the cosine and sine of the heading of a base with a rotation (3, 3)."""
-    size = np.hypot(world_from_base[0, 0], world_from_base[1, 0]) + 1e-12
-    return world_from_base[0, 0] / size, world_from_base[1, 0] / size
+def axes_of_trunk(world_from_trunk: np.ndarray) -> Pair:
+    """Return the cosine and sine of the heading of a trunk with a rotation (3, 3)."""
+    size = np.hypot(world_from_trunk[0, 0], world_from_trunk[1, 0]) + 1e-12
+    return world_from_trunk[0, 0] / size, world_from_trunk[1, 0] / size
 
 
 @compiled
@@ -57,15 +59,16 @@ def turned(angle: float, x: float, y: float) -> Pair:
 
 
 @compiled
-def lean(heading: float, world_from_base: np.ndarray) -> tuple[float, float, float]:
-    """Return axis times sine of the rotation from a base, (3, 3), to upright in a heading (rad).
+def lean(heading: float, terms: DynamicsTerms, i: int) -> Vector:
+    """Return axis times sine of the rotation that is left until robot i is upright in a heading.
 
-    In the base's axes.
+    In the base's axes; the heading in rad.
     """
-    base, (cosine, sine) = world_from_base, axes_of(heading)
-    # E = R^T D, D the turn about the vertical; its axial vector.
-    e10 = base[0, 1] * cosine + base[1, 1] * sine
-    e20 = base[0, 2] * cosine + base[1, 2] * sine
-    e01 = base[1, 0] * cosine - base[0, 0] * sine
-    e21 = base[1, 2] * cosine - base[0, 2] * sine
-    return 0.5 * (e21 - base[2, 1]), 0.5 * (base[2, 0] - e20), 0.5 * (e10 - e01)
+    trunk, (cosine, sine) = terms.world_from_trunk[i], axes_of(heading)
+    # E = D R^T, D the turn about the vertical; its axial vector.
+    left = (
+        0.5 * (trunk[1, 2] - trunk[2, 0] * sine - trunk[2, 1] * cosine),
+        0.5 * (trunk[2, 0] * cosine - trunk[2, 1] * sine - trunk[0, 2]),
+        0.5 * ((trunk[0, 0] + trunk[1, 1]) * sine + (trunk[0, 1] - trunk[1, 0]) * cosine),
+    )
+    return turn(transposed(matrix(terms.world_from_base, (i,))), left)

@@ -151,7 +151,7 @@ def _see_body(target: GaitTarget, terms: DynamicsTerms, body: _Motion, i: int) -
     for axis in range(2):
         body.gap[axis] = target.offset[i, axis]
     body.gap[2] = target.height[i] - terms.base_position[i, 2]
-    body.gap[3], body.gap[4], body.gap[5] = lean(target.heading[i], terms.world_from_base[i])
+    body.gap[3], body.gap[4], body.gap[5] = lean(target.heading[i], terms, i)
     for axis in range(2):
         body.rate[axis] = target.velocity[i, axis]
         body.acceleration[axis] = target.com_acceleration[i, axis]

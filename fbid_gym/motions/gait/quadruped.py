@@ -64,9 +64,9 @@ def quadruped_gait(
     drop = max(0.0, float(np.max(hips[:, 2] - feet[:, 2] - _BENT * lengths)))
     height = float(stance.home_com[2]) - drop
     time, speed = math.sqrt(height / gravity), math.sqrt(height * gravity)
-    level, agility = stance.level, _AGILITY * gravity
+    agility = _AGILITY * gravity
     # Around the point below the centre of mass, where at home that is not their middle.
-    place = ((feet - base + stance.home_com) @ level.T)[:, :2]
+    place = (feet - base + stance.home_com)[:, :2]
     return PointFootGait(
         schedule=schedule,
         sense=Sense(_FELT * schedule.period, _LEVEL * float(place.var(axis=0).mean())),
@@ -85,7 +85,7 @@ def quadruped_gait(
         touch=_TOUCH * robot.weight,
         unload=_UNLOAD * time,
         place=np.ascontiguousarray(place),
-        hip=np.ascontiguousarray((hips - base) @ level.T),
+        hip=hips - base,
         reach=_REACH * lengths,
         foot_of_point=stance.geometry.foot_of_point,
     )

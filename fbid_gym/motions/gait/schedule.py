@@ -92,7 +92,7 @@ def corners_of(robot: Robot) -> np.ndarray:
     """
     stance = Stance.of(robot)
     feet = stance.terms.foot_position[0]
-    ahead, left, _ = stance.level @ (feet - feet.mean(axis=0)).T
+    ahead, left, _ = (feet - feet.mean(axis=0)).T
     corners = 2 * (ahead < 0.0) + (left < 0.0)
     if sorted(corners) != [0, 1, 2, 3]:
         raise RobotError(

@@ -72,6 +72,7 @@ class Pendulums:
             bias=zero,
             base_position=self.com,
             world_from_base=turned(self.body),
+            world_from_trunk=turned(self.body),
             com=self.com,
             com_velocity=self.velocity,
             foot_position=self.feet,

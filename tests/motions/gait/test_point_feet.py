@@ -316,6 +316,7 @@ def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> N
     there = terms._replace(
         base_position=terms.base_position @ turn.T + moved,
         world_from_base=turn @ terms.world_from_base,
+        world_from_trunk=turn @ terms.world_from_trunk,
         com=terms.com @ turn.T + moved,
         com_velocity=terms.com_velocity @ turn.T,
         foot_position=terms.foot_position @ turn.T + moved,

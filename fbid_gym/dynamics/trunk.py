@@ -1,0 +1,24 @@
+"""The trunk's axes: ahead, to the left and up at home, however the base's own axes lie in it."""
+
+import numpy as np
+
+from fbid_gym.compiled import compiled
+from fbid_gym.dynamics.frames import quaternion_to_matrix
+from fbid_gym.dynamics.vectors import Vector, matrix, transposed, turn, vector
+from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.robots import Robot
+
+
+def base_from_trunk(robot: Robot) -> np.ndarray:
+    """Return the trunk's axes in those of the base: (3, 3).
+
+    At home they are the world's, where the robot stands upright and faces along x.
+    """
+    return np.ascontiguousarray(quaternion_to_matrix(robot.home_qpos[3:7]).T)
+
+
+@compiled
+def trunk_rate(terms: DynamicsTerms, qvel: np.ndarray, i: int) -> Vector:
+    """Return how fast the trunk of robot i turns, rad/s, about its own axes; qvel (N, nv)."""
+    world = turn(matrix(terms.world_from_base, (i,)), vector(qvel, (i,), 3))
+    return turn(transposed(matrix(terms.world_from_trunk, (i,))), world)
