@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import InvalidValueError, RobotError
+from fbid_gym.robots.limbs import bodies_of_feet
 from fbid_gym.robots.mjcf import can_touch, listed, object_name
 from fbid_gym.robots.touching import touching_points
 
@@ -115,6 +116,49 @@ def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str,
     return groups
 
 
+def points_of_feet(
+    model: mujoco.MjModel, qpos: np.ndarray, named: Mapping[str, Sequence[str]] | None
+) -> dict[str, list[ContactPoint]]:
+    """Find the contact points of the feet that are named, or of those that stand on the ground.
+
+    Args:
+        model: the model.
+        qpos: (nq,) its home pose.
+        named: see `group_points`; None: find the feet, too.
+
+    Raises:
+        RobotError: see `find_foot`, `bodies_of_feet`.
+    """
+    at_home = mujoco.MjData(model)
+    at_home.qpos[:] = qpos
+    mujoco.mj_kinematics(model, at_home)
+    mujoco.mj_comPos(model, at_home)
+    if named is not None:
+        return {foot: find_foot(model, at_home, foot, names) for foot, names in named.items()}
+    found: dict[str, list[ContactPoint]] = {}
+    for body in bodies_of_feet(model, at_home):
+        foot = mujoco.mj_id2name(model, _OBJ.mjOBJ_BODY, body) or f"foot_{len(found)}"
+        found[foot] = points_of_body(model, at_home, foot, body)
+    return found
+
+
+def foot_of(name: str, points: Sequence[ContactPoint]) -> Foot:
+    """Return the foot with these points, of one body."""
+    return Foot(
+        name=name,
+        body=points[0].body,
+        point_names=tuple(point.name for point in points),
+        points=np.array([point.position for point in points]),
+        radius=points[0].radius,
+    )
+
+
+def named_by_body(model: mujoco.MjModel, names: Sequence[str]) -> bool:
+    """Whether the names of a foot's points are one, and that of its body."""
+    body = mujoco.mj_name2id(model, _OBJ.mjOBJ_BODY, names[0])
+    return len(names) == 1 and body > 0 and not _is_point(model, names[0])
+
+
 def find_foot(
     model: mujoco.MjModel, at_home: mujoco.MjData, foot: str, names: Sequence[str]
 ) -> list[ContactPoint]:
@@ -130,8 +174,8 @@ def find_foot(
         RobotError: a point cannot be used, or they lie on different bodies or at the same place,
             mix sites and geoms, or have different radii.
     """
-    body = mujoco.mj_name2id(model, _OBJ.mjOBJ_BODY, names[0])
-    if len(names) == 1 and body > 0 and not _is_point(model, names[0]):
+    if named_by_body(model, names):
+        body = mujoco.mj_name2id(model, _OBJ.mjOBJ_BODY, names[0])
         return points_of_body(model, at_home, foot, body)
     points = [_find_point(model, name) for name in names]
     if len({p.body for p in points}) > 1:

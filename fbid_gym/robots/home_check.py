@@ -14,6 +14,7 @@ import numpy as np
 from fbid_gym.robots.feet import Foot
 from fbid_gym.robots.mjcf import can_touch, moving_joints, object_name, weight_of
 from fbid_gym.robots.polygon import margin_within
+from fbid_gym.robots.soles import side_below, spans_area
 from fbid_gym.robots.touching import lowest
 
 _OBJ = mujoco.mjtObj
@@ -27,6 +28,9 @@ ASSUMED_FRICTION = 0.7
 _SUNK = 0.01
 _UNEVEN = 0.02
 """Shares of the height of the centre of mass."""
+
+_TILTED, _STEEP = np.radians([5.0, 85.0])
+"""Sides of feet that are tilted by more than the first, and by less than the second, are soles."""
 
 _CARRIES_NOTHING = 0.001
 """Share of the weight."""
@@ -81,6 +85,7 @@ def findings(
     return [
         *_penetration(home),
         *_uneven(home),
+        *_on_edges(home),
         *_off_balance(home),
         *_unloaded(home, contact_sensor),
         *_too_light(home),
@@ -115,6 +120,20 @@ def _uneven(home: _Home) -> list[str]:
     if spread <= _UNEVEN * home.height:
         return []
     return [f"The contact points differ by {1e3 * spread:.3g} mm in height at home."]
+
+
+def _on_edges(home: _Home) -> list[str]:
+    told = []
+    for foot in home.feet:
+        if foot.num_points > 1 and not spans_area(foot.points):
+            side = side_below(home.model, home.data, foot.body, _STEEP)
+            tilt = 0.0 if side is None else np.arccos(np.clip(-side[2], -1.0, 1.0))
+            if tilt > _TILTED:
+                told.append(
+                    f"Foot {foot.name!r} stands on an edge at home: the flat side nearest to the "
+                    f"ground is tilted by {np.degrees(tilt):.0f} degrees."
+                )
+    return told
 
 
 def _off_balance(home: _Home) -> list[str]:

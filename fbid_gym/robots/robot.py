@@ -16,14 +16,13 @@ from fbid_gym.robots.by_joint import ByJoint, by_joint
 from fbid_gym.robots.contact_sensors import add_contact_sensors, remove_contact_sensors
 from fbid_gym.robots.corrections import free_the_base, set_armature, set_solver
 from fbid_gym.robots.description import described
-from fbid_gym.robots.feet import ContactPoint, Foot, find_foot, group_points, points_of_body
+from fbid_gym.robots.feet import Foot, foot_of, group_points, points_of_feet
 from fbid_gym.robots.home import home_pose, on_the_ground, stands_up
-from fbid_gym.robots.limbs import bodies_of_feet
 from fbid_gym.robots.motors import motor_of_each_joint
 from fbid_gym.robots.scene import add_ground
 from fbid_gym.robots.servos import ServoGains, servo_gains, use_motors
+from fbid_gym.robots.soles import stand_up
 from fbid_gym.robots.source import RobotSource, Source
-from fbid_gym.robots.stand import standing_pose
 from fbid_gym.robots.unmodelled import refuse_unmodelled
 from fbid_gym.robots.urdf import prepare_urdf, root_link
 
@@ -308,12 +307,12 @@ def _build(
     plain = mjcf.compile_spec(spec, source.label)
     actuator, gear, limit = motor_of_each_joint(plain)
     qpos = home_pose(plain, home)
-    points = _points_of_feet(plain, qpos, named)
+    points = points_of_feet(plain, qpos, named)
     if named is None:
         notes += [f"Feet found: {', '.join(points)}."]
-    built = tuple(_foot(foot, found) for foot, found in points.items())
     if stands_up(plain, home):
-        qpos = standing_pose(plain, qpos, built)
+        points, qpos = stand_up(plain, qpos, points, named)
+    built = tuple(foot_of(foot, found) for foot, found in points.items())
 
     # Bodies, joints and actuators keep their ids: only geoms, sites, lights and sensors join.
     bodies = {body.id: body for body in spec.bodies}  # ids are gone once something is added
@@ -369,30 +368,3 @@ def _checked_base(model: mujoco.MjModel, base: str | None) -> int:
     if base is not None and base != name:
         raise RobotError(f"The free joint is on body {name!r}, not on base={base!r}.")
     return body
-
-
-def _points_of_feet(
-    model: mujoco.MjModel, qpos: np.ndarray, named: dict[str, tuple[str, ...]] | None
-) -> dict[str, list[ContactPoint]]:
-    """Contact points of the feet that are named, or found."""
-    at_home = mujoco.MjData(model)
-    at_home.qpos[:] = qpos
-    mujoco.mj_kinematics(model, at_home)
-    mujoco.mj_comPos(model, at_home)
-    if named is not None:
-        return {foot: find_foot(model, at_home, foot, names) for foot, names in named.items()}
-    found: dict[str, list[ContactPoint]] = {}
-    for body in bodies_of_feet(model, at_home):
-        foot = mujoco.mj_id2name(model, _OBJ.mjOBJ_BODY, body) or f"foot_{len(found)}"
-        found[foot] = points_of_body(model, at_home, foot, body)
-    return found
-
-
-def _foot(name: str, points: Sequence[ContactPoint]) -> Foot:
-    return Foot(
-        name=name,
-        body=points[0].body,
-        point_names=tuple(point.name for point in points),
-        points=np.array([point.position for point in points]),
-        radius=points[0].radius,
-    )

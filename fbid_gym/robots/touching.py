@@ -27,7 +27,7 @@ def welded_geoms(model: mujoco.MjModel, body: int) -> np.ndarray:
 
 def lowest(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int] | np.ndarray) -> float:
     """World height of the lowest point of some geoms, m; infinite for none."""
-    ends = [_ends(model, data, int(geom)) for geom in geoms]
+    ends = [ends_of(model, data, int(geom)) for geom in geoms]
     return min((float(np.min(points[:, 2]) - radius) for points, radius in ends), default=np.inf)
 
 
@@ -58,7 +58,7 @@ def touching_points(
             f"Body {name!r} has no geometry that can touch the ground (contype and conaffinity "
             "are 0). Name sites where it shall, or give it a geom that collides."
         )
-    ends = [_ends(model, data, int(geom)) for geom in geoms]
+    ends = [ends_of(model, data, int(geom)) for geom in geoms]
     points = np.concatenate([found for found, _ in ends])
     radius = np.concatenate([np.full(len(found), size) for found, size in ends])
     height = points[:, 2] - radius
@@ -73,8 +73,8 @@ def touching_points(
     return (points - data.xpos[body]) @ rotation, float(radius[0])
 
 
-def _ends(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[np.ndarray, float]:
-    """Points (K, 3) m, world, and a radius: the geom lies within spheres about the points."""
+def ends_of(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[np.ndarray, float]:
+    """Return points (K, 3) m, world, and a radius: a geom lies within spheres about the points."""
     place, rotation = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
     size, kind = model.geom_size[geom], int(model.geom_type[geom])
     if kind == _GEOM.mjGEOM_SPHERE:

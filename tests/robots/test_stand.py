@@ -93,3 +93,62 @@ def test_feet_may_be_on_bodies_without_names() -> None:
     text = f"<mujoco><worldbody>{trunk}{legs}</body></worldbody></mujoco>"
     robot = Robot.from_mjcf(text, ["hind", "front"], torque_limit=1)
     assert [foot.name for foot in robot.feet] == ["hind", "front"]
+
+
+def two_legs(feet: str, knees: str = "-0.1 2", tilt: float = 0.0) -> str:
+    """A biped on boxes of 0.2 m by 0.1 m; the range of its knees, and how its feet are drawn."""
+    legs = "".join(
+        f"""<body pos="0 {y} -0.05">
+          <joint name="{side}_roll" axis="1 0 0" range="-1 1"/>
+          <joint name="{side}_hip" axis="0 1 0" range="-2 2"/>
+          <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.03" mass="1"/>
+          <body pos="0 0 -0.3"><joint name="{side}_knee" axis="0 1 0" range="{knees}"/>
+            <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.03" mass="1"/>
+            <body name="{side}_foot" pos="0 0 -0.3" euler="0 {tilt} 0">
+              <joint name="{side}_ankle" axis="0 1 0" range="-2 2"/>
+              <joint name="{side}_ankle_roll" axis="1 0 0" range="-1 1"/>{feet}
+            </body></body></body>"""
+        for side, y in (("left", 0.12), ("right", -0.12))
+    )
+    return f"""<mujoco><compiler angle="radian"/><worldbody>
+      <body name="trunk" pos="0 0 1"><freejoint/>
+        <geom type="box" size="0.1 0.15 0.15" pos="0 0 0.15" mass="10"/>{legs}
+      </body></worldbody></mujoco>"""
+
+
+BOX = '<geom type="box" size="0.1 0.05 0.02" pos="0.03 0 -0.04" mass="0.5"/>'
+BALLS = "".join(
+    f'<geom size="0.02" pos="{x} {y} -0.04" mass="0.1"/>'
+    for x in (-0.07, 0.13)
+    for y in (-0.05, 0.05)
+)
+
+
+@pytest.mark.parametrize("feet", [BOX, BALLS])
+@pytest.mark.parametrize(
+    ("knees", "tilt"), [("-0.1 2", 0.0), ("1.1 2", 0.0), ("-0.1 2", 0.6), ("0.4 2", -0.4)]
+)
+@pytest.mark.parametrize("named", [["left_foot", "right_foot"], None])
+def test_feet_stand_on_their_soles_however_they_are_tilted_before(named, knees, tilt, feet) -> None:
+    joints = {"torque_limit": 100, "armature": 0.01}
+    robot = Robot.from_mjcf(two_legs(feet, knees, tilt), named, home="stand", **joints)
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos
+    mujoco.mj_kinematics(robot.model, data)
+    for foot in robot.feet:
+        assert foot.num_points == 4
+        assert np.ptp(foot.points, axis=0) == pytest.approx([0.2, 0.1, 0.0], abs=1e-6)
+        assert data.xmat[foot.body][8] == pytest.approx(1.0, abs=1e-4)  # its z axis
+    assert robot.check() == []
+
+
+def test_a_foot_on_its_edge_is_told() -> None:
+    pitched = {f"{side}_ankle": 0.3 for side in ("left", "right")}
+    feet = ["left_foot", "right_foot"]
+    robot = Robot.from_mjcf(two_legs(BOX), feet, home=pitched, torque_limit=100)
+    told = [line for line in robot.check() if "edge" in line]
+    assert told == [
+        f"Foot '{side}_foot' stands on an edge at home: the flat side nearest to the ground is "
+        "tilted by 17 degrees."
+        for side in ("left", "right")
+    ]
