@@ -62,6 +62,15 @@ def positive_numbers(name: str, value: Any, *sizes: int) -> np.ndarray:
     return numbers
 
 
+def check_plain(name: str, value: Any) -> None:
+    """Raise InvalidValueError where JSON would hold a named tuple, as `Falling`, as a mere list."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            check_plain(f"{name}.{key}", item)
+    elif isinstance(value, tuple) and hasattr(value, "_fields"):
+        raise InvalidValueError(name, value, "numbers, text, lists or mappings: what JSON can hold")
+
+
 def check_positive(**values: Any) -> None:
     """Raise an error that names the first value which is not a positive finite number."""
     for name, value in values.items():

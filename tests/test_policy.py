@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import safetensors.numpy
 
+from fbid_gym.actions.falling import Falling
 from fbid_gym.bundles import load_bundle, save_bundle
 from fbid_gym.errors import (
     FbidError,
@@ -170,6 +171,13 @@ def test_nothing_to_load(tmp_path):
         Policy.load(tmp_path)
     with pytest.raises(PolicyFileError, match="is a file"):
         Policy.load(tmp_path / "config.json")
+
+
+def test_what_json_would_hold_as_something_else_is_refused(tmp_path):
+    args = {"layer_options": {"swing_frequency": Falling(2.0)}}
+    with pytest.raises(InvalidValueError, match=r"env_args.layer_options.swing_frequency"):
+        make_policy(env_args=args).save(tmp_path / "policy")
+    assert not (tmp_path / "policy").exists()
 
 
 def _edit_json(folder, **changes):

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
-import mujoco
 import numpy as np
 
 from fbid_gym.dynamics.contacts import contact_geometry, point_positions
@@ -11,6 +10,7 @@ from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.support import heading_of, support_frame
 from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, SupportFrame
 from fbid_gym.robots import Robot
+from fbid_gym.robots.mjcf import posed
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +136,7 @@ def _legs(terms: DynamicsTerms) -> np.ndarray:
 
 
 def _hips(robot: Robot, terms: DynamicsTerms) -> np.ndarray:
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    mujoco.mj_kinematics(robot.model, data)
+    data = posed(robot.model, robot.home_qpos)
     hips = terms.foot_position[0].copy()
     for foot, leg in enumerate(_legs(terms)):
         if leg.any():

@@ -5,8 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import real_numbers
-from fbid_gym.compiled import kernel
 from fbid_gym.envs.action_delay import ActionDelay
 from fbid_gym.envs.answers import (
     as_numbers,
@@ -21,18 +19,17 @@ from fbid_gym.envs.answers import (
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.curriculum import Progress
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
+from fbid_gym.envs.given_actions import checked_action
 from fbid_gym.envs.moment import Moment, row_of, rows_of
 from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
-from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
 from fbid_gym.robots.undrawn import alone, undrawn
 from fbid_gym.tasks import Walk
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
-
-_ACTION_TOLERANCE = 1e-6
 
 
 class Step(NamedTuple):
@@ -168,21 +165,7 @@ class EnvBatch:
 
     def check_action(self, action: np.ndarray, *num_envs: int) -> np.ndarray:
         """Return actions (*num_envs, A) as floats, or raise one error before anything is lost."""
-        expected = (*num_envs, self._num_actions)
-        action = real_numbers("action", action, f"numbers of shape {expected}").astype(
-            float, copy=False
-        )
-        if action.shape != expected:
-            raise ShapeError("action", action.shape, f"{expected}")
-        if not _within(np.ascontiguousarray(action).reshape(-1), 1.0 + _ACTION_TOLERANCE):
-            bad = ~(np.abs(action) <= 1.0 + _ACTION_TOLERANCE)
-            where = tuple(int(i) for i in np.argwhere(bad)[0])
-            if not np.isfinite(action[where]):
-                raise NonFiniteError("action", where)
-            raise InvalidValueError(
-                f"action at index {where}", float(action[where]), "a number in [-1, 1]"
-            )
-        return action
+        return checked_action(action, (*num_envs, self._num_actions))
 
     def step(self, action: np.ndarray) -> Step:
         """Hold the checked actions (N, A) for one policy step."""
@@ -381,15 +364,6 @@ def _once(compute: Callable[[], DynamicsTerms]) -> Callable[[], DynamicsTerms]:
         return found[0]
 
     return look
-
-
-@kernel
-def _within(values: np.ndarray, most: float) -> bool:
-    """Whether all of (K,) are numbers of at most this size."""
-    for value in values:
-        if not abs(value) <= most:
-            return False
-    return True
 
 
 def _drawn_place(starts: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.bundles import load_bundle, present_bundle, save_bundle
-from fbid_gym.checks import check_positive, is_number, real_numbers
+from fbid_gym.bundles import load_bundle, save_bundle
+from fbid_gym.checks import check_plain, check_positive, real_numbers
 from fbid_gym.errors import (
     FbidError,
     InvalidValueError,
@@ -25,14 +25,8 @@ from fbid_gym.errors import (
     UnknownOptionError,
 )
 from fbid_gym.options import Choice
+from fbid_gym.policy.policy_file import FORMAT, NAME, Sizes, policy_folder
 from fbid_gym.policy.shipping import place_of
-
-FORMAT = 2
-READABLE = (1, FORMAT)
-"""Formats that are read; of the first all are clipped and trained by PPO, and do not say so."""
-
-_NAME = "policy"
-_NETWORK = ("activation", "hidden", "output")  # in the JSON; the last since format 2
 
 
 def _elu(x: np.ndarray) -> np.ndarray:
@@ -201,6 +195,7 @@ class Policy:
             InvalidValueError: the folder holds other things, or `env_args` or `versions` cannot
                 be written as JSON. Nothing is written then.
         """
+        check_plain("env_args", self.env_args)
         data = {
             "format": FORMAT,
             "env_id": self.env_id,
@@ -220,7 +215,7 @@ class Policy:
         tensors = {"normalisation.mean": self.mean, "normalisation.variance": self.variance}
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             tensors[f"layers.{k}.weight"], tensors[f"layers.{k}.bias"] = weight, bias
-        save_bundle(Path(folder), _NAME, data, tensors)
+        save_bundle(Path(folder), NAME, data, tensors)
 
     @classmethod
     def load(cls, path: str | Path) -> "Policy":
@@ -231,14 +226,8 @@ class Policy:
                 what it found and what it expected.
             UnknownOptionError: no policy of that name is shipped.
         """
-        bundle = load_bundle(_policy_folder(place_of(path)), _NAME, PolicyFileError)
-        found = bundle.data.get("format")
-        if type(found) is not int or found not in READABLE:
-            raise PolicyFileError(
-                f"{bundle.data_file}: format is {found!r}. "
-                f"Expected {' or '.join(map(str, READABLE))}."
-            )
-        sizes = _Sizes.read(bundle.data, bundle.data_file)
+        bundle = load_bundle(policy_folder(place_of(path)), NAME, PolicyFileError)
+        sizes = Sizes.read(bundle.data, bundle.data_file)
         sizes.check(bundle.tensors, bundle.tensor_file)
         tensors = bundle.tensors
         layers = range(len(sizes.widths) - 1)
@@ -265,126 +254,6 @@ class Policy:
             raise PolicyFileError(f"{file}: {reason}") from reason
         bundle.check_digest(PolicyFileError)
         return policy
-
-
-@dataclass(frozen=True)
-class _Sizes:
-    """What `policy.json` says, type-checked; `widths` runs from observations to actions."""
-
-    env_id: str
-    env_args: dict[str, Any]
-    widths: tuple[int, ...]
-    activation: str
-    output: str
-    clip: float
-    epsilon: float
-    algorithm: str
-    trained_steps: int
-    versions: dict[str, Any]
-
-    @classmethod
-    def read(cls, data: Mapping[str, Any], file: Path) -> "_Sizes":
-        def get(key: str, kind: type | tuple[type, ...]) -> Any:
-            value: Any = data
-            for part in key.split("."):
-                value = value.get(part) if isinstance(value, dict) else None
-            # bool is an int to Python, but no size or number here may be one
-            if not isinstance(value, kind) or isinstance(value, bool):
-                expected = kind.__name__ if isinstance(kind, type) else "number"
-                raise PolicyFileError(
-                    f"{file}: {key} is {value!r}. Expected a value of type {expected}."
-                )
-            return value
-
-        def size(key: str, value: Any) -> int:
-            if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-                raise PolicyFileError(f"{file}: {key} is {value!r}. Expected a positive integer.")
-            return value
-
-        def positive(key: str) -> float:
-            value = get(key, (int, float))
-            if not is_number(value) or not 0 < value < float("inf"):
-                raise PolicyFileError(f"{file}: {key} is {value!r}. Expected a positive number.")
-            return float(value)
-
-        env_id = get("env_id", str)
-        if ":" in env_id:  # Gymnasium imports what stands before it
-            raise PolicyFileError(
-                f"{file}: env_id is {env_id!r}, which names a module to import. Expected the id "
-                "alone, of an environment that is registered; --register MODULE imports one of "
-                "yours."
-            )
-        hidden = [size("network.hidden", value) for value in get("network.hidden", list)]
-        known = _NETWORK if data["format"] > 1 else _NETWORK[:-1]
-        unknown = sorted(data["network"].keys() - set(known))
-        if unknown:
-            raise PolicyFileError(
-                f"{file}: network has {unknown[0]!r}. Expected {', '.join(known)} alone."
-            )
-        observations = size("observation_size", data.get("observation_size"))
-        actions = size("action_size", data.get("action_size"))
-        return cls(
-            env_id=env_id,
-            env_args=get("env_args", dict),
-            widths=(observations, *hidden, actions),
-            activation=get("network.activation", str),
-            output=get("network.output", str) if data["format"] > 1 else "clip",
-            clip=positive("normalisation.clip"),
-            epsilon=positive("normalisation.epsilon"),
-            algorithm=get("algorithm", str) if data["format"] > 1 else "ppo",
-            trained_steps=get("trained_steps", int),
-            versions=get("versions", dict),
-        )
-
-    def check(self, tensors: Mapping[str, np.ndarray], file: Path) -> None:
-        """Raise where the tensors are not those the JSON describes."""
-        expected: dict[str, tuple[int, ...]] = {
-            "normalisation.mean": self.widths[:1],
-            "normalisation.variance": self.widths[:1],
-        }
-        for k, (inputs, outputs) in enumerate(zip(self.widths, self.widths[1:], strict=False)):
-            expected[f"layers.{k}.weight"] = (outputs, inputs)
-            expected[f"layers.{k}.bias"] = (outputs,)
-        missing = sorted(set(expected) - set(tensors))
-        if missing:
-            raise PolicyFileError(
-                f"{file}: tensor {missing[0]!r} is missing. Expected {', '.join(expected)}."
-            )
-        for name, shape in expected.items():
-            if tensors[name].shape != shape or tensors[name].dtype.kind != "f":
-                raise PolicyFileError(
-                    f"{file}: tensor {name!r} is {tensors[name].dtype} {tensors[name].shape}. "
-                    f"Expected floats of shape {shape}, as {_NAME}.json says."
-                )
-
-
-def _policy_folder(path: Path) -> Path:
-    """Find the policy in a policy folder, or in a run folder.
-
-    Raises:
-        PolicyFileError: there is neither.
-    """
-    if not path.exists() and present_bundle(path) == path:
-        raise PolicyFileError(
-            f"{path}: no such folder. Expected a policy folder ({_NAME}.json, "
-            f"{_NAME}.safetensors) or a run folder with {_NAME}/."
-        )
-    if path.is_file():
-        raise PolicyFileError(f"{path}: is a file. Expected the folder that holds the policy.")
-    nested = path / _NAME
-    if (path / f"{_NAME}.json").exists() or not path.exists():
-        return path
-    if nested.exists() or present_bundle(nested) != nested:
-        return nested
-    if (path / "config.json").exists():
-        raise PolicyFileError(
-            f"{path}: this run has exported no policy yet. Expected {_NAME}/ in it, which "
-            "training writes at every evaluation and checkpoint."
-        )
-    raise PolicyFileError(
-        f"{path}: no policy here. Expected {_NAME}.json and {_NAME}.safetensors, or a run folder "
-        f"with {_NAME}/."
-    )
 
 
 def _frozen(name: str, array: np.ndarray, shape: tuple[int | None, ...], dtype: type) -> np.ndarray:

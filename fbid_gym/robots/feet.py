@@ -9,7 +9,7 @@ import numpy as np
 
 from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.robots.limbs import bodies_of_feet
-from fbid_gym.robots.mjcf import can_touch, listed, object_name
+from fbid_gym.robots.mjcf import can_touch, listed, object_name, posed
 from fbid_gym.robots.touching import touching_points
 
 _GEOM = mujoco.mjtGeom
@@ -129,10 +129,7 @@ def points_of_feet(
     Raises:
         RobotError: see `find_foot`, `bodies_of_feet`.
     """
-    at_home = mujoco.MjData(model)
-    at_home.qpos[:] = qpos
-    mujoco.mj_kinematics(model, at_home)
-    mujoco.mj_comPos(model, at_home)
+    at_home = posed(model, qpos)
     if named is not None:
         return {foot: find_foot(model, at_home, foot, names) for foot, names in named.items()}
     found: dict[str, list[ContactPoint]] = {}

@@ -13,7 +13,7 @@ from fbid_gym.errors import (
     UnknownOptionError,
 )
 from fbid_gym.robots.feet import Foot
-from fbid_gym.robots.mjcf import moving_joints, object_name
+from fbid_gym.robots.mjcf import moving_joints, object_name, posed
 
 STAND = "stand"
 """Name of the home pose that `fbid_gym.robots.stand` finds."""
@@ -142,9 +142,7 @@ def _check_ranges(model: mujoco.MjModel, qpos: np.ndarray) -> None:
 
 def _lowest_contact(model: mujoco.MjModel, qpos: np.ndarray, feet: Sequence[Foot]) -> float:
     """World height of the lowest contact, m."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
+    data = posed(model, qpos)
     heights = []
     for foot in feet:
         up = data.xmat[foot.body].reshape(3, 3)[2]  # the world's z axis in the body's frame

@@ -108,6 +108,15 @@ def name_joints(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[str, ...]:
     return tuple(joints[j].name for j in moving_joints(model))
 
 
+def posed(model: mujoco.MjModel, qpos: np.ndarray) -> mujoco.MjData:
+    """Return the kinematics of a pose (nq,), centres of mass among them."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    return data
+
+
 def can_touch(model: mujoco.MjModel) -> np.ndarray:
     """(ngeom,) bool, geoms that can touch the ground.
 

@@ -316,7 +316,8 @@ def _build(
 
     # Bodies, joints and actuators keep their ids: only geoms, sites, lights and sensors join.
     bodies = {body.id: body for body in spec.bodies}  # ids are gone once something is added
-    add_ground(spec, plain, bodies[base_body])
+    home_qpos = on_the_ground(plain, qpos, built)
+    add_ground(spec, plain, bodies[base_body], mjcf.posed(plain, home_qpos))
     sensors = add_contact_sensors(spec, plain, bodies, list(points.values()))
     model = mjcf.compile_spec(spec, source.label)
 
@@ -329,7 +330,7 @@ def _build(
         spec=spec,
         feet=built,
         base_body=base_body,
-        home_qpos=on_the_ground(model, qpos, built),
+        home_qpos=home_qpos,
         joint_names=joint_names,
         torque_limit=limit,
         joint_range=np.where(limited, model.jnt_range[joints], [-np.inf, np.inf]),

@@ -1,5 +1,6 @@
 """What is added to a robot's MJCF: something to stand on, and light."""
 
+import copy
 from typing import Any
 
 import mujoco
@@ -8,6 +9,7 @@ import numpy as np
 from fbid_gym.robots.mjcf import can_touch
 
 _GEOM = mujoco.mjtGeom
+_UP = np.array([0.0, 0.0, 1.0])
 _EMPTY = mujoco.MjSpec()
 _PLAIN = _EMPTY.worldbody.add_geom()
 _INHERITED = (
@@ -16,16 +18,18 @@ _INHERITED = (
 )
 
 
-def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel, base: mujoco.MjsBody) -> None:
+def add_ground(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, base: mujoco.MjsBody, home: mujoco.MjData
+) -> None:
     """Add a ground plane, a light and a sky to a file whose static world has nothing to stand on.
 
     Args:
         spec: the spec to extend.
         model: the same, compiled before anything was added.
         base: the floating body; the light follows it, so that its shadow stays sharp.
+        home: kinematics of the home pose, in which something shall lie below the robot.
     """
-    static = model.body_weldid[model.geom_bodyid] == 0
-    if np.any(static & can_touch(model)):
+    if _lies_below(model, home):
         return
     spec.add_texture(
         name="fbid_sky",
@@ -76,6 +80,20 @@ def add_ground(spec: mujoco.MjSpec, model: mujoco.MjModel, base: mujoco.MjsBody)
         size=[0, 0, 0.1],
         material="fbid_ground",
     )
+
+
+def _lies_below(model: mujoco.MjModel, home: mujoco.MjData) -> bool:
+    """Whether static geometry that can touch lies below the centre of mass of the robot at home.
+
+    Walls, tables and targets that stand about do not.
+    """
+    static = (model.body_weldid[model.geom_bodyid] == 0) & can_touch(model)
+    # Rays meet the geoms of some groups alone, and none that is invisible.
+    seen = copy.copy(model)
+    seen.geom_group[:], seen.geom_matid[:], seen.geom_rgba[:, 3] = static, -1, 1.0
+    groups, met = np.array([0, 1, 0, 0, 0, 0], np.uint8), np.zeros(1, np.int32)
+    above = home.subtree_com[model.jnt_bodyid[0]].copy()
+    return bool(mujoco.mj_ray(seen, home, above, -_UP, groups, 1, -1, met) >= 0.0)
 
 
 def collision_bits(spec: mujoco.MjSpec) -> int:

@@ -13,6 +13,7 @@ import numpy as np
 
 from fbid_gym.errors import RobotError
 from fbid_gym.robots.feet import ContactPoint, Foot, foot_of, named_by_body, points_of_body
+from fbid_gym.robots.mjcf import posed
 from fbid_gym.robots.stand import standing_pose
 from fbid_gym.robots.touching import ends_of, welded_geoms
 
@@ -107,23 +108,15 @@ def _soles(
     model: mujoco.MjModel, start: np.ndarray, foot: str, body: int
 ) -> Iterator[list[ContactPoint]]:
     """What a foot may stand on: as the file draws it, and tipped."""
-    data = mujoco.MjData(model)
     drawn, tipped = model.qpos0.copy(), start.copy()
     drawn[:7] = start[:7]
-    side = side_below(model, _posed(model, data, start), body, _TIPS)
+    side = side_below(model, posed(model, start), body, _TIPS)
     if side is not None:
         tipped[3:7] = _turned(start[3:7], side, _DOWN)
     for pose in (drawn, tipped):
-        found = points_of_body(model, _posed(model, data, pose), foot, body)
+        found = points_of_body(model, posed(model, pose), foot, body)
         if spans_area(foot_of(foot, found).points):
             yield found
-
-
-def _posed(model: mujoco.MjModel, data: mujoco.MjData, qpos: np.ndarray) -> mujoco.MjData:
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    return data
 
 
 def _turned(quaternion: np.ndarray, this: np.ndarray, onto: np.ndarray) -> np.ndarray:

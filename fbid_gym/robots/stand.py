@@ -8,7 +8,7 @@ import numpy as np
 
 from fbid_gym.errors import RobotError
 from fbid_gym.robots.feet import Foot
-from fbid_gym.robots.mjcf import listed, moving_joints, object_name
+from fbid_gym.robots.mjcf import listed, moving_joints, object_name, posed
 
 _JOINT = mujoco.mjtJoint
 
@@ -158,9 +158,7 @@ def _legs(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]) -> lis
     Raises:
         RobotError: no hinge moves a foot and no other.
     """
-    data = mujoco.MjData(model)
-    data.qpos[:] = start
-    mujoco.mj_kinematics(model, data)
+    data = posed(model, start)
     chains = [_hinges_above(model, foot.body) for foot in feet]
     legs = []
     for foot, chain in zip(feet, chains, strict=True):

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots import ROBOTS, Robot, go1, load
 from fbid_gym.robots.assets import asset_path
 
 GYMNASIUM = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
@@ -195,6 +195,24 @@ def test_solver_settings(robot: Robot) -> None:
 def test_there_is_exactly_one_ground(robot: Robot) -> None:
     static = robot.model.body_weldid[robot.model.geom_bodyid] == 0
     assert static.sum() == 1
+
+
+@pytest.mark.parametrize(
+    ("scenery", "known"),
+    [
+        ('<geom type="box" size="1 0.1 1" pos="0 3 0"/>', False),  # a wall
+        ('<geom type="box" size="2 2 0.1" pos="0 0 3"/>', False),  # a ceiling
+        ('<geom type="box" size="2 2 0.1" pos="0 0 -0.1"/>', True),  # a floor
+        ('<geom type="box" size="2 2 0.1" pos="0 0 -0.1" rgba="1 1 1 0"/>', True),
+        ('<geom type="box" size="2 2 0.1" pos="0 0 -0.1" contype="0" conaffinity="0"/>', False),
+    ],
+)
+def test_ground_is_what_lies_below_the_robot(scenery: str, known: bool) -> None:
+    text = Path(asset_path("go1.xml")).read_text().replace("<worldbody>", f"<worldbody>{scenery}")
+    robot = Robot.from_mjcf(text, go1.FEET, home=go1.HOME)
+    static = robot.model.body_weldid[robot.model.geom_bodyid] == 0
+    assert (robot.model.geom_type[static] == mujoco.mjtGeom.mjGEOM_PLANE).any() != known
+    assert not any("hover" in line for line in robot.check())
 
 
 def test_shared_robots_cannot_be_written_to(robot: Robot) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from fbid_gym.checks import check_plain
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice, Each, Number, Whole, check_fields
 
@@ -245,6 +246,7 @@ class TrainConfig:
         check_fields(self)
         self._check_together()
         for name in ("layer_options", "env_args"):
+            check_plain(name, getattr(self, name))
             try:
                 json.dumps(getattr(self, name), allow_nan=False)
             except (TypeError, ValueError) as error:

@@ -3,7 +3,9 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from fbid_gym.bundles import fresh_path, previous_path
+from fbid_gym.bundles import fresh_path, present_bundle, previous_path
+from fbid_gym.errors import RunError
+from train.runs.files import read_json
 
 
 class RunFolder(NamedTuple):
@@ -45,6 +47,19 @@ class RunFolder(NamedTuple):
             *("tensorboard", ".lock"),
         )
         return cls(path, *(path / name for name in names))
+
+    @property
+    def exported_steps(self) -> int:
+        """Steps that the exported policy was trained for; 0 without one.
+
+        Raises:
+            RunError: its file cannot be read.
+        """
+        file = present_bundle(self.policy) / f"{self.policy.name}.json"
+        found = read_json(file).get("trained_steps") if file.exists() else 0
+        if not isinstance(found, int):
+            raise RunError(f"{file}: trained_steps is {found!r}. Expected a whole number.")
+        return found
 
     @property
     def results(self) -> set[Path]:

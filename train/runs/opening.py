@@ -132,8 +132,8 @@ def _had_checkpoint(folder: RunFolder, config: TrainConfig, stored: Mapping[str,
     every, total = stored.get("checkpoint_every"), stored.get("total_steps")
     if isinstance(every, int) and every and trained >= every + config.iteration_steps:
         return True
-    at_end = isinstance(total, int) and trained >= total
-    return at_end and (evaluated >= trained or not config.eval.every)
+    measured = evaluated if config.eval.every else folder.exported_steps
+    return isinstance(total, int) and measured >= trained >= total
 
 
 def _changes(folder: RunFolder, means: Mapping[str, Any] | None) -> tuple[str, ...]:

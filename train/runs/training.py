@@ -33,7 +33,7 @@ class Standing(NamedTuple):
 
 
 _ALMOST = 0.99
-"""Share of what took its last step and has not been evaluated after it."""
+"""Share of what took its last step and has not come to its end after it."""
 _ENDED_BY = re.compile(r"(error|[\w.]*(Error|Exception))\b")
 
 
@@ -62,7 +62,8 @@ def log_of(config: TrainConfig) -> Path:
 def progress(config: TrainConfig) -> Progress:
     """Return how far a training is, with its latest evaluation in words.
 
-    What took its last step and has not been evaluated after it is not at its end.
+    What took its last step and has not been evaluated after it, or, where nothing is evaluated, has
+    exported no policy after it, is not at its end.
 
     Raises:
         RunError: its tables cannot be read, or hold something else.
@@ -70,18 +71,21 @@ def progress(config: TrainConfig) -> Progress:
     folder = RunFolder.of(config.folder)
     rows, evaluations = read_rows(folder.progress), read_rows(folder.evaluations)
     try:
-        return _progress(config, rows[-1:], evaluations[-1:])
+        return _progress(config, rows[-1:], evaluations[-1:], folder.exported_steps)
     except (KeyError, TypeError, ValueError) as error:
         raise RunError(f"{folder.path}: its tables are not those of a training.") from error
 
 
 def is_finished(config: TrainConfig) -> bool:
-    """Return whether a training has taken all its steps and been evaluated after the last."""
+    """Return whether a training is at its end, see `progress`."""
     return progress(config).share >= 1.0
 
 
 def _progress(
-    config: TrainConfig, row: list[dict[str, str]], evaluation: list[dict[str, str]]
+    config: TrainConfig,
+    row: list[dict[str, str]],
+    evaluation: list[dict[str, str]],
+    exported: int,
 ) -> Progress:
     steps, total = int(row[0]["steps"]) if row else 0, config.total_steps
     note, share = f"{steps} of {total} steps", min(steps / total, 1.0)
@@ -91,6 +95,6 @@ def _progress(
         note += f", return {float(its['return_mean']):.0f}, survival {float(its['survival']):.0%}"
         error = float(its.get("velocity_error", "nan"))
         note += f", velocity error {error:.2f} m/s" if math.isfinite(error) else ""
-    if config.eval.every and evaluated < total:
+    if (evaluated if config.eval.every else exported) < total:
         share = min(share, _ALMOST)
     return Progress(share, note)

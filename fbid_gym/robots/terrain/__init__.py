@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.robots.mjcf import posed
 from fbid_gym.robots.robot import Robot
 from fbid_gym.robots.terrain.flat import Flat
 from fbid_gym.robots.terrain.grid import HeightGrid, heights, heights_below, plane
@@ -117,7 +118,7 @@ def make_terrain(
     if name == "flat" or height == 0.0:
         return Flat(np.zeros((1, 2)), np.inf)
     # A base's frame may lie anywhere in it, near the soles as well.
-    tallest = max(float(robot.home_qpos[2]), float(_at_home(robot).subtree_com[robot.base_body][2]))
+    tallest = max(float(robot.home_qpos[2]), _com_height(robot))
     if not 0.0 <= height <= tallest:
         raise InvalidValueError(
             "terrain height",
@@ -177,20 +178,17 @@ def compile_world(robot: Robot, terrain: Terrain) -> mujoco.MjModel:
 def _scale(robot: Robot) -> Scale:
     """The height of its centre of mass, and what its feet clear."""
     on_points = all(foot.num_points == 1 for foot in robot.feet)
-    return Scale(float(_at_home(robot).subtree_com[robot.base_body][2]), _REACH[on_points])
+    return Scale(_com_height(robot), _REACH[on_points])
 
 
 def _reach(robot: Robot) -> float:
     """Largest horizontal distance of a contact point from the base at home, m."""
-    data = _at_home(robot)
+    data = posed(robot.model, robot.home_qpos)
     points = np.concatenate([foot.touching(data) for foot in robot.feet])
     offset = (points - data.xpos[robot.base_body])[:, :2]
     return float(np.linalg.norm(offset, axis=1).max())
 
 
-def _at_home(robot: Robot) -> mujoco.MjData:
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    mujoco.mj_kinematics(robot.model, data)
-    mujoco.mj_comPos(robot.model, data)
-    return data
+def _com_height(robot: Robot) -> float:
+    """Height of the centre of mass at home, m."""
+    return float(posed(robot.model, robot.home_qpos).subtree_com[robot.base_body][2])

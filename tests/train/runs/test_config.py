@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 import train.runs.config
+from fbid_gym.actions.falling import Falling
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from train.runs.command_line import parse
 from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
@@ -71,6 +72,10 @@ def test_every_option_is_explained():
         ({"algorithm": "sac", "sac": SACConfig(buffer_size=100)}, r"sac\.n_steps = 1024 to"),
         ({"env_args": {"seed": 3}}, "no 'seed', which has an option of its own"),
         ({"env_args": {"x": object()}}, "Invalid env_args.*values JSON can hold"),
+        (
+            {"layer_options": {"swing_frequency": Falling(2.0)}},
+            r"Invalid layer_options.swing_frequency: Falling\(times=2.0\). .*what JSON can hold",
+        ),
         ({"layer_options": {"x": float("nan")}}, "Invalid layer_options.*values JSON can hold"),
     ],
 )

@@ -1,5 +1,6 @@
 import io
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,19 @@ def test_where_a_training_is_is_said(tmp_path):
     log_of(config).write_text("run: 384/768 steps, errors fell\n")
     main(stand_in.config(tmp_path / "run", total_steps=384), stand_in.make)
     assert standing(config).state == "50%"
+    main(config, stand_in.make)
+    assert standing(config).state == "done"
+
+
+def test_what_nobody_evaluates_is_done_when_its_policy_is_there(tmp_path):
+    quiet = EvaluationConfig(every=0)
+    config = stand_in.config(tmp_path / "run", eval=quiet, checkpoint_every=0)
+    main(config, stand_in.make)
+    assert standing(config).state == "done"
+    # Killed between the last row and the last checkpoint, which the policy goes before.
+    for name in ("policy", "checkpoint"):
+        shutil.rmtree(config.folder / name)
+    assert standing(config).state == "99%"
     main(config, stand_in.make)
     assert standing(config).state == "done"
 
