@@ -133,9 +133,10 @@ def _require_supported(model: mujoco.MjModel) -> None:
             f"Joint {model.joint(ball[0]).name!r} is a ball joint. "
             "Expected hinge and slide joints; write it as three hinges."
         )
-    if model.neq:
+    tied = np.count_nonzero(model.eq_active0)
+    if tied:
         raise RobotError(
-            f"The model has {model.neq} equality constraints, which M and h do not contain. "
+            f"The model has {tied} equality constraints, which M and h do not contain. "
             "Expected a tree of bodies without them."
         )
     tendon = np.flatnonzero(model.tendon_armature)

@@ -170,8 +170,9 @@ def check_tree(model: mujoco.MjModel) -> int:
             f"Joints {listed(outside)} do not belong to the floating tree of {bases[0]!r}. "
             "Expected one robot and a static world."
         )
-    if model.neq:
-        names = [object_name(model, _OBJ.mjOBJ_EQUALITY, i) for i in range(model.neq)]
+    tied = np.flatnonzero(model.eq_active0)
+    if tied.size:
+        names = [object_name(model, _OBJ.mjOBJ_EQUALITY, int(i)) for i in tied]
         raise RobotError(
             f"Equality constraints are not supported: {listed(names)}. "
             "Expected a tree without closed loops."

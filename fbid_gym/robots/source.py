@@ -128,10 +128,14 @@ def _published(name: str) -> Path:
             f"{name!r} is no file, and the package robot_descriptions, which would know a robot of "
             "this name, is not installed (pip install robot_descriptions)."
         )
+    own = f"robot_descriptions.{name}"
     try:
-        module = importlib.import_module(f"robot_descriptions.{name}")
-    except ModuleNotFoundError:
-        raise RobotError(f"The package robot_descriptions has no robot {name!r}.") from None
+        module = importlib.import_module(own)
+    except Exception as error:  # it fetches what it does not have, in whatever way
+        if isinstance(error, ModuleNotFoundError) and error.name == own:
+            raise RobotError(f"The package robot_descriptions has no robot {name!r}.") from None
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RobotError(f"robot_descriptions cannot provide {name!r}: {reason}") from error
     path = getattr(module, "MJCF_PATH", None) or getattr(module, "URDF_PATH", None)
     if path is None:
         raise RobotError(f"{name!r} of robot_descriptions has neither an MJCF nor a URDF.")

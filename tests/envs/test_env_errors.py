@@ -7,7 +7,14 @@ import pytest
 import fbid_gym
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.errors import FbidError, InvalidValueError, NonFiniteError, ShapeError
+from fbid_gym.errors import (
+    FbidError,
+    InvalidValueError,
+    NonFiniteError,
+    RobotError,
+    ShapeError,
+)
+from fbid_gym.robots import Robot
 
 BIPED = next(iter(ENVIRONMENTS))
 ALL_ROBOTS = "biped, quadruped, humanoid, go1, g1"
@@ -251,3 +258,11 @@ def test_bad_actions_through_gymnasiums_checker():
         env.step(np.zeros(7, np.float32))
     with pytest.raises(InvalidValueError, match=r"action at index \(5,\): -1.5"):
         env.step(np.array([0, 0, 0, 0, 0, -1.5], np.float32))
+
+
+def test_a_robot_without_joints_has_nothing_to_act_with():
+    text = """<mujoco><worldbody><body name="ball" pos="0 0 1"><freejoint/><geom size="0.1"/>
+      <site name="below" pos="0 0 -0.1"/></body></worldbody></mujoco>"""
+    ball = Robot.from_mjcf(text, ["below"])
+    with pytest.raises(RobotError, match="has no joints to act with"):
+        gym.make("fbid_gym/QuadrupedBalance-v0", robot=ball)

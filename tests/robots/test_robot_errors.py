@@ -302,3 +302,8 @@ def test_bad_base(tmp_path: Path) -> None:
     hinged = change('<freejoint name="root"/>', '<joint name="swing"/>')
     with fails(RobotError, "Body 'trunk' cannot be made to float: it already has the joints swing"):
         build(tmp_path, hinged, base="trunk")
+
+
+def test_equality_constraints_that_are_off_tie_nothing(tmp_path: Path) -> None:
+    tie = '<equality><joint name="tie" joint1="hip" joint2="knee" active="false"/></equality>'
+    assert build(tmp_path, change("</mujoco>", tie + "</mujoco>")).num_joints == 2

@@ -68,6 +68,21 @@ def test_a_published_robot_of_neither_kind(tmp_path: Path, monkeypatch: pytest.M
         Robot.from_mjcf("dog_description")
 
 
+@pytest.mark.parametrize(
+    ("module", "message"),
+    [
+        ("raise OSError('git clone:\\nno network')", "'dog_description': git clone: no network"),
+        ("import no_such_module", "'dog_description': No module named 'no_such_module'"),
+    ],
+)
+def test_a_published_robot_that_cannot_be_fetched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str, message: str
+) -> None:
+    published(tmp_path, monkeypatch, module)
+    with pytest.raises(RobotError, match=f"robot_descriptions cannot provide {message}"):
+        Robot.from_mjcf("dog_description")
+
+
 def test_published_robots_need_their_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(RobotError, match="package robot_descriptions, .* is not installed"):

@@ -144,3 +144,16 @@ def test_what_is_added_is_as_mujoco_makes_it_and_meets_the_robot(kind: str) -> N
     np.testing.assert_array_equal(world.geom_friction[static, 0], 1.0)
     assert not world.geom_priority[static].any() and not world.geom_margin[static].any()
     assert (world.geom_contype[static] & 4).all()
+
+
+@pytest.mark.parametrize("name", ["obstacles", "rocks"])
+def test_terrain_for_a_robot_above_its_only_point(name: str) -> None:
+    text = """<mujoco><worldbody><body name="trunk" pos="0 0 1"><freejoint/><geom size="0.1"/>
+      <body><joint name="knee" axis="0 1 0" range="-1 1"/>
+        <geom name="toe" size="0.03" pos="0 0 -0.5"/></body></body></worldbody></mujoco>"""
+    hopper = Robot.from_mjcf(text, ["toe"], torque_limit=10)
+    terrain = make_terrain(name, hopper, height=0.02)
+    assert terrain.clearing > 0.0
+    line = np.linspace(-1.0, 1.0, 101)
+    assert terrain.height(*np.meshgrid(line, line)).max() > 0.005
+    compile_world(hopper, terrain)

@@ -43,6 +43,7 @@ LEVELLED = (*PATCHES, "mixed")
 TERRAINS = ("flat", "obstacles", "rocks", *LEVELLED)
 """Names of the terrains."""
 
+_LEAST_REACH = 0.1
 _HEIGHT = 0.04  # m
 
 # Share of the height of the centre of mass that feet clear with ease: on points, and on soles.
@@ -182,11 +183,14 @@ def _scale(robot: Robot) -> Scale:
 
 
 def _reach(robot: Robot) -> float:
-    """Largest horizontal distance of a contact point from the base at home, m."""
+    """Largest horizontal distance of a contact point from the base at home, m.
+
+    At least a share of the robot's height: it may stand on a point below its base.
+    """
     data = posed(robot.model, robot.home_qpos)
     points = np.concatenate([foot.touching(data) for foot in robot.feet])
     offset = (points - data.xpos[robot.base_body])[:, :2]
-    return float(np.linalg.norm(offset, axis=1).max())
+    return max(float(np.linalg.norm(offset, axis=1).max()), _LEAST_REACH * _com_height(robot))
 
 
 def _com_height(robot: Robot) -> float:
