@@ -18,6 +18,8 @@ import mujoco
 
 from fbid_gym.errors import RobotError, UnknownOptionError
 from fbid_gym.reading import read_file
+from fbid_gym.robots import meshes
+from fbid_gym.robots.mjcf import compile_spec
 
 SUFFIX = ".zip"
 ARGUMENTS = ("feet", "name", "home", "base", "torque_limit", "armature")
@@ -35,17 +37,30 @@ def pack(spec: mujoco.MjSpec) -> bytes:
     Raises:
         RobotError: it cannot be written, or a file is not there.
     """
-    spec = spec.copy()
+    original, spec = spec, spec.copy()
     files: dict[str, bytes] = {}
 
     def keep(file: str, folder: str) -> str:
-        """Keep a file, and return its name: after what it holds, so that it is kept once."""
-        content = _content(spec, file, folder)
+        """Keep a file, and return its name."""
+        return keep_content(_content(spec, file, folder), file)
+
+    def keep_content(content: bytes, file: str) -> str:
+        """Keep it under a name after what it holds, so that it is kept once."""
         name = hashlib.sha256(content).hexdigest()[:16] + Path(file).suffix.lower()
         files[name] = content
         return name
 
-    for part in (*spec.meshes, *spec.hfields, *spec.skins):
+    compiled: mujoco.MjModel | None = None
+    for index, mesh in enumerate(spec.meshes):
+        if not mesh.file:
+            continue
+        try:
+            mesh.file = keep(mesh.file, spec.meshdir)
+        except RobotError:
+            # Attached specs have folders of their own, which MuJoCo alone knows.
+            compiled = compiled or compile_spec(original.copy(), "The robot's spec")
+            meshes.take_over(mesh, keep_content(meshes.as_obj(compiled, index), "mesh.obj"))
+    for part in (*spec.hfields, *spec.skins):
         if part.file:
             part.file = keep(part.file, spec.meshdir)
     for texture in spec.textures:

@@ -90,6 +90,31 @@ def test_files_that_a_robot_needs_are_in_it(tmp_path: Path) -> None:
     assert read.portable().digest == read.digest
 
 
+def test_a_spec_put_together_from_several_folders(tmp_path: Path) -> None:
+    """Each part's meshes lie beside its own file, placed as that says."""
+    trunk = """<mujoco><worldbody><body name="trunk" pos="0 0 1"><freejoint/>
+      <geom type="box" size="0.1 0.1 0.1"/><site name="socket" pos="0 0 -0.1"/></body></worldbody>
+      </mujoco>"""
+    leg = """<mujoco><compiler meshdir="parts"/><asset>
+        <mesh name="hull" file="hull.obj" scale="1 2 1" refpos="0.1 0 0" refquat="1 1 0 0"/></asset>
+      <worldbody><body name="shank"><joint name="hip" axis="0 1 0" range="-1 1"/>
+        <geom type="mesh" mesh="hull" pos="0 0 -0.4"/><site name="tip" pos="0 0 -0.4"/></body>
+      </worldbody></mujoco>"""
+    for folder, text in (("a", trunk), ("b", leg)):
+        (tmp_path / folder / "parts").mkdir(parents=True)
+        (tmp_path / folder / "part.xml").write_text(text)
+    (tmp_path / "b" / "parts" / "hull.obj").write_text(TETRAHEDRON)
+    whole, part = (mujoco.MjSpec.from_file(str(tmp_path / f / "part.xml")) for f in ("a", "b"))
+    whole.attach(part, prefix="leg_", site=whole.site("socket"))
+    robot = Robot.from_mjcf(whole, ["leg_tip"], torque_limit=5.0)
+    read = again(robot, tmp_path)
+    close(robot, read)
+    for name in ("geom_pos", "geom_quat", "mesh_vert", "body_ipos", "mesh_face"):
+        two = getattr(robot.model, name), getattr(read.model, name)
+        np.testing.assert_allclose(*two, atol=1e-6, err_msg=name)
+    assert robot.digest == read.digest
+
+
 def test_the_digest_tells_robots_apart() -> None:
     animal = zoo.draw(22)
     plain: dict[str, Any] = {"feet": animal.foot_names}
