@@ -28,7 +28,6 @@ class _Layout(NamedTuple):
 
     base: int
     base_from_trunk: np.ndarray  # (3, 3)
-    members: np.ndarray  # (B,) the robot's bodies
     feet: np.ndarray  # (F,) body ids
     centre: np.ndarray  # (F, 3) m, centre of the foot's points, body frame
     drop: np.ndarray  # (F,) m, height of that centre above the lowered reference
@@ -57,7 +56,6 @@ def _layout_of(robot: Robot) -> _Layout:
     return _Layout(
         base=robot.base_body,
         base_from_trunk=base_from_trunk(robot),
-        members=np.flatnonzero(model.body_rootid == robot.base_body),
         feet=np.array([foot.body for foot in robot.feet], np.int64),
         centre=np.array([foot.points.mean(axis=0) for foot in robot.feet]),
         drop=np.array([foot.radius for foot in robot.feet]),
@@ -91,9 +89,6 @@ class LiveTerms:
         if not all(buffer.flags.c_contiguous for buffer in self._buffers):
             raise AssertionError("what a persistent batch derives from its state is contiguous")
         self._qvel = batch.bind("qvel")
-        self._body_mass = robot.model.body_mass[None].copy()
-        # As the batch's are where robots differ: to a kernel that is another type of array.
-        self._body_mass.flags.writeable = False
         count, feet, nv = len(self._qvel), robot.num_feet, robot.nv
         shapes = {
             "mass_matrix": (count, nv, nv),
@@ -110,15 +105,12 @@ class LiveTerms:
             "foot_bias": (count, feet, 6),
         }
         self._terms = DynamicsTerms(**{name: np.empty(shape) for name, shape in shapes.items()})
-        self._batch = batch
 
     def __call__(self) -> DynamicsTerms:
         """Return the terms, in arrays that the next call writes anew."""
-        masses = self._batch.expanded("body_mass")
         # The velocities are parts of the batch's state: one robot's do not follow another's.
         qvel = np.ascontiguousarray(self._qvel)
-        body_mass = self._body_mass if masses is None else masses
-        _read(self._layout, self._buffers, qvel, body_mass, self._terms)
+        _read(self._layout, self._buffers, qvel, self._terms)
         return self._terms
 
 
@@ -127,10 +119,9 @@ def _read(
     layout: _Layout,
     buffers: _Buffers,
     qvel: np.ndarray,
-    body_mass: np.ndarray,
     terms: DynamicsTerms,
 ) -> None:
-    """Write the terms of all robots to `terms`; `body_mass` (N, B) or (1, B) kg."""
+    """Write the terms of all robots to `terms`."""
     nv = len(layout.parent)
     xpos, xmat = buffers.xpos, buffers.xmat
     for i in range(len(qvel)):
@@ -146,9 +137,7 @@ def _read(
         origin = vector(buffers.subtree_com, (i, layout.base))
         store(origin, terms.com, (i,))
 
-        mass = 0.0
-        for body in layout.members:
-            mass += body_mass[min(i, len(body_mass) - 1), body]
+        mass = terms.mass_matrix[i, 0, 0] - layout.base_armature[0]
         for axis in range(3):
             momentum = -layout.base_armature[axis] * qvel[i, axis]
             for j in range(nv):
