@@ -98,8 +98,8 @@ def side_below(
     normals, corners = hull.equations[:, :3], hull.points[hull.simplices]
     edges = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = 0.5 * np.linalg.norm(edges, axis=1)
-    alike = np.linalg.norm(normals[:, None] - normals, axis=2) < _SAME
-    normals = normals[alike @ areas > _SIDE * areas.sum()]
+    _, side = np.unique(np.round(normals / _SAME), axis=0, return_inverse=True)
+    normals = normals[np.bincount(side, areas)[side] > _SIDE * areas.sum()]
     lowest = normals[np.argmin(normals[:, 2])] if len(normals) else -_DOWN
     return lowest if -lowest[2] > np.cos(most) else None
 
