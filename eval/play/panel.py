@@ -9,8 +9,12 @@ import viser
 from eval.play.controls import GROUPS, OVERLAYS, PUSH, TIME, WORLD, Control, Menu, Slider
 from eval.play.session import Change, ChangeAll, OneStep, Push, Request, Reset, Session
 from eval.play.texts import from_text, to_query, to_text
+from fbid_gym.dynamics.frames import quaternion_to_matrix
+from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.envs.overlays import LABELS
 from fbid_gym.errors import FbidError
+from fbid_gym.motions.gait.heading import axes_of_trunk
+from fbid_gym.robots import Robot
 
 _STEPS = {100.0: 1.0, 0.5: 0.01, 0.0: 0.002}
 """Of a slider whose range is at least that wide."""
@@ -55,7 +59,8 @@ class Panel:
             def push() -> Push:
                 x, y = _WAYS.get(ways.value, (0, 0))
                 session = self._session
-                ahead = heading(session.lanes[0].qpos)
+                lane = session.lanes[0]
+                ahead = heading(lane.batch.robot, lane.qpos)
                 left = np.array([-ahead[1], ahead[0], 0.0])
                 force = session.settings["push_force"] * (x * ahead + y * left)
                 return Push(tuple(force.tolist()), session.settings["push_seconds"])
@@ -134,8 +139,7 @@ class Panel:
             self._link.content = f"[Link to these settings](?{query})"
 
 
-def heading(qpos: np.ndarray) -> np.ndarray:
-    """Unit vector (3,), horizontal, world, to where a base (7,) looks."""
-    w, x, y, z = qpos[3:7]
-    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return np.array([np.cos(yaw), np.sin(yaw), 0.0])
+def heading(robot: Robot, qpos: np.ndarray) -> np.ndarray:
+    """Unit vector (3,), horizontal, world, to where a robot in a pose (nq,) looks."""
+    cosine, sine = axes_of_trunk(quaternion_to_matrix(qpos[3:7]) @ base_from_trunk(robot))
+    return np.array([cosine, sine, 0.0])

@@ -25,7 +25,7 @@ from fbid_gym.checks import by_name
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rate, Rates
-from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
+from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice, Number, Whole, check_fields
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.terrain import (
@@ -37,6 +37,7 @@ from fbid_gym.robots.terrain import (
     make_terrain,
 )
 from fbid_gym.robots.unmodelled import refuse_gravity
+from fbid_gym.robots.upright import refuse_lying
 from fbid_gym.tasks import TASKS, Pushes, Start, Task, Walk, make_task, task_kind, task_options
 from fbid_gym.tasks.pushes import Duration, Force, Interval, Jump
 from fbid_gym.tasks.start import Noise
@@ -137,8 +138,7 @@ class EnvConfig:
         """Return the robot."""
         if isinstance(self.robot, Robot):
             refuse_gravity(self.robot.model)
-            if not self.robot.num_joints:
-                raise RobotError(f"Robot {self.robot.name!r} has no joints to act with.")
+            refuse_lying(self.robot)
             return self.robot
         if not isinstance(self.robot, str):
             raise InvalidValueError("robot", self.robot, f"a Robot or one of {', '.join(ROBOTS)}")

@@ -153,7 +153,7 @@ def foot_of(name: str, points: Sequence[ContactPoint]) -> Foot:
 def named_by_body(model: mujoco.MjModel, names: Sequence[str]) -> bool:
     """Whether the names of a foot's points are one, and that of its body."""
     body = mujoco.mj_name2id(model, _OBJ.mjOBJ_BODY, names[0])
-    return len(names) == 1 and body > 0 and not _is_point(model, names[0])
+    return len(names) == 1 and body > 0 and not is_point(model, names[0])
 
 
 def find_foot(
@@ -242,7 +242,7 @@ def body_names(model: mujoco.MjModel) -> list[str]:
     return [name for name in names if name]
 
 
-def _is_point(model: mujoco.MjModel, name: str) -> bool:
+def is_point(model: mujoco.MjModel, name: str) -> bool:
     """Whether a site or a sphere or capsule has this name."""
     geom = mujoco.mj_name2id(model, _OBJ.mjOBJ_GEOM, name)
     return mujoco.mj_name2id(model, _OBJ.mjOBJ_SITE, name) >= 0 or (

@@ -20,7 +20,7 @@ STAND = "stand"
 
 _KEYFRAME = "home"
 _TOLERANCE = 1e-6  # rad: angles copied with rounding may sit on a limit
-_VERTICAL = 1e-4  # shorter than this seen from above, an axis points nowhere
+_VERTICAL = 0.25  # shorter than this seen from above, of 1, an axis points up or down
 
 
 def home_pose(
@@ -35,8 +35,8 @@ def home_pose(
         home: see `Robot.from_mjcf`. For STAND this is the pose from which to stand up.
 
     Returns:
-        qpos (nq,), base quaternion normalised. Seen from above, the base's x axis is the world's;
-        a base whose x axis is vertical faces nowhere and keeps its orientation.
+        qpos (nq,), base quaternion normalised. Seen from above, the base's x axis is the world's; a
+        base whose x axis is within 15 degrees of the vertical keeps its orientation.
 
     Raises:
         UnknownOptionError: unknown keyframe or joint name.

@@ -11,10 +11,18 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.feet import Foot
-from fbid_gym.robots.mjcf import can_touch, moving_joints, object_name, weight_of
+from fbid_gym.robots.feet import Foot, is_point
+from fbid_gym.robots.ground import heights_below
+from fbid_gym.robots.mjcf import (
+    can_touch,
+    listed,
+    moving_joints,
+    object_name,
+    static_geoms,
+    weight_of,
+)
 from fbid_gym.robots.polygon import margin_within
-from fbid_gym.robots.soles import side_below, spans_area
+from fbid_gym.robots.soles import TILTED, tilt_of
 from fbid_gym.robots.touching import lowest
 
 _OBJ = mujoco.mjtObj
@@ -28,9 +36,6 @@ ASSUMED_FRICTION = 0.7
 _SUNK = 0.01
 _UNEVEN = 0.02
 """Shares of the height of the centre of mass."""
-
-_TILTED, _STEEP = np.radians([5.0, 85.0])
-"""Sides of feet that are tilted by more than the first, and by less than the second, are soles."""
 
 _CARRIES_NOTHING = 0.001
 """Share of the weight."""
@@ -81,9 +86,12 @@ def findings(
     points = np.concatenate([foot.touching(data) for foot in feet])
     base = model.jnt_bodyid[0]
     height = float(data.subtree_com[base][2] - points[:, 2].min())
+    if height <= 0.0:
+        return [f"The centre of mass is {-1e3 * height:.3g} mm below the feet at home."]
     home = _Home(model, data, feet, points, height)
     return [
         *_penetration(home),
+        *_ground(home),
         *_uneven(home),
         *_on_edges(home),
         *_off_balance(home),
@@ -95,7 +103,7 @@ def findings(
 
 
 def _robot_geoms(model: mujoco.MjModel) -> np.ndarray:
-    return np.flatnonzero(can_touch(model) & (model.body_weldid[model.geom_bodyid] != 0))
+    return np.flatnonzero(can_touch(model) & ~static_geoms(model))
 
 
 def _penetration(home: _Home) -> list[str]:
@@ -115,6 +123,24 @@ def _penetration(home: _Home) -> list[str]:
     return [f"Body {body!r} is {-1e3 * low[deepest]:.3g} mm in the ground at home."]
 
 
+def _ground(home: _Home) -> list[str]:
+    """A file's ground that is not where robots begin, on z = 0."""
+    heights = heights_below(home.model, home.data, home.feet)
+    names = [name for foot in home.feet for name in foot.point_names]
+    bare = [name for name, height in zip(names, heights, strict=True) if np.isnan(height)]
+    if bare:
+        return [f"There is nothing below the points {listed(bare)} at home."]
+    gaps = home.points[:, 2] - heights
+    farthest = gaps[np.argmax(np.abs(gaps))]
+    if abs(farthest) <= max(_SUNK, _UNEVEN) * home.height:
+        return []
+    side = "below" if farthest > 0.0 else "above"
+    return [
+        f"The file's ground is {1e3 * abs(farthest):.3g} mm {side} the feet at home, "
+        "which begin at z = 0."
+    ]
+
+
 def _uneven(home: _Home) -> list[str]:
     spread = float(np.ptp(home.points[:, 2]))
     if spread <= _UNEVEN * home.height:
@@ -125,14 +151,14 @@ def _uneven(home: _Home) -> list[str]:
 def _on_edges(home: _Home) -> list[str]:
     told = []
     for foot in home.feet:
-        if foot.num_points > 1 and not spans_area(foot.points):
-            side = side_below(home.model, home.data, foot.body, _STEEP)
-            tilt = 0.0 if side is None else np.arccos(np.clip(-side[2], -1.0, 1.0))
-            if tilt > _TILTED:
-                told.append(
-                    f"Foot {foot.name!r} stands on an edge at home: the flat side nearest to the "
-                    f"ground is tilted by {np.degrees(tilt):.0f} degrees."
-                )
+        if is_point(home.model, foot.point_names[0]):  # as somebody wants it
+            continue
+        tilt = tilt_of(home.model, home.data, foot.body)
+        if tilt is not None and tilt > TILTED:
+            told.append(
+                f"Foot {foot.name!r} stands on an edge at home: the flat side nearest to the "
+                f"ground is tilted by {np.degrees(tilt):.0f} degrees."
+            )
     return told
 
 
@@ -248,8 +274,7 @@ def friction_of_feet(model: mujoco.MjModel, feet: Sequence[Foot]) -> float:
     As MuJoCo mixes it: that of the geom with the higher priority, else the larger of both; none
     where these have condim 1.
     """
-    static = (model.body_weldid[model.geom_bodyid] == 0) & can_touch(model)
-    grounds, found = np.flatnonzero(static), [np.inf]
+    grounds, found = np.flatnonzero(static_geoms(model)), [np.inf]
     for foot in feet:
         welded = model.body_weldid[model.geom_bodyid] == model.body_weldid[foot.body]
         for geom in np.flatnonzero(welded & can_touch(model)):

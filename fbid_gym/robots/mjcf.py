@@ -125,6 +125,12 @@ def can_touch(model: mujoco.MjModel) -> np.ndarray:
     return (model.geom_contype != 0) | (model.geom_conaffinity != 0)
 
 
+def static_geoms(model: mujoco.MjModel) -> np.ndarray:
+    """(ngeom,) bool, geoms of the static world, or of what only a mocap moves, that can touch."""
+    root = model.body_weldid[model.geom_bodyid]
+    return ((root == 0) | (model.body_mocapid[root] >= 0)) & can_touch(model)
+
+
 def check_tree(model: mujoco.MjModel) -> int:
     """Check that the model is one floating tree of hinges and slides.
 

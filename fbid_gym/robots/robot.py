@@ -317,7 +317,7 @@ def _build(
     # Bodies, joints and actuators keep their ids: only geoms, sites, lights and sensors join.
     bodies = {body.id: body for body in spec.bodies}  # ids are gone once something is added
     home_qpos = on_the_ground(plain, qpos, built)
-    add_ground(spec, plain, bodies[base_body], mjcf.posed(plain, home_qpos))
+    add_ground(spec, plain, bodies[base_body], home_qpos, built)
     sensors = add_contact_sensors(spec, plain, bodies, list(points.values()))
     model = mjcf.compile_spec(spec, source.label)
 

@@ -1,15 +1,16 @@
 """What is added to a robot's MJCF: something to stand on, and light."""
 
-import copy
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.mjcf import can_touch
+from fbid_gym.robots.feet import Foot
+from fbid_gym.robots.ground import heights_below
+from fbid_gym.robots.mjcf import posed
 
 _GEOM = mujoco.mjtGeom
-_UP = np.array([0.0, 0.0, 1.0])
 _EMPTY = mujoco.MjSpec()
 _PLAIN = _EMPTY.worldbody.add_geom()
 _INHERITED = (
@@ -19,7 +20,11 @@ _INHERITED = (
 
 
 def add_ground(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, base: mujoco.MjsBody, home: mujoco.MjData
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    base: mujoco.MjsBody,
+    home_qpos: np.ndarray,
+    feet: Sequence[Foot],
 ) -> None:
     """Add a ground plane, a light and a sky to a file whose static world has nothing to stand on.
 
@@ -27,9 +32,10 @@ def add_ground(
         spec: the spec to extend.
         model: the same, compiled before anything was added.
         base: the floating body; the light follows it, so that its shadow stays sharp.
-        home: kinematics of the home pose, in which something shall lie below the robot.
+        home_qpos: (nq,) the home pose, in which something shall lie below a foot.
+        feet: of the robot.
     """
-    if _lies_below(model, home):
+    if not np.isnan(heights_below(model, posed(model, home_qpos), feet)).all():
         return
     spec.add_texture(
         name="fbid_sky",
@@ -80,20 +86,6 @@ def add_ground(
         size=[0, 0, 0.1],
         material="fbid_ground",
     )
-
-
-def _lies_below(model: mujoco.MjModel, home: mujoco.MjData) -> bool:
-    """Whether static geometry that can touch lies below the centre of mass of the robot at home.
-
-    Walls, tables and targets that stand about do not.
-    """
-    static = (model.body_weldid[model.geom_bodyid] == 0) & can_touch(model)
-    # Rays meet the geoms of some groups alone, and none that is invisible.
-    seen = copy.copy(model)
-    seen.geom_group[:], seen.geom_matid[:], seen.geom_rgba[:, 3] = static, -1, 1.0
-    groups, met = np.array([0, 1, 0, 0, 0, 0], np.uint8), np.zeros(1, np.int32)
-    above = home.subtree_com[model.jnt_bodyid[0]].copy()
-    return bool(mujoco.mj_ray(seen, home, above, -_UP, groups, 1, -1, met) >= 0.0)
 
 
 def collision_bits(spec: mujoco.MjSpec) -> int:

@@ -1,11 +1,12 @@
 """Standing up on soles, where the pose to begin from tilts them: feet known by their bodies.
 
-A foot that is tilted touches level ground with an edge. What it shall stand on is then what is
-level where the file draws it, with its joints within their ranges or not; or else the flat side
-that comes down when it tips.
+A foot that is tilted touches level ground with less than its sole: with an edge, a corner, or a
+sliver of what is round. What it shall stand on is then what touches where the file draws it, with
+its joints within their ranges or not, or as it is, each tipped until the flat side that comes down
+first is level.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 import mujoco
@@ -19,16 +20,22 @@ from fbid_gym.robots.touching import ends_of, welded_geoms
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 
+TILTED = np.radians(5.0)
+"""Soles that are tilted by more are not stood on."""
+
+_TIPS = np.radians(45.0)
+"""A body tips by no more than this: farther, and it is not its sole that comes down."""
+
 _NARROW = 0.05
 """Width per length below which points span no area."""
+
+_LARGER = 1.2
+"""Area, or length where there is none, by which what a foot may stand on is better."""
 
 _SIDE = 0.1
 """Share of all its surface that a side of a body must have to stand on it."""
 
 _SAME = 1e-3  # of normals that are one side's
-
-_TIPS = np.radians(45.0)
-"""A body tips by no more than this: farther, and it is not its sole that comes down."""
 
 Points = dict[str, list[ContactPoint]]
 
@@ -55,34 +62,66 @@ def stand_up(
     """
     soles = dict(points)
     for foot, found in points.items():
-        by_shape = named is None or named_by_body(model, named[foot])
-        if by_shape and not spans_area(foot_of(foot, found).points):
-            soles[foot] = next(_soles(model, start, foot, found[0].body), found)
+        if named is None or named_by_body(model, named[foot]):
+            soles[foot] = _sole(model, start, foot, found)
     if soles != points:
         with suppress(RobotError):
             return soles, standing_pose(model, start, _feet(soles))
     return points, standing_pose(model, start, _feet(points))
 
 
-def spans_area(places: np.ndarray) -> bool:
-    """Whether places (P, 3) are neither one nor in a line."""
-    sizes = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
-    return len(sizes) > 1 and bool(sizes[1] > _NARROW * sizes[0])
+def tilt_of(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float | None:
+    """Return how far the flat side of a body that faces down the most is from level, rad.
+
+    None where no side of some size is nearer to that than to upright.
+    """
+    side = _side_below(model, data, body)
+    return None if side is None else float(np.arccos(np.clip(-side[2], -1.0, 1.0)))
 
 
-def side_below(
-    model: mujoco.MjModel, data: mujoco.MjData, body: int, most: float
-) -> np.ndarray | None:
-    """Return the outward normal (3,), world, of the flat side of a body that faces down the most.
+def _sole(
+    model: mujoco.MjModel, start: np.ndarray, foot: str, found: list[ContactPoint]
+) -> list[ContactPoint]:
+    """What a foot shall stand on, of which `found` touches in the pose to begin with."""
+    body, area = found[0].body, _extent(found)
+    tilt = tilt_of(model, posed(model, start), body)
+    if area[0] > 0.0 and tilt is not None and tilt <= TILTED:
+        return found
+    drawn = model.qpos0.copy()
+    drawn[:7] = start[:7]
+    tipped = [_tipped(model, pose, body) for pose in (drawn, start)]
+    others = [points_of_body(model, posed(model, pose), foot, body) for pose in tipped]
+    for size in range(2):
+        for other in others:
+            if _extent(other)[size] > _LARGER * area[size]:
+                return other
+        if area[size] > 0.0:
+            break
+    return found
 
-    Args:
-        model: the model.
-        data: its kinematics.
-        body: with what is welded to it.
-        most: rad between the normal and straight down.
 
-    Returns:
-        None where no flat side of some size faces down.
+def _extent(points: Sequence[ContactPoint]) -> tuple[float, float]:
+    """Measures of the area that points span, 0 for a line, and of their length."""
+    places = np.array([point.position for point in points])
+    sizes = np.zeros(3)
+    found = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    sizes[: len(found)] = found
+    wide = sizes[1] > _NARROW * sizes[0]
+    return float(wide * sizes[0] * sizes[1]), float(sizes[0])
+
+
+def _tipped(model: mujoco.MjModel, pose: np.ndarray, body: int) -> np.ndarray:
+    """The whole robot turned until the flat side of a body that comes down first is level."""
+    turned, side = pose.copy(), _side_below(model, posed(model, pose), body)
+    if side is not None:
+        turned[3:7] = _turned(pose[3:7], side, _DOWN)
+    return turned
+
+
+def _side_below(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> np.ndarray | None:
+    """Outward normal (3,), world, of the flat side of a body that faces down the most.
+
+    Of a body with what is welded to it; None where no side of some size does by `_TIPS`.
     """
     # Half a second that only those who ask should wait for.
     from scipy.spatial import ConvexHull, QhullError
@@ -101,22 +140,7 @@ def side_below(
     _, side = np.unique(np.round(normals / _SAME), axis=0, return_inverse=True)
     normals = normals[np.bincount(side, areas)[side] > _SIDE * areas.sum()]
     lowest = normals[np.argmin(normals[:, 2])] if len(normals) else -_DOWN
-    return lowest if -lowest[2] > np.cos(most) else None
-
-
-def _soles(
-    model: mujoco.MjModel, start: np.ndarray, foot: str, body: int
-) -> Iterator[list[ContactPoint]]:
-    """What a foot may stand on: as the file draws it, and tipped."""
-    drawn, tipped = model.qpos0.copy(), start.copy()
-    drawn[:7] = start[:7]
-    side = side_below(model, posed(model, start), body, _TIPS)
-    if side is not None:
-        tipped[3:7] = _turned(start[3:7], side, _DOWN)
-    for pose in (drawn, tipped):
-        found = points_of_body(model, posed(model, pose), foot, body)
-        if spans_area(foot_of(foot, found).points):
-            yield found
+    return lowest if -lowest[2] > np.cos(_TIPS) else None
 
 
 def _turned(quaternion: np.ndarray, this: np.ndarray, onto: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ _STRETCH = {False: 0.95, True: 0.8}
 """Length of a leg in the pose, of its length when straight: on two feet, and on more."""
 
 # Weights of what matters: firmly, as wished, and where nothing else says.
-_FIRM, _WISH, _SHY = 100.0, 0.3, 0.02
+_FIRM, _WISH, _FACING, _SHY = 100.0, 0.3, 0.1, 0.02
 _TOLERANCE = 0.01  # of a leg's length
 _STRAIGHT = 0.995
 _DIGITS = 7
@@ -41,8 +41,8 @@ def standing_pose(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]
 
     All contact points are level, the centre of mass is above the middle of them, the hips are 95 %
     of a straight leg's length from their feet (80 % on more than two feet) and joints are within
-    their ranges; least squares decides what is left: feet under their hips as in `start`, joints
-    near to it, knees towards the middle of their range.
+    their ranges; least squares decides what is left: feet under their hips and soles facing as in
+    `start`, joints near to it, knees towards the middle of their range.
 
     Args:
         model: compiled model.
@@ -91,6 +91,7 @@ class _Scene:
         )
         self.length = float(self._straight.mean())
         self._under = np.array([f[:2] - h[:2] for h, _, f in triangles])
+        self._facing = [self._rotation(leg).copy() for leg in legs]
         self._stretch = _STRETCH[len(legs) > 2]
 
     def bent(
@@ -124,8 +125,21 @@ class _Scene:
             _FIRM * (com - points.mean(axis=0))[:2] / self.length,
             stretch - self._stretch,
             _WISH * under.ravel() / self.length,
+            _FACING * np.array(self._turned()),
         ]
         return np.concatenate(parts)
+
+    def _rotation(self, leg: Leg) -> np.ndarray:
+        return self._data.xmat[leg.foot.body].reshape(3, 3)
+
+    def _turned(self) -> list[float]:
+        """How far each sole is turned about the vertical from where it was, as a sine."""
+        turned = []
+        for leg, before in zip(self._legs, self._facing, strict=True):
+            if leg.foot.num_points > 1:
+                change = self._rotation(leg) @ before.T
+                turned.append(0.5 * float(change[1, 0] - change[0, 1]))
+        return turned
 
     def failings(self, angles: np.ndarray) -> tuple[float, float]:
         """How far the points are from level, and the centre of mass from above their middle."""

@@ -15,6 +15,7 @@ from fbid_gym.errors import (
     ShapeError,
 )
 from fbid_gym.robots import Robot
+from tests.robots.similar import turned
 
 BIPED = next(iter(ENVIRONMENTS))
 ALL_ROBOTS = "biped, quadruped, humanoid, go1, g1"
@@ -266,3 +267,12 @@ def test_a_robot_without_joints_has_nothing_to_act_with():
     ball = Robot.from_mjcf(text, ["below"])
     with pytest.raises(RobotError, match="has no joints to act with"):
         gym.make("fbid_gym/QuadrupedBalance-v0", robot=ball)
+
+
+@pytest.mark.parametrize("env", ["QuadrupedBalance", "QuadrupedWalk", "QuadrupedCrawl"])
+def test_a_robot_below_its_feet_is_refused(env):
+    axis, angle = (1.0, 0.0, 0.0), np.pi
+    upside_down = turned("go1", axis, angle, as_drawn=False)
+    assert upside_down.check()[0].endswith("mm below the feet at home.")
+    with pytest.raises(RobotError, match="centre of mass of 'go1 turned' is .* below its feet"):
+        gym.make(f"fbid_gym/{env}-v0", robot=upside_down)

@@ -54,17 +54,24 @@ def moved(name: str, *origin: float) -> Robot:
     return Robot.from_mjcf(spec, own.FEET, name=f"{name} moved", home=own.HOME)
 
 
-def turned(name: str, axis: tuple[float, float, float], angle: float) -> Robot:
-    """A built-in robot whose base has other axes: those from before turned by an angle (rad)."""
+def turned(
+    name: str, axis: tuple[float, float, float], angle: float, *, as_drawn: bool = True
+) -> Robot:
+    """A built-in robot whose base has other axes: those from before turned by an angle (rad).
+
+    Or, not as it was drawn, the robot turned with them.
+    """
     own, turn, back, ipos = getattr(robots, name), np.empty(4), np.empty(4), np.empty(3)
     mujoco.mju_axisAngle2Quat(turn, np.array(axis), angle)
     mujoco.mju_negQuat(back, turn)
     spec, base = _with_base(own.ASSET)
-    as_before = base.add_frame(quat=back)
-    for part in (*base.bodies, *base.geoms, *base.sites, *base.cameras, *base.lights):
-        part.set_frame(as_before)
-    mujoco.mju_rotVecQuat(ipos, base.ipos, back)
-    base.quat, base.ipos, base.iquat = turn, ipos, back
+    base.quat = turn
+    if as_drawn:
+        as_before = base.add_frame(quat=back)
+        for part in (*base.bodies, *base.geoms, *base.sites, *base.cameras, *base.lights):
+            part.set_frame(as_before)
+        mujoco.mju_rotVecQuat(ipos, base.ipos, back)
+        base.ipos, base.iquat = ipos, back
     return Robot.from_mjcf(spec, own.FEET, name=f"{name} turned", home=own.HOME)
 
 

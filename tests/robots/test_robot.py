@@ -205,14 +205,30 @@ def test_there_is_exactly_one_ground(robot: Robot) -> None:
         ('<geom type="box" size="2 2 0.1" pos="0 0 -0.1"/>', True),  # a floor
         ('<geom type="box" size="2 2 0.1" pos="0 0 -0.1" rgba="1 1 1 0"/>', True),
         ('<geom type="box" size="2 2 0.1" pos="0 0 -0.1" contype="0" conaffinity="0"/>', False),
+        ('<geom type="box" size="2 2 0.1" pos="0 0 -0.1" contype="2" conaffinity="2"/>', False),
+        ('<geom type="plane" size="2 2 0.1" pos="3 0 0"/>', True),  # is drawn elsewhere
+        ('<body mocap="true"><geom type="box" size="2 2 0.1" pos="0 0 -0.1"/></body>', True),
+        ('<geom type="cylinder" size="0.05 0.01" pos="0 0 0"/>', False),  # between the feet
     ],
 )
 def test_ground_is_what_lies_below_the_robot(scenery: str, known: bool) -> None:
     text = Path(asset_path("go1.xml")).read_text().replace("<worldbody>", f"<worldbody>{scenery}")
     robot = Robot.from_mjcf(text, go1.FEET, home=go1.HOME)
     static = robot.model.body_weldid[robot.model.geom_bodyid] == 0
-    assert (robot.model.geom_type[static] == mujoco.mjtGeom.mjGEOM_PLANE).any() != known
-    assert not any("hover" in line for line in robot.check())
+    assert (
+        "fbid_ground" in [robot.model.geom(geom).name for geom in np.flatnonzero(static)]
+    ) != known
+    assert not any("ground" in line for line in robot.check())
+
+
+@pytest.mark.parametrize(("height", "told"), [(-1.0, "1e+03 mm below"), (0.1, "100 mm above")])
+def test_a_ground_elsewhere_is_told(height: float, told: str) -> None:
+    floor = f'<geom type="plane" size="2 2 0.1" pos="0 0 {height}"/>'
+    text = Path(asset_path("go1.xml")).read_text().replace("<worldbody>", f"<worldbody>{floor}")
+    robot = Robot.from_mjcf(text, go1.FEET, home=go1.HOME)
+    assert [line for line in robot.check() if line.startswith("The file's ground is")] == [
+        f"The file's ground is {told} the feet at home, which begin at z = 0."
+    ]
 
 
 def test_shared_robots_cannot_be_written_to(robot: Robot) -> None:

@@ -142,6 +142,40 @@ def test_feet_stand_on_their_soles_however_they_are_tilted_before(named, knees, 
     assert robot.check() == []
 
 
+ARC = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+OUTLINE = np.concatenate(
+    [
+        np.column_stack([0.03 + 0.1 * np.cos(ARC), 0.05 * np.sin(ARC), np.full(24, z)])
+        for z in (-0.06, -0.02)
+    ]
+)
+ROUND = '<geom type="mesh" mesh="sole" mass="0.5"/>'
+ASSET = (
+    f'<asset><mesh name="sole" vertex="{" ".join(f"{v:.6g}" for v in OUTLINE.ravel())}"/></asset>'
+)
+HEEL_TO_TOE = '<geom type="capsule" fromto="-0.07 0 -0.04 0.13 0 -0.04" size="0.02" mass="0.5"/>'
+
+
+@pytest.mark.parametrize(("feet", "length"), [(ROUND, 0.19), (HEEL_TO_TOE, 0.2), (BOX, 0.2)])
+@pytest.mark.parametrize(
+    ("knees", "tilt"), [("0 2", 0.0), ("0.2 2", 0.0), ("0.7 2", 0.0), ("0.35 2", 0.6)]
+)
+def test_feet_stand_on_all_of_their_length(knees, tilt, feet, length) -> None:
+    text = two_legs(feet, knees, tilt).replace("<worldbody>", f"{ASSET}<worldbody>")
+    named = ["left_foot", "right_foot"]
+    robot = Robot.from_mjcf(text, named, home="stand", torque_limit=100, armature=0.01)
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos
+    mujoco.mj_kinematics(robot.model, data)
+    for foot in robot.feet:
+        # A line's ends cannot be drawn tilted by more than it is told from where it touches.
+        if feet != HEEL_TO_TOE or not tilt:
+            assert np.ptp(foot.points[:, 0]) > length - 1e-6
+            assert data.xmat[foot.body][8] == pytest.approx(1.0, abs=1e-3)  # its z axis
+        facing = np.arctan2(data.xmat[foot.body][3], data.xmat[foot.body][0])
+        assert abs(facing) < 0.05
+
+
 def test_a_foot_on_its_edge_is_told() -> None:
     pitched = {f"{side}_ankle": 0.3 for side in ("left", "right")}
     feet = ["left_foot", "right_foot"]
