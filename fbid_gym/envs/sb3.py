@@ -22,7 +22,8 @@ class SB3VecEnv(VecEnv):
     """N environments for stable-baselines3, which resets them itself.
 
     At the end of an episode the info holds `terminal_observation`, `TimeLimit.truncated` and
-    `episode` (return r, length l, seconds since the start t), as SB3's own wrappers give them.
+    `episode` (return r, length l, seconds since the start t; not of episodes that `stagger` cuts
+    short), as SB3's own wrappers give them.
     Per-step quantities of all environments are in `last_info`; they enter the infos' dictionaries
     only when an episode ends, because building N dictionaries of twenty entries on every step would
     cost as much as the control law.
@@ -194,7 +195,7 @@ def make_sb3(
     """Build N environments for stable-baselines3.
 
     Args:
-        env_id: a registered id, such as "fbid_gym/BipedBalance-v0".
+        env_id: one of this package's ids, such as "fbid_gym/BipedBalance-v0".
         num_envs: how many.
         seed: environment i starts from seed + i.
         num_threads: threads that step them.
