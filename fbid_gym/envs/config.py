@@ -36,8 +36,7 @@ from fbid_gym.robots.terrain import (
     compile_world,
     make_terrain,
 )
-from fbid_gym.robots.unmodelled import refuse_gravity
-from fbid_gym.robots.upright import refuse_lying
+from fbid_gym.robots.upright import check_upright
 from fbid_gym.tasks import TASKS, Pushes, Start, Task, Walk, make_task, task_kind, task_options
 from fbid_gym.tasks.pushes import Duration, Force, Interval, Jump
 from fbid_gym.tasks.start import Noise
@@ -137,8 +136,7 @@ class EnvConfig:
     def load_robot(self) -> Robot:
         """Return the robot."""
         if isinstance(self.robot, Robot):
-            refuse_gravity(self.robot.model)
-            refuse_lying(self.robot)
+            check_upright(self.robot)
             return self.robot
         if not isinstance(self.robot, str):
             raise InvalidValueError("robot", self.robot, f"a Robot or one of {', '.join(ROBOTS)}")

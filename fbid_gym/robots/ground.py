@@ -41,6 +41,8 @@ def heights_below(model: mujoco.MjModel, home: mujoco.MjData, feet: Sequence[Foo
 def _meets(model: mujoco.MjModel, feet: Sequence[Foot]) -> np.ndarray:
     """(ngeom,) bool, geoms of the ground that touch what a foot touches with."""
     own = np.concatenate([welded_geoms(model, foot.body) for foot in feet])
+    if not own.size:
+        return static_geoms(model)
     types, affinities = model.geom_contype[own], model.geom_conaffinity[own]
     theirs = model.geom_contype[:, None] & affinities, model.geom_conaffinity[:, None] & types
     return static_geoms(model) & ((theirs[0] | theirs[1]) != 0).any(axis=1)

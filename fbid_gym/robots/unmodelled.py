@@ -40,18 +40,6 @@ def refuse_unmodelled(model: mujoco.MjModel) -> None:
     _refuse_pairs(model)
 
 
-def refuse_gravity(model: mujoco.MjModel) -> None:
-    """Refuse to stand and walk where gravity does not pull down; the laws alone need not.
-
-    Raises:
-        RobotError: it does not.
-    """
-    along, down = model.opt.gravity[:2], model.opt.gravity[2]
-    if np.any(along != 0.0) or not -np.inf < down < 0.0:
-        given = " ".join(f"{value:g}" for value in model.opt.gravity)
-        raise RobotError(f'gravity="{given}" does not pull down. Expected "0 0 -9.81" or the like.')
-
-
 def _refuse_tendons(model: mujoco.MjModel) -> None:
     acting = [
         tendon

@@ -1,4 +1,4 @@
-"""What a robot needs to stand and walk at all; the laws alone need it not."""
+"""What a robot needs to stand and walk at all; the laws alone do not need it."""
 
 import numpy as np
 
@@ -7,14 +7,18 @@ from fbid_gym.robots.mjcf import posed
 from fbid_gym.robots.robot import Robot
 
 
-def refuse_lying(robot: Robot) -> None:
-    """Refuse a robot that has nothing to act with, or is not above its feet at home.
+def check_upright(robot: Robot) -> None:
+    """Check that a robot has joints to act with, and that gravity pulls it onto its feet.
 
     Raises:
-        RobotError: it is such a one.
+        RobotError: it has none, gravity does not pull down, or the robot is not above its feet.
     """
     if not robot.num_joints:
         raise RobotError(f"Robot {robot.name!r} has no joints to act with.")
+    gravity = robot.model.opt.gravity
+    if np.any(gravity[:2] != 0.0) or not -np.inf < gravity[2] < 0.0:
+        given = " ".join(f"{value:g}" for value in gravity)
+        raise RobotError(f'gravity="{given}" does not pull down. Expected "0 0 -9.81" or the like.')
     home = posed(robot.model, robot.home_qpos)
     feet = np.concatenate([foot.touching(home) for foot in robot.feet])
     above = home.subtree_com[robot.base_body, 2] - feet[:, 2].mean()

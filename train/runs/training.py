@@ -71,7 +71,8 @@ def progress(config: TrainConfig) -> Progress:
     folder = RunFolder.of(config.folder)
     rows, evaluations = read_rows(folder.progress), read_rows(folder.evaluations)
     try:
-        return _progress(config, rows[-1:], evaluations[-1:], folder.exported_steps)
+        exported = 0 if config.eval.every else folder.exported_steps
+        return _progress(config, rows[-1:], evaluations[-1:], exported)
     except (KeyError, TypeError, ValueError) as error:
         raise RunError(f"{folder.path}: its tables are not those of a training.") from error
 
