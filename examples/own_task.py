@@ -43,7 +43,7 @@ class Bob:
         return np.column_stack([self.height(plan, outcome), self.body.observe(outcome)])
 
     def reward(self, outcome, plan, memory):
-        posture = self.body.posture(outcome)
+        posture = outcome.posture
         error = posture.base[:, 2] - self.height(plan, outcome)
         terms = {"height": 0.8 * np.exp(-((error / 0.03) ** 2)), "upright": 0.2 * posture.upright}
         return terms, {"height_error": error}

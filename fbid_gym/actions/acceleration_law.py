@@ -10,7 +10,7 @@ from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
 from fbid_gym.actions.law_memory import LawMemory, diagnostics_of, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
 from fbid_gym.control.inverse_dynamics import invert_dynamics
@@ -28,6 +28,7 @@ from fbid_gym.quantities import (
     Memory,
     Nearness,
     PointLimits,
+    ReducedContacts,
     Reference,
     RobotState,
     TaskCommand,
@@ -161,25 +162,12 @@ class AccelerationLaw:
         memory: LawMemory,
     ) -> np.ndarray:
         # Chosen here and not in compiled code: what a layer does not use is then not compiled.
+        robots = terms, state, desired
         if task is not None and task.acceleration.shape[1] > 0:
-            desired = _serve_first(self.constants, active, terms, task, desired)
-        law = _realise_within_limits if self.limited else _realise_without_limits
-        return law(self.constants, active, terms, state, desired, memory)
-
-
-@kernel
-def _serve_first(
-    law: _Constants,
-    active: ActivePoints,
-    terms: DynamicsTerms,
-    task: TaskCommand,
-    desired: np.ndarray,
-) -> np.ndarray:
-    """The accelerations (N, nv) that meet a task in m, then are as desired: eq. (19)."""
-    contacts = reduce_contacts(law.geometry, active, terms)
-    constraint = Constraint(contacts.jacobian, contacts.bias)
-    least = np.full(task.acceleration.shape[1], law.least_gain)
-    return serve_task(constraint, task, desired, law.nearness.mobility, least).motion
+            serve = _serve_within_limits if self.limited else _serve_without_limits
+            return serve(self.constants, active, *robots, task, memory)
+        realise = _realise_within_limits if self.limited else _realise_without_limits
+        return realise(self.constants, active, *robots, memory)
 
 
 @kernel
@@ -193,6 +181,75 @@ def _realise_within_limits(
 ) -> np.ndarray:
     """Torques (N, n) for accelerations (N, nv); updates the memory."""
     contacts = reduce_contacts(law.geometry, active, terms)
+    return _within_limits(law, active, contacts, terms, state, desired, memory)
+
+
+@kernel
+def _serve_within_limits(
+    law: _Constants,
+    active: ActivePoints,
+    terms: DynamicsTerms,
+    state: RobotState,
+    desired: np.ndarray,
+    task: TaskCommand,
+    memory: LawMemory,
+) -> np.ndarray:
+    """The same where a task comes before the accelerations."""
+    contacts = reduce_contacts(law.geometry, active, terms)
+    served = _served(law, contacts, task, desired)
+    return _within_limits(law, active, contacts, terms, state, served, memory)
+
+
+@kernel
+def _realise_without_limits(
+    law: _Constants,
+    active: ActivePoints,
+    terms: DynamicsTerms,
+    state: RobotState,
+    desired: np.ndarray,
+    memory: LawMemory,
+) -> np.ndarray:
+    """Torques (N, n) for accelerations (N, nv) by eq. (15); updates the memory."""
+    contacts = reduce_contacts(law.geometry, active, terms)
+    return _without_limits(law, contacts, terms, state, desired, memory)
+
+
+@kernel
+def _serve_without_limits(
+    law: _Constants,
+    active: ActivePoints,
+    terms: DynamicsTerms,
+    state: RobotState,
+    desired: np.ndarray,
+    task: TaskCommand,
+    memory: LawMemory,
+) -> np.ndarray:
+    """The same where a task comes before the accelerations."""
+    contacts = reduce_contacts(law.geometry, active, terms)
+    served = _served(law, contacts, task, desired)
+    return _without_limits(law, contacts, terms, state, served, memory)
+
+
+@compiled
+def _served(
+    law: _Constants, contacts: ReducedContacts, task: TaskCommand, desired: np.ndarray
+) -> np.ndarray:
+    """The accelerations (N, nv) that meet a task in m, then are as desired: eq. (19)."""
+    constraint = Constraint(contacts.jacobian, contacts.bias)
+    least = np.full(task.acceleration.shape[1], law.least_gain)
+    return serve_task(constraint, task, desired, law.nearness.mobility, least).motion
+
+
+@compiled
+def _within_limits(
+    law: _Constants,
+    active: ActivePoints,
+    contacts: ReducedContacts,
+    terms: DynamicsTerms,
+    state: RobotState,
+    desired: np.ndarray,
+    memory: LawMemory,
+) -> np.ndarray:
     found = limit_dynamics(
         EquationOfMotion(terms.mass_matrix, terms.bias),
         contacts,
@@ -209,17 +266,15 @@ def _realise_within_limits(
     return give_back(law.passive, found.torque, state.qpos, state.qvel)
 
 
-@kernel
-def _realise_without_limits(
+@compiled
+def _without_limits(
     law: _Constants,
-    active: ActivePoints,
+    contacts: ReducedContacts,
     terms: DynamicsTerms,
     state: RobotState,
     desired: np.ndarray,
     memory: LawMemory,
 ) -> np.ndarray:
-    """The same by eq. (15), whose contact forces have no limits."""
-    contacts = reduce_contacts(law.geometry, active, terms)
     constraint = Constraint(contacts.jacobian, contacts.bias)
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
     alike = np.empty((0, desired.shape[1] - 6))

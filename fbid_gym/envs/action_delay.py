@@ -55,5 +55,7 @@ class ActionDelay:
     def arrived(self, tick: int) -> np.ndarray:
         """Return the actions (N, A) that hold at this tick of the policy step."""
         chosen, ticks = self.arrays.values()
+        if chosen.shape[1] == 1:  # nobody waits
+            return chosen[:, 0]
         steps_ago = -((tick - ticks) // self.rates.ticks)
         return chosen[np.arange(len(chosen)), steps_ago]

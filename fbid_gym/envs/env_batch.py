@@ -256,11 +256,11 @@ class EnvBatch:
         return self._state
 
     def _outcome(self, effort: Effort) -> Outcome:
-        ticks, terms = self.rates.ticks, self.simulation.terms()
-        frame = self.task.body.stance.frame(terms)
+        state, terms, ticks = self._look(), self.simulation.terms(), self.rates.ticks
+        posture = self.task.body.posture(state, terms)
         square = effort.torque_square / (ticks * self.robot.num_joints)
         power, seconds = effort.power / ticks, 1.0 / self.rates.policy
-        return Outcome(self._look(), terms, frame, effort.torque, square, power, seconds)
+        return Outcome(state, terms, posture, effort.torque, square, power, seconds)
 
     def _observe(self, outcome: Outcome) -> np.ndarray:
         """(N, O) float32, clipped."""

@@ -114,7 +114,8 @@ class WalkingEnv(RobotEnv):
     `command_interval`.
 
     ## Episode End
-    As in `BalanceEnv`: a fall, a divergence, or `episode_seconds`.
+    As in `BalanceEnv`: a fall, a divergence, or `episode_seconds`. Where gait and `lowered_range`
+    have a robot lower than it stands at home, it lies as much lower: H is then that of the walk.
 
     ## Arguments
     Those of `BalanceEnv` without `height_range` and `height_interval`, and

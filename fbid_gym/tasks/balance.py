@@ -12,7 +12,7 @@ from fbid_gym.options import Pair, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, Posture, bell, level, weighted
+from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, bell, level, weighted
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan, check_schedule, command_at
 from fbid_gym.tasks.pushes import Pushes
@@ -161,11 +161,11 @@ class Balance:
             terms: name -> (N,), each in [0, its weight].
             metrics: name -> (N,) physical quantities for evaluation.
         """
-        body = self.body
-        posture, command = body.posture(outcome), self.command(plan, outcome.state.tick)
+        body, posture = self.body, outcome.posture
+        command = self.command(plan, outcome.state.tick)
         home = body.stance.home_base
         scales = _Scales(home, body.size, body.speed, body.mean_torque_limit)
-        shares = _judge(scales, posture, outcome, command)
+        shares = _judge(scales, outcome, command)
         height = posture.base[:, 2]
         metrics = {
             "height": height,
@@ -188,11 +188,9 @@ class _Scales(NamedTuple):
 
 
 @kernel
-def _judge(
-    scales: _Scales, posture: Posture, outcome: Outcome, command: np.ndarray
-) -> BalanceReward:
+def _judge(scales: _Scales, outcome: Outcome, command: np.ndarray) -> BalanceReward:
     """Return the shares of the terms of the reward; commanded heights (N,) m."""
-    count = len(command)
+    count, posture = len(command), outcome.posture
     share = BalanceReward(
         np.empty(count),
         np.empty(count),

@@ -9,13 +9,14 @@ import numpy as np
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.contacts import point_velocities
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.quantities import ContactGeometry
+from fbid_gym.dynamics.support import support_frame
+from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, RobotState
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.outcome import Outcome
+from fbid_gym.tasks.outcome import Outcome, Posture
 
 FALLEN_HEIGHT = 0.6
-"""Share of `Body.size` below which what is as high at home counts as fallen."""
+"""A robot lower than this share of the least height that its task has it at counts as fallen."""
 
 FALLEN_TILT = 60.0
 """Tilt of the base (degrees) beyond which the robot counts as fallen."""
@@ -24,25 +25,6 @@ TOUCHING_LOAD = 0.01
 """Share of the robot's weight that a point must carry to count as in contact."""
 
 _LEAST_UPRIGHT = np.cos(np.radians(FALLEN_TILT))
-
-
-class Posture(NamedTuple):
-    """How N robots stand; P points.
-
-    Attributes:
-        base: (N, 3) m, where each base is in its support frame.
-        velocity: (N, 3) m/s, of the base along the axes of that frame.
-        upright: (N,) cosine of the angle between the base's up direction and the vertical. The
-            base's up direction is that which points up at home.
-        touching: (N, P) bool, which points carry weight.
-        slip: (N,) m/s, mean speed of the points on the ground.
-    """
-
-    base: np.ndarray
-    velocity: np.ndarray
-    upright: np.ndarray
-    touching: np.ndarray
-    slip: np.ndarray
 
 
 class _Seen(NamedTuple):
@@ -64,9 +46,11 @@ class _Limbs(NamedTuple):
 
 
 class _Constants(NamedTuple):
-    """What posture, observation and fall are measured by, see `Body`."""
+    """What posture and observation are measured by, see `Body`."""
 
     geometry: ContactGeometry
+    heading: Heading
+    touching_force: float  # N, of a point that counts as in contact
     home_base: np.ndarray
     home_qpos: np.ndarray
     torque_limit: np.ndarray
@@ -80,16 +64,17 @@ class Body:
     Attributes:
         robot: the robot.
         stance: it at home.
+        lowered: m, most by which the task has it lower than at home.
     """
 
     robot: Robot
     stance: Stance
+    lowered: float
 
     @classmethod
-    def of(cls, robot: Robot) -> "Body":
-        """Measure a robot's home stance."""
-        stance = Stance.of(robot)
-        return cls(robot, stance)
+    def of(cls, robot: Robot, lowered: float = 0.0) -> "Body":
+        """Measure a robot's home stance; `lowered` as above."""
+        return cls(robot, Stance.of(robot), lowered)
 
     @cached_property
     def home_height(self) -> float:
@@ -118,8 +103,15 @@ class Body:
     @cached_property
     def _constants(self) -> _Constants:
         robot, stance = self.robot, self.stance
-        home = stance.home_base, robot.home_qpos
-        return _Constants(stance.geometry, *home, robot.torque_limit, robot.weight)
+        return _Constants(
+            geometry=stance.geometry,
+            heading=stance.heading,
+            touching_force=TOUCHING_LOAD * robot.weight,
+            home_base=stance.home_base,
+            home_qpos=robot.home_qpos,
+            torque_limit=robot.torque_limit,
+            weight=robot.weight,
+        )
 
     @property
     def observation_names(self) -> tuple[str, ...]:
@@ -167,9 +159,9 @@ class Body:
         )
         return np.concatenate(bound)
 
-    def posture(self, outcome: Outcome) -> Posture:
-        """Return how the robots stand."""
-        return _measure(self._constants, TOUCHING_LOAD, outcome)
+    def posture(self, state: RobotState, terms: DynamicsTerms) -> Posture:
+        """Return how robots stand."""
+        return _measure(self._constants, state, terms)
 
     def observe(self, outcome: Outcome) -> np.ndarray:
         """Return the posture, its velocity, the last torques and the load on the feet: (N, O)."""
@@ -177,16 +169,16 @@ class Body:
 
     def fallen(self, outcome: Outcome) -> np.ndarray:
         """Return which robots lie: (N,) bool."""
-        above = self.size - self.home_height
-        low = FALLEN_HEIGHT * self.size
-        return _find_fallen(self._constants, above, low, _LEAST_UPRIGHT, outcome)
+        upright = outcome.posture.upright
+        height = outcome.posture.base[:, 2] + (self.size - self.home_height) * upright
+        low = FALLEN_HEIGHT * (self.size - self.lowered)
+        return (height < low) | (upright < _LEAST_UPRIGHT)
 
 
 @kernel
-def _measure(body: _Constants, touch: float, outcome: Outcome) -> Posture:
-    """How the robots stand; a point that carries the share `touch` of the weight is in contact."""
-    state, terms, frame = outcome.state, outcome.terms, outcome.frame
-    count, points = state.contact_force.shape[:2]
+def _measure(body: _Constants, state: RobotState, terms: DynamicsTerms) -> Posture:
+    """What `Body.posture` returns."""
+    frame, (count, points) = support_frame(body.heading, terms), state.contact_force.shape[:2]
     point_velocity = point_velocities(body.geometry, terms)
     base, velocity, upright = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
     touching, slip = np.empty((count, points), np.bool_), np.empty(count)
@@ -200,7 +192,7 @@ def _measure(body: _Constants, touch: float, outcome: Outcome) -> Posture:
         upright[i] = terms.world_from_trunk[i, 2, 2]
         total, down = 0.0, 0
         for point in range(points):
-            touching[i, point] = state.contact_force[i, point, 2] > touch * body.weight
+            touching[i, point] = state.contact_force[i, point, 2] > body.touching_force
             if touching[i, point]:
                 moving = point_velocity[i, point]
                 total += np.sqrt(dot(moving, moving))
@@ -212,21 +204,16 @@ def _measure(body: _Constants, touch: float, outcome: Outcome) -> Posture:
 @kernel
 def _observe(body: _Constants, outcome: Outcome) -> np.ndarray:
     """What `Body.observe` returns."""
-    state, terms, frame = outcome.state, outcome.terms, outcome.frame
+    state, terms, posture = outcome.state, outcome.terms, outcome.posture
     count = len(state.qpos)
     seen = _Seen(
         np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
     )
     for i in range(count):
         for k in range(3):
-            place, speed = 0.0, 0.0
-            for axis in range(3):
-                offset = terms.base_position[i, axis] - frame.centre[i, axis]
-                place += frame.world_from_support[i, axis, k] * offset
-                speed += frame.world_from_support[i, axis, k] * state.qvel[i, axis]
-            seen.base[i, k] = place - body.home_base[k]
+            seen.base[i, k] = posture.base[i, k] - body.home_base[k]
             seen.up[i, k] = terms.world_from_base[i, 2, k]
-            seen.velocity[i, k] = speed
+            seen.velocity[i, k] = posture.velocity[i, k]
             seen.angular_velocity[i, k] = state.qvel[i, 3 + k]
     limbs = see_limbs(body.home_qpos, body.torque_limit, body.weight, outcome)
     return side_by_side((side_by_side(seen), limbs))
@@ -260,28 +247,6 @@ def see_limbs(
         for point in range(points):
             seen.load[i, point] = state.contact_force[i, point, 2] / weight
     return side_by_side(seen)
-
-
-@kernel
-def _find_fallen(
-    body: _Constants, above: float, low: float, least_upright: float, outcome: Outcome
-) -> np.ndarray:
-    """Robots (N,) that lie: the point `above` m above the base's origin is low, or it is tilted.
-
-    Args:
-        body: whose.
-        above: m, up at home, along the base.
-        low: m above the feet.
-        least_upright: cosine of the greatest tilt.
-        outcome: of the robots.
-    """
-    terms, count = outcome.terms, len(outcome.torque)
-    lying = np.empty(count, np.bool_)
-    for i in range(count):
-        upright = terms.world_from_trunk[i, 2, 2]
-        height = terms.base_position[i, 2] - outcome.frame.centre[i, 2] + above * upright
-        lying[i] = height < low or upright < least_upright
-    return lying
 
 
 @compiled

@@ -13,7 +13,7 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.body import Body, Posture, bell, level, side_by_side, weighted
+from fbid_gym.tasks.body import Body, bell, level, side_by_side, weighted
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
@@ -160,11 +160,11 @@ class Tracking:
         self, outcome: Outcome, plan: Plan, memory: Memory
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step; see `Task.reward`."""
-        body, posture = self.body, self.body.posture(outcome)
+        body, posture = self.body, outcome.posture
         reference = self._planned(plan, outcome.state.tick)
         sizes = body.size, body.speed, body.mean_torque_limit
         scales = _Scales(*sizes, body.stance.geometry.foot_of_point)
-        joint_error, shares = _judge(scales, posture, outcome, reference)
+        joint_error, shares = _judge(scales, outcome, reference)
         height, asked = posture.base[:, 2], reference.qpos[:, 2]
         metrics = {
             "height": height,
@@ -248,9 +248,10 @@ class _Judged(NamedTuple):
 
 
 @kernel
-def _judge(scales: _Scales, posture: Posture, outcome: Outcome, reference: Reference) -> _Judged:
+def _judge(scales: _Scales, outcome: Outcome, reference: Reference) -> _Judged:
     """Return the joints' errors, and the shares of the terms of the reward."""
     qpos, world_from_base = outcome.state.qpos, outcome.terms.world_from_base
+    posture = outcome.posture
     (count, width), points = qpos.shape, posture.touching.shape[1]
     joint_error, target = np.empty(count), np.empty((3, 3))
     share = TrackingReward(

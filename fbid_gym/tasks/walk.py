@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.gait import Gait, default_gait, gait_of
 from fbid_gym.motions.gait.target import GaitTarget
@@ -37,7 +38,7 @@ REWARD_WEIGHTS = WalkReward(
 """Each reward term lies in [0, weight]; they sum to 1."""
 
 MOST_LOWERED = 0.2
-"""Of the height of the centre of mass: much lower, and a robot counts as fallen."""
+"""Of the height of the centre of mass: much lower, and legs are too bent to walk."""
 
 Rates = Annotated[tuple[float, float], Pair(-2.0, 2.0)]
 
@@ -118,16 +119,19 @@ class Walk:
         """
         ranges = (forward_range, sideways_range, turning_range)
         check_schedule("command_interval", command_interval, seconds)
-        body = Body.of(robot)
-        height, gravity = float(body.stance.home_com[2]), robot.gravity
+        stance, gravity = Stance.of(robot), robot.gravity
+        height = float(stance.home_com[2])
         speed, rate = np.sqrt(gravity * height), np.sqrt(gravity / height)
         most = np.array(ranges) * np.array([speed, speed, rate])[:, None]
         walks, name = gait_of(robot, hz, gait), gait or default_gait(robot)
+        lowered = height * lowered_range[0], height * lowered_range[1]
+        # A gait may have a robot whose legs are straight at home a good deal lower.
+        body = Body.of(robot, float(stance.home_base[2]) - walks.height + lowered[1])
         scan = SCAN * height if height_scan else np.zeros((0, 2))
         return cls(
             *(body, seconds, hz, pushes, start, walks, name, most),
             interval=command_interval,
-            lowered=(height * lowered_range[0], height * lowered_range[1]),
+            lowered=lowered,
             scan=scan,
             ground=plane(),
         )
@@ -233,9 +237,9 @@ class Walk:
         self, outcome: Outcome, plan: Plan, memory: Memory
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Judge a policy step; see `Task.reward`."""
-        posture, command = self.body.posture(outcome), self.command(plan, outcome.state.tick)
+        command = self.command(plan, outcome.state.tick)
         scales, notes = self._scales, Notes.of(memory)
-        shares, moved = judge(scales, posture, outcome, command, notes)
+        shares, moved = judge(scales, outcome, command, notes)
         height = outcome.terms.base_position[:, 2] - notes.ground
         asked = notes.height - notes.ground
         metrics = {
@@ -248,7 +252,7 @@ class Walk:
             "height_error": height - asked,
             "torque_rms": np.sqrt(outcome.torque_square),
             "power": outcome.power,
-            "slip": posture.slip,
+            "slip": outcome.posture.slip,
             "distance": notes.distance.copy(),
             # Bounded: who stands on the spot has not walked for nothing.
             "cost_of_transport": notes.energy

@@ -10,7 +10,7 @@ from fbid_gym.motions.gait.heading import along, axes_of_trunk
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Memory
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.body import Posture, bell, level, see_limbs, side_by_side
+from fbid_gym.tasks.body import bell, level, see_limbs, side_by_side
 from fbid_gym.tasks.outcome import Outcome
 
 _PREFIX = "seen_"
@@ -193,11 +193,9 @@ def observe(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes)
 
 
 @kernel
-def judge(
-    scales: Scales, posture: Posture, outcome: Outcome, command: np.ndarray, notes: Notes
-) -> Judged:
+def judge(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes) -> Judged:
     """Return the shares of the terms of the reward, and how the robots moved; note the latter."""
-    state, terms = outcome.state, outcome.terms
+    state, terms, posture = outcome.state, outcome.terms, outcome.posture
     count, feet = notes.planted.shape
     points = posture.touching.shape[1]
     share = WalkReward(

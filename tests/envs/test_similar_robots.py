@@ -72,8 +72,9 @@ def outcome_of(robot: Robot, qpos: np.ndarray) -> Outcome:
     count, joints = len(qpos), np.zeros((len(qpos), robot.num_joints))
     qvel, force = np.zeros((count, robot.nv)), np.zeros((count, robot.num_points, 3))
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
-    state, frame = RobotState(qpos, qvel, force, np.zeros(count, np.int64)), Body.of(robot).stance
-    return Outcome(state, terms, frame.frame(terms), joints, joints[:, 0], joints[:, 0], 0.02)
+    state = RobotState(qpos, qvel, force, np.zeros(count, np.int64))
+    posture = Body.of(robot).posture(state, terms)
+    return Outcome(state, terms, posture, joints, joints[:, 0], joints[:, 0], 0.02)
 
 
 @pytest.mark.parametrize("up", [-0.9, 0.3])

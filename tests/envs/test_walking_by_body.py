@@ -8,6 +8,8 @@ from eval.zoo.__main__ import built
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.tick import Effort
+from fbid_gym.tasks.body import FALLEN_HEIGHT
 from fbid_gym.tasks.walk import MOST_LOWERED
 
 LAYERS = ("base_acceleration", "com_wrench")
@@ -56,6 +58,41 @@ def test_robots_walk_as_much_lower_as_they_are_told(robot, layer):
     asked = task.gait.constants.height - told
     assert step.info["height_command"] == pytest.approx(asked, abs=0.05 * told)
     assert step.info["height"] == pytest.approx(asked, abs=0.1 * told)
+
+
+def at_rest(batch):
+    return Effort.none(batch.num_envs, batch.robot.num_joints)
+
+
+def test_a_robot_that_its_gait_has_lower_has_not_fallen():
+    """The small quadruped stands on legs that are nearly straight, and paces on bent ones."""
+    batch, zero = walking("go1", "base_acceleration", 16, robot="quadruped", gait="pace")
+    body, asked = batch.task.body, batch.task.gait.height
+    least, size = np.inf, body.size - body.lowered
+    assert asked < 0.8 * body.home_height
+    assert size == pytest.approx(asked + body.size - body.home_height)
+    for _ in range(5 * batch.rates.policy):
+        assert not batch.step(zero).terminated.any()
+        least = min(least, batch._outcome(at_rest(batch)).posture.base[:, 2].min())
+    # So low that, measured by how it stands, it would lie.
+    assert FALLEN_HEIGHT * size < least < FALLEN_HEIGHT * body.size
+
+
+@pytest.mark.parametrize("share", [0.0, MOST_LOWERED])
+def test_a_robot_has_fallen_where_it_is_much_lower_than_asked(share):
+    batch, _ = walking("go1", "joint_position", 200, lowered_range=(0.0, share))
+    body = batch.task.body
+    asked = batch.task.gait.height - share * body.stance.home_com[2]
+    outcome = batch._outcome(at_rest(batch))
+    height = np.linspace(0.5, 0.7, 200) * asked
+    base = outcome.posture.base.copy()
+    base[:, 2], upright = height, np.ones(200)
+    found = body.fallen(
+        outcome._replace(posture=outcome.posture._replace(base=base, upright=upright))
+    )
+    above = body.size - body.home_height
+    np.testing.assert_array_equal(found, height + above < FALLEN_HEIGHT * (asked + above))
+    assert found.any() and not found.all()
 
 
 @pytest.mark.parametrize("seed", SPARE_JOINTS)

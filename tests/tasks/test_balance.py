@@ -45,10 +45,11 @@ def outcome_at(task, qpos, qvel, *, contact=None, tick=None, torque=None):
     tick = np.zeros(count, int) if tick is None else tick
     torque = np.zeros((count, robot.num_joints)) if torque is None else torque
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    state = RobotState(qpos, qvel, contact, tick)
     return Outcome(
-        RobotState(qpos, qvel, contact, tick),
+        state,
         terms,
-        task.body.stance.frame(terms),
+        task.body.posture(state, terms),
         torque,
         np.square(torque).mean(axis=1),
         np.abs(torque * qvel[:, 6:]).sum(axis=1),
@@ -252,7 +253,8 @@ def test_a_tilted_base_has_fallen(task, degrees, fallen):
         mujoco.mju_axisAngle2Quat(quaternion, axis, np.radians(degrees))
         mujoco.mju_quat2Mat(matrix, quaternion)
     terms = outcome.terms._replace(world_from_trunk=rotations.reshape(8, 3, 3))
-    assert (task.body.fallen(outcome._replace(terms=terms)) == fallen).all()
+    tilted = outcome._replace(terms=terms, posture=task.body.posture(outcome.state, terms))
+    assert (task.body.fallen(tilted) == fallen).all()
 
 
 def test_a_low_base_has_fallen(task, robot):

@@ -41,6 +41,11 @@ class Gait:
         """Rate at which the robot falls, 1/s: what its gains and times are derived from."""
         return self.constants.omega
 
+    @property
+    def height(self) -> float:
+        """Of the base above level ground, m, unless it is told to be lower."""
+        return self.constants.height
+
     def memory(self, terms: DynamicsTerms) -> Memory:
         """Return what is remembered of robots that stand where they are."""
         rotation = terms.world_from_trunk
