@@ -21,12 +21,13 @@ from train.runs.reading import load
 from train.runs.study import Cell, Study
 from train.runs.tables import EVALUATIONS, read_rows, to_csv
 from train.runs.training import is_finished
+from train.runs.versions import versions
 
 FIRST_SEED = 50_000
 """Robot i starts from it plus i: none that training, its evaluations or cards of policies use."""
 
 _MEASURED = tuple(name for name in EVALUATIONS if name not in ("steps", "wall_seconds"))
-_COLUMNS = ("run", "policy", *_MEASURED)
+_COLUMNS = ("run", "policy", "commit", *_MEASURED)
 
 Columns = dict[str, np.ndarray]
 """Those of `evaluations.csv` that are of the episodes, (1,) each."""
@@ -78,6 +79,7 @@ def measure(study: Study, episodes: int, say: Callable[[str], None]) -> None:
             "file: without it all is measured anew."
         )
     waiting = [cell for cell in _finished(study) if _of_today(rows, cell) is None]
+    played_with = _commit()
     for k, cell in enumerate(waiting):
         folder = cell.config.folder
         say(f"fresh episodes of {folder.name}: {k} of {len(waiting)}")
@@ -88,37 +90,52 @@ def measure(study: Study, episodes: int, say: Callable[[str], None]) -> None:
             found = evaluate(actor, envs, FIRST_SEED)
         finally:
             envs.close()
-        rows[folder.name] = {"run": folder.name, "policy": policy_digest(folder)}
-        rows[folder.name] |= {column: repr(found[column]) for column in _MEASURED}
-        write(file, to_csv(_COLUMNS, [rows[name] for name in sorted(rows)]))
+        played = {"policy": policy_digest(folder), "commit": played_with}
+        played |= {column: repr(found[column]) for column in _MEASURED}
+        rows[folder.name] = {"run": folder.name} | played
+        table = [{"commit": ""} | rows[name] for name in sorted(rows)]
+        write(file, to_csv(_COLUMNS, table))
 
 
 def kept(study: Study) -> tuple[dict[str, Columns], list[str]]:
     """Return what is kept of the finished trainings of a study.
 
     Returns:
-        By the name of the run, of those whose policy is still the one that played; and a warning
-        where others were measured, too.
+        By the name of the run, of those whose policy is still the one that played; and warnings
+        where others were measured, too, or by different states of the code.
 
     Raises:
         RunError: what is kept cannot be read.
     """
     rows = _rows(fresh_file(study))
-    found, changed = {}, []
+    found, changed, commits = {}, [], set()
     for cell in _finished(study):
         name = cell.config.folder.name
         row = _of_today(rows, cell)
         if row is not None:
             found[name] = {column: np.array([float(row[column])]) for column in _MEASURED}
+            commits.add(row.get("commit") or "unknown")
         elif name in rows:
             changed.append(name)
-    if not changed:
-        return found, []
-    which = ", ".join(changed)
-    return found, [
-        f"Fresh episodes were played by policies that have changed since, of {which}, and are left "
-        "out: --fresh-episodes plays them anew."
-    ]
+    warnings = []
+    if changed:
+        warnings.append(
+            "Fresh episodes were played by policies that have changed since, of "
+            f"{', '.join(changed)}, and are left out: --fresh-episodes plays them anew."
+        )
+    if len(commits) > 1:
+        warnings.append(
+            "Fresh episodes were played by different commits of this project: "
+            f"{', '.join(sorted(commits))}."
+        )
+    return found, warnings
+
+
+def _commit() -> str:
+    """What state of this project plays."""
+    known = versions()
+    commit = str(known["commit"] or "unknown")[:12]
+    return f"{commit} and changes" if known["uncommitted_changes"] else commit
 
 
 def _finished(study: Study) -> list[Cell]:

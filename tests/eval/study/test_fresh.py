@@ -80,6 +80,24 @@ def test_fresh_episodes_are_those_of_a_rollout_and_are_played_once(played):
     assert (again, fresh_file(played).read_bytes()) == ([], before)
 
 
+def test_fresh_episodes_of_different_commits_are_said_to_be(played):
+    file = fresh_file(played)
+    head, first, second = file.read_text().splitlines()
+    at = head.split(",").index("commit")
+    assert first.split(",")[at] == second.split(",")[at] != ""
+    older = second.split(",")
+    older[at] = "0123456789ab"
+    file.write_text("\n".join([head, first, ",".join(older)]) + "\n")
+    found, (warning,) = kept(played)
+    assert len(found) == 2
+    assert "different commits" in warning and "0123456789ab" in warning
+    # A table of before the commit was kept.
+    rows = [",".join(row.split(",")[:at] + row.split(",")[at + 1 :]) for row in (head, first)]
+    file.write_text("\n".join(rows) + "\n")
+    measure(played, 3, str)
+    assert "unknown" in kept(played)[1][0] and file.read_text().splitlines()[1].split(",")[at] == ""
+
+
 def test_fresh_episodes_are_on_the_page_and_in_the_table(played, tmp_path):
     out = tmp_path / "page.html"
     config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", out, video_seconds=0.0)
