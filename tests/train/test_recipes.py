@@ -19,9 +19,9 @@ def _write(folder, text, name="mine"):
     return folder
 
 
-def test_a_recipe_is_for_environments_that_there_are():
-    for recipe in recipes().values():
-        assert recipe.envs and set(recipe.envs) <= set(ENVIRONMENTS)
+def test_every_environment_has_a_recipe():
+    named = [env for recipe in recipes().values() for env in recipe.envs]
+    assert sorted(named) == sorted(ENVIRONMENTS)
 
 
 def test_the_environment_chooses_and_the_command_line_overrides():
@@ -32,12 +32,13 @@ def test_the_environment_chooses_and_the_command_line_overrides():
     assert config.total_steps == usual.total_steps != TrainConfig.total_steps
 
 
-def test_environments_without_a_recipe_are_trained_by_the_defaults():
-    named = {env for recipe in recipes().values() for env in recipe.envs}
-    for env in set(ENVIRONMENTS) - named:
-        assert parse(["--env", env]) == TrainConfig(env=env)
-    assert parse([]) == TrainConfig()
-    assert parse(["--env", WALK, "--recipe", "none"]) == TrainConfig(env=WALK)
+def test_the_environment_chooses_and_others_are_trained_by_the_defaults():
+    for env in ("mine/Own-v0", *ENVIRONMENTS):
+        expected = config_for(env, TrainConfig.action_layer)
+        assert parse(["--env", env]) == expected
+        assert (expected == TrainConfig(env=env)) == (env not in ENVIRONMENTS)
+        assert parse(["--env", env, "--recipe", "none"]) == TrainConfig(env=env)
+    assert parse([]) == config_for(TrainConfig.env, TrainConfig.action_layer)
 
 
 def test_a_recipe_may_be_asked_for_by_name():

@@ -1,14 +1,17 @@
-import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from fbid_gym.errors import FbidError
+from train.recipes import config_for
 from train.runs.command_line import options, parse, stored_options
 from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
 from train.runs.folder import RunFolder
 
 FOLDER = RunFolder.of(Path("runs/some"))
+USUAL = config_for(TrainConfig.env, TrainConfig.action_layer)
+"""What is trained where the command line says nothing."""
 
 
 @pytest.mark.parametrize(
@@ -36,7 +39,7 @@ FOLDER = RunFolder.of(Path("runs/some"))
 )  # fmt: skip
 def test_options_are_the_command_line_of_the_configuration(config):
     assert parse(list(options(config)), config.algorithm) == config
-    again = dataclasses.replace(config, num_threads=0, out=None, overwrite=False)
+    again = replace(config, num_threads=0, out=None, overwrite=False)
     assert parse(list(stored_options(config.to_json(), FOLDER)), config.algorithm) == again
 
 
@@ -49,21 +52,21 @@ def test_options_of_another_algorithm_are_refused():
 
 
 def test_options_say_only_what_is_not_the_default():
-    assert options(TrainConfig()) == ()
-    assert options(TrainConfig(seed=3, ppo=PPOConfig(gamma=0.9))) == (
-        *("--seed", "3"),
-        *("--ppo.gamma", "0.9"),
-    )
+    assert options(USUAL) == ()
+    own = replace(USUAL, seed=3, ppo=replace(USUAL.ppo, gamma=0.9))
+    assert options(own) == (*("--seed", "3"), *("--ppo.gamma", "0.9"))
+    of_none = TrainConfig(env="mine/Own-v0", ppo=PPOConfig(gamma=0.9))
+    assert options(of_none) == (*("--env", "mine/Own-v0"), *("--ppo.gamma", "0.9"))
 
 
 def test_stored_options_say_what_a_run_did_before_there_was_a_choice():
-    stored = TrainConfig(seed=3).to_json()
+    stored = replace(USUAL, seed=3).to_json()
     del stored["stagger"]
     assert stored_options(stored, FOLDER) == ("--no-stagger", "--seed", "3")
 
 
 def test_stored_options_of_another_version_are_those_that_there_are():
-    stored = TrainConfig(seed=3).to_json()
+    stored = replace(USUAL, seed=3).to_json()
     del stored["torch_threads"]
     stored["ppo"]["rollouts"] = 7
     stored |= {"colour": "blue", "checkpoint_every": 5}
@@ -75,5 +78,5 @@ def test_stored_options_of_another_version_are_those_that_there_are():
     [("go1", ("--robot", "go1")), ({"name": "dog"}, ("--robot", str(FOLDER.robot)))],
 )
 def test_stored_options_name_the_robot_or_the_file_that_keeps_it(robot, words):
-    stored = TrainConfig(env_args={"robot": robot, "push_force": [1, 2]}).to_json()
+    stored = replace(USUAL, env_args={"robot": robot, "push_force": [1, 2]}).to_json()
     assert stored_options(stored, FOLDER) == ("--env-args", '{"push_force": [1, 2]}', *words)

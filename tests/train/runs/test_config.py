@@ -7,6 +7,7 @@ import pytest
 import train.runs.config
 from fbid_gym.actions.falling import Falling
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from train.recipes import config_for
 from train.runs.command_line import parse
 from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
 
@@ -15,7 +16,8 @@ def test_command_line_of_the_readme():
     config = parse(
         "--env fbid_gym/BipedBalance-v0 --action-layer base_acceleration --seed 3".split()
     )
-    assert config == TrainConfig(seed=3)
+    usual = config_for(TrainConfig.env, TrainConfig.action_layer)
+    assert config == dataclasses.replace(usual, seed=3)
     assert config.folder == Path("runs/BipedBalance-v0-base_acceleration-s3")
     assert config.make_args() == {"action_layer": "base_acceleration"}
 
@@ -23,6 +25,7 @@ def test_command_line_of_the_readme():
 def test_command_line_reaches_every_level():
     config = parse(
         [
+            *("--recipe", "none"),
             *("--layer-options", '{"contact_limits": "none"}'),
             *("--env-args", '{"push_force": [50, 150]}'),
             *("--eval.every", "0"),

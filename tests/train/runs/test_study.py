@@ -145,7 +145,7 @@ def test_settings_of_study_and_arm_are_checked_together(tmp_path):
         (f"{ARM}ppo = {{ hidden = [64.5] }}", "Invalid ppo.hidden: 64.5. Expected a whole number"),
         (f"{ARM}ppo = {{ activation = 'gelu' }}", "Unknown ppo.activation 'gelu'. Valid choices:"),
         (f"{ARM}total_steps = 0", "Invalid total_steps: 0."),
-        (f"{ARM}recipe = 'fast'", "Unknown recipe 'fast'. Valid choices: walk, none."),
+        (f"{ARM}recipe = 'fast'", "Unknown recipe 'fast'. Valid choices: balance, walk, none."),
         ('[[arms]]\nname = "a"', "an arm without env. Expected one in each"),
         (ARM.replace('"a"', '"../a"'), "arm '../a' cannot name a folder."),
     ],
