@@ -17,6 +17,7 @@ import tyro
 from eval import statistics as st
 from eval.files import check_folder, read_json, to_json, write
 from eval.rollout import Player, play_player
+from eval.unseen import check_unseen
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.exit_status import exit_status
@@ -82,12 +83,13 @@ def ship(config: ShipConfig) -> Path:
     size = _bytes(policy)
     if size > MOST_BYTES:
         raise RunError(f"{run.path}: its policy has {size:,} bytes. Expected at most 200 KB.")
+    assert run.config is not None and run.curve is not None  # or there would be no best one
+    check_unseen(config.seed, config.episodes, run.config, run.path)
     player = Player(config.name, policy.env_id, dict(policy.env_args), policy)
     episodes = play_player(player, config.episodes, config.seed, config.episodes)
     place = config.out / config.name
     policy.save(place / "policy")
     digest = read_json(place / "policy" / "policy.json")["sha256"]
-    assert run.config is not None and run.curve is not None  # or there would be no best one
     card = Card(
         env_id=policy.env_id,
         env_args=policy.env_args,

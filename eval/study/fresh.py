@@ -14,6 +14,7 @@ import numpy as np
 from eval.files import check_folder, write
 from eval.rollout import Player
 from eval.study.cells import policy_digest
+from eval.unseen import check_unseen
 from fbid_gym.errors import RunError
 from train.environments import make_envs
 from train.evaluation import evaluate
@@ -65,8 +66,8 @@ def measure(study: Study, episodes: int, say: Callable[[str], None]) -> None:
         say: told what is happening.
 
     Raises:
-        RunError: a policy that cannot be read, or what is kept is of another number of episodes;
-            nothing is lost then.
+        RunError: a policy that cannot be read, one that was evaluated from the same seeds, or what
+            is kept is of another number of episodes; nothing is lost then.
         InvalidValueError: nothing can be written beside the runs.
     """
     file = fresh_file(study)
@@ -79,6 +80,8 @@ def measure(study: Study, episodes: int, say: Callable[[str], None]) -> None:
             "file: without it all is measured anew."
         )
     waiting = [cell for cell in _finished(study) if _of_today(rows, cell) is None]
+    for cell in waiting:
+        check_unseen(FIRST_SEED, episodes, cell.config.to_json(), cell.config.folder)
     played_with = _commit()
     for k, cell in enumerate(waiting):
         folder = cell.config.folder

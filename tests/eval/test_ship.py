@@ -90,6 +90,20 @@ def test_what_is_not_finished_or_no_run_is_refused(run_folder, tmp_path, config)
     assert not config.out.exists()
 
 
+@pytest.mark.parametrize(("first", "ours"), [(30, False), (31, True), (69, True), (70, False)])
+def test_cards_are_of_episodes_that_no_evaluation_has_seen(config, first, ours):
+    file = RunFolder.of(config.run).config
+    known = json.loads(file.read_text())
+    file.write_text(json.dumps(known | {"eval": {"every": 1, "seed": 50, "episodes": 20}}))
+    asked = replace(config, seed=first)
+    if not ours:
+        ship(asked)
+        return
+    with pytest.raises(FbidError, match="was evaluated from seeds 50 to 69. Expected none of"):
+        ship(asked)
+    assert not config.out.exists()
+
+
 def test_a_network_that_is_too_large_is_refused(config):
     best = RunFolder.of(config.run).best_policy
     policy = Policy.load(best)

@@ -80,6 +80,17 @@ def test_fresh_episodes_are_those_of_a_rollout_and_are_played_once(played):
     assert (again, fresh_file(played).read_bytes()) == ([], before)
 
 
+def test_fresh_episodes_are_none_of_an_evaluation(played, tmp_path):
+    path = tmp_path / "other.toml"
+    seen = f"eval = {{ seed = {FIRST_SEED + 2}, every = 100_000 }}\n"
+    path.write_text(f"{seen}{STUDY}")
+    study = read_study(path, tmp_path / "elsewhere")
+    fill(study.cells[0], 10.0, 0.1)
+    with pytest.raises(FbidError, match=f"was evaluated from seeds {FIRST_SEED + 2} to"):
+        measure(study, 3, print)
+    assert not fresh_file(study).exists()
+
+
 def test_fresh_episodes_of_different_commits_are_said_to_be(played):
     file = fresh_file(played)
     head, first, second = file.read_text().splitlines()
