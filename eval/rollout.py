@@ -16,10 +16,10 @@ import numpy as np
 import tyro
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress
 from rich.table import Table
 
 from eval.files import check_output, to_json, write
+from eval.progress import progress
 from eval.video import Clip, record
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import InvalidValueError
@@ -286,14 +286,13 @@ def run(config: RolloutConfig, console: Console) -> None:
     player = player_of(config)
     for warning in _warnings(config, player):
         console.print(warning, style="yellow", markup=False, highlight=False, soft_wrap=True)
-    with Progress(console=console, transient=True) as progress:
-        task = progress.add_task("episodes", total=config.episodes)
+    with progress(console, "episodes") as tell:
         episodes = play_player(
             player,
             config.episodes,
             config.seed,
             config.num_envs,
-            lambda finished: progress.update(task, completed=finished),
+            lambda finished: tell(finished, config.episodes, ""),
         )
     console.print(table(player, episodes))
     if config.out is not None:

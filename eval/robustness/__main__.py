@@ -12,11 +12,10 @@ from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
-from rich.markup import escape
-from rich.progress import Progress
 
 from eval.files import check_output, to_json, write
 from eval.pages import ROBUSTNESS_PAGE, command_block, splice, spliced
+from eval.progress import progress
 from eval.robustness.arms import Arm, Wanted, load_arms, zero_action
 from eval.robustness.curves import Budget, Robustness, measure
 from eval.robustness.factors import FACTORS
@@ -86,13 +85,8 @@ def run(config: RobustnessConfig, console: Console, command: list[str]) -> None:
         spliced(ROBUSTNESS_PAGE, "")
     arms, warnings = gathered(config)
     factors = [factor for factor in FACTORS if factor.name in config.factors]
-    with Progress(console=console, transient=True) as progress:
-        task = progress.add_task("environments", total=None)
-
-        def say(done: int, total: int, what: str) -> None:
-            progress.update(task, completed=done, total=total, description=escape(what))
-
-        found = measure(arms, factors, budget, say)
+    with progress(console, "environments") as told:
+        found = measure(arms, factors, budget, told)
     found = replace(found, warnings=warnings, versions=versions())
     write(config.out, page(found, command))
     write(config.out.with_suffix(".json"), to_json(found.to_dict()))

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 
 from eval import statistics as st
+from eval.progress import Tell
 from eval.results import Estimate
 from eval.robustness.arms import Arm, environment
 from eval.robustness.factors import FACTORS, Factor, changed
@@ -26,9 +27,6 @@ CONFIDENCE, SAMPLES = 0.95, 2000
 
 _METRICS = {metric.name: metric for metric in METRICS}
 _FACTORS = {factor.name for factor in FACTORS}
-
-Say = Callable[[int, int, str], None]
-"""Told how many conditions have been played, of how many, and which one is next."""
 
 
 class Budget(NamedTuple):
@@ -158,7 +156,7 @@ def measure(
     arms: Sequence[Arm],
     factors: Sequence[Factor],
     budget: Budget,
-    say: Say = lambda done, total, what: None,
+    tell: Tell = lambda done, total, what: None,
 ) -> Robustness:
     """Play every arm along every factor.
 
@@ -168,7 +166,7 @@ def measure(
         arms: all of one environment.
         factors: those that the environment does not have are left out.
         budget: how much is played.
-        say: told what is happening.
+        tell: told how far it is.
 
     Raises:
         FbidError: arguments of an environment that are not valid, or a policy that does not fit;
@@ -186,7 +184,7 @@ def measure(
     every = {one.key: one for conditions in plan.values() for one in conditions}
     played: dict[str, Episodes] = {}
     for key, one in every.items():
-        say(len(played), len(every), one.player.name)
+        tell(len(played), len(every), one.player.name)
         played[key] = play_player(one.player, budget.episodes, budget.seed, budget.episodes)
     walks = all(np.isfinite(episodes.velocity_error).all() for episodes in played.values())
     measures = "survived", "velocity_error" if walks else "returned"

@@ -8,18 +8,17 @@ as far as it is, and said to be unfinished.
 
 import shlex
 import sys
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 from rich.console import Console
-from rich.markup import escape
 
 from eval.clips import Shown, fate
 from eval.files import check_output, to_json, write
 from eval.pages import DOCS, splice, spliced
+from eval.progress import Tell, progress
 from eval.robustness.arms import Arm as Tried
 from eval.robustness.arms import arm_of_cells
 from eval.robustness.curves import Budget, Robustness, measure, read
@@ -39,7 +38,6 @@ from train.runs.reading import load
 from train.runs.study import Study, arms, check_cells, environment_name, read_study
 from train.runs.training import is_finished
 
-Say = Callable[[str], None]
 """Told what is happening."""
 
 
@@ -91,29 +89,25 @@ def main(config: StudyConfig, command: str = "") -> int:
     if config.write_docs:
         spliced(docs, "", study.name)  # refuses a page without marks before anything is played
     if config.fresh_episodes is not None:
-        with console.status("reading") as status:
-            fresh.measure(study, config.fresh_episodes, lambda what: status.update(escape(what)))
+        with progress(console, "fresh episodes") as tell:
+            fresh.measure(study, config.fresh_episodes, tell)
     said = table(study)
     pictures = {}
     if config.write_docs:  # refuses before anything is written
         pictures = {".csv": numbers(study), ".svg": drawn(study)}
     if config.out is not None:
         found = findings(study, config.settings, config.reference)
-        with console.status("reading") as status:
-
-            def say(what: str) -> None:
-                status.update(escape(what))
-
-            if config.robustness:
-                measure_robustness(config, study, say)
-            robustness = {env_id: kept for env_id in found.environments()
-                          if (kept := _kept(study, env_id)) is not None}  # fmt: skip
-            old = [warning for kept in robustness.values() for warning in _outdated(study, kept)]
-            found = replace(found, warnings=[*found.warnings, *old])
-            clips: dict[tuple[str, str], Shown] = {}
-            if config.video_seconds > 0:
-                clips, missing = film(study, found, config.video_seconds, say)
-                found = replace(found, warnings=[*found.warnings, *missing])
+        if config.robustness:
+            measure_robustness(config, study, console)
+        robustness = {env_id: kept for env_id in found.environments()
+                      if (kept := _kept(study, env_id)) is not None}  # fmt: skip
+        old = [warning for kept in robustness.values() for warning in _outdated(study, kept)]
+        found = replace(found, warnings=[*found.warnings, *old])
+        clips: dict[tuple[str, str], Shown] = {}
+        if config.video_seconds > 0:
+            with progress(console, "clips") as tell:
+                clips, missing = film(study, found, config.video_seconds, tell)
+            found = replace(found, warnings=[*found.warnings, *missing])
         write(config.out.with_suffix(".json"), to_json(asdict(found)))
         write(config.out, page(found, clips, robustness, command))
     for suffix, content in pictures.items():
@@ -127,7 +121,7 @@ def main(config: StudyConfig, command: str = "") -> int:
 
 
 def film(
-    study: Study, found: Findings, seconds: float, say: Say
+    study: Study, found: Findings, seconds: float, tell: Tell
 ) -> tuple[dict[tuple[str, str], Shown], list[str]]:
     """Record the median training of each arm of which any is done.
 
@@ -136,11 +130,10 @@ def film(
     """
     colour, cells = colours(found), {cell.config.folder.name: cell for cell in study.cells}
     clips, missing = {}, []
-    for arm in found.arms:
-        if not arm.done:
-            continue
+    done = [arm for arm in found.arms if arm.done]
+    for k, arm in enumerate(done):
         name = _median(arm)
-        say(f"clip of {name}")
+        tell(k, len(done), name)
         try:
             run = load(cells[name].config.folder)
             clip = filmed(Player.of(run), found.settings.seed, seconds, arm.name)
@@ -157,7 +150,7 @@ def _median(arm: ArmFound) -> str:
     return ranked[(len(ranked) - 1) // 2][1]
 
 
-def measure_robustness(config: StudyConfig, study: Study, say: Say) -> None:
+def measure_robustness(config: StudyConfig, study: Study, console: Console) -> None:
     """Try the finished trainings of each environment along all factors, and keep what is found."""
     tried: dict[str, list[Tried]] = {}
     for arm in arms(study):
@@ -167,7 +160,8 @@ def measure_robustness(config: StudyConfig, study: Study, say: Say) -> None:
             tried.setdefault(arm.env, []).append(arm_of_cells(arm.name, done, None, short))
     budget = Budget(config.robustness_episodes, config.settings.seed)
     for env_id, its in tried.items():
-        found = measure(its, FACTORS, budget, lambda k, n, what: say(f"{what}: {k} of {n}"))
+        with progress(console, f"robustness in {env_id}") as tell:
+            found = measure(its, FACTORS, budget, tell)
         write(robustness_file(study, env_id), to_json(found.to_dict()))
 
 

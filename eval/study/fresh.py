@@ -5,13 +5,14 @@ one robot in a hundred.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from eval.files import check_folder, write
+from eval.progress import Tell
 from eval.rollout import Player
 from eval.study.cells import policy_digest
 from eval.unseen import check_unseen
@@ -57,13 +58,13 @@ def fresh_file(study: Study) -> Path:
     return study.cells[0].config.folder.parent / "fresh_episodes.csv"
 
 
-def measure(study: Study, episodes: int, say: Callable[[str], None]) -> None:
+def measure(study: Study, episodes: int, tell: Tell) -> None:
     """Play the finished trainings of a study, as far as their policies have not been, and keep it.
 
     Args:
         study: what was trained.
         episodes: of every policy, one of each robot.
-        say: told what is happening.
+        tell: told how far it is.
 
     Raises:
         RunError: a policy that cannot be read, one that was evaluated from the same seeds, or what
@@ -85,7 +86,7 @@ def measure(study: Study, episodes: int, say: Callable[[str], None]) -> None:
     played_with = _commit()
     for k, cell in enumerate(waiting):
         folder = cell.config.folder
-        say(f"fresh episodes of {folder.name}: {k} of {len(waiting)}")
+        tell(k, len(waiting), folder.name)
         player = Player.of(load(folder))
         envs = make_envs(player.env_id, player.make_args, episodes)
         try:

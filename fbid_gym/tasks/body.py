@@ -16,7 +16,8 @@ from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.outcome import Outcome, Posture
 
 FALLEN_HEIGHT = 0.6
-"""A robot lower than this share of the least height that its task has it at counts as fallen."""
+"""Share of how tall its task has it stand, `Body.size` less `Body.lowered`, below which what is as
+high at home counts as fallen."""
 
 FALLEN_TILT = 60.0
 """Tilt of the base (degrees) beyond which the robot counts as fallen."""
@@ -64,7 +65,7 @@ class Body:
     Attributes:
         robot: the robot.
         stance: it at home.
-        lowered: m, most by which the task has it lower than at home.
+        lowered: m, most by which the task has it walk lower than it stands at home.
     """
 
     robot: Robot

@@ -54,7 +54,7 @@ def played(study, standing_and_thrashing):
         each.save(folder.policy)
         folder.versions.write_text("{}")
     said = []
-    measure(study, 3, said.append)
+    measure(study, 3, lambda *told: said.append(told))
     assert len(said) == 2
     return study
 
@@ -76,7 +76,7 @@ def test_fresh_episodes_are_those_of_a_rollout_and_are_played_once(played):
     assert sorted(falls) == [0, 3]
     assert Falls.of(list(found.values())) == Falls(3, 6) and str(Falls(12, 3456)) == "12 of 3,456"
     before, again = fresh_file(played).read_bytes(), []
-    measure(played, 3, again.append)
+    measure(played, 3, lambda *told: again.append(told))
     assert (again, fresh_file(played).read_bytes()) == ([], before)
 
 
@@ -105,7 +105,7 @@ def test_fresh_episodes_of_different_commits_are_said_to_be(played):
     # A table of before the commit was kept.
     rows = [",".join(row.split(",")[:at] + row.split(",")[at + 1 :]) for row in (head, first)]
     file.write_text("\n".join(rows) + "\n")
-    measure(played, 3, str)
+    measure(played, 3, print)
     assert "unknown" in kept(played)[1][0] and file.read_text().splitlines()[1].split(",")[at] == ""
 
 
@@ -166,8 +166,8 @@ def test_fresh_episodes_of_policies_that_have_changed_are_left_out_and_played_ag
     assert found.keys() == {first.name} and f"of {second.name}, and are left out" in warning
     assert warning in findings(played, FEW).warnings
     said = []
-    measure(played, 3, said.append)
-    assert len(said) == 1 and second.name in said[0]
+    measure(played, 3, lambda *told: said.append(told))
+    assert said == [(0, 1, second.name)]
     assert Falls.of(list(kept(played)[0].values())) == Falls(0, 6)
 
 
