@@ -57,6 +57,29 @@ def test_an_exception_is_for_its_layer_with_its_options():
     assert one != other and one.hidden == other.hidden
 
 
+def test_an_exception_may_be_for_some_of_the_environments(tmp_path):
+    _write(
+        tmp_path,
+        f"""
+        envs = ["{WALK}", "mine/One-v0"]
+        num_envs = 8
+        [[exceptions]]
+        envs = ["mine/One-v0"]
+        num_envs = 9
+        [[exceptions]]
+        envs = ["{WALK}"]
+        algorithm = "sac"
+        num_envs = 10
+        """,
+    )
+
+    def robots(env, algorithm="ppo"):
+        return config_for(env, "torque", folder=tmp_path, algorithm=algorithm).num_envs
+
+    assert (robots(WALK), robots("mine/One-v0")) == (8, 9)
+    assert (robots(WALK, "sac"), robots("mine/One-v0", "sac")) == (10, 9)
+
+
 def test_parsing_does_not_change_the_recipe():
     assert config_for(WALK, "torque") == config_for(WALK, "torque")
     before = repr(recipes()["walk"])
@@ -83,6 +106,8 @@ def test_parsing_does_not_change_the_recipe():
             "[[exceptions]]\nlayers = [{ action_layer = 'torque', layer_options = 3 }]",
             "a table of layer_options where it takes such",
         ),
+        ("[[exceptions]]\nenvs = 3", "envs is 3. Expected a list of environment ids."),
+        ("[[exceptions]]\nnum_envs = 3", "an exception for layers None. Expected a list"),
         ("[[exceptions]]\nalgorithm = 'dqn'", "Unknown algorithm of recipe 'mine' 'dqn'"),
         ("[[exceptions]]\nalgorithm = 'sac'\nlayers = 3", "an exception for layers 3. Expected"),
     ],

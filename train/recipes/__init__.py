@@ -12,8 +12,8 @@ defaults.
     [[exceptions]]                           # other values, for action layers with such options,
     layers = [{ action_layer = "joint_position", layer_options = { reference = "home" } }]
     ppo = { log_std_init = -0.7 }
-    [[exceptions]]                           # for an algorithm, or for both together
-    algorithm = "sac"
+    [[exceptions]]                           # for an algorithm, or for some of the environments;
+    algorithm = "sac"                        # of several of these, where all hold
     num_envs = 64
 
 `train.recipes.zoo` says the same to RL Zoo.
@@ -45,8 +45,8 @@ class Recipe:
         name: of its file.
         envs: environment ids that it is for.
         settings: by field of `TrainConfig`; "ppo", "sac" and "eval" hold settings in turn.
-        exceptions: further settings, each with the "layers" that it is for: "action_layer", and
-            "layer_options" where it takes such; or with the "algorithm"; or with both.
+        exceptions: further settings, each with one or more of what it is for: "layers", each its
+            "action_layer", and "layer_options" where it takes such; "algorithm"; "envs".
     """
 
     name: str
@@ -55,14 +55,16 @@ class Recipe:
     exceptions: tuple[dict[str, Any], ...]
 
     def settings_for(
-        self, algorithm: str, action_layer: str, layer_options: Mapping[str, Any]
+        self, env_id: str, algorithm: str, action_layer: str, layer_options: Mapping[str, Any]
     ) -> dict[str, Any]:
-        """Return the settings for an algorithm and an action layer with the options given to it."""
+        """Return the settings for an environment, an algorithm and a layer with its options."""
         found = dict(self.settings)
         for exception in self.exceptions:
             layers = exception.get("layers")
-            if exception.get("algorithm", algorithm) == algorithm and (
-                layers is None or any(_fits(layer, action_layer, layer_options) for layer in layers)
+            if (
+                env_id in exception.get("envs", (env_id,))
+                and exception.get("algorithm", algorithm) == algorithm
+                and (layers is None or any(_fits(x, action_layer, layer_options) for x in layers))
             ):
                 found = merged(found, _settings_of(exception))
         return {k: v for k, v in found.items() if k not in ALGORITHMS or k == algorithm}
@@ -133,7 +135,7 @@ def config_for(
         raise UnknownOptionError("algorithm", algorithm, ALGORITHMS)
     given = dict(layer_options or {})
     recipe = recipe_for(env_id, name, folder)
-    settings = recipe.settings_for(algorithm, action_layer, given)
+    settings = recipe.settings_for(env_id, algorithm, action_layer, given)
     own = settings.pop(algorithm, {})
     parts: dict[str, Any] = {
         algorithm: ALGORITHMS[algorithm](**own),
@@ -163,14 +165,15 @@ def _read(path: Path) -> Recipe:
     except tomllib.TOMLDecodeError as error:
         raise RunError(f"{path}: is no TOML: {error}.") from error
     envs, exceptions, valid = data.pop("envs", []), data.pop("exceptions", []), valid_settings()
-    if not isinstance(envs, list) or not all(isinstance(env, str) for env in envs):
-        raise RunError(f"{path}: envs is {envs!r}. Expected a list of environment ids.")
+    _check_envs(path, envs)
     if not isinstance(exceptions, list) or not all(isinstance(one, dict) for one in exceptions):
         raise RunError(f"{path}: exceptions is {exceptions!r}. Expected [[exceptions]] tables.")
     check(f"recipe {path.stem!r}", data, valid)
     for exception in exceptions:
         layers, learns = exception.get("layers"), exception.get("algorithm")
-        if (learns is None or layers is not None) and (
+        _check_envs(path, exception.get("envs", []))
+        of_all = not {"algorithm", "envs"} & exception.keys()
+        if (of_all or layers is not None) and (
             not isinstance(layers, list) or not all(map(_is_layer, layers))
         ):
             raise RunError(
@@ -181,6 +184,11 @@ def _read(path: Path) -> Recipe:
             raise UnknownOptionError(f"algorithm of recipe {path.stem!r}", learns, ALGORITHMS)
         check(f"recipe {path.stem!r}", _settings_of(exception), valid)
     return Recipe(path.stem, tuple(envs), data, tuple(exceptions))
+
+
+def _check_envs(path: Path, envs: Any) -> None:
+    if not isinstance(envs, list) or not all(isinstance(env, str) for env in envs):
+        raise RunError(f"{path}: envs is {envs!r}. Expected a list of environment ids.")
 
 
 def valid_settings() -> dict[str, Any]:
@@ -217,5 +225,5 @@ def _fits(layer: Mapping[str, Any], action_layer: str, options: Mapping[str, Any
 
 
 def _settings_of(exception: Mapping[str, Any]) -> dict[str, Any]:
-    of = ("layers", "algorithm")
+    of = ("layers", "algorithm", "envs")
     return {name: value for name, value in exception.items() if name not in of}
