@@ -40,7 +40,10 @@ def test_shipped_policies_can_be_chosen_and_none_acts_unasked() -> None:
 
 def test_they_are_offered_where_they_fit() -> None:
     assert not stage_of(PlayConfig(robot="quadruped")).policies
-    assert not stage_of(PlayConfig(env="fbid_gym/BipedBalance-v0")).policies
+    balance = "fbid_gym/BipedBalance-v0"
+    assert not stage_of(PlayConfig(env=balance, robot="humanoid")).policies
+    offered = stage_of(PlayConfig(env=balance)).policies
+    assert offered and all(name.startswith("shipped:BipedBalance-v0/") for name in offered)
     assert list(stage_of(PlayConfig(robot="go1")).policies) == NAMES
 
 
