@@ -38,8 +38,6 @@ from train.runs.reading import load
 from train.runs.study import Study, arms, check_cells, environment_name, read_study
 from train.runs.training import is_finished
 
-"""Told what is happening."""
-
 
 @dataclass(frozen=True)
 class StudyConfig:
