@@ -7,7 +7,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
+from fbid_gym.actions.contact_ramp import ContactRamp, some_of, through_contact_switches
 from fbid_gym.actions.law_memory import LawMemory, diagnostics_of, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.compiled import compiled, kernel
@@ -15,7 +15,6 @@ from fbid_gym.control import ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
 from fbid_gym.control.inverse_dynamics import invert_dynamics
 from fbid_gym.control.limited_inverse_dynamics import limit_dynamics
-from fbid_gym.control.operational_space import LEAST_GAIN, serve_task
 from fbid_gym.control.underactuation import underactuation
 from fbid_gym.dynamics.contacts import reduce_contacts
 from fbid_gym.dynamics.stance import Stance
@@ -31,19 +30,17 @@ from fbid_gym.quantities import (
     ReducedContacts,
     Reference,
     RobotState,
-    TaskCommand,
 )
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import copy
 
 
-class _Constants(NamedTuple):
+class LawConstants(NamedTuple):
     """Of the law on one robot, see `AccelerationLaw`.
 
     Attributes:
         geometry: of the contact points.
         limits: (1, P, 3) of `limit_rows`.
-        least_gain: m, of a task that goes first, see `operational_space`.
         nearness: of accelerations and wrenches.
         gravity: m/s².
         passive: what joints take of their torques, to be given back.
@@ -51,7 +48,6 @@ class _Constants(NamedTuple):
 
     geometry: ContactGeometry
     limits: np.ndarray
-    least_gain: float
     nearness: Nearness
     gravity: float
     passive: PassiveJoints
@@ -72,7 +68,7 @@ class AccelerationLaw:
     robot: Robot
     belief: ContactBelief
     ramp: ContactRamp | None
-    constants: _Constants
+    constants: LawConstants
     limited: bool
 
     @classmethod
@@ -89,10 +85,9 @@ class AccelerationLaw:
                 contacts do not allow both.
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
-        constants = _Constants(
+        constants = LawConstants(
             geometry=stance.geometry,
             limits=limit_rows(limits or ContactLimits(), robot.num_points),
-            least_gain=LEAST_GAIN * stance.home_com[2],
             nearness=Nearness(stance.mobility(base_priority), wrench_scale(stance.length, None)),
             gravity=robot.gravity,
             passive=contact.passive(robot),
@@ -125,7 +120,6 @@ class AccelerationLaw:
         reference: Reference,
         terms: DynamicsTerms,
         memory: Memory,
-        task: TaskCommand | None = None,
     ) -> np.ndarray:
         """Return joint torques.
 
@@ -135,44 +129,25 @@ class AccelerationLaw:
             reference: which plans the contacts.
             terms: of the robots.
             memory: of the robots; updated.
-            task: to be met before `desired`, which is followed in what contacts and task leave;
-                None for none.
 
         Returns:
             (N, n) N·m.
         """
+        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
+        law = _within_limits if self.limited else _without_limits
         active, own = self.belief(state, reference), LawMemory.of(memory)
-        torque = self._realise(active, terms, state, desired, task, own)
+        torque = law(self.constants, active, terms, state, desired, own)
 
         def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
-            some = DynamicsTerms(*(value[rows] for value in terms))
-            part = None if task is None else TaskCommand(*(value[rows] for value in task))
-            robots = some, RobotState(*(value[rows] for value in state)), desired[rows], part
-            return self._realise(active, *robots, own.copy(rows))
+            robots = some_of(terms, rows), some_of(state, rows), desired[rows]
+            return law(self.constants, active, *robots, some_of(own, rows))
 
         return through_contact_switches(self.ramp, active, torque, of_contacts, memory)
 
-    def _realise(
-        self,
-        active: ActivePoints,
-        terms: DynamicsTerms,
-        state: RobotState,
-        desired: np.ndarray,
-        task: TaskCommand | None,
-        memory: LawMemory,
-    ) -> np.ndarray:
-        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
-        robots = terms, state, desired
-        if task is not None and task.acceleration.shape[1] > 0:
-            serve = _serve_within_limits if self.limited else _serve_without_limits
-            return serve(self.constants, active, *robots, task, memory)
-        realise = _realise_within_limits if self.limited else _realise_without_limits
-        return realise(self.constants, active, *robots, memory)
-
 
 @kernel
-def _realise_within_limits(
-    law: _Constants,
+def _within_limits(
+    law: LawConstants,
     active: ActivePoints,
     terms: DynamicsTerms,
     state: RobotState,
@@ -181,28 +156,12 @@ def _realise_within_limits(
 ) -> np.ndarray:
     """Torques (N, n) for accelerations (N, nv); updates the memory."""
     contacts = reduce_contacts(law.geometry, active, terms)
-    return _within_limits(law, active, contacts, terms, state, desired, memory)
+    return torque_within_limits(law, active, contacts, terms, state, desired, memory)
 
 
 @kernel
-def _serve_within_limits(
-    law: _Constants,
-    active: ActivePoints,
-    terms: DynamicsTerms,
-    state: RobotState,
-    desired: np.ndarray,
-    task: TaskCommand,
-    memory: LawMemory,
-) -> np.ndarray:
-    """The same where a task comes before the accelerations."""
-    contacts = reduce_contacts(law.geometry, active, terms)
-    served = _served(law, contacts, task, desired)
-    return _within_limits(law, active, contacts, terms, state, served, memory)
-
-
-@kernel
-def _realise_without_limits(
-    law: _Constants,
+def _without_limits(
+    law: LawConstants,
     active: ActivePoints,
     terms: DynamicsTerms,
     state: RobotState,
@@ -211,38 +170,12 @@ def _realise_without_limits(
 ) -> np.ndarray:
     """Torques (N, n) for accelerations (N, nv) by eq. (15); updates the memory."""
     contacts = reduce_contacts(law.geometry, active, terms)
-    return _without_limits(law, contacts, terms, state, desired, memory)
-
-
-@kernel
-def _serve_without_limits(
-    law: _Constants,
-    active: ActivePoints,
-    terms: DynamicsTerms,
-    state: RobotState,
-    desired: np.ndarray,
-    task: TaskCommand,
-    memory: LawMemory,
-) -> np.ndarray:
-    """The same where a task comes before the accelerations."""
-    contacts = reduce_contacts(law.geometry, active, terms)
-    served = _served(law, contacts, task, desired)
-    return _without_limits(law, contacts, terms, state, served, memory)
+    return torque_without_limits(law, contacts, terms, state, desired, memory)
 
 
 @compiled
-def _served(
-    law: _Constants, contacts: ReducedContacts, task: TaskCommand, desired: np.ndarray
-) -> np.ndarray:
-    """The accelerations (N, nv) that meet a task in m, then are as desired: eq. (19)."""
-    constraint = Constraint(contacts.jacobian, contacts.bias)
-    least = np.full(task.acceleration.shape[1], law.least_gain)
-    return serve_task(constraint, task, desired, law.nearness.mobility, least).motion
-
-
-@compiled
-def _within_limits(
-    law: _Constants,
+def torque_within_limits(
+    law: LawConstants,
     active: ActivePoints,
     contacts: ReducedContacts,
     terms: DynamicsTerms,
@@ -250,6 +183,7 @@ def _within_limits(
     desired: np.ndarray,
     memory: LawMemory,
 ) -> np.ndarray:
+    """Torques (N, n) for accelerations (N, nv) on given contacts; updates the memory."""
     found = limit_dynamics(
         EquationOfMotion(terms.mass_matrix, terms.bias),
         contacts,
@@ -267,14 +201,15 @@ def _within_limits(
 
 
 @compiled
-def _without_limits(
-    law: _Constants,
+def torque_without_limits(
+    law: LawConstants,
     contacts: ReducedContacts,
     terms: DynamicsTerms,
     state: RobotState,
     desired: np.ndarray,
     memory: LawMemory,
 ) -> np.ndarray:
+    """The same by eq. (15)."""
     constraint = Constraint(contacts.jacobian, contacts.bias)
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
     alike = np.empty((0, desired.shape[1] - 6))

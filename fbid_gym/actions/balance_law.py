@@ -7,7 +7,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
+from fbid_gym.actions.contact_ramp import ContactRamp, some_of, through_contact_switches
 from fbid_gym.actions.law_memory import LawMemory, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.compiled import compiled, kernel
@@ -184,10 +184,10 @@ class BalanceLaw:
                 self.constants,
                 active,
                 push[rows],
-                RobotState(*(value[rows] for value in state)),
+                some_of(state, rows),
                 rows_of(reference, rows),
-                DynamicsTerms(*(value[rows] for value in terms)),
-                own.copy(rows),
+                some_of(terms, rows),
+                some_of(own, rows),
             )
 
         return through_contact_switches(self.ramp, active, torque, of_contacts, memory)

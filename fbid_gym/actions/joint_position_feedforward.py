@@ -2,28 +2,42 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.acceleration_law import AccelerationLaw
+from fbid_gym.actions.acceleration_law import (
+    AccelerationLaw,
+    LawConstants,
+    torque_within_limits,
+    torque_without_limits,
+)
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
+from fbid_gym.actions.contact_ramp import some_of, through_contact_switches
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.joint_gains import JointGains
+from fbid_gym.actions.law_memory import LawMemory
 from fbid_gym.actions.ranges import DampingRatio, Frequency, Hertz, TargetScale
-from fbid_gym.actions.smooth_target import Offset, SmoothTarget, TargetMemory, follow
+from fbid_gym.actions.smooth_target import Offset, SmoothTarget, TargetMemory, move_on, offset_of
 from fbid_gym.compiled import compiled, kernel
+from fbid_gym.control.operational_space import LEAST_GAIN, serve_task
+from fbid_gym.dynamics.contacts import reduce_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
 from fbid_gym.options import checked
 from fbid_gym.quantities import (
+    ActivePoints,
+    Constraint,
     DynamicsTerms,
     Heading,
     Memory,
+    ReducedContacts,
     Reference,
     RobotState,
     SupportFrame,
     TaskCommand,
+    rows_of,
 )
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
@@ -38,12 +52,23 @@ class _Balance(NamedTuple):
     Attributes:
         stiffness: w^2, 1/s^2; 0 for eq. (18) without balance.
         damping: 2 w, 1/s.
+        least_gain: m, of it as a task that goes first, see `operational_space`.
         heading: of the feet.
     """
 
     stiffness: float
     damping: float
+    least_gain: float
     heading: Heading
+
+
+class _Constants(NamedTuple):
+    """Of the layer on one robot, see `JointPositionFeedforward`."""
+
+    law: LawConstants
+    target: SmoothTarget
+    gains: JointGains
+    balance: _Balance
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +135,13 @@ class JointPositionFeedforward:
         (target,) = in_hertz(robot, target_frequency=target_frequency).values()
         (balance,) = in_hertz(robot, balance_frequency=balance_frequency).values()
         gains = JointGains.of(robot, control_hz, natural_frequency, damping_ratio)
-        omega = 2.0 * np.pi * balance
+        omega, stance = 2.0 * np.pi * balance, Stance.of(robot)
+        least = LEAST_GAIN * stance.home_com[2]
         return cls(
             AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST),
             SmoothTarget(2.0 * np.pi * target, 1.0 / control_hz),
             gains,
-            _Balance(omega**2, 2.0 * omega, Stance.of(robot).heading),
+            _Balance(omega**2, 2.0 * omega, least, stance.heading),
             scale,
         )
 
@@ -151,49 +177,95 @@ class JointPositionFeedforward:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        known, goal, target = terms(), self.scale * action, TargetMemory.of(memory)
-        robots = state, reference, known
-        wanted = _ask(self.balance, self.gains, self.target, goal, target, *robots)
-        model = self.law.torque(wanted.motion, *robots, memory, wanted.balance)
-        return model + wanted.feedback
+        known, goal = terms(), self.scale * action
+        target, own = TargetMemory.of(memory), LawMemory.of(memory)
+        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
+        follow = _follow_within_limits if self.law.limited else _follow_without_limits
+        active = self.law.belief(state, reference)
+        torque = follow(self._constants, active, goal, target, state, reference, known, own)
 
+        def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
+            return follow(
+                self._constants,
+                active,
+                goal[rows],
+                some_of(target, rows),
+                some_of(state, rows),
+                rows_of(reference, rows),
+                some_of(known, rows),
+                some_of(own, rows),
+            )
 
-class _Asked(NamedTuple):
-    """What eq. (18) asks of InvDyn, and what it adds to that.
+        torque = through_contact_switches(self.law.ramp, active, torque, of_contacts, memory)
+        move_on(self.target, goal, target)
+        return torque
 
-    Attributes:
-        motion: (N, nv) qdd_d, before balance.
-        balance: of eq. (19); no rows for none.
-        feedback: (N, n) N·m.
-    """
-
-    motion: np.ndarray
-    balance: TaskCommand
-    feedback: np.ndarray
+    @cached_property
+    def _constants(self) -> _Constants:
+        return _Constants(self.law.constants, self.target, self.gains, self.balance)
 
 
 @kernel
-def _ask(
-    balance: _Balance,
-    gains: JointGains,
-    smooth: SmoothTarget,
+def _follow_within_limits(
+    layer: _Constants,
+    active: ActivePoints,
     goal: np.ndarray,
-    memory: TargetMemory,
+    target: TargetMemory,
     state: RobotState,
     reference: Reference,
     terms: DynamicsTerms,
-) -> _Asked:
-    """The tick's terms of eq. (18), in one call; goals (N, n); updates the memory."""
-    offset, frame = follow(smooth, goal, memory), support_frame(balance.heading, terms)
-    return _Asked(
-        _desired_motion(frame, reference, offset),
-        _balancing(balance, frame, reference, terms),
-        _feedback(gains, state, reference, offset),
-    )
+    memory: LawMemory,
+) -> np.ndarray:
+    """Torques (N, n) of eq. (18) for goals (N, n); updates the law's memory."""
+    offset = offset_of(layer.target, goal, target)
+    contacts = reduce_contacts(layer.law.geometry, active, terms)
+    desired = _desired_motion(layer, contacts, offset, reference, terms)
+    torque = torque_within_limits(layer.law, active, contacts, terms, state, desired, memory)
+    _add_feedback(layer.gains, state, reference, offset, torque)
+    return torque
+
+
+@kernel
+def _follow_without_limits(
+    layer: _Constants,
+    active: ActivePoints,
+    goal: np.ndarray,
+    target: TargetMemory,
+    state: RobotState,
+    reference: Reference,
+    terms: DynamicsTerms,
+    memory: LawMemory,
+) -> np.ndarray:
+    """The same where contact forces have no limits."""
+    offset = offset_of(layer.target, goal, target)
+    contacts = reduce_contacts(layer.law.geometry, active, terms)
+    desired = _desired_motion(layer, contacts, offset, reference, terms)
+    torque = torque_without_limits(layer.law, contacts, terms, state, desired, memory)
+    _add_feedback(layer.gains, state, reference, offset, torque)
+    return torque
 
 
 @compiled
-def _desired_motion(frame: SupportFrame, reference: Reference, offset: Offset) -> np.ndarray:
+def _desired_motion(
+    layer: _Constants,
+    contacts: ReducedContacts,
+    offset: Offset,
+    reference: Reference,
+    terms: DynamicsTerms,
+) -> np.ndarray:
+    """qdd_d (N, nv) of eq. (18): balance first, by eq. (19), then the motion in what it leaves."""
+    frame = support_frame(layer.balance.heading, terms)
+    motion = _moving_along(frame, reference, offset)
+    if layer.balance.stiffness == 0.0:
+        return motion
+    task = _balancing(layer.balance, frame, reference, terms)
+    constraint = Constraint(contacts.jacobian, contacts.bias)
+    least = np.full(2, layer.balance.least_gain)
+    return serve_task(constraint, task, motion, layer.law.nearness.mobility, least).motion
+
+
+@compiled
+def _moving_along(frame: SupportFrame, reference: Reference, offset: Offset) -> np.ndarray:
     """The reference's accelerations and the offset's: (N, nv), the base's linear ones in world."""
     count, joints = offset.value.shape
     desired = np.empty((count, 6 + joints))
@@ -211,15 +283,14 @@ def _desired_motion(frame: SupportFrame, reference: Reference, offset: Offset) -
 def _balancing(
     balance: _Balance, frame: SupportFrame, reference: Reference, terms: DynamicsTerms
 ) -> TaskCommand:
-    """What the centres of mass shall do in x and y, eq. (20); no rows without stiffness."""
+    """What the centres of mass shall do in x and y, eq. (20)."""
     count, nv = terms.bias.shape
-    rows = 2 if balance.stiffness > 0.0 else 0
-    jacobian, bias = np.empty((count, rows, nv)), np.empty((count, rows))
-    acceleration = np.empty((count, rows))
+    jacobian, bias = np.empty((count, 2, nv)), np.empty((count, 2))
+    acceleration = np.empty((count, 2))
     for i in range(count):
         row = min(i, len(reference.qacc) - 1)
         mass = terms.mass_matrix[i, 0, 0]
-        for k in range(rows):
+        for k in range(2):
             for j in range(nv):
                 jacobian[i, k, j] = terms.mass_matrix[i, k, j] / mass
             bias[i, k] = terms.bias[i, k] / mass
@@ -234,16 +305,14 @@ def _balancing(
 
 
 @compiled
-def _feedback(
-    gains: JointGains, state: RobotState, reference: Reference, offset: Offset
-) -> np.ndarray:
-    """K_P (q_d - q) + K_D (qdot_d - qdot) of eq. (18): (N, n) N·m."""
-    count, joints = offset.value.shape
-    torque = np.empty((count, joints))
+def _add_feedback(
+    gains: JointGains, state: RobotState, reference: Reference, offset: Offset, torque: np.ndarray
+) -> None:
+    """Add K_P (q_d - q) + K_D (qdot_d - qdot) of eq. (18) to torques (N, n) N·m."""
+    count, joints = torque.shape
     for i in range(count):
         row = min(i, len(reference.qpos) - 1)
         for j in range(joints):
             error = reference.qpos[row, 7 + j] + offset.value[i, j] - state.qpos[i, 7 + j]
             rate = reference.qvel[row, 6 + j] + offset.rate[i, j] - state.qvel[i, 6 + j]
-            torque[i, j] = gains.stiffness[j] * error + gains.damping[j] * rate
-    return torque
+            torque[i, j] += gains.stiffness[j] * error + gains.damping[j] * rate

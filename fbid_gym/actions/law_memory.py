@@ -36,10 +36,6 @@ class LawMemory(NamedTuple):
         """Return the memory of robots that have not moved yet."""
         return cls(np.zeros((num_robots, 6)), np.zeros(num_robots), np.zeros(num_robots))
 
-    def copy(self, rows: np.ndarray) -> "LawMemory":
-        """Return what is remembered of some robots, in arrays of its own."""
-        return LawMemory(*(part[rows] for part in self))
-
 
 def diagnostics_of(limited: bool) -> tuple[str, ...]:
     """What of its memory a law of accelerations reports.

@@ -60,23 +60,31 @@ class Offset(NamedTuple):
 
 
 @kernel
-def follow(smooth: SmoothTarget, goal: np.ndarray, memory: TargetMemory) -> Offset:
-    """Return where targets are at this tick, and move them on to the next.
+def offset_of(smooth: SmoothTarget, goal: np.ndarray, memory: TargetMemory) -> Offset:
+    """Return where targets are at this tick.
 
     Args:
         smooth: how they move.
         goal: (N, n) u.
-        memory: of the robots; updated.
+        memory: of the robots.
     """
-    offset = Offset(memory.target.copy(), memory.target_rate.copy(), np.empty(goal.shape))
+    acceleration = np.empty(goal.shape)
+    for i in range(len(goal)):
+        for j in range(goal.shape[1]):
+            error = memory.target[i, j] - goal[i, j]
+            twice = 2.0 * memory.target_rate[i, j] + smooth.omega * error
+            acceleration[i, j] = -smooth.omega * twice
+    return Offset(memory.target, memory.target_rate, acceleration)
+
+
+@kernel
+def move_on(smooth: SmoothTarget, goal: np.ndarray, memory: TargetMemory) -> None:
+    """Move targets on to the next tick; arguments as of `offset_of`, and updates the memory."""
     omega, tick = smooth.omega, smooth.tick
     decay = np.exp(-omega * tick)
     for i in range(len(goal)):
         for j in range(goal.shape[1]):
-            error = offset.value[i, j] - goal[i, j]
-            slope = offset.rate[i, j] + omega * error
-            travel = slope * tick
-            offset.acceleration[i, j] = -omega * (slope + offset.rate[i, j])
+            error, rate = memory.target[i, j] - goal[i, j], memory.target_rate[i, j]
+            travel = (rate + omega * error) * tick
             memory.target[i, j] = goal[i, j] + (error + travel) * decay
-            memory.target_rate[i, j] = (offset.rate[i, j] - omega * travel) * decay
-    return offset
+            memory.target_rate[i, j] = (rate - omega * travel) * decay

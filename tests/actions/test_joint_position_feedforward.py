@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from fbid_gym.actions import make_layer
-from fbid_gym.actions.smooth_target import SmoothTarget, TargetMemory, follow
+from fbid_gym.actions.smooth_target import SmoothTarget, TargetMemory, move_on, offset_of
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import point_jacobian
 from fbid_gym.dynamics.stance import Stance
@@ -65,18 +65,22 @@ def test_the_target_is_the_exact_critically_damped_response(rng):
         if k % 7 == 0:
             goal = rng.normal(size=(4, 3))
         state[2] = goal
-        found = follow(smooth, goal, memory)
+        found = offset_of(smooth, goal, memory)
         np.testing.assert_allclose(found.value, state[0], atol=1e-12)
         np.testing.assert_allclose(found.rate, state[1], atol=1e-11)
         expected = w**2 * (goal - state[0]) - 2 * w * state[1]
         np.testing.assert_allclose(found.acceleration, expected, atol=1e-9)
+        move_on(smooth, goal, memory)
         state = np.einsum("ij,jkl->ikl", exact, state)
 
 
 def test_the_target_reaches_a_constant_goal_without_overshoot():
     smooth = SmoothTarget(2 * np.pi * 2.0, 0.002)
     memory, goal = TargetMemory.fresh(1, 1), np.full((1, 1), 0.3)
-    values = np.array([follow(smooth, goal, memory).value.item() for _ in range(1000)])
+    values = []
+    for _ in range(1000):
+        values.append(offset_of(smooth, goal, memory).value.item())
+        move_on(smooth, goal, memory)
     assert (np.diff(values) >= 0.0).all() and values[0] == 0.0
     assert values[-1] == pytest.approx(0.3, rel=1e-6)
     # At t = 1 / w it has gone 1 - 2 / e of the way.
