@@ -6,7 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.errors import InvalidValueError, ShapeError, UnknownOptionError
+from fbid_gym.errors import (
+    InvalidValueError,
+    NonFiniteError,
+    ShapeError,
+    UnknownOptionError,
+)
 
 
 def number(name: str, value: Any, expected: str = "a number") -> float:
@@ -37,7 +42,7 @@ def by_name(name: str, value: Any, known: Iterable[str] | None = None) -> dict[s
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         raise InvalidValueError(name, value, "a dictionary from names to values, or None")
     if known is not None:
-        check_choices(name, value, tuple(known) or ("none",))
+        check_choices(name, value, known)
     return dict(value)
 
 
@@ -46,7 +51,7 @@ def check_choices(kind: str, values: Iterable[str], choices: Iterable[str]) -> N
     known = tuple(choices)
     for value in values:
         if value not in known:
-            raise UnknownOptionError(kind, value, known)
+            raise UnknownOptionError(kind, value, known or ("none",))
 
 
 def positive_numbers(name: str, value: Any, *sizes: int) -> np.ndarray:
@@ -96,6 +101,13 @@ def check_shape(name: str, array: np.ndarray, expected: tuple[int, ...], axes: s
     """Raise ShapeError unless `array` has the expected shape; `axes` names them, as "(N, nv)"."""
     if tuple(array.shape) != expected:
         raise ShapeError(name, tuple(array.shape), f"{axes} = {expected}")
+
+
+def check_finite(name: str, array: np.ndarray) -> None:
+    """Raise NonFiniteError that names the first entry which is NaN or infinite."""
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        raise NonFiniteError(name, tuple(int(i) for i in bad[0]))
 
 
 def contiguous(array: np.ndarray) -> np.ndarray:

@@ -7,13 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fbid_gym import control
-from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.centroidal import centroidal_terms
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.dynamics.contacts import reduced_contacts
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.quantities import CentroidalTerms, DynamicsTerms, ReducedContacts
 from fbid_gym.robots import load
 
 _Array = np.ndarray
+_ROBOT = "quadruped"
 _LIMITS = control.ContactLimits(0.6)
 
 
@@ -40,7 +41,7 @@ class _Standing(NamedTuple):
     @property
     def weight(self) -> np.ndarray:
         """(1,) N."""
-        return 9.81 * self.body.mass
+        return np.array([load(_ROBOT).weight])
 
     @property
     def distributed(self) -> dict[str, Any]:
@@ -54,11 +55,11 @@ class _Standing(NamedTuple):
 
 @lru_cache(maxsize=1)
 def _standing() -> _Standing:
-    robot = load("quadruped")
-    geometry, velocity = contact_geometry(robot), np.zeros((1, robot.nv))
-    terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], velocity)
-    contacts = reduced_contacts(geometry, terms)
-    return _Standing(terms, centroidal_terms(terms, velocity), contacts, velocity)
+    robot = load(_ROBOT)
+    stance, velocity = Stance.of(robot), np.zeros((1, robot.nv))
+    contacts = reduced_contacts(stance.geometry, stance.terms)
+    body = centroidal_terms(stance.terms, velocity)
+    return _Standing(stance.terms, body, contacts, velocity)
 
 
 def _task(robot: _Standing) -> Any:

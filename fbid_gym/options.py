@@ -257,13 +257,6 @@ def grouped(build: Callable[..., Any], given: Mapping[str, Any]) -> dict[str, An
     return rest | groups
 
 
-def check_names(what: str, given: Mapping[str, Any], known: Mapping[str, Any]) -> None:
-    """Raise UnknownOptionError for the first name that is not known."""
-    for name in given:
-        if name not in known:
-            raise UnknownOptionError(what, name, known or ["none"])
-
-
 def check_own_name(what: str, name: Any, taken: Collection[str]) -> None:
     """Raise InvalidValueError unless it is a name that a user may give to what is the user's."""
     if not isinstance(name, str) or not name.isidentifier() or name in taken:

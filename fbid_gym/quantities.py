@@ -15,7 +15,7 @@ next tick begins. The *support frame* lies level in the middle of the contact po
 forward direction, z up. A rotation `a_from_b` takes vectors in b to vectors in a.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -395,6 +395,14 @@ class Reference(NamedTuple):
     com_acceleration_in_support: np.ndarray
     planted: np.ndarray
     stepping: bool
+
+
+Robots = TypeVar("Robots", bound=tuple[Any, ...])
+
+
+def some_of(robots: Robots, rows: np.ndarray) -> Robots:
+    """Return copies of some rows, given by their indices, of a named tuple of arrays (N, ...)."""
+    return type(robots)(*(value[rows] for value in robots))
 
 
 def rows_of(reference: Reference, rows: np.ndarray | slice) -> Reference:

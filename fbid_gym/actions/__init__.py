@@ -19,11 +19,11 @@ from fbid_gym.actions.walking_joints import (
     walking_joint_position,
     walking_torque,
 )
+from fbid_gym.checks import check_choices
 from fbid_gym.options import (
     Choice,
     Option,
     check_call,
-    check_names,
     check_own_name,
     grouped,
     options_of,
@@ -131,7 +131,7 @@ def make_walking_layer(
     """
     valid = walking_layer_options(name)
     given = dict(options or {})
-    check_names(f"option of action layer {name!r} on a gait", given, valid)
+    check_choices(f"option of action layer {name!r} on a gait", given, valid)
     steering = options_of(Footholds.of)
     steers = {option: given.pop(option, valid[option]) for option in steering}
     build = WALKING_LAYERS[name]
@@ -159,7 +159,7 @@ def make_layer(
         FbidError: unknown layer, unknown option or invalid value; the message names the choices.
     """
     build, given = _layer(name), dict(options or {})
-    check_names(f"option of action layer {name!r}", given, layer_options(name))
+    check_choices(f"option of action layer {name!r}", given, layer_options(name))
     return build(robot, control_hz, **grouped(build, given))
 
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.contact_ramp import ContactRamp, some_of, through_contact_switches
-from fbid_gym.actions.law_memory import LawMemory, diagnostics_of, remember
+from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
+from fbid_gym.actions.law_memory import LawMemory, diagnostics_of, fresh_memory, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
@@ -30,6 +30,7 @@ from fbid_gym.quantities import (
     ReducedContacts,
     Reference,
     RobotState,
+    some_of,
 )
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import copy
@@ -107,11 +108,7 @@ class AccelerationLaw:
 
     def memory(self, num_robots: int) -> Memory:
         """Warm start of the contact forces, the diagnostics, and a ramp's state."""
-        memory = LawMemory.fresh(num_robots)._asdict()
-        if self.ramp is not None:
-            sizes = self.robot.num_points, self.robot.num_joints
-            memory |= self.ramp.memory(num_robots, *sizes)
-        return memory
+        return fresh_memory(num_robots, self.ramp, self.robot.num_points, self.robot.num_joints)
 
     def torque(
         self,

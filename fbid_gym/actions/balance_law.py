@@ -7,8 +7,8 @@ import numpy as np
 
 from fbid_gym.actions.contact_belief import ContactBelief
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.contact_ramp import ContactRamp, some_of, through_contact_switches
-from fbid_gym.actions.law_memory import LawMemory, remember
+from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
+from fbid_gym.actions.law_memory import LawMemory, fresh_memory, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
@@ -34,11 +34,14 @@ from fbid_gym.quantities import (
     Memory,
     PointLimits,
     PostureCommand,
+    ReducedContacts,
     Reference,
     RobotState,
     SupportFrame,
+    TorqueMap,
     WrenchGains,
     rows_of,
+    some_of,
 )
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import copy, dot
@@ -81,8 +84,6 @@ class _Constants(NamedTuple):
         geometry: of the contact points.
         heading: of the feet.
         legs: (F, n) bool, joints that move this foot and no other.
-        limited: whether contact forces and torques have limits; contacts without can pull and never
-            slip.
         limits: (1, P, 3) on the contact forces, see `limit_rows`.
         torque_limit: (1, n) N·m.
         weight: (1,) N, of the robot.
@@ -97,7 +98,6 @@ class _Constants(NamedTuple):
     geometry: ContactGeometry
     heading: Heading
     legs: np.ndarray
-    limited: bool
     limits: np.ndarray
     torque_limit: np.ndarray
     weight: np.ndarray
@@ -110,14 +110,19 @@ class BalanceLaw:
     """A balancer on a robot's feet; F feet, P points.
 
     Attributes:
+        robot: whose joints.
         belief: which points are taken to be in contact.
         ramp: leads from one set of contacts to the next; None where the torque may jump.
         constants: of the law.
+        limited: whether contact forces and torques have limits; contacts without can pull and never
+            slip.
     """
 
+    robot: Robot
     belief: ContactBelief
     ramp: ContactRamp | None
     constants: _Constants
+    limited: bool
 
     @classmethod
     def of(
@@ -139,22 +144,23 @@ class BalanceLaw:
             geometry=stance.geometry,
             heading=stance.heading,
             legs=stance.legs,
-            limited=limits is not None,
             limits=limit_rows(limits or ContactLimits(), robot.num_points),
             torque_limit=robot.torque_limit[None].copy(),
             weight=np.array([robot.weight]),
             scale=wrench_scale(stance.length, cost if limits is not None else None),
             passive=contact.passive(robot),
         )
-        return cls(contact.belief(robot, control_hz), contact.ramp(control_hz), constants)
+        return cls(
+            robot=robot,
+            belief=contact.belief(robot, control_hz),
+            ramp=contact.ramp(control_hz),
+            constants=constants,
+            limited=limits is not None,
+        )
 
     def memory(self, num_robots: int) -> Memory:
         """Warm start of the contact forces, the diagnostics, and a ramp's state."""
-        memory = LawMemory.fresh(num_robots)._asdict()
-        if self.ramp is not None:
-            points, joints = self.constants.limits.shape[1], self.constants.torque_limit.shape[1]
-            memory |= self.ramp.memory(num_robots, points, joints)
-        return memory
+        return fresh_memory(num_robots, self.ramp, self.robot.num_points, self.robot.num_joints)
 
     def torque(
         self,
@@ -176,11 +182,13 @@ class BalanceLaw:
         Returns:
             (N, n) N·m.
         """
+        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
+        law = _balance_within_limits if self.limited else _balance_without_limits
         active, own = self.belief(state, reference), LawMemory.of(memory)
-        torque = _balance(self.constants, active, push, state, reference, terms, own)
+        torque = law(self.constants, active, push, state, reference, terms, own)
 
         def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
-            return _balance(
+            return law(
                 self.constants,
                 active,
                 push[rows],
@@ -193,8 +201,47 @@ class BalanceLaw:
         return through_contact_switches(self.ramp, active, torque, of_contacts, memory)
 
 
+class _Wanted(NamedTuple):
+    """What the contacts shall deliver at a tick, and on what.
+
+    Attributes:
+        wrench: (N, 6) desired at the centre of mass, N and N·m, world.
+        torques: from contact forces to joint torques.
+        path: from contact forces to the wrench.
+        contacts: of the robots.
+    """
+
+    wrench: np.ndarray
+    torques: TorqueMap
+    path: ForcePath
+    contacts: ReducedContacts
+
+
+@compiled
+def _want(
+    law: _Constants,
+    active: ActivePoints,
+    push: np.ndarray,
+    state: RobotState,
+    reference: Reference,
+    terms: DynamicsTerms,
+) -> _Wanted:
+    """The wrench, with a push (N, 6) in the frame of the feet, and the balancer's map."""
+    body = find_centroidal_terms(terms, state.qvel)
+    frame = support_frame(law.heading, terms)
+    contacts = reduce_contacts(law.geometry, active, terms)
+    constraint = Constraint(contacts.jacobian, contacts.bias)
+    motion = EquationOfMotion(terms.mass_matrix, terms.bias)
+    wrench = desired_wrench(law.wrench, law.gravity, push, state, reference, terms, body, frame)
+    posture = _posture(law, active, state, reference)
+    torques = map_torques(law.balancer, motion, body, constraint, posture, RIDGE)
+    give_back(law.passive, torques.offset, state.qpos, state.qvel)  # before limits are kept
+    path = ForcePath(body.to_com, contacts.point_map, np.empty((0, len(law.geometry.offset), 3, 3)))
+    return _Wanted(wrench, torques, path, contacts)
+
+
 @kernel
-def _balance(
+def _balance_within_limits(
     law: _Constants,
     active: ActivePoints,
     push: np.ndarray,
@@ -204,33 +251,39 @@ def _balance(
     memory: LawMemory,
 ) -> np.ndarray:
     """Torques (N, n) for a push (N, 6) in the frame of the feet; updates the memory."""
-    body = find_centroidal_terms(terms, state.qvel)
-    frame = support_frame(law.heading, terms)
-    contacts = reduce_contacts(law.geometry, active, terms)
-    constraint = Constraint(contacts.jacobian, contacts.bias)
-    motion = EquationOfMotion(terms.mass_matrix, terms.bias)
-    wrench = desired_wrench(law.wrench, law.gravity, push, state, reference, terms, body, frame)
-    posture = _posture(law, active, state, reference)
-    torque_map = map_torques(law.balancer, motion, body, constraint, posture, RIDGE)
-    give_back(law.passive, torque_map.offset, state.qpos, state.qvel)  # before limits are kept
-    path = ForcePath(body.to_com, contacts.point_map, np.empty((0, len(law.geometry.offset), 3, 3)))
-    if law.limited:
-        limits = Limits(PointLimits(law.limits, active.mask), law.torque_limit)
-        found = share_within_limits(
-            torque_map,
-            path,
-            wrench,
-            limits,
-            law.scale,
-            law.weight,
-            DEFAULT_ACCURACY,
-            memory.warm_start,
-        )
-    else:
-        found = share_freely(torque_map, path, wrench, law.scale, law.weight)
+    wanted = _want(law, active, push, state, reference, terms)
+    found = share_within_limits(
+        wanted.torques,
+        wanted.path,
+        wanted.wrench,
+        Limits(PointLimits(law.limits, active.mask), law.torque_limit),
+        law.scale,
+        law.weight,
+        DEFAULT_ACCURACY,
+        memory.warm_start,
+    )
     remember(found.warm_start, found.residual, memory)
     if active.switching:
-        copy(underactuation(contacts.jacobian), memory.underactuation)
+        copy(underactuation(wanted.contacts.jacobian), memory.underactuation)
+    return found.torque
+
+
+@kernel
+def _balance_without_limits(
+    law: _Constants,
+    active: ActivePoints,
+    push: np.ndarray,
+    state: RobotState,
+    reference: Reference,
+    terms: DynamicsTerms,
+    memory: LawMemory,
+) -> np.ndarray:
+    """The same where contact forces and torques have no limits."""
+    wanted = _want(law, active, push, state, reference, terms)
+    found = share_freely(wanted.torques, wanted.path, wanted.wrench, law.scale, law.weight)
+    remember(found.warm_start, found.residual, memory)
+    if active.switching:
+        copy(underactuation(wanted.contacts.jacobian), memory.underactuation)
     return found.torque
 
 

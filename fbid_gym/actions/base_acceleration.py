@@ -10,6 +10,7 @@ from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.ranges import DampingRatio, Frequency, Priority
+from fbid_gym.actions.scaled_names import scaled_names
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.dynamics.stance import Stance
@@ -127,11 +128,7 @@ class BaseAcceleration:
         """Six accelerations of the base."""
         names = [f"base acceleration {axis}, support frame" for axis in "xyz"]
         names += [f"base angular acceleration {axis}, base frame" for axis in "xyz"]
-        units = ["m/s^2"] * 3 + ["rad/s^2"] * 3
-        return tuple(
-            f"{name} (x {scale:.3g} {unit})"
-            for name, scale, unit in zip(names, self.scale, units, strict=True)
-        )
+        return scaled_names(names, self.scale, "m/s^2", "rad/s^2")
 
     @property
     def diagnostics(self) -> tuple[str, ...]:

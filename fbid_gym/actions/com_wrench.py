@@ -11,6 +11,7 @@ from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.law_memory import DIAGNOSTICS
 from fbid_gym.actions.ranges import DampingRatio, Frequency, Priority
+from fbid_gym.actions.scaled_names import scaled_names
 from fbid_gym.control import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, INVERSE_DYNAMICS, OTT2011
 from fbid_gym.dynamics.centroidal import centroidal_terms
@@ -146,11 +147,7 @@ class ComWrench:
         """Six components of the wrench at the centre of mass."""
         names = [f"force {axis} at the centre of mass, support frame" for axis in "xyz"]
         names += [f"moment {axis} about the centre of mass, support frame" for axis in "xyz"]
-        units = ["N"] * 3 + ["N·m"] * 3
-        return tuple(
-            f"{name} (x {scale:.3g} {unit})"
-            for name, scale, unit in zip(names, self.scale, units, strict=True)
-        )
+        return scaled_names(names, self.scale, "N", "N·m")
 
     @property
     def diagnostics(self) -> tuple[str, ...]:

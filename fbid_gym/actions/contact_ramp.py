@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +10,6 @@ from fbid_gym.compiled import kernel
 from fbid_gym.quantities import ActivePoints, Memory
 
 _UNKNOWN = -1
-
-Robots = TypeVar("Robots", bound=tuple[Any, ...])
 
 
 @dataclass(frozen=True)
@@ -90,11 +88,6 @@ def through_contact_switches(
     return ramp.torque(
         torque, active.mask, lambda rows, mask: law(rows, ActivePoints(mask, True)), memory
     )
-
-
-def some_of(robots: Robots, rows: np.ndarray) -> Robots:
-    """Return some rows, given by their indices, of a named tuple of arrays (N, ...), in copies."""
-    return type(robots)(*(value[rows] for value in robots))
 
 
 class _Ramp(NamedTuple):

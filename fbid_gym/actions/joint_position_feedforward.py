@@ -14,7 +14,7 @@ from fbid_gym.actions.acceleration_law import (
     torque_without_limits,
 )
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.contact_ramp import some_of, through_contact_switches
+from fbid_gym.actions.contact_ramp import through_contact_switches
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.joint_gains import JointGains
 from fbid_gym.actions.law_memory import LawMemory
@@ -38,6 +38,7 @@ from fbid_gym.quantities import (
     SupportFrame,
     TaskCommand,
     rows_of,
+    some_of,
 )
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.compiled import compiled
 from fbid_gym.quantities import Memory
 from fbid_gym.small_matrices import copy
@@ -31,10 +32,15 @@ class LawMemory(NamedTuple):
         """Return the law's part of a layer's memory, to be updated in place."""
         return cls(memory["warm_start"], memory["residual"], memory["underactuation"])
 
-    @classmethod
-    def fresh(cls, num_robots: int) -> "LawMemory":
-        """Return the memory of robots that have not moved yet."""
-        return cls(np.zeros((num_robots, 6)), np.zeros(num_robots), np.zeros(num_robots))
+
+def fresh_memory(
+    num_robots: int, ramp: ContactRamp | None, num_contacts: int, num_joints: int
+) -> Memory:
+    """Return a law's memory, and its ramp's if any, of robots that have not moved yet."""
+    own = LawMemory(np.zeros((num_robots, 6)), np.zeros(num_robots), np.zeros(num_robots))
+    if ramp is None:
+        return own._asdict()
+    return own._asdict() | ramp.memory(num_robots, num_contacts, num_joints)
 
 
 def diagnostics_of(limited: bool) -> tuple[str, ...]:

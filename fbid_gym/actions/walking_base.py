@@ -8,6 +8,7 @@ import numpy as np
 from fbid_gym.actions.base_acceleration import action_scale
 from fbid_gym.actions.com_wrench import wrench_scale_of
 from fbid_gym.actions.contact_options import WALKING_CONTACT_DEFAULTS, WalkingContact
+from fbid_gym.actions.scaled_names import scaled_names
 from fbid_gym.actions.walking_law import BodyAim, WalkingConstants, WalkingLaw
 from fbid_gym.actions.walking_tasks import base_aim, wrench_aim
 from fbid_gym.dynamics.stance import Stance
@@ -91,7 +92,7 @@ def walking_base_acceleration(
     options = contact.options(robot, omega)
     law = WalkingLaw.of(robot, control_hz, omega, options)
     return WalkingBody(
-        law, options.contact_ramp, base_aim, scale, _named(names, scale, "m/s^2", "rad/s^2")
+        law, options.contact_ramp, base_aim, scale, scaled_names(names, scale, "m/s^2", "rad/s^2")
     )
 
 
@@ -113,13 +114,5 @@ def walking_com_wrench(
     options = contact.options(robot, omega)
     law = WalkingLaw.of(robot, control_hz, omega, options)
     return WalkingBody(
-        law, options.contact_ramp, wrench_aim, scale, _named(names, scale, "N", "N·m")
-    )
-
-
-def _named(names: list[str], scale: np.ndarray, linear: str, angular: str) -> tuple[str, ...]:
-    units = [linear] * 3 + [angular] * 3
-    return tuple(
-        f"{name} (x {size:.3g} {unit})"
-        for name, size, unit in zip(names, scale, units, strict=True)
+        law, options.contact_ramp, wrench_aim, scale, scaled_names(names, scale, "N", "N·m")
     )

@@ -23,7 +23,7 @@ from fbid_gym.actions.ranges import (
 from fbid_gym.actions.torque import Torque
 from fbid_gym.actions.walking_gains import WalkingGains
 from fbid_gym.motions import home_reference
-from fbid_gym.motions.gait.joints import joint_reference, legs_of
+from fbid_gym.motions.gait.joints import joint_reference, leg_joints_of
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.options import Choice, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
@@ -75,8 +75,8 @@ class Following:
 
 
 def joints_of_gait(robot: Robot, *, aware: bool) -> ReferenceOf:
-    """Return what makes the joint motion of a gait: the zero action walks; see `Legs.aware`."""
-    legs = legs_of(robot, aware)
+    """Return what makes the joint motion of a gait: it walks by itself; see `LegJoints`."""
+    legs = leg_joints_of(robot, aware)
     return lambda target, state, terms: joint_reference(legs, target, state, terms())
 
 

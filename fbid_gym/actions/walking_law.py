@@ -20,7 +20,7 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
-from fbid_gym.actions.law_memory import LawMemory, diagnostics_of, remember
+from fbid_gym.actions.law_memory import LawMemory, diagnostics_of, fresh_memory, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.actions.walking_gains import WalkingGains, has_spare_joints
 from fbid_gym.compiled import compiled, kernel
@@ -142,10 +142,9 @@ class WalkingLaw:
 
     def memory(self, num_robots: int) -> Memory:
         """Warm start of the contact forces, the diagnostics, and what the ramp goes on from."""
-        memory = LawMemory.fresh(num_robots)._asdict()
+        feet, joints = self.robot.num_feet, self.robot.num_joints
+        memory = fresh_memory(num_robots, self.ramp, feet, joints)
         if self.ramp is not None:
-            feet, joints = self.robot.num_feet, self.robot.num_joints
-            memory |= self.ramp.memory(num_robots, feet, joints)
             memory["sudden_torque"] = np.zeros((num_robots, joints))
         return memory
 

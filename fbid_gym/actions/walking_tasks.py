@@ -13,8 +13,6 @@ robot's inertia on long legs, which turn against the trunk. For the same reason 
 moment that ignored what the legs' swing takes would turn the trunk instead.
 """
 
-import math
-
 import numpy as np
 
 from fbid_gym.actions.walking_gains import WalkingGains
@@ -30,7 +28,7 @@ from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.operational_space import serve_task
 from fbid_gym.dynamics.centroidal import find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduce_contacts
-from fbid_gym.motions.gait.heading import lean
+from fbid_gym.motions.gait.heading import along, axes_of, in_world, lean
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import (
     CentroidalTerms,
@@ -90,10 +88,9 @@ def base_task(
             bias[i, k] = terms.bias[i, k] / mass
         for k in range(2, 6):
             jacobian[i, k, k] = 1.0
-        cosine, sine = math.cos(target.heading[i]), math.sin(target.heading[i])
-        ahead, left = added[i, 0], added[i, 1]
-        acceleration[i, 0] = target.com_acceleration[i, 0] + cosine * ahead - sine * left
-        acceleration[i, 1] = target.com_acceleration[i, 1] + sine * ahead + cosine * left
+        east, north = in_world(axes_of(target.heading[i]), added[i, 0], added[i, 1])
+        acceleration[i, 0] = target.com_acceleration[i, 0] + east
+        acceleration[i, 1] = target.com_acceleration[i, 1] + north
         rise = target.height[i] - terms.base_position[i, 2]
         acceleration[i, 2] = gains.height * rise - gains.height_damping * state.qvel[i, 2]
         acceleration[i, 2] += added[i, 2]
@@ -129,12 +126,12 @@ def wrench_aim(
     rate, late = np.empty(6), np.empty(6)
     wanted, moment, turned = np.empty((len(terms.com), 6)), np.empty(3), np.empty(3)
     for i in range(len(wanted)):
-        cosine, sine = math.cos(target.heading[i]), math.sin(target.heading[i])
+        axes = axes_of(target.heading[i])
         times(jacobian[i], acceleration[i], rate)
         times(jacobian[i], velocity[i] - state.qvel[i], late)
-        ahead, left = push[i, 0] / body.mass[i], push[i, 1] / body.mass[i]
-        wanted[i, 0] = rate[0] + bias[i, 0] + cosine * ahead - sine * left
-        wanted[i, 1] = rate[1] + bias[i, 1] + sine * ahead + cosine * left
+        east, north = in_world(axes, push[i, 0] / body.mass[i], push[i, 1] / body.mass[i])
+        wanted[i, 0] = rate[0] + bias[i, 0] + east
+        wanted[i, 1] = rate[1] + bias[i, 1] + north
         rise = target.height[i] - terms.base_position[i, 2]
         wanted[i, 2] = rate[2] + bias[i, 2] + gains.height * rise + gains.height_damping * late[2]
         wanted[i, 2] += push[i, 2] / body.mass[i]
@@ -145,13 +142,11 @@ def wrench_aim(
         for k in range(3):
             turned[k] = rotation[k, 0] * error[0] + rotation[k, 1] * error[1]
             turned[k] += rotation[k, 2] * error[2]
-        ahead, left = cosine * turned[0] + sine * turned[1], cosine * turned[1] - sine * turned[0]
-        turned[0], turned[1] = ahead, left
+        turned[0], turned[1] = along(axes, turned[0], turned[1])
         times(law.turning_inertia, turned, moment)
         for k in range(3):
             moment[k] = gains.rotation * moment[k] + push[i, 3 + k]
-        ahead, left = moment[0], moment[1]
-        moment[0], moment[1] = cosine * ahead - sine * left, sine * ahead + cosine * left
+        moment[0], moment[1] = in_world(axes, moment[0], moment[1])
         for k in range(3):
             wanted[i, 3 + k] = rate[3 + k] + bias[i, 3 + k]
             wanted[i, 3 + k] += dot(body.inverse_inertia[i, k], moment)

@@ -11,7 +11,7 @@ _RTOL = 1e-6
 
 @kernel
 def underactuation(jacobian: np.ndarray) -> np.ndarray:
-    """Six less the rank of the base columns of J: (N,), whole numbers; six if not finite.
+    """Six less the rank of the base columns of J: (N,) float; six if not finite.
 
     Args:
         jacobian: (N, k, nv) of the contacts.

@@ -4,8 +4,9 @@ import mujoco
 import mujoco.batch
 import numpy as np
 
+from fbid_gym.checks import check_finite
 from fbid_gym.dynamics.live_terms import LiveTerms
-from fbid_gym.errors import NonFiniteError, ShapeError
+from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots import Robot
 
@@ -52,8 +53,6 @@ def check_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.n
         raise ShapeError("qpos", qpos.shape, f"(N, {robot.nq}): {robot.name} has nq = {robot.nq}")
     if qvel.shape != (len(qpos), robot.nv):
         raise ShapeError("qvel", qvel.shape, f"({len(qpos)}, {robot.nv}), one row per row of qpos")
-    for name, array in (("qpos", qpos), ("qvel", qvel)):
-        if not np.isfinite(array).all():
-            where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-            raise NonFiniteError(name, where)
+    check_finite("qpos", qpos)
+    check_finite("qvel", qvel)
     return qpos, qvel

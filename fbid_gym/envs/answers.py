@@ -101,7 +101,7 @@ def as_numbers(answer: Any, shape: tuple[int, ...], whose: object, name: str) ->
         ShapeError: another shape.
         InvalidValueError: no numbers.
     """
-    if type(answer) is np.ndarray and answer.dtype is _FLOAT and answer.flags.c_contiguous:
+    if type(answer) is np.ndarray and answer.dtype == _FLOAT and answer.flags.c_contiguous:
         found = answer
     else:
         try:
@@ -129,7 +129,7 @@ def as_terms(answer: Any, count: int, task: Task, name: str) -> dict[str, np.nda
     shape, found = (count,), dict(answer)
     for key, value in found.items():
         # Two dozen at every step, and mostly what they should be.
-        if type(value) is not np.ndarray or value.shape != shape or value.dtype is not _FLOAT:
+        if type(value) is not np.ndarray or value.shape != shape or value.dtype != _FLOAT:
             found[key] = as_numbers(value, shape, task, f"{name} {key!r}")
     return found
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import real_numbers
+from fbid_gym.checks import check_finite, real_numbers
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch, Step
-from fbid_gym.errors import FbidError, InvalidValueError, NonFiniteError, ShapeError
+from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
 from fbid_gym.options import Whole
 
 NUM_ENVS = Whole(1, 65_536)
@@ -144,9 +144,8 @@ def checked_array(name: str, own: np.ndarray, state: Mapping[str, Any]) -> np.nd
         raise ShapeError(called, array.shape, f"{own.shape}, as of these environments")
     if not np.can_cast(array.dtype, own.dtype, "same_kind"):
         raise InvalidValueError(called, state[name], expected)
-    if array.dtype.kind == "f" and not np.isfinite(array).all():
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise NonFiniteError(called, where)
+    if array.dtype.kind == "f":
+        check_finite(called, array)
     return array.astype(own.dtype, copy=False)
 
 

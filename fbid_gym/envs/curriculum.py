@@ -13,7 +13,7 @@ from fbid_gym.robots.terrain import Tiles
 
 
 @dataclass(frozen=True, eq=False)
-class Progress:
+class Climb:
     """Of N robots.
 
     Attributes:
@@ -29,7 +29,7 @@ class Progress:
     arrays: dict[str, np.ndarray]
 
     @classmethod
-    def of(cls, num_robots: int, tiles: Tiles, difficulty: float) -> "Progress":
+    def of(cls, num_robots: int, tiles: Tiles, difficulty: float) -> "Climb":
         """Return robots at the level of a difficulty, from 0 to 1."""
         first = round(difficulty * (tiles.number - 1))
         return cls(

@@ -17,15 +17,15 @@ from fbid_gym.envs.answers import (
     summed,
 )
 from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.curriculum import Progress
+from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
 from fbid_gym.envs.given_actions import checked_action
-from fbid_gym.envs.moment import Moment, row_of, rows_of
+from fbid_gym.envs.moment import Moment
 from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, some_of
 from fbid_gym.robots.undrawn import alone, undrawn
 from fbid_gym.tasks import Walk
 from fbid_gym.tasks.outcome import Outcome
@@ -113,7 +113,7 @@ class EnvBatch:
         planned = self.task.memory(simulation.terms())
         check_memory(planned, num_envs, self.task)
         self._planned = {name: value.copy() for name, value in planned.items()}
-        self._progress = Progress.of(num_envs, self.terrain.tiles, config.difficulty)
+        self._progress = Climb.of(num_envs, self.terrain.tiles, config.difficulty)
         self._all_ticks = np.arange(self.rates.ticks)[:, None]
         # At the beginning of the last policy step; only for those who look.
         self._com_velocity = np.full((num_envs, 3), np.nan)
@@ -171,35 +171,48 @@ class EnvBatch:
         """Hold the checked actions (N, A) for one policy step."""
         effort, pushed = self._act(action)
         lost = effort.lost | self.simulation.diverged()
-        gone = np.flatnonzero(lost)
-        if len(gone):
-            self._retire(gone)
-            effort.power[gone] = 0.0  # velocities that nobody trusts have a part in it
+        self._retire(np.flatnonzero(lost), effort)
         outcome = self._outcome(effort)
-        shares, metrics = self._judge(outcome, self._planned)
-        seen = self._observe(outcome)
-        if len(gone):
-            # A diverged robot has no state worth judging or observing: what was last seen stands.
+        judged, seen = self._judge(outcome, self._planned), self._observe(outcome)
+        shares, self._metrics, self._observation = self._as_last_seen(lost, *judged, seen)
+        fallen = self.task.body.fallen(outcome)
+        terminated = fallen | lost
+        truncated = self._over() & ~terminated
+        info = {f"reward_{name}": share for name, share in shares.items()}
+        info |= {name: value.copy() for name, value in self._metrics.items()}
+        info |= pushed | self._report(effort, fallen, lost) | self._climb(terminated, truncated)
+        reward = summed(shares, self.num_envs, self.task)
+        return Step(self.observation(), reward, terminated, truncated, info)
+
+    def _as_last_seen(
+        self,
+        lost: np.ndarray,
+        shares: dict[str, np.ndarray],
+        metrics: dict[str, np.ndarray],
+        seen: np.ndarray,
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+        """A diverged robot has no state worth judging or observing: what was last seen stands."""
+        if lost.any():
             shares = {name: np.where(lost, 0.0, share) for name, share in shares.items()}
             before = lost & (self._tick > self.rates.ticks)
             metrics = {k: np.where(before, self._metrics[k], v) for k, v in metrics.items()}
-            seen[gone] = self._observation[gone]
-        reward = summed(shares, self.num_envs, self.task)
-        self._observation, self._metrics = seen, metrics
-        fallen = self.task.body.fallen(outcome)
-        terminated = fallen | lost
+            seen[lost] = self._observation[lost]
+        return shares, metrics, seen
+
+    def _over(self) -> np.ndarray:
+        """Which episodes have lasted their time or left their ground: (N,) bool."""
         strayed = self.terrain.tiles.left(self._progress.level, self._state.qpos[:, :2])
-        late = self._tick >= self.num_steps * self.rates.ticks
-        truncated = (late | strayed) & ~terminated
-        info = {f"reward_{name}": share for name, share in shares.items()}
-        info |= {name: value.copy() for name, value in metrics.items()}
-        info |= pushed | self._report(effort, fallen, lost)
-        if self.config.curriculum:
-            info["terrain_level"] = self._progress.level.copy()
-            assert isinstance(self.task, Walk)
-            follows = metrics["velocity_error"], self.task.tolerance
-            self._progress.advance(*follows, terminated, truncated)
-        return Step(self.observation(), reward, terminated, truncated, info)
+        return strayed | (self._tick >= self.num_steps * self.rates.ticks)
+
+    def _climb(self, terminated: np.ndarray, truncated: np.ndarray) -> dict[str, np.ndarray]:
+        """Let a curriculum, if there is one, take note of the step; the levels it was made on."""
+        if not self.config.curriculum:
+            return {}
+        level = self._progress.level.copy()
+        assert isinstance(self.task, Walk)
+        follows = self._metrics["velocity_error"], self.task.tolerance
+        self._progress.advance(*follows, terminated, truncated)
+        return {"terrain_level": level}
 
     def _judge(
         self, outcome: Outcome, planned: Memory
@@ -276,8 +289,11 @@ class EnvBatch:
         for name, value in self.task.memory(self.plant.terms()).items():
             self._planned[name][ids] = value[ids]
 
-    def _retire(self, ids: np.ndarray) -> None:
+    def _retire(self, ids: np.ndarray, effort: Effort) -> None:
         """Stand diverged robots back in the home pose, where they harm nobody until reset."""
+        if len(ids) == 0:
+            return
+        effort.power[ids] = 0.0  # velocities that nobody trusts have a part in it
         home = np.tile(self.robot.home_qpos, (len(ids), 1))
         home[:, :2] += self.terrain.starts[0]
         ground = self.terrain.height(home[:, 0], home[:, 1])
@@ -289,18 +305,18 @@ class EnvBatch:
     def moment(self, env: int) -> Moment:
         """Return what the layer would see of one robot now, in copies."""
         action = self._delay.arrived(self.rates.ticks - 1)[env : env + 1]
-        steering = self.footholds.steering(action[:, self._num_own :])
-        terms, actual = row_of(self.plant.terms(), env), row_of(self.simulation.terms(), env)
-        state = row_of(self._look(), env)
-        now = Now(state, lambda: terms, steering, rows_of(self._planned, env))
+        steering, only = self.footholds.steering(action[:, self._num_own :]), np.array([env])
+        terms, actual = some_of(self.plant.terms(), only), some_of(self.simulation.terms(), only)
+        state = some_of(self._look(), only)
+        now = Now(state, lambda: terms, steering, _rows(self._planned, only))
         gained = actual.com_velocity[0] - self._com_velocity[env]
         return Moment(
             action=np.ascontiguousarray(action[:, : self._num_own]),
             state=state,
-            reference=self.task.reference(rows_of(self._plan, env), now),
+            reference=self.task.reference(_rows(self._plan, only), now),
             terms=terms,
             actual=actual,
-            memory=rows_of(self._memory, env),
+            memory=_rows(self._memory, only),
             acceleration=gained * self.rates.policy,
         )
 
@@ -311,16 +327,23 @@ class EnvBatch:
         """
         state = {f"simulation.{k}": v for k, v in self.simulation.state_dict().items()}
         state |= {f"plant.{k}": v for k, v in self.plant.state_dict().items()}
-        state |= {f"plan.{k}": v.copy() for k, v in self._plan.items()}
-        state |= {f"memory.{k}": v.copy() for k, v in self._memory.items()}
-        state |= {f"planned.{k}": v.copy() for k, v in self._planned.items()}
-        state |= {f"metric.{k}": v.copy() for k, v in self._metrics.items()}
-        state |= {f"delay.{k}": v.copy() for k, v in self._delay.arrays.items()}
-        state |= {f"progress.{k}": v.copy() for k, v in self._progress.arrays.items()}
+        for part, arrays in self._remembered().items():
+            state |= {f"{part}.{name}": value.copy() for name, value in arrays.items()}
         state |= {"tick": self._tick.copy(), "torque": self._torque.copy()}
         state["observation"] = self.observation()
         state["generator"] = np.array([packed(rng) for rng in self._rngs], np.uint64)
         return state
+
+    def _remembered(self) -> dict[str, Mapping[str, np.ndarray]]:
+        """What goes on from step to step beside the physics, by its part of a state; live."""
+        return {
+            "plan": self._plan,
+            "memory": self._memory,
+            "planned": self._planned,
+            "metric": self._metrics,
+            "delay": self._delay.arrays,
+            "progress": self._progress.arrays,
+        }
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
         """Raise InvalidValueError for numbers of a state that look up what is not there."""
@@ -341,13 +364,10 @@ class EnvBatch:
         """Continue from a `state_dict` that has been checked, bit for bit."""
         self.plant.load_state_dict(_under("plant", state))
         self.simulation.load_state_dict(_under("simulation", state))
-        self._plan = {k: v.copy() for k, v in _under("plan", state).items()}
-        self._memory = {k: v.copy() for k, v in _under("memory", state).items()}
-        self._planned = {k: v.copy() for k, v in _under("planned", state).items()}
-        self._metrics = {k: v.copy() for k, v in _under("metric", state).items()}
-        for own, prefix in ((self._delay.arrays, "delay"), (self._progress.arrays, "progress")):
-            for name, value in _under(prefix, state).items():
-                own[name][:] = value
+        self._metrics = {name: value.copy() for name, value in self._metrics.items()}  # the task's
+        for part, arrays in self._remembered().items():
+            for name, value in arrays.items():
+                value[:] = state[f"{part}.{name}"]
         self._tick[:], self._torque = state["tick"], state["torque"].copy()
         self._observation = state["observation"].copy()
         self._com_velocity[:] = np.nan
@@ -371,6 +391,11 @@ def _drawn_place(starts: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     if len(starts) == 1:
         return starts[0]
     return starts[rng.integers(len(starts))]
+
+
+def _rows(arrays: Mapping[str, np.ndarray], ids: np.ndarray) -> dict[str, np.ndarray]:
+    """Return copies of the rows of some robots."""
+    return {name: value[ids] for name, value in arrays.items()}
 
 
 def _under(prefix: str, state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

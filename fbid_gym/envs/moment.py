@@ -1,14 +1,11 @@
 """One robot of a batch at one moment, as its layer sees it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
-
-Rows = TypeVar("Rows", bound=tuple[np.ndarray, ...])
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +32,3 @@ class Moment:
     actual: DynamicsTerms
     memory: Memory
     acceleration: np.ndarray
-
-
-def row_of(rows: Rows, env: int) -> Rows:
-    """Return a copy of one robot's row of each array of a named tuple."""
-    kind: Any = type(rows)
-    return kind(*(values[env : env + 1].copy() for values in rows))
-
-
-def rows_of(arrays: Mapping[str, np.ndarray], env: int) -> dict[str, np.ndarray]:
-    """Return a copy of one robot's row of each array."""
-    return {name: values[env : env + 1].copy() for name, values in arrays.items()}

@@ -6,9 +6,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from fbid_gym.checks import check_choices
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.insight import Insight
-from fbid_gym.options import check_fields, check_names, options_of
+from fbid_gym.options import check_fields, options_of
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class RenderOptions:
     @classmethod
     def of(cls, arguments: dict[str, Any]) -> "RenderOptions":
         """Build from keyword arguments, naming any that does not exist."""
-        check_names("render option", arguments, options_of(cls))
+        check_choices("render option", arguments, options_of(cls))
         return cls(**arguments)
 
     def __post_init__(self) -> None:

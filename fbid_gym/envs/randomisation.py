@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from fbid_gym.options import Number, Pair, check_fields, check_names, options_of
+from fbid_gym.checks import check_choices
+from fbid_gym.options import Number, Pair, check_fields, options_of
 
 Share = Annotated[float, Number(0.0, 0.99)]
 Offset = Annotated[float, Number(0.0, 1.0, "m")]
@@ -48,7 +49,7 @@ class Randomisation:
     @classmethod
     def of(cls, arguments: dict[str, Any]) -> "Randomisation":
         """Build from keyword arguments, naming any that does not exist."""
-        check_names("randomisation", arguments, options_of(cls))
+        check_choices("randomisation", arguments, options_of(cls))
         return cls(**arguments)
 
     def __post_init__(self) -> None:

@@ -87,7 +87,7 @@ class Simulation:
         self.contact_force = np.zeros(self._sensors.shape)
         self._live = LiveTerms(robot, self.batch)
         self._terms: DynamicsTerms | None = None
-        self._hush(np.arange(num_robots))
+        hush(self.batch, np.arange(num_robots))
         self.batch.forward()
         self.contact_force[:] = self._sensors
 
@@ -128,17 +128,9 @@ class Simulation:
         lowest = point_positions(self._geometry, self._live())[ids, :, 2].min(axis=1)
         self.qpos[ids, 2] -= lowest - ground
         self.batch.forward(ids)
-        self._hush(ids)
+        hush(self.batch, ids)
         self.contact_force[ids] = self._sensors[ids]
         self._terms = None
-
-    def _hush(self, ids: np.ndarray) -> None:
-        """Tell MuJoCo that it has warned once of everything, see `hush`.
-
-        When it restarts a diverged simulation it clears these counters: that is how `diverged`
-        knows.
-        """
-        hush(self.batch, ids)
 
     def push(self, force: np.ndarray) -> None:
         """Push each base with (N, 3) N, world, at its centre of mass, until told otherwise."""
@@ -198,7 +190,7 @@ class Simulation:
         for name in _STATE:
             self.batch.bind(name)[:] = state[name]
         self.batch.forward(stage=_VELOCITY)
-        self._hush(np.arange(self.num_robots))
+        hush(self.batch, np.arange(self.num_robots))
         self.contact_force[:] = state["contact_force"]
         self._terms = None
 
@@ -207,6 +199,7 @@ def hush(batch: mujoco.batch.Batch, ids: np.ndarray) -> None:
     """Tell MuJoCo that it has warned once of everything in the simulations `ids` (K,).
 
     It writes the first warning of a kind to the terminal and to a file in the working directory.
+    When it restarts a diverged simulation it clears these counters: that is how `diverged` knows.
     """
     batch.warning[ids, :, 1] = 1
 

@@ -112,8 +112,7 @@ def base_on_feet(
         planted = np.ones((steps, robot.num_feet), bool)
     active = planted[:, geometry.foot_of_point]
     points = np.broadcast_to(points, (steps, robot.num_points, 3))
-    qpos, qvel, qacc = np.zeros((steps, robot.nq)), np.zeros((steps, robot.nv)), None
-    qacc = np.zeros_like(qvel)
+    qpos, (qvel, qacc) = np.zeros((steps, robot.nq)), np.zeros((2, steps, robot.nv))
     qpos[:, 3], qpos[:, 7:], qvel[:, 6:], qacc[:, 6:] = 1.0, *joints
 
     dynamics = Chunked(robot)
@@ -216,7 +215,7 @@ def joints_on_feet(
             "moving", len(columns), f"{sum(rows.stop for rows in rows_of)} joints"
         )
     radius, dynamics = foot_radius(robot), Chunked(robot)
-    home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
+    home = Stance.of(robot).terms
     qpos, qvel, qacc = base.qpos.copy(), base.qvel.copy(), base.qacc.copy()
     qpos[:, 7:], qvel[:, 6:], qacc[:, 6:] = guess, 0.0, 0.0
     lift, going = np.where(planted, 0.0, radius), ~planted[..., None]

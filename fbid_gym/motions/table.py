@@ -5,8 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
+from fbid_gym.checks import check_finite
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
+from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.quantities import Reference
 from fbid_gym.robots import Robot
 
@@ -162,9 +163,7 @@ def _check_shapes(motion: MotionTable) -> None:
     ):
         if array.shape != (steps, width) or steps == 0:
             raise ShapeError(f"{name} of the motion", array.shape, text)
-        if not np.isfinite(array).all():
-            where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-            raise NonFiniteError(f"{name} of the motion", where)
+        check_finite(f"{name} of the motion", array)
     planted = motion.rows.planted
     if planted.shape != (steps, robot.num_feet):
         raise ShapeError(

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.bundles import load_bundle, save_bundle
-from fbid_gym.checks import check_plain, check_positive, real_numbers
+from fbid_gym.checks import check_finite, check_plain, check_positive, real_numbers
 from fbid_gym.errors import (
     FbidError,
     InvalidValueError,
@@ -266,9 +266,7 @@ def _frozen(name: str, array: np.ndarray, shape: tuple[int | None, ...], dtype: 
     if not fits:
         wanted = ", ".join("any" if want is None else str(want) for want in shape)
         raise ShapeError(name, array.shape, f"({wanted})")
-    bad = np.argwhere(~np.isfinite(array))
-    if bad.size:
-        raise NonFiniteError(name, tuple(int(i) for i in bad[0]))
+    check_finite(name, array)
     if name == "normalisation.variance" and (array < 0).any():
         raise NonFiniteError(
             "square root of " + name, tuple(int(i) for i in np.argwhere(array < 0)[0])

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.robots.feet import ContactPoint
-from fbid_gym.robots.mjcf import can_touch
+from fbid_gym.robots.touching import welded_geoms
 
 _GEOM = mujoco.mjtGeom
 _OBJ = mujoco.mjtObj
@@ -136,9 +136,7 @@ def _cut(points: np.ndarray, far: float) -> tuple[float, np.ndarray]:
 
 def _touches_by_its_points_alone(model: mujoco.MjModel, foot: Sequence[ContactPoint]) -> bool:
     """Whether the foot's colliding geoms are those which its points are named after."""
-    welded = model.body_weldid[model.geom_bodyid] == model.body_weldid[foot[0].body]
-    touching = set(np.flatnonzero(welded & can_touch(model)).tolist())
-    return touching == {point.geom for point in foot}
+    return set(welded_geoms(model, foot[0].body)) == {point.geom for point in foot}
 
 
 def _whole_foot(

@@ -23,7 +23,7 @@ from fbid_gym.robots.mjcf import (
 )
 from fbid_gym.robots.polygon import margin_within
 from fbid_gym.robots.soles import TILTED, tilt_of
-from fbid_gym.robots.touching import lowest
+from fbid_gym.robots.touching import lowest, welded_geoms
 
 _OBJ = mujoco.mjtObj
 
@@ -276,8 +276,7 @@ def friction_of_feet(model: mujoco.MjModel, feet: Sequence[Foot]) -> float:
     """
     grounds, found = np.flatnonzero(static_geoms(model)), [np.inf]
     for foot in feet:
-        welded = model.body_weldid[model.geom_bodyid] == model.body_weldid[foot.body]
-        for geom in np.flatnonzero(welded & can_touch(model)):
+        for geom in welded_geoms(model, foot.body):
             for ground in grounds:
                 pair, priority = [geom, ground], model.geom_priority[[geom, ground]]
                 if priority[0] != priority[1]:

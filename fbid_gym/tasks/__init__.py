@@ -3,11 +3,11 @@
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from fbid_gym.checks import check_choices
 from fbid_gym.options import (
     Choice,
     Pair,
     check_call,
-    check_names,
     check_own_name,
     grouped,
     options_of,
@@ -116,7 +116,7 @@ def make_task(
         FbidError: unknown task, unknown option or invalid value; the message names the choices.
     """
     given = dict(options or {})
-    check_names(f"option of task {name!r}", given, task_options(name))
+    check_choices(f"option of task {name!r}", given, task_options(name))
     check_schedule("push_interval", pushes.interval, seconds)
     of = task_kind(name).of
     return of(robot, seconds, hz, pushes, start, **grouped(of, given))

@@ -6,7 +6,7 @@ import pytest
 
 from fbid_gym.errors import FbidError, RobotError
 from fbid_gym.motions.gait.gait import gait_of
-from fbid_gym.motions.gait.joints import legs_of
+from fbid_gym.motions.gait.joints import leg_joints_of
 from fbid_gym.robots import Robot
 
 QUADRUPED, BIPED = "fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0"
@@ -103,7 +103,7 @@ def test_a_gait_for_a_robot_with_too_few_feet(planar):
 
 def test_feet_that_no_inverse_kinematics_places(planar):
     with pytest.raises(RobotError, match="Foot 'fl' .* hangs from 2 joints .* at least three"):
-        legs_of(planar(list(PLACES)), aware=True)
+        leg_joints_of(planar(list(PLACES)), aware=True)
     with pytest.raises(RobotError, match="Foot 'fl' .* hangs from 2 joints .* at least three"):
         gym.make(QUADRUPED, robot=planar(list(PLACES)), action_layer="joint_position")
 

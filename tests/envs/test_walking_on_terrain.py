@@ -7,7 +7,7 @@ import pytest
 from fbid_gym.dynamics.contacts import contact_geometry, point_positions
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.curriculum import Progress
+from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import FbidError
@@ -120,7 +120,7 @@ def test_the_scan_turns_and_moves_and_rises_with_the_robot() -> None:
 
 
 def test_success_leads_to_harder_ground_and_a_fall_to_easier() -> None:
-    progress = Progress.of(5, Tiles(3, 1.0), 0.5)
+    progress = Climb.of(5, Tiles(3, 1.0), 0.5)
     assert (progress.level == 1).all()
     well, badly = 0.1, 0.3
     error = np.array([well, badly, well, well, badly])

@@ -28,6 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.checks import check_finite, check_positive
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.identification.entropic_fit import (
     Weighed,
@@ -47,7 +48,6 @@ from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics, check_states
 from fbid_gym.errors import (
     ExcitationError,
     InvalidValueError,
-    NonFiniteError,
     RobotError,
     ShapeError,
 )
@@ -225,13 +225,9 @@ def estimate(
     resolution: float = RESOLUTION,
 ) -> Identification:
     """Find the inertial parameters from condensed samples; arguments and errors as `identify`."""
-    for option, value in (
-        ("prior_weight", prior_weight),
-        ("total_mass", total_mass),
-        ("resolution", resolution),
-    ):
-        if value is not None and not (np.isfinite(value) and value > 0.0):
-            raise InvalidValueError(option, value, "a positive, finite number")
+    check_positive(prior_weight=prior_weight, resolution=resolution)
+    if total_mass is not None:
+        check_positive(total_mass=total_mass)
     nominal = regressor.parameters()
     flat = consistency(nominal) <= _FLAT
     if flat.any():
@@ -356,8 +352,7 @@ def _checked(robot: Robot, samples: Samples) -> Samples:
     for name, array, width in (("qacc", qacc, robot.nv), ("torque", torque, robot.num_joints)):
         if array.shape != (count, width):
             raise ShapeError(name, array.shape, f"({count}, {width}), one row per row of qpos")
-        if not np.isfinite(array).all():
-            raise NonFiniteError(name, tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0]))
+        check_finite(name, array)
     active = samples.active
     if active is not None:
         active = np.asarray(active, bool)

@@ -23,8 +23,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from fbid_gym.checks import check_finite
 from fbid_gym.dynamics.frames import matrix_to_quaternion, quaternion_to_matrix
-from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
+from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.robots import Robot
 
 PARAMETERS = (
@@ -149,9 +150,7 @@ def with_parameters(
     ids, parameters = np.asarray(bodies, dtype=int), np.asarray(parameters, dtype=float)
     if parameters.shape != (len(ids), 10):
         raise ShapeError("parameters", parameters.shape, f"({len(ids)}, 10), ten for each body")
-    if not np.isfinite(parameters).all():
-        where = np.argwhere(~np.isfinite(parameters))[0]
-        raise NonFiniteError("parameters", tuple(int(i) for i in where))
+    check_finite("parameters", parameters)
     margin = consistency(parameters)
     if (margin <= 0.0).any():
         worst = int(np.argmin(margin))

@@ -11,6 +11,7 @@ Pinocchio's coordinates and the generalized force brought back (`fbid_gym.dynami
 import numpy as np
 import pinocchio as pin
 
+from fbid_gym.checks import check_finite
 from fbid_gym.dynamics import frames
 from fbid_gym.dynamics.identification.inertia import (
     body_parameters,
@@ -19,7 +20,7 @@ from fbid_gym.dynamics.identification.inertia import (
 )
 from fbid_gym.dynamics.mujoco_dynamics import check_states
 from fbid_gym.dynamics.pinocchio_model import armature_of_base, pinocchio_model
-from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
+from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.robots import Robot
 
 
@@ -86,9 +87,7 @@ class InertialRegressor:
         qacc = np.asarray(qacc, dtype=float)
         if qacc.shape != qvel.shape:
             raise ShapeError("qacc", qacc.shape, f"{qvel.shape}, as qvel")
-        if not np.isfinite(qacc).all():
-            where = np.argwhere(~np.isfinite(qacc))[0]
-            raise NonFiniteError("qacc", tuple(int(i) for i in where))
+        check_finite("qacc", qacc)
         zero = (qpos[:, 3:7] == 0.0).all(axis=1)
         if zero.any():
             row = int(zero.argmax())

@@ -6,8 +6,8 @@ import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
+from fbid_gym.motions.gait.flat_gait import FlatFootGait
 from fbid_gym.motions.gait.slope import Sense
-from fbid_gym.motions.gait.walking import FlatFootGait
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import convex_hull
 

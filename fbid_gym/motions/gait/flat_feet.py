@@ -27,20 +27,20 @@ from fbid_gym.motions.gait.divergent import (
     stride_to_catch,
     transfer,
 )
+from fbid_gym.motions.gait.flat_gait import (
+    DOUBLE,
+    LONG_AGO,
+    STAND,
+    SWING,
+    FlatFootGait,
+    FlatGaitMemory,
+)
 from fbid_gym.motions.gait.heading import Pair, along, axes_of, in_world, wrapped
 from fbid_gym.motions.gait.hull import nearest_in_hull
 from fbid_gym.motions.gait.slope import Plane, feel_ground, height_on
 from fbid_gym.motions.gait.swing import lift_and_land, rise
 from fbid_gym.motions.gait.target import GaitTarget, standing_target
 from fbid_gym.motions.gait.touchdown import load_on
-from fbid_gym.motions.gait.walking import (
-    DOUBLE,
-    LONG_AGO,
-    STAND,
-    SWING,
-    FlatFootGait,
-    GaitMemory,
-)
 from fbid_gym.quantities import DynamicsTerms
 
 _EARLIEST = 0.6  # share of a swing before which a loaded foot has not left the ground yet
@@ -56,7 +56,7 @@ def walk(
     terms: DynamicsTerms,
     contact_force: np.ndarray,
     tick: float,
-    memory: GaitMemory,
+    memory: FlatGaitMemory,
 ) -> GaitTarget:
     """Go on by one control tick, and say what the robots shall do.
 
@@ -134,7 +134,7 @@ def _change_phase(
     command: GaitCommand,
     terms: DynamicsTerms,
     contact_force: np.ndarray,
-    memory: GaitMemory,
+    memory: FlatGaitMemory,
 ) -> None:
     """Lift, land, start and stop."""
     i, timing, axes, xi = now
@@ -182,7 +182,7 @@ def _set_out(
     velocity: np.ndarray,
     command: GaitCommand,
     xi: Pair,
-    memory: GaitMemory,
+    memory: FlatGaitMemory,
     i: int,
 ) -> None:
     """Begin a double support, or to stand, from what is."""
@@ -199,7 +199,7 @@ def _settle(
     gait: FlatFootGait,
     terms: DynamicsTerms,
     tick: float,
-    memory: GaitMemory,
+    memory: FlatGaitMemory,
     target: GaitTarget,
     i: int,
 ) -> None:
@@ -230,7 +230,7 @@ def _balance(
     now: _Now,
     terms: DynamicsTerms,
     points: np.ndarray,
-    memory: GaitMemory,
+    memory: FlatGaitMemory,
     target: GaitTarget,
 ) -> Pair:
     """Choose the centre of pressure; return the error of xi, along the heading."""
@@ -291,7 +291,7 @@ def _find_foothold(
     command: GaitCommand,
     plane: Plane,
     error: Pair,
-    memory: GaitMemory,
+    memory: FlatGaitMemory,
     target: GaitTarget,
 ) -> None:
     """Where the foot in the air shall land."""
@@ -327,7 +327,7 @@ def _swing(
     gait: FlatFootGait,
     timing: StepTiming,
     turning: float,
-    memory: GaitMemory,
+    memory: FlatGaitMemory,
     target: GaitTarget,
     i: int,
 ) -> None:
@@ -364,7 +364,7 @@ def _swing(
 
 
 @compiled
-def _cycle(gait: FlatFootGait, timing: StepTiming, memory: GaitMemory, i: int) -> float:
+def _cycle(gait: FlatFootGait, timing: StepTiming, memory: FlatGaitMemory, i: int) -> float:
     """Share of the cycle: each half begins when a foot lands, the left one's first."""
     if memory.phase[i] == STAND:
         return 0.0

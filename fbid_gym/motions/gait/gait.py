@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.motions.gait import flat_feet, point_feet, point_gait, walking
+from fbid_gym.motions.gait import flat_feet, flat_gait, point_feet, point_gait
 from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.quadruped import quadruped_gait
@@ -30,9 +30,9 @@ class Gait:
         walk: the kernel, see `point_feet.walk`.
     """
 
-    constants: point_gait.PointFootGait | walking.FlatFootGait
+    constants: point_gait.PointFootGait | flat_gait.FlatFootGait
     tick: float
-    remembered: type[point_gait.GaitMemory] | type[walking.GaitMemory]
+    remembered: type[point_gait.PointGaitMemory] | type[flat_gait.FlatGaitMemory]
     begin: Callable[[np.ndarray, np.ndarray], Any]
     walk: Callable[..., GaitTarget]
 
@@ -91,9 +91,9 @@ def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
     tick = 1.0 / hz
     if biped:
         on_soles = biped_gait(robot)
-        return Gait(on_soles, tick, walking.GaitMemory, walking.standing, flat_feet.walk)
+        return Gait(on_soles, tick, flat_gait.FlatGaitMemory, flat_gait.standing, flat_feet.walk)
     on_points = quadruped_gait(robot, name or default_gait(robot))
-    return Gait(on_points, tick, point_gait.GaitMemory, point_gait.standing, point_feet.walk)
+    return Gait(on_points, tick, point_gait.PointGaitMemory, point_gait.standing, point_feet.walk)
 
 
 def default_gait(robot: Robot) -> str:

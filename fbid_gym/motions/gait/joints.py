@@ -28,7 +28,7 @@ _DAMPING = 1e-4  # of a leg's mean squared gain in place, and in rotation, near 
 _LONGEST = 0.3  # rad, of a step
 
 
-class Legs(NamedTuple):
+class LegJoints(NamedTuple):
     """Which joints move which foot; constants of a robot.
 
     Attributes:
@@ -52,12 +52,12 @@ class Legs(NamedTuple):
     aware: bool
 
 
-def legs_of(robot: Robot, aware: bool) -> Legs:
+def leg_joints_of(robot: Robot, aware: bool) -> LegJoints:
     """Return the legs of a robot.
 
     Args:
         robot: the robot.
-        aware: see `Legs`.
+        aware: see `LegJoints`.
 
     Raises:
         RobotError: a foot has no joints of its own to place it.
@@ -70,7 +70,7 @@ def legs_of(robot: Robot, aware: bool) -> Legs:
                 "Expected at least three to follow a gait with the joints."
             )
     low, high = robot.joint_range.T
-    return Legs(
+    return LegJoints(
         joints=stance.legs,
         rows=6 if robot.has_soles else 3,
         home=robot.home_qpos,
@@ -97,7 +97,7 @@ class _Motion(NamedTuple):
 
 @kernel
 def joint_reference(
-    legs: Legs, target: GaitTarget, state: RobotState, terms: DynamicsTerms
+    legs: LegJoints, target: GaitTarget, state: RobotState, terms: DynamicsTerms
 ) -> Reference:
     """Return what the joints shall do for a gait, with the body's motion for that of the base.
 

@@ -9,9 +9,9 @@ from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.footholds import Leap, point_ahead, within_reach
 from fbid_gym.motions.gait.heading import turned
 from fbid_gym.motions.gait.lifting import Step
-from fbid_gym.motions.gait.point_gait import GaitMemory, PointFootGait
+from fbid_gym.motions.gait.point_gait import PointFootGait, PointGaitMemory
 from fbid_gym.motions.gait.slope import Plane, height_on
-from fbid_gym.motions.gait.swing import Motion, across, below, over
+from fbid_gym.motions.gait.swing import Moving, across, below, over
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.motions.gait.touchdown import SWING
 from fbid_gym.quantities import DynamicsTerms
@@ -27,7 +27,7 @@ def swing_or_reach(
     plane: Plane,
     step: Step,
     tick: float,
-    memory: GaitMemory,
+    memory: PointGaitMemory,
     target: GaitTarget,
 ) -> None:
     """Say how a foot in the air moves."""
@@ -52,19 +52,19 @@ def swing_or_reach(
     way = below(memory.clock[i, foot], _RAMP / gait.omega, gait.sink)
     for axis in range(3):
         target.foothold[i, foot, axis] = memory.begun[i, foot, axis]
-        _aim(Motion(memory.begun[i, foot, axis], 0.0, 0.0), target, i, foot, axis)
-    down = Motion(memory.begun[i, foot, 2] - way.value, -way.rate, -way.acceleration)
+        _aim(Moving(memory.begun[i, foot, axis], 0.0, 0.0), target, i, foot, axis)
+    down = Moving(memory.begun[i, foot, 2] - way.value, -way.rate, -way.acceleration)
     _aim(down, target, i, foot, 2)
 
 
 @compiled
-def _begin(places: np.ndarray, memory: GaitMemory, i: int, foot: int) -> None:
+def _begin(places: np.ndarray, memory: PointGaitMemory, i: int, foot: int) -> None:
     for axis in range(3):
         memory.begun[i, foot, axis] = places[i, foot, axis]
 
 
 @compiled
-def _aim(motion: Motion, target: GaitTarget, i: int, foot: int, axis: int) -> None:
+def _aim(motion: Moving, target: GaitTarget, i: int, foot: int, axis: int) -> None:
     target.foot_position[i, foot, axis] = motion.value
     target.foot_velocity[i, foot, axis] = motion.rate
     target.foot_acceleration[i, foot, axis] = motion.acceleration
@@ -77,7 +77,7 @@ def _find_foothold(
     terms: DynamicsTerms,
     plane: Plane,
     step: Step,
-    memory: GaitMemory,
+    memory: PointGaitMemory,
     target: GaitTarget,
 ) -> None:
     """Choose where a foot lands: where the robot's fall asks for it, within reach."""

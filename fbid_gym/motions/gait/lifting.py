@@ -8,7 +8,7 @@ import numpy as np
 from fbid_gym.compiled import compiled
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.heading import turned
-from fbid_gym.motions.gait.point_gait import GaitMemory, PointFootGait
+from fbid_gym.motions.gait.point_gait import PointFootGait, PointGaitMemory
 from fbid_gym.motions.gait.schedule import since_lift
 from fbid_gym.motions.gait.touchdown import STANCE, next_mode
 from fbid_gym.quantities import DynamicsTerms
@@ -40,7 +40,7 @@ def start_or_stop(
     command: GaitCommand,
     terms: DynamicsTerms,
     middle: np.ndarray,
-    memory: GaitMemory,
+    memory: PointGaitMemory,
     i: int,
 ) -> None:
     """Decide whether feet may lift."""
@@ -61,7 +61,7 @@ def start_or_stop(
 
 
 @compiled
-def all_stand(memory: GaitMemory, i: int) -> bool:
+def all_stand(memory: PointGaitMemory, i: int) -> bool:
     """Return whether no foot is in the air."""
     for foot in range(memory.mode.shape[1]):
         if memory.mode[i, foot] != STANCE:
@@ -70,7 +70,7 @@ def all_stand(memory: GaitMemory, i: int) -> bool:
 
 
 @compiled
-def _gathered(gait: PointFootGait, terms: DynamicsTerms, memory: GaitMemory, i: int) -> bool:
+def _gathered(gait: PointFootGait, terms: DynamicsTerms, memory: PointGaitMemory, i: int) -> bool:
     """Whether the feet are about where they are at home."""
     for foot in range(len(gait.place)):
         x, y = turned(memory.heading[i], gait.place[foot, 0], gait.place[foot, 1])
@@ -83,7 +83,7 @@ def _gathered(gait: PointFootGait, terms: DynamicsTerms, memory: GaitMemory, i: 
 
 @compiled
 def tell_time(
-    gait: PointFootGait, command: GaitCommand, tick: float, memory: GaitMemory, i: int
+    gait: PointFootGait, command: GaitCommand, tick: float, memory: PointGaitMemory, i: int
 ) -> None:
     """Let the clock run, unless the robot stands still."""
     if memory.walking[i] or not all_stand(memory, i):
@@ -97,7 +97,7 @@ def lift_or_land(
     command: GaitCommand,
     tick: float,
     touches: bool,
-    memory: GaitMemory,
+    memory: PointGaitMemory,
     i: int,
     foot: int,
 ) -> Step:

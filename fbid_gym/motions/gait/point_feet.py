@@ -15,7 +15,7 @@ from fbid_gym.motions.gait.command import GaitCommand, approached, follow
 from fbid_gym.motions.gait.heading import turned
 from fbid_gym.motions.gait.landing import swing_or_reach
 from fbid_gym.motions.gait.lifting import all_stand, lift_or_land, start_or_stop, tell_time
-from fbid_gym.motions.gait.point_gait import GaitMemory, PointFootGait
+from fbid_gym.motions.gait.point_gait import PointFootGait, PointGaitMemory
 from fbid_gym.motions.gait.slope import feel_ground, height_on
 from fbid_gym.motions.gait.target import GaitTarget, standing_target
 from fbid_gym.motions.gait.touchdown import REACH, STANCE, load_on
@@ -29,7 +29,7 @@ def walk(
     terms: DynamicsTerms,
     contact_force: np.ndarray,
     tick: float,
-    memory: GaitMemory,
+    memory: PointGaitMemory,
 ) -> GaitTarget:
     """Go on by one control tick, and say what the robots shall do.
 
@@ -68,7 +68,7 @@ def walk(
 
 @compiled
 def _stand_on(
-    terms: DynamicsTerms, touches: np.ndarray, middle: np.ndarray, memory: GaitMemory, i: int
+    terms: DynamicsTerms, touches: np.ndarray, middle: np.ndarray, memory: PointGaitMemory, i: int
 ) -> None:
     """Find the middle of the feet that stand, and note where those are that carry weight."""
     middle[:] = 0.0
@@ -94,7 +94,7 @@ def _lean(
     terms: DynamicsTerms,
     middle: np.ndarray,
     tick: float,
-    memory: GaitMemory,
+    memory: PointGaitMemory,
     target: GaitTarget,
     i: int,
 ) -> None:

@@ -59,7 +59,7 @@ class PointFootGait(NamedTuple):
     foot_of_point: np.ndarray
 
 
-class GaitMemory(NamedTuple):
+class PointGaitMemory(NamedTuple):
     """What gaits remember from tick to tick, see `standing`.
 
     Attributes:
@@ -91,13 +91,13 @@ class GaitMemory(NamedTuple):
     lowered: np.ndarray
 
 
-def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
+def standing(heading: np.ndarray, foot_position: np.ndarray) -> PointGaitMemory:
     """Return the memory of robots that stand, with headings (N,) rad and feet at (N, F, 3) m.
 
     The ground below them is taken to be level until they have stood on it for a while.
     """
     feet = foot_position.shape[:2]
-    return GaitMemory(
+    return PointGaitMemory(
         phase=np.zeros(len(heading)),
         walking=np.zeros(len(heading), bool),
         settled=np.ones(len(heading)),

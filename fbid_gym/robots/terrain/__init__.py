@@ -178,8 +178,7 @@ def compile_world(robot: Robot, terrain: Terrain) -> mujoco.MjModel:
 
 def _scale(robot: Robot) -> Scale:
     """The height of its centre of mass, and what its feet clear."""
-    on_points = all(foot.num_points == 1 for foot in robot.feet)
-    return Scale(_com_height(robot), _REACH[on_points])
+    return Scale(_com_height(robot), _REACH[not robot.has_soles])
 
 
 def _reach(robot: Robot) -> float:

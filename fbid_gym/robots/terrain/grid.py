@@ -40,6 +40,12 @@ def heights(grid: HeightGrid, places: np.ndarray) -> np.ndarray:
     return found
 
 
+def heights_at(grid: HeightGrid, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return how high the ground is, in m, at places in m; of the shape that x and y have."""
+    x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+    return heights(grid, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+
+
 @kernel
 def heights_below(grid: HeightGrid, points: np.ndarray) -> np.ndarray:
     """Return how high the ground is, (N, F) m, below points (N, F, 3) m."""

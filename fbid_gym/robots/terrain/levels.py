@@ -10,7 +10,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.terrain.grid import HeightGrid, add_height_field, heights, settled
+from fbid_gym.robots.terrain.grid import HeightGrid, add_height_field, heights_at, settled
 from fbid_gym.robots.terrain.patches import CLEARING, EDGE, PATCHES, Places
 
 NUM_LEVELS = 11
@@ -74,8 +74,7 @@ class Levels:
 
     def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """See `Terrain`."""
-        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        return heights(self.grid, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+        return heights_at(self.grid, x, y)
 
 
 def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) -> Levels:

@@ -6,7 +6,7 @@ from typing import ClassVar
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.terrain.grid import HeightGrid, add_height_field, heights, settled
+from fbid_gym.robots.terrain.grid import HeightGrid, add_height_field, heights_at, settled
 from fbid_gym.robots.terrain.levels import Tiles
 from fbid_gym.robots.terrain.sizes import CLEARING, HALF_SIZE
 
@@ -37,8 +37,7 @@ class RockBoard:
 
     def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """See `Terrain`."""
-        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        return heights(self.grid, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+        return heights_at(self.grid, x, y)
 
 
 def random_rocks(

@@ -450,7 +450,7 @@ def test_resolution_decides_what_counts(nominal, samples):
 @pytest.mark.parametrize("option", ["prior_weight", "total_mass", "resolution"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_options_are_positive(nominal, samples, option, value):
-    with pytest.raises(InvalidValueError, match=f"Invalid {option}: .*positive, finite"):
+    with pytest.raises(InvalidValueError, match=f"Invalid {option}: .*positive finite"):
         identify(nominal, samples.rows(0, 5), **{option: value})
 
 

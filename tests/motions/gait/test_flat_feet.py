@@ -10,13 +10,13 @@ from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.flat_feet import walk
-from fbid_gym.motions.gait.target import GaitTarget
-from fbid_gym.motions.gait.walking import (
+from fbid_gym.motions.gait.flat_gait import (
     STAND,
     FlatFootGait,
-    GaitMemory,
+    FlatGaitMemory,
     standing,
 )
+from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms
 
 TICK = 0.004
@@ -45,7 +45,7 @@ class Pendulums:
     feet: np.ndarray = field(init=False)
     rotation: np.ndarray = field(init=False)
     body: np.ndarray = field(init=False)
-    memory: GaitMemory = field(init=False)
+    memory: FlatGaitMemory = field(init=False)
 
     def __post_init__(self) -> None:
         count, upright = len(self.heading), turned(self.heading)
@@ -321,7 +321,7 @@ def test_each_robot_walks_alone(gait: FlatFootGait) -> None:
     for name in GaitTarget._fields:
         found = np.concatenate([getattr(target, name) for target in each])
         np.testing.assert_array_equal(getattr(all_of_them, name), found)
-    for name in GaitMemory._fields:
+    for name in FlatGaitMemory._fields:
         found = np.concatenate([getattr(walker.memory, name) for walker in alone])
         np.testing.assert_array_equal(getattr(together.memory, name), found)
 

@@ -6,7 +6,7 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.motions.gait.joints import joint_reference, legs_of
+from fbid_gym.motions.gait.joints import joint_reference, leg_joints_of
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import RobotState
 
@@ -53,7 +53,7 @@ def foot_places(robot, qpos):
 
 
 def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
-    legs = legs_of(robot, aware=False)
+    legs = leg_joints_of(robot, aware=False)
     qpos = robot.home_qpos[None].copy()
     state, terms = state_of(robot, qpos)
     _, before = foot_places(robot, qpos[0])
@@ -90,7 +90,7 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
 @pytest.mark.parametrize("aware", [False, True])
 def test_accelerations_are_the_rate_of_the_rates_along_a_swing(robot, rng, aware):
     """Body and feet move as the gait wants them, and the joints with them, for a moment."""
-    legs, tick = legs_of(robot, aware), 1e-5
+    legs, tick = leg_joints_of(robot, aware), 1e-5
     qpos = robot.home_qpos[None].copy()
     qpos[:, 7:] += 0.05 * rng.normal(size=(1, robot.num_joints))
     state, terms = state_of(robot, qpos)
@@ -122,7 +122,7 @@ def test_accelerations_are_the_rate_of_the_rates_along_a_swing(robot, rng, aware
 
 def test_a_foot_in_the_air_is_led_from_the_body_as_it_moves_by_those_who_know(robot, rng):
     """Whatever the body does, J v is what the foot shall do; a Newton step closes its gap."""
-    legs = legs_of(robot, aware=True)
+    legs = leg_joints_of(robot, aware=True)
     qpos, qvel = robot.home_qpos[None].copy(), 0.2 * rng.normal(size=(1, robot.nv))
     qpos[:, 7:] += 0.05 * rng.normal(size=(1, robot.num_joints))
     state, terms = state_of(robot, qpos, qvel)

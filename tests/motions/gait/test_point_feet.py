@@ -10,7 +10,7 @@ from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import GaitCommand, no_command
 from fbid_gym.motions.gait.point_feet import walk
-from fbid_gym.motions.gait.point_gait import GaitMemory, PointFootGait, standing
+from fbid_gym.motions.gait.point_gait import PointFootGait, PointGaitMemory, standing
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms
@@ -259,7 +259,7 @@ def test_feet_land_around_the_point_below_the_centre_of_mass() -> None:
 
 def scattered(
     count: int, rng: np.random.Generator
-) -> tuple[GaitCommand, DynamicsTerms, GaitMemory]:
+) -> tuple[GaitCommand, DynamicsTerms, PointGaitMemory]:
     """Robots on the move, each another way."""
     terms = home(count)
     terms = terms._replace(com_velocity=rng.normal(0.0, 0.3, (count, 3)))

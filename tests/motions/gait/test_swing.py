@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from fbid_gym.motions.gait.swing import Motion, across, below, over
+from fbid_gym.motions.gait.swing import Moving, across, below, over
 
 SPAN = 0.23  # s
 LIFT = 0.08  # m
 
 
-def curve(function, *arguments: float, count: int = 2001) -> Motion:
+def curve(function, *arguments: float, count: int = 2001) -> Moving:
     """The motion at evenly spaced shares of its span, as arrays."""
     shares = np.linspace(0.0, 1.0, count)
-    return Motion(*np.array([function(share, SPAN, *arguments) for share in shares]).T)
+    return Moving(*np.array([function(share, SPAN, *arguments) for share in shares]).T)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_a_foot_rises_above_both_ends_and_never_sinks_below_them() -> None:
 def test_a_foot_that_finds_no_ground_reaches_down_from_rest_and_then_evenly() -> None:
     ramp, speed, step = 0.1, 0.5, 1e-4
     clock = np.arange(0.0, 0.3, step)
-    motion = Motion(*np.array([below(t, ramp, speed) for t in clock]).T)
+    motion = Moving(*np.array([below(t, ramp, speed) for t in clock]).T)
     assert motion.value[0] == motion.rate[0] == motion.acceleration[0] == 0.0
     for whole, rate in ((motion.value, motion.rate), (motion.rate, motion.acceleration)):
         slope = (whole[2:] - whole[:-2]) / (2.0 * step)

@@ -9,7 +9,7 @@ from eval.papers.mistry2010.stepping_cases import CROUCHED, OURS, controller
 from eval.papers.trial import RATES, Push, Trial, pushed, simulate
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import stepping
-from fbid_gym.motions.gait.walking import DOUBLE, STAND, SWING
+from fbid_gym.motions.gait.flat_gait import DOUBLE, STAND, SWING
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
 

@@ -63,7 +63,7 @@ class FlatFootGait(NamedTuple):
     level: np.ndarray
 
 
-class GaitMemory(NamedTuple):
+class FlatGaitMemory(NamedTuple):
     """What gaits remember from tick to tick, see `standing`.
 
     Attributes:
@@ -109,14 +109,14 @@ class GaitMemory(NamedTuple):
     lowered: np.ndarray
 
 
-def standing(heading: np.ndarray, foot_position: np.ndarray) -> GaitMemory:
+def standing(heading: np.ndarray, foot_position: np.ndarray) -> FlatGaitMemory:
     """Return the memory of robots that stand, with headings (N,) rad and feet at (N, 2, 3) m.
 
     The ground below them is taken to be level until they have stood on it for a while.
     """
     count = len(heading)
     flat = np.zeros((5, count, 2))
-    return GaitMemory(
+    return FlatGaitMemory(
         phase=np.full(count, STAND),
         carrier=np.zeros(count, np.int64),
         clock=np.full(count, LONG_AGO),
