@@ -17,16 +17,15 @@ Rules for both:
 
 Inside compiled code a named tuple costs nothing. On the way in from Python, Numba takes a
 microsecond for each: so `kernel` makes a door. It compiles an entry that takes the fields one by
-one and builds the tuples inside, and gives Python a function that passes the fields on.
+one and builds the tuples inside, and gives Python a function that passes the fields on. That is
+60 ns an array, and laws have dozens that never change: `bind` hands those over once.
 
 Entries are compiled on first use and then kept on disk (`fbid_gym.compile_cache`). Python's lock is
 released while they run.
 """
 
-import ast
 import inspect
-import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
@@ -35,7 +34,9 @@ from numba import njit
 from numba.extending import overload
 
 from fbid_gym.compile_cache import folders, kept
+from fbid_gym.compile_entry import built, is_tuple, leaves, passed, rewritten
 from fbid_gym.compile_parts import part, part_options
+from fbid_gym.compile_table import SCOPE, Form, Table, found
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -62,117 +63,80 @@ def kernel(function: Function) -> Function:
         function: its annotations say which arguments, and whether the result, are named tuples.
 
     Returns:
-        A function with the same arguments, all of them positional; its attribute `entry` is what
-        Numba made.
+        A function with the same arguments, all of them positional; its attribute `entries` is what
+        Numba made, by the forms of what is bound of the arguments.
     """
     kinds = get_type_hints(function)
-    result = kinds.pop("return")
-    names, tuples = list(kinds), dict[str, Any]()
-    fields: list[str] = []
-    built = {name: _built(kind, name, tuples, fields) for name, kind in kinds.items()}
-    made = [f"{name} = {value}" for name, value in built.items() if value != name]
-    entry = kept(njit(**_OPTIONS)(_entry(function, fields, made, result, tuples)), _PLACES)
-
-    passed = ", ".join(part for name, kind in kinds.items() for part in _parts(kind, name))
-    scope, leaves = {"entry": entry, "function": function}, list[str]()
-    body = f"    return entry({passed})\n"
-    if _is_tuple(result):
-        returned = _built(result, "found", scope, leaves)
-        body = f"    {', '.join(leaves)}, = entry({passed})\n    return {returned}\n"
-    exec(f"def door({', '.join(names)}):\n{body}", scope)
-    exec(f"def implementation({', '.join(names)}):\n    return function", scope)
-    door, implementation = scope["door"], scope["implementation"]
+    door = _door(kinds, _entry(function))
     update_wrapper(door, function)
-    door.entry = entry
+    door.entries = {(): door.entry}
+    scope: dict[str, Any] = {"function": function}
+    names = inspect.signature(function).parameters
+    exec(f"def implementation({', '.join(names)}):\n    return function", scope)
+    implementation = scope["implementation"]
     implementation.__signature__ = inspect.signature(function)
     overload(door, jit_options=part_options(_OPTIONS))(implementation)
     return door
 
 
-def _entry(
-    function: Callable[..., Any],
-    fields: list[str],
-    made: list[str],
-    result: Any,
-    tuples: dict[str, Any],
-) -> Callable[..., Any]:
-    """The function with the fields of its arguments for arguments, and those of its result.
-
-    It is rewritten and not called, which would compile it twice: as itself, and in the entry.
+def bind(door: Any, *first: Any) -> Callable[..., Any]:
+    """Return a kernel without its first arguments, which are the same at every call.
 
     Args:
-        function: to be rewritten.
-        fields: names of the new arguments.
-        made: assignments that make the old ones of them.
-        result: what it returns.
-        tuples: name in those assignments -> named tuple.
+        door: what `kernel` made.
+        first: the arguments. Arrays are not copied: what they hold at a call counts.
+
+    Returns:
+        A function of the other arguments, all of them positional.
     """
-    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-    node = tree.body[0]
-    assert isinstance(node, ast.FunctionDef)
-    node.decorator_list, node.returns = [], None
-    node.args = ast.arguments([], [ast.arg(field) for field in fields], None, [], [], None, [])
-    if _is_tuple(result):
-        # Numba takes longer to make a named tuple for Python than a plain one.
-        node = _Flattened(_leaves(result, "found")).visit(node)
-    node.body[:0] = ast.parse("\n".join(made)).body
-    maker = ast.parse(f"def maker({', '.join(tuples)}):\n    return {node.name}")
-    assert isinstance(maker.body[0], ast.FunctionDef)
-    maker.body[0].body.insert(0, node)
-    # Errors show the lines of the function itself.
-    ast.increment_lineno(node, function.__code__.co_firstlineno - 1)
-    code = compile(ast.fix_missing_locations(maker), function.__code__.co_filename, "exec")
-    scope: dict[str, Any] = {}
-    exec(code, function.__globals__, scope)
-    entry: Callable[..., Any] = scope["maker"](**tuples)
-    entry.__qualname__ = function.__qualname__
-    return entry
+    function = door.__wrapped__
+    kinds = get_type_hints(function)
+    bound = [kinds.pop(name) for name in list(kinds)[: len(first)]]
+    values = zip(bound, first, strict=True)
+    table = Table.of([leaf for kind, value in values for leaf in leaves(kind, value)])
+    if table.forms not in door.entries:
+        door.entries[table.forms] = _entry(function, table.forms)
+    return _door(kinds, door.entries[table.forms], table)
 
 
-class _Flattened(ast.NodeTransformer):
-    """Returns the fields of a named tuple one by one."""
+def _entry(function: Callable[..., Any], bound: Sequence[Form] = ()) -> Any:
+    """What Numba makes of a function; the first leaves of its arguments are told of in a table."""
+    kinds = get_type_hints(function)
+    result = kinds.pop("return")
+    scope, arguments = (dict(SCOPE), ["table"]) if bound else ({}, [])
+    told = iter(found(bound, "table"))
 
-    def __init__(self, leaves: list[str]) -> None:
-        self._source = f"return {', '.join(leaves)},"
+    def leaf(name: str) -> str:
+        expression = next(told, None)
+        if expression is None:
+            arguments.append(name)
+        return expression or name
 
-    def visit_Return(self, node: ast.Return) -> list[ast.stmt]:  # noqa: N802
-        assert node.value is not None
-        keep = ast.Assign([ast.Name("found", ast.Store())], node.value)
-        return [ast.copy_location(x, node) for x in (keep, *ast.parse(self._source).body)]
-
-
-def _is_tuple(kind: Any) -> bool:
-    return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")
-
-
-def _built(kind: Any, name: str, tuples: dict[str, Any], fields: list[str]) -> str:
-    """An expression that makes a value of its fields, whose names join `fields`.
-
-    The named tuples that it calls join `tuples`, under names of their own.
-    """
-    if not _is_tuple(kind):
-        fields.append(name)
-        return name
-    own = f"{kind.__name__}_{name}"
-    tuples[own] = kind
-    hints = get_type_hints(kind)
-    parts = [_built(hints[field], f"{name}_{field}", tuples, fields) for field in kind._fields]
-    return f"{own}({', '.join(parts)})"
+    values = {name: built(kind, name, scope, leaf) for name, kind in kinds.items()}
+    made = [f"{name} = {value}" for name, value in values.items() if value != name]
+    return kept(njit(**_OPTIONS)(rewritten(function, arguments, made, result, scope)), _PLACES)
 
 
-def _parts(kind: Any, value: str) -> list[str]:
-    """Expressions for the fields of a value, as few as it takes."""
-    if not _is_tuple(kind):
-        return [value]
-    hints = get_type_hints(kind)
-    if not any(_is_tuple(hint) for hint in hints.values()):
-        return [f"*{value}"]
-    return [part for field in kind._fields for part in _parts(hints[field], f"{value}.{field}")]
+def _door(kinds: dict[str, Any], entry: Any, table: Table | None = None) -> Any:
+    """What Python calls: a function of arguments of these kinds, which passes on their leaves."""
+    arguments = {name: kind for name, kind in kinds.items() if name != "return"}
+    given = [part for name, kind in arguments.items() for part in passed(kind, name)]
+    scope: dict[str, Any] = {"entry": entry}
+    if table is not None:
+        given.insert(0, "table")
+        scope["table"] = table.numbers
+    call, result = f"entry({', '.join(given)})", kinds["return"]
+    body = f"    return {call}\n"
+    if is_tuple(result):
+        names = list[str]()
 
+        def leaf(name: str) -> str:
+            names.append(name)
+            return name
 
-def _leaves(kind: Any, value: str) -> list[str]:
-    """Expressions for the fields of a value, one by one."""
-    if not _is_tuple(kind):
-        return [value]
-    hints = get_type_hints(kind)
-    return [leaf for field in kind._fields for leaf in _leaves(hints[field], f"{value}.{field}")]
+        value = built(result, "found", scope, leaf)
+        body = f"    {', '.join(names)}, = {call}\n    return {value}\n"
+    exec(f"def door({', '.join(arguments)}):\n{body}", scope)
+    door = scope["door"]
+    door.entry, door.table = entry, table  # the table keeps its arrays
+    return door

@@ -25,7 +25,9 @@ RANK = {
     "compile_turn": -1,
     "errors": 0,
     "compile_cache": 0,
+    "compile_entry": 0,
     "compile_parts": 0,
+    "compile_table": 0,
     "own_files": 0,
     "reading": 1,
     "checks": 1,
@@ -54,7 +56,7 @@ RANK = {
 # Where a library may be imported: units, or single modules.
 ONLY_IN = {
     "pinocchio": {"dynamics"},
-    "numba": {"compiled", "compile_cache", "compile_parts"},
+    "numba": {"compiled", "compile_cache", "compile_parts", "compile_table"},
     "ray": {"train.runs.cluster"},
     "torch": {"train", "eval", "fbid_gym.envs.sb3"},
     "stable_baselines3": {"train", "eval", "fbid_gym.envs.sb3"},

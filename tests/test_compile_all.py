@@ -76,10 +76,12 @@ def compiled_forms() -> set[tuple[str, str]]:
     """Each compiled function with each combination of argument types that it has met."""
     modules = [module for name, module in sys.modules.items() if name.startswith("fbid_gym")]
     functions = [value for module in modules for value in vars(module).values()]
-    entries = {entry.py_func.__qualname__ + entry.py_func.__module__: entry
-               for entry in (getattr(f, "entry", None) for f in functions)
-               if hasattr(entry, "signatures")}  # fmt: skip
-    return {(name, str(form)) for name, entry in entries.items() for form in entry.signatures}
+    entries = [entry for f in functions for entry in getattr(f, "entries", {}).items()]
+    return {
+        (f"{entry.py_func.__module__}.{entry.py_func.__qualname__}", f"{bound} {form}")
+        for bound, entry in entries
+        for form in entry.signatures
+    }
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from fbid_gym.compile_turn import Turn
 
 KERNELS = """
 import numpy as np
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import bind, kernel
 from probe.inner import factor
 
 @kernel
@@ -24,6 +24,13 @@ def scale(x: np.ndarray) -> None:
 def shift(x: np.ndarray) -> None:
     for i in range(len(x)):
         x[i] += 1.0
+
+@kernel
+def add(y: np.ndarray, x: np.ndarray) -> None:
+    for i in range(len(x)):
+        x[i] += y[i]
+
+add_ones = bind(add, np.ones(3))
 """
 INNER = """
 from fbid_gym.compiled import compiled
@@ -43,14 +50,16 @@ package.__path__ = [{package!r}]
 from fbid_gym import compile_cache, compiled
 compile_cache._MOMENT = {moment}
 compiled._PLACES = compile_cache.folders(Path("probe").resolve())
-from probe.outer import scale, shift
+from probe.outer import add_ones, scale, shift
 x = np.ones(3)
 scale(x)
 shift(x)
-print(x[0] - 1.0, *(sum(f.entry.stats.cache_hits.values()) for f in (scale, shift)))
+add_ones(x)
+kernels = scale, shift, add_ones
+print(x[0] - 2.0, *(sum(f.entry.stats.cache_hits.values()) for f in kernels))
 """
 PACKAGE = str(Path(__file__).parents[1] / "fbid_gym")
-COLD, WARM = ["2.0", "0", "0"], ["2.0", "1", "1"]
+COLD, WARM = ["2.0", "0", "0", "0"], ["2.0", "1", "1", "1"]
 FAIL = """
 import fcntl, sys
 from pathlib import Path
@@ -130,8 +139,8 @@ def test_kernels_are_kept_until_what_they_call_changes(probe: Path) -> None:
     assert run(probe) == (WARM, [])
     # Another file, of the same size: the kernel's own is as it was.
     (probe / "inner.py").write_text(INNER.format(factor=3.0))
-    assert run(probe) == (["3.0", "0", "0"], [])
-    assert run(probe) == (["3.0", "1", "1"], [])
+    assert run(probe) == (["3.0", "0", "0", "0"], [])
+    assert run(probe) == (["3.0", "1", "1", "1"], [])
     assert not (probe.parent / "cache").exists()
 
 
@@ -141,7 +150,7 @@ def test_an_installation_that_cannot_be_written_keeps_them_in_the_users_cache(pr
     assert run(probe) == (WARM, [])
     assert len(list((probe.parent / "cache" / "fbid_gym").glob("compiled-*"))) == 1
     (probe / "inner.py").write_text(INNER.format(factor=3.0))
-    assert run(probe) == (["3.0", "0", "0"], [])
+    assert run(probe) == (["3.0", "0", "0", "0"], [])
 
 
 def test_the_users_cache_is_below_home_unless_said_otherwise(probe: Path) -> None:
@@ -179,7 +188,7 @@ def test_where_nothing_can_be_written_one_line_says_so(probe: Path) -> None:
 def test_truncated_files_are_made_anew(probe: Path, kind: str, share: float) -> None:
     assert run(probe) == (COLD, [])
     files = list(probe.glob(f"__pycache__/compiled-*/*.{kind}"))
-    assert len(files) == 2
+    assert len(files) == 3
     for file in files:
         data = file.read_bytes()
         file.write_bytes(data[: int(share * len(data))])
@@ -199,7 +208,7 @@ def test_of_processes_that_start_at_once_one_compiles_and_the_others_wait(probe:
     found = [end(process) for process in [start(probe) for _ in range(4)]]
     assert all(said == [] and value == "2.0" for (value, *_), said in found)
     # Each kernel was compiled once, whoever did it, and found on disk by the others.
-    for kernel in (1, 2):
+    for kernel in (1, 2, 3):
         assert sorted(result[kernel] for result, _ in found) == ["0", "1", "1", "1"]
 
 
@@ -241,5 +250,5 @@ def test_one_line_says_that_another_process_compiles(probe: Path) -> None:
         # Killed, it lets go.
         fcntl.flock(other, fcntl.LOCK_UN)
     found, said = end(process)
-    assert found == ["2.0", "0", "1"]
+    assert found == ["2.0", "0", "1", "1"]
     assert len(said) == 1 and "compiling" in said[0]

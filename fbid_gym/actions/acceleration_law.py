@@ -1,6 +1,8 @@
 """From a desired acceleration to joint torques: what the acceleration layers share."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +12,7 @@ from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
 from fbid_gym.actions.law_memory import LawMemory, diagnostics_of, fresh_memory, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import bind, compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
 from fbid_gym.control.inverse_dynamics import invert_dynamics
@@ -130,16 +132,19 @@ class AccelerationLaw:
         Returns:
             (N, n) N·m.
         """
-        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
-        law = _within_limits if self.limited else _without_limits
         active, own = self.belief(state, reference), LawMemory.of(memory)
-        torque = law(self.constants, active, terms, state, desired, own)
+        torque = self._invert(active, terms, state, desired, own)
 
         def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
             robots = some_of(terms, rows), some_of(state, rows), desired[rows]
-            return law(self.constants, active, *robots, some_of(own, rows))
+            return self._invert(active, *robots, some_of(own, rows))
 
         return through_contact_switches(self.ramp, active, torque, of_contacts, memory)
+
+    @cached_property
+    def _invert(self) -> Callable[..., np.ndarray]:
+        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
+        return bind(_within_limits if self.limited else _without_limits, self.constants)
 
 
 @kernel

@@ -1,6 +1,8 @@
 """From a desired wrench at the centre of mass to joint torques, while some feet may swing."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +12,7 @@ from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
 from fbid_gym.actions.law_memory import LawMemory, fresh_memory, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import bind, compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.balance import balance_target, balance_wrench, body_motion
 from fbid_gym.control.balancers import RIDGE, map_torques
@@ -182,14 +184,11 @@ class BalanceLaw:
         Returns:
             (N, n) N·m.
         """
-        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
-        law = _balance_within_limits if self.limited else _balance_without_limits
         active, own = self.belief(state, reference), LawMemory.of(memory)
-        torque = law(self.constants, active, push, state, reference, terms, own)
+        torque = self._balance(active, push, state, reference, terms, own)
 
         def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
-            return law(
-                self.constants,
+            return self._balance(
                 active,
                 push[rows],
                 some_of(state, rows),
@@ -199,6 +198,12 @@ class BalanceLaw:
             )
 
         return through_contact_switches(self.ramp, active, torque, of_contacts, memory)
+
+    @cached_property
+    def _balance(self) -> Callable[..., np.ndarray]:
+        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
+        law = _balance_within_limits if self.limited else _balance_without_limits
+        return bind(law, self.constants)
 
 
 class _Wanted(NamedTuple):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.ranges import DampingRatio, Frequency, Priority
 from fbid_gym.actions.scaled_names import scaled_names
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import bind, kernel
 from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
@@ -160,8 +161,11 @@ class BaseAcceleration:
         terms: DynamicsTerms,
     ) -> np.ndarray:
         """Return the desired acceleration (N, nv)."""
-        asked = self.gains, self.stance.heading, self.scale, action
-        return _stabilise(*asked, state, reference, terms)
+        return self._stabilise(action, state, reference, terms)
+
+    @cached_property
+    def _stabilise(self) -> Callable[..., np.ndarray]:
+        return bind(_stabilise, self.gains, self.stance.heading, self.scale)
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from fbid_gym.actions.falling import Falling
 from fbid_gym.actions.joint_gains import SERVO, JointGains, holding_torque, servo_fault
 from fbid_gym.actions.ranges import DampingRatio, Hertz, TargetScale
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import bind, kernel
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
@@ -94,7 +95,11 @@ class JointPosition:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        return _feedback(self.hold, self.gains, self.scale, action, state, reference)
+        return self._feedback(action, state, reference)
+
+    @cached_property
+    def _feedback(self) -> Callable[..., np.ndarray]:
+        return bind(_feedback, self.hold, self.gains, self.scale)
 
 
 def _gains(

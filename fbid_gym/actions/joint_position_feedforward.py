@@ -20,7 +20,7 @@ from fbid_gym.actions.joint_gains import JointGains
 from fbid_gym.actions.law_memory import LawMemory
 from fbid_gym.actions.ranges import DampingRatio, Frequency, Hertz, TargetScale
 from fbid_gym.actions.smooth_target import Offset, SmoothTarget, TargetMemory, move_on, offset_of
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import bind, compiled, kernel
 from fbid_gym.control.operational_space import LEAST_GAIN, serve_task
 from fbid_gym.dynamics.contacts import reduce_contacts
 from fbid_gym.dynamics.stance import Stance
@@ -180,14 +180,11 @@ class JointPositionFeedforward:
         """See `ActionLayer.torque`."""
         known, goal = terms(), self.scale * action
         target, own = TargetMemory.of(memory), LawMemory.of(memory)
-        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
-        follow = _follow_within_limits if self.law.limited else _follow_without_limits
         active = self.law.belief(state, reference)
-        torque = follow(self._constants, active, goal, target, state, reference, known, own)
+        torque = self._follow(active, goal, target, state, reference, known, own)
 
         def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
-            return follow(
-                self._constants,
+            return self._follow(
                 active,
                 goal[rows],
                 some_of(target, rows),
@@ -202,8 +199,10 @@ class JointPositionFeedforward:
         return torque
 
     @cached_property
-    def _constants(self) -> _Constants:
-        return _Constants(self.law.constants, self.target, self.gains, self.balance)
+    def _follow(self) -> Callable[..., np.ndarray]:
+        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
+        follow = _follow_within_limits if self.law.limited else _follow_without_limits
+        return bind(follow, _Constants(self.law.constants, self.target, self.gains, self.balance))
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from fbid_gym.actions.contact_options import WALKING_CONTACT_DEFAULTS, WalkingCo
 from fbid_gym.actions.scaled_names import scaled_names
 from fbid_gym.actions.walking_law import BodyAim, WalkingConstants, WalkingLaw
 from fbid_gym.actions.walking_tasks import base_aim, wrench_aim
+from fbid_gym.compiled import bind
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
@@ -64,8 +66,12 @@ class WalkingBody:
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
         known, added = terms(), self.scale * action
-        aim = self.aim(self.law.constants, added, state, reference, known)
+        aim = self._aim(added, state, reference, known)
         return self.law.torque(aim, state, reference, known, memory)
+
+    @cached_property
+    def _aim(self) -> Callable[..., BodyAim]:
+        return bind(self.aim, self.law.constants)
 
 
 def walking_base_acceleration(

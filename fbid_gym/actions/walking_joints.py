@@ -22,6 +22,7 @@ from fbid_gym.actions.ranges import (
 )
 from fbid_gym.actions.torque import Torque
 from fbid_gym.actions.walking_gains import WalkingGains
+from fbid_gym.compiled import bind
 from fbid_gym.motions import home_reference
 from fbid_gym.motions.gait.joints import joint_reference, leg_joints_of
 from fbid_gym.motions.gait.target import GaitTarget
@@ -76,8 +77,8 @@ class Following:
 
 def joints_of_gait(robot: Robot, *, aware: bool) -> ReferenceOf:
     """Return what makes the joint motion of a gait: it walks by itself; see `LegJoints`."""
-    legs = leg_joints_of(robot, aware)
-    return lambda target, state, terms: joint_reference(legs, target, state, terms())
+    follow = bind(joint_reference, leg_joints_of(robot, aware))
+    return lambda target, state, terms: follow(target, state, terms())
 
 
 def home_posture(robot: Robot) -> ReferenceOf:

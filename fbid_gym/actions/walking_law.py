@@ -13,7 +13,9 @@ the ground has stopped (on a 12 kg quadruped that costs a tenth of the velocity'
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +25,7 @@ from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.law_memory import LawMemory, diagnostics_of, fresh_memory, remember
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.actions.walking_gains import WalkingGains, has_spare_joints
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import bind, compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
 from fbid_gym.control.inverse_dynamics import invert_dynamics
@@ -168,8 +170,7 @@ class WalkingLaw:
         Returns:
             (N, n) N·m.
         """
-        walk = _walk_within_limits if self.limited else _walk_without_limits
-        torque = walk(self.constants, aim, state, target, terms, LawMemory.of(memory))
+        torque = self._walk(aim, state, target, terms, LawMemory.of(memory))
         if self.ramp is None:
             return torque
         # What a foot would do had it not landed or lifted nobody plans: its last torque stands
@@ -177,6 +178,10 @@ class WalkingLaw:
         before = memory["sudden_torque"].copy()
         memory["sudden_torque"][:] = torque
         return self.ramp.torque(torque, target.planted, lambda rows, _: before[rows], memory)
+
+    @cached_property
+    def _walk(self) -> Callable[..., np.ndarray]:
+        return bind(_walk_within_limits if self.limited else _walk_without_limits, self.constants)
 
 
 def _turning_inertia(robot: Robot) -> np.ndarray:

@@ -6,7 +6,7 @@ import mujoco
 import mujoco.batch
 import numpy as np
 
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import bind, compiled, kernel
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.dynamics.vectors import (
     add,
@@ -84,10 +84,7 @@ class LiveTerms:
 
     def __init__(self, robot: Robot, batch: mujoco.batch.Batch) -> None:
         """Bind the buffers of `batch`, which simulates `robot`."""
-        self._layout = _layout_of(robot)
-        self._buffers = _Buffers(*(batch.bind(name) for name in _Buffers._fields))
-        if not all(buffer.flags.c_contiguous for buffer in self._buffers):
-            raise AssertionError("what a persistent batch derives from its state is contiguous")
+        buffers = _Buffers(*(batch.bind(name) for name in _Buffers._fields))
         self._qvel = batch.bind("qvel")
         count, feet, nv = len(self._qvel), robot.num_feet, robot.nv
         shapes = {
@@ -105,12 +102,12 @@ class LiveTerms:
             "foot_bias": (count, feet, 6),
         }
         self._terms = DynamicsTerms(**{name: np.empty(shape) for name, shape in shapes.items()})
+        self._read = bind(_read, _layout_of(robot), buffers, self._terms)
 
     def __call__(self) -> DynamicsTerms:
         """Return the terms, in arrays that the next call writes anew."""
         # The velocities are parts of the batch's state: one robot's do not follow another's.
-        qvel = np.ascontiguousarray(self._qvel)
-        _read(self._layout, self._buffers, qvel, self._terms)
+        self._read(np.ascontiguousarray(self._qvel))
         return self._terms
 
 
@@ -118,10 +115,10 @@ class LiveTerms:
 def _read(
     layout: _Layout,
     buffers: _Buffers,
-    qvel: np.ndarray,
     terms: DynamicsTerms,
+    qvel: np.ndarray,
 ) -> None:
-    """Write the terms of all robots to `terms`."""
+    """Write the terms of all robots, whose velocities are (N, nv), to `terms`."""
     nv = len(layout.parent)
     xpos, xmat = buffers.xpos, buffers.xmat
     for i in range(len(qvel)):

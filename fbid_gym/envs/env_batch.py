@@ -1,6 +1,6 @@
 """N environments stepped together on one thread: the one code path of scalar and vector envs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, some_of
+from fbid_gym.quantities import Memory, RobotState, some_of
 from fbid_gym.robots.undrawn import alone, undrawn
 from fbid_gym.tasks import Walk
 from fbid_gym.tasks.outcome import Outcome
@@ -100,10 +100,11 @@ class EnvBatch:
         check_layer(self.layer, self._memory, num_envs)
         self._fresh_memory = self.layer.memory(num_envs)
         self._tick = np.zeros(num_envs, np.int64)
-        self._torque = np.zeros((num_envs, self.robot.num_joints))
         simulation = self.simulation
         own = simulation.qpos.copy(), simulation.qvel.copy()
         self._state = RobotState(*own, simulation.contact_force, self._tick)
+        self._effort = Effort.none(num_envs, self.robot.num_joints)
+        self._advance = simulation.ticking(self._effort, self._state)
         self._bound = self.task.observation_bound
         self._observation = np.zeros((num_envs, len(self._bound)), np.float32)
         self._num_own = len(self.layer.action_names)
@@ -151,12 +152,12 @@ class EnvBatch:
         qpos = self._plan["qpos"][ids]
         ground = self.terrain.height(qpos[:, 0], qpos[:, 1])
         self.simulation.place(ids, qpos, self._plan["qvel"][ids], ground)
-        self._tick[ids], self._torque[ids] = 0, 0.0
+        self._tick[ids], self._effort.torque[ids] = 0, 0.0
         self._com_velocity[ids] = np.nan
         self._forget(ids)
         self._plan_anew(ids)
         rest = Effort.none(self.num_envs, self.robot.num_joints)
-        outcome = self._outcome(rest._replace(torque=self._torque))
+        outcome = self._outcome(rest._replace(torque=self._effort.torque))
         self._observation[ids] = self._observe(outcome)[ids]
 
     def observation(self) -> np.ndarray:
@@ -169,10 +170,10 @@ class EnvBatch:
 
     def step(self, action: np.ndarray) -> Step:
         """Hold the checked actions (N, A) for one policy step."""
-        effort, pushed = self._act(action)
-        lost = effort.lost | self.simulation.diverged()
-        self._retire(np.flatnonzero(lost), effort)
-        outcome = self._outcome(effort)
+        pushed = self._act(action)
+        lost = self._effort.lost | self.simulation.diverged()
+        self._retire(np.flatnonzero(lost))
+        outcome = self._outcome(self._effort)
         judged, seen = self._judge(outcome, self._planned), self._observe(outcome)
         shares, self._metrics, self._observation = self._as_last_seen(lost, *judged, seen)
         fallen = self.task.body.fallen(outcome)
@@ -180,7 +181,7 @@ class EnvBatch:
         truncated = self._over() & ~terminated
         info = {f"reward_{name}": share for name, share in shares.items()}
         info |= {name: value.copy() for name, value in self._metrics.items()}
-        info |= pushed | self._report(effort, fallen, lost) | self._climb(terminated, truncated)
+        info |= pushed | self._report(fallen, lost) | self._climb(terminated, truncated)
         reward = summed(shares, self.num_envs, self.task)
         return Step(self.observation(), reward, terminated, truncated, info)
 
@@ -222,9 +223,10 @@ class EnvBatch:
         terms = as_terms(judged, self.num_envs, self.task, "reward term")
         return terms, as_terms(measured, self.num_envs, self.task, "metric")
 
-    def _act(self, action: np.ndarray) -> tuple[Effort, dict[str, np.ndarray]]:
-        """Run the control ticks of a policy step; what the motors did, and what the pushes."""
-        state, effort = self._look(), Effort.none(self.num_envs, self.robot.num_joints)
+    def _act(self, action: np.ndarray) -> dict[str, np.ndarray]:
+        """Run the control ticks of a policy step; what the pushes did."""
+        state, terms, shape = self._look(), self.plant.terms, self._effort.torque.shape
+        self._effort.begin()
         self._com_velocity[:] = self.simulation.terms().com_velocity
         ticks, pushes = self._tick + self._all_ticks, self.task.pushes
         forces = pushes.forces(self._plan, ticks, self.rates.control)
@@ -237,28 +239,23 @@ class EnvBatch:
                 arrived = self._delay.arrived(tick)
                 own = np.ascontiguousarray(arrived[:, : self._num_own])
                 steering = self.footholds.steering(arrived[:, self._num_own :])
+                now = Now(state, terms, steering, self._planned)
             if jumping[tick]:
                 self.simulation.jump(jump)
                 self._look()
-            terms = _once(self.plant.terms)
-            now = Now(state, terms, steering, self._planned)
             reference = self.task.reference(self._plan, now)
             torque = self.layer.torque(own, state, reference, terms, self._memory)
-            torque = as_numbers(torque, self._torque.shape, self.layer, "torque")
-            self.simulation.tick(torque, push, effort, state)
-        self._torque = effort.torque
-        return effort, {"push": forces[-1], "push_velocity": jumps.sum(axis=0)}
+            self._advance(as_numbers(torque, shape, self.layer, "torque"), push)
+        return {"push": forces[-1], "push_velocity": jumps.sum(axis=0)}
 
-    def _report(
-        self, effort: Effort, fallen: np.ndarray, lost: np.ndarray
-    ) -> dict[str, np.ndarray]:
+    def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:
         """What a step's info says of robots and layer, beside rewards and metrics."""
         termination = np.full(self.num_envs, "", object)
         termination[fallen], termination[lost] = "fall", "diverged"
         return {
-            "torque": effort.torque.copy(),
+            "torque": self._effort.torque.copy(),
             "contact_force": self._state.contact_force.copy(),
-            "layer_saturation": effort.saturation,
+            "layer_saturation": self._effort.saturation.copy(),
             **{f"layer_{name}": self._memory[name].copy() for name in self.layer.diagnostics},
             "termination": termination,
         }
@@ -289,11 +286,11 @@ class EnvBatch:
         for name, value in self.task.memory(self.plant.terms()).items():
             self._planned[name][ids] = value[ids]
 
-    def _retire(self, ids: np.ndarray, effort: Effort) -> None:
+    def _retire(self, ids: np.ndarray) -> None:
         """Stand diverged robots back in the home pose, where they harm nobody until reset."""
         if len(ids) == 0:
             return
-        effort.power[ids] = 0.0  # velocities that nobody trusts have a part in it
+        self._effort.power[ids] = 0.0  # velocities that nobody trusts have a part in it
         home = np.tile(self.robot.home_qpos, (len(ids), 1))
         home[:, :2] += self.terrain.starts[0]
         ground = self.terrain.height(home[:, 0], home[:, 1])
@@ -329,7 +326,7 @@ class EnvBatch:
         state |= {f"plant.{k}": v for k, v in self.plant.state_dict().items()}
         for part, arrays in self._remembered().items():
             state |= {f"{part}.{name}": value.copy() for name, value in arrays.items()}
-        state |= {"tick": self._tick.copy(), "torque": self._torque.copy()}
+        state |= {"tick": self._tick.copy(), "torque": self._effort.torque.copy()}
         state["observation"] = self.observation()
         state["generator"] = np.array([packed(rng) for rng in self._rngs], np.uint64)
         return state
@@ -368,22 +365,10 @@ class EnvBatch:
         for part, arrays in self._remembered().items():
             for name, value in arrays.items():
                 value[:] = state[f"{part}.{name}"]
-        self._tick[:], self._torque = state["tick"], state["torque"].copy()
+        self._tick[:], self._effort.torque[:] = state["tick"], state["torque"]
         self._observation = state["observation"].copy()
         self._com_velocity[:] = np.nan
         self._rngs = [unpacked(row) for row in state["generator"]]
-
-
-def _once(compute: Callable[[], DynamicsTerms]) -> Callable[[], DynamicsTerms]:
-    """Return what computes at most once."""
-    found: list[DynamicsTerms] = []
-
-    def look() -> DynamicsTerms:
-        if not found:
-            found.append(compute())
-        return found[0]
-
-    return look
 
 
 def _drawn_place(starts: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -1,11 +1,13 @@
 """The physics of N robots: MuJoCo's batch, seen through the robot's joints and feet."""
 
 import copy
+from collections.abc import Callable
 
 import mujoco
 import mujoco.batch
 import numpy as np
 
+from fbid_gym.compiled import bind
 from fbid_gym.dynamics.contacts import point_positions
 from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.dynamics.stance import Stance
@@ -39,6 +41,7 @@ class Simulation:
         qpos: (N, nq) and
         qvel: (N, nv), live; the robot's.
         contact_force: (N, P, 3) N, world, of the ground on each contact point, last physics step.
+        changes: how often the state has changed.
     """
 
     def __init__(
@@ -71,22 +74,25 @@ class Simulation:
         if not np.array_equal(np.r_[columns], robot.contact_sensor.ravel()):
             raise AssertionError("the contact sensors of a Robot are consecutive")
         sensors = self.batch.bind("sensordata")
-        self._wiring = Wiring(
+        self._wiring = wiring = Wiring(
             rows=self.batch.state,
             sensors=sensors,
             warning=self.batch.warning,
             position=self._column(self.qpos),
             velocity=self._column(self.qvel),
             push=self._column(self._push),
-            controls=self._column(self.batch.bind("ctrl")) + robot.actuator,
+            controls=self._column(self.batch.bind("ctrl")) + robot.actuator.astype(np.int64),
             contact=int(first),
             gear=robot.gear,
             torque_limit=robot.torque_limit,
         )
+        self._write_controls = bind(write_controls, wiring)
+        self._find_diverged = bind(find_diverged, wiring, _DIVERGENCE, robot.nv, MAX_SPEED)
         self._sensors = sensors[:, columns].reshape(num_robots, robot.num_points, 3)
         self.contact_force = np.zeros(self._sensors.shape)
         self._live = LiveTerms(robot, self.batch)
         self._terms: DynamicsTerms | None = None
+        self.changes = 0
         hush(self.batch, np.arange(num_robots))
         self.batch.forward()
         self.contact_force[:] = self._sensors
@@ -130,7 +136,7 @@ class Simulation:
         self.batch.forward(ids)
         hush(self.batch, ids)
         self.contact_force[ids] = self._sensors[ids]
-        self._terms = None
+        self._note_change()
 
     def push(self, force: np.ndarray) -> None:
         """Push each base with (N, 3) N, world, at its centre of mass, until told otherwise."""
@@ -142,35 +148,47 @@ class Simulation:
         if len(ids):
             self.qvel[ids, :3] += velocity[ids]
             self.batch.forward(ids, stage=_VELOCITY)
-            self._terms = None
+            self._note_change()
 
     def step(self, torque: np.ndarray, ids: np.ndarray | None = None) -> None:
         """Advance one control tick under (N, n) N·m: all robots, or those of `ids`."""
         if torque.shape != self._shape:
             torque = np.broadcast_to(torque, self._shape)
         torque = np.ascontiguousarray(torque, dtype=float)
-        write_controls(self._wiring, torque)
+        self._write_controls(torque)
         self._advance(ids)
         self.contact_force[:] = self._sensors
 
-    def tick(self, torque: np.ndarray, push: np.ndarray, effort: Effort, state: RobotState) -> None:
-        """Push all robots and advance them one control tick: `push` and `step`, and what follows.
+    def ticking(
+        self, effort: Effort, state: RobotState
+    ) -> Callable[[np.ndarray, np.ndarray], None]:
+        """Return what pushes all robots and advances them one control tick: `push` and `step`.
 
         Args:
-            torque: (N, n) N·m, which is limited here; a robot whose torques are no numbers gets
-                none.
-            push: (N, 3) N, see `push`.
-            effort: of the motors in this policy step; updated.
+            effort: of the motors; added to at each tick.
             state: of all robots, in arrays of its own but for `contact_force`, which is the
-                simulation's; updated.
+                simulation's; updated at each tick.
+
+        Returns:
+            A function of torques (N, n) N·m, which are limited there (a robot whose torques are no
+            numbers gets none), and of forces (N, 3) N on the bases, see `push`.
         """
-        drive(self._wiring, torque, push, effort)
-        self._advance(None)
-        read(self._wiring, effort, state)
+        write, look = bind(drive, self._wiring, effort), bind(read, self._wiring, effort, state)
+
+        def tick(torque: np.ndarray, push: np.ndarray) -> None:
+            write(torque, push)
+            self._advance(None)
+            look()
+
+        return tick
 
     def _advance(self, ids: np.ndarray | None) -> None:
         self.batch.step(ids, nstep=self._substeps, stage=_VELOCITY)
+        self._note_change()
+
+    def _note_change(self) -> None:
         self._terms = None
+        self.changes += 1
 
     def diverged(self) -> np.ndarray:
         """Return which robots' states can no longer be trusted: (N,) bool.
@@ -178,7 +196,7 @@ class Simulation:
         MuJoCo restarts a simulation whose state is no longer finite; one that merely moves
         absurdly fast is about to get there.
         """
-        return find_diverged(self._wiring, _DIVERGENCE, self.robot.nv, MAX_SPEED)
+        return self._find_diverged()
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return copies of all that the future depends on."""
@@ -192,7 +210,7 @@ class Simulation:
         self.batch.forward(stage=_VELOCITY)
         hush(self.batch, np.arange(self.num_robots))
         self.contact_force[:] = state["contact_force"]
-        self._terms = None
+        self._note_change()
 
 
 def hush(batch: mujoco.batch.Batch, ids: np.ndarray) -> None:

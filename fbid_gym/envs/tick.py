@@ -36,6 +36,10 @@ class Effort(NamedTuple):
         torque, lost = np.zeros((num_robots, num_joints)), np.zeros(num_robots, bool)
         return cls(torque, saturation, torque_square, lost, power)
 
+    def begin(self) -> None:
+        """Begin another step: nothing has been added up."""
+        self.torque_square[:], self.lost[:], self.power[:] = 0.0, False, 0.0
+
 
 class Wiring(NamedTuple):
     """Where a robot's quantities lie in the batch.
@@ -75,16 +79,16 @@ def write_controls(wiring: Wiring, torque: np.ndarray) -> None:
 
 
 @kernel
-def drive(wiring: Wiring, wanted: np.ndarray, push: np.ndarray, effort: Effort) -> None:
+def drive(wiring: Wiring, effort: Effort, wanted: np.ndarray, push: np.ndarray) -> None:
     """Limit the torques of N robots, and write them and the pushes into the batch.
 
     A robot whose torques are no numbers gets none, and is lost.
 
     Args:
         wiring: of the robots.
+        effort: updated, but for the power.
         wanted: (N, n) N·m, of the action layer.
         push: (N, 3) N.
-        effort: updated, but for the power.
     """
     limit, rows = wiring.torque_limit, wiring.rows
     joints = len(limit)

@@ -1,12 +1,13 @@
 """Balance: stand on all feet, follow a commanded base height, survive random pushes."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import bind, kernel
 from fbid_gym.motions import home_reference
 from fbid_gym.options import Pair, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference
@@ -161,12 +162,8 @@ class Balance:
             terms: name -> (N,), each in [0, its weight].
             metrics: name -> (N,) physical quantities for evaluation.
         """
-        body, posture = self.body, outcome.posture
-        command = self.command(plan, outcome.state.tick)
-        home = body.stance.home_base
-        scales = _Scales(home, body.size, body.speed, body.mean_torque_limit)
-        shares = _judge(scales, outcome, command)
-        height = posture.base[:, 2]
+        posture, command = outcome.posture, self.command(plan, outcome.state.tick)
+        shares, height = self._judge(outcome, command), posture.base[:, 2]
         metrics = {
             "height": height,
             "height_command": command,
@@ -176,6 +173,12 @@ class Balance:
             "slip": posture.slip,
         }
         return weighted(shares, REWARD_WEIGHTS), metrics
+
+    @cached_property
+    def _judge(self) -> Callable[..., BalanceReward]:
+        body = self.body
+        home = body.stance.home_base
+        return bind(_judge, _Scales(home, body.size, body.speed, body.mean_torque_limit))
 
 
 class _Scales(NamedTuple):

@@ -1,12 +1,13 @@
 """What every task sees of a robot, and when it takes it for fallen."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import bind, compiled, kernel
 from fbid_gym.dynamics.contacts import point_velocities
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
@@ -162,11 +163,19 @@ class Body:
 
     def posture(self, state: RobotState, terms: DynamicsTerms) -> Posture:
         """Return how robots stand."""
-        return _measure(self._constants, state, terms)
+        return self._measure(state, terms)
 
     def observe(self, outcome: Outcome) -> np.ndarray:
         """Return the posture, its velocity, the last torques and the load on the feet: (N, O)."""
-        return _observe(self._constants, outcome)
+        return self._observe(outcome)
+
+    @cached_property
+    def _measure(self) -> Callable[..., Posture]:
+        return bind(_measure, self._constants)
+
+    @cached_property
+    def _observe(self) -> Callable[..., np.ndarray]:
+        return bind(_observe, self._constants)
 
     def fallen(self, outcome: Outcome) -> np.ndarray:
         """Return which robots lie: (N,) bool."""

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from fbid_gym.compiled import bind
 from fbid_gym.motions.gait import flat_feet, flat_gait, point_feet, point_gait
 from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import GaitCommand
@@ -69,7 +71,11 @@ class Gait:
             memory: of the robots; updated.
         """
         own = self.remembered(*(memory[name] for name in self.remembered._fields))
-        return self.walk(self.constants, command, terms, contact_force, self.tick, own)
+        return self._walk(command, terms, contact_force, self.tick, own)
+
+    @cached_property
+    def _walk(self) -> Callable[..., GaitTarget]:
+        return bind(self.walk, self.constants)
 
 
 def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
