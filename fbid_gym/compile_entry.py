@@ -7,7 +7,7 @@ tuples among them: its leaves, arrays and numbers. The functions here say how, i
 import ast
 import inspect
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, get_type_hints
 
 
@@ -16,26 +16,16 @@ def is_tuple(kind: Any) -> bool:
     return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")
 
 
-def leaves(kind: Any, value: Any) -> Iterator[Any]:
-    """Yield the leaves of a value, one by one."""
-    if not is_tuple(kind):
-        yield value
-        return
-    hints = get_type_hints(kind)
-    for field in kind._fields:
-        yield from leaves(hints[field], getattr(value, field))
-
-
-def taken(kind: Any, value: str) -> list[str]:
+def leaves(kind: Any, value: str) -> list[str]:
     """Return expressions for the leaves of a value, one by one."""
     if not is_tuple(kind):
         return [value]
     hints = get_type_hints(kind)
-    return [leaf for field in kind._fields for leaf in taken(hints[field], f"{value}.{field}")]
+    return [leaf for field in kind._fields for leaf in leaves(hints[field], f"{value}.{field}")]
 
 
 def passed(kind: Any, value: str) -> list[str]:
-    """Return expressions for the same, as few as it takes."""
+    """Return expressions for the leaves of a value, as few as it takes."""
     if not is_tuple(kind):
         return [value]
     hints = get_type_hints(kind)
@@ -87,7 +77,7 @@ def rewritten(
     node.args = ast.arguments([], [ast.arg(name) for name in arguments], None, [], [], None, [])
     if is_tuple(result):
         # Numba takes longer to make a named tuple for Python than a plain one.
-        node = _Flattened(taken(result, "found")).visit(node)
+        node = _Flattened(leaves(result, "found")).visit(node)
     node.body[:0] = ast.parse("\n".join(made)).body
     maker = ast.parse(f"def maker({', '.join(scope)}):\n    return {node.name}")
     assert isinstance(maker.body[0], ast.FunctionDef)

@@ -4,7 +4,7 @@ Compiled code that is handed the table finds the arrays in it, as they are by th
 the table keeps the arrays.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,12 +34,12 @@ class Table:
     forms: tuple[Form, ...]
 
     @classmethod
-    def of(cls, values: Sequence[Any]) -> "Table":
-        """Return the table of arrays and numbers."""
-        arrays = [np.asarray(value) for value in values]
-        for array in arrays:
+    def of(cls, values: Mapping[str, Any]) -> "Table":
+        """Return the table of arrays and numbers by name."""
+        arrays = [np.asarray(value) for value in values.values()]
+        for name, array in zip(values, arrays, strict=True):
             if not array.flags.c_contiguous or array.dtype.name not in _TYPES:
-                raise AssertionError(f"what is bound is C-contiguous, and of one of {[*_TYPES]}")
+                raise AssertionError(f"{name} is not C-contiguous, or of none of {[*_TYPES]}")
         numbers = [number for array in arrays for number in (array.ctypes.data, *array.shape)]
         forms = tuple((array.dtype.name, array.ndim) for array in arrays)
         return cls(np.array(numbers, np.int64), arrays, forms)

@@ -8,9 +8,9 @@ those that only compiled code calls.
 Rules for both:
 
 - Arguments are named tuples (`fbid_gym.quantities`), C-contiguous arrays of float64, bool or int64
-  with the batch axis first, and numbers; results likewise, in fresh arrays. A slice of an array of
-  one robot is contiguous and that of many is not, so slices would be compiled twice, and rounded
-  differently. A function that writes to an argument says so.
+  (MuJoCo's own also of int32) with the batch axis first, and numbers; results likewise, in fresh
+  arrays. A slice of an array of one robot is contiguous and that of many is not, so slices would be
+  compiled twice, and rounded differently. A function that writes to an argument says so.
 - Whoever makes a tuple checks shapes and types.
 - Nothing raises. A robot that is not finite gets results that are not, and the others do not
   notice.
@@ -27,7 +27,9 @@ released while they run.
 import inspect
 from collections.abc import Callable, Sequence
 from functools import update_wrapper
+from operator import attrgetter
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, TypeVar, get_type_hints
 
 from numba import njit
@@ -83,19 +85,22 @@ def bind(door: Any, *first: Any) -> Callable[..., Any]:
     """Return a kernel without its first arguments, which are the same at every call.
 
     Args:
-        door: what `kernel` made.
+        door: what `kernel` made; it returns none of these arguments.
         first: the arguments. Arrays are not copied: what they hold at a call counts.
 
     Returns:
-        A function of the other arguments, all of them positional.
+        A function of the other arguments, all of them positional. It keeps the first alive, and
+        cannot be pickled.
     """
     function = door.__wrapped__
     kinds = get_type_hints(function)
-    bound = [kinds.pop(name) for name in list(kinds)[: len(first)]]
-    values = zip(bound, first, strict=True)
-    table = Table.of([leaf for kind, value in values for leaf in leaves(kind, value)])
+    bound = {name: kinds.pop(name) for name in list(kinds)[: len(first)]}
+    values = SimpleNamespace(**dict(zip(bound, first, strict=True)))
+    named = [leaf for name, kind in bound.items() for leaf in leaves(kind, name)]
+    table = Table.of({leaf: attrgetter(leaf)(values) for leaf in named})
     if table.forms not in door.entries:
-        door.entries[table.forms] = _entry(function, table.forms)
+        # Of threads that are here at once one entry stays.
+        door.entries.setdefault(table.forms, _entry(function, table.forms))
     return _door(kinds, door.entries[table.forms], table)
 
 
@@ -128,15 +133,11 @@ def _door(kinds: dict[str, Any], entry: Any, table: Table | None = None) -> Any:
     call, result = f"entry({', '.join(given)})", kinds["return"]
     body = f"    return {call}\n"
     if is_tuple(result):
-        names = list[str]()
-
-        def leaf(name: str) -> str:
-            names.append(name)
-            return name
-
-        value = built(result, "found", scope, leaf)
+        value = built(result, "found", scope, lambda name: name)
+        names = [leaf.replace(".", "_") for leaf in leaves(result, "found")]
         body = f"    {', '.join(names)}, = {call}\n    return {value}\n"
     exec(f"def door({', '.join(arguments)}):\n{body}", scope)
-    door = scope["door"]
+    door = scope.pop("door")  # left there it would be a part of a cycle, and outlive its use
+    door.__qualname__ = door.__name__ = entry.__name__
     door.entry, door.table = entry, table  # the table keeps its arrays
     return door

@@ -1,6 +1,7 @@
 """A kernel whose first arguments are bound is the kernel, on what these arguments hold."""
 
 import gc
+import weakref
 from typing import NamedTuple
 
 import numpy as np
@@ -100,5 +101,18 @@ def test_each_binding_has_arrays_of_its_own():
     "array", [np.zeros((3, 2))[:, 0], np.zeros(3, np.float32), np.zeros(3, complex)]
 )
 def test_what_compiled_code_would_read_wrongly_is_not_bound(array):
-    with pytest.raises(AssertionError, match="C-contiguous, and of one of .*float64"):
+    with pytest.raises(AssertionError, match="total is not C-contiguous, or of none of .*float64"):
         bind(add_to, array)
+
+
+def test_what_is_no_longer_used_is_given_back_at_once(rng):
+    """Not by the collector, which does not see how large the arrays are."""
+    values = rng.normal(size=5)
+    bound, kept = bind(add_to, values), weakref.ref(values)
+    bound(np.ones(5))
+    gc.disable()
+    try:
+        del values, bound
+        assert kept() is None
+    finally:
+        gc.enable()

@@ -18,7 +18,11 @@ from fbid_gym.control.balance import balance_target, balance_wrench, body_motion
 from fbid_gym.control.balancers import RIDGE, map_torques
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
 from fbid_gym.control.underactuation import underactuation
-from fbid_gym.control.wrench_distribution import share_freely, share_within_limits
+from fbid_gym.control.wrench_distribution import (
+    Distribution,
+    share_freely,
+    share_within_limits,
+)
 from fbid_gym.dynamics.centroidal import find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduce_contacts
 from fbid_gym.dynamics.stance import Stance
@@ -267,10 +271,7 @@ def _balance_within_limits(
         DEFAULT_ACCURACY,
         memory.warm_start,
     )
-    remember(found.warm_start, found.residual, memory)
-    if active.switching:
-        copy(underactuation(wanted.contacts.jacobian), memory.underactuation)
-    return found.torque
+    return _noted(active, wanted.contacts, found, memory)
 
 
 @kernel
@@ -286,9 +287,17 @@ def _balance_without_limits(
     """The same where contact forces and torques have no limits."""
     wanted = _want(law, active, push, state, reference, terms)
     found = share_freely(wanted.torques, wanted.path, wanted.wrench, law.scale, law.weight)
+    return _noted(active, wanted.contacts, found, memory)
+
+
+@compiled
+def _noted(
+    active: ActivePoints, contacts: ReducedContacts, found: Distribution, memory: LawMemory
+) -> np.ndarray:
+    """The torques that were found; updates the memory."""
     remember(found.warm_start, found.residual, memory)
     if active.switching:
-        copy(underactuation(wanted.contacts.jacobian), memory.underactuation)
+        copy(underactuation(contacts.jacobian), memory.underactuation)
     return found.torque
 
 

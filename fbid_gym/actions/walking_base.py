@@ -24,6 +24,7 @@ Aim = Callable[
     [WalkingConstants, np.ndarray, RobotState, GaitTarget, DynamicsTerms],
     BodyAim,
 ]
+"""A kernel."""
 
 
 @dataclass(frozen=True, eq=False)

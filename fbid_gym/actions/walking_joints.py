@@ -76,7 +76,12 @@ class Following:
 
 
 def joints_of_gait(robot: Robot, *, aware: bool) -> ReferenceOf:
-    """Return what makes the joint motion of a gait: it walks by itself; see `LegJoints`."""
+    """Return what makes the joint motion of a gait, on which the zero action walks.
+
+    Args:
+        robot: the robot.
+        aware: see `LegJoints`.
+    """
     follow = bind(joint_reference, leg_joints_of(robot, aware))
     return lambda target, state, terms: follow(target, state, terms())
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from bisect import bisect_right
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
@@ -15,7 +16,7 @@ from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
 from fbid_gym.options import Whole
 
 NUM_ENVS = Whole(1, 65_536)
-"""So many of the humanoid take some 16 GiB."""
+"""So many of the humanoid take some 20 GiB."""
 
 NUM_THREADS = Whole(1, 1024)
 
@@ -52,10 +53,10 @@ class Chunks:
 
     def locate(self, env: int) -> tuple[EnvBatch, int]:
         """Return the chunk that holds an environment, and its place there."""
-        for batch, part in zip(self.batches, self.slices, strict=True):
-            if part.start <= env < part.stop:
-                return batch, env - part.start
-        raise InvalidValueError("env", env, f"0 to {self.num_envs - 1}")
+        if not 0 <= env < self.num_envs:
+            raise InvalidValueError("env", env, f"0 to {self.num_envs - 1}")
+        chunk = bisect_right(self.slices, env, key=lambda part: part.start) - 1
+        return self.batches[chunk], env - self.slices[chunk].start
 
     def reset(self, chosen: np.ndarray) -> None:
         """Start new episodes where `chosen` (N,) is true."""
@@ -85,6 +86,8 @@ class Chunks:
         try:
             work()
         finally:  # whoever hears of an error may reset or load at once
+            for _ in left:
+                pass  # nobody begins another chunk
             wait(jobs)
         for job in jobs:
             job.result()

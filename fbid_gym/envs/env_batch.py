@@ -175,14 +175,15 @@ class EnvBatch:
         self._retire(np.flatnonzero(lost))
         outcome = self._outcome(self._effort)
         judged, seen = self._judge(outcome, self._planned), self._observe(outcome)
-        shares, self._metrics, self._observation = self._as_last_seen(lost, *judged, seen)
+        shares, metrics, seen = self._as_last_seen(lost, *judged, seen)
+        reward = summed(shares, self.num_envs, self.task)
+        self._metrics, self._observation = metrics, seen
         fallen = self.task.body.fallen(outcome)
         terminated = fallen | lost
         truncated = self._over() & ~terminated
         info = {f"reward_{name}": share for name, share in shares.items()}
         info |= {name: value.copy() for name, value in self._metrics.items()}
         info |= pushed | self._report(fallen, lost) | self._climb(terminated, truncated)
-        reward = summed(shares, self.num_envs, self.task)
         return Step(self.observation(), reward, terminated, truncated, info)
 
     def _as_last_seen(
@@ -270,7 +271,7 @@ class EnvBatch:
         posture = self.task.body.posture(state, terms)
         square = effort.torque_square / (ticks * self.robot.num_joints)
         power, seconds = effort.power / ticks, 1.0 / self.rates.policy
-        return Outcome(state, terms, posture, effort.torque, square, power, seconds)
+        return Outcome(state, terms, posture, effort.torque.copy(), square, power, seconds)
 
     def _observe(self, outcome: Outcome) -> np.ndarray:
         """(N, O) float32, clipped."""

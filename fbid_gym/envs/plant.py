@@ -93,8 +93,8 @@ class RandomPlant:
         hush(self._believed, np.arange(count))
         self._live = LiveTerms(simulation.robot, self._believed)
         self._qpos, self._qvel = self._believed.bind("qpos"), self._believed.bind("qvel")
-        self._terms: DynamicsTerms | None = None
-        self._known = simulation.changes  # of the state that the terms are of
+        self._terms: DynamicsTerms
+        self._seen = -1  # `Simulation.changes` when they were computed
         bodies = (count, model.nbody)
         self._drawn = {
             "mass": np.ones(bodies),
@@ -152,15 +152,15 @@ class RandomPlant:
         scaled = np.tile(friction, (len(ids), 1, 1))
         scaled[:, :, 0] *= drawn["friction"][:, None]
         self._simulation.batch.expand("geom_friction")[ids] = scaled
-        self._terms = None
+        self._seen = -1
 
     def terms(self) -> DynamicsTerms:
         """See `Plant.terms`."""
-        if self._terms is not None and self._known == self._simulation.changes:
+        if self._seen == self._simulation.changes:
             return self._terms
         self._qpos[:], self._qvel[:] = self._simulation.qpos, self._simulation.qvel
         self._believed.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
-        self._terms, self._known = self._live(), self._simulation.changes
+        self._seen, self._terms = self._simulation.changes, self._live()
         return self._terms
 
     def state_dict(self) -> dict[str, np.ndarray]:

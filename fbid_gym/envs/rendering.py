@@ -30,7 +30,7 @@ _PIXELS = 230.0  # in the size of the robot, where it is
 
 
 class RobotRenderer:
-    """Draws an environment of a batch from a camera that follows the base; an arrow is a push.
+    """Draws environments of one kind from a camera that follows the base; an arrow is a push.
 
     Nothing that is drawn changes a robot.
     """
@@ -39,7 +39,7 @@ class RobotRenderer:
         """Open nothing yet: the window or the context appears with the first picture.
 
         Args:
-            batch: with the environments.
+            batch: one of those that will be drawn.
             mode: one of `RENDER_MODES`.
             shown: over the robot, which one sees through where anything is.
         """
@@ -52,9 +52,9 @@ class RobotRenderer:
         self._renderer: mujoco.Renderer | None = None
         self._viewer: mujoco.viewer.Handle | None = None
 
-    def render(self, env: int) -> np.ndarray | None:
-        """Draw environment `env`: (H, W, 3) uint8 for "rgb_array", None for "human"."""
-        simulation = self._batch.simulation
+    def render(self, batch: EnvBatch, env: int) -> np.ndarray | None:
+        """Draw environment `env` of a batch: (H, W, 3) uint8 for "rgb_array", None for "human"."""
+        self._batch, simulation = batch, batch.simulation
         self._data.qpos[:], self._data.qvel[:] = simulation.qpos[env], simulation.qvel[env]
         mujoco.mj_forward(self._model, self._data)
         if self._mode == "human":

@@ -83,7 +83,7 @@ class RobotEnv(gym.Env):
             return None
         if self._renderer is None:
             self._renderer = RobotRenderer(self.batch, self.render_mode, self.drawn_over)
-        return self._renderer.render(0)
+        return self._renderer.render(self.batch, 0)
 
     def close(self) -> None:
         """Close the window; nothing steps any more."""

@@ -61,7 +61,7 @@ class SB3VecEnv(VecEnv):
         self._limits = self._first.copy()
         self._started = time.monotonic()
         self._actions: np.ndarray | None = None
-        self._renderers: dict[int, RobotRenderer] = {}
+        self._renderer: RobotRenderer | None = None
 
     @property
     def robot(self) -> Robot:
@@ -149,18 +149,16 @@ class SB3VecEnv(VecEnv):
     def close(self) -> None:
         """Stop the threads, close the windows."""
         self.chunks.close()
-        for renderer in self._renderers.values():
-            renderer.close()
+        if self._renderer is not None:
+            self._renderer.close()
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """Draw every environment: (H, W, 3) uint8 each."""
-        images = []
-        for env in range(self.num_envs):
-            batch, local = self.chunks.locate(env)
-            if id(batch) not in self._renderers:
-                self._renderers[id(batch)] = RobotRenderer(batch, "rgb_array", self._shown)
-            images.append(self._renderers[id(batch)].render(local))
-        return images
+        batches = self.chunks.batches
+        if self._renderer is None:
+            self._renderer = RobotRenderer(batches[0], "rgb_array", self._shown)
+        draw = self._renderer.render
+        return [draw(batch, env) for batch in batches for env in range(batch.num_envs)]
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Return an attribute; all environments share it."""

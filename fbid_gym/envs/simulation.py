@@ -74,7 +74,7 @@ class Simulation:
         if not np.array_equal(np.r_[columns], robot.contact_sensor.ravel()):
             raise AssertionError("the contact sensors of a Robot are consecutive")
         sensors = self.batch.bind("sensordata")
-        self._wiring = wiring = Wiring(
+        self._wiring = Wiring(
             rows=self.batch.state,
             sensors=sensors,
             warning=self.batch.warning,
@@ -86,8 +86,9 @@ class Simulation:
             gear=robot.gear,
             torque_limit=robot.torque_limit,
         )
-        self._write_controls = bind(write_controls, wiring)
-        self._find_diverged = bind(find_diverged, wiring, _DIVERGENCE, robot.nv, MAX_SPEED)
+        self._write_controls = bind(write_controls, self._wiring)
+        judged = self._wiring, _DIVERGENCE, robot.nv, MAX_SPEED
+        self._find_diverged = bind(find_diverged, *judged)
         self._sensors = sensors[:, columns].reshape(num_robots, robot.num_points, 3)
         self.contact_force = np.zeros(self._sensors.shape)
         self._live = LiveTerms(robot, self.batch)
@@ -136,7 +137,7 @@ class Simulation:
         self.batch.forward(ids)
         hush(self.batch, ids)
         self.contact_force[ids] = self._sensors[ids]
-        self._note_change()
+        self.note_change()
 
     def push(self, force: np.ndarray) -> None:
         """Push each base with (N, 3) N, world, at its centre of mass, until told otherwise."""
@@ -148,7 +149,7 @@ class Simulation:
         if len(ids):
             self.qvel[ids, :3] += velocity[ids]
             self.batch.forward(ids, stage=_VELOCITY)
-            self._note_change()
+            self.note_change()
 
     def step(self, torque: np.ndarray, ids: np.ndarray | None = None) -> None:
         """Advance one control tick under (N, n) N·m: all robots, or those of `ids`."""
@@ -184,9 +185,10 @@ class Simulation:
 
     def _advance(self, ids: np.ndarray | None) -> None:
         self.batch.step(ids, nstep=self._substeps, stage=_VELOCITY)
-        self._note_change()
+        self.note_change()
 
-    def _note_change(self) -> None:
+    def note_change(self) -> None:
+        """Have all that depends on the state computed anew: for who writes to `qpos` or `qvel`."""
         self._terms = None
         self.changes += 1
 
@@ -210,7 +212,7 @@ class Simulation:
         self.batch.forward(stage=_VELOCITY)
         hush(self.batch, np.arange(self.num_robots))
         self.contact_force[:] = state["contact_force"]
-        self._note_change()
+        self.note_change()
 
 
 def hush(batch: mujoco.batch.Batch, ids: np.ndarray) -> None:

@@ -27,7 +27,7 @@ class RobotVectorEnv(VectorEnv):
     | Argument         | Default     | Meaning                                              |
     | ---------------- | ----------- | ---------------------------------------------------- |
     | `num_envs`       |             | Number of environments.                              |
-    | `num_threads`    | 1           | Threads that step them, each with its share.         |
+    | `num_threads`    | 1           | Threads that step them.                              |
     | `autoreset_mode` | `NEXT_STEP` | `gymnasium.vector.AutoresetMode`, or its name.       |
     """
 
@@ -59,7 +59,7 @@ class RobotVectorEnv(VectorEnv):
             "render_fps": self.config.rates().policy,
             "autoreset_mode": _autoreset_mode(autoreset_mode),
         }
-        self._renderers: list[RobotRenderer] = []
+        self._renderer: RobotRenderer | None = None
         self._seeded = False
         self._done = np.ones(num_envs, bool)
 
@@ -145,21 +145,18 @@ class RobotVectorEnv(VectorEnv):
         if self.render_mode is None:
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
-        if not self._renderers:
-            drawn = self.render_mode, self._shown
-            self._renderers = [RobotRenderer(batch, *drawn) for batch in self.chunks.batches]
-        frames = [
-            renderer.render(env)
-            for renderer, part in zip(self._renderers, self.chunks.slices, strict=True)
-            for env in range(part.stop - part.start)
-        ]
+        batches = self.chunks.batches
+        if self._renderer is None:
+            self._renderer = RobotRenderer(batches[0], self.render_mode, self._shown)
+        draw = self._renderer.render
+        frames = [draw(batch, env) for batch in batches for env in range(batch.num_envs)]
         return tuple(frame for frame in frames if frame is not None) or None
 
     def close_extras(self, **kwargs: Any) -> None:
         """Stop the threads, close the windows."""
         self.chunks.close()
-        for renderer in self._renderers:
-            renderer.close()
+        if self._renderer is not None:
+            self._renderer.close()
 
 
 def spaces(batch: EnvBatch) -> tuple[gym.spaces.Box, gym.spaces.Box]:

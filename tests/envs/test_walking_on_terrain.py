@@ -55,7 +55,7 @@ def test_a_fall_is_judged_from_the_ground_under_the_feet() -> None:
     simulation.qpos[:, 9::3] = -2.6  # knees
     simulation.qpos[:, 8::3] = 1.3  # hips
     simulation.batch.forward()
-    simulation._terms = None
+    simulation.note_change()
     assert batch.task.body.fallen(batch._outcome(batch_effort(batch))).all()
 
 
