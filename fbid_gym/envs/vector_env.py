@@ -27,7 +27,7 @@ class RobotVectorEnv(VectorEnv):
     | Argument         | Default     | Meaning                                              |
     | ---------------- | ----------- | ---------------------------------------------------- |
     | `num_envs`       |             | Number of environments.                              |
-    | `num_threads`    | 1           | Threads that step them.                              |
+    | `num_threads`    | 1           | Threads that step them, each with its share.         |
     | `autoreset_mode` | `NEXT_STEP` | `gymnasium.vector.AutoresetMode`, or its name.       |
     """
 
