@@ -182,7 +182,7 @@ def single(robots: list[str], layers: list[str], rounds: int) -> Section:
         "`gym.make(...).unwrapped`, 20 policy steps from a reset. Figure: time of everything "
         "beyond the physics (layer, observation, reward, `info`), per control tick, median over "
         f"{ROUNDS} times as many rounds as elsewhere. By the clock on the wall: to ask for CPU "
-        "time twice a tick takes a tenth of what is measured.",
+        "time twice a tick would be measured, too.",
         "µs",
         tuple(figures),
     )
