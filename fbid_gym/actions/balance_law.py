@@ -86,6 +86,7 @@ class _Constants(NamedTuple):
         balancer: one of those in `fbid_gym.control.balancers`.
         wrench: gains of the desired wrench.
         posture: gains of the joints.
+        push: (6,) N and N·m, what action 1 adds to the desired wrench, in the frame of the feet.
         gravity: m/s².
         geometry: of the contact points.
         heading: of the feet.
@@ -100,6 +101,7 @@ class _Constants(NamedTuple):
     balancer: int
     wrench: WrenchGains
     posture: PostureGains
+    push: np.ndarray
     gravity: float
     geometry: ContactGeometry
     heading: Heading
@@ -139,13 +141,15 @@ class BalanceLaw:
         balancer: int,
         gains: tuple[WrenchGains, PostureGains],
         moment_priority: float,
+        push: np.ndarray,
     ) -> "BalanceLaw":
-        """Build the law on what `contact` says of the contacts."""
+        """Build the law on what `contact` says of the contacts; `push` is that of action 1."""
         stance, limits = Stance.of(robot), contact.limits(robot)
         cost = (1.0,) * 3 + (moment_priority,) * 3
         constants = _Constants(
             balancer,
             *gains,
+            push=push,
             gravity=robot.gravity,
             geometry=stance.geometry,
             heading=stance.heading,
@@ -170,7 +174,7 @@ class BalanceLaw:
 
     def torque(
         self,
-        push: np.ndarray,
+        action: np.ndarray,
         state: RobotState,
         reference: Reference,
         terms: DynamicsTerms,
@@ -179,7 +183,7 @@ class BalanceLaw:
         """Return joint torques.
 
         Args:
-            push: (N, 6) N and N·m, added to the desired wrench in the frame of the feet.
+            action: (N, 6).
             state: of the robots.
             reference: what they shall do.
             terms: of the robots.
@@ -189,12 +193,12 @@ class BalanceLaw:
             (N, n) N·m.
         """
         active, own = self.belief(state, reference), LawMemory.of(memory)
-        torque = self._balance(active, push, state, reference, terms, own)
+        torque = self._balance(active, action, state, reference, terms, own)
 
         def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
             return self._balance(
                 active,
-                push[rows],
+                action[rows],
                 some_of(state, rows),
                 rows_of(reference, rows),
                 some_of(terms, rows),
@@ -230,17 +234,18 @@ class _Wanted(NamedTuple):
 def _want(
     law: _Constants,
     active: ActivePoints,
-    push: np.ndarray,
+    action: np.ndarray,
     state: RobotState,
     reference: Reference,
     terms: DynamicsTerms,
 ) -> _Wanted:
-    """The wrench, with a push (N, 6) in the frame of the feet, and the balancer's map."""
+    """The wrench, with what actions (N, 6) add to it, and the balancer's map."""
     body = find_centroidal_terms(terms, state.qvel)
     frame = support_frame(law.heading, terms)
     contacts = reduce_contacts(law.geometry, active, terms)
     constraint = Constraint(contacts.jacobian, contacts.bias)
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
+    push = law.push * action
     wrench = desired_wrench(law.wrench, law.gravity, push, state, reference, terms, body, frame)
     posture = _posture(law, active, state, reference)
     torques = map_torques(law.balancer, motion, body, constraint, posture, RIDGE)
@@ -253,14 +258,14 @@ def _want(
 def _balance_within_limits(
     law: _Constants,
     active: ActivePoints,
-    push: np.ndarray,
+    action: np.ndarray,
     state: RobotState,
     reference: Reference,
     terms: DynamicsTerms,
     memory: LawMemory,
 ) -> np.ndarray:
-    """Torques (N, n) for a push (N, 6) in the frame of the feet; updates the memory."""
-    wanted = _want(law, active, push, state, reference, terms)
+    """Torques (N, n) for actions (N, 6); updates the memory."""
+    wanted = _want(law, active, action, state, reference, terms)
     found = share_within_limits(
         wanted.torques,
         wanted.path,
@@ -278,14 +283,14 @@ def _balance_within_limits(
 def _balance_without_limits(
     law: _Constants,
     active: ActivePoints,
-    push: np.ndarray,
+    action: np.ndarray,
     state: RobotState,
     reference: Reference,
     terms: DynamicsTerms,
     memory: LawMemory,
 ) -> np.ndarray:
     """The same where contact forces and torques have no limits."""
-    wanted = _want(law, active, push, state, reference, terms)
+    wanted = _want(law, active, action, state, reference, terms)
     found = share_freely(wanted.torques, wanted.path, wanted.wrench, law.scale, law.weight)
     return _noted(active, wanted.contacts, found, memory)
 

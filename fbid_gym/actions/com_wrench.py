@@ -55,7 +55,7 @@ class ComWrench:
     tilting the moment of the same shift, weight * margin, for turning that of friction.
 
     Attributes:
-        law: from wrench to torque.
+        law: from action to torque.
         stance: the home stance.
         gains: of the wrench.
         scale: (6,) N and N·m at action 1.
@@ -128,6 +128,7 @@ class ComWrench:
         gains = replace(gains, rotation_stiffness=own @ gains.rotation_stiffness @ own.T)
         on_errors = gains.of_velocity() if on_velocity else gains.of_momentum()
         on_joints = PostureGains.of(posture, swing, damping_ratio)
+        scale = wrench_scale_of(robot, stance, contact.friction)
         return cls(
             law=BalanceLaw.of(
                 robot,
@@ -136,10 +137,11 @@ class ComWrench:
                 BALANCERS[balancer],
                 (on_errors, on_joints),
                 moment_priority,
+                scale,
             ),
             stance=stance,
             gains=gains,
-            scale=wrench_scale_of(robot, stance, contact.friction),
+            scale=scale,
         )
 
     @property
@@ -167,7 +169,7 @@ class ComWrench:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        return self.law.torque(self.scale * action, state, reference, terms(), memory)
+        return self.law.torque(action, state, reference, terms(), memory)
 
     def wrench(
         self,

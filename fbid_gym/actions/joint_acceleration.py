@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.ranges import AccelerationScale, DampingRatio, Frequency
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import bind, kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.options import checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
@@ -108,15 +109,19 @@ class JointAcceleration:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        desired = _stabilise(self.gains, self.scale * action, state, reference)
+        desired = self._stabilise(action, state, reference)
         return self.law.torque(desired, state, reference, terms(), memory)
+
+    @cached_property
+    def _stabilise(self) -> Callable[..., np.ndarray]:
+        return bind(_stabilise, self.gains, self.scale)
 
 
 @kernel
 def _stabilise(
-    gains: _Gains, added: np.ndarray, state: RobotState, reference: Reference
+    gains: _Gains, scale: float, action: np.ndarray, state: RobotState, reference: Reference
 ) -> np.ndarray:
-    """Desired accelerations (N, nv) with accelerations (N, n) to add; zero for the base."""
+    """Desired accelerations (N, nv) for actions (N, n) and their scale; zero for the base."""
     count, size = state.qvel.shape
     desired = np.zeros((count, size))
     for i in range(count):
@@ -126,6 +131,6 @@ def _stabilise(
                 reference.qacc[row, k]
                 + gains.stiffness * (reference.qpos[row, k + 1] - state.qpos[i, k + 1])
                 + gains.damping * (reference.qvel[row, k] - state.qvel[i, k])
-                + added[i, k - 6]
+                + scale * action[i, k - 6]
             )
     return desired

@@ -92,17 +92,15 @@ class JointPositionFeedforward:
 
     Attributes:
         law: InvDyn.
-        target: of the offset.
+        target: of the offset; its scale in rad (m for slides).
         gains: K_P and K_D.
         balance: of the centre of mass.
-        scale: rad (m for slides) at action 1.
     """
 
     law: AccelerationLaw
     target: SmoothTarget
     gains: JointGains
     balance: _Balance
-    scale: float
 
     @classmethod
     @checked
@@ -140,10 +138,9 @@ class JointPositionFeedforward:
         least = LEAST_GAIN * stance.home_com[2]
         return cls(
             AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST),
-            SmoothTarget(2.0 * np.pi * target, 1.0 / control_hz),
+            SmoothTarget(scale, 2.0 * np.pi * target, 1.0 / control_hz),
             gains,
             _Balance(omega**2, 2.0 * omega, least, stance.heading),
-            scale,
         )
 
     @property
@@ -155,7 +152,7 @@ class JointPositionFeedforward:
     def action_names(self) -> tuple[str, ...]:
         """One target a joint."""
         return tuple(
-            f"target of {joint} from its reference (x {self.scale:g} rad)"
+            f"target of {joint} from its reference (x {self.target.scale:g} rad)"
             for joint in self.law.robot.joint_names
         )
 
@@ -178,15 +175,14 @@ class JointPositionFeedforward:
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        known, goal = terms(), self.scale * action
-        target, own = TargetMemory.of(memory), LawMemory.of(memory)
+        known, target, own = terms(), TargetMemory.of(memory), LawMemory.of(memory)
         active = self.law.belief(state, reference)
-        torque = self._follow(active, goal, target, state, reference, known, own)
+        torque = self._follow(active, action, target, state, reference, known, own)
 
         def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
             return self._follow(
                 active,
-                goal[rows],
+                action[rows],
                 some_of(target, rows),
                 some_of(state, rows),
                 rows_of(reference, rows),
@@ -195,7 +191,7 @@ class JointPositionFeedforward:
             )
 
         torque = through_contact_switches(self.law.ramp, active, torque, of_contacts, memory)
-        move_on(self.target, goal, target)
+        self._move_on(action, target)
         return torque
 
     @cached_property
@@ -204,20 +200,24 @@ class JointPositionFeedforward:
         follow = _follow_within_limits if self.law.limited else _follow_without_limits
         return bind(follow, _Constants(self.law.constants, self.target, self.gains, self.balance))
 
+    @cached_property
+    def _move_on(self) -> Callable[..., None]:
+        return bind(move_on, self.target)
+
 
 @kernel
 def _follow_within_limits(
     layer: _Constants,
     active: ActivePoints,
-    goal: np.ndarray,
+    action: np.ndarray,
     target: TargetMemory,
     state: RobotState,
     reference: Reference,
     terms: DynamicsTerms,
     memory: LawMemory,
 ) -> np.ndarray:
-    """Torques (N, n) of eq. (18) for goals (N, n); updates the law's memory."""
-    offset = offset_of(layer.target, goal, target)
+    """Torques (N, n) of eq. (18) for actions (N, n); updates the law's memory."""
+    offset = offset_of(layer.target, action, target)
     contacts = reduce_contacts(layer.law.geometry, active, terms)
     desired = _desired_motion(layer, contacts, offset, reference, terms)
     torque = torque_within_limits(layer.law, active, contacts, terms, state, desired, memory)
@@ -229,7 +229,7 @@ def _follow_within_limits(
 def _follow_without_limits(
     layer: _Constants,
     active: ActivePoints,
-    goal: np.ndarray,
+    action: np.ndarray,
     target: TargetMemory,
     state: RobotState,
     reference: Reference,
@@ -237,7 +237,7 @@ def _follow_without_limits(
     memory: LawMemory,
 ) -> np.ndarray:
     """The same where contact forces have no limits."""
-    offset = offset_of(layer.target, goal, target)
+    offset = offset_of(layer.target, action, target)
     contacts = reduce_contacts(layer.law.geometry, active, terms)
     desired = _desired_motion(layer, contacts, offset, reference, terms)
     torque = torque_without_limits(layer.law, contacts, terms, state, desired, memory)

@@ -9,16 +9,18 @@ from fbid_gym.quantities import Memory
 
 
 class SmoothTarget(NamedTuple):
-    """Critically damped second-order response to a goal u that is held for a control tick.
+    """Critically damped second-order response to u = scale * action, held for a control tick.
 
     xdd = w^2 (u - x) - 2 w xdot, solved exactly: with e = x - u and c = xdot + w e at a tick, the
     time t later x = u + (e + c t) exp(-w t) and xdot = (xdot - w c t) exp(-w t).
 
     Attributes:
+        scale: u at action 1.
         omega: w, rad/s.
         tick: s, of the control.
     """
 
+    scale: float
     omega: float
     tick: float
 
@@ -60,31 +62,32 @@ class Offset(NamedTuple):
 
 
 @kernel
-def offset_of(smooth: SmoothTarget, goal: np.ndarray, memory: TargetMemory) -> Offset:
+def offset_of(smooth: SmoothTarget, action: np.ndarray, memory: TargetMemory) -> Offset:
     """Return where targets are at this tick.
 
     Args:
         smooth: how they move.
-        goal: (N, n) u.
+        action: (N, n).
         memory: of the robots.
     """
-    acceleration = np.empty(goal.shape)
-    for i in range(len(goal)):
-        for j in range(goal.shape[1]):
-            error = memory.target[i, j] - goal[i, j]
+    acceleration = np.empty(action.shape)
+    for i in range(len(action)):
+        for j in range(action.shape[1]):
+            error = memory.target[i, j] - smooth.scale * action[i, j]
             twice = 2.0 * memory.target_rate[i, j] + smooth.omega * error
             acceleration[i, j] = -smooth.omega * twice
     return Offset(memory.target, memory.target_rate, acceleration)
 
 
 @kernel
-def move_on(smooth: SmoothTarget, goal: np.ndarray, memory: TargetMemory) -> None:
+def move_on(smooth: SmoothTarget, action: np.ndarray, memory: TargetMemory) -> None:
     """Move targets on to the next tick; arguments as of `offset_of`, and updates the memory."""
     omega, tick = smooth.omega, smooth.tick
     decay = np.exp(-omega * tick)
-    for i in range(len(goal)):
-        for j in range(goal.shape[1]):
-            error, rate = memory.target[i, j] - goal[i, j], memory.target_rate[i, j]
+    for i in range(len(action)):
+        for j in range(action.shape[1]):
+            goal = smooth.scale * action[i, j]
+            error, rate = memory.target[i, j] - goal, memory.target_rate[i, j]
             travel = (rate + omega * error) * tick
-            memory.target[i, j] = goal[i, j] + (error + travel) * decay
+            memory.target[i, j] = goal + (error + travel) * decay
             memory.target_rate[i, j] = (rate - omega * travel) * decay

@@ -51,6 +51,13 @@ class _Buffers(NamedTuple):
     xmat: np.ndarray
 
 
+class _Velocities(NamedTuple):
+    """Where the velocities of N robots are."""
+
+    rows: np.ndarray  # (N, S), all of MuJoCo's state
+    first: int  # column of the first coordinate's
+
+
 def _layout_of(robot: Robot) -> _Layout:
     model = robot.model
     return _Layout(
@@ -85,8 +92,8 @@ class LiveTerms:
     def __init__(self, robot: Robot, batch: mujoco.batch.Batch) -> None:
         """Bind the buffers of `batch`, which simulates `robot`."""
         buffers = _Buffers(*(batch.bind(name) for name in _Buffers._fields))
-        self._qvel = batch.bind("qvel")
-        count, feet, nv = len(self._qvel), robot.num_feet, robot.nv
+        velocities = _Velocities(batch.state, column_of(batch.bind("qvel"), batch))
+        count, feet, nv = len(batch.state), robot.num_feet, robot.nv
         shapes = {
             "mass_matrix": (count, nv, nv),
             "bias": (count, nv),
@@ -102,26 +109,32 @@ class LiveTerms:
             "foot_bias": (count, feet, 6),
         }
         self._terms = DynamicsTerms(**{name: np.empty(shape) for name, shape in shapes.items()})
-        self._read = bind(_read, _layout_of(robot), buffers, self._terms)
+        self._read = bind(_read, _layout_of(robot), buffers, velocities, self._terms)
 
     def __call__(self) -> DynamicsTerms:
         """Return the terms, in arrays that the next call writes anew."""
-        # The velocities are parts of the batch's state: one robot's do not follow another's.
-        self._read(np.ascontiguousarray(self._qvel))
+        self._read()
         return self._terms
+
+
+def column_of(part: np.ndarray, batch: mujoco.batch.Batch) -> int:
+    """Return the column of the batch's state, a row per robot, at which a view of it begins."""
+    rows = batch.state
+    return int(part.ctypes.data - rows.ctypes.data) // rows.itemsize
 
 
 @kernel
 def _read(
     layout: _Layout,
     buffers: _Buffers,
+    velocities: _Velocities,
     terms: DynamicsTerms,
-    qvel: np.ndarray,
 ) -> None:
-    """Write the terms of all robots, whose velocities are (N, nv), to `terms`."""
-    nv = len(layout.parent)
+    """Write the terms of all robots."""
+    nv, first = len(layout.parent), velocities.first
     xpos, xmat = buffers.xpos, buffers.xmat
-    for i in range(len(qvel)):
+    for i in range(len(velocities.rows)):
+        qvel = velocities.rows[i, first : first + nv]
         _unpack(i, buffers.M, layout.row, layout.column, terms.mass_matrix)
         for j in range(nv):
             terms.bias[i, j] = buffers.qfrc_bias[i, j]
@@ -136,9 +149,9 @@ def _read(
 
         mass = terms.mass_matrix[i, 0, 0] - layout.base_armature[0]
         for axis in range(3):
-            momentum = -layout.base_armature[axis] * qvel[i, axis]
+            momentum = -layout.base_armature[axis] * qvel[axis]
             for j in range(nv):
-                momentum += terms.mass_matrix[i, axis, j] * qvel[i, j]
+                momentum += terms.mass_matrix[i, axis, j] * qvel[j]
             terms.com_velocity[i, axis] = momentum / mass
 
         for foot in range(len(layout.feet)):
@@ -172,8 +185,8 @@ def _read(
                 for axis in range(3):
                     terms.foot_jacobian[i, foot, axis, dof] = along[axis]
                     terms.foot_jacobian[i, foot, 3 + axis, dof] = axes[axis]
-                spin = add(spin, scale(qvel[i, dof], vector(buffers.cdof_dot, (i, dof))))
-                rate = add(rate, scale(qvel[i, dof], vector(buffers.cdof_dot, (i, dof), 3)))
+                spin = add(spin, scale(qvel[dof], vector(buffers.cdof_dot, (i, dof))))
+                rate = add(rate, scale(qvel[dof], vector(buffers.cdof_dot, (i, dof), 3)))
                 dof = layout.parent[dof]
             # omega × (velocity of the centre): the part of a point's acceleration that its spatial
             # acceleration leaves out.

@@ -115,7 +115,6 @@ class EnvBatch:
         check_memory(planned, num_envs, self.task)
         self._planned = {name: value.copy() for name, value in planned.items()}
         self._progress = Climb.of(num_envs, self.terrain.tiles, config.difficulty)
-        self._all_ticks = np.arange(self.rates.ticks)[:, None]
         # At the beginning of the last policy step; only for those who look.
         self._com_velocity = np.full((num_envs, 3), np.nan)
         # Of the last policy step; what is judged here is thrown away with `planned`.
@@ -194,7 +193,7 @@ class EnvBatch:
         seen: np.ndarray,
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
         """A diverged robot has no state worth judging or observing: what was last seen stands."""
-        if lost.any():
+        if np.count_nonzero(lost):
             shares = {name: np.where(lost, 0.0, share) for name, share in shares.items()}
             before = lost & (self._tick > self.rates.ticks)
             metrics = {k: np.where(before, self._metrics[k], v) for k, v in metrics.items()}
@@ -229,25 +228,23 @@ class EnvBatch:
         state, terms, shape = self._look(), self.plant.terms, self._effort.torque.shape
         self._effort.begin()
         self._com_velocity[:] = self.simulation.terms().com_velocity
-        ticks, pushes = self._tick + self._all_ticks, self.task.pushes
-        forces = pushes.forces(self._plan, ticks, self.rates.control)
-        jumps = pushes.jumps(self._plan, ticks)
+        when = self._tick, self.rates.ticks, self.rates.control
+        pushed = self.task.pushes.during(self._plan, *when)
         self._delay.send(action)
         arrivals = self._delay.arrivals()
-        jumping = np.asarray(jumps.any(axis=(1, 2)))
-        for tick, (push, jump) in enumerate(zip(forces, jumps, strict=True)):
+        for tick, push in enumerate(pushed.force):
             if tick in arrivals:
                 arrived = self._delay.arrived(tick)
                 own = np.ascontiguousarray(arrived[:, : self._num_own])
                 steering = self.footholds.steering(arrived[:, self._num_own :])
                 now = Now(state, terms, steering, self._planned)
-            if jumping[tick]:
-                self.simulation.jump(jump)
+            if pushed.jumping[tick]:
+                self.simulation.jump(pushed.jump[tick])
                 self._look()
             reference = self.task.reference(self._plan, now)
             torque = self.layer.torque(own, state, reference, terms, self._memory)
             self._advance(as_numbers(torque, shape, self.layer, "torque"), push)
-        return {"push": forces[-1], "push_velocity": jumps.sum(axis=0)}
+        return {"push": pushed.force[-1], "push_velocity": pushed.jump.sum(axis=0)}
 
     def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:
         """What a step's info says of robots and layer, beside rewards and metrics."""

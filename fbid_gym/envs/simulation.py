@@ -9,7 +9,7 @@ import numpy as np
 
 from fbid_gym.compiled import bind
 from fbid_gym.dynamics.contacts import point_positions
-from fbid_gym.dynamics.live_terms import LiveTerms
+from fbid_gym.dynamics.live_terms import LiveTerms, column_of
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.tick import Effort, Wiring, drive, find_diverged, read, write_controls
@@ -78,10 +78,11 @@ class Simulation:
             rows=self.batch.state,
             sensors=sensors,
             warning=self.batch.warning,
-            position=self._column(self.qpos),
-            velocity=self._column(self.qvel),
-            push=self._column(self._push),
-            controls=self._column(self.batch.bind("ctrl")) + robot.actuator.astype(np.int64),
+            position=column_of(self.qpos, self.batch),
+            velocity=column_of(self.qvel, self.batch),
+            push=column_of(self._push, self.batch),
+            controls=column_of(self.batch.bind("ctrl"), self.batch)
+            + robot.actuator.astype(np.int64),
             contact=int(first),
             gear=robot.gear,
             torque_limit=robot.torque_limit,
@@ -97,11 +98,6 @@ class Simulation:
         hush(self.batch, np.arange(num_robots))
         self.batch.forward()
         self.contact_force[:] = self._sensors
-
-    def _column(self, part: np.ndarray) -> int:
-        """The column of the batch's rows at which a view of them begins."""
-        rows = self.batch.state
-        return int(part.ctypes.data - rows.ctypes.data) // rows.itemsize
 
     @property
     def num_robots(self) -> int:

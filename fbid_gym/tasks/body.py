@@ -26,7 +26,7 @@ FALLEN_TILT = 60.0
 TOUCHING_LOAD = 0.01
 """Share of the robot's weight that a point must carry to count as in contact."""
 
-_LEAST_UPRIGHT = np.cos(np.radians(FALLEN_TILT))
+_LEAST_UPRIGHT = float(np.cos(np.radians(FALLEN_TILT)))
 
 
 class _Seen(NamedTuple):
@@ -179,10 +179,12 @@ class Body:
 
     def fallen(self, outcome: Outcome) -> np.ndarray:
         """Return which robots lie: (N,) bool."""
-        upright = outcome.posture.upright
-        height = outcome.posture.base[:, 2] + (self.size - self.home_height) * upright
+        return self._find_fallen(outcome.posture)
+
+    @cached_property
+    def _find_fallen(self) -> Callable[..., np.ndarray]:
         low = FALLEN_HEIGHT * (self.size - self.lowered)
-        return (height < low) | (upright < _LEAST_UPRIGHT)
+        return bind(_find_fallen, self.size - self.home_height, low)
 
 
 @kernel
@@ -209,6 +211,16 @@ def _measure(body: _Constants, state: RobotState, terms: DynamicsTerms) -> Postu
                 down += 1
         slip[i] = total / max(down, 1)
     return Posture(base, velocity, upright, touching, slip)
+
+
+@kernel
+def _find_fallen(above: float, low: float, posture: Posture) -> np.ndarray:
+    """What `Body.fallen` returns: whose top, so far `above` the base (m), is lower than `low`."""
+    fallen = np.empty(len(posture.upright), np.bool_)
+    for i in range(len(fallen)):
+        upright = posture.upright[i]
+        fallen[i] = posture.base[i, 2] + above * upright < low or upright < _LEAST_UPRIGHT
+    return fallen
 
 
 @kernel

@@ -1,7 +1,7 @@
 """Random horizontal pushes on the base: drawn once per episode, evaluated for a whole batch."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -63,41 +63,58 @@ class Pushes:
             "push_velocity": _between(self.velocity, strength)[:, None] * direction,
         }
 
-    def forces(self, plan: Plan, tick: np.ndarray, hz: int) -> np.ndarray:
-        """Return the force on each base.
+    def during(self, plan: Plan, tick: np.ndarray, count: int, hz: int) -> "Disturbances":
+        """Return what is done to each base at `count` control ticks.
 
         Args:
             plan: of N robots, as drawn.
-            tick: (..., N) control ticks since the episode began.
+            tick: (N,) the first, in control ticks since the episode began.
+            count: T, how many.
             hz: control ticks per second.
-
-        Returns:
-            (..., N, 3) N, world.
         """
-        return _during(plan["push_start"], plan["push_force"], tick, round(self.duration * hz))
+        pushed = plan["push_start"], plan["push_force"], plan["push_velocity"]
+        return _during(*pushed, tick, count, round(self.duration * hz))
 
-    def jumps(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
-        """Return how much each base's velocity jumps at ticks (..., N): (..., N, 3) m/s, world."""
-        return _during(plan["push_start"], plan["push_velocity"], tick, 1)
+
+class Disturbances(NamedTuple):
+    """What is done to the bases of N robots at T control ticks.
+
+    Attributes:
+        force: (T, N, 3) N, world.
+        jump: (T, N, 3) m/s, world, by which velocities change before the tick.
+        jumping: (T,) bool, whether any does.
+    """
+
+    force: np.ndarray
+    jump: np.ndarray
+    jumping: np.ndarray
 
 
 def _between(ends: tuple[float, float], share: np.ndarray) -> np.ndarray:
     return ends[0] + (ends[1] - ends[0]) * share
 
 
-def _during(start: np.ndarray, vector: np.ndarray, tick: np.ndarray, duration: int) -> np.ndarray:
-    rows = np.ascontiguousarray(tick).reshape(-1, len(start))
-    return _applied(start, vector, rows, duration).reshape(*tick.shape, 3)
-
-
 @kernel
-def _applied(start: np.ndarray, vector: np.ndarray, tick: np.ndarray, duration: int) -> np.ndarray:
-    """Return the sum of vectors (N, K, 3) that last from ticks (N, K) on, at ticks (T, N)."""
-    applied = np.zeros((len(tick), len(start), 3))
-    for row in range(len(tick)):
-        for i in range(len(start)):
-            for k in range(start.shape[1]):
-                if 0 <= tick[row, i] - start[i, k] < duration:
+def _during(
+    start: np.ndarray,
+    force: np.ndarray,
+    velocity: np.ndarray,
+    tick: np.ndarray,
+    count: int,
+    duration: int,
+) -> Disturbances:
+    """What `Pushes.during` returns: of pushes (N, K) that each last `duration` ticks."""
+    shape = count, len(tick), 3
+    done = Disturbances(np.zeros(shape), np.zeros(shape), np.zeros(count, np.bool_))
+    for i in range(len(tick)):
+        for k in range(start.shape[1]):
+            for row in range(count):
+                since = tick[i] + row - start[i, k]
+                if since == 0:
                     for axis in range(3):
-                        applied[row, i, axis] += vector[i, k, axis]
-    return applied
+                        done.jump[row, i, axis] += velocity[i, k, axis]
+                        done.jumping[row] |= velocity[i, k, axis] != 0.0
+                if 0 <= since < duration:
+                    for axis in range(3):
+                        done.force[row, i, axis] += force[i, k, axis]
+    return done

@@ -58,29 +58,30 @@ def com_jacobian(robot, qpos):
 
 def test_the_target_is_the_exact_critically_damped_response(rng):
     """Goals that change at any tick, against the matrix exponential."""
-    smooth, tick = SmoothTarget(2 * np.pi * 3.0, 0.002), 0.002
+    scale, tick = 0.4, 0.002
+    smooth = SmoothTarget(scale, 2 * np.pi * 3.0, tick)
     memory, state = TargetMemory.fresh(4, 3), np.zeros((3, 4, 3))
     exact, w = second_order(3.0, tick), 2 * np.pi * 3.0
     for k in range(120):
         if k % 7 == 0:
-            goal = rng.normal(size=(4, 3))
-        state[2] = goal
-        found = offset_of(smooth, goal, memory)
+            action = rng.uniform(-1.0, 1.0, size=(4, 3))
+        state[2] = scale * action
+        found = offset_of(smooth, action, memory)
         np.testing.assert_allclose(found.value, state[0], atol=1e-12)
         np.testing.assert_allclose(found.rate, state[1], atol=1e-11)
-        expected = w**2 * (goal - state[0]) - 2 * w * state[1]
+        expected = w**2 * (state[2] - state[0]) - 2 * w * state[1]
         np.testing.assert_allclose(found.acceleration, expected, atol=1e-9)
-        move_on(smooth, goal, memory)
+        move_on(smooth, action, memory)
         state = np.einsum("ij,jkl->ikl", exact, state)
 
 
 def test_the_target_reaches_a_constant_goal_without_overshoot():
-    smooth = SmoothTarget(2 * np.pi * 2.0, 0.002)
-    memory, goal = TargetMemory.fresh(1, 1), np.full((1, 1), 0.3)
+    smooth = SmoothTarget(0.3, 2 * np.pi * 2.0, 0.002)
+    memory, action = TargetMemory.fresh(1, 1), np.ones((1, 1))
     values = []
     for _ in range(1000):
-        values.append(offset_of(smooth, goal, memory).value.item())
-        move_on(smooth, goal, memory)
+        values.append(offset_of(smooth, action, memory).value.item())
+        move_on(smooth, action, memory)
     assert (np.diff(values) >= 0.0).all() and values[0] == 0.0
     assert values[-1] == pytest.approx(0.3, rel=1e-6)
     # At t = 1 / w it has gone 1 - 2 / e of the way.

@@ -58,25 +58,29 @@ def test_the_same_generator_draws_the_same_pushes(pushes):
 def test_a_push_lasts_its_duration(pushes):
     plan = drawn(pushes, 4)
     ticks = np.arange(int(SECONDS * HZ))
-    applied = pushes.forces(plan, ticks[:, None].repeat(4, axis=1), HZ)
+    applied = pushes.during(plan, np.zeros(4, int), len(ticks), HZ)
     expected = np.zeros((len(ticks), 4, 3))
     for env in range(4):
         for first, push in zip(plan["push_start"][env], plan["push_force"][env], strict=True):
             expected[first : first + 75, env] = push
-    np.testing.assert_array_equal(applied, expected)
-    # One row of ticks is one instant of each robot.
-    np.testing.assert_array_equal(pushes.forces(plan, np.full(4, 900), HZ), expected[900])
+    np.testing.assert_array_equal(applied.force, expected)
+    assert not applied.jump.any() and not applied.jumping.any()
+    # Each robot has a first tick of its own.
+    later = pushes.during(plan, 900 + 50 * np.arange(4), 7, HZ).force
+    for env in range(4):
+        np.testing.assert_array_equal(later[:, env], expected[900 + 50 * env :][:7, env])
 
 
 def test_a_jump_of_velocity_is_at_one_instant_and_as_strong_as_the_force(pushes):
     plan = drawn(replace(pushes, velocity=(0.1, 0.5)), 4)
     ticks = np.arange(int(SECONDS * HZ))
-    jumped = pushes.jumps(plan, ticks[:, None].repeat(4, axis=1))
+    jumped = pushes.during(plan, np.zeros(4, int), len(ticks), HZ)
     expected = np.zeros((len(ticks), 4, 3))
     for env in range(4):
         used = plan["push_start"][env] < len(ticks)
         expected[plan["push_start"][env][used], env] = plan["push_velocity"][env][used]
-    np.testing.assert_array_equal(jumped, expected)
+    np.testing.assert_array_equal(jumped.jump, expected)
+    np.testing.assert_array_equal(jumped.jumping, expected.any(axis=(1, 2)))
     force, jump = (plan[name].reshape(-1, 3) for name in ("push_force", "push_velocity"))
     newtons, speed = np.linalg.norm(force, axis=1), np.linalg.norm(jump, axis=1)
     np.testing.assert_allclose((speed - 0.1) / 0.4, (newtons - 20.0) / 80.0)
