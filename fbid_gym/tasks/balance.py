@@ -13,16 +13,25 @@ from fbid_gym.options import Pair, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.body import FALLEN_HEIGHT, Body, bell, level, weighted
-from fbid_gym.tasks.outcome import Outcome
-from fbid_gym.tasks.plan import Plan, check_schedule, command_at
+from fbid_gym.tasks.body import (
+    FALLEN_HEIGHT,
+    Body,
+    BodyConstants,
+    bell,
+    level,
+    see_body,
+    side_by_side,
+    weigh,
+)
+from fbid_gym.tasks.outcome import Outcome, Posture
+from fbid_gym.tasks.plan import Plan, check_schedule, last_started
 from fbid_gym.tasks.pushes import Pushes
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.task import Now
 
 
 class BalanceReward(NamedTuple):
-    """The terms of the reward: the share (N,) of each in [0, 1], or its weight.
+    """The terms of the reward, (N,) each, or their weights.
 
     Attributes:
         height: base at the commanded height.
@@ -146,12 +155,11 @@ class Balance:
 
     def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the commanded height of each base above its feet: (N,) m."""
-        return command_at(plan["command_start"], plan["command"][:, :, None], tick)[:, 0]
+        return _height_at(plan["command_start"], plan["command"], tick)
 
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
-        command = self.command(plan, outcome.state.tick)[:, None] - self.body.home_height
-        return np.concatenate([command, self.body.observe(outcome)], axis=1)
+        return self._see(outcome, plan["command_start"], plan["command"])
 
     def reward(
         self, outcome: Outcome, plan: Plan, memory: Memory
@@ -163,22 +171,52 @@ class Balance:
             metrics: name -> (N,) physical quantities for evaluation.
         """
         posture, command = outcome.posture, self.command(plan, outcome.state.tick)
-        shares, height = self._judge(outcome, command), posture.base[:, 2]
+        square = outcome.torque_square
+        terms = self._judge(posture, outcome.state.qvel, square, command)
+        height = posture.base[:, 2]
         metrics = {
             "height": height,
             "height_command": command,
             "height_error": height - command,
-            "torque_rms": np.sqrt(outcome.torque_square),
+            "torque_rms": np.sqrt(square),
             "power": outcome.power,
             "slip": posture.slip,
         }
-        return weighted(shares, REWARD_WEIGHTS), metrics
+        return terms._asdict(), metrics
+
+    @cached_property
+    def _see(self) -> Callable[..., np.ndarray]:
+        return bind(_see, self.body.constants, self.body.home_height)
 
     @cached_property
     def _judge(self) -> Callable[..., BalanceReward]:
         body = self.body
-        home = body.stance.home_base
-        return bind(_judge, _Scales(home, body.size, body.speed, body.mean_torque_limit))
+        sizes = body.size, body.speed, body.mean_torque_limit
+        return bind(_judge, _Scales(body.stance.home_base, *sizes))
+
+
+@kernel
+def _height_at(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.ndarray:
+    """What `Balance.command` returns: of the commands (N, K) that start at ticks (N, K)."""
+    height = np.empty(len(tick))
+    for i in range(len(tick)):
+        height[i] = command[i, last_started(start[i], tick[i])]
+    return height
+
+
+@kernel
+def _see(
+    body: BodyConstants,
+    home_height: float,
+    outcome: Outcome,
+    start: np.ndarray,
+    command: np.ndarray,
+) -> np.ndarray:
+    """What `Balance.observe` returns; commands as of `_height_at`."""
+    asked = np.empty((len(command), 1))
+    asked[:, 0] = _height_at(start, command, outcome.state.tick)
+    asked -= home_height
+    return side_by_side((asked, see_body(body, outcome)))
 
 
 class _Scales(NamedTuple):
@@ -191,9 +229,23 @@ class _Scales(NamedTuple):
 
 
 @kernel
-def _judge(scales: _Scales, outcome: Outcome, command: np.ndarray) -> BalanceReward:
-    """Return the shares of the terms of the reward; commanded heights (N,) m."""
-    count, posture = len(command), outcome.posture
+def _judge(
+    scales: _Scales,
+    posture: Posture,
+    velocity: np.ndarray,
+    torque_square: np.ndarray,
+    command: np.ndarray,
+) -> BalanceReward:
+    """Return the terms of the reward.
+
+    Args:
+        scales: of the robot.
+        posture: of N.
+        velocity: (N, nv) m/s, rad/s.
+        torque_square: (N,) (N·m)^2, mean.
+        command: (N,) m, heights.
+    """
+    count = len(command)
     share = BalanceReward(
         np.empty(count),
         np.empty(count),
@@ -206,9 +258,9 @@ def _judge(scales: _Scales, outcome: Outcome, command: np.ndarray) -> BalanceRew
     # Lengths, speeds and rates scale with the robot.
     size, speed, rate = scales.size, scales.speed, scales.speed / scales.size
     for i in range(count):
-        base, qvel = posture.base[i], outcome.state.qvel[i]
+        base, qvel = posture.base[i], velocity[i]
         drift = np.hypot(base[0] - home[0], base[1] - home[1])
-        torque = np.sqrt(outcome.torque_square[i])
+        torque = np.sqrt(torque_square[i])
         motion = dot(qvel[:3], qvel[:3]) / speed**2 + dot(qvel[3:6], qvel[3:6]) / rate**2
         share.height[i] = bell(base[2] - command[i], 0.03 * size)
         share.upright[i] = level(posture.upright[i])
@@ -216,4 +268,5 @@ def _judge(scales: _Scales, outcome: Outcome, command: np.ndarray) -> BalanceRew
         share.stillness[i] = bell(np.sqrt(motion), 0.16)
         share.contact[i] = posture.touching[i].mean() * bell(posture.slip[i], 0.033 * speed)
         share.torque[i] = bell(torque / scales.torque_limit, 0.3)
+    weigh(share, REWARD_WEIGHTS)
     return share

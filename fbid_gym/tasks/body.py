@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,7 +47,7 @@ class _Limbs(NamedTuple):
     load: np.ndarray  # (N, P) normal force, share of the weight
 
 
-class _Constants(NamedTuple):
+class BodyConstants(NamedTuple):
     """What posture and observation are measured by, see `Body`."""
 
     geometry: ContactGeometry
@@ -103,9 +103,10 @@ class Body:
         return float(self.robot.torque_limit.mean())
 
     @cached_property
-    def _constants(self) -> _Constants:
+    def constants(self) -> BodyConstants:
+        """What posture and observation are measured by."""
         robot, stance = self.robot, self.stance
-        return _Constants(
+        return BodyConstants(
             geometry=stance.geometry,
             heading=stance.heading,
             touching_force=TOUCHING_LOAD * robot.weight,
@@ -167,15 +168,15 @@ class Body:
 
     def observe(self, outcome: Outcome) -> np.ndarray:
         """Return the posture, its velocity, the last torques and the load on the feet: (N, O)."""
-        return self._observe(outcome)
+        return self._see(outcome)
 
     @cached_property
     def _measure(self) -> Callable[..., Posture]:
-        return bind(_measure, self._constants)
+        return bind(_measure, self.constants)
 
     @cached_property
-    def _observe(self) -> Callable[..., np.ndarray]:
-        return bind(_observe, self._constants)
+    def _see(self) -> Callable[..., np.ndarray]:
+        return bind(see_body, self.constants)
 
     def fallen(self, outcome: Outcome) -> np.ndarray:
         """Return which robots lie: (N,) bool."""
@@ -188,7 +189,7 @@ class Body:
 
 
 @kernel
-def _measure(body: _Constants, state: RobotState, terms: DynamicsTerms) -> Posture:
+def _measure(body: BodyConstants, state: RobotState, terms: DynamicsTerms) -> Posture:
     """What `Body.posture` returns."""
     frame, (count, points) = support_frame(body.heading, terms), state.contact_force.shape[:2]
     point_velocity = point_velocities(body.geometry, terms)
@@ -224,7 +225,7 @@ def _find_fallen(above: float, low: float, posture: Posture) -> np.ndarray:
 
 
 @kernel
-def _observe(body: _Constants, outcome: Outcome) -> np.ndarray:
+def see_body(body: BodyConstants, outcome: Outcome) -> np.ndarray:
     """What `Body.observe` returns."""
     state, terms, posture = outcome.state, outcome.terms, outcome.posture
     count = len(state.qpos)
@@ -286,18 +287,13 @@ def side_by_side(parts: tuple[np.ndarray, ...]) -> np.ndarray:
     return joined
 
 
-Shares = TypeVar("Shares", bound=tuple[Any, ...])
-
-
-def weighted(shares: Shares, weights: Shares) -> dict[str, np.ndarray]:
-    """Return the terms of a reward, each (N,) in [0, its weight], from shares (N,) in [0, 1].
-
-    Shares and weights are of one kind of named tuple.
-    """
-    names = type(weights)._fields  # type: ignore[attr-defined]
-    return {
-        name: weight * share for name, weight, share in zip(names, weights, shares, strict=True)
-    }
+@compiled
+def weigh(shares: tuple[np.ndarray, ...], weights: tuple[float, ...]) -> None:
+    """Turn shares (N,) in [0, 1] of the terms of a reward into these, each in [0, its weight]."""
+    for k in range(len(weights)):
+        share, weight = shares[k], weights[k]
+        for i in range(len(share)):
+            share[i] *= weight
 
 
 @compiled

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.errors import InvalidValueError
 
 MOST_EVENTS = 100_000
@@ -18,12 +18,19 @@ def command_at(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.n
     axes = command.shape[2]
     found = np.empty((len(tick), axes))
     for i in range(len(tick)):
-        index = -1
-        for k in range(start.shape[1]):
-            index += start[i, k] <= tick[i]
+        index = last_started(start[i], tick[i])
         for axis in range(axes):
             found[i, axis] = command[i, index, axis]
     return found
+
+
+@compiled
+def last_started(start: np.ndarray, tick: int) -> int:
+    """Return which of those that start at ticks (K,), in order, is the last to have started."""
+    index = -1
+    for k in range(len(start)):
+        index += start[k] <= tick
+    return index
 
 
 def check_schedule(name: str, interval: tuple[float, float], seconds: float) -> None:

@@ -13,7 +13,7 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import DynamicsTerms, Memory, Reference
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.body import Body, bell, level, side_by_side, weighted
+from fbid_gym.tasks.body import Body, bell, level, side_by_side, weigh
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
@@ -22,7 +22,7 @@ from fbid_gym.tasks.task import Now
 
 
 class TrackingReward(NamedTuple):
-    """The terms of the reward: the share (N,) of each in [0, 1], or its weight.
+    """The terms of the reward, (N,) each, or their weights.
 
     Attributes:
         joints: joints where the motion has them.
@@ -164,7 +164,7 @@ class Tracking:
         reference = self._planned(plan, outcome.state.tick)
         sizes = body.size, body.speed, body.mean_torque_limit
         scales = _Scales(*sizes, body.stance.geometry.foot_of_point)
-        joint_error, shares = _judge(scales, outcome, reference)
+        joint_error, terms = _judge(scales, outcome, reference)
         height, asked = posture.base[:, 2], reference.qpos[:, 2]
         metrics = {
             "height": height,
@@ -177,7 +177,7 @@ class Tracking:
             "power": outcome.power,
             "slip": posture.slip,
         }
-        return weighted(shares, REWARD_WEIGHTS), metrics
+        return terms._asdict(), metrics
 
     def _planned(self, plan: Plan, tick: np.ndarray) -> Reference:
         return self.motion.reference(plan["phase"] + tick, plan["speed"])
@@ -244,12 +244,12 @@ class _Scales(NamedTuple):
 
 class _Judged(NamedTuple):
     joint_error: np.ndarray  # (N,) rad, root mean square
-    shares: TrackingReward
+    terms: TrackingReward
 
 
 @kernel
 def _judge(scales: _Scales, outcome: Outcome, reference: Reference) -> _Judged:
-    """Return the joints' errors, and the shares of the terms of the reward."""
+    """Return the joints' errors, and the terms of the reward."""
     qpos, world_from_base = outcome.state.qpos, outcome.terms.world_from_base
     posture = outcome.posture
     (count, width), points = qpos.shape, posture.touching.shape[1]
@@ -286,4 +286,5 @@ def _judge(scales: _Scales, outcome: Outcome, reference: Reference) -> _Judged:
         share.velocity[i] = bell(np.sqrt(rush), 0.1 * scales.speed)
         share.contact[i] = as_planned / points * bell(posture.slip[i], 0.033 * scales.speed)
         share.torque[i] = bell(torque / scales.torque_limit, 0.3)
+    weigh(share, REWARD_WEIGHTS)
     return _Judged(joint_error, share)

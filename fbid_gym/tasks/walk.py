@@ -15,7 +15,7 @@ from fbid_gym.options import Pair, checked
 from fbid_gym.quantities import DynamicsTerms, Memory
 from fbid_gym.robots import Robot
 from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
-from fbid_gym.tasks.body import Body, weighted
+from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.height_scan import SCAN, scan_heights
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan, check_schedule, command_at
@@ -26,16 +26,10 @@ from fbid_gym.tasks.walk_measures import (
     Notes,
     Scales,
     Seen,
-    WalkReward,
     judge,
     note,
     observe,
 )
-
-REWARD_WEIGHTS = WalkReward(
-    velocity=0.4, turning=0.2, clock=0.15, upright=0.1, steady=0.05, torque=0.1
-)
-"""Each reward term lies in [0, weight]; they sum to 1."""
 
 MOST_LOWERED = 0.2
 """Of the height of the centre of mass: much lower, and legs are too bent to walk."""
@@ -239,7 +233,7 @@ class Walk:
         """Judge a policy step; see `Task.reward`."""
         command = self.command(plan, outcome.state.tick)
         scales, notes = self._scales, Notes.of(memory)
-        shares, moved = judge(scales, outcome, command, notes)
+        terms, moved = judge(scales, outcome, command, notes)
         height = outcome.terms.base_position[:, 2] - notes.ground
         asked = notes.height - notes.ground
         metrics = {
@@ -260,7 +254,7 @@ class Walk:
             "foothold_error": notes.missed / np.maximum(notes.landed, 1),
             "clipped_footholds": notes.clipped.astype(float),
         }
-        return weighted(shares, REWARD_WEIGHTS), metrics
+        return terms._asdict(), metrics
 
     @property
     def tolerance(self) -> float:

@@ -10,14 +10,14 @@ from fbid_gym.motions.gait.heading import along, axes_of_trunk
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Memory
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.body import bell, level, see_limbs, side_by_side
+from fbid_gym.tasks.body import bell, level, see_limbs, side_by_side, weigh
 from fbid_gym.tasks.outcome import Outcome
 
 _PREFIX = "seen_"
 
 
 class WalkReward(NamedTuple):
-    """The terms of the reward: the share (N,) of each in [0, 1], or its weight.
+    """The terms of the reward, (N,) each, or their weights.
 
     Attributes:
         velocity: horizontal velocity as commanded.
@@ -34,6 +34,12 @@ class WalkReward(NamedTuple):
     upright: Any
     steady: Any
     torque: Any
+
+
+REWARD_WEIGHTS = WalkReward(
+    velocity=0.4, turning=0.2, clock=0.15, upright=0.1, steady=0.05, torque=0.1
+)
+"""Each reward term lies in [0, weight]; they sum to 1."""
 
 
 class Scales(NamedTuple):
@@ -114,7 +120,7 @@ class Moved(NamedTuple):
 class Judged(NamedTuple):
     """What the reward is made of, and what it was made from."""
 
-    shares: WalkReward
+    terms: WalkReward
     moved: Moved
 
 
@@ -194,7 +200,7 @@ def observe(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes)
 
 @kernel
 def judge(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes) -> Judged:
-    """Return the shares of the terms of the reward, and how the robots moved; note the latter."""
+    """Return the terms of the reward, and how the robots moved; note the latter."""
     state, terms, posture = outcome.state, outcome.terms, outcome.posture
     count, feet = notes.planted.shape
     points = posture.touching.shape[1]
@@ -234,4 +240,5 @@ def judge(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes) -
         share.upright[i] = level(posture.upright[i])
         share.steady[i] = bell(tumble, 0.3)
         share.torque[i] = bell(torque / scales.mean_torque_limit, 0.5)
+    weigh(share, REWARD_WEIGHTS)
     return Judged(share, moved)

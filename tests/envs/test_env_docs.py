@@ -16,7 +16,7 @@ from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.simulation import MAX_SPEED
 from fbid_gym.envs.tracking_env import TrackingEnv
 from fbid_gym.envs.walking_env import WalkingEnv
-from fbid_gym.tasks import TASKS, task_options, tracking, walk
+from fbid_gym.tasks import TASKS, task_options, tracking, walk_measures
 from fbid_gym.tasks.balance import REWARD_WEIGHTS
 from fbid_gym.tasks.body import FALLEN_HEIGHT, FALLEN_TILT, TOUCHING_LOAD
 
@@ -307,7 +307,8 @@ def test_walking_observation_table(walker):
 def test_walking_reward_table():
     """The formulas themselves are held against the code by the task's tests."""
     rows = table("Rewards", "Term", WALKING)
-    assert {names_in(row[0])[0]: float(row[1]) for row in rows} == walk.REWARD_WEIGHTS._asdict()
+    weights = {names_in(row[0])[0]: float(row[1]) for row in rows}
+    assert weights == walk_measures.REWARD_WEIGHTS._asdict()
 
 
 def test_walking_arguments():

@@ -6,7 +6,7 @@ import pytest
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.tasks.walk import REWARD_WEIGHTS
+from fbid_gym.tasks.walk_measures import REWARD_WEIGHTS
 
 NUM_ENVS = 3
 WALK = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"]
