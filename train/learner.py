@@ -37,7 +37,7 @@ def build(config: TrainConfig, robots: VecEnv) -> BaseAlgorithm:
 
     Seeds torch, NumPy and Python globally: stable-baselines3 draws from there.
     """
-    torch.set_num_threads(config.torch_threads)
+    torch.set_num_threads(1)  # while robots are stepped, their threads take the cores
     seed = seeds(config.seed)["learner"]
     random.seed(seed)
     np.random.seed(seed)

@@ -31,7 +31,7 @@ from train.runs.config import TrainConfig
 from train.runs.files import check_folder
 from train.runs.folder import RunFolder
 from train.runs.interrupt import stop_requests
-from train.runs.opening import OpenRun, open_run
+from train.runs.opening import OpenRun, continued, open_run
 from train.runs.robots import chosen, is_built_in, with_robot
 from train.runs.tables import EVALUATIONS, PROGRESS, TableWriter, check_kept
 from train.runs.versions import package_versions
@@ -52,6 +52,7 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
     """
     check_folder(config.folder.parent, "out", str(config.folder))
     with _room_for(config.folder), ExitStack() as stack:
+        config = continued(config)
         args = {**config.make_args(), "num_threads": config.threads}
         if (robot := chosen(config.robot, config.feet)) is not None:
             args["robot"] = robot

@@ -6,13 +6,17 @@ from typing import cast
 import gymnasium as gym
 import numpy as np
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import SubprocVecEnv
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import CallbackList
+from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 
 import fbid_gym
 from eval.benchmark.figures import Figure, Limit, Section, interleave
+from train.algorithms import ALGORITHMS
 from train.learner import build
 from train.learner import robots as robots_of
 from train.recipes import config_for
+from train.runs.config import TrainConfig
 
 WORKERS = 8
 LIMITS = {
@@ -46,10 +50,11 @@ def frames(layers: list[str], rounds: int) -> Section:
     theirs = replace(
         first,
         num_envs=WORKERS,
+        torch_threads=first.learning_threads,
         ppo=replace(first.ppo, n_steps=first.iteration_steps // WORKERS),
     )
     measured = {key: limit for key, limit in LIMITS.items() if key[1] in layers}
-    learners = {OURS: cast(PPO, build(theirs, _humanoids()))}
+    stretches = {OURS: _Learning(theirs, build(theirs, _humanoids()))}
     limits: dict[str, Limit] = {}
     for (env, layer), limit in measured.items():
         ours = config_for(env, layer)
@@ -57,18 +62,17 @@ def frames(layers: list[str], rounds: int) -> Section:
             env, num_envs=ours.num_envs, seed=0, num_threads=ours.threads, **ours.make_args()
         )
         name = f"{env.rpartition('/')[2]}, `{layer}`"
-        learners[name], limits[name] = cast(PPO, build(ours, robots)), limit
-    humanoids = _humanoids()
-    usual = PPO("MlpPolicy", humanoids, device="cpu")
-    stretches = {name: _Learning(its, its.n_steps * its.n_envs) for name, its in learners.items()}
-    stretches[USUAL] = _Learning(usual, usual.n_steps * usual.n_envs)
+        stretches[name], limits[name] = _Learning(ours, build(ours, robots)), limit
+    usual = PPO("MlpPolicy", _humanoids(), device="cpu")
+    sizes = {name: its.config.iteration_steps for name, its in stretches.items()}
+    sizes[USUAL] = usual.n_steps * usual.n_envs
     try:
-        seconds = interleave(dict(stretches), rounds)
+        seconds = interleave({**stretches, USUAL: lambda: _learn_more(usual)}, rounds)
     finally:
-        for learner in learners.values():
-            robots_of(learner).close()
-        humanoids.close()
-    rates = {name: stretches[name].frames / values for name, values in seconds.items()}
+        for stretch in stretches.values():
+            robots_of(stretch.learner).close()
+        cast(VecEnv, usual.env).close()
+    rates = {name: sizes[name] / values for name, values in seconds.items()}
     figures = [
         Figure.of(
             name, f"{np.median(values):,.0f} frames/s", values / rates[OURS], limits.get(name)
@@ -78,7 +82,8 @@ def frames(layers: list[str], rounds: int) -> Section:
     return Section(
         "PPO",
         f"stable-baselines3 PPO, rollouts and updates, as the recipe has it with "
-        f"{first.num_envs} robots, on {first.threads} threads; Humanoid-v5 in {WORKERS} "
+        f"{first.num_envs} robots, on {first.threads} threads, torch on {first.learning_threads} "
+        f"while it learns; Humanoid-v5 in {WORKERS} "
         f"SubprocVecEnv workers with the same network, epochs, batches and "
         f"{first.iteration_steps} frames an iteration, and once more as stable-baselines3 sets it "
         "up. Figure: speed relative to Humanoid-v5 with our settings.",
@@ -88,10 +93,16 @@ def frames(layers: list[str], rounds: int) -> Section:
 
 
 class _Learning:
-    """Learns for some more frames."""
+    """Goes on with a training by an iteration, as `train.ppo` does."""
 
-    def __init__(self, learner: PPO, frames: int) -> None:
-        self.learner, self.frames = learner, frames
+    def __init__(self, config: TrainConfig, learner: BaseAlgorithm) -> None:
+        self.config, self.learner, self.callback = config, learner, CallbackList([])
+        learner._setup_learn(config.total_steps, self.callback)
 
     def __call__(self) -> None:
-        self.learner.learn(self.frames, reset_num_timesteps=False)
+        ALGORITHMS["ppo"].iterate(self.learner, self.config, self.callback)
+
+
+def _learn_more(learner: PPO) -> None:
+    """Go on with a training by an iteration, as stable-baselines3 does."""
+    learner.learn(learner.n_steps * learner.n_envs, reset_num_timesteps=False)

@@ -1,6 +1,7 @@
 """What a training has to know of the algorithm that learns, and what all of them have in common."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import torch
@@ -50,6 +51,17 @@ def learning_rate(own: Hyperparameters) -> float | Callable[[float], float]:
 def expected_return(own: Hyperparameters) -> float:
     """Return what a value network begins at."""
     return own.expected_reward / max(1.0 - own.gamma, 1.0 / _FORESIGHT)
+
+
+@contextmanager
+def torch_threads(count: int) -> Iterator[None]:
+    """Let torch compute on so many threads."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def begin_at_zero(layer: torch.nn.Linear) -> None:

@@ -13,6 +13,7 @@ from train.algorithms.algorithm import (
     begin_at_zero,
     expected_return,
     learning_rate,
+    torch_threads,
 )
 from train.runs.config import PPOConfig, TrainConfig
 
@@ -63,7 +64,8 @@ def _iterate(learner: PPO, config: TrainConfig, callback: BaseCallback) -> dict[
     assert learner.env is not None
     learner.collect_rollouts(learner.env, callback, learner.rollout_buffer, learner.n_steps)
     learner._update_current_progress_remaining(learner.num_timesteps, config.total_steps)
-    learner.train()
+    with torch_threads(config.learning_threads):
+        learner.train()
     return {name: learner.logger.name_to_value[key] for name, key in _METRICS.items()}
 
 

@@ -17,6 +17,7 @@ from train.algorithms.algorithm import (
     begin_at_zero,
     expected_return,
     learning_rate,
+    torch_threads,
 )
 from train.runs.config import SACConfig, TrainConfig
 
@@ -76,7 +77,8 @@ def _iterate(learner: SAC, config: TrainConfig, callback: BaseCallback) -> dict[
         )
         if learner.num_timesteps >= own.learning_starts:
             learner.actor.requires_grad_(learner.num_timesteps >= own.policy_starts)
-            learner.train(own.gradient_steps, own.batch_size)
+            with torch_threads(config.learning_threads):
+                learner.train(own.gradient_steps, own.batch_size)
             found.append(dict(learner.logger.name_to_value))
     if not found:
         return {}

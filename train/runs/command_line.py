@@ -76,7 +76,7 @@ def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, .
     learns = algorithm_of(stored)
     usual = _plain(config_for(env, layer, layer_options, algorithm=learns)).to_json()
     # How many threads and checkpoints there were is no part of what was trained.
-    for name in ("num_threads", "checkpoint_every", "env_id", "algorithm"):
+    for name in ("num_threads", "torch_threads", "checkpoint_every", "env_id", "algorithm"):
         del usual[name]
     # What is of the layer is said twice in the JSON, for readers of these arguments alone.
     arguments = {k: v for k, v in stored.get("env_args", {}).items() if k not in LAYER_ARGS}

@@ -213,8 +213,9 @@ class TrainConfig:
     stagger: bool = True
     """Truncate the robots' first episodes, evenly spread, so that those to come do not begin and
     end together: once an episode a learner would see nothing but beginnings."""
-    torch_threads: Annotated[int, Whole(1, 1024)] = 1
-    """Threads of torch. Another number rounds sums differently, so it is part of the run."""
+    torch_threads: Annotated[int, Whole(0, 1024)] = 0
+    """Threads of torch while it learns. 0: as many as step the robots. Another number rounds sums
+    differently: a run that is continued keeps the one it began with."""
     checkpoint_every: Steps = 20_000
     """Environment steps between checkpoints. 0: only at the end and when interrupted."""
     out: Path | None = None
@@ -304,6 +305,11 @@ class TrainConfig:
         return self.num_threads or threads_for(self.num_envs)
 
     @property
+    def learning_threads(self) -> int:
+        """Threads of torch while it learns, resolved."""
+        return self.torch_threads or self.threads
+
+    @property
     def iteration_steps(self) -> int:
         """Environment steps per iteration, over all robots."""
         return self.num_envs * self.hyperparameters.n_steps
@@ -328,7 +334,7 @@ class TrainConfig:
         for name in ALGORITHMS.keys() - {self.algorithm}:
             del data[name]
         data = {"env_id": self.env, **data, "env_args": self.make_args()}
-        data["num_threads"] = self.threads
+        data |= {"num_threads": self.threads, "torch_threads": self.learning_threads}
         return json.loads(json.dumps(data))
 
 

@@ -16,9 +16,11 @@ _OUTSIDE_THE_CURVE = ("num_threads", "checkpoint_every")
 _FREE_TO_RESUME = (
     *_OUTSIDE_THE_CURVE, "total_steps", "env_args.action_layer", "env_args.layer_options",
 )  # fmt: skip
-# What a comparison is about, or checks by itself; evaluations do not disturb the training.
+# What a comparison is about, or checks by itself; evaluations do not disturb the training, and the
+# threads of torch change what is rounded.
 _FREE_TO_COMPARE = (
     *_OUTSIDE_THE_CURVE, "env_id", "env_args", "action_layer", "layer_options", "seed", "eval",
+    "torch_threads",
 )  # fmt: skip
 # Neither changes a number: uncommitted changes are known to be some, not which.
 _FREE_VERSIONS = ("cpu_count", "uncommitted_changes")

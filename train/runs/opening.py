@@ -5,7 +5,7 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +52,15 @@ class OpenRun:
                 self.robot.save(folder.robot)
         if not folder.config.exists() or read_json(folder.config) != self.config:
             write(folder.config, to_json(self.config))
+
+
+def continued(config: TrainConfig) -> TrainConfig:
+    """Return a configuration with what the run that it continues, if there is one, has chosen."""
+    folder = RunFolder.of(config.folder)
+    if config.torch_threads or config.overwrite or not folder.config.is_file():
+        return config
+    chosen = read_json(folder.config).get("torch_threads", 0)
+    return replace(config, torch_threads=chosen)
 
 
 @contextmanager

@@ -15,7 +15,12 @@ from train.runs.versions import versions
 def test_what_makes_another_run():
     stored = TrainConfig().to_json()
     same = TrainConfig(
-        total_steps=5, checkpoint_every=0, num_threads=7, out=Path("x"), overwrite=True
+        total_steps=5,
+        checkpoint_every=0,
+        num_threads=7,
+        torch_threads=stored["torch_threads"],
+        out=Path("x"),
+        overwrite=True,
     )
     assert run_differences(stored, same.to_json()) == []
     other = TrainConfig(seed=4, env_args={"push_force": [1, 2]}, ppo=PPOConfig(gamma=0.9))
@@ -24,6 +29,8 @@ def test_what_makes_another_run():
         "ppo.gamma 0.9 instead of 0.99",
         "seed 4 instead of 0",
     ]
+    other = TrainConfig(torch_threads=stored["torch_threads"] + 1)
+    assert [its.name for its in run_differences(stored, other.to_json())] == ["torch_threads"]
     other = TrainConfig(layer_options={"contact_limits": "none"})
     assert in_words(run_differences(stored, other.to_json())) == (
         'layer_options.contact_limits "none" instead of unset'
@@ -37,13 +44,14 @@ def test_what_makes_another_training_for_a_comparison():
         layer_options={"scale": 0.2},
         seed=4,
         num_threads=7,
+        torch_threads=2,
         checkpoint_every=0,
         eval=EvaluationConfig(every=5),
     )
     assert training_settings(alike.to_json()) == one
-    other = TrainConfig(total_steps=5, torch_threads=2, ppo=PPOConfig(gamma=0.9))
+    other = TrainConfig(total_steps=5, ppo=PPOConfig(gamma=0.9))
     names = [its.name for its in differences(one, training_settings(other.to_json()))]
-    assert names == ["ppo.gamma", "torch_threads", "total_steps"]
+    assert names == ["ppo.gamma", "total_steps"]
 
 
 def test_a_run_of_before_there_was_a_choice_is_not_one_of_today():

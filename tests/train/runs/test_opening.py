@@ -12,7 +12,7 @@ from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import FbidError, RunError
 from train.ppo import main
 from train.runs.config import EvaluationConfig
-from train.runs.opening import open_run
+from train.runs.opening import continued, open_run
 
 
 def _begin(config, *, checkpoint=False):
@@ -50,6 +50,22 @@ def test_nothing_but_the_lock_is_written_before_the_run_begins(tmp_path):
     for changes in ({"total_steps": 9999}, {"overwrite": True}, {"seed": 4, "overwrite": True}):
         with open_run(stand_in.config(tmp_path / "run", **changes)):
             assert _contents(tmp_path) == before
+
+
+def test_a_run_goes_on_with_the_threads_of_torch_that_it_began_with(tmp_path):
+    """Whatever machine it goes on on, unless it is told otherwise, which is another run."""
+    began = stand_in.config(tmp_path, num_threads=3)
+    assert continued(began) == began and began.learning_threads == 3
+    _begin(began, checkpoint=True)
+    again = continued(stand_in.config(tmp_path, num_threads=1))
+    assert (again.threads, again.learning_threads) == (1, 3)
+    with open_run(again) as run:
+        assert run.resumes
+    for changes in ({"torch_threads": 1}, {"overwrite": True}):
+        other = stand_in.config(tmp_path, **changes)
+        assert continued(other) == other
+    with pytest.raises(RunError, match="asked for torch_threads 1 instead of 3"):
+        _begin(stand_in.config(tmp_path, torch_threads=1))
 
 
 def test_same_run_resumes_another_is_refused(tmp_path):
