@@ -19,9 +19,9 @@ from eval.files import check_folder, to_json, write
 from eval.pages import BENCHMARK_PAGE, splice, spliced
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs.chunks import NUM_ENVS
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Choice, Each, Whole, check_fields
 from fbid_gym.robots import ROBOTS
+from train.command import run_command
 from train.runs.versions import versions
 
 SectionName = Literal["laws", "controllers", "layers", "threads", "single", "ppo", "memory"]
@@ -97,5 +97,4 @@ def main(config: BenchConfig) -> None:
 
 
 if __name__ == "__main__":
-    chosen = tyro.cli(BenchConfig, prog="python -m eval.bench")
-    sys.exit(exit_status(lambda: main(chosen)))
+    sys.exit(run_command("eval.bench", BenchConfig, main))

@@ -5,6 +5,7 @@ python -m eval.compare runs/a-s0 runs/a-s1 runs/b-s0 runs/b-s1 --out report.html
 
 import sys
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -17,8 +18,8 @@ from eval.files import check_output, to_json, write
 from eval.report import page
 from eval.results import Settings
 from eval.wording import headline
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import check_fields
+from train.command import run_command
 from train.environments import register
 from train.runs.reading import load
 from train.runs.robots import chosen
@@ -71,8 +72,9 @@ def run(config: CompareConfig, console: Console, command: list[str]) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Command line."""
     given = sys.argv[1:] if arguments is None else arguments
-    config = tyro.cli(CompareConfig, args=given, description=__doc__)
-    return exit_status(lambda: run(config, Console(), ["python", "-m", "eval.compare", *given]))
+    line = ["python", "-m", "eval.compare", *given]
+    work = partial(run, console=Console(), command=line)
+    return run_command("eval.compare", CompareConfig, work, given, __doc__)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-import tyro
 from rich.console import Console
 from rich.table import Table
 
@@ -25,8 +24,8 @@ from eval.rollout import Player
 from eval.video import record
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Choice, Each, Number, Whole, check_fields
+from train.command import run_command
 from train.environments import make_env
 from train.recipes import config_for
 from train.runs import robots
@@ -174,5 +173,4 @@ def main(config: DemoConfig) -> int:
 
 
 if __name__ == "__main__":
-    chosen = tyro.cli(DemoConfig, prog="python -m eval.demo")
-    sys.exit(exit_status(lambda: main(chosen)))
+    sys.exit(run_command("eval.demo", DemoConfig, main))

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.table import Table
 
@@ -21,8 +20,8 @@ from eval.wording import number
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_choices
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Whole, check_fields
+from train.command import run_command
 from train.environments import make_envs
 from train.recipes import config_for
 
@@ -98,5 +97,4 @@ def main(config: NoiseConfig) -> None:
 
 
 if __name__ == "__main__":
-    chosen = tyro.cli(NoiseConfig, prog="python -m eval.noise", description=__doc__)
-    sys.exit(exit_status(lambda: main(chosen)))
+    sys.exit(run_command("eval.noise", NoiseConfig, main, about=__doc__))

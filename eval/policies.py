@@ -10,8 +10,8 @@ import tyro
 from eval.pages import POLICIES_PAGE, splice
 from eval.wording import number, percent
 from eval.wording import steps as steps_text
-from fbid_gym.exit_status import exit_status
 from fbid_gym.policy import Measured, Shipped, shipped
+from train.command import run_command
 
 _HEAD = (
     "Policy", "Learnt by", "Steps", "Time (min)", "Velocity error (m/s)", "Survival", "Return",
@@ -79,5 +79,4 @@ def main(config: PoliciesConfig) -> None:
 
 
 if __name__ == "__main__":
-    chosen = tyro.cli(PoliciesConfig, prog="python -m eval.policies", description=__doc__)
-    sys.exit(exit_status(lambda: main(chosen)))
+    sys.exit(run_command("eval.policies", PoliciesConfig, main, about=__doc__))

@@ -15,8 +15,8 @@ from eval.pages import RATES_PAGE, tell_rows
 from eval.walking import Push, Seconds, Trial, Walked, WalkingConfig, gaits, loaded, walk
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs.chunks import NUM_ENVS
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Choice, Each, check_fields
+from train.command import run_command
 
 EXACT: dict[str, Any] = {
     "physics_hz": 1000,
@@ -116,5 +116,4 @@ def main(config: RatesConfig) -> None:
 
 
 if __name__ == "__main__":
-    given = tyro.cli(RatesConfig, prog="python -m eval.rates")
-    sys.exit(exit_status(lambda: main(given)))
+    sys.exit(run_command("eval.rates", RatesConfig, main))

@@ -8,6 +8,7 @@ python -m eval.rollout --env fbid_gym/BipedBalance-v0 --action-layer base_accele
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,10 +24,10 @@ from eval.progress import progress
 from eval.video import Clip, record
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Number, Whole, check_fields
 from fbid_gym.policy import Policy, place_of
 from fbid_gym.robots import Robot
+from train.command import run_command
 from train.environments import make_env, make_envs, register, step_seconds
 from train.episodes import METRICS, Actor, Episodes, play
 from train.runs.config import parse_object
@@ -308,8 +309,8 @@ def run(config: RolloutConfig, console: Console) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Command line."""
-    config = tyro.cli(RolloutConfig, args=arguments, description=__doc__)
-    return exit_status(lambda: run(config, Console()))
+    work = partial(run, console=Console())
+    return run_command("eval.rollout", RolloutConfig, work, arguments, __doc__)
 
 
 if __name__ == "__main__":

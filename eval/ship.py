@@ -20,10 +20,10 @@ from eval.rollout import Player, play_player
 from eval.unseen import check_unseen
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import InvalidValueError, RunError
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Number, Whole, check_fields
 from fbid_gym.policy import Card, Measured, Policy
 from fbid_gym.policy.shipping import CARD, PREFIX
+from train.command import run_command
 from train.episodes import METRICS, Episodes
 from train.runs.command_line import command_again
 from train.runs.config import algorithm_of
@@ -167,14 +167,13 @@ def measured(episodes: Episodes, confidence: float) -> dict[str, Measured]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Command line."""
-    config = tyro.cli(ShipConfig, args=arguments, prog="python -m eval.ship", description=__doc__)
 
-    def work() -> None:
+    def work(config: ShipConfig) -> None:
         place = ship(config)
         print("\n".join([f"{PREFIX}{config.name}", *Card.read(place / CARD).lines()]))
         print(f"wrote {place}; python -m eval.policies --write-docs tells its page")
 
-    return exit_status(work)
+    return run_command("eval.ship", ShipConfig, work, arguments, __doc__)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from eval.pages import RELIABILITY_PAGE, splice, spliced
 from eval.wording import count
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_positive
-from fbid_gym.exit_status import exit_status
+from train.command import run_command
 from train.environments import make_envs
 
 MOST_GROWTH = 0.01
@@ -161,5 +161,4 @@ def main(config: SoakConfig) -> int:
 
 
 if __name__ == "__main__":
-    chosen = tyro.cli(SoakConfig, prog="python -m eval.soak")
-    sys.exit(exit_status(lambda: main(chosen)))
+    sys.exit(run_command("eval.soak", SoakConfig, main))

@@ -6,6 +6,7 @@ Every layer meets the same ground, starts and commands, blind and with a scan of
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -17,9 +18,9 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.envs.config import EnvConfig
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Choice, Each, Number, check_fields
 from fbid_gym.robots.terrain import LEVELLED
+from train.command import run_command
 from train.runs.robots import chosen
 
 WALKING = [env for env, given in ENVIRONMENTS.items() if given["task"] == "walk"]
@@ -153,8 +154,8 @@ def run(config: TerrainConfig, command: Sequence[str]) -> None:
 def main(argv: list[str] | None = None) -> int:
     """Command line."""
     given = sys.argv[1:] if argv is None else argv
-    config = tyro.cli(TerrainConfig, args=given, description=__doc__)
-    return exit_status(lambda: run(config, ["python", "-m", "eval.terrain", *given]))
+    work = partial(run, command=["python", "-m", "eval.terrain", *given])
+    return run_command("eval.terrain", TerrainConfig, work, given, __doc__)
 
 
 if __name__ == "__main__":

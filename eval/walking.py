@@ -18,11 +18,11 @@ from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.exit_status import exit_status
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.options import Choice, Each, Number, check_fields
 from fbid_gym.robots import Robot
+from train.command import run_command
 from train.runs.robots import chosen
 
 ROBOTS = ("go1", "quadruped", "biped", "humanoid", "g1")
@@ -222,8 +222,7 @@ def run(config: WalkingConfig) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Command line."""
-    config = tyro.cli(WalkingConfig, args=arguments, prog="python -m eval.walking")
-    return exit_status(lambda: run(config))
+    return run_command("eval.walking", WalkingConfig, run, arguments)
 
 
 if __name__ == "__main__":

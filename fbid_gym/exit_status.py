@@ -18,9 +18,10 @@ def exit_status(work: Callable[[], int | None]) -> int:
     has seen enough.
     """
     try:
-        status = work() or 0
-        sys.stdout.flush()
-        return status
+        try:
+            return work() or 0
+        finally:  # also where `--help` ends it
+            sys.stdout.flush()
     except FbidError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -35,6 +35,12 @@ def test_output_that_nobody_reads_is_no_error(lines, options):
     assert _run(work, True, *options) == (141, "")
 
 
+def test_help_that_nobody_reads_to_its_end_is_no_error():
+    """The parser ends the command itself."""
+    assert _run("print('help'); sys.exit(0)", True) == (141, "")
+    assert _run("print('help'); sys.exit(0)", False) == (0, "")
+
+
 def test_another_broken_pipe_is_an_error():
     """Of a process of ours, say: not to be taken for the end of interest."""
     assert _run("raise BrokenPipeError(32, 'Broken pipe')", False) == (2, "error: Broken pipe.\n")

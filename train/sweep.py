@@ -15,8 +15,8 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Whole, check_fields
+from train.command import run_command
 from train.runs.cluster import cluster
 from train.runs.config import cores
 from train.runs.files import check_folder
@@ -90,5 +90,4 @@ def _machines(address: str | None, folder: Path) -> AbstractContextManager[tuple
 
 
 if __name__ == "__main__":
-    chosen = tyro.cli(SweepConfig, prog="python -m train.sweep")
-    sys.exit(exit_status(lambda: main(chosen)))
+    sys.exit(run_command("train.sweep", SweepConfig, main))

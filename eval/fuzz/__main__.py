@@ -12,7 +12,7 @@ from eval.fuzz import arguments, bundles, commands, kills, laws, models, ticks
 from eval.fuzz.search import Subject, faults_in, read_case, search
 from eval.pages import RELIABILITY_PAGE, splice, spliced
 from fbid_gym.checks import check_choices, check_positive
-from fbid_gym.exit_status import exit_status
+from train.command import run_command
 
 SUBJECTS: dict[str, Subject] = {
     "laws": laws,
@@ -73,5 +73,4 @@ def main(config: FuzzConfig) -> int:
 
 
 if __name__ == "__main__":
-    chosen = tyro.cli(FuzzConfig, prog="python -m eval.fuzz")
-    sys.exit(exit_status(lambda: main(chosen)))
+    sys.exit(run_command("eval.fuzz", FuzzConfig, main))

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from html import escape
 from itertools import product
 from pathlib import Path
@@ -24,8 +25,8 @@ from eval.papers.page import Paper, Section, page
 from eval.papers.registry import PAPERS, experiments
 from eval.papers.summary import summary
 from fbid_gym.errors import RunError
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Whole, check_fields
+from train.command import run_command
 from train.runs.config import cores
 from train.runs.jobs import Job, Progress, run_jobs
 
@@ -83,8 +84,8 @@ def _section(experiment: Experiment, config: PapersConfig) -> Section:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line. An error of ours is one line and exit status 2."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    config = tyro.cli(PapersConfig, prog="python -m eval.papers", args=given, description=__doc__)
-    return exit_status(lambda: run(config, given))
+    work = partial(run, given=given)
+    return run_command("eval.papers", PapersConfig, work, given, __doc__)
 
 
 def run(config: PapersConfig, given: Sequence[str]) -> int:

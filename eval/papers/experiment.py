@@ -9,17 +9,17 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
-import tyro
 
 from eval.files import read_json, to_json, write
 from eval.papers.parts import Finding
 from fbid_gym.errors import RunError
-from fbid_gym.exit_status import exit_status
 from fbid_gym.reading import MOST_DATA, read_file
+from train.command import run_command
 
 OUT = Path("runs/papers")
 _SHOWN_EVERY = 1.0
@@ -223,11 +223,8 @@ class ScriptConfig:
 
 def main(experiment: Experiment) -> NoReturn:
     """Command line of one experiment. An error of ours is one line and exit status 2."""
-    config = tyro.cli(
-        ScriptConfig, prog=f"python -m {experiment.module}",
-        description=f"{experiment.title}. {experiment.about}",
-    )  # fmt: skip
-    sys.exit(exit_status(lambda: _perform(experiment, config)))
+    about, work = f"{experiment.title}. {experiment.about}", partial(_perform, experiment)
+    sys.exit(run_command(experiment.module, ScriptConfig, work, about=about))
 
 
 def _perform(experiment: Experiment, config: ScriptConfig) -> None:

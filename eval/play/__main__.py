@@ -23,7 +23,7 @@ from fbid_gym.checks import check_positive
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.exit_status import exit_status
+from train.command import run_command
 from train.runs.robots import chosen
 
 DEFAULT_ENV = "fbid_gym/QuadrupedWalk-v0"
@@ -129,8 +129,7 @@ def run(config: PlayConfig) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Command line."""
     logging.getLogger("websockets").setLevel(logging.ERROR)
-    config = tyro.cli(PlayConfig, args=arguments, prog="python -m eval.play", description=__doc__)
-    return exit_status(lambda: run(config))
+    return run_command("eval.play", PlayConfig, run, arguments, __doc__)
 
 
 if __name__ == "__main__":

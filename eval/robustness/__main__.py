@@ -7,6 +7,7 @@ python -m eval.robustness --env fbid_gym/QuadrupedWalk-v0 \
 
 import sys
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,7 +27,7 @@ from eval.rollout import parse_env_args
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_choices, check_positive, count, whole_number
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.exit_status import exit_status
+from train.command import run_command
 from train.environments import register
 from train.runs.reading import LAYER_ARGS
 from train.runs.robots import chosen
@@ -146,11 +147,9 @@ def tell(found: Robustness, console: Console) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Command line."""
     given = sys.argv[1:] if arguments is None else arguments
-    config = tyro.cli(
-        RobustnessConfig, args=given, prog="python -m eval.robustness", description=__doc__
-    )
-    command = ["python", "-m", "eval.robustness", *given]
-    return exit_status(lambda: run(config, Console(), command))
+    line = ["python", "-m", "eval.robustness", *given]
+    work = partial(run, console=Console(), command=line)
+    return run_command("eval.robustness", RobustnessConfig, work, given, __doc__)
 
 
 if __name__ == "__main__":

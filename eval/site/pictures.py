@@ -136,4 +136,4 @@ def main(anew: bool = False, clips: bool = True) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(exit_status(lambda: tyro.cli(main)))
+    sys.exit(exit_status(lambda: tyro.cli(main, prog="python -m eval.site.pictures")))

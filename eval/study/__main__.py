@@ -9,6 +9,7 @@ as far as it is, and said to be unfinished.
 import shlex
 import sys
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -32,8 +33,8 @@ from eval.study.parts import colours
 from eval.study.results import RETURN, ArmFound, Findings, Settings
 from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError, InvalidValueError, RunError
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Number, Whole, check_fields
+from train.command import run_command
 from train.runs.reading import load
 from train.runs.study import Study, arms, check_cells, environment_name, read_study
 from train.runs.training import is_finished
@@ -200,6 +201,6 @@ def _outdated(study: Study, kept: Robustness) -> list[str]:
 
 
 if __name__ == "__main__":
-    chosen = tyro.cli(StudyConfig, prog="python -m eval.study", description=__doc__)
     line = shlex.join(["python", "-m", "eval.study", *sys.argv[1:]])
-    sys.exit(exit_status(lambda: main(chosen, line)))
+    run = partial(main, command=line)
+    sys.exit(run_command("eval.study", StudyConfig, run, about=__doc__))

@@ -14,12 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
-
 from eval.wheel import archives, environment
 from eval.wheel.place import ROOT, Check, Place
 from fbid_gym.errors import FbidError
-from fbid_gym.exit_status import exit_status
+from train.command import run_command
 
 CHECKS: tuple[Check, ...] = (*archives.CHECKS, *environment.CHECKS)
 
@@ -62,22 +60,20 @@ def failures(place: Place, checks: Sequence[Check]) -> int:
     return failed
 
 
+def run(config: WheelConfig) -> int:
+    """Build if that is asked for, and check; return the exit status."""
+    out = config.out.resolve()
+    if config.build:
+        build(out)
+    with tempfile.TemporaryDirectory(prefix="fbid_gym-") as folder:
+        place = Place(out, Path(folder).resolve(), config.python)
+        print(f"{place.wheel}\n{place.sdist}", flush=True)
+        return int(failures(place, CHECKS) > 0)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Command line."""
-    config = tyro.cli(WheelConfig, args=arguments, description=__doc__)
-    failed = 0
-
-    def work() -> None:
-        nonlocal failed
-        out = config.out.resolve()
-        if config.build:
-            build(out)
-        with tempfile.TemporaryDirectory(prefix="fbid_gym-") as folder:
-            place = Place(out, Path(folder).resolve(), config.python)
-            print(f"{place.wheel}\n{place.sdist}", flush=True)
-            failed = failures(place, CHECKS)
-
-    return exit_status(work) or int(failed > 0)
+    return run_command("eval.wheel", WheelConfig, run, arguments, __doc__)
 
 
 if __name__ == "__main__":

@@ -18,9 +18,9 @@ from eval.zoo.morphology import Morphology
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import RobotError
-from fbid_gym.exit_status import exit_status
 from fbid_gym.options import Choice, Each, Whole, check_fields
 from fbid_gym.robots import Robot
+from train.command import run_command
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,7 @@ def run(config: ZooConfig) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Command line."""
-    config = tyro.cli(ZooConfig, args=arguments, prog="python -m eval.zoo")
-    return exit_status(lambda: run(config))
+    return run_command("eval.zoo", ZooConfig, run, arguments)
 
 
 if __name__ == "__main__":

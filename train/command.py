@@ -1,0 +1,37 @@
+"""How a command begins and ends: its options are a dataclass, its end is `exit_status`."""
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+import tyro
+
+from fbid_gym.exit_status import exit_status
+
+Options = TypeVar("Options")
+
+
+def run_command(
+    module: str,
+    options: Callable[..., Options],
+    work: Callable[[Options], int | None],
+    given: Sequence[str] | None = None,
+    about: str | None = None,
+) -> int:
+    """Do what a command line asks for, and return the exit status.
+
+    Args:
+        module: what is run, as `python -m` takes it.
+        options: their dataclass.
+        work: what to do with them; returns the exit status, None for 0.
+        given: the command line after the module. Default: that of this process.
+        about: what the help begins with. Default: what the dataclass says of itself.
+
+    Raises:
+        SystemExit: by the parser, after the help or a line on what is wrong with an option.
+    """
+
+    def asked() -> int | None:
+        prog = f"python -m {module}"
+        return work(tyro.cli(options, prog=prog, args=given, description=about))
+
+    return exit_status(asked)
