@@ -1,23 +1,29 @@
-"""The picture in the README, and the same with what the layers see.
+"""The picture in the README, the same with what the layers see, and one of every kind of ground.
 
 python -m eval.picture docs/robots.jpg
 python -m eval.picture docs/overlays.jpg overlays
+python -m eval.picture docs/terrain.jpg terrain
 """
 
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+import mujoco
 import numpy as np
 from PIL import Image
 
-from fbid_gym.envs.overlays import EVERYTHING, RenderOptions
+from fbid_gym.envs.overlays import EVERYTHING, RenderOptions, size_of
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.robots import ROBOTS, load
+from fbid_gym.robots.terrain import LEVELLED
 
 _STEPS_INTO_PUSH = 7
 _WEIGHT_SHARE = 0.25
 _WIDTH = 400  # pixels: what a robot needs of the frame
+_DIFFICULTY = 0.75
+_AWAY, _FAR_AWAY = 4.5, 18.0  # of the camera, in the robot's size
 _SEED = 2473  # an episode in which all face the camera and are pushed from the side
 
 
@@ -43,13 +49,41 @@ def frame_of_push(robot: str, shown: RenderOptions) -> np.ndarray:
     return frame[:, margin : margin + _WIDTH]
 
 
-def main(path: Path, shown: RenderOptions) -> None:
-    """Write the picture."""
+def frame_of_ground(terrain: str) -> np.ndarray:
+    """Draw a robot where it begins to walk, and the ground around it: (240, 320, 3) uint8."""
+    env = RobotEnv("go1", task="walk", terrain=terrain, difficulty=_DIFFICULTY)
+    env.reset(seed=_SEED)
+    batch = env.batch
+    model = batch.config.ground(batch.robot)[1]
+    data, camera = mujoco.MjData(model), mujoco.MjvCamera()
+    data.qpos[:] = batch.simulation.qpos[0]
+    mujoco.mj_forward(model, data)
+    camera.type, camera.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, batch.robot.base_body
+    away = _FAR_AWAY if terrain == "mixed" else _AWAY
+    camera.distance = away * size_of(batch.task.body.stance)
+    camera.azimuth, camera.elevation = 140.0, -25.0
+    with mujoco.Renderer(model, height=240, width=320) as renderer:
+        renderer.update_scene(data, camera)
+        return np.asarray(renderer.render())
+
+
+def side_by_side(frames: Sequence[np.ndarray], columns: int) -> np.ndarray:
+    """Put frames of one size into rows of so many."""
+    rows = [frames[first : first + columns] for first in range(0, len(frames), columns)]
+    return np.concatenate([np.concatenate(row, axis=1) for row in rows])
+
+
+def main(path: Path, kind: str) -> None:
+    """Write a picture: of "robots", of "overlays" over them, or of "terrain"."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    frames = [frame_of_push(robot, shown) for robot in ROBOTS]
-    Image.fromarray(np.concatenate(frames, axis=1)).save(path, quality=88)
+    if kind == "terrain":
+        picture = side_by_side([frame_of_ground(terrain) for terrain in LEVELLED], 3)
+    else:
+        shown = EVERYTHING if kind == "overlays" else RenderOptions()
+        picture = side_by_side([frame_of_push(robot, shown) for robot in ROBOTS], len(ROBOTS))
+    Image.fromarray(picture).save(path, quality=88)
 
 
 if __name__ == "__main__":
     target = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/robots.jpg")
-    main(target, EVERYTHING if "overlays" in sys.argv[2:] else RenderOptions())
+    main(target, sys.argv[2] if len(sys.argv) > 2 else "robots")
