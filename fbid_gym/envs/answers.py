@@ -142,7 +142,7 @@ def summed(terms: Mapping[str, np.ndarray], count: int, task: Task) -> np.ndarra
         NonFiniteError: a term that is not finite, of robots whose state is.
     """
     total = sum(terms.values(), np.zeros(count))
-    if not isfinite(total.dot(total)):  # sooner known than of each
+    if not isfinite(total.dot(total)):  # as is any of them, or one whose square is too large
         for key, value in terms.items():
             for robot in np.flatnonzero(~np.isfinite(value)):
                 raise NonFiniteError(f"reward term {key!r} of {type(task).__name__}", (int(robot),))
