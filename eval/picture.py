@@ -6,18 +6,23 @@ python -m eval.picture docs/terrain.jpg terrain
 """
 
 import sys
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import mujoco
 import numpy as np
+import tyro
 from PIL import Image
 
+from eval.files import check_output
 from fbid_gym.envs.overlays import EVERYTHING, RenderOptions, size_of
 from fbid_gym.envs.robot_env import RobotEnv
+from fbid_gym.options import Choice, check_fields
 from fbid_gym.robots import ROBOTS, load
 from fbid_gym.robots.terrain import LEVELLED
+from train.command import run_command
 
 _STEPS_INTO_PUSH = 7
 _WEIGHT_SHARE = 0.25
@@ -67,23 +72,39 @@ def frame_of_ground(terrain: str) -> np.ndarray:
         return np.asarray(renderer.render())
 
 
-def side_by_side(frames: Sequence[np.ndarray], columns: int) -> np.ndarray:
+def in_rows(frames: Sequence[np.ndarray], columns: int) -> np.ndarray:
     """Put frames of one size into rows of so many."""
     rows = [frames[first : first + columns] for first in range(0, len(frames), columns)]
     return np.concatenate([np.concatenate(row, axis=1) for row in rows])
 
 
-def main(path: Path, kind: str) -> None:
-    """Write a picture: of "robots", of "overlays" over them, or of "terrain"."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if kind == "terrain":
-        picture = side_by_side([frame_of_ground(terrain) for terrain in LEVELLED], 3)
-    else:
-        shown = EVERYTHING if kind == "overlays" else RenderOptions()
-        picture = side_by_side([frame_of_push(robot, shown) for robot in ROBOTS], len(ROBOTS))
-    Image.fromarray(picture).save(path, quality=88)
+def _pushed(shown: RenderOptions) -> np.ndarray:
+    return in_rows([frame_of_push(robot, shown) for robot in ROBOTS], len(ROBOTS))
+
+
+PICTURES: dict[str, Callable[[], np.ndarray]] = {
+    "robots": lambda: _pushed(RenderOptions()),
+    "overlays": lambda: _pushed(EVERYTHING),
+    "terrain": lambda: in_rows([frame_of_ground(terrain) for terrain in LEVELLED], 3),
+}
+
+
+@dataclass(frozen=True)
+class PictureConfig:
+    """Draw a picture of the documentation."""
+
+    path: tyro.conf.Positional[Path]
+    """Where to."""
+    kind: Annotated[tyro.conf.Positional[str], Choice(PICTURES, "picture")] = "robots"
+    """The robots, each pushed; with what their layers see; or every kind of ground."""
+
+
+def main(config: PictureConfig) -> None:
+    """Draw, and write."""
+    check_fields(config)
+    check_output(config.path, "path", (".jpg", ".png"))
+    Image.fromarray(PICTURES[config.kind]()).save(config.path, quality=88)
 
 
 if __name__ == "__main__":
-    target = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/robots.jpg")
-    main(target, sys.argv[2] if len(sys.argv) > 2 else "robots")
+    sys.exit(run_command("eval.picture", PictureConfig, main, about=__doc__))

@@ -58,13 +58,11 @@ class ComWrench:
         law: from action to torque.
         stance: the home stance.
         gains: of the wrench.
-        scale: (6,) N and N·m at action 1.
     """
 
     law: BalanceLaw
     stance: Stance
     gains: BalanceGains
-    scale: np.ndarray
 
     @classmethod
     @checked
@@ -128,7 +126,6 @@ class ComWrench:
         gains = replace(gains, rotation_stiffness=own @ gains.rotation_stiffness @ own.T)
         on_errors = gains.of_velocity() if on_velocity else gains.of_momentum()
         on_joints = PostureGains.of(posture, swing, damping_ratio)
-        scale = wrench_scale_of(robot, stance, contact.friction)
         return cls(
             law=BalanceLaw.of(
                 robot,
@@ -137,12 +134,16 @@ class ComWrench:
                 BALANCERS[balancer],
                 (on_errors, on_joints),
                 moment_priority,
-                scale,
+                wrench_scale_of(robot, stance, contact.friction),
             ),
             stance=stance,
             gains=gains,
-            scale=scale,
         )
+
+    @property
+    def scale(self) -> np.ndarray:
+        """What action 1 adds to the wrench: (6,) N and N·m."""
+        return self.law.constants.push
 
     @property
     def action_names(self) -> tuple[str, ...]:

@@ -34,6 +34,7 @@ from train.runs.config import ALGORITHMS, SEED, TrainConfig
 from train.runs.differences import in_words, run_differences
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
+from train.runs.opening import continued
 from train.runs.robots import chosen, with_robot
 
 _OF_ARM = (
@@ -145,7 +146,7 @@ def check_cells(study: Study) -> None:
         folder = RunFolder.of(cell.config.folder)
         if not folder.config.is_file():
             continue
-        stored, run = read_json(folder.config), cell.config
+        stored, run = read_json(folder.config), continued(cell.config)
         robot = chosen(run.robot, run.feet)
         asked = (run if robot is None else with_robot(run, robot)).to_json()
         different = in_words(run_differences(stored, asked))

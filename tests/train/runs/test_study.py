@@ -17,7 +17,7 @@ from train import sweep
 from train.recipes import config_for
 from train.runs.command_line import command, parse
 from train.runs.opening import open_run
-from train.runs.study import read_study
+from train.runs.study import check_cells, read_study
 from train.runs.training import training_job
 from train.sweep import SweepConfig, main, standing, unfinished
 
@@ -303,3 +303,16 @@ def test_a_study_of_brackets_alone_is_refused(tmp_path):
     path.write_text("a = " + "[" * 100_000)
     with pytest.raises(RunError, match="deep.toml: is nested too deeply"):
         read_study(path)
+
+
+def test_a_run_of_a_study_may_have_begun_on_other_threads_of_torch(tmp_path):
+    """By the command that the study's page gives, say, on a machine of many cores."""
+    study = read_study(write(tmp_path, ARM), tmp_path / "runs")
+    (first, *_) = study.cells
+    with open_run(replace(first.config, num_threads=0, torch_threads=5)) as run:
+        run.begin()
+    check_cells(study)
+    with open_run(replace(first.config, seed=77, overwrite=True)) as run:
+        run.begin()
+    with pytest.raises(RunError, match="is not what the study says: it says seed"):
+        check_cells(study)
