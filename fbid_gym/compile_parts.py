@@ -67,14 +67,30 @@ class _PartCompiler(CompilerBase):
         return [usual]
 
 
-def part_options(options: dict[str, Any]) -> dict[str, Any]:
-    """Return Numba's options for a part, given those for what Python calls."""
-    return {**options, "no_cpython_wrapper": True, "pipeline_class": _PartCompiler}
+def part_options(options: dict[str, Any], inlined: bool) -> dict[str, Any]:
+    """Return Numba's options for a part, given those for what Python calls.
+
+    Args:
+        options: of what Python calls.
+        inlined: whether what calls the part is to hold all of it wherever it does.
+    """
+    return {
+        **options,
+        "no_cpython_wrapper": True,
+        "forceinline": inlined,
+        "pipeline_class": _PartCompiler,
+    }
 
 
-def part(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Return a function for compiled code to call, given the options of what Python calls."""
-    chosen = {**options, "nopython": True, "boundscheck": None, "no_cpython_wrapper": True}
+def part(function: Callable[..., Any], options: dict[str, Any], inlined: bool) -> Any:
+    """Return a function for compiled code to call; the arguments are those of `part_options`."""
+    chosen = {
+        **options,
+        "forceinline": inlined,
+        "nopython": True,
+        "boundscheck": None,
+        "no_cpython_wrapper": True,
+    }
     return _Part(function, targetoptions=chosen, pipeline_class=_PartCompiler)
 
 

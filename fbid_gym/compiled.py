@@ -55,7 +55,7 @@ _OPTIONS = {
 
 def compiled(function: Function) -> Function:
     """Compile a function for the use of kernels."""
-    return part(function, _OPTIONS)
+    return part(function, _OPTIONS, _takes_tuples(function))
 
 
 def kernel(function: Function) -> Function:
@@ -77,7 +77,7 @@ def kernel(function: Function) -> Function:
     exec(f"def implementation({', '.join(names)}):\n    return function", scope)
     implementation = scope["implementation"]
     implementation.__signature__ = inspect.signature(function)
-    overload(door, jit_options=part_options(_OPTIONS))(implementation)
+    overload(door, jit_options=part_options(_OPTIONS, _takes_tuples(function)))(implementation)
     return door
 
 
@@ -102,6 +102,17 @@ def bind(door: Any, *first: Any) -> Callable[..., Any]:
         # Of threads that are here at once one entry stays.
         door.entries.setdefault(table.forms, _entry(function, table.forms))
     return _door(kinds, door.entries[table.forms], table)
+
+
+def _takes_tuples(function: Callable[..., Any]) -> bool:
+    """Whether a function takes named tuples, or may.
+
+    A call of it counts the references to all of their arrays, up and down again, which is a fifth
+    of the time of a gait; where the function is inlined, nothing is counted. What takes arrays is
+    left to the compiler's own choice: linear algebra inlined everywhere is long to compile.
+    """
+    kinds = get_type_hints(function)
+    return any(kind is Any or is_tuple(kind) for name, kind in kinds.items() if name != "return")
 
 
 def _entry(function: Callable[..., Any], bound: Sequence[Form] = ()) -> Any:

@@ -28,13 +28,14 @@ from fbid_gym.envs.rates import Rate, Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice, Number, Whole, check_fields
 from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots.contact_pairs import compile_paired
 from fbid_gym.robots.terrain import (
     LEVELLED,
     TERRAINS,
     Terrain,
     check_height,
-    compile_world,
     make_terrain,
+    world_of,
 )
 from fbid_gym.robots.upright import check_upright
 from fbid_gym.tasks import TASKS, Pushes, Start, Task, Walk, make_task, task_kind, task_options
@@ -272,7 +273,7 @@ def _ground(
     name: str, robot: Robot, height: float | None, difficulty: float | None, seed: int
 ) -> tuple[Terrain, mujoco.MjModel]:
     terrain = make_terrain(name, robot, height=height, difficulty=difficulty, seed=seed)
-    return terrain, compile_world(robot, terrain)
+    return terrain, compile_paired(world_of(robot, terrain))
 
 
 _TERRAIN_HEIGHT = 0.191  # 3 cm for the 16 cm of `quadruped`, as in [M10] IV.E

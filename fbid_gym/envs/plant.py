@@ -148,10 +148,12 @@ class RandomPlant:
             strength = np.ones((len(ids), len(nominal), 1))
             strength[:, index, 0] = drawn["motor_strength"]
             self._simulation.batch.expand(field)[ids] = nominal * strength
-        friction = simulated.geom_friction.copy()
-        scaled = np.tile(friction, (len(ids), 1, 1))
-        scaled[:, :, 0] *= drawn["friction"][:, None]
-        self._simulation.batch.expand("geom_friction")[ids] = scaled
+        # Sliding has one number of a geom and two of a pair.
+        for field, sliding in (("geom_friction", slice(1)), ("pair_friction", slice(2))):
+            nominal = getattr(simulated, field)
+            scaled = np.tile(nominal, (len(ids), 1, 1))
+            scaled[:, :, sliding] *= drawn["friction"][:, None, None]
+            self._simulation.batch.expand(field)[ids] = scaled
         self._seen = -1
 
     def terms(self) -> DynamicsTerms:

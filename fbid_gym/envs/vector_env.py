@@ -27,7 +27,7 @@ class RobotVectorEnv(VectorEnv):
     | Argument         | Default     | Meaning                                              |
     | ---------------- | ----------- | ---------------------------------------------------- |
     | `num_envs`       |             | Number of environments.                              |
-    | `num_threads`    | 1           | Threads that step them, each with its share.         |
+    | `num_threads`    | 1           | Threads that step them.                              |
     | `autoreset_mode` | `NEXT_STEP` | `gymnasium.vector.AutoresetMode`, or its name.       |
     """
 

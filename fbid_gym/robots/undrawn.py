@@ -13,7 +13,7 @@ _INERTIA = ("body_mass", "body_inertia", "body_ipos", "body_iquat")
 
 @lru_cache(maxsize=16)
 def undrawn(robot: Robot) -> Robot:
-    """Return a robot without the geoms that touch nothing.
+    """Return a robot without the geoms that touch nothing, without lights and cameras.
 
     Placing them costs a tenth of a physics step. A robot that is told by them how heavy it is, or
     whose other parts name them, is returned as it is.
@@ -22,9 +22,11 @@ def undrawn(robot: Robot) -> Robot:
     for geom in list(spec.geoms):
         if geom.contype == 0 and geom.conaffinity == 0:
             spec.delete(geom)
+    for watching in (*spec.lights, *spec.cameras):
+        spec.delete(watching)
     try:
         model = spec.compile()
-    except ValueError:  # something names a geom that is gone
+    except ValueError:  # something names what is gone
         return robot
     same = all(
         np.allclose(getattr(model, name), getattr(robot.model, name), rtol=1e-12, atol=1e-12)

@@ -15,6 +15,10 @@ from tests.robots.test_source_urdf import urdf
 
 PLANT = {"mass": 0.3, "com": 0.02, "friction": (0.4, 0.8), "motor_strength": (0.7, 1.1)}
 MODEL = {"model_mass": 0.2, "model_com": 0.01}
+_VARIED = (
+    *("body_mass", "body_inertia", "body_ipos"),
+    *("geom_friction", "pair_friction", "actuator_gear"),
+)
 
 
 def build(name, randomisation, num_envs=6, **arguments):
@@ -28,7 +32,7 @@ def test_off_by_default():
     for name in ENVIRONMENTS:
         plain, batch = build(name, None)
         empty, _ = build(name, {})
-        for field in ("body_mass", "body_inertia", "body_ipos", "geom_friction", "actuator_gear"):
+        for field in _VARIED:
             assert batch.simulation.batch.expanded(field) is None
         action = np.zeros(plain.action_space.shape)
         np.testing.assert_array_equal(plain.step(action)[0], empty.step(action)[0])
@@ -45,9 +49,15 @@ def test_the_plant_differs_from_robot_to_robot_within_the_ranges(name):
     np.testing.assert_allclose(inertia, mass[:, :, None].repeat(3, axis=2))
     com = physics.expanded("body_ipos")[:, moving] - nominal.body_ipos[moving]
     assert 0.019 < np.abs(com).max() <= 0.02
-    friction = physics.expanded("geom_friction") / batch.simulation.model.geom_friction
+    model = batch.simulation.model
+    friction = physics.expanded("geom_friction") / model.geom_friction
     np.testing.assert_array_equal(friction[:, :, 1:], 1.0)
     assert (np.ptp(friction[:, :, 0], axis=1) < 1e-12).all()
+    # Of pairs that are named, see `compile_paired`, sliding has two numbers.
+    paired = physics.expanded("pair_friction") / model.pair_friction
+    sliding = np.broadcast_to(friction[:, :1, :1], paired[:, :, :2].shape)
+    np.testing.assert_allclose(paired[:, :, :2], sliding, rtol=1e-12)
+    np.testing.assert_array_equal(paired[:, :, 2:], 1.0)
     assert 0.4 <= friction[..., 0].min() < 0.43 and 0.77 < friction[..., 0].max() <= 0.8
     strength = physics.expanded("actuator_gear")[..., 0] / nominal.actuator_gear[:, 0]
     assert strength.shape == (40, batch.robot.num_joints)
@@ -67,7 +77,7 @@ def test_the_simulation_moves_like_a_robot_of_those_masses():
     for index in range(3):
         model = copy.copy(simulation.model)
         model.opt.timestep = 1e-3
-        for field in ("body_mass", "body_inertia", "body_ipos", "geom_friction", "actuator_gear"):
+        for field in _VARIED:
             getattr(model, field)[:] = physics.expanded(field)[index]
         data = mujoco.MjData(model)
         mujoco.mj_setConst(model, data)

@@ -6,7 +6,7 @@ import pytest
 
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot, load
-from fbid_gym.robots.terrain import LEVELLED, NUM_LEVELS, Terrain, compile_world, make_terrain
+from fbid_gym.robots.terrain import LEVELLED, NUM_LEVELS, Terrain, make_terrain, world_of
 from fbid_gym.robots.terrain.patches import CLEARING
 
 ROBOTS = ("go1", "biped")
@@ -28,7 +28,7 @@ def robot(request: pytest.FixtureRequest) -> Robot:
 @pytest.mark.parametrize("name", LEVELLED)
 def test_the_height_is_what_a_ray_from_above_hits(name: str, robot: Robot) -> None:
     terrain = make_terrain(name, robot, difficulty=0.9, seed=3)
-    model = compile_world(robot, terrain)
+    model = world_of(robot, terrain).compile()
     data = mujoco.MjData(model)
     data.qpos[: robot.nq] = robot.home_qpos
     mujoco.mj_forward(model, data)

@@ -9,7 +9,7 @@ import pytest
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot, load
-from fbid_gym.robots.terrain import LEVELLED, TERRAINS, compile_world, make_terrain
+from fbid_gym.robots.terrain import LEVELLED, TERRAINS, make_terrain, world_of
 from tests.robots.test_robot_errors import GOOD
 
 ROUGH = ("obstacles", "rocks")
@@ -21,7 +21,7 @@ def heights_by_ray(name: str, seed: int, places: np.ndarray) -> tuple[np.ndarray
     """What MuJoCo's rays from above hit, and what the terrain tells, at places (K, 2)."""
     robot = load("quadruped")
     terrain = make_terrain(name, robot, seed=seed)
-    model = compile_world(robot, terrain)
+    model = world_of(robot, terrain).compile()
     data = mujoco.MjData(model)
     data.qpos[: robot.nq] = robot.home_qpos
     mujoco.mj_forward(model, data)
@@ -78,7 +78,7 @@ def test_planks_are_from_half_the_height_to_the_height() -> None:
 def test_the_robot_keeps_its_coordinates_and_stands_at_a_start(name: str, robot: str) -> None:
     owner = load(robot)
     terrain = make_terrain(name, owner)
-    model = compile_world(owner, terrain)
+    model = world_of(owner, terrain).compile()
     assert (model.nq, model.nv, model.nbody) == (owner.nq, owner.nv, owner.model.nbody)
     data = mujoco.MjData(model)
     data.qpos[:] = owner.home_qpos
@@ -137,7 +137,7 @@ def test_what_is_added_is_as_mujoco_makes_it_and_meets_the_robot(kind: str) -> N
     text = text.replace('contype="0" conaffinity="1"', 'contype="0" conaffinity="4"')
     robot = Robot.from_mjcf(text, FEET)
     terrain = make_terrain(kind, robot, **{"height": 0.03} if kind == "obstacles" else {})
-    world = compile_world(robot, terrain)
+    world = world_of(robot, terrain).compile()
     static = np.flatnonzero(world.body_weldid[world.geom_bodyid] == 0)
     assert len(static) > (kind != "flat")
     np.testing.assert_array_equal(world.geom_condim[static], 3)
@@ -156,4 +156,4 @@ def test_terrain_for_a_robot_above_its_only_point(name: str) -> None:
     assert terrain.clearing > 0.0
     line = np.linspace(-1.0, 1.0, 101)
     assert terrain.height(*np.meshgrid(line, line)).max() > 0.005
-    compile_world(hopper, terrain)
+    world_of(hopper, terrain).compile()

@@ -19,7 +19,7 @@ from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.motions import Crawl, crawl
 from fbid_gym.robots import Robot, load
-from fbid_gym.robots.terrain import compile_world, make_terrain
+from fbid_gym.robots.terrain import make_terrain, world_of
 
 SPEED, SECONDS = 0.06, 12.0
 LOW, HIGH = (4.0, 0.7), (16.0, 0.7)
@@ -76,7 +76,7 @@ def rivals(robot: Robot) -> dict[str, JointController]:
 def on(robot: Robot, ground: Ground) -> tuple[Robot, np.ndarray]:
     """Return the robot in a world with this ground, and places (K, 2) to start from."""
     terrain = make_terrain(ground.name, robot, height=ground.height, seed=SEED)
-    return replace(robot, model=compile_world(robot, terrain)), terrain.starts
+    return replace(robot, model=world_of(robot, terrain).compile()), terrain.starts
 
 
 def courses(starts: np.ndarray, count: int) -> np.ndarray:

@@ -32,7 +32,7 @@ class LegJoints(NamedTuple):
     """Which joints move which foot; constants of a robot.
 
     Attributes:
-        joints: (F, n) bool, of this foot and no other.
+        own: (F, K) int, joints that move this foot and no other; -1 beyond the last.
         rows: coordinates of a foot that its joints can place: 3 of a point, 6 of a sole.
         home: (nq,) of the robot.
         low: (n,) rad and
@@ -43,7 +43,7 @@ class LegJoints(NamedTuple):
             legs do: for layers that know its dynamics. Joint PD alone is less stable with it.
     """
 
-    joints: np.ndarray
+    own: np.ndarray
     rows: int
     home: np.ndarray
     low: np.ndarray
@@ -70,8 +70,11 @@ def leg_joints_of(robot: Robot, aware: bool) -> LegJoints:
                 "Expected at least three to follow a gait with the joints."
             )
     low, high = robot.joint_range.T
+    own = np.full((robot.num_feet, stance.legs.sum(axis=1).max()), -1, np.int64)
+    for foot, moves in enumerate(stance.legs):
+        own[foot, : moves.sum()] = np.flatnonzero(moves)
     return LegJoints(
-        joints=stance.legs,
+        own=own,
         rows=6 if robot.has_soles else 3,
         home=robot.home_qpos,
         low=np.ascontiguousarray(low),
@@ -105,14 +108,15 @@ def joint_reference(
     wants: layers that balance by themselves add no spring of their own to it.
     """
     count, size = state.qvel.shape
-    joints, feet, rows = size - 6, len(legs.joints), legs.rows
+    feet, most = legs.own.shape
+    rows = legs.rows
     qpos, qvel, qacc = state.qpos.copy(), np.zeros((count, size)), np.zeros((count, size))
     com, com_velocity = np.zeros((count, 3)), np.zeros((count, 3))
     com_acceleration = np.zeros((count, 3))
     body = _Motion(np.zeros(6), np.zeros(6), np.zeros(6))
     as_is = _Motion(np.zeros(6), np.empty(6), body.acceleration)
-    left = _Motion(np.empty(rows), np.empty(rows), np.empty(rows))
-    jacobian, change = np.empty((rows, joints)), np.empty(joints)
+    left = _room(rows)
+    jacobian, lower, moves = np.empty((rows, most)), np.empty((rows, rows)), _room(most)
     frame = support_frame(legs.heading, terms)
     for i in range(count):
         _see_body(target, terms, body, i)
@@ -126,21 +130,20 @@ def joint_reference(
             qacc[i, k] = com_acceleration[i, k]
         qpos[i, 7:] = legs.home[7:]
         for foot in range(feet):
+            own = legs.own[foot]
             for r in range(rows):
-                for j in range(joints):
-                    own = legs.joints[foot, j]
-                    jacobian[r, j] = terms.foot_jacobian[i, foot, r, 6 + j] if own else 0.0
+                for k in range(most):
+                    there = own[k] >= 0
+                    jacobian[r, k] = terms.foot_jacobian[i, foot, r, 6 + own[k]] if there else 0.0
             seen = as_is if legs.aware and not target.planted[i, foot] else body
             _see_foot(target, terms, seen, left, i, foot)
-            _solve_leg(jacobian, left)
-            change[:] = 0.0
-            add_transposed_times(jacobian, left.gap, change)
-            add_transposed_times(jacobian, left.rate, qvel[i, 6:])
-            add_transposed_times(jacobian, left.acceleration, qacc[i, 6:])
-            for j in range(joints):
-                if legs.joints[foot, j]:
-                    angle = state.qpos[i, 7 + j] + min(max(change[j], -_LONGEST), _LONGEST)
+            _solve_leg(jacobian, lower, left, moves)
+            for k in range(most):
+                j = own[k]
+                if j >= 0:
+                    angle = state.qpos[i, 7 + j] + min(max(moves.gap[k], -_LONGEST), _LONGEST)
                     qpos[i, 7 + j] = min(max(angle, legs.low[j]), legs.high[j])
+                    qvel[i, 6 + j], qacc[i, 6 + j] = moves.rate[k], moves.acceleration[k]
     planted = target.planted.copy()
     return Reference(qpos, qvel, qacc, com, com_velocity, com_acceleration, planted, True)
 
@@ -182,10 +185,22 @@ def _see_foot(
 
 
 @compiled
-def _solve_leg(jacobian: np.ndarray, left: _Motion) -> None:
-    """Overwrite a foot's motion with what J^T (…) makes that of the joints of; damped."""
+def _room(size: int) -> _Motion:
+    """Return a motion that is yet to be written."""
+    return _Motion(np.empty(size), np.empty(size), np.empty(size))
+
+
+@compiled
+def _solve_leg(jacobian: np.ndarray, lower: np.ndarray, left: _Motion, moves: _Motion) -> None:
+    """Find what joints move a foot like that; damped.
+
+    Args:
+        jacobian: (rows, K) of the joints.
+        lower: (rows, rows), overwritten.
+        left: of the foot, overwritten.
+        moves: written, of the joints.
+    """
     rows = len(jacobian)
-    lower = np.empty((rows, rows))
     gram(jacobian, jacobian, 0.0, lower)
     # Three rows of m, three of rad: each kind by itself, so that no unit matters.
     for first in range(0, rows, 3):
@@ -193,6 +208,14 @@ def _solve_leg(jacobian: np.ndarray, left: _Motion) -> None:
         for a in range(first, first + 3):
             lower[a, a] += _DAMPING * mean
     factor(lower)
-    solve_factored(lower, left.gap)
-    solve_factored(lower, left.rate)
-    solve_factored(lower, left.acceleration)
+    _spread(jacobian, lower, left.gap, moves.gap)
+    _spread(jacobian, lower, left.rate, moves.rate)
+    _spread(jacobian, lower, left.acceleration, moves.acceleration)
+
+
+@compiled
+def _spread(jacobian: np.ndarray, lower: np.ndarray, asked: np.ndarray, moves: np.ndarray) -> None:
+    """Write J^T (L L^T)^-1 asked to moves (K,); asked (rows,) is overwritten."""
+    solve_factored(lower, asked)
+    moves[:] = 0.0
+    add_transposed_times(jacobian, asked, moves)

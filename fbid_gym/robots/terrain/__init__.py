@@ -29,12 +29,12 @@ __all__ = [
     "Terrain",
     "Tiles",
     "check_height",
-    "compile_world",
     "hardest",
     "heights",
     "heights_below",
     "make_terrain",
     "plane",
+    "world_of",
 ]
 
 LEVELLED = (*PATCHES, "mixed")
@@ -169,11 +169,11 @@ def hardest(kind: str, robot: Robot) -> float:
     return _scale(robot).reach * HARDEST[kind]
 
 
-def compile_world(robot: Robot, terrain: Terrain) -> mujoco.MjModel:
-    """Compile the robot's world with a terrain in it; the robot keeps its coordinates."""
+def world_of(robot: Robot, terrain: Terrain) -> mujoco.MjSpec:
+    """Return the robot's world with a terrain in it; the robot keeps its coordinates."""
     spec = robot.spec.copy()
     terrain.add_to(spec)
-    return spec.compile()
+    return spec
 
 
 def _scale(robot: Robot) -> Scale:

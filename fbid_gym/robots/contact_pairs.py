@@ -1,0 +1,79 @@
+"""Contact pairs named beforehand, in worlds where robots can meet nothing but planes.
+
+MuJoCo sorts all bodies at every step to find which of them may touch. Where only planes can be met
+there is nothing to find, and naming the pairs saves a sixteenth to a seventh of a physics step.
+"""
+
+import copy
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from fbid_gym.robots.mjcf import can_touch, static_geoms
+
+_PLANE = mujoco.mjtGeom.mjGEOM_PLANE
+_OBJ = mujoco.mjtObj
+_FAR = 1e3  # m, beyond which no part of a robot is from its ground
+
+# They go by boxes about the geoms of a body that are compiled from other margins.
+_BOXES = int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
+
+# What a contact adds to the gap, or takes from it: MuJoCo's to sum up, and all but unused.
+_BESIDES = ("geom_margin", "geom_gap", "geom_adhesion", "geom_surfacevel")
+
+# Of a pair and of a contact.
+_SHARED = ("friction", "solref", "solreffriction", "solimp")
+
+
+def compile_paired(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Compile a world whose contact pairs are named beforehand, if all of them are with planes.
+
+    Which pairs there are and how they touch is what MuJoCo makes of the geoms. Contacts are the
+    same, and the motion. Any other world is compiled as it is.
+
+    Args:
+        spec: the world; geoms without a name are given one.
+    """
+    for index, geom in enumerate(spec.geoms):
+        geom.name = geom.name or f"fbid_geom_{index}"
+    model = spec.compile()
+    if not _meets_planes_alone(model):
+        return model
+    contacts = _contacts_with_planes(model)
+    met = {int(geom) for contact in contacts for geom in contact.geom}
+    if met != set(np.flatnonzero(can_touch(model)).tolist()):
+        return model
+    paired = spec.copy()
+    for contact in contacts:
+        first, second = (mujoco.mj_id2name(model, _OBJ.mjOBJ_GEOM, g) for g in contact.geom)
+        how = {name: getattr(contact, name) for name in _SHARED}
+        paired.add_pair(geomname1=first, geomname2=second, condim=contact.dim, **how)
+    for geom in paired.geoms:
+        geom.contype = geom.conaffinity = 0
+    return paired.compile()
+
+
+def _meets_planes_alone(model: mujoco.MjModel) -> bool:
+    """Whether the moving geoms can touch nothing but planes, neither each other."""
+    if model.npair or model.nexclude or model.nflex:
+        return False
+    if any(getattr(model, name).any() for name in _BESIDES):
+        return False
+    static, plane = static_geoms(model), model.geom_type == _PLANE
+    moving = can_touch(model) & ~static
+    types, affinities = model.geom_contype, model.geom_conaffinity
+    touches = ((types[:, None] & affinities) | (affinities[:, None] & types)) != 0
+    return bool(moving.any()) and not touches[np.ix_(moving, moving | (static & ~plane))].any()
+
+
+def _contacts_with_planes(model: mujoco.MjModel) -> list[Any]:
+    """One contact of each pair of geoms, as MuJoCo makes them between things that are near."""
+    near = copy.copy(model)
+    near.geom_margin[:] = _FAR
+    near.opt.disableflags |= _BOXES
+    data = mujoco.MjData(near)
+    mujoco.mj_kinematics(near, data)
+    mujoco.mj_collision(near, data)
+    found = {tuple(contact.geom.tolist()): contact for contact in data.contact}
+    return list(found.values())
