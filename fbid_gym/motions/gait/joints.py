@@ -71,8 +71,8 @@ def leg_joints_of(robot: Robot, aware: bool) -> LegJoints:
             )
     low, high = robot.joint_range.T
     own = np.full((robot.num_feet, stance.legs.sum(axis=1).max()), -1, np.int64)
-    for foot, moves in enumerate(stance.legs):
-        own[foot, : moves.sum()] = np.flatnonzero(moves)
+    for row, leg in zip(own, stance.legs, strict=True):
+        row[: leg.sum()] = np.flatnonzero(leg)
     return LegJoints(
         own=own,
         rows=6 if robot.has_soles else 3,
