@@ -107,9 +107,8 @@ def bind(door: Any, *first: Any) -> Callable[..., Any]:
 def _takes_tuples(function: Callable[..., Any]) -> bool:
     """Whether a function takes named tuples, or may.
 
-    A call of it counts the references to all of their arrays, up and down again, which is a fifth
-    of the time of a gait; where the function is inlined, nothing is counted. What takes arrays is
-    left to the compiler's own choice: linear algebra inlined everywhere is long to compile.
+    Passing their fields on costs more than it seems, so such a function is inlined. What takes
+    arrays is left to the compiler's own choice: linear algebra everywhere is long to compile.
     """
     kinds = get_type_hints(function)
     return any(kind is Any or is_tuple(kind) for name, kind in kinds.items() if name != "return")

@@ -81,6 +81,14 @@ class Point(NamedTuple):
     gradient: np.ndarray  # (6,): missing + eps dual, zero at the solution
 
 
+class Step(NamedTuple):
+    """A Newton step; buffers to write to. Who makes no array counts no references: much called."""
+
+    change: np.ndarray  # (6,) of the dual
+    jacobian: np.ndarray  # (6, 6)
+    way: np.ndarray  # (6,) wrench of a unit force
+
+
 @compiled
 def nearest_force(free: Vector, limits: Vector) -> Nearest:
     """Return the nearest force within a point's limits, exactly.
@@ -126,15 +134,15 @@ def evaluate(problem: Points, regularisation: float, point: Point) -> float:
 
 
 @compiled
-def jacobian_at(problem: Points, regularisation: float, point: Point, jacobian: np.ndarray) -> None:
-    """Write the lower half of a generalised Jacobian of the gradient to `jacobian` (6, 6).
+def jacobian_at(problem: Points, regularisation: float, point: Point, newton: Step) -> None:
+    """Write the lower half of a generalised Jacobian of the gradient.
 
     It is the sum G_i D_i G_i^T + eps. A sticking point passes its force on unchanged, but not a
     normal force at its bounds. A sliding point passes it on along the cone's side (mu r + n, r the
     direction of sliding), and across r scaled by the tangential factor. So D_i is a sum of at most
     three dyads, of a size and a direction each.
     """
-    way = np.empty(6)
+    jacobian = newton.jacobian
     for row in range(6):
         for column in range(row):
             jacobian[row, column] = 0.0
@@ -144,23 +152,22 @@ def jacobian_at(problem: Points, regularisation: float, point: Point, jacobian: 
         friction, lowest, highest = limits
         nearest = nearest_force(free, limits)
         if nearest.ratio >= 1.0:
-            _add_dyad(problem, i, 1.0, (1.0, 0.0, 0.0), way, jacobian)
-            _add_dyad(problem, i, 1.0, (0.0, 1.0, 0.0), way, jacobian)
+            _add_dyad(problem, i, 1.0, (1.0, 0.0, 0.0), newton)
+            _add_dyad(problem, i, 1.0, (0.0, 1.0, 0.0), newton)
             if nearest.force[2] == free[2]:
-                _add_dyad(problem, i, 1.0, (0.0, 0.0, 1.0), way, jacobian)
+                _add_dyad(problem, i, 1.0, (0.0, 0.0, 1.0), newton)
         elif nearest.force[2] > 0.0:
             x, y = free[0] / nearest.slide, free[1] / nearest.slide
-            _add_dyad(problem, i, nearest.ratio, (-y, x, 0.0), way, jacobian)
+            _add_dyad(problem, i, nearest.ratio, (-y, x, 0.0), newton)
             if lowest <= nearest.cone <= highest:
                 size = 1.0 / (1.0 + friction * friction)
-                _add_dyad(problem, i, size, (friction * x, friction * y, 1.0), way, jacobian)
+                _add_dyad(problem, i, size, (friction * x, friction * y, 1.0), newton)
 
 
 @compiled
-def _add_dyad(
-    problem: Points, i: int, size: float, direction: Vector, way: np.ndarray, jacobian: np.ndarray
-) -> None:
-    """Add size g g^T, g = G_i direction, to the lower half of `jacobian`; `way` is a buffer."""
+def _add_dyad(problem: Points, i: int, size: float, direction: Vector, newton: Step) -> None:
+    """Add size g g^T, g = G_i direction, to the lower half of the Jacobian."""
+    way, jacobian = newton.way, newton.jacobian
     wrenches, (x, y, z) = problem.wrenches, direction
     for row in range(6):
         way[row] = x * wrenches[i, 0, row] + y * wrenches[i, 1, row] + z * wrenches[i, 2, row]
@@ -252,15 +259,16 @@ def _newton(
     budget: int,
     point: Point,
     trial: Point,
+    newton: Step,
 ) -> tuple[float, int]:
     """Improve a point until solved or `budget` steps are spent; returns its error, and the steps.
 
-    `trial` is a buffer.
+    `trial` and `newton` are buffers.
     """
-    change, jacobian, taken = np.empty(6), np.empty((6, 6)), 0
+    change, jacobian, taken = newton.change, newton.jacobian, 0
     error = evaluate(problem, regularisation, point)
     while error > tolerance and taken < budget:
-        jacobian_at(problem, regularisation, point, jacobian)
+        jacobian_at(problem, regularisation, point, newton)
         for row in range(6):
             change[row] = -point.gradient[row]
         lift(jacobian, regularisation)
@@ -288,6 +296,7 @@ def _persist(
     budget: int,
     point: Point,
     trial: Point,
+    newton: Step,
 ) -> int:
     """Solve what Newton's method from a warm start did not; returns the steps.
 
@@ -299,8 +308,8 @@ def _persist(
     rough = max(tolerance, _ROUGH * np.sqrt(dot(problem.wrench, problem.wrench)))
     for stage in _STAGES:
         if stage > regularisation:
-            taken += _newton(problem, stage, rough, budget, point, trial)[1]
-    return taken + _newton(problem, regularisation, tolerance, 6 * budget, point, trial)[1]
+            taken += _newton(problem, stage, rough, budget, point, trial, newton)[1]
+    return taken + _newton(problem, regularisation, tolerance, 6 * budget, point, trial, newton)[1]
 
 
 @compiled
@@ -359,12 +368,13 @@ def deliver(
     points = Points(wrenches, problem.wrench, problem.limits)
     point = Point(np.empty(6), np.empty((count, 3)), found.force, found.missing, np.empty(6))
     trial = Point(np.empty(6), np.empty((count, 3)), np.empty((count, 3)), np.empty(6), np.empty(6))
+    newton = Step(np.empty(6), np.empty((6, 6)), np.empty(6))
     copy(start, point.dual)
     eps, tolerance = accuracy.regularisation, accuracy.tolerance * weight
     budget = accuracy.max_iterations
-    error, taken = _newton(points, eps, tolerance, budget, point, trial)
+    error, taken = _newton(points, eps, tolerance, budget, point, trial, newton)
     if error > tolerance:
-        taken += _persist(points, eps, tolerance, 2 * budget, point, trial)
+        taken += _persist(points, eps, tolerance, 2 * budget, point, trial, newton)
         error = np.sqrt(dot(point.gradient, point.gradient))
     copy(point.dual, found.dual)
     if error > tolerance:

@@ -10,7 +10,7 @@ import scipy.sparse as sparse
 
 from fbid_gym.control import Accuracy, ContactForces, ContactLimits, limited_contact_forces
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
-from fbid_gym.control.dual_newton import Point, Points, evaluate, jacobian_at, nearest_force
+from fbid_gym.control.dual_newton import Point, Points, Step, evaluate, jacobian_at, nearest_force
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 WEIGHT, LENGTH = 540.0, 0.3
@@ -394,7 +394,8 @@ def test_jacobian_equals_finite_differences(rng: np.random.Generator, limits: st
             evaluate(robot, REGULARISATION, point)
             return point
 
-        jacobian_at(robot, REGULARISATION, point_at(dual), jacobian)
+        newton = Step(np.empty(6), jacobian, np.empty(6))
+        jacobian_at(robot, REGULARISATION, point_at(dual), newton)
         jacobian = np.tril(jacobian) + np.tril(jacobian, -1).T
         for axis in range(6):
             shift = step * np.eye(6)[axis]
