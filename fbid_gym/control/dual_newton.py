@@ -82,7 +82,7 @@ class Point(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A Newton step; buffers to write to. Who makes no array counts no references: much called."""
+    """A Newton step; buffers to write to, so that what is called most makes no arrays."""
 
     change: np.ndarray  # (6,) of the dual
     jacobian: np.ndarray  # (6, 6)

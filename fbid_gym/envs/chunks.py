@@ -21,8 +21,8 @@ NUM_ENVS = Whole(1, 65_536)
 NUM_THREADS = Whole(1, 1024)
 
 _MOST_TOGETHER = 64
-"""Environments of a chunk: what these simulate stays in a core's cache from tick to tick. 256 of
-`QuadrupedWalk-v0` on a core take a tenth longer in one chunk than in four."""
+"""Environments of a chunk: what these simulate stays in the caches from tick to tick. Fewer pay for
+Python more often."""
 
 
 class Chunks:
