@@ -6,9 +6,11 @@ present angles finds those that fit, the same Jacobians the rates, and the accel
 
     qdd = J_q^+ (a_foot - Jdot v - J_base a_base).
 
-Joints of no leg stay at home.
+Joints of no leg stay at home. Where no dynamics model answers errors of the base's velocity, the
+feet that stand do: they are led to where the base would be, had it gone as commanded for a while.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +28,8 @@ from fbid_gym.small_matrices import add_transposed_times, factor, gram, solve_fa
 
 _DAMPING = 1e-4  # of a leg's mean squared gain in place, and in rotation, near a stretched knee
 _LONGEST = 0.3  # rad, of a step
+_LEAD = 2.0  # pendulum times of the base's error of velocity that feet that stand make up for,
+_FARTHEST = 0.06  # of the height; more tips a robot that is pushed
 
 
 class LegJoints(NamedTuple):
@@ -41,6 +45,8 @@ class LegJoints(NamedTuple):
         aware: whether the feet in the air are led to their targets from the body as it moves,
             rather than as it shall move. That closes a loop through the base, which moves as the
             legs do: for layers that know its dynamics. Joint PD alone is less stable with it.
+        lead: s, and
+        farthest: m, how far feet that stand lead the body, see `_lead`.
     """
 
     own: np.ndarray
@@ -50,6 +56,8 @@ class LegJoints(NamedTuple):
     high: np.ndarray
     heading: Heading
     aware: bool
+    lead: float
+    farthest: float
 
 
 def leg_joints_of(robot: Robot, aware: bool) -> LegJoints:
@@ -70,6 +78,9 @@ def leg_joints_of(robot: Robot, aware: bool) -> LegJoints:
                 "Expected at least three to follow a gait with the joints."
             )
     low, high = robot.joint_range.T
+    # Layers that know the dynamics answer errors of velocity by themselves. On soles the velocity
+    # is to swing about that commanded, as a pendulum's does.
+    lead = 0.0 if aware or robot.has_soles else _LEAD / stance.falling_rate
     own = np.full((robot.num_feet, stance.legs.sum(axis=1).max()), -1, np.int64)
     for row, leg in zip(own, stance.legs, strict=True):
         row[: leg.sum()] = np.flatnonzero(leg)
@@ -81,6 +92,8 @@ def leg_joints_of(robot: Robot, aware: bool) -> LegJoints:
         high=np.ascontiguousarray(high),
         heading=stance.heading,
         aware=aware,
+        lead=lead,
+        farthest=_FARTHEST * float(stance.home_com[2]),
     )
 
 
@@ -115,12 +128,14 @@ def joint_reference(
     com_acceleration = np.zeros((count, 3))
     body = _Motion(np.zeros(6), np.zeros(6), np.zeros(6))
     as_is = _Motion(np.zeros(6), np.empty(6), body.acceleration)
+    led = _Motion(np.zeros(6), body.rate, body.acceleration)
     left = _room(rows)
     jacobian, lower, moves = np.empty((rows, most)), np.empty((rows, rows)), _room(most)
     frame = support_frame(legs.heading, terms)
     for i in range(count):
         _see_body(target, terms, body, i)
         as_is.rate[:] = state.qvel[i, :6]
+        _lead(legs, body, as_is, led)
         for k in range(3):
             for axis in range(3):
                 share = frame.world_from_support[i, axis, k]
@@ -135,7 +150,8 @@ def joint_reference(
                 for k in range(most):
                     there = own[k] >= 0
                     jacobian[r, k] = terms.foot_jacobian[i, foot, r, 6 + own[k]] if there else 0.0
-            seen = as_is if legs.aware and not target.planted[i, foot] else body
+            swinging = as_is if legs.aware else body
+            seen = led if target.planted[i, foot] else swinging
             _see_foot(target, terms, seen, left, i, foot)
             _solve_leg(jacobian, lower, left, moves)
             for k in range(most):
@@ -160,6 +176,22 @@ def _see_body(target: GaitTarget, terms: DynamicsTerms, body: _Motion, i: int) -
         body.acceleration[axis] = target.com_acceleration[i, axis]
     for k in range(3):
         body.rate[3 + k] = terms.world_from_base[i, 2, k] * target.turning[i]
+
+
+@compiled
+def _lead(legs: LegJoints, body: _Motion, as_is: _Motion, led: _Motion) -> None:
+    """Write how the base is off for the feet that stand: ahead by its error of velocity.
+
+    This asks for a force on the ground, as much as the joints' stiffness makes of it, and no more
+    than of a few centimetres: joint damping does the same, but a foot that has just lost the
+    ground shakes with it where it is sampled too slowly.
+    """
+    x = legs.lead * (body.rate[0] - as_is.rate[0])
+    y = legs.lead * (body.rate[1] - as_is.rate[1])
+    share = min(1.0, legs.farthest / (math.hypot(x, y) + 1e-12))
+    led.gap[:] = body.gap
+    led.gap[0] += share * x
+    led.gap[1] += share * y
 
 
 @compiled
