@@ -6,6 +6,7 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.gait.joints import joint_reference, leg_joints_of
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import RobotState
@@ -64,9 +65,11 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
     qpos[:, 2] += target.height - terms.base_position[:, 2]
     qpos[:, :2] += target.offset
     gaps = []
-    target = target._replace(offset=np.zeros((1, 2)))  # it is there
+    target = target._replace(offset=np.zeros((1, 2)))  # it is there, as fast as it shall be
+    qvel = np.zeros((1, robot.nv))
+    qvel[:, :2] = target.velocity
     for _ in range(12):
-        state, terms = state_of(robot, qpos)
+        state, terms = state_of(robot, qpos, qvel)
         gaps.append(np.abs(target.foot_position - terms.foot_position).max())
         found = joint_reference(legs, target, state, terms)
         qpos = np.concatenate([qpos[:, :7], found.qpos[:, 7:]], axis=1)
@@ -141,3 +144,54 @@ def test_a_foot_in_the_air_is_led_from_the_body_as_it_moves_by_those_who_know(ro
         found = joint_reference(legs, target, state, terms)
         gaps.append(np.abs(target.foot_position - terms.foot_position).max())
     assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
+
+
+def standing_at_once(robot, speed):
+    """A body that is where it shall be, but for its velocity, which is (2,) m/s ahead of speed."""
+    qvel = np.zeros((1, robot.nv))
+    qvel[0, :2] = -np.asarray(speed)
+    state, terms = state_of(robot, robot.home_qpos[None].copy(), qvel)
+    feet = (1, robot.num_feet)
+    still = {"foot_velocity": np.zeros((*feet, 6)), "velocity": np.zeros((1, 2))}
+    target = target_of(robot, terms, np.random.default_rng(0))._replace(
+        **still,
+        foot_position=terms.foot_position.copy(),
+        offset=np.zeros((1, 2)),
+        height=terms.base_position[:, 2],
+        turning=np.zeros(1),
+    )
+    return target, state, terms
+
+
+def test_feet_that_stand_lead_the_body_by_its_error_of_velocity_but_not_far():
+    robot = robots.load("go1")
+    legs, direction = leg_joints_of(robot, aware=False), np.array([0.6, -0.8])
+    pendulum_time = 1.0 / Stance.of(robot).falling_rate
+    moved = []
+    for size in (0.5, 1.0, 100.0):
+        speed = size * legs.farthest / legs.lead * direction
+        target, state, terms = standing_at_once(robot, speed)
+        found = joint_reference(legs, target, state, terms)
+        # The joints move the feet as far back below the body as that shall move ahead.
+        joints = (found.qpos - state.qpos)[0, 7:]
+        foot = terms.foot_jacobian[0, :, :3, 6:] @ joints
+        moved.append(-foot)
+    np.testing.assert_allclose(legs.lead, 2.0 * pendulum_time)
+    most = np.append(legs.farthest * direction, 0.0)
+    for share, found in zip((0.5, 1.0, 1.0), moved, strict=True):
+        np.testing.assert_allclose(found, np.tile(share * most, (4, 1)), atol=1e-2 * legs.farthest)
+
+
+@pytest.mark.parametrize(
+    ("name", "aware", "planted"),
+    [("go1", False, False), ("go1", True, True), ("biped", False, True), ("biped", True, True)],
+)
+def test_nothing_else_is_led(name, aware, planted):
+    """Neither feet in the air, nor for layers that know the dynamics, nor on soles."""
+    robot = robots.load(name)
+    legs, found = leg_joints_of(robot, aware), []
+    for speed in ((0.0, 0.0), (0.3, -0.2)):
+        target, state, terms = standing_at_once(robot, speed)
+        target = target._replace(planted=np.full((1, robot.num_feet), planted))
+        found.append(joint_reference(legs, target, state, terms).qpos[0, 7:])
+    np.testing.assert_allclose(found[1], found[0], atol=1e-12)
