@@ -81,6 +81,16 @@ def _greater(one: float, other: float) -> float:
     return one / other - 1.0 if other else math.inf
 
 
+def _shares(one: Walked, other: Walked) -> list[str]:
+    """Say by which shares; robots that all fall err by how they fall."""
+    up, error = apart(one, other)
+    told = [
+        f"{100 * share:+.0f} %{'' if abs(share) <= WITHIN else ' (missed)'}"
+        for share in (up, error)
+    ]
+    return told if one.survival or other.survival else [told[0], "nobody walks"]
+
+
 _HEAD = ("Robot", "Layer", "Setting", "Up", "Velocity error (m/s)", "Up, apart",
          "Velocity error, apart")  # fmt: skip
 
@@ -98,13 +108,7 @@ def rows(config: RatesConfig) -> Iterator[str]:
                 exact = exact or walked
                 up = f"{round(walked.survival * config.episodes)} of {config.episodes}"
                 cells = [robot.name, f"`{layer}`", name, up, f"{walked.velocity_error:.3f}"]
-                if walked is exact:
-                    cells += ["", ""]
-                else:
-                    cells += [
-                        f"{100 * share:+.0f} %{'' if abs(share) <= WITHIN else ' (missed)'}"
-                        for share in apart(walked, exact)
-                    ]
+                cells += ["", ""] if walked is exact else _shares(walked, exact)
                 yield f"| {' | '.join(cells)} |"
 
 

@@ -3,7 +3,8 @@
 import pytest
 
 from eval.rates import EXACT, SETTINGS, RatesConfig, apart, settings
-from eval.walking import Walked
+from eval.walking import Trial, Walked, WalkingConfig, walk
+from fbid_gym import robots
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 
@@ -36,3 +37,13 @@ def test_the_papers_rates_are_compared_with_the_environments_own() -> None:
             for one, other in zip(told, told[1:], strict=False)
         ]
         assert apart == [1, 1, 1, 1] and told[0] == config and told[-1] == ours
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("layer", ["base_acceleration", "joint_position"])
+def test_walking_hardly_depends_on_the_rates(layer: str) -> None:
+    trial, walking = Trial(robots.load("go1"), "trot", layer), WalkingConfig(episodes=16, seconds=5)
+    cheap, exact = walk(trial, walking), walk(trial, walking, **EXACT)
+    # A tenth over the robots and seconds of docs/rates.md; these are fewer.
+    assert cheap.survival == exact.survival == 1.0
+    assert abs(apart(cheap, exact)[1]) < 0.15

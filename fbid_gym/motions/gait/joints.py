@@ -6,8 +6,8 @@ present angles finds those that fit, the same Jacobians the rates, and the accel
 
     qdd = J_q^+ (a_foot - Jdot v - J_base a_base).
 
-Joints of no leg stay at home. Where no dynamics model answers errors of the base's velocity, the
-feet that stand do: they are led to where the base would be, had it gone as commanded for a while.
+Joints of no leg stay at home. Where no dynamics model answers errors of the base's velocity, feet
+that stand do: for them the base is off by what it would lag behind if the error went on for a while.
 """
 
 import math
@@ -28,8 +28,8 @@ from fbid_gym.small_matrices import add_transposed_times, factor, gram, solve_fa
 
 _DAMPING = 1e-4  # of a leg's mean squared gain in place, and in rotation, near a stretched knee
 _LONGEST = 0.3  # rad, of a step
-_LEAD = 2.0  # pendulum times of the base's error of velocity that feet that stand make up for,
-_FARTHEST = 0.06  # of the height; more tips a robot that is pushed
+_LEAD = 2.0  # pendulum times
+_FARTHEST = 0.06  # of the height; farther, robots that are pushed tip
 
 
 class LegJoints(NamedTuple):
@@ -45,8 +45,9 @@ class LegJoints(NamedTuple):
         aware: whether the feet in the air are led to their targets from the body as it moves,
             rather than as it shall move. That closes a loop through the base, which moves as the
             legs do: for layers that know its dynamics. Joint PD alone is less stable with it.
-        lead: s, and
-        farthest: m, how far feet that stand lead the body, see `_lead`.
+        lead: s, for which an error of the base's velocity counts as an error of its place, for
+            feet that stand; and
+        farthest: m, as which it counts at most.
     """
 
     own: np.ndarray
@@ -182,9 +183,8 @@ def _see_body(target: GaitTarget, terms: DynamicsTerms, body: _Motion, i: int) -
 def _lead(legs: LegJoints, body: _Motion, as_is: _Motion, led: _Motion) -> None:
     """Write how the base is off for the feet that stand: ahead by its error of velocity.
 
-    This asks for a force on the ground, as much as the joints' stiffness makes of it, and no more
-    than of a few centimetres: joint damping does the same, but a foot that has just lost the
-    ground shakes with it where it is sampled too slowly.
+    The joints' stiffness makes a force of it. Their damping would, too, but it also acts on a foot
+    that has just lost the ground, which shakes if damped by more than sampling allows.
     """
     x = legs.lead * (body.rate[0] - as_is.rate[0])
     y = legs.lead * (body.rate[1] - as_is.rate[1])
