@@ -7,7 +7,7 @@ present angles finds those that fit, the same Jacobians the rates, and the accel
     qdd = J_q^+ (a_foot - Jdot v - J_base a_base).
 
 Joints of no leg stay at home. Where no dynamics model answers errors of the base's velocity, feet
-that stand do: for them the base is off by what it would lag behind if the error went on for a while.
+that stand do: for them the base is off by what it would lag behind if the error went on a while.
 """
 
 import math
