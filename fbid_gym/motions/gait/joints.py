@@ -45,8 +45,8 @@ class LegJoints(NamedTuple):
         aware: whether the feet in the air are led to their targets from the body as it moves,
             rather than as it shall move. That closes a loop through the base, which moves as the
             legs do: for layers that know its dynamics. Joint PD alone is less stable with it.
-        lead: s, for which an error of the base's velocity counts as an error of its place, for
-            feet that stand; and
+        lead: s, for which an error of the base's velocity counts as one of its place, for feet
+            that bear all they may; and
         farthest: m, as which it counts at most.
     """
 
@@ -136,7 +136,6 @@ def joint_reference(
     for i in range(count):
         _see_body(target, terms, body, i)
         as_is.rate[:] = state.qvel[i, :6]
-        _lead(legs, body, as_is, led)
         for k in range(3):
             for axis in range(3):
                 share = frame.world_from_support[i, axis, k]
@@ -151,8 +150,8 @@ def joint_reference(
                 for k in range(most):
                     there = own[k] >= 0
                     jacobian[r, k] = terms.foot_jacobian[i, foot, r, 6 + own[k]] if there else 0.0
-            swinging = as_is if legs.aware else body
-            seen = led if target.planted[i, foot] else swinging
+            _lead(legs, body, as_is, target.load[i, foot], led)
+            seen = as_is if legs.aware and not target.planted[i, foot] else led
             _see_foot(target, terms, seen, left, i, foot)
             _solve_leg(jacobian, lower, left, moves)
             for k in range(most):
@@ -180,15 +179,15 @@ def _see_body(target: GaitTarget, terms: DynamicsTerms, body: _Motion, i: int) -
 
 
 @compiled
-def _lead(legs: LegJoints, body: _Motion, as_is: _Motion, led: _Motion) -> None:
-    """Write how the base is off for the feet that stand: ahead by its error of velocity.
+def _lead(legs: LegJoints, body: _Motion, as_is: _Motion, load: float, led: _Motion) -> None:
+    """Write how the base is off for a foot: with what it bears, also by the error of velocity.
 
     The joints' stiffness makes a force of it. Their damping would, too, but it also acts on a foot
     that has just lost the ground, which shakes if damped by more than sampling allows.
     """
     x = legs.lead * (body.rate[0] - as_is.rate[0])
     y = legs.lead * (body.rate[1] - as_is.rate[1])
-    share = min(1.0, legs.farthest / (math.hypot(x, y) + 1e-12))
+    share = load * min(1.0, legs.farthest / (math.hypot(x, y) + 1e-12))
     led.gap[:] = body.gap
     led.gap[0] += share * x
     led.gap[1] += share * y

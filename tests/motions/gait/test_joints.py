@@ -168,9 +168,10 @@ def test_feet_that_stand_lead_the_body_by_its_error_of_velocity_but_not_far():
     legs, direction = leg_joints_of(robot, aware=False), np.array([0.6, -0.8])
     pendulum_time = 1.0 / Stance.of(robot).falling_rate
     moved = []
-    for size in (0.5, 1.0, 100.0):
+    for size, load in ((0.5, 1.0), (1.0, 1.0), (100.0, 1.0), (1.0, 0.25)):
         speed = size * legs.farthest / legs.lead * direction
         target, state, terms = standing_at_once(robot, speed)
+        target = target._replace(load=np.full((1, 4), load))
         found = joint_reference(legs, target, state, terms)
         # The joints move the feet as far back below the body as that shall move ahead.
         joints = (found.qpos - state.qpos)[0, 7:]
@@ -178,20 +179,20 @@ def test_feet_that_stand_lead_the_body_by_its_error_of_velocity_but_not_far():
         moved.append(-foot)
     np.testing.assert_allclose(legs.lead, 2.0 * pendulum_time)
     most = np.append(legs.farthest * direction, 0.0)
-    for share, found in zip((0.5, 1.0, 1.0), moved, strict=True):
+    for share, found in zip((0.5, 1.0, 1.0, 0.25), moved, strict=True):
         np.testing.assert_allclose(found, np.tile(share * most, (4, 1)), atol=1e-2 * legs.farthest)
 
 
 @pytest.mark.parametrize(
-    ("name", "aware", "planted"),
-    [("go1", False, False), ("go1", True, True), ("biped", False, True), ("biped", True, True)],
+    ("name", "aware", "load"),
+    [("go1", False, 0.0), ("go1", True, 1.0), ("biped", False, 1.0), ("biped", True, 1.0)],
 )
-def test_nothing_else_is_led(name, aware, planted):
-    """Neither feet in the air, nor for layers that know the dynamics, nor on soles."""
+def test_nothing_else_is_led(name, aware, load):
+    """Neither feet without load, nor for layers that know the dynamics, nor on soles."""
     robot = robots.load(name)
     legs, found = leg_joints_of(robot, aware), []
     for speed in ((0.0, 0.0), (0.3, -0.2)):
         target, state, terms = standing_at_once(robot, speed)
-        target = target._replace(planted=np.full((1, robot.num_feet), planted))
+        target = target._replace(load=np.full((1, robot.num_feet), load))
         found.append(joint_reference(legs, target, state, terms).qpos[0, 7:])
     np.testing.assert_allclose(found[1], found[0], atol=1e-12)
