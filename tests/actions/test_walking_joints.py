@@ -16,25 +16,55 @@ from fbid_gym.options import options_of
 HZ = 250
 
 
+def walking(robot, layer, count):
+    """Robots that walk for five seconds, each to its own commands."""
+    arguments = {"robot": robot, "action_layer": layer, "episode_seconds": 5.0}
+    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"] | arguments), count)
+    for env in range(count):
+        batch.seed(env, np.random.default_rng(env))
+    batch.reset(np.arange(count))
+    return batch, np.zeros((count, len(batch.action_names)))
+
+
 @pytest.mark.parametrize(
     "robot, layer",
     [
         ("go1", "joint_position_feedforward"),
         ("quadruped", "joint_position_feedforward"),
         ("go1", "joint_acceleration"),
+        ("go1", "joint_position"),
     ],
 )
 def test_the_zero_action_walks(robot, layer):
     """Robots on point feet, five seconds, whatever is commanded."""
-    count = 4
-    arguments = {"robot": robot, "action_layer": layer, "episode_seconds": 5.0}
-    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"] | arguments), count)
-    for env in range(count):
-        batch.seed(env, np.random.default_rng(env))
-    batch.reset(np.arange(count))
-    zero = np.zeros((count, len(batch.action_names)))
+    batch, zero = walking(robot, layer, 4)
     for _ in range(batch.num_steps):
         assert not batch.step(zero).terminated.any()
+
+
+def test_torques_of_joint_pd_go_through_lift_off():
+    """A foot that lifts has handed over before what it led the body by."""
+    batch, zero = walking("go1", "joint_position", 4)
+    planted, torque, inner = [], [], batch.layer
+
+    class Watched:
+        def __getattr__(self, name):
+            return getattr(inner, name)
+
+        def torque(self, action, state, reference, *others):
+            said = inner.torque(action, state, reference, *others)
+            planted.append(reference.planted.copy())
+            torque.append(said.copy())
+            return said
+
+    batch.layer = Watched()
+    for _ in range(batch.num_steps):
+        batch.step(zero)
+    stood = np.array(planted)
+    change = np.abs(np.diff(torque, axis=0)).reshape(len(stood) - 1, 4, 4, 3).max(axis=3)
+    lifts, stands = stood[:-1] & ~stood[1:], stood[:-1] & stood[1:]
+    assert lifts.sum() > 100
+    assert np.median(change[lifts]) < 2.0 * np.median(change[stands])
 
 
 @pytest.mark.parametrize("name", ["go1", "biped"])
