@@ -82,7 +82,7 @@ def _greater(one: float, other: float) -> float:
 
 
 def _shares(one: Walked, other: Walked) -> list[str]:
-    """Say by which shares; robots that all fall err by how they fall."""
+    """Say by which shares they differ; the errors of robots that all fall say nothing."""
     up, error = apart(one, other)
     told = [
         f"{100 * share:+.0f} %{'' if abs(share) <= WITHIN else ' (missed)'}"

@@ -146,15 +146,14 @@ def test_a_foot_in_the_air_is_led_from_the_body_as_it_moves_by_those_who_know(ro
     assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
 
 
-def standing_at_once(robot, speed):
-    """A body that is where it shall be, but for its velocity, which is (2,) m/s ahead of speed."""
+def lagging(robot, speed):
+    """A body that is where it shall be, but lacks a speed (2,) m/s."""
     qvel = np.zeros((1, robot.nv))
     qvel[0, :2] = -np.asarray(speed)
     state, terms = state_of(robot, robot.home_qpos[None].copy(), qvel)
-    feet = (1, robot.num_feet)
-    still = {"foot_velocity": np.zeros((*feet, 6)), "velocity": np.zeros((1, 2))}
     target = target_of(robot, terms, np.random.default_rng(0))._replace(
-        **still,
+        foot_velocity=np.zeros((1, robot.num_feet, 6)),
+        velocity=np.zeros((1, 2)),
         foot_position=terms.foot_position.copy(),
         offset=np.zeros((1, 2)),
         height=terms.base_position[:, 2],
@@ -170,7 +169,7 @@ def test_feet_that_stand_lead_the_body_by_its_error_of_velocity_but_not_far():
     moved = []
     for size, load in ((0.5, 1.0), (1.0, 1.0), (100.0, 1.0), (1.0, 0.25)):
         speed = size * legs.farthest / legs.lead * direction
-        target, state, terms = standing_at_once(robot, speed)
+        target, state, terms = lagging(robot, speed)
         target = target._replace(load=np.full((1, 4), load))
         found = joint_reference(legs, target, state, terms)
         # The joints move the feet as far back below the body as that shall move ahead.
@@ -192,7 +191,7 @@ def test_nothing_else_is_led(name, aware, load):
     robot = robots.load(name)
     legs, found = leg_joints_of(robot, aware), []
     for speed in ((0.0, 0.0), (0.3, -0.2)):
-        target, state, terms = standing_at_once(robot, speed)
+        target, state, terms = lagging(robot, speed)
         target = target._replace(load=np.full((1, robot.num_feet), load))
         found.append(joint_reference(legs, target, state, terms).qpos[0, 7:])
     np.testing.assert_allclose(found[1], found[0], atol=1e-12)
