@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
@@ -15,8 +16,11 @@ from fbid_gym.actions.walking_tasks import base_aim, wrench_aim
 from fbid_gym.compiled import bind
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.options import Number, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
 from fbid_gym.robots import Robot
+
+VelocityGain = Annotated[float, Number(0.0, 100.0)]
 
 _AXES = ("ahead", "to the left", "up")
 
@@ -75,11 +79,13 @@ class WalkingBody:
         return bind(self.aim, self.law.constants)
 
 
+@checked
 def walking_base_acceleration(
     robot: Robot,
     control_hz: int,
     omega: float,
     *,
+    velocity_gain: VelocityGain = 0.0,
     contact: WalkingContact = WALKING_CONTACT_DEFAULTS,
 ) -> WalkingBody:
     """Build the layer `base_acceleration` on a gait.
@@ -91,35 +97,48 @@ def walking_base_acceleration(
         robot: whose joints.
         control_hz: control ticks per second.
         omega: 1/s, rate at which the robot falls, see `Gait`.
+        velocity_gain: on point feet, by how much more than by the gait small errors of the
+            horizontal velocity are answered, in units of the rate at which the robot falls. The
+            gait's own share is 4. Errors greater than 0.03 of sqrt(gravity times height) count as
+            that much.
         contact: what it assumes of contacts.
     """
     names = [f"base acceleration {axis}, heading" for axis in _AXES]
     names += [f"base angular acceleration {axis}, base frame" for axis in "xyz"]
     scale = action_scale(robot, Stance.of(robot), contact.friction)
     options = contact.options(robot, omega)
-    law = WalkingLaw.of(robot, control_hz, omega, options)
+    law = WalkingLaw.of(robot, control_hz, omega, options, velocity_gain)
     return WalkingBody(
         law, options.contact_ramp, base_aim, scale, scaled_names(names, scale, "m/s^2", "rad/s^2")
     )
 
 
+@checked
 def walking_com_wrench(
     robot: Robot,
     control_hz: int,
     omega: float,
     *,
+    velocity_gain: VelocityGain = 0.0,
     contact: WalkingContact = WALKING_CONTACT_DEFAULTS,
 ) -> WalkingBody:
-    """Build the layer `com_wrench` on a gait; arguments as for `walking_base_acceleration`.
+    """Build the layer `com_wrench` on a gait.
 
     What that is for the base, this is for the momentum: a desired wrench at the centre of mass, as
     in [G15] (38), (39), through full inverse dynamics. Scales as in `ComWrench`.
+
+    Args:
+        robot: whose joints.
+        control_hz: control ticks per second.
+        omega: 1/s, rate at which the robot falls, see `Gait`.
+        velocity_gain: as of `base_acceleration`.
+        contact: what it assumes of contacts.
     """
     names = [f"force {axis} at the centre of mass, heading" for axis in _AXES]
     names += [f"moment {axis} about the centre of mass, heading" for axis in _AXES]
     scale = wrench_scale_of(robot, Stance.of(robot), contact.friction)
     options = contact.options(robot, omega)
-    law = WalkingLaw.of(robot, control_hz, omega, options)
+    law = WalkingLaw.of(robot, control_hz, omega, options, velocity_gain)
     return WalkingBody(
         law, options.contact_ramp, wrench_aim, scale, scaled_names(names, scale, "N", "N·m")
     )

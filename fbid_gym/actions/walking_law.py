@@ -36,6 +36,7 @@ from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry, reduce_contacts
 from fbid_gym.dynamics.rotations import rotation_left
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import (
     ActivePoints,
@@ -56,12 +57,15 @@ from fbid_gym.small_matrices import copy
 _SOLE = 0.9  # of a flat foot, that carries: its edges are where it tips
 _LEAST_LOAD = 0.02  # of a foot's greatest force, so that it is held down
 _MOST_LOAD = 1.5  # of the weight, on a point foot
+_SMALL = 0.03  # of sqrt(gravity times height); of more, robots that are pushed slip
 
 
 class WalkingConstants(NamedTuple):
     """Of the law on one robot, see `WalkingLaw`."""
 
     gains: WalkingGains
+    velocity_gain: float  # 1/s, beside the gait's
+    small_error: float  # m/s, of the horizontal velocity, as which it counts at most
     geometry: ContactGeometry
     limits: np.ndarray  # (1, P, 3) of `limit_rows`
     most_load: float  # of the weight, on one foot
@@ -104,7 +108,12 @@ class WalkingLaw:
 
     @classmethod
     def of(
-        cls, robot: Robot, control_hz: int, omega: float, contact: ContactOptions
+        cls,
+        robot: Robot,
+        control_hz: int,
+        omega: float,
+        contact: ContactOptions,
+        velocity_gain: float = 0.0,
     ) -> "WalkingLaw":
         """Build the law on what `contact` says of the contacts.
 
@@ -113,9 +122,17 @@ class WalkingLaw:
             control_hz: control ticks per second.
             omega: 1/s, rate at which the robot falls, see `Gait`.
             contact: the options; which points are on the ground is the gait's to say.
+            velocity_gain: of small errors of the horizontal velocity, beside the gait's, in units
+                of omega.
+
+        Raises:
+            InvalidValueError: a gain on soles.
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
         soles = robot.has_soles
+        if soles and velocity_gain:
+            expected = "0 on soles, where the velocity is to swing about the commanded one"
+            raise InvalidValueError("velocity_gain", velocity_gain, expected)
         # On soles the centre of pressure balances: the horizontal force goes before the moment. On
         # points there is little of a moment to give away.
         cost = (1.0, 1.0, 1.0, 0.05, 0.05, 0.05) if soles else None
@@ -124,6 +141,8 @@ class WalkingLaw:
         priority = 1.0 if soles or has_spare_joints(robot) else 1e5
         constants = WalkingConstants(
             gains=WalkingGains.of(robot, omega),
+            velocity_gain=velocity_gain * omega,
+            small_error=_SMALL * robot.gravity / omega,
             geometry=contact_geometry(robot, share=_SOLE),
             limits=limit_rows(limits or ContactLimits(), robot.num_points),
             most_load=math.inf if soles else _MOST_LOAD,

@@ -15,7 +15,6 @@ moment that ignored what the legs' swing takes would turn the trunk instead.
 
 import numpy as np
 
-from fbid_gym.actions.walking_gains import WalkingGains
 from fbid_gym.actions.walking_law import (
     BodyAim,
     WalkingConstants,
@@ -28,7 +27,7 @@ from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.operational_space import serve_task
 from fbid_gym.dynamics.centroidal import find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduce_contacts
-from fbid_gym.motions.gait.heading import along, axes_of, in_world, lean
+from fbid_gym.motions.gait.heading import along, axes_of, in_world, lean, share_within
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import (
     CentroidalTerms,
@@ -57,12 +56,12 @@ def base_aim(
         target: of the gait.
         terms: of the robots.
     """
-    return BodyAim(base_task(law.gains, added, state, target, terms), posture(law, state))
+    return BodyAim(base_task(law, added, state, target, terms), posture(law, state))
 
 
 @kernel
 def base_task(
-    gains: WalkingGains,
+    law: WalkingConstants,
     added: np.ndarray,
     state: RobotState,
     target: GaitTarget,
@@ -71,13 +70,13 @@ def base_task(
     """What the centre of mass (horizontally) and the base (its height and rotation) shall do.
 
     Args:
-        gains: of the robot.
+        law: of the robot.
         added: (N, 6) to add: m/s^2 along the heading, and rad/s^2 in the base's axes.
         state: of the robots.
         target: of the gait.
         terms: of the robots.
     """
-    count, size = state.qvel.shape
+    gains, (count, size) = law.gains, state.qvel.shape
     jacobian, bias = np.zeros((count, 6, size)), np.zeros((count, 6))
     acceleration = np.empty((count, 6))
     for i in range(count):
@@ -89,8 +88,11 @@ def base_task(
         for k in range(2, 6):
             jacobian[i, k, k] = 1.0
         east, north = in_world(axes_of(target.heading[i]), added[i, 0], added[i, 1])
-        acceleration[i, 0] = target.com_acceleration[i, 0] + east
-        acceleration[i, 1] = target.com_acceleration[i, 1] + north
+        x = target.velocity[i, 0] - terms.com_velocity[i, 0]
+        y = target.velocity[i, 1] - terms.com_velocity[i, 1]
+        gain = law.velocity_gain * share_within(law.small_error, x, y)
+        acceleration[i, 0] = target.com_acceleration[i, 0] + east + gain * x
+        acceleration[i, 1] = target.com_acceleration[i, 1] + north + gain * y
         rise = target.height[i] - terms.base_position[i, 2]
         acceleration[i, 2] = gains.height * rise - gains.height_damping * state.qvel[i, 2]
         acceleration[i, 2] += added[i, 2]
@@ -193,7 +195,7 @@ def _carried(
     accelerations least far from their posture's.
     """
     count, size = state.qvel.shape
-    even = base_task(law.gains, np.zeros((count, 6)), state, target, terms)
+    even = base_task(law, np.zeros((count, 6)), state, target, terms)
     even.acceleration[:, 2:] = 0.0
     feet = feet_on_their_way(law, target, terms)
     acceleration = serve_task(feet, even, posture(law, state), law.mobility, law.least_gain).motion

@@ -10,6 +10,7 @@ from fbid_gym.actions.walking_law import WalkingLaw
 from fbid_gym.actions.walking_tasks import base_aim, base_task, wrench_aim
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import RobotState
@@ -24,9 +25,9 @@ def robot(request):
     return robots.load(request.param)
 
 
-def law_of(robot, **options):
+def law_of(robot, velocity_gain=0.0, **options):
     contact = ContactOptions(friction=FRICTION, compensate_damping=False, **options)
-    return WalkingLaw.of(robot, HZ, gait_of(robot, HZ).omega, contact)
+    return WalkingLaw.of(robot, HZ, gait_of(robot, HZ).omega, contact, velocity_gain)
 
 
 def near_home(robot, rng, noise):
@@ -168,9 +169,7 @@ def test_a_moment_turns_the_base_back_and_a_force_lifts_it(robot, rng):
 def test_the_base_task_is_the_centre_of_mass_and_the_base(robot, rng):
     state, terms = near_home(robot, rng, 0.3)
     law = law_of(robot)
-    task = base_task(
-        law.constants.gains, np.zeros((1, 6)), state, target_of(robot, terms, rng), terms
-    )
+    task = base_task(law.constants, np.zeros((1, 6)), state, target_of(robot, terms, rng), terms)
     acceleration = rng.normal(size=robot.nv)
     said = task.jacobian[0] @ acceleration + task.bias[0]
     force, _ = momentum_rate(robot, state, acceleration)
@@ -189,12 +188,37 @@ def test_the_base_turns_back_about_the_axis_that_it_is_tilted_about(robot, rng):
     tilt = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
     turned = (upright @ tilt)[None]
     terms = terms._replace(world_from_base=turned, world_from_trunk=turned)
-    gains = law_of(robot).constants.gains
+    law = law_of(robot).constants
     target = target_of(robot, terms, rng)._replace(heading=np.array([heading]))
-    task = base_task(gains, np.zeros((1, 6)), state, target, terms)
+    task = base_task(law, np.zeros((1, 6)), state, target, terms)
     np.testing.assert_allclose(
-        task.acceleration[0, 3:], -gains.rotation * np.sin(angle) * axis, atol=1e-9
+        task.acceleration[0, 3:], -law.gains.rotation * np.sin(angle) * axis, atol=1e-9
     )
+
+
+def test_small_errors_of_velocity_are_answered_by_the_gain_and_greater_ones_by_no_more(rng):
+    robot, gain = robots.load("go1"), 5.0
+    state, terms = near_home(robot, rng, 0.1)
+    omega, slow = gait_of(robot, HZ).omega, 0.03 * robot.gravity / gait_of(robot, HZ).omega
+    with_gain, without = (law_of(robot, velocity_gain=size).constants for size in (gain, 0.0))
+    towards = np.array([0.6, -0.8])
+    for size, counts in ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (7.0, 1.0)):
+        wanted = terms.com_velocity[:, :2] + size * slow * towards
+        target = target_of(robot, terms, rng)._replace(velocity=wanted)
+        for aim, name in ((base_aim, "base"), (wrench_aim, "wrench")):
+            more = (
+                aim(with_gain, np.zeros((1, 6)), state, target, terms).task.acceleration
+                - aim(without, np.zeros((1, 6)), state, target, terms).task.acceleration
+            )[0]
+            expected = gain * omega * counts * slow * towards
+            np.testing.assert_allclose(more[:2], expected, atol=1e-6, err_msg=name)
+            if aim is base_aim:
+                np.testing.assert_allclose(more[2:], 0.0, atol=1e-6)
+
+
+def test_on_soles_there_is_no_such_gain():
+    with pytest.raises(InvalidValueError, match="velocity_gain.*5.0.*0 on soles"):
+        law_of(robots.load("biped"), velocity_gain=5.0)
 
 
 def forward(robot, law, state, target, terms, torque):

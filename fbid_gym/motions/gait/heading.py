@@ -59,6 +59,12 @@ def turned(angle: float, x: float, y: float) -> Pair:
 
 
 @compiled
+def share_within(most: float, x: float, y: float) -> float:
+    """Return the greatest share, up to 1, of a horizontal vector that is no longer than `most`."""
+    return min(1.0, most / (math.hypot(x, y) + 1e-12))
+
+
+@compiled
 def lean(heading: float, terms: DynamicsTerms, i: int) -> Vector:
     """Return axis times sine of the rotation that is left until robot i is upright in a heading.
 

@@ -10,7 +10,6 @@ Joints of no leg stay at home. Where no dynamics model answers errors of the bas
 that stand do: for them the base is off by what it would lag behind if the error went on a while.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from fbid_gym.dynamics.rotations import rotation_left
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
 from fbid_gym.errors import RobotError
-from fbid_gym.motions.gait.heading import lean
+from fbid_gym.motions.gait.heading import lean, share_within
 from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import DynamicsTerms, Heading, Reference, RobotState
 from fbid_gym.robots import Robot
@@ -187,7 +186,7 @@ def _lead(legs: LegJoints, body: _Motion, as_is: _Motion, load: float, led: _Mot
     """
     x = legs.lead * (body.rate[0] - as_is.rate[0])
     y = legs.lead * (body.rate[1] - as_is.rate[1])
-    share = load * min(1.0, legs.farthest / (math.hypot(x, y) + 1e-12))
+    share = load * share_within(legs.farthest, x, y)
     led.gap[:] = body.gap
     led.gap[0] += share * x
     led.gap[1] += share * y
