@@ -1,5 +1,6 @@
 """The Gymnasium environment: `gym.make`."""
 
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -31,6 +32,8 @@ class RobotEnv(gym.Env):
         **arguments: Any,
     ) -> None:
         """Build the environment."""
+        drawn = {"render_mode": render_mode, "render_options": render_options}
+        self._made_with = {"robot": robot} | drawn | arguments
         self.drawn_over = check_rendering(render_mode, render_options)
         self.config = EnvConfig.of({"robot": robot} | arguments)
         self.batch = EnvBatch(self.config, 1)
@@ -40,6 +43,10 @@ class RobotEnv(gym.Env):
         self._renderer: RobotRenderer | None = None
         self._only = np.zeros(1, int)
         self._begun, self._closed = False, False
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copied and pickled as it was made, without its episode, as Gymnasium's own are."""
+        return partial(type(self), **self._made_with), (), {"spec": self.spec}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -60,10 +60,10 @@ class WalkingEnv(RobotEnv):
     | `joint_acceleration`         | `natural_frequency`, `damping_ratio`, `scale`,                |
     |                              | `contact_limits`, `contact_ramp`, `friction`,                 |
     |                              | `compensate_damping`, `compensate_friction`                   |
-    | `base_acceleration`          | `contact_limits`, `contact_ramp`, `friction`,                 |
-    |                              | `compensate_damping`, `compensate_friction`                   |
-    | `com_wrench`                 | `contact_limits`, `contact_ramp`, `friction`,                 |
-    |                              | `compensate_damping`, `compensate_friction`                   |
+    | `base_acceleration`          | `velocity_gain`, `contact_limits`, `contact_ramp`,            |
+    |                              | `friction`, `compensate_damping`, `compensate_friction`       |
+    | `com_wrench`                 | `velocity_gain`, `contact_limits`, `contact_ramp`,            |
+    |                              | `friction`, `compensate_damping`, `compensate_friction`       |
 
     `reference="home"` holds the PD controller's targets at the home posture: no gait, the action is
     all there is.

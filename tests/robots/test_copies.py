@@ -1,4 +1,4 @@
-"""A robot is its own copy, and pickling makes it again."""
+"""A robot is its own copy, and pickling makes it again; so it makes environments."""
 
 import copy
 import pickle
@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-import fbid_gym  # noqa: F401
 from eval.zoo import morphology as zoo
+from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.undrawn import undrawn
@@ -85,6 +85,19 @@ def test_environments_of_own_robots_can_be_made_again() -> None:
     for spec in (env.spec, pickle.loads(pickle.dumps(env.spec))):
         again, _ = gym.make(spec).reset(seed=3)
         np.testing.assert_array_equal(again, first)
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_an_environment_in_use_is_copied_as_it_was_made(name: str) -> None:
+    options = {"friction": 0.5}
+    env = gym.make(name, action_layer="base_acceleration", layer_options=options)
+    first, _ = env.reset(seed=3)
+    action = env.action_space.sample()
+    after, *_ = env.step(action)
+    for again in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
+        np.testing.assert_array_equal(again.reset(seed=3)[0], first)
+        np.testing.assert_array_equal(again.step(action)[0], after)
+        assert again.spec == env.spec
 
 
 def test_environments_of_own_robots_run_in_processes_of_their_own() -> None:
