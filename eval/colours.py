@@ -17,7 +17,7 @@ def colours_of(names: Iterable[str]) -> dict[str, int]:
     """Return the number of the colour of each name: of a layer, or of one with options."""
     names = list(names)
     chosen = {name: COLOURS.index(name) for name in names if name in COLOURS}
-    free = [k for k in range(8) if k not in chosen.values()]
+    free = [k for k in range(10) if k not in chosen.values()]
     for k, name in enumerate(sorted(set(names) - set(chosen))):
         chosen[name] = free[k % len(free)]
     return chosen

@@ -225,19 +225,22 @@ def _threshold(threshold: float, x: Scale, y: Scale) -> str:
 def _end_labels(series: Sequence[Series], x: Scale, y: Scale) -> str:
     words = [item.name.replace("_", " ") for item in series]  # where lines may break
     lines = [textwrap.wrap(name, 17, break_long_words=False) for name in words]
-    gaps = [_LINE * len(text) + 3 for text in lines]
+    top, bottom, apart = _TOP - 10, HEIGHT - _BOTTOM + 4, 3.0
+    if _LINE * sum(map(len, lines)) + apart * len(lines) > bottom - top:  # crowded
+        bottom, apart = HEIGHT - 6, 0.0
+    gaps = [_LINE * len(text) + apart for text in lines]
     lefts = [x(item.x[-1]) + 6 for item in series]
     wanted = [y(item.value[-1]) for item in series]
     centres = dict.fromkeys(range(len(series)), 0.0)
     for column in _columns(lefts):
         own = [wanted[i] for i in column], [gaps[i] for i in column]
-        placed = spread(*own, _TOP - 10, HEIGHT - _BOTTOM + 4)
+        placed = spread(*own, top, bottom)
         centres.update(zip(column, placed, strict=True))
     parts = []
     for item, text, left, centre in zip(series, lines, lefts, centres.values(), strict=True):
-        top = centre - _LINE * (len(text) - 1) / 2 + 4
+        first = centre - _LINE * (len(text) - 1) / 2 + 4
         spans = "".join(
-            f'<tspan x="{left:.1f}" y="{top + _LINE * k:.1f}">{escape(line)}</tspan>'
+            f'<tspan x="{left:.1f}" y="{first + _LINE * k:.1f}">{escape(line)}</tspan>'
             for k, line in enumerate(text)
         )
         parts.append(f'<text class="name c{item.colour}">{spans}</text>')

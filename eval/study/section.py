@@ -11,6 +11,7 @@ from eval.results import Band, Crossing
 from eval.robustness.curves import Robustness
 from eval.robustness.page import areas, panels
 from eval.robustness.tables import BY_NAME
+from eval.study.pace import Pace
 from eval.study.parts import colours, form_of, in_cell, named, probability, titled, told
 from eval.study.results import CURVES, JUDGED, MEASURES, ArmFound, Findings, Measure, Versus
 from eval.wording import capital, number, percent, steps
@@ -61,7 +62,7 @@ def _panel(
     found: Findings, arms: Sequence[ArmFound], measure: Measure, axis: str, bands: str
 ) -> str:
     scale, title, form = _axis(arms, axis)
-    colour = colours(found)
+    pace, colour = Pace.of((arm.name, arm.most) for arm in arms), colours(found)
     series = []
     for arm in arms:
         band: Band = getattr(arm, bands)[measure.name]
@@ -70,18 +71,18 @@ def _panel(
             for cell in arm.cells
             if cell.begun
         ]
-        series.append(
-            Series(
-                arm.name,
-                colour[arm.name],
-                [x / scale for x in band.grid],
-                band.value,
-                band.low,
-                band.high,
-                singles if len(singles) > 1 else (),
-            )
+        own = Series(
+            arm.name,
+            colour[arm.name],
+            [x / scale for x in band.grid],
+            band.value,
+            band.low,
+            band.high,
+            singles if len(singles) > 1 else (),
         )
-    return panel(series, capital(titled(measure)), title, form)
+        series.append(pace.scaled(own, measure.name, over_steps=axis == "steps"))
+    title = pace.steps if axis == "steps" else title
+    return panel(series, capital(pace.titled(titled(measure), measure.name)), title, form)
 
 
 def _axis(arms: Sequence[ArmFound], axis: str) -> tuple[float, str, Callable[[float], str]]:

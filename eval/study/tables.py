@@ -11,8 +11,10 @@ import numpy as np
 
 from eval.colours import colours_of_arms
 from eval.plots import Series, panel, sheet
+from eval.results import greatest_return
 from eval.study import fresh
 from eval.study.cells import curve, evaluations, exploring
+from eval.study.pace import Pace
 from eval.wording import number, percent
 from eval.wording import steps as steps_text
 from fbid_gym.errors import RunError
@@ -51,14 +53,21 @@ def drawn(study: Study) -> str:
     colour = colours_of_arms(arm.name for arm in arms(study))
     panels = []
     for env, its in by_env.items():
+        pace = Pace.of((arm.name, _most(arm)) for arm in its)
         for column, title in _MEASURES.items():
-            series = [item for arm in its for item in _series(arm, column, colour[arm.name])]
-            if series:
-                what = f"{title}, {environment_name(env)}"
-                panels.append(panel(series, what, "steps", x_format=steps_text))
+            own = [item for arm in its for item in _series(arm, column, colour[arm.name])]
+            if own:
+                series = [pace.scaled(item, column) for item in own]
+                what = f"{pace.titled(title, column)}, {environment_name(env)}"
+                panels.append(panel(series, what, pace.steps, x_format=steps_text))
     if not panels:
         raise RunError(f"Study {study.name!r} has not been evaluated yet: python -m train.sweep.")
     return sheet(panels)
+
+
+def _most(arm: Arm) -> float:
+    run = arm.cells[0].config
+    return greatest_return(run.env, run.make_args())
 
 
 def _series(arm: Arm, column: str, colour: int) -> Iterator[Series]:

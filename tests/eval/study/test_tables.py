@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from eval.pages import DOCS, marks, spliced
+from eval.plots import Series
 from eval.study.__main__ import StudyConfig, main
 from eval.study.cells import curve, exploring
+from eval.study.pace import Pace
 from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError, RunError
 from tests.eval.study.small import STUDY, fill
@@ -49,6 +51,21 @@ def test_curves_are_means_over_seeds_between_the_worst_and_the_best(study):
     # Where nothing is commanded there is no velocity error to draw.
     assert len(picture.findall("{http://www.w3.org/2000/svg}svg")) == 3
     assert squats.cells == (squat,)
+
+
+def test_arms_that_decide_more_often_are_drawn_over_the_same_time():
+    pace = Pace.of([("slow", 1000.0), ("fast", 5000.0)])
+    its = Series("fast", 0, [0.0, 50.0], [4000.0, 4500.0], singles=[([5.0], [2500.0])])
+    returns, errors = pace.scaled(its, "return_mean"), pace.scaled(its, "velocity_error")
+    assert (returns.x, returns.value, returns.low) == ([0.0, 10.0], [800.0, 900.0], None)
+    assert returns.singles == [([1.0], [500.0])]
+    assert (errors.x, errors.value) == ([0.0, 10.0], its.value)
+    assert pace.scaled(its, "return_mean", over_steps=False).x == its.x
+    assert pace.titled("return", "return_mean") == "return of 1,000"
+    for alike in ([("one", 7.0), ("two", 7.0)], [("one", float("nan")), ("two", 7.0)]):
+        pace = Pace.of(alike)
+        assert pace.scaled(replace(its, name="two"), "return_mean").value == its.value
+        assert pace.titled("return", "return_mean") == "return"
 
 
 def test_what_is_not_finished_counts_with_what_it_has_and_is_said(study):

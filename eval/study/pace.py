@@ -1,0 +1,68 @@
+"""Policies that decide at different rates, side by side: over the same time, of the same most."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from eval.plots import Series
+from eval.study.results import RETURN
+from eval.wording import number
+
+
+class Pace(NamedTuple):
+    """How the arms of one environment are drawn together.
+
+    Attributes:
+        share: by arm, what its steps and its returns are multiplied by: 1 for the slowest.
+        most: return that an episode of the slowest cannot exceed.
+    """
+
+    share: Mapping[str, float]
+    most: float
+
+    @classmethod
+    def of(cls, most: Iterable[tuple[str, float]]) -> "Pace":
+        """Derive it from arms with what an episode of each can earn at most, NaN where unknown.
+
+        A policy step earns at most 1, so that is also how many steps an episode has.
+        """
+        by_arm = dict(most)
+        slowest = min(by_arm.values())
+        known = bool(np.isfinite(list(by_arm.values())).all())
+        share = {arm: slowest / its if known else 1.0 for arm, its in by_arm.items()}
+        return cls(share, slowest)
+
+    @property
+    def differs(self) -> bool:
+        """Whether one arm decides more often than another."""
+        return any(share != 1.0 for share in self.share.values())
+
+    def scaled(self, series: Series, measure: str, *, over_steps: bool = True) -> Series:
+        """Return the series of an arm, of its name, as it is drawn with the others."""
+        share = self.share[series.name]
+        along = share if over_steps else 1.0
+        up = share if measure == RETURN.name else 1.0
+        return replace(
+            series,
+            x=_times(along, series.x),
+            value=_times(up, series.value),
+            low=None if series.low is None else _times(up, series.low),
+            high=None if series.high is None else _times(up, series.high),
+            singles=[(_times(along, x), _times(up, y)) for x, y in series.singles],
+        )
+
+    def titled(self, title: str, measure: str) -> str:
+        """Say of a return of which most it is, where that is not the same for all."""
+        scaled = self.differs and measure == RETURN.name
+        return f"{title} of {number(self.most)}" if scaled else title
+
+    @property
+    def steps(self) -> str:
+        """What the axis of the steps is called."""
+        return "steps of the slowest in that time" if self.differs else "training steps"
+
+
+def _times(factor: float, values: Sequence[float]) -> list[float]:
+    return [factor * value for value in values]
