@@ -2,6 +2,9 @@
 
 from collections.abc import Iterable
 
+NUM_COLOURS = 10
+"""Of the page's style, `c0`, `c1` and so on."""
+
 COLOURS = (
     "base acceleration",
     "joint position",
@@ -17,7 +20,7 @@ def colours_of(names: Iterable[str]) -> dict[str, int]:
     """Return the number of the colour of each name: of a layer, or of one with options."""
     names = list(names)
     chosen = {name: COLOURS.index(name) for name in names if name in COLOURS}
-    free = [k for k in range(10) if k not in chosen.values()]
+    free = [k for k in range(NUM_COLOURS) if k not in chosen.values()]
     for k, name in enumerate(sorted(set(names) - set(chosen))):
         chosen[name] = free[k % len(free)]
     return chosen

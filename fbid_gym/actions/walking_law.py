@@ -57,7 +57,7 @@ from fbid_gym.small_matrices import copy
 _SOLE = 0.9  # of a flat foot, that carries: its edges are where it tips
 _LEAST_LOAD = 0.02  # of a foot's greatest force, so that it is held down
 _MOST_LOAD = 1.5  # of the weight, on a point foot
-_SMALL = 0.03  # of sqrt(gravity times height); of more, robots that are pushed slip
+_SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more, robots slip sooner
 
 
 class WalkingConstants(NamedTuple):

@@ -204,12 +204,17 @@ class EnvConfig:
         """Return what varies from robot to robot."""
         return Randomisation.of(by_name("randomisation", self.randomisation))
 
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The keyword arguments that make it again, see `of`."""
+        own = {field.name: getattr(self, field.name) for field in fields(self)}
+        given = own.pop("task_options")
+        return own | given
+
     def as_dict(self) -> dict[str, Any]:
         """Return the arguments as plain data; a robot of the user's by its name."""
-        data = {field.name: getattr(self, field.name) for field in fields(self)}
-        data |= {"robot": self.robot if isinstance(self.robot, str) else self.robot.name}
-        given = data.pop("task_options")
-        return data | task_options(self.task) | given
+        name = self.robot if isinstance(self.robot, str) else self.robot.name
+        return self.arguments | task_options(self.task) | self.task_options | {"robot": name}
 
     def resolved(self) -> dict[str, Any]:
         """Return every argument with the value it means today, as JSON can hold it.

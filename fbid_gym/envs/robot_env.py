@@ -1,5 +1,6 @@
 """The Gymnasium environment: `gym.make`."""
 
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -32,8 +33,6 @@ class RobotEnv(gym.Env):
         **arguments: Any,
     ) -> None:
         """Build the environment."""
-        drawn = {"render_mode": render_mode, "render_options": render_options}
-        self._made_with = {"robot": robot} | drawn | arguments
         self.drawn_over = check_rendering(render_mode, render_options)
         self.config = EnvConfig.of({"robot": robot} | arguments)
         self.batch = EnvBatch(self.config, 1)
@@ -46,7 +45,13 @@ class RobotEnv(gym.Env):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copied and pickled as it was made, without its episode, as Gymnasium's own are."""
-        return partial(type(self), **self._made_with), (), {"spec": self.spec}
+        made = partial(
+            type(self),
+            render_mode=self.render_mode,
+            render_options=asdict(self.drawn_over),
+            **self.config.arguments,
+        )
+        return made, (), {"spec": self.spec}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
