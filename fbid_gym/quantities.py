@@ -366,35 +366,47 @@ class WrenchGains(NamedTuple):
     on_velocity: bool
 
 
-class Reference(NamedTuple):
-    """The motion that robots shall follow, at one control tick.
+class Target(NamedTuple):
+    """What robots shall do now: filled by the home posture, by planned motions and by gaits.
 
-    All arrays may have a single row, N = 1, that stands for all robots.
-
-    The base is seen from the reference's own feet, in the support frame of the reference posture.
-    Velocities and accelerations are those of a motion whose planted feet stand still in the world,
-    expressed along the axes of that frame: the base's linear part is not relative to the moving
-    centre of the feet.
+    Positions and rotations are those of the world. The rows of a planned motion are seen from the
+    support frame of its own feet instead, until `fbid_gym.motions.in_world` has placed them; all
+    its arrays may have a single row, N = 1, that stands for all robots.
 
     Attributes:
-        qpos: (N, nq) m, unit quaternion wxyz, rad.
+        planted: (N, F) bool, feet that shall stand. The law holds them where they are.
+        load: (N, F) share of its greatest force that a foot may take: 0 in the air, and on the way
+            to 0 or 1 before it lifts and after it lands.
+        foot_position: (N, F, 3) m, of each foot's reference.
+        world_from_foot: (N, F, 3, 3).
+        foot_velocity: (N, F, 6) m/s, rad/s; for point feet the first three count.
+        foot_acceleration: (N, F, 6) m/s^2, rad/s^2.
+        foothold: (N, F, 3) m, where a foot in the air shall land; that of a foot that stands.
+        clipped: (N, F) bool, the foothold would have to be farther away than the leg reaches.
+        com: (N, 3) m, centre of mass.
+        com_velocity: (N, 3) m/s.
+        com_acceleration: (N, 3) m/s^2.
+        qpos: (N, nq) m, unit quaternion wxyz, rad: of base and joints.
         qvel: (N, nv) m/s, rad/s; the angular part in the base's frame.
         qacc: (N, nv) m/s^2, rad/s^2, rate of qvel.
-        com_in_support: (N, 3) m, centre of mass.
-        com_velocity_in_support: (N, 3) m/s.
-        com_acceleration_in_support: (N, 3) m/s^2.
-        planted: (N, F) bool, which feet are planned to stand.
-        stepping: whether feet are ever planned to leave the ground.
+        cycle: (N,) share of the motion's cycle that has passed.
     """
 
+    planted: np.ndarray
+    load: np.ndarray
+    foot_position: np.ndarray
+    world_from_foot: np.ndarray
+    foot_velocity: np.ndarray
+    foot_acceleration: np.ndarray
+    foothold: np.ndarray
+    clipped: np.ndarray
+    com: np.ndarray
+    com_velocity: np.ndarray
+    com_acceleration: np.ndarray
     qpos: np.ndarray
     qvel: np.ndarray
     qacc: np.ndarray
-    com_in_support: np.ndarray
-    com_velocity_in_support: np.ndarray
-    com_acceleration_in_support: np.ndarray
-    planted: np.ndarray
-    stepping: bool
+    cycle: np.ndarray
 
 
 Robots = TypeVar("Robots", bound=tuple[Any, ...])
@@ -403,12 +415,3 @@ Robots = TypeVar("Robots", bound=tuple[Any, ...])
 def some_of(robots: Robots, rows: np.ndarray) -> Robots:
     """Return copies of some rows, given by their indices, of a named tuple of arrays (N, ...)."""
     return type(robots)(*(value[rows] for value in robots))
-
-
-def rows_of(reference: Reference, rows: np.ndarray | slice) -> Reference:
-    """Return the reference of some robots; a single row goes on to stand for all."""
-    if len(reference.qpos) == 1:
-        return reference
-    return reference._replace(
-        **{name: getattr(reference, name)[rows] for name in Reference._fields[:-1]}
-    )

@@ -102,10 +102,16 @@ def factor(matrix: np.ndarray) -> None:
 
     Of a matrix that is not, NaN. Only the lower half is read.
     """
-    for i in range(len(matrix)):
-        for j in range(i):
-            matrix[i, j] = (matrix[i, j] - dot(matrix[i, :j], matrix[j, :j])) / matrix[j, j]
-        matrix[i, i] = np.sqrt(matrix[i, i] - dot(matrix[i, :i], matrix[i, :i]))
+    size = len(matrix)
+    for j in range(size):
+        pivot = np.sqrt(matrix[j, j])
+        matrix[j, j] = pivot
+        for i in range(j + 1, size):
+            matrix[i, j] /= pivot
+        for i in range(j + 1, size):
+            share = matrix[i, j]
+            for k in range(j + 1, i + 1):
+                matrix[i, k] -= share * matrix[k, j]
 
 
 @compiled
@@ -129,7 +135,10 @@ def solve_factored(lower: np.ndarray, vector: np.ndarray) -> None:
     """Overwrite a vector (a,) with the solution of (L L^T) x = vector."""
     size = len(vector)
     for i in range(size):
-        vector[i] = (vector[i] - dot(lower[i, :i], vector[:i])) / lower[i, i]
+        total = vector[i]
+        for j in range(i):
+            total -= lower[i, j] * vector[j]
+        vector[i] = total / lower[i, i]
     for i in range(size - 1, -1, -1):
         vector[i] /= lower[i, i]
         solved = vector[i]

@@ -1,25 +1,25 @@
-"""From a desired wrench at the centre of mass to joint torques, while some feet may swing."""
+"""The papers' balancers: from a desired wrench at the centre of mass to joint torques.
 
-from collections.abc import Callable
+They are for motions that are planned; of these some feet may swing.
+"""
+
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.contact_belief import ContactBelief
+from fbid_gym.actions.contact_belief import ContactBelief, contact_belief
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.contact_ramp import ContactRamp, through_contact_switches
-from fbid_gym.actions.law_memory import LawMemory, fresh_memory, remember
+from fbid_gym.actions.contact_ramp import ContactRamp
+from fbid_gym.actions.law import DIAGNOSTICS, LawMemory, fresh_memory
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
-from fbid_gym.compiled import bind, compiled, kernel
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control import ContactLimits
 from fbid_gym.control.balance import balance_target, balance_wrench, body_motion
 from fbid_gym.control.balancers import RIDGE, map_torques
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
 from fbid_gym.control.underactuation import underactuation
 from fbid_gym.control.wrench_distribution import (
-    Distribution,
     share_freely,
     share_within_limits,
 )
@@ -41,13 +41,11 @@ from fbid_gym.quantities import (
     PointLimits,
     PostureCommand,
     ReducedContacts,
-    Reference,
     RobotState,
     SupportFrame,
+    Target,
     TorqueMap,
     WrenchGains,
-    rows_of,
-    some_of,
 )
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import copy, dot
@@ -96,6 +94,7 @@ class _Constants(NamedTuple):
         weight: (1,) N, of the robot.
         scale: (6,) turns errors of the wrench into N whose squares are comparable.
         passive: what joints take of their torques, to be given back.
+        limited: whether contact forces and torques have limits.
     """
 
     balancer: int
@@ -111,6 +110,7 @@ class _Constants(NamedTuple):
     weight: np.ndarray
     scale: np.ndarray
     passive: PassiveJoints
+    limited: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,15 +122,12 @@ class BalanceLaw:
         belief: which points are taken to be in contact.
         ramp: leads from one set of contacts to the next; None where the torque may jump.
         constants: of the law.
-        limited: whether contact forces and torques have limits; contacts without can pull and never
-            slip.
     """
 
     robot: Robot
     belief: ContactBelief
     ramp: ContactRamp | None
     constants: _Constants
-    limited: bool
 
     @classmethod
     def of(
@@ -159,59 +156,41 @@ class BalanceLaw:
             weight=np.array([robot.weight]),
             scale=wrench_scale(stance.length, cost if limits is not None else None),
             passive=contact.passive(robot),
-        )
-        return cls(
-            robot=robot,
-            belief=contact.belief(robot, control_hz),
-            ramp=contact.ramp(control_hz),
-            constants=constants,
             limited=limits is not None,
         )
+        belief = contact_belief(contact.contacts, robot, control_hz)
+        return cls(robot, belief, contact.ramp(control_hz), constants)
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """The wrench's residual, and the directions in which contacts cannot push."""
+        return DIAGNOSTICS
 
     def memory(self, num_robots: int) -> Memory:
-        """Warm start of the contact forces, the diagnostics, and a ramp's state."""
-        return fresh_memory(num_robots, self.ramp, self.robot.num_points, self.robot.num_joints)
+        """Return the memory of robots that have not moved yet."""
+        return fresh_memory(self.robot, self.ramp, num_robots)
 
     def torque(
         self,
         action: np.ndarray,
         state: RobotState,
-        reference: Reference,
+        target: Target,
         terms: DynamicsTerms,
         memory: Memory,
     ) -> np.ndarray:
-        """Return joint torques.
+        """Return joint torques, (N, n) N·m; arguments as of `ActionLayer.torque`."""
+        active, own = self.belief(state, target), LawMemory.of(memory)
+        torque = _balance(self.constants, active, action, state, target, terms, own)
+        return torque if self.ramp is None else self.ramp.torque(torque, active, memory)
 
-        Args:
-            action: (N, 6).
-            state: of the robots.
-            reference: what they shall do.
-            terms: of the robots.
-            memory: of the robots; updated.
-
-        Returns:
-            (N, n) N·m.
-        """
-        active, own = self.belief(state, reference), LawMemory.of(memory)
-        torque = self._balance(active, action, state, reference, terms, own)
-
-        def of_contacts(rows: np.ndarray, active: ActivePoints) -> np.ndarray:
-            return self._balance(
-                active,
-                action[rows],
-                some_of(state, rows),
-                rows_of(reference, rows),
-                some_of(terms, rows),
-                some_of(own, rows),
-            )
-
-        return through_contact_switches(self.ramp, active, torque, of_contacts, memory)
-
-    @cached_property
-    def _balance(self) -> Callable[..., np.ndarray]:
-        # Chosen here and not in compiled code: what a layer does not use is then not compiled.
-        law = _balance_within_limits if self.limited else _balance_without_limits
-        return bind(law, self.constants)
+    def desired(
+        self, action: np.ndarray, state: RobotState, target: Target, terms: DynamicsTerms
+    ) -> np.ndarray:
+        """Return the acceleration that it asks of the centre of mass, (N, 3) m/s^2, world."""
+        law, body = self.constants, find_centroidal_terms(terms, state.qvel)
+        frame, push = support_frame(law.heading, terms), law.push * action
+        wrench = desired_wrench(law.wrench, law.gravity, push, state, target, terms, body, frame)
+        return wrench[:, :3] / body.mass[:, None] - np.array([0.0, 0.0, law.gravity])
 
 
 class _Wanted(NamedTuple):
@@ -236,7 +215,7 @@ def _want(
     active: ActivePoints,
     action: np.ndarray,
     state: RobotState,
-    reference: Reference,
+    target: Target,
     terms: DynamicsTerms,
 ) -> _Wanted:
     """The wrench, with what actions (N, 6) add to it, and the balancer's map."""
@@ -246,8 +225,8 @@ def _want(
     constraint = Constraint(contacts.jacobian, contacts.bias)
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
     push = law.push * action
-    wrench = desired_wrench(law.wrench, law.gravity, push, state, reference, terms, body, frame)
-    posture = _posture(law, active, state, reference)
+    wrench = desired_wrench(law.wrench, law.gravity, push, state, target, terms, body, frame)
+    posture = _posture(law, active, state, target)
     torques = map_torques(law.balancer, motion, body, constraint, posture, RIDGE)
     give_back(law.passive, torques.offset, state.qpos, state.qvel)  # before limits are kept
     path = ForcePath(body.to_com, contacts.point_map, np.empty((0, len(law.geometry.offset), 3, 3)))
@@ -255,54 +234,35 @@ def _want(
 
 
 @kernel
-def _balance_within_limits(
+def _balance(
     law: _Constants,
-    active: ActivePoints,
+    active: np.ndarray,
     action: np.ndarray,
     state: RobotState,
-    reference: Reference,
+    target: Target,
     terms: DynamicsTerms,
     memory: LawMemory,
 ) -> np.ndarray:
     """Torques (N, n) for actions (N, 6); updates the memory."""
-    wanted = _want(law, active, action, state, reference, terms)
-    found = share_within_limits(
-        wanted.torques,
-        wanted.path,
-        wanted.wrench,
-        Limits(PointLimits(law.limits, active.mask), law.torque_limit),
-        law.scale,
-        law.weight,
-        DEFAULT_ACCURACY,
-        memory.warm_start,
-    )
-    return _noted(active, wanted.contacts, found, memory)
-
-
-@kernel
-def _balance_without_limits(
-    law: _Constants,
-    active: ActivePoints,
-    action: np.ndarray,
-    state: RobotState,
-    reference: Reference,
-    terms: DynamicsTerms,
-    memory: LawMemory,
-) -> np.ndarray:
-    """The same where contact forces and torques have no limits."""
-    wanted = _want(law, active, action, state, reference, terms)
-    found = share_freely(wanted.torques, wanted.path, wanted.wrench, law.scale, law.weight)
-    return _noted(active, wanted.contacts, found, memory)
-
-
-@compiled
-def _noted(
-    active: ActivePoints, contacts: ReducedContacts, found: Distribution, memory: LawMemory
-) -> np.ndarray:
-    """The torques that were found; updates the memory."""
-    remember(found.warm_start, found.residual, memory)
-    if active.switching:
-        copy(underactuation(contacts.jacobian), memory.underactuation)
+    points = ActivePoints(active, True)
+    wanted = _want(law, points, action, state, target, terms)
+    if law.limited:
+        found = share_within_limits(
+            wanted.torques,
+            wanted.path,
+            wanted.wrench,
+            Limits(PointLimits(law.limits, active), law.torque_limit),
+            law.scale,
+            law.weight,
+            DEFAULT_ACCURACY,
+            memory.warm_start,
+        )
+    else:
+        found = share_freely(wanted.torques, wanted.path, wanted.wrench, law.scale, law.weight)
+    copy(found.residual, memory.residual)
+    copy(underactuation(wanted.contacts.jacobian), memory.underactuation)
+    for i in range(len(active)):
+        copy(found.warm_start[i], memory.warm_start[i])
     return found.torque
 
 
@@ -312,19 +272,19 @@ def desired_wrench(
     gravity: float,
     push: np.ndarray,
     state: RobotState,
-    reference: Reference,
+    target: Target,
     terms: DynamicsTerms,
     body: CentroidalTerms,
     frame: SupportFrame,
 ) -> np.ndarray:
-    """Return the wrench at the centre of mass that leads robots back to their reference.
+    """Return the wrench at the centre of mass that leads robots back to their target.
 
     Args:
         gains: of [G15] (36) or (38); all but K_R along the axes of the feet's frame.
         gravity: m/s^2, along -z.
         push: (N, 6) N and N·m, to add; in the frame of the feet.
         state: of the robots.
-        reference: what they shall do.
+        target: what they shall do.
         terms: of the robots.
         body: of the robots.
         frame: of their feet.
@@ -332,8 +292,8 @@ def desired_wrench(
     Returns:
         (N, 6) N and N·m, world.
     """
-    target, moving = balance_target(reference, frame, body), body_motion(state, terms, body)
-    wrench = balance_wrench(gains, target, moving, frame.world_from_support, gravity)
+    asked, moving = balance_target(target, terms, body), body_motion(state, terms, body)
+    wrench = balance_wrench(gains, asked, moving, frame.world_from_support, gravity)
     for i in range(len(wrench)):
         for axis in range(3):
             wrench[i, axis] += dot(frame.world_from_support[i, axis], push[i, :3])
@@ -343,7 +303,7 @@ def desired_wrench(
 
 @compiled
 def _posture(
-    law: _Constants, active: ActivePoints, state: RobotState, reference: Reference
+    law: _Constants, active: ActivePoints, state: RobotState, target: Target
 ) -> PostureCommand:
     """Desired accelerations of the joints, and how readily each departs from its own."""
     gains, legs = law.posture, law.legs
@@ -351,20 +311,20 @@ def _posture(
     acceleration, mobility = np.empty((count, joints)), np.empty((count, joints))
     in_the_air = np.empty(len(legs), np.bool_)
     for i in range(count):
-        row, contacts = min(i, len(reference.qpos) - 1), active.mask[min(i, len(active.mask) - 1)]
+        contacts = active.mask[i]
         in_the_air[:] = True
         for point in range(len(contacts)):
             if contacts[point]:
                 in_the_air[law.geometry.foot_of_point[point]] = False
         for j in range(joints):
-            error = reference.qpos[row, 7 + j] - state.qpos[i, 7 + j]
-            rate = reference.qvel[row, 6 + j] - state.qvel[i, 6 + j]
+            error = target.qpos[i, 7 + j] - state.qpos[i, 7 + j]
+            rate = target.qvel[i, 6 + j] - state.qvel[i, 6 + j]
             swings = False
             for foot in range(len(legs)):
                 swings |= in_the_air[foot] and legs[foot, j]
             pull = gains.swing_stiffness * error + gains.swing_damping * rate
             if not swings:
                 pull = gains.stiffness * error + gains.damping * rate
-            acceleration[i, j] = reference.qacc[row, 6 + j] + pull
+            acceleration[i, j] = target.qacc[i, 6 + j] + pull
             mobility[i, j] = _SWING_MOBILITY if swings else 1.0
     return PostureCommand(acceleration, mobility)

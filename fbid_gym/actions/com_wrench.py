@@ -1,4 +1,4 @@
-"""Layer `com_wrench`: the balancer of [G15], to whose desired wrench the action adds."""
+"""Layer `com_wrench`: the momentum is balanced as in [G15]; to the wrench the action adds."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -6,48 +6,57 @@ from typing import Annotated
 
 import numpy as np
 
-from fbid_gym.actions.balance_law import BalanceLaw, PostureGains, desired_wrench
+from fbid_gym.actions.balance_law import BalanceLaw, PostureGains
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
-from fbid_gym.actions.law_memory import DIAGNOSTICS
+from fbid_gym.actions.gains import BodyGains, VelocityGain, chosen_gains, default_moment_priority
+from fbid_gym.actions.law import Command, Law, LawConstants, stabilise
 from fbid_gym.actions.ranges import DampingRatio, Frequency, Priority
 from fbid_gym.actions.scaled_names import scaled_names
+from fbid_gym.compiled import kernel
 from fbid_gym.control import BalanceGains
-from fbid_gym.control.balancers import GAROFALO2015, INVERSE_DYNAMICS, OTT2011
+from fbid_gym.control.balancers import GAROFALO2015, OTT2011
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, checked
-from fbid_gym.quantities import CentroidalTerms, DynamicsTerms, Memory, Reference, RobotState
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target, WrenchGains
 from fbid_gym.robots import Robot
 
-BALANCERS = {
-    "garofalo2015": GAROFALO2015,
-    "ott2011": OTT2011,
-    "inverse_dynamics": INVERSE_DYNAMICS,
-}
-"""Name of a balancer -> what it is in `fbid_gym.control.balancers`."""
+BALANCERS = {"garofalo2015": GAROFALO2015, "ott2011": OTT2011}
+"""The papers' balancers -> what they are in `fbid_gym.control.balancers`."""
 
+_INVERSE_DYNAMICS = "inverse_dynamics"
 _VERTICAL_SCALE = 0.5  # of the weight
 _LEAST_INERTIA = 0.05  # of the locked robot's: below it the base turns too easily to tell
+_PAPERS = {
+    "balance": Falling(1.2),
+    "height": Falling(2.0),
+    "rotation": Falling(2.0),
+    "posture": Falling(1.7),
+    "swing": Falling(6.8),
+}
+_PAPERS_RATIO = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class ComWrench:
-    """The contacts push the centre of mass and the base back to their reference, plus the action.
+    """The contacts push the centre of mass and the base to their target, plus scale * action.
 
-    The desired wrench at the centre of mass is that of [G15] eqs. (38), (39) (for "ott2011" that of
-    (36)): weight, springs on the position of the centre of mass and on the base's orientation,
-    damping of the linear and angular momentum, the reference's rate of momentum, and scale *
-    action, along the axes of the support frame (x the feet's forward direction, z up). The
-    reference's momentum is that of the robot as it stands moving at the reference's velocities.
-    The contact forces that come nearest to that wrench within their limits and the torque limits
-    then become joint torques by the map of the balancer.
+    The momentum changes as [G15] eqs. (38), (39) ask for: springs on the centre of mass and on the
+    base's orientation, damping of the linear and angular momentum, the target's rate of momentum,
+    and scale * action along the heading. The balancer says how that becomes torques:
 
-    The joints follow the reference as far as neither contacts nor momentum object. Legs whose foot
-    is not taken to be on the ground swing: their joints follow the reference with the gains of
-    `swing_frequency` and the inertia of the leg, and the other joints make up for it.
+    - "inverse_dynamics", by the law of all layers (`fbid_gym.actions.law`), which neglects no
+      velocity and no acceleration of the joints.
+    - "garofalo2015" and "ott2011", for motions that are planned: the contact forces that come
+      nearest to the wrench within their limits and the torque limits become joint torques by the
+      map of [G15], or of its predecessor with the wrench of (36). The joints follow their target as
+      far as neither contacts nor momentum object. Legs whose foot is not taken to be on the ground
+      swing by the gains of `swing_frequency`, and the other joints make up for it.
 
     The scale of the action is what the contacts can do: horizontally the force that moves the
     centre of pressure from below the centre of mass to the nearest edge of the support polygon,
@@ -56,13 +65,17 @@ class ComWrench:
 
     Attributes:
         law: from action to torque.
-        stance: the home stance.
-        gains: of the wrench.
+        scale: (6,) N and N·m, what action 1 adds to the wrench.
+        contact: what it assumes of contacts.
+        moment_priority: of the law.
+        gains: of the law.
     """
 
-    law: BalanceLaw
-    stance: Stance
-    gains: BalanceGains
+    law: Law | BalanceLaw
+    scale: np.ndarray
+    contact: ContactOptions
+    moment_priority: float
+    gains: BodyGains | BalanceGains
 
     @classmethod
     @checked
@@ -70,92 +83,85 @@ class ComWrench:
         cls,
         robot: Robot,
         control_hz: int,
+        kind: MotionKind,
         *,
-        balancer: Annotated[str, Choice(BALANCERS)] = "garofalo2015",
-        balance_frequency: Frequency = Falling(1.2),
-        height_frequency: Frequency = Falling(2.0),
-        rotation_frequency: Frequency = Falling(2.0),
-        posture_frequency: Frequency = Falling(1.7),
-        swing_frequency: Frequency = Falling(6.8),
-        damping_ratio: DampingRatio = 1.5,
-        moment_priority: Priority = 1.0,
+        balancer: Annotated[str, Choice((_INVERSE_DYNAMICS, *BALANCERS))] = _INVERSE_DYNAMICS,
+        balance_frequency: Frequency | None = None,
+        height_frequency: Frequency | None = None,
+        rotation_frequency: Frequency | None = None,
+        posture_frequency: Frequency | None = None,
+        swing_frequency: Frequency | None = None,
+        damping_ratio: DampingRatio | None = None,
+        moment_priority: Priority | None = None,
+        velocity_gain: VelocityGain = 0.0,
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "ComWrench":
-        """Build the layer.
+        """Build the layer. What is None is taken from the table in `fbid_gym.actions.gains`.
 
         Args:
             robot: whose joints.
             control_hz: control ticks per second.
-            balancer: "garofalo2015", [G15]; "ott2011", its predecessor; or "inverse_dynamics", the
-                wrench of [G15] through full inverse dynamics, which neglects no velocity and no
-                acceleration of the joints.
+            kind: of motion.
+            balancer: "inverse_dynamics", or one of the papers': see `ComWrench`.
             balance_frequency: Hz, of the centre of mass's horizontal return.
-            height_frequency: Hz, of its vertical return.
+            height_frequency: Hz, of the vertical return: of the base, by the papers' balancers of
+                the centre of mass.
             rotation_frequency: Hz, of the base's orientation.
             posture_frequency: Hz, of joints whose foot stands, and of those without foot.
-            swing_frequency: Hz, of the joints of a leg that swings.
-            damping_ratio: zeta, of all five.
-            moment_priority: weight of squared errors of the moment (per weight and mean distance of
-                the contact points) beside one for the force (per weight), where the contacts cannot
-                deliver both.
+            swing_frequency: Hz, of feet in the air; by the papers' balancers of their leg's joints.
+            damping_ratio: zeta, of all five; of the papers' balancers 1.5 unless given.
+            moment_priority: as of `base_acceleration`.
+            velocity_gain: as of `base_acceleration`; not for the papers' balancers.
             contact: what it assumes of contacts.
-        """
-        frequencies = in_hertz(
-            robot,
-            balance_frequency=balance_frequency,
-            height_frequency=height_frequency,
-            rotation_frequency=rotation_frequency,
-            posture_frequency=posture_frequency,
-            swing_frequency=swing_frequency,
-        )
-        balance, height, rotation, posture, swing = map(float, frequencies.values())
-        stance = Stance.of(robot)
-        inertia = turning_inertia(robot, balancer)
-        gains = BalanceGains.from_frequencies(
-            robot.mass,
-            inertia,
-            linear=(balance, balance, height),
-            rotation=rotation,
-            damping_ratio=damping_ratio,
-        )
-        on_velocity = balancer == "ott2011"
-        if on_velocity:
-            gains = gains.on_velocity(robot.mass, inertia)
-        # Derived along the trunk's axes, and meant along the base's.
-        own = base_from_trunk(robot)
-        gains = replace(gains, rotation_stiffness=own @ gains.rotation_stiffness @ own.T)
-        on_errors = gains.of_velocity() if on_velocity else gains.of_momentum()
-        on_joints = PostureGains.of(posture, swing, damping_ratio)
-        return cls(
-            law=BalanceLaw.of(
-                robot,
-                control_hz,
-                contact,
-                BALANCERS[balancer],
-                (on_errors, on_joints),
-                moment_priority,
-                wrench_scale_of(robot, stance, contact.friction),
-            ),
-            stance=stance,
-            gains=gains,
-        )
 
-    @property
-    def scale(self) -> np.ndarray:
-        """What action 1 adds to the wrench: (6,) N and N·m."""
-        return self.law.constants.push
+        Raises:
+            InvalidValueError: one of the papers' balancers on a gait, or with a velocity gain.
+        """
+        frequencies = {
+            "balance": balance_frequency,
+            "height": height_frequency,
+            "rotation": rotation_frequency,
+            "posture": posture_frequency,
+            "swing": swing_frequency,
+        }
+        assumed = contact.on(robot, kind)
+        scale = wrench_scale_of(robot, Stance.of(robot), assumed.friction)
+        if moment_priority is None:
+            moment_priority = default_moment_priority(robot, kind)
+        law: Law | BalanceLaw
+        if balancer == _INVERSE_DYNAMICS:
+            own = chosen_gains(robot, kind, damping_ratio, velocity_gain, **frequencies)
+            law = Law.of(robot, control_hz, assumed, own, moment_priority)
+            return cls(law, scale, assumed, moment_priority, own)
+        if kind.gait:
+            expected = f'"{_INVERSE_DYNAMICS}" on a gait: the papers balance motions that are planned'
+            raise InvalidValueError("balancer", balancer, expected)
+        if velocity_gain:
+            expected = f'0, or the balancer "{_INVERSE_DYNAMICS}"'
+            raise InvalidValueError("velocity_gain", velocity_gain, expected)
+        ratio = _PAPERS_RATIO if damping_ratio is None else damping_ratio
+        given = {name: _PAPERS[name] if x is None else x for name, x in frequencies.items()}
+        hertz = {name: float(value) for name, value in in_hertz(robot, **given).items()}
+        gains, on_errors = _papers_gains(robot, balancer, hertz, ratio)
+        on_joints = PostureGains.of(hertz["posture"], hertz["swing"], ratio)
+        law = BalanceLaw.of(
+            *(robot, control_hz, assumed, BALANCERS[balancer], (on_errors, on_joints)),
+            *(moment_priority, scale),
+        )
+        return cls(law, scale, assumed, moment_priority, gains)
 
     @property
     def action_names(self) -> tuple[str, ...]:
         """Six components of the wrench at the centre of mass."""
-        names = [f"force {axis} at the centre of mass, support frame" for axis in "xyz"]
-        names += [f"moment {axis} about the centre of mass, support frame" for axis in "xyz"]
+        axes = ("ahead", "to the left", "up")
+        names = [f"force {axis} at the centre of mass, heading" for axis in axes]
+        names += [f"moment {axis} about the centre of mass, heading" for axis in axes]
         return scaled_names(names, self.scale, "N", "N·m")
 
     @property
     def diagnostics(self) -> tuple[str, ...]:
-        """The wrench's residual, and the directions in which contacts cannot push."""
-        return DIAGNOSTICS
+        """Of the law."""
+        return self.law.diagnostics
 
     def memory(self, num_robots: int) -> Memory:
         """See `ActionLayer.memory`."""
@@ -165,32 +171,63 @@ class ComWrench:
         self,
         action: np.ndarray,
         state: RobotState,
-        reference: Reference,
+        target: Target,
         terms: Callable[[], DynamicsTerms],
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        return self.law.torque(action, state, reference, terms(), memory)
+        known = terms()
+        if isinstance(self.law, BalanceLaw):
+            return self.law.torque(action, state, target, known, memory)
+        command = _push(self.law.constants, self.scale * action, state, target, known)
+        return self.law.torque(command, state, target, known, memory)
 
-    def wrench(
-        self,
-        action: np.ndarray,
-        state: RobotState,
-        reference: Reference,
-        terms: DynamicsTerms,
-        body: CentroidalTerms,
+    def desired(
+        self, action: np.ndarray, state: RobotState, target: Target, terms: DynamicsTerms
     ) -> np.ndarray:
-        """Return the desired wrench at the centre of mass: (N, 6) N and N·m, world."""
-        return desired_wrench(
-            self.law.constants.wrench,
-            self.law.constants.gravity,
-            self.scale * action,
-            state,
-            reference,
-            terms,
-            body,
-            self.stance.frame(terms),
-        )
+        """Return the acceleration that it asks of the body, (N, 3) m/s^2, world."""
+        if isinstance(self.law, BalanceLaw):
+            return self.law.desired(action, state, target, terms)
+        push = self.scale * action
+        added = np.concatenate([push[:, :3] / self.law.robot.mass, 0.0 * push[:, 3:]], axis=1)
+        return stabilise(self.law.constants, added, state, target, terms).body[:, :3]
+
+
+def _papers_gains(
+    robot: Robot, balancer: str, hertz: dict[str, float], ratio: float
+) -> tuple[BalanceGains, WrenchGains]:
+    """Gains of a paper's balancer from frequencies (Hz), as they are and as its law takes them."""
+    inertia = turning_inertia(robot, balancer)
+    gains = BalanceGains.from_frequencies(
+        robot.mass,
+        inertia,
+        linear=(hertz["balance"], hertz["balance"], hertz["height"]),
+        rotation=hertz["rotation"],
+        damping_ratio=ratio,
+    )
+    on_velocity = balancer == "ott2011"
+    if on_velocity:
+        gains = gains.on_velocity(robot.mass, inertia)
+    # Derived along the trunk's axes, and meant along the base's.
+    own = base_from_trunk(robot)
+    gains = replace(gains, rotation_stiffness=own @ gains.rotation_stiffness @ own.T)
+    return gains, gains.of_velocity() if on_velocity else gains.of_momentum()
+
+
+@kernel
+def _push(
+    law: LawConstants,
+    push: np.ndarray,
+    state: RobotState,
+    target: Target,
+    terms: DynamicsTerms,
+) -> Command:
+    """The momentum changes as the target's does, with springs and dampers, and what is pushed."""
+    even = stabilise(law, np.zeros(push.shape), state, target, terms)
+    for i in range(len(push)):
+        for k in range(2, 6):
+            even.body[i, k] = target.qacc[i, k]
+    return Command(even.reference, even.body, push)
 
 
 def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:

@@ -6,11 +6,11 @@ import numpy as np
 
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice, Number
-from fbid_gym.quantities import ActivePoints, Reference, RobotState
+from fbid_gym.quantities import RobotState, Target
 from fbid_gym.robots import Robot
 
-ContactBelief = Callable[[RobotState, Reference], ActivePoints]
-"""Returns which points are in contact."""
+ContactBelief = Callable[[RobotState, Target], np.ndarray]
+"""Returns which points are in contact: (N, P) bool."""
 
 Schedule = Sequence[tuple[float, Sequence[str]]]
 
@@ -27,7 +27,7 @@ def contact_belief(contacts: str | Schedule, robot: Robot, control_hz: int) -> C
     """Build a contact belief.
 
     Args:
-        contacts: "planned", the feet that stand in the reference motion; "all"; "measured", the
+        contacts: "planned", those of the feet that shall stand; "all"; "measured", the
             points that carried weight on the last physics step; or a schedule [(seconds, names of
             the feet on the ground), ...], repeated for ever.
         robot: whose feet.
@@ -36,34 +36,24 @@ def contact_belief(contacts: str | Schedule, robot: Robot, control_hz: int) -> C
     Raises:
         FbidError: not one of these, a foot that does not exist, or a phase without duration.
     """
-    every = ActivePoints(np.ones((1, robot.num_points), bool), False)
+    points = robot.num_points
     if isinstance(contacts, str):
         if contacts == "all":
-            return lambda state, reference: every
+            return lambda state, target: np.ones((len(state.tick), points), bool)
         if contacts == "planned":
             foot = np.repeat(np.arange(robot.num_feet), [len(foot.points) for foot in robot.feet])
-            return lambda state, reference: (
-                _planned(state, reference, foot) if reference.stepping else every
-            )
+            return lambda state, target: target.planted.take(foot, axis=1)
         if contacts == "measured":
             least = MEASURED_LOAD * robot.weight
-            return lambda state, reference: _loaded(state.contact_force, least)
+            return lambda state, target: _loaded(state.contact_force, least)
         raise UnknownOptionError("contacts", contacts, CONTACTS)
     table = _schedule_table(contacts, robot, control_hz)
-    return lambda state, reference: ActivePoints(table[state.tick % len(table)], True)
+    return lambda state, target: table[state.tick % len(table)]
 
 
-def _planned(state: RobotState, reference: Reference, foot: np.ndarray) -> ActivePoints:
-    """Points of the feet that stand in the reference."""
-    points = reference.planted.take(foot, axis=1)
-    if len(points) != len(state.tick):
-        points = points.repeat(len(state.tick), axis=0)
-    return ActivePoints(points, True)
-
-
-def _loaded(force: np.ndarray, least: float) -> ActivePoints:
+def _loaded(force: np.ndarray, least: float) -> np.ndarray:
     """Points that carry more than `least` N."""
-    return ActivePoints(np.vecdot(force, force) > least**2, True)
+    return np.vecdot(force, force) > least**2
 
 
 def _schedule_table(schedule: Schedule, robot: Robot, control_hz: int) -> np.ndarray:

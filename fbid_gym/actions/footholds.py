@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.command import Steering
+from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import checked
 from fbid_gym.robots import Robot
 
@@ -31,23 +33,32 @@ class Footholds:
 
     @classmethod
     @checked
-    def of(cls, robot: Robot, *, footholds: bool = False, step_rate: bool = False) -> "Footholds":
+    def of(
+        cls,
+        robot: Robot,
+        kind: MotionKind,
+        *,
+        footholds: bool | None = None,
+        step_rate: bool = False,
+    ) -> "Footholds":
         """Return what steers the gait of a robot.
 
         Args:
             robot: whose feet.
+            kind: of motion; what is planned beforehand cannot be steered.
             footholds: whether the action moves the next foothold of each foot, by up to a fifth of
-                the height of the centre of mass. Those of the layers
-                `base_acceleration` and `com_wrench` do unless told otherwise.
+                the height of the centre of mass. Default: on a gait
+                those of the layers `base_acceleration` and `com_wrench` do.
             step_rate: whether the action changes the gait's frequency.
+
+        Raises:
+            InvalidValueError: there is no gait to steer.
         """
+        if not kind.gait and (footholds or step_rate):
+            name = "footholds" if footholds else "step_rate"
+            raise InvalidValueError(name, True, "False where no gait makes the steps")
         scale = _MOST_SHIFT * float(Stance.of(robot).home_com[2])
         return cls(robot.foot_names if footholds else (), robot.num_feet, scale, step_rate)
-
-    @classmethod
-    def none(cls, robot: Robot) -> "Footholds":
-        """Return what leaves a gait alone."""
-        return cls((), robot.num_feet, 0.0, False)
 
     @property
     def action_names(self) -> tuple[str, ...]:

@@ -2,53 +2,48 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.acceleration_law import AccelerationLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.falling import Falling, in_hertz
+from fbid_gym.actions.falling import in_hertz
+from fbid_gym.actions.gains import JOINTS_FIRST, default_gains, in_hz
+from fbid_gym.actions.joint_motion import JointMotion
+from fbid_gym.actions.law import Command, Law
 from fbid_gym.actions.ranges import AccelerationScale, DampingRatio, Frequency
-from fbid_gym.compiled import bind, kernel
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import checked
-from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
-_JOINTS_FIRST = 1e-3  # base priority: the base follows the joints
 _SCALE = 2.2
-
-
-class _Gains(NamedTuple):
-    """Of every joint.
-
-    Attributes:
-        stiffness: w^2, 1/s^2.
-        damping: 2 zeta w, 1/s.
-    """
-
-    stiffness: float
-    damping: float
+_PLANNED = 0.85  # times the rate at which the robot falls
 
 
 @dataclass(frozen=True, eq=False)
 class JointAcceleration:
-    """qdd = qdd_ref + w^2 (q_ref - q) + 2 zeta w (qdot_ref - qdot) + scale * action.
+    """qdd = qdd_t + w^2 (q_t - q) + 2 zeta w (qdot_t - qdot) + scale * action.
 
-    Of the joints, through [M10] eq. (15). The base is not commanded: its acceleration is what the
-    feet on the ground leave it.
+    Of the joints, towards their target q_t, through [M10] eq. (15). The base is not commanded: its
+    acceleration is what the feet on the ground leave it.
 
     Attributes:
         law: from acceleration to torque.
-        gains: of the joints.
+        motion: of the joints that are followed.
+        stiffness: w^2, 1/s^2, of every joint.
+        damping: 2 zeta w, 1/s, of every joint.
         scale: rad/s^2 (m/s^2 for slides) at action 1.
+        contact: what it assumes of contacts.
     """
 
-    law: AccelerationLaw
-    gains: _Gains
+    law: Law
+    motion: JointMotion
+    stiffness: float
+    damping: float
     scale: float
+    contact: ContactOptions
 
     @classmethod
     @checked
@@ -56,8 +51,9 @@ class JointAcceleration:
         cls,
         robot: Robot,
         control_hz: int,
+        kind: MotionKind,
         *,
-        natural_frequency: Frequency = Falling(0.85),
+        natural_frequency: Frequency | None = None,
         damping_ratio: DampingRatio = 1.0,
         scale: AccelerationScale | None = None,
         contact: ContactOptions = CONTACT_DEFAULTS,
@@ -67,23 +63,34 @@ class JointAcceleration:
         Args:
             robot: whose joints.
             control_hz: control ticks per second.
-            natural_frequency: w / (2 pi) in Hz of every joint's return to its reference.
+            kind: of motion.
+            natural_frequency: w / (2 pi) in Hz of every joint's return to its target. Default: 0.85
+                times that at which the robot falls; on a gait that of its feet in the air.
             damping_ratio: zeta.
             scale: rad/s^2 (m/s^2 for slides) at action 1. Default: 2.2 times the square of the rate
                 at which the robot falls, see `Falling`.
             contact: what it assumes of contacts.
         """
-        (frequency,) = in_hertz(robot, natural_frequency=natural_frequency).values()
+        gains = default_gains(robot, kind)
+        (hertz,) = in_hertz(robot, natural_frequency=natural_frequency).values()
+        omega = 2.0 * np.pi * hertz if hertz is not None else _PLANNED * kind.omega
+        if hertz is None and kind.gait:
+            omega = np.sqrt(gains.swing)
         if scale is None:
             scale = _SCALE * Stance.of(robot).falling_rate ** 2
-        omega = 2.0 * np.pi * frequency
-        law = AccelerationLaw.of(robot, control_hz, contact, base_priority=_JOINTS_FIRST)
-        return cls(law, _Gains(omega**2, 2.0 * damping_ratio * omega), float(scale))
+        assumed = contact.on(robot, kind)
+        firm = gains._replace(hold=0.0)
+        law = Law.of(
+            *(robot, control_hz, assumed, firm, 1.0), feet_first=False, base_priority=JOINTS_FIRST
+        )
+        motion = JointMotion.of(robot, kind, gains, aware=True)
+        damping = 2.0 * damping_ratio * float(omega)
+        return cls(law, motion, float(omega) ** 2, damping, float(scale), assumed)
 
     @property
     def natural_frequency(self) -> float:
-        """Hz, of every joint's return to its reference."""
-        return float(np.sqrt(self.gains.stiffness)) / (2.0 * np.pi)
+        """Hz, of every joint's return to its target."""
+        return in_hz(self.stiffness)
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -93,7 +100,7 @@ class JointAcceleration:
 
     @property
     def diagnostics(self) -> tuple[str, ...]:
-        """Of the acceleration law."""
+        """Of the law."""
         return self.law.diagnostics
 
     def memory(self, num_robots: int) -> Memory:
@@ -104,33 +111,36 @@ class JointAcceleration:
         self,
         action: np.ndarray,
         state: RobotState,
-        reference: Reference,
+        target: Target,
         terms: Callable[[], DynamicsTerms],
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        desired = self._stabilise(action, state, reference)
-        return self.law.torque(desired, state, reference, terms(), memory)
-
-    @cached_property
-    def _stabilise(self) -> Callable[..., np.ndarray]:
-        return bind(_stabilise, self.gains, self.scale)
+        known = terms()
+        followed = self.motion.target(state, target, known)
+        gains = self.stiffness, self.damping, self.scale
+        command = _accelerate(*gains, action, state, followed)
+        return self.law.torque(command, state, target, known, memory)
 
 
 @kernel
-def _stabilise(
-    gains: _Gains, scale: float, action: np.ndarray, state: RobotState, reference: Reference
-) -> np.ndarray:
-    """Desired accelerations (N, nv) for actions (N, n) and their scale; zero for the base."""
+def _accelerate(
+    stiffness: float,
+    damping: float,
+    scale: float,
+    action: np.ndarray,
+    state: RobotState,
+    target: Target,
+) -> Command:
+    """Desired accelerations of the joints for actions (N, n) and their scale; none of the base."""
     count, size = state.qvel.shape
     desired = np.zeros((count, size))
     for i in range(count):
-        row = min(i, len(reference.qpos) - 1)
         for k in range(6, size):
             desired[i, k] = (
-                reference.qacc[row, k]
-                + gains.stiffness * (reference.qpos[row, k + 1] - state.qpos[i, k + 1])
-                + gains.damping * (reference.qvel[row, k] - state.qvel[i, k])
+                target.qacc[i, k]
+                + stiffness * (target.qpos[i, k + 1] - state.qpos[i, k + 1])
+                + damping * (target.qvel[i, k] - state.qvel[i, k])
                 + scale * action[i, k - 6]
             )
-    return desired
+    return Command(desired, np.empty((count, 0)), np.empty((0, 6)))

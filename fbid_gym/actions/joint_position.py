@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -10,10 +9,13 @@ import numpy as np
 from fbid_gym.actions.falling import Falling
 from fbid_gym.actions.joint_gains import SERVO, JointGains, holding_torque, servo_fault
 from fbid_gym.actions.ranges import DampingRatio, Hertz, TargetScale
-from fbid_gym.compiled import bind, kernel
+from fbid_gym.actions.gains import default_gains
+from fbid_gym.actions.joint_motion import JointMotion
+from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.options import checked
-from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
+from fbid_gym.motions.target import MotionKind, home_target
+from fbid_gym.options import Choice, checked
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
 _FREQUENCY = Falling(3.4)
@@ -22,16 +24,20 @@ _DAMPING_RATIO = 1.0
 
 @dataclass(frozen=True, eq=False)
 class JointPosition:
-    """tau = tau_home + K_P (q_ref + scale * action - q) + K_D (qdot_ref - qdot).
+    """tau = tau_home + K_P (q_t + scale * action - q) + K_D (qdot_t - qdot), to a target q_t.
 
     Attributes:
         robot: whose joints.
+        motion: of the joints that are followed.
+        home: the home posture, followed instead; None where it is not.
         hold: (n,) N·m that keep the home stance in equilibrium: the zero action rests there.
         gains: of the joints.
         scale: rad (m for slides) at action 1.
     """
 
     robot: Robot
+    motion: JointMotion
+    home: Target | None
     hold: np.ndarray
     gains: JointGains
     scale: float
@@ -42,7 +48,9 @@ class JointPosition:
         cls,
         robot: Robot,
         control_hz: int,
+        kind: MotionKind,
         *,
+        reference: Annotated[str, Choice(("gait", "home"))] = "gait",
         natural_frequency: Annotated[float | str, Hertz(also=(SERVO,))] | None = None,
         damping_ratio: DampingRatio = _DAMPING_RATIO,
         scale: TargetScale = 0.3,
@@ -54,6 +62,8 @@ class JointPosition:
         Args:
             robot: whose joints.
             control_hz: control ticks per second.
+            kind: of motion.
+            reference: "gait", the task's target is followed; or "home", the home posture is.
             natural_frequency: f in Hz; or "servo", the gains that the file's servos had. Default:
                 theirs, if they held every joint and are steady at `control_hz`; else 3.4 times that
                 at which the robot falls, see `Falling`. Stiffer joints take harder pushes
@@ -65,7 +75,11 @@ class JointPosition:
             InvalidValueError: out of range, or beyond what any joint can be held with.
         """
         gains = _gains(robot, control_hz, natural_frequency, damping_ratio)
-        return cls(robot, holding_torque(robot), gains, scale)
+        at_home = reference == "home"
+        followed = kind._replace(gait=kind.gait and not at_home)
+        motion = JointMotion.of(robot, followed, default_gains(robot, kind), aware=False)
+        home = home_target(robot) if at_home else None
+        return cls(robot, motion, home, holding_torque(robot), gains, scale)
 
     @property
     def natural_frequency(self) -> float | str:
@@ -90,16 +104,15 @@ class JointPosition:
         self,
         action: np.ndarray,
         state: RobotState,
-        reference: Reference,
+        target: Target,
         terms: Callable[[], DynamicsTerms],
         memory: Memory,
     ) -> np.ndarray:
         """See `ActionLayer.torque`."""
-        return self._feedback(action, state, reference)
-
-    @cached_property
-    def _feedback(self) -> Callable[..., np.ndarray]:
-        return bind(_feedback, self.hold, self.gains, self.scale)
+        followed = self.home
+        if followed is None:
+            followed = self.motion.target(state, target, terms())
+        return _feedback(self.hold, self.gains, self.scale, action, state, followed)
 
 
 def _gains(
@@ -124,14 +137,14 @@ def _feedback(
     scale: float,
     action: np.ndarray,
     state: RobotState,
-    reference: Reference,
+    target: Target,
 ) -> np.ndarray:
     """Torques (N, n) for actions (N, n)."""
     torque = np.empty(action.shape)
     for i in range(len(torque)):
-        row = min(i, len(reference.qpos) - 1)
+        row = min(i, len(target.qpos) - 1)
         for j in range(len(hold)):
-            error = reference.qpos[row, 7 + j] + scale * action[i, j] - state.qpos[i, 7 + j]
-            rate = reference.qvel[row, 6 + j] - state.qvel[i, 6 + j]
+            error = target.qpos[row, 7 + j] + scale * action[i, j] - state.qpos[i, 7 + j]
+            rate = target.qvel[row, 6 + j] - state.qvel[i, 6 + j]
             torque[i, j] = hold[j] + gains.stiffness[j] * error + gains.damping[j] * rate
     return torque

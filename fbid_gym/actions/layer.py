@@ -1,11 +1,11 @@
 """What every action layer is: a map from a policy's action to joint torques, tick by tick."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 
 
 class ActionLayer(Protocol):
@@ -13,8 +13,8 @@ class ActionLayer(Protocol):
 
     A layer is immutable and serves any number of robots: what it remembers of each lies in a
     `Memory` that the caller keeps, so that resetting one robot is resetting one row. In every layer
-    the zero action means "follow the reference motion as well as this layer can"; where the task is
-    to stand, that is to hold the home posture.
+    the zero action means "follow the task's target as well as this layer can"; where the task is to
+    stand, that is to hold the home posture.
     """
 
     @property
@@ -35,7 +35,7 @@ class ActionLayer(Protocol):
         self,
         action: np.ndarray,
         state: RobotState,
-        reference: Any,
+        target: Target,
         terms: Callable[[], DynamicsTerms],
         memory: Memory,
     ) -> np.ndarray:
@@ -44,7 +44,7 @@ class ActionLayer(Protocol):
         Args:
             action: (N, A) in [-1, 1].
             state: of the robots, now.
-            reference: what the task asks for, now: a `Reference`, or the target of a gait.
+            target: what they shall do, now.
             terms: returns the dynamics at this state; not called by layers that need no model.
             memory: of the robots; updated.
 

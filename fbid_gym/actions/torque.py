@@ -6,13 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.actions.joint_gains import holding_torque
-from fbid_gym.quantities import DynamicsTerms, Memory, Reference, RobotState
+from fbid_gym.motions.target import MotionKind
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
 
 @dataclass(frozen=True, eq=False)
 class Torque:
-    """tau = tau_home + action * torque limit. There is no feedback: references are for the policy.
+    """tau = tau_home + action * torque limit. There is no feedback: targets are for the policy.
 
     Attributes:
         robot: whose joints.
@@ -23,7 +24,7 @@ class Torque:
     hold: np.ndarray
 
     @classmethod
-    def of(cls, robot: Robot, control_hz: int) -> "Torque":
+    def of(cls, robot: Robot, control_hz: int, kind: MotionKind) -> "Torque":
         """Build the layer. It has no options."""
         return cls(robot, holding_torque(robot))
 
@@ -43,7 +44,7 @@ class Torque:
         self,
         action: np.ndarray,
         state: RobotState,
-        reference: Reference,
+        target: Target,
         terms: Callable[[], DynamicsTerms],
         memory: Memory,
     ) -> np.ndarray:

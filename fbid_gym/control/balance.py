@@ -45,11 +45,11 @@ from fbid_gym.quantities import (
     BodyMotion,
     CentroidalTerms,
     DynamicsTerms,
-    Reference,
     RobotState,
-    SupportFrame,
+    Target,
     WrenchGains,
 )
+from fbid_gym.small_matrices import dot
 
 GRAVITY = 9.81
 
@@ -81,66 +81,30 @@ def resting_target(com: np.ndarray, rotation: np.ndarray) -> BalanceTarget:
 
 
 @compiled
-def balance_target(
-    reference: Reference, frame: SupportFrame, body: CentroidalTerms
-) -> BalanceTarget:
-    """Return what a reference, seen from the robots' own feet, asks of each.
+def balance_target(target: Target, terms: DynamicsTerms, body: CentroidalTerms) -> BalanceTarget:
+    """Return what a target asks of the balance of each robot.
 
-    Its momentum is that of the robot as it stands moving at the reference's velocities.
+    Its momentum is that of the robot as it stands moving at the target's velocities.
 
     Args:
-        reference: (N or 1) rows.
-        frame: of the feet.
+        target: in the world.
+        terms: of the robots.
         body: of the robots.
     """
-    count = len(frame.centre)
-    com, rotation, com_velocity = (
-        np.empty((count, 3)),
-        np.empty((count, 3, 3)),
-        np.empty((count, 3)),
-    )
-    angular_velocity, angular_momentum = np.empty((count, 3)), np.empty((count, 3))
-    momentum_rate, upright = np.empty((count, 6)), np.empty((3, 3))
+    count = len(terms.com)
+    rotation, angular_velocity = np.empty((count, 3, 3)), np.empty((count, 3))
+    angular_momentum, momentum_rate = np.empty((count, 3)), np.empty((count, 6))
     for i in range(count):
-        row = (min(i, len(reference.qpos) - 1),)
-        to_world = matrix(frame.world_from_support, (i,))
-        place = turn(to_world, vector(reference.com_in_support, row))
-        store(add(vector(frame.centre, (i,)), place), com, (i,))
-        store(turn(to_world, vector(reference.com_velocity_in_support, row)), com_velocity, (i,))
-        push = turn(to_world, vector(reference.com_acceleration_in_support, row))
-        store(scale(body.mass[i], push), momentum_rate, (i,))
-
-        rotation_of(reference.qpos[row[0], 3:7], upright)
-        target = product(to_world, matrix(upright, ()))
-        for axis in range(3):
-            store(target[axis], rotation, (i, axis))
-        store(turn(target, vector(reference.qvel, row, 3)), angular_velocity, (i,))
-        spin = _angular_momentum(body.matrix, i, to_world, reference.qvel)
-        store(spin, angular_momentum, (i,))
-        change = _angular_momentum(body.matrix, i, to_world, reference.qacc)
-        store(change, momentum_rate, (i,), 3)
+        rotation_of(target.qpos[i, 3:7], rotation[i])
+        spin = turn(matrix(rotation, (i,)), vector(target.qvel, (i,), 3))
+        store(spin, angular_velocity, (i,))
+        store(scale(body.mass[i], vector(target.com_acceleration, (i,))), momentum_rate, (i,))
+        for k in range(3):
+            angular_momentum[i, k] = dot(body.matrix[i, 3 + k], target.qvel[i])
+            momentum_rate[i, 3 + k] = dot(body.matrix[i, 3 + k], target.qacc[i])
     return BalanceTarget(
-        com, rotation, com_velocity, angular_velocity, angular_momentum, momentum_rate
+        target.com, rotation, target.com_velocity, angular_velocity, angular_momentum, momentum_rate
     )
-
-
-@compiled
-def _angular_momentum(
-    momentum_matrix: np.ndarray, robot: int, to_world: Rotation, rates: np.ndarray
-) -> Vector:
-    """Of the robot as it stands, at generalized rates (nv,) whose linear part is seen from feet."""
-    row = min(robot, len(rates) - 1)
-    linear = turn(to_world, vector(rates, (row,)))
-    total = (0.0, 0.0, 0.0)
-    for j in range(rates.shape[1]):
-        rate = linear[j] if j < 3 else rates[row, j]
-        column = (
-            momentum_matrix[robot, 3, j],
-            momentum_matrix[robot, 4, j],
-            momentum_matrix[robot, 5, j],
-        )
-        total = add(total, scale(rate, column))
-    return total
 
 
 @compiled

@@ -18,11 +18,9 @@ from fbid_gym.dynamics.vectors import Vector, add, scale, store, subtract, vecto
 from fbid_gym.dynamics.vectors import dot as inner
 from fbid_gym.quantities import Accuracy
 from fbid_gym.small_matrices import (
-    add_transposed_times,
     copy,
     dot,
     factor,
-    gram,
     lift,
     solve_factored,
 )
@@ -55,8 +53,9 @@ class Forces(NamedTuple):
 
 
 class Points(NamedTuple):
-    """The problem, point by point."""
+    """The problem, point by point; there may be room for more points than there are."""
 
+    count: np.ndarray  # (1,) int64, P
     wrenches: np.ndarray  # (P, 3, 6): of unit forces of the points, G^T
     wrench: np.ndarray  # (6,)
     limits: np.ndarray  # (P, 3)
@@ -117,7 +116,7 @@ def evaluate(problem: Points, regularisation: float, point: Point) -> float:
     wrenches, missing = problem.wrenches, point.missing
     for row in range(6):
         missing[row] = -problem.wrench[row]
-    for i in range(len(problem.limits)):
+    for i in range(problem.count[0]):
         for axis in range(3):
             total = 0.0
             for row in range(6):
@@ -147,7 +146,7 @@ def jacobian_at(problem: Points, regularisation: float, point: Point, newton: St
         for column in range(row):
             jacobian[row, column] = 0.0
         jacobian[row, row] = regularisation
-    for i in range(len(problem.limits)):
+    for i in range(problem.count[0]):
         free, limits = vector(point.free, (i,)), vector(problem.limits, (i,))
         friction, lowest, highest = limits
         nearest = nearest_force(free, limits)
@@ -185,11 +184,11 @@ def _go(start: np.ndarray, change: np.ndarray, step: float, end: np.ndarray) -> 
 
 
 @compiled
-def _copy(point: Point, to: Point) -> None:
+def _copy(point: Point, to: Point, count: int) -> None:
     for i in range(6):
         to.dual[i], to.missing[i] = point.dual[i], point.missing[i]
         to.gradient[i] = point.gradient[i]
-    for i in range(len(point.force)):
+    for i in range(count):
         for axis in range(3):
             to.free[i, axis], to.force[i, axis] = point.free[i, axis], point.force[i, axis]
 
@@ -203,7 +202,7 @@ def _slope(
     It needs the free forces, which are linear on the way, and no product with the map.
     """
     slope = offset + growth * step
-    for i in range(len(problem.limits)):
+    for i in range(problem.count[0]):
         start = vector(point.free, (i,))
         way = subtract(vector(trial.free, (i,)), start)
         free = add(start, scale(step, way))
@@ -284,7 +283,7 @@ def _newton(
         taken += 1
         if not error < np.inf:
             return evaluate(problem, regularisation, point), taken
-        _copy(trial, point)
+        _copy(trial, point, problem.count[0])
     return error, taken
 
 
@@ -312,20 +311,54 @@ def _persist(
     return taken + _newton(problem, regularisation, tolerance, 6 * budget, point, trial, newton)[1]
 
 
+class Room(NamedTuple):
+    """A problem, its solution and buffers, made once: what is called most makes no arrays."""
+
+    problem: Points
+    point: Point  # its force, missing and dual are those of the solution
+    trial: Point
+    newton: Step
+
+
 @compiled
-def _stick(problem: Problem, found: Forces) -> bool:
-    """Write the smallest forces that deliver the wrench; whether they do, and are within limits."""
-    wrench_gram = np.empty((6, 6))
-    gram(problem.maps, problem.maps, _FAINT, wrench_gram)
-    factor(wrench_gram)
-    dual, force = found.dual, found.force
+def room_for(points: int) -> Room:
+    """Return room for a problem of no more than so many points."""
+    return Room(
+        Points(np.zeros(1, np.int64), np.empty((points, 3, 6)), np.empty(6), np.empty((points, 3))),
+        _room_for_point(points),
+        _room_for_point(points),
+        Step(np.empty(6), np.empty((6, 6)), np.empty(6)),
+    )
+
+
+@compiled
+def _room_for_point(points: int) -> Point:
+    return Point(
+        np.empty(6), np.empty((points, 3)), np.empty((points, 3)), np.empty(6), np.empty(6)
+    )
+
+
+@compiled
+def _stick(problem: Points, point: Point, gram: np.ndarray) -> bool:
+    """Write the smallest forces that deliver the wrench; whether they do, and are within limits.
+
+    `gram` (6, 6) is a buffer.
+    """
+    wrenches, dual, force = problem.wrenches, point.dual, point.force
+    for row in range(6):
+        for column in range(row + 1):
+            total = _FAINT if row == column else 0.0
+            for i in range(problem.count[0]):
+                for axis in range(3):
+                    total += wrenches[i, axis, row] * wrenches[i, axis, column]
+            gram[row, column] = total
+    factor(gram)
     copy(problem.wrench, dual)
-    solve_factored(wrench_gram, dual)
-    flat = force.reshape(force.size)
-    flat[:] = 0.0
-    add_transposed_times(problem.maps, dual, flat)
-    for i in range(len(force)):
-        friction, lowest, highest = problem.limits[i]
+    solve_factored(gram, dual)
+    for i in range(problem.count[0]):
+        for axis in range(3):
+            force[i, axis] = dot(wrenches[i, axis], dual)
+        friction, lowest, highest = vector(problem.limits, (i,))
         normal = force[i, 2]
         sticks = np.hypot(force[i, 0], force[i, 1]) <= friction * normal
         if not (sticks and lowest <= normal <= highest):
@@ -339,6 +372,28 @@ def _stick(problem: Problem, found: Forces) -> bool:
 def deliver(
     problem: Problem, accuracy: Accuracy, weight: float, start: np.ndarray, found: Forces
 ) -> int:
+    """Solve the problem of one robot, see `deliver_by_points`; writes to `found`."""
+    count = len(problem.limits)
+    room = room_for(count)
+    points, point = room.problem, room.point
+    points.count[0] = count
+    copy(problem.wrench, points.wrench)
+    for i in range(count):
+        copy(problem.limits[i], points.limits[i])
+        for axis in range(3):
+            for row in range(6):
+                points.wrenches[i, axis, row] = problem.maps[row, 3 * i + axis]
+    taken = deliver_by_points(room, accuracy, weight, start, found.dual)
+    copy(point.missing, found.missing)
+    for i in range(count):
+        copy(point.force[i], found.force[i])
+    return taken
+
+
+@compiled
+def deliver_by_points(
+    room: Room, accuracy: Accuracy, weight: float, start: np.ndarray, next_start: np.ndarray
+) -> int:
     """Solve the problem of one robot.
 
     The smallest forces are tried first. Newton's method follows where they are not within the
@@ -347,42 +402,35 @@ def deliver(
     leaves unsolved gets the better of its last forces and those at `start`.
 
     Args:
-        problem: of the robot.
+        room: with the problem; its point is written.
         accuracy: of the solution.
         weight: N, of the robot, to which the tolerance is relative.
         start: (6,) dual point to begin with.
-        found: to write to.
+        next_start: (6,) where to begin next; written.
 
     Returns:
         The Newton steps taken.
     """
-    if _stick(problem, found):
-        found.missing[:] = 0.0
+    problem, point, trial, newton = room.problem, room.point, room.trial, room.newton
+    # A wrench has six numbers, and two points can deliver five of them.
+    if problem.count[0] > 2 and _stick(problem, point, newton.jacobian):
+        for row in range(6):
+            point.missing[row], next_start[row] = 0.0, point.dual[row]
         return 0
-    count = len(problem.limits)
-    wrenches = np.empty((count, 3, 6))
-    for i in range(count):
-        for axis in range(3):
-            for row in range(6):
-                wrenches[i, axis, row] = problem.maps[row, 3 * i + axis]
-    points = Points(wrenches, problem.wrench, problem.limits)
-    point = Point(np.empty(6), np.empty((count, 3)), found.force, found.missing, np.empty(6))
-    trial = Point(np.empty(6), np.empty((count, 3)), np.empty((count, 3)), np.empty(6), np.empty(6))
-    newton = Step(np.empty(6), np.empty((6, 6)), np.empty(6))
     copy(start, point.dual)
     eps, tolerance = accuracy.regularisation, accuracy.tolerance * weight
     budget = accuracy.max_iterations
-    error, taken = _newton(points, eps, tolerance, budget, point, trial, newton)
+    error, taken = _newton(problem, eps, tolerance, budget, point, trial, newton)
     if error > tolerance:
-        taken += _persist(points, eps, tolerance, 2 * budget, point, trial, newton)
+        taken += _persist(problem, eps, tolerance, 2 * budget, point, trial, newton)
         error = np.sqrt(dot(point.gradient, point.gradient))
-    copy(point.dual, found.dual)
+    copy(point.dual, next_start)
     if error > tolerance:
         # The better of the last forces and those of the warm start.
         copy(start, trial.dual)
-        evaluate(points, eps, trial)
-        if dot(trial.missing, trial.missing) < dot(found.missing, found.missing):
-            copy(trial.missing, found.missing)
-            for i in range(count):
-                copy(trial.force[i], found.force[i])
+        evaluate(problem, eps, trial)
+        if dot(trial.missing, trial.missing) < dot(point.missing, point.missing):
+            copy(trial.missing, point.missing)
+            for i in range(problem.count[0]):
+                copy(trial.force[i], point.force[i])
     return taken

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fbid_gym.compiled import compiled
+from fbid_gym.dynamics.vectors import Rotation, Vector, add, cross, scale, transposed
 
 
 @compiled
@@ -22,12 +23,22 @@ def rotation_of(quaternion: np.ndarray, result: np.ndarray) -> None:
 
 
 @compiled
-def rotation_left(target: np.ndarray, now: np.ndarray) -> tuple[float, float, float]:
-    """Return axis times sine of the rotation from `now` to `target`, both (3, 3), world axes."""
-    x, y, z = 0.0, 0.0, 0.0
+def rotation_at(quaternions: np.ndarray, i: int, first: int) -> Rotation:
+    """Return the matrix of the quaternion quaternions[i, first : first + 4], w, x, y, z."""
+    w, x = quaternions[i, first], quaternions[i, first + 1]
+    y, z = quaternions[i, first + 2], quaternions[i, first + 3]
+    double = 2.0 / (w * w + x * x + y * y + z * z)
+    return (
+        (1.0 - double * (y * y + z * z), double * (x * y - w * z), double * (x * z + w * y)),
+        (double * (x * y + w * z), 1.0 - double * (x * x + z * z), double * (y * z - w * x)),
+        (double * (x * z - w * y), double * (y * z + w * x), 1.0 - double * (x * x + y * y)),
+    )
+
+
+@compiled
+def turned_left(target: Rotation, now: Rotation) -> Vector:
+    """Return axis times sine of the rotation from `now` to `target`, world axes."""
+    to, at = transposed(target), transposed(now)
     # 1/2 sum over columns of now × target.
-    for k in range(3):
-        x += now[1, k] * target[2, k] - now[2, k] * target[1, k]
-        y += now[2, k] * target[0, k] - now[0, k] * target[2, k]
-        z += now[0, k] * target[1, k] - now[1, k] * target[0, k]
-    return 0.5 * x, 0.5 * y, 0.5 * z
+    total = add(add(cross(at[0], to[0]), cross(at[1], to[1])), cross(at[2], to[2]))
+    return scale(0.5, total)

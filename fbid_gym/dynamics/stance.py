@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,27 @@ from fbid_gym.dynamics.support import heading_of, support_frame
 from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, SupportFrame
 from fbid_gym.robots import Robot
 from fbid_gym.robots.mjcf import posed
+
+
+class Limbs(NamedTuple):
+    """Which joints of a robot move which feet; F feet. Joints are coordinates, 6 … nv - 1.
+
+    Attributes:
+        size: nv.
+        legs: (F, K) int64, joints that move this foot and no other; -1 beyond the last.
+        others: (A,) int64, joints that move no foot, or several.
+        shared: int64, those of them that move several.
+        rows: (F,) int64, how many rows of its Jacobian hold a foot with all its points: the first
+            three, or all six; 0 where it takes others.
+        every: (F,) int64, the set of all its points, as bits.
+    """
+
+    size: int
+    legs: np.ndarray
+    others: np.ndarray
+    shared: np.ndarray
+    rows: np.ndarray
+    every: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +146,28 @@ class Stance:
     def legs(self) -> np.ndarray:
         """(F, n) bool, joints that move this foot and no other."""
         return _legs(self.terms)
+
+    @cached_property
+    def limbs(self) -> Limbs:
+        """Which joints move which feet."""
+        legs = self.legs
+        moves = (np.abs(self.terms.foot_jacobian[0, :, :, 6:]).max(axis=1) > 0.0).sum(axis=0)
+        own = np.full((len(legs), max(1, legs.sum(axis=1).max())), -1, np.int64)
+        for row, leg in zip(own, legs, strict=True):
+            row[: leg.sum()] = 6 + np.flatnonzero(leg)
+        every = 2 ** np.bincount(self.geometry.foot_of_point, minlength=len(legs)) - 1
+        ranks = [
+            int((np.abs(self.geometry.motion[foot, points]).max(axis=1) > 0.0).sum())
+            for foot, points in enumerate(every)
+        ]
+        return Limbs(
+            size=6 + len(moves),
+            legs=own,
+            others=6 + np.flatnonzero(moves != 1),
+            shared=6 + np.flatnonzero(moves > 1),
+            rows=np.array([rank if rank in (3, 6) else 0 for rank in ranks], np.int64),
+            every=every.astype(np.int64),
+        )
 
     def frame(self, terms: DynamicsTerms) -> SupportFrame:
         """Return the level frame of the feet of N robots."""

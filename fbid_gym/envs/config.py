@@ -16,8 +16,6 @@ from fbid_gym.actions import (
     ActionLayer,
     layer_options,
     make_layer,
-    make_walking_layer,
-    walking_layer_options,
 )
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.footholds import Footholds
@@ -154,16 +152,11 @@ class EnvConfig:
     def layer(self, robot: Robot, task: Task) -> tuple[ActionLayer, Footholds]:
         """Return the action layer, and what of an action steers a gait."""
         options = by_name("layer_options", self.layer_options)
-        hz = self.rates().control
-        if isinstance(task, Walk):
-            omega = task.gait.omega
-            return make_walking_layer(self.action_layer, robot, hz, omega, options)
-        return make_layer(self.action_layer, robot, hz, options), Footholds.none(robot)
+        return make_layer(self.action_layer, robot, self.rates().control, task.kind, options)
 
     def every_layer_option(self) -> dict[str, Any]:
         """Return the options of the action layer, those that are not given with their defaults."""
-        known = walking_layer_options if self.task == "walk" else layer_options
-        return known(self.action_layer) | by_name("layer_options", self.layer_options)
+        return layer_options(self.action_layer) | by_name("layer_options", self.layer_options)
 
     def make_task(self, robot: Robot) -> Task:
         """Return the task."""

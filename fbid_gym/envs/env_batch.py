@@ -241,8 +241,9 @@ class EnvBatch:
             if pushed.jumping[tick]:
                 self.simulation.jump(pushed.jump[tick])
                 self._look()
-            reference = self.task.reference(self._plan, now)
-            torque = self.layer.torque(own, state, reference, terms, self._memory)
+            self.task.advance(self._plan, now)
+            target = self.task.target(self._plan, now)
+            torque = self.layer.torque(own, state, target, terms, self._memory)
             self._advance(as_numbers(torque, shape, self.layer, "torque"), push)
         return {"push": pushed.force[-1], "push_velocity": pushed.jump.sum(axis=0)}
 
@@ -308,7 +309,7 @@ class EnvBatch:
         return Moment(
             action=np.ascontiguousarray(action[:, : self._num_own]),
             state=state,
-            reference=self.task.reference(_rows(self._plan, only), now),
+            target=self.task.target(_rows(self._plan, only), now),
             terms=terms,
             actual=actual,
             memory=_rows(self._memory, only),

@@ -7,16 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fbid_gym.actions.base_acceleration import BaseAcceleration
-from fbid_gym.actions.com_wrench import ComWrench
 from fbid_gym.actions.layer import ActionLayer
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
-from fbid_gym.actions.walking_base import WalkingBody
-from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import point_jacobian, point_positions
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.moment import Moment
-from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.quantities import ContactGeometry
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import convex_hull
@@ -64,7 +59,7 @@ def insight(batch: EnvBatch, env: int = 0) -> Insight:
     seen, robot, stance = batch.moment(env), batch.robot, batch.task.body.stance
     desired = _desired(batch.layer, seen)
     torque = batch.layer.torque(
-        seen.action, seen.state, seen.reference, lambda: seen.terms, seen.memory
+        seen.action, seen.state, seen.target, lambda: seen.terms, seen.memory
     )
     torque = np.clip(torque[0], -robot.torque_limit, robot.torque_limit)
     points = point_positions(stance.geometry, seen.actual)[0]
@@ -75,19 +70,16 @@ def insight(batch: EnvBatch, env: int = 0) -> Insight:
     com = seen.actual.com[0]
     caught = com[:2] + seen.actual.com_velocity[0, :2] / stance.falling_rate
     load = np.maximum(measured[:, 2], 0.0)
-    landing = np.zeros((0, 3))
-    if isinstance(seen.reference, GaitTarget):
-        landing = seen.reference.foothold[0][~seen.reference.planted[0]]
     return Insight(
         points=points,
         measured=measured,
         commanded=_asked_of_contacts(robot, stance.geometry, seen, torque),
-        friction=float(batch.config.every_layer_option().get("friction", _FRICTION)),
+        friction=_friction(batch.layer),
         com=com,
         capture_point=np.append(caught, ground),
         pressure=load @ points / load.sum() if carrying.any() else np.full(3, np.nan),
         support=support[convex_hull(support[:, :2])] if carrying.any() else support,
-        footholds=landing,
+        footholds=seen.target.foothold[0][~seen.target.planted[0]],
         desired=desired,
         achieved=seen.acceleration,
     )
@@ -95,17 +87,14 @@ def insight(batch: EnvBatch, env: int = 0) -> Insight:
 
 def _desired(layer: ActionLayer, seen: Moment) -> np.ndarray:
     """What the layer wants of the body: (3,) m/s^2, horizontally of the centre of mass."""
-    given = seen.state, seen.reference, seen.terms
-    if isinstance(layer, BaseAcceleration):
-        return layer.acceleration(seen.action, *given)[0, :3]
-    if isinstance(layer, ComWrench):
-        body = centroidal_terms(seen.terms, seen.state.qvel)
-        wrench = layer.wrench(seen.action, *given, body)[0, :3]
-        return wrench / body.mass[0] - np.array([0.0, 0.0, layer.law.constants.gravity])
-    if isinstance(layer, WalkingBody):
-        aim = layer.aim(layer.law.constants, layer.scale * seen.action, *given)
-        return aim.task.acceleration[0, :3]
-    return np.full(3, np.nan)
+    given = seen.state, seen.target, seen.terms
+    desired = getattr(layer, "desired", None)  # a user's layer need not say
+    return np.full(3, np.nan) if desired is None else desired(seen.action, *given)[0]
+
+
+def _friction(layer: ActionLayer) -> float:
+    contact = getattr(layer, "contact", None)
+    return _FRICTION if contact is None or contact.friction is None else float(contact.friction)
 
 
 def _asked_of_contacts(
@@ -117,7 +106,7 @@ def _asked_of_contacts(
     accelerations a and f; of the forces that do it those of least norm.
     """
     jacobian, bias = (value[0] for value in point_jacobian(geometry, seen.terms))
-    stands = np.repeat(seen.reference.planted[0][geometry.foot_of_point], 3)
+    stands = np.repeat(seen.target.planted[0][geometry.foot_of_point], 3)
     force = np.zeros(len(bias))
     if not stands.any():
         return force.reshape(-1, 3)

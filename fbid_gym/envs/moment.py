@@ -1,11 +1,9 @@
 """One robot of a batch at one moment, as its layer sees it."""
 
 from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +15,7 @@ class Moment:
     Attributes:
         action: (1, A) of the layer, the one that held last; zeros before the first.
         state: of the robot.
-        reference: what the task asks for: a `Reference`, or the target of a gait.
+        target: what the task asks for.
         terms: of the controller's model.
         actual: of the robot itself.
         memory: of the layer.
@@ -27,7 +25,7 @@ class Moment:
 
     action: np.ndarray
     state: RobotState
-    reference: Any
+    target: Target
     terms: DynamicsTerms
     actual: DynamicsTerms
     memory: Memory

@@ -1,20 +1,21 @@
 """Motions: what a robot's joints, base and feet shall do over time."""
 
 from fbid_gym.motions.crawl import Crawl, crawl
-from fbid_gym.motions.crawl_gait import Gait, gait_for
-from fbid_gym.motions.reference import home_reference
+from fbid_gym.motions.crawl_gait import CrawlGait, gait_for
 from fbid_gym.motions.squat import periodic_squat, squat_bow, squat_depth
 from fbid_gym.motions.stepping import Steps, stepping, steps_for
 from fbid_gym.motions.table import MotionTable
+from fbid_gym.motions.target import home_target, in_world
 
 __all__ = [
     "Crawl",
-    "Gait",
+    "CrawlGait",
     "MotionTable",
     "Steps",
     "crawl",
     "gait_for",
-    "home_reference",
+    "home_target",
+    "in_world",
     "periodic_squat",
     "squat_bow",
     "squat_depth",

@@ -8,13 +8,13 @@ anywhere. The paper takes its gait from a planner that is not given; this is a p
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions.crawl_gait import Gait, gait_for, stepping_joints
+from fbid_gym.motions.crawl_gait import CrawlGait, gait_for, stepping_joints
 from fbid_gym.motions.curves import Curve, cosine
 from fbid_gym.motions.gait.schedule import corners_of
 from fbid_gym.motions.kinematics import (
@@ -27,11 +27,10 @@ from fbid_gym.motions.kinematics import (
 )
 from fbid_gym.motions.lean import refuse_beyond
 from fbid_gym.motions.squat import period_ticks
-from fbid_gym.motions.table import MotionTable, empty_reference, side_by_side
-from fbid_gym.quantities import Reference
+from fbid_gym.motions.table import MotionTable, look_up, side_by_side
+from fbid_gym.quantities import Target
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import margin_within
-from fbid_gym.small_matrices import dot
 
 _ORDER = (2, 0, 3, 1)
 """In which the feet swing: hind left, front left, hind right, front right, of `corners_of`."""
@@ -46,7 +45,7 @@ class Crawl:
     Attributes:
         speeds: (K,) m/s, ascending.
         tables: the walk at these speeds.
-        rows: (T, K, D) the numbers of `Reference` side by side, in its order, as coefficients of
+        rows: (T, K, D) the numbers of `side_by_side`, as coefficients of
             the polynomial through the planned speeds: of 1, u, u^2 ..., where u runs from 0 at the
             least speed to 1 at the largest.
         gait: its numbers.
@@ -55,7 +54,7 @@ class Crawl:
     speeds: np.ndarray
     tables: tuple[MotionTable, ...]
     rows: np.ndarray
-    gait: Gait
+    gait: CrawlGait
 
     @property
     def period(self) -> int:
@@ -67,7 +66,7 @@ class Crawl:
         """Ticks per second."""
         return self.tables[0].hz
 
-    def reference(self, tick: np.ndarray, speed: np.ndarray) -> Reference:
+    def reference(self, tick: np.ndarray, speed: np.ndarray) -> Target:
         """Return what N robots shall do, interpolated between the planned speeds.
 
         Args:
@@ -82,48 +81,15 @@ class Crawl:
             # The farthest one, or one that is no number.
             worst = float(speed[np.argmax(np.abs(speed - 0.5 * (slow + fast)))])
             raise InvalidValueError("speed", worst, f"a speed in [{slow:g}, {fast:g}] m/s")
-        table, share = self.tables[0], (speed - slow) / max(fast - slow, 1e-12)
-        return _blend(self.rows, table.own_rows, np.ascontiguousarray(tick), share)
+        share = (speed - slow) / max(fast - slow, 1e-12)
+        return look_up(self.rows, self._planted, np.ascontiguousarray(tick), share, True)
+
+    @cached_property
+    def _planted(self) -> np.ndarray:
+        return self.tables[0].rows.planted.copy()  # the same at all speeds
 
 
-@kernel
-def _blend(rows: np.ndarray, like: Reference, tick: np.ndarray, share: np.ndarray) -> Reference:
-    """Return the rows of N robots: polynomials in the share of the speed, and planted feet.
-
-    Args:
-        rows: (T, K, D), see `Crawl`.
-        like: the walk at one speed, whose planted feet are those at all.
-        tick: (N,) since the motion began.
-        share: (N,) of the speed.
-    """
-    numbers, found = np.empty(rows.shape[2]), empty_reference(like, len(tick))
-    for i in range(len(tick)):
-        row, power = tick[i] % len(rows), 1.0
-        numbers[:] = 0.0
-        for degree in range(rows.shape[1]):
-            for k in range(len(numbers)):
-                numbers[k] += power * rows[row, degree, k]
-            power *= share[i]
-        first = 0
-        for part in (
-            found.qpos,
-            found.qvel,
-            found.qacc,
-            found.com_in_support,
-            found.com_velocity_in_support,
-            found.com_acceleration_in_support,
-        ):
-            for k in range(part.shape[1]):
-                part[i, k] = numbers[first + k]
-            first += part.shape[1]
-        length = np.sqrt(dot(found.qpos[i, 3:7], found.qpos[i, 3:7]))
-        for k in range(3, 7):
-            found.qpos[i, k] /= length
-        found.planted[i] = like.planted[row]
-    return found
-
-
-def crawl(robot: Robot, gait: Gait | None = None, *, hz: int = 500) -> Crawl:
+def crawl(robot: Robot, gait: CrawlGait | None = None, *, hz: int = 500) -> Crawl:
     """Plan a crawl.
 
     Args:
@@ -153,7 +119,7 @@ def crawl(robot: Robot, gait: Gait | None = None, *, hz: int = 500) -> Crawl:
     return Crawl(speeds, tuple(tables), coefficients, gait)
 
 
-def _check(gait: Gait) -> None:
+def _check(gait: CrawlGait) -> None:
     for name, value, least, most, text in (
         ("period", gait.period, 0.0, np.inf, "a positive number of seconds"),
         ("swing", gait.swing, 0.0, 0.25, "a share of the period in (0, 0.25)"),
@@ -167,7 +133,7 @@ def _check(gait: Gait) -> None:
         raise InvalidValueError("tables", gait.tables, f"{least} to {_MOST_TABLES} speeds")
 
 
-def _schedule(gait: Gait, ticks: int) -> list[tuple[int, int]]:
+def _schedule(gait: CrawlGait, ticks: int) -> list[tuple[int, int]]:
     """First tick in the air and first tick on the ground again, for each foot of `_ORDER`.
 
     The two swings of a side follow each other; their middle is at a quarter, and three quarters.
@@ -181,7 +147,7 @@ def _schedule(gait: Gait, ticks: int) -> list[tuple[int, int]]:
 
 def _table(
     robot: Robot,
-    gait: Gait,
+    gait: CrawlGait,
     ticks: int,
     hz: int,
     speed: float,
@@ -268,7 +234,7 @@ def _across(turn: np.ndarray) -> np.ndarray:
     return np.stack([turn[:, 1], -turn[:, 0]], axis=1)
 
 
-def _bump(gait: Gait, ticks: int, hz: int) -> Curve:
+def _bump(gait: CrawlGait, ticks: int, hz: int) -> Curve:
     """Height of a swinging foot over its ticks in the air and the next one: smooth at both ends."""
     length = round(gait.swing * ticks)
     s = np.arange(length + 1) / length

@@ -11,7 +11,7 @@ from fbid_gym.motions.legs import placing
 from fbid_gym.robots import Robot
 
 
-class Gait(NamedTuple):
+class CrawlGait(NamedTuple):
     """Numbers of a crawl.
 
     Attributes:
@@ -42,7 +42,7 @@ class Gait(NamedTuple):
     tables: int = 4
 
 
-LITTLEDOG = Gait()
+LITTLEDOG = CrawlGait()
 """A walk for a robot 0.3 m long and 0.2 m tall.
 
 Low and with feet wide apart, since what tips it over an obstacle is a centre of mass that comes
@@ -62,7 +62,7 @@ def gait_for(
     period: float | None = None,
     swing_height: float | None = None,
     speeds: tuple[float, float] | None = None,
-) -> Gait:
+) -> CrawlGait:
     """Return the walk of `LITTLEDOG` on a robot of another size.
 
     What goes up scales with the height of the centre of mass, what goes sideways or ahead with the

@@ -11,7 +11,8 @@ from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.curves import Curve
-from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Reference
+from fbid_gym.motions.target import planned_target
+from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Target
 from fbid_gym.robots import Robot
 
 CHUNK = 125
@@ -289,8 +290,8 @@ def _has_orientation(points: np.ndarray) -> bool:
     return bool(np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-6) >= 2)
 
 
-def seen_from_feet(robot: Robot, states: States, planted: np.ndarray | None = None) -> Reference:
-    """Express states of the world in the support frame of each instant, as `Reference` wants it.
+def seen_from_feet(robot: Robot, states: States, planted: np.ndarray | None = None) -> Target:
+    """Express states of the world in the support frame of each instant, as planned motions are.
 
     Args:
         robot: the robot.
@@ -303,7 +304,9 @@ def seen_from_feet(robot: Robot, states: States, planted: np.ndarray | None = No
     stance = Stance.of(robot)
     gravity, armature = robot.model.opt.gravity, robot.model.dof_armature[:3]
     qpos, qvel, qacc = (part.copy() for part in states)
-    com = np.zeros((3, len(qpos), 3))
+    com, feet = np.zeros((3, len(qpos), 3)), robot.num_feet
+    place, turned = np.zeros((len(qpos), feet, 3)), np.zeros((len(qpos), feet, 3, 3))
+    rates = np.zeros((2, len(qpos), feet, 2, 3))
     for rows, terms in Chunked(robot).terms(states.qpos, states.qvel):
         frame = stance.frame(terms)
         to_frame = frame.world_from_support.mT
@@ -316,7 +319,15 @@ def seen_from_feet(robot: Robot, states: States, planted: np.ndarray | None = No
         com[0, rows] = np.matvec(to_frame, terms.com - frame.centre)
         com[1, rows] = np.matvec(to_frame, terms.com_velocity)
         com[2, rows] = np.matvec(to_frame, force / robot.mass + gravity)
-    stepping = planted is not None
+        each = to_frame[:, None]
+        place[rows] = np.matvec(each, terms.foot_position - frame.centre[:, None])
+        turned[rows] = each @ terms.world_from_foot
+        acceleration = np.matvec(terms.foot_jacobian, states.qacc[rows, None]) + terms.foot_bias
+        for found, rate in zip(rates, (terms.foot_velocity, acceleration), strict=True):
+            found[rows] = np.matvec(each[:, None], rate.reshape(-1, feet, 2, 3))
     if planted is None:
-        planted = np.ones((len(qpos), robot.num_feet), bool)
-    return Reference(qpos, qvel, qacc, com[0], com[1], com[2], planted, stepping)
+        planted = np.ones((len(qpos), feet), bool)
+    velocity, acceleration = rates.reshape(2, len(qpos), feet, 6)
+    return planned_target(
+        planted, place, turned, velocity, acceleration, com[0], com[1], com[2], qpos, qvel, qacc
+    )

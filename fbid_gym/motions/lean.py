@@ -10,7 +10,7 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.curves import Curve
 from fbid_gym.motions.kinematics import base_on_feet, home_points, seen_from_feet
 from fbid_gym.motions.legs import Legs, bent, legs_of
-from fbid_gym.quantities import Reference
+from fbid_gym.quantities import Target
 from fbid_gym.robots import Robot
 from fbid_gym.robots.polygon import convex_hull, margin_within
 
@@ -75,13 +75,13 @@ def legs_in_plane(robot: Robot, knee: Curve, pitch: Curve) -> Curve:
     return bent(robot, legs_of(robot), knee, ankle, pitch)
 
 
-def check_over_feet(robot: Robot, rows: Reference) -> None:
+def check_over_feet(robot: Robot, rows: Target) -> None:
     """Check that the centre of mass stays above what the feet span.
 
     Raises:
         InvalidValueError: it does not.
     """
-    places, points = rows.com_in_support[:, :2], Stance.of(robot).layout
+    places, points = rows.com[:, :2], Stance.of(robot).layout
     refuse_beyond(robot, min(margin_within(points, places[row]) for row in convex_hull(places)))
 
 
@@ -103,4 +103,4 @@ def _ahead(
         robot, legs, *(Curve(angle, 0 * angle, 0 * angle) for angle in (knee, ankle, pitch))
     )
     states = base_on_feet(robot, postures, home_points(robot))
-    return seen_from_feet(robot, states).com_in_support[:, 0]
+    return seen_from_feet(robot, states).com[:, 0]

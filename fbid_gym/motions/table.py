@@ -6,9 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from fbid_gym.checks import check_finite
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError, ShapeError
-from fbid_gym.quantities import Reference
+from fbid_gym.motions.target import NUMBERS, empty_target
+from fbid_gym.quantities import Target
 from fbid_gym.robots import Robot
 
 _RANGE_TOLERANCE = 1e-9  # rad
@@ -48,7 +49,7 @@ class MotionTable:
     """
 
     robot: Robot
-    rows: Reference
+    rows: Target
     hz: int
     periodic: bool
     jumps: np.ndarray | None = None
@@ -78,97 +79,100 @@ class MotionTable:
         """Length in seconds."""
         return self.period / self.hz
 
-    def reference(self, tick: np.ndarray, speed: np.ndarray | None = None) -> Reference:
-        """Return what N robots shall do.
+    def reference(self, tick: np.ndarray, speed: np.ndarray | None = None) -> Target:
+        """Return what N robots shall do, seen from the support frame of their feet.
 
         Args:
             tick: (N,) int control ticks since the motion began, not negative.
             speed: not used: this motion takes no command.
         """
+        numbers = self._numbers
+        share = np.zeros(len(tick))
         ticks = np.ascontiguousarray(tick)
-        return _look_up(self._numbers, self.own_rows, ticks, self.periodic)
-
-    @cached_property
-    def own_rows(self) -> Reference:
-        """The rows as compiled code takes them: in arrays that are not read-only."""
-        names = Reference._fields[:-1]
-        return self.rows._replace(**{name: getattr(self.rows, name).copy() for name in names})
+        return look_up(numbers, self._planted, ticks, share, self.periodic)
 
     @cached_property
     def _numbers(self) -> np.ndarray:
-        return side_by_side(self.rows)
+        return side_by_side(self.rows)[:, None]
+
+    @cached_property
+    def _planted(self) -> np.ndarray:
+        return self.rows.planted.copy()  # compiled code takes no array that is read-only
 
 
-def side_by_side(rows: Reference) -> np.ndarray:
-    """Return the numbers of a reference side by side, in its order: (T, D)."""
-    return np.concatenate(rows[:6], axis=1)
+def side_by_side(rows: Target) -> np.ndarray:
+    """Return the `NUMBERS` of planned instants side by side: (T, D)."""
+    parts = [getattr(rows, name) for name in NUMBERS]
+    return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
 
 
 @kernel
-def _look_up(numbers: np.ndarray, rows: Reference, tick: np.ndarray, periodic: bool) -> Reference:
-    """Return the rows of N robots at ticks (N,) since the motion began.
+def look_up(
+    numbers: np.ndarray, planted: np.ndarray, tick: np.ndarray, share: np.ndarray, periodic: bool
+) -> Target:
+    """Return the rows of N robots at ticks (N,) since a motion began.
 
-    Where it is not periodic it rests when it is over.
+    Args:
+        numbers: (T, K, D) coefficients of 1, u, u^2, ... of what `side_by_side` returns.
+        planted: (T, F) bool.
+        tick: (N,) since the motion began.
+        share: (N,) u of each robot.
+        periodic: whether the first row follows the last one; else a motion rests when it is over.
     """
-    count = len(tick)
-    found = empty_reference(rows, count)
+    count, feet, ticks = len(tick), planted.shape[1], len(numbers)
+    size = (numbers.shape[2] - 24 * feet - 10) // 3
+    found, flat = empty_target(count, feet, size), np.empty(numbers.shape[2])
     for i in range(count):
-        over = not periodic and tick[i] >= len(numbers)
-        row = len(numbers) - 1 if over else tick[i] % len(numbers)
+        over, power = not periodic and tick[i] >= ticks, 1.0
+        row = ticks - 1 if over else tick[i] % ticks
+        flat[:] = 0.0
+        for degree in range(numbers.shape[1]):
+            for k in range(len(flat)):
+                flat[k] += power * numbers[row, degree, k]
+            power *= share[i]
         first = 0
         for part, is_rate in (
-            (found.qpos, False),
-            (found.qvel, True),
-            (found.qacc, True),
-            (found.com_in_support, False),
-            (found.com_velocity_in_support, True),
-            (found.com_acceleration_in_support, True),
+            (found.foot_position[i].reshape(3 * feet), False),
+            (found.world_from_foot[i].reshape(9 * feet), False),
+            (found.foot_velocity[i].reshape(6 * feet), True),
+            (found.foot_acceleration[i].reshape(6 * feet), True),
+            (found.com[i], False),
+            (found.com_velocity[i], True),
+            (found.com_acceleration[i], True),
+            (found.qpos[i], False),
+            (found.qvel[i], True),
+            (found.qacc[i], True),
         ):
-            for k in range(part.shape[1]):
-                part[i, k] = 0.0 if over and is_rate else numbers[row, first + k]
-            first += part.shape[1]
-        found.planted[i] = rows.planted[row]
+            for k in range(len(part)):
+                part[k] = 0.0 if over and is_rate else flat[first + k]
+            first += len(part)
+        length = 0.0
+        for k in range(3, 7):
+            length += found.qpos[i, k] ** 2
+        for k in range(3, 7):
+            found.qpos[i, k] /= np.sqrt(length)
+        for foot in range(feet):
+            found.planted[i, foot] = planted[row, foot]
+            found.load[i, foot] = 1.0 if planted[row, foot] else 0.0
+            for axis in range(3):
+                found.foothold[i, foot, axis] = found.foot_position[i, foot, axis]
+        found.cycle[i] = row / ticks
     return found
-
-
-@compiled
-def empty_reference(rows: Reference, count: int) -> Reference:
-    """A reference of N robots to write to, of the same robot as `rows`."""
-    return Reference(
-        np.empty((count, rows.qpos.shape[1])),
-        np.empty((count, rows.qvel.shape[1])),
-        np.empty((count, rows.qacc.shape[1])),
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-        np.empty((count, rows.planted.shape[1]), np.bool_),
-        rows.stepping,
-    )
 
 
 def _check_shapes(motion: MotionTable) -> None:
     robot, steps = motion.robot, len(motion.rows.qpos)
-    for name, array, width, text in (
-        ("qpos", motion.rows.qpos, robot.nq, f"(T, {robot.nq}): {robot.name} has nq = {robot.nq}"),
-        ("qvel", motion.rows.qvel, robot.nv, f"({steps}, {robot.nv}), one row per row of qpos"),
-        ("qacc", motion.rows.qacc, robot.nv, f"({steps}, {robot.nv}), one row per row of qpos"),
-        ("com_in_support", motion.rows.com_in_support, 3, f"({steps}, 3)"),
-        ("com_velocity_in_support", motion.rows.com_velocity_in_support, 3, f"({steps}, 3)"),
-        (
-            "com_acceleration_in_support",
-            motion.rows.com_acceleration_in_support,
-            3,
-            f"({steps}, 3)",
-        ),
-    ):
-        if array.shape != (steps, width) or steps == 0:
+    feet = (steps, robot.num_feet)
+    shapes = {"qpos": (steps, robot.nq), "qvel": (steps, robot.nv), "qacc": (steps, robot.nv)}
+    shapes |= {name: (steps, 3) for name in ("com", "com_velocity", "com_acceleration")}
+    shapes |= {"foot_position": (*feet, 3), "world_from_foot": (*feet, 3, 3)}
+    shapes |= {"foot_velocity": (*feet, 6), "foot_acceleration": (*feet, 6), "planted": feet}
+    for name, shape in shapes.items():
+        array = getattr(motion.rows, name)
+        if array.shape != shape or steps == 0:
+            text = f"{shape}: T rows of {robot.name}, T of at least 1"
             raise ShapeError(f"{name} of the motion", array.shape, text)
         check_finite(f"{name} of the motion", array)
-    planted = motion.rows.planted
-    if planted.shape != (steps, robot.num_feet):
-        raise ShapeError(
-            "planted", planted.shape, f"({steps}, {robot.num_feet}), one column per foot"
-        )
     if motion.jumps is not None and motion.jumps.shape != (steps,):
         raise ShapeError("jumps", motion.jumps.shape, f"({steps},)")
     length = np.linalg.norm(motion.rows.qpos[:, 3:7], axis=1)

@@ -30,7 +30,7 @@ _OBJ = mujoco.mjtObj
 CONTROL_HZ = 500
 """Control ticks per second that joints are checked for: the environments' default."""
 
-ASSUMED_FRICTION = 0.7
+ASSUMED_FRICTION = 0.6
 """What layers assume of the feet, if they are not told."""
 
 _SUNK = 0.01

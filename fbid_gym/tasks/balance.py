@@ -8,9 +8,9 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import bind, kernel
-from fbid_gym.motions import home_reference
+from fbid_gym.motions.target import MotionKind, home_target, in_world, planned_kind
 from fbid_gym.options import Pair, checked
-from fbid_gym.quantities import DynamicsTerms, Memory, Reference
+from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.body import (
@@ -76,7 +76,7 @@ class Balance:
     hz: int
     pushes: Pushes
     start: Start
-    home: Reference
+    home: Target
     height_range: tuple[float, float]
     height_interval: tuple[float, float]
 
@@ -109,7 +109,7 @@ class Balance:
             height_interval: (least, most) s from one command to the next.
         """
         check_schedule("height_interval", height_interval, seconds)
-        body, home = Body.of(robot), home_reference(robot)
+        body, home = Body.of(robot), home_target(robot)
         return cls(body, seconds, hz, pushes, start, home, height_range, height_interval)
 
     @property
@@ -146,12 +146,20 @@ class Balance:
         """Nothing: the motion is planned ahead."""
         return {}
 
-    def reference(self, plan: Plan, now: Now) -> Reference:
-        """Return the motion that the action layers follow: the home stance.
+    @property
+    def kind(self) -> MotionKind:
+        """See `Task.kind`."""
+        return planned_kind(self.body.robot)
+
+    def advance(self, plan: Plan, now: Now) -> None:
+        """Nothing goes on: the motion is planned ahead."""
+
+    def target(self, plan: Plan, now: Now) -> Target:
+        """Return the home stance above the feet.
 
         The commanded height is not among it: to follow that is the policy's part.
         """
-        return self.home
+        return in_world(self.body.stance.heading, self.home, now.terms())
 
     def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the commanded height of each base above its feet: (N,) m."""

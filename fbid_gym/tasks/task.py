@@ -6,7 +6,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from fbid_gym.motions.gait.command import Steering
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState
+from fbid_gym.motions.target import MotionKind
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
@@ -14,7 +15,7 @@ from fbid_gym.tasks.pushes import Pushes
 
 
 class Now(NamedTuple):
-    """What a reference may depend on at a control tick, beside the plan.
+    """What a target may depend on at a control tick, beside the plan.
 
     Attributes:
         state: of the robots.
@@ -52,6 +53,11 @@ class Task(Protocol):
         ...
 
     @property
+    def kind(self) -> MotionKind:
+        """What kind of motion it asks for."""
+        ...
+
+    @property
     def derived(self) -> Mapping[str, Any]:
         """What the options mean that a robot decides where the user does not."""
         ...
@@ -74,12 +80,12 @@ class Task(Protocol):
         """Return what is remembered of robots that begin an episode where they are."""
         ...
 
-    def reference(self, plan: Plan, now: Now) -> Any:
-        """Return what the action layers follow at this control tick, and go on by it.
+    def advance(self, plan: Plan, now: Now) -> None:
+        """Go on by a control tick: the one method that writes to the memory."""
+        ...
 
-        Returns:
-            A `Reference`, or the target of a gait.
-        """
+    def target(self, plan: Plan, now: Now) -> Target:
+        """Return what the robots shall do at this control tick, once it has begun."""
         ...
 
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:

@@ -10,7 +10,8 @@ import numpy as np
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.rotations import rotation_of
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.quantities import DynamicsTerms, Memory, Reference
+from fbid_gym.motions.target import MotionKind, in_world, planned_kind
+from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.body import Body, bell, level, side_by_side, weigh
@@ -55,7 +56,7 @@ class Motion(Protocol):
         """Control ticks."""
         ...
 
-    def reference(self, tick: np.ndarray, speed: np.ndarray) -> Reference:
+    def reference(self, tick: np.ndarray, speed: np.ndarray) -> Target:
         """Return what N robots shall do at ticks (N,), moving at speeds (N,) m/s."""
         ...
 
@@ -143,9 +144,18 @@ class Tracking:
         """Nothing: the motion is planned ahead."""
         return {}
 
-    def reference(self, plan: Plan, now: Now) -> Reference:
-        """Return what the robots shall do: the motion at each one's phase and speed."""
-        return self._planned(plan, now.state.tick)
+    @property
+    def kind(self) -> MotionKind:
+        """See `Task.kind`."""
+        return planned_kind(self.body.robot)
+
+    def advance(self, plan: Plan, now: Now) -> None:
+        """Nothing goes on: the motion is planned ahead."""
+
+    def target(self, plan: Plan, now: Now) -> Target:
+        """Return the motion at each robot's phase and speed, above its feet."""
+        planned = self._planned(plan, now.state.tick)
+        return in_world(self.body.stance.heading, planned, now.terms())
 
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""
@@ -179,7 +189,7 @@ class Tracking:
         }
         return terms._asdict(), metrics
 
-    def _planned(self, plan: Plan, tick: np.ndarray) -> Reference:
+    def _planned(self, plan: Plan, tick: np.ndarray) -> Target:
         return self.motion.reference(plan["phase"] + tick, plan["speed"])
 
 
@@ -198,7 +208,7 @@ class _Asked(NamedTuple):
 def _ask(
     angle: np.ndarray,
     speed: np.ndarray,
-    reference: Reference,
+    reference: Target,
     home_base: np.ndarray,
     home_qpos: np.ndarray,
 ) -> np.ndarray:
@@ -248,7 +258,7 @@ class _Judged(NamedTuple):
 
 
 @kernel
-def _judge(scales: _Scales, outcome: Outcome, reference: Reference) -> _Judged:
+def _judge(scales: _Scales, outcome: Outcome, reference: Target) -> _Judged:
     """Return the joints' errors, and the terms of the reward."""
     qpos, world_from_base = outcome.state.qpos, outcome.terms.world_from_base
     posture = outcome.posture

@@ -10,9 +10,9 @@ import numpy as np
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.gait import Gait, default_gait, gait_of
-from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Pair, checked
-from fbid_gym.quantities import DynamicsTerms, Memory
+from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.robots import Robot
 from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
 from fbid_gym.tasks.body import Body
@@ -204,8 +204,13 @@ class Walk:
         """Of the gait, and what is noted for observation, reward and metrics."""
         return self.gait.memory(terms) | Notes.standing(terms).memory()
 
-    def reference(self, plan: Plan, now: Now) -> GaitTarget:
-        """Return what the gait asks for, and go on by a tick."""
+    @property
+    def kind(self) -> MotionKind:
+        """See `Task.kind`."""
+        return MotionKind(True, self.gait.omega)
+
+    def advance(self, plan: Plan, now: Now) -> None:
+        """Have the gait go on by a tick, and note what feet do."""
         terms, notes = now.terms(), Notes.of(now.memory)
         command = GaitCommand(
             velocity=self.command(plan, now.state.tick),
@@ -214,9 +219,12 @@ class Walk:
             ground=self._foreseen(notes.foothold),
             lowered=plan["lowered"],
         )
-        target = self.gait.target(command, terms, now.state.contact_force, now.memory)
-        note(target, terms.foot_position, notes)
-        return target
+        self.gait.advance(command, terms, now.state.contact_force, now.memory)
+        note(self.gait.target(now.memory), terms.foot_position, notes)
+
+    def target(self, plan: Plan, now: Now) -> Target:
+        """Return what the gait asks for."""
+        return self.gait.target(now.memory)
 
     def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
         """Return what the policy sees: (N, O), named by `observation_names`."""

@@ -7,8 +7,7 @@ import numpy as np
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.trunk import trunk_rate
 from fbid_gym.motions.gait.heading import along, axes_of_trunk
-from fbid_gym.motions.gait.target import GaitTarget
-from fbid_gym.quantities import DynamicsTerms, Memory
+from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.body import bell, level, see_limbs, side_by_side, weigh
 from fbid_gym.tasks.outcome import Outcome
@@ -131,7 +130,7 @@ def yaw_rate(world_from_base: np.ndarray, qvel: np.ndarray) -> float:
 
 
 @kernel
-def note(target: GaitTarget, foot_position: np.ndarray, notes: Notes) -> None:
+def note(target: Target, foot_position: np.ndarray, notes: Notes) -> None:
     """Note what the gait asks for at a control tick, and how far from its foothold a foot landed.
 
     Args:
@@ -157,7 +156,7 @@ def note(target: GaitTarget, foot_position: np.ndarray, notes: Notes) -> None:
                 notes.foothold[i, foot, axis] = target.foothold[i, foot, axis]
         if ground < np.inf:
             notes.ground[i] = ground
-        notes.cycle[i], notes.height[i] = target.cycle[i], target.height[i]
+        notes.cycle[i], notes.height[i] = target.cycle[i], target.qpos[i, 2]
 
 
 @kernel

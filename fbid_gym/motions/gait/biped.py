@@ -88,4 +88,5 @@ def biped_gait(robot: Robot) -> FlatFootGait:
         foot_of_point=geometry.foot_of_point,
         left=np.sign(feet[:, 1] - feet[:, 1].mean()),
         level=np.ascontiguousarray(turn),
+        home=robot.home_qpos,
     )

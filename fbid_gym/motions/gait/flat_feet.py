@@ -39,9 +39,9 @@ from fbid_gym.motions.gait.heading import Pair, along, axes_of, in_world, wrappe
 from fbid_gym.motions.gait.hull import nearest_in_hull
 from fbid_gym.motions.gait.slope import Plane, feel_ground, height_on
 from fbid_gym.motions.gait.swing import lift_and_land, rise
-from fbid_gym.motions.gait.target import GaitTarget, standing_target
 from fbid_gym.motions.gait.touchdown import load_on
-from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.motions.target import face, move_along, stand_where_it_is
+from fbid_gym.quantities import DynamicsTerms, Target
 
 _EARLIEST = 0.6  # share of a swing before which a loaded foot has not left the ground yet
 _ARRIVED = 0.95  # share of a swing at which the foot is above its foothold
@@ -57,7 +57,8 @@ def walk(
     contact_force: np.ndarray,
     tick: float,
     memory: FlatGaitMemory,
-) -> GaitTarget:
+    target: Target,
+) -> None:
     """Go on by one control tick, and say what the robots shall do.
 
     Args:
@@ -67,11 +68,13 @@ def walk(
         contact_force: (N, P, 3) N, world, on the contact points.
         tick: s, of the control.
         memory: of the robots; updated.
+        target: of the robots; written.
     """
-    target = standing_target(terms)
     points = np.empty(gait.points.shape)
     for i in range(len(terms.com)):
         follow(gait.agility, command, terms, tick, memory, i)
+        for foot in range(2):
+            stand_where_it_is(target, terms, i, foot)
         axes = axes_of(memory.heading[i])
         xi = (
             terms.com[i, 0] + terms.com_velocity[i, 0] / gait.omega,
@@ -92,7 +95,7 @@ def walk(
         plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
         base = terms.base_position[i]
         memory.lowered[i] = approached(memory.lowered[i], command.lowered[i], gait.bend * tick)
-        target.height[i] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
+        target.qpos[i, 2] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
         velocity = (0.0, 0.0, 0.0)
         if memory.phase[i] != STAND:
             velocity = (memory.velocity[i, 0], memory.velocity[i, 1], memory.velocity[i, 2])
@@ -100,10 +103,9 @@ def walk(
             _find_foothold(gait, now, command, plane, error, memory, target)
             _swing(gait, timing, velocity[2], memory, target, i)
         x, y = in_world(axes, velocity[0], velocity[1])
-        target.velocity[i, 0], target.velocity[i, 1] = x, y
-        target.heading[i], target.turning[i] = memory.heading[i], velocity[2]
+        face(target, gait.home, memory.heading[i], i)
+        move_along(target, gait.home, x, y, velocity[2], i)
         target.cycle[i] = _cycle(gait, timing, memory, i)
-    return target
 
 
 class _Now(NamedTuple):
@@ -200,7 +202,7 @@ def _settle(
     terms: DynamicsTerms,
     tick: float,
     memory: FlatGaitMemory,
-    target: GaitTarget,
+    target: Target,
     i: int,
 ) -> None:
     """Say how far the centre of mass is from where a robot that stands is held."""
@@ -210,7 +212,8 @@ def _settle(
     memory.settled[i] = min(max(memory.settled[i] + change, 0.0), 1.0)
     for axis in range(2):
         middle = 0.5 * (terms.foot_position[i, 0, axis] + terms.foot_position[i, 1, axis])
-        target.offset[i, axis] = memory.settled[i] * (middle - terms.com[i, axis])
+        target.qpos[i, axis], com = terms.base_position[i, axis], terms.com[i, axis]
+        target.com[i, axis] = com + memory.settled[i] * (middle - com)
 
 
 @compiled
@@ -231,7 +234,7 @@ def _balance(
     terms: DynamicsTerms,
     points: np.ndarray,
     memory: FlatGaitMemory,
-    target: GaitTarget,
+    target: Target,
 ) -> Pair:
     """Choose the centre of pressure; return the error of xi, along the heading."""
     i, timing, axes, xi = now
@@ -292,7 +295,7 @@ def _find_foothold(
     plane: Plane,
     error: Pair,
     memory: FlatGaitMemory,
-    target: GaitTarget,
+    target: Target,
 ) -> None:
     """Where the foot in the air shall land."""
     i, timing, axes, xi = now
@@ -328,7 +331,7 @@ def _swing(
     timing: StepTiming,
     turning: float,
     memory: FlatGaitMemory,
-    target: GaitTarget,
+    target: Target,
     i: int,
 ) -> None:
     """How the foot in the air moves."""

@@ -38,6 +38,7 @@ class FlatFootGait(NamedTuple):
         foot_of_point: (P,) int64.
         left: (2,) 1 for the left foot, -1 for the right one.
         level: (2, 3, 3) rotations of the feet when the robot stands with heading 0.
+        home: (nq,) of the robot.
     """
 
     sense: Sense
@@ -61,6 +62,7 @@ class FlatFootGait(NamedTuple):
     foot_of_point: np.ndarray
     left: np.ndarray
     level: np.ndarray
+    home: np.ndarray
 
 
 class FlatGaitMemory(NamedTuple):
@@ -80,7 +82,7 @@ class FlatGaitMemory(NamedTuple):
         hurry: (N,) times as fast as planned that the foot swings.
         xi: (N, 2) m, when the feet that stand last changed.
         begun: (N, 2) m, centre of pressure then.
-        pressure: (N, 2) m, that of the last tick: what `GaitTarget.com_acceleration` does.
+        pressure: (N, 2) m, that of the last tick: what `Target.com_acceleration` comes of.
         touched: (N, 2, 3) m, where each foot stands or last stood.
         moments: (N, 5) m^2, of these places, see `slope.feel_ground`.
         lifted: (N, 3) m, where the foot in the air left the ground.

@@ -2,21 +2,22 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from fbid_gym.compiled import bind
 from fbid_gym.motions.gait import flat_feet, flat_gait, point_feet, point_gait
 from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.schedule import PATTERNS
-from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.options import Choice
-from fbid_gym.quantities import DynamicsTerms, Memory
+from fbid_gym.motions.target import standing_target
+from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.robots import Robot
+
+
+_PREFIX = "target_"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class Gait:
     tick: float
     remembered: type[point_gait.PointGaitMemory] | type[flat_gait.FlatGaitMemory]
     begin: Callable[[np.ndarray, np.ndarray], Any]
-    walk: Callable[..., GaitTarget]
+    walk: Callable[..., None]
 
     @property
     def omega(self) -> float:
@@ -49,20 +50,21 @@ class Gait:
         return self.constants.height
 
     def memory(self, terms: DynamicsTerms) -> Memory:
-        """Return what is remembered of robots that stand where they are."""
+        """Return what is remembered of robots that stand where they are, their target included."""
         rotation = terms.world_from_trunk
         heading = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
-        found: Memory = self.begin(heading, terms.foot_position)._asdict()
-        return found
+        target = standing_target(terms, self.constants.home)._asdict()
+        own: Memory = self.begin(heading, terms.foot_position)._asdict()
+        return own | {_PREFIX + name: value for name, value in target.items()}
 
-    def target(
+    def advance(
         self,
         command: GaitCommand,
         terms: DynamicsTerms,
         contact_force: np.ndarray,
         memory: Memory,
-    ) -> GaitTarget:
-        """Go on by one control tick, and say what the robots shall do.
+    ) -> None:
+        """Go on by one control tick, and write down what the robots shall do.
 
         Args:
             command: where to go.
@@ -71,11 +73,13 @@ class Gait:
             memory: of the robots; updated.
         """
         own = self.remembered(*(memory[name] for name in self.remembered._fields))
-        return self._walk(command, terms, contact_force, self.tick, own)
+        self.walk(
+            self.constants, command, terms, contact_force, self.tick, own, self.target(memory)
+        )
 
-    @cached_property
-    def _walk(self) -> Callable[..., GaitTarget]:
-        return bind(self.walk, self.constants)
+    def target(self, memory: Memory) -> Target:
+        """Return what the robots shall do, in the arrays of their memory."""
+        return Target(*(memory[_PREFIX + name] for name in Target._fields))
 
 
 def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:

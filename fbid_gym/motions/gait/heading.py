@@ -5,8 +5,6 @@ import math
 import numpy as np
 
 from fbid_gym.compiled import compiled
-from fbid_gym.dynamics.vectors import Vector, matrix, transposed, turn
-from fbid_gym.quantities import DynamicsTerms
 
 Pair = tuple[float, float]
 
@@ -62,19 +60,3 @@ def turned(angle: float, x: float, y: float) -> Pair:
 def share_within(most: float, x: float, y: float) -> float:
     """Return the greatest share, up to 1, of a horizontal vector that is no longer than `most`."""
     return min(1.0, most / (math.hypot(x, y) + 1e-12))
-
-
-@compiled
-def lean(heading: float, terms: DynamicsTerms, i: int) -> Vector:
-    """Return axis times sine of the rotation that is left until robot i is upright in a heading.
-
-    In the base's axes; the heading in rad.
-    """
-    trunk, (cosine, sine) = terms.world_from_trunk[i], axes_of(heading)
-    # E = D R^T, D the turn about the vertical; its axial vector.
-    left = (
-        0.5 * (trunk[1, 2] - trunk[2, 0] * sine - trunk[2, 1] * cosine),
-        0.5 * (trunk[2, 0] * cosine - trunk[2, 1] * sine - trunk[0, 2]),
-        0.5 * ((trunk[0, 0] + trunk[1, 1]) * sine + (trunk[0, 1] - trunk[1, 0]) * cosine),
-    )
-    return turn(transposed(matrix(terms.world_from_base, (i,))), left)

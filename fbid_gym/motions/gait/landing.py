@@ -12,9 +12,8 @@ from fbid_gym.motions.gait.lifting import Step
 from fbid_gym.motions.gait.point_gait import PointFootGait, PointGaitMemory
 from fbid_gym.motions.gait.slope import Plane, height_on
 from fbid_gym.motions.gait.swing import Moving, across, below, over
-from fbid_gym.motions.gait.target import GaitTarget
 from fbid_gym.motions.gait.touchdown import SWING
-from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.quantities import DynamicsTerms, Target
 
 _RAMP = 0.4  # pendulum times in which a foot that finds no ground comes to reach for it
 
@@ -28,7 +27,7 @@ def swing_or_reach(
     step: Step,
     tick: float,
     memory: PointGaitMemory,
-    target: GaitTarget,
+    target: Target,
 ) -> None:
     """Say how a foot in the air moves."""
     i, foot = step.robot, step.foot
@@ -64,7 +63,7 @@ def _begin(places: np.ndarray, memory: PointGaitMemory, i: int, foot: int) -> No
 
 
 @compiled
-def _aim(motion: Moving, target: GaitTarget, i: int, foot: int, axis: int) -> None:
+def _aim(motion: Moving, target: Target, i: int, foot: int, axis: int) -> None:
     target.foot_position[i, foot, axis] = motion.value
     target.foot_velocity[i, foot, axis] = motion.rate
     target.foot_acceleration[i, foot, axis] = motion.acceleration
@@ -78,7 +77,7 @@ def _find_foothold(
     plane: Plane,
     step: Step,
     memory: PointGaitMemory,
-    target: GaitTarget,
+    target: Target,
 ) -> None:
     """Choose where a foot lands: where the robot's fall asks for it, within reach."""
     i, foot, left = step.robot, step.foot, (1.0 - step.share) * step.span

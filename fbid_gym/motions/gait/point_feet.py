@@ -12,14 +12,14 @@ import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.motions.gait.command import GaitCommand, approached, follow
-from fbid_gym.motions.gait.heading import turned
+from fbid_gym.motions.gait.heading import Pair, turned
 from fbid_gym.motions.gait.landing import swing_or_reach
 from fbid_gym.motions.gait.lifting import all_stand, lift_or_land, start_or_stop, tell_time
 from fbid_gym.motions.gait.point_gait import PointFootGait, PointGaitMemory
 from fbid_gym.motions.gait.slope import feel_ground, height_on
-from fbid_gym.motions.gait.target import GaitTarget, standing_target
 from fbid_gym.motions.gait.touchdown import REACH, STANCE, load_on
-from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.motions.target import face, move_along, stand_where_it_is
+from fbid_gym.quantities import DynamicsTerms, Target
 
 
 @kernel
@@ -30,7 +30,8 @@ def walk(
     contact_force: np.ndarray,
     tick: float,
     memory: PointGaitMemory,
-) -> GaitTarget:
+    target: Target,
+) -> None:
     """Go on by one control tick, and say what the robots shall do.
 
     Args:
@@ -40,30 +41,31 @@ def walk(
         contact_force: (N, P, 3) N, world, on the contact points.
         tick: s, of the control.
         memory: of the robots; updated.
+        target: of the robots; written.
     """
-    target, feet = standing_target(terms), terms.foot_position.shape[1]
+    feet = terms.foot_position.shape[1]
     touches, middle = np.empty(feet, np.bool_), np.empty(2)
     for i in range(len(terms.com)):
         for foot in range(feet):
             load = load_on(foot, gait.foot_of_point, contact_force[i])
             touches[foot] = load > gait.touch
-        follow(gait.agility, command, terms, tick, memory, i)
+        push = follow(gait.agility, command, terms, tick, memory, i)
         _stand_on(terms, touches, middle, memory, i)
         plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
         start_or_stop(gait, command, terms, middle, memory, i)
         tell_time(gait, command, tick, memory, i)
         for foot in range(feet):
             step = lift_or_land(gait, command, tick, touches[foot], memory, i, foot)
+            stand_where_it_is(target, terms, i, foot)
             target.planted[i, foot] = step.mode == STANCE
             target.load[i, foot] = memory.load[i, foot]
             if step.mode != STANCE:
                 swing_or_reach(gait, command, terms, plane, step, tick, memory, target)
-        _lean(gait, terms, middle, tick, memory, target, i)
+        _move_body(gait, terms, middle, push, tick, memory, target, i)
         base = terms.base_position[i]
         memory.lowered[i] = approached(memory.lowered[i], command.lowered[i], gait.bend * tick)
-        target.height[i] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
+        target.qpos[i, 2] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
         target.cycle[i] = memory.phase[i]
-    return target
 
 
 @compiled
@@ -71,8 +73,7 @@ def _stand_on(
     terms: DynamicsTerms, touches: np.ndarray, middle: np.ndarray, memory: PointGaitMemory, i: int
 ) -> None:
     """Find the middle of the feet that stand, and note where those are that carry weight."""
-    middle[:] = 0.0
-    planted = 0
+    middle[0], middle[1], planted = 0.0, 0.0, 0
     for foot in range(len(touches)):
         if memory.mode[i, foot] == STANCE:
             planted += 1
@@ -82,35 +83,33 @@ def _stand_on(
         if memory.mode[i, foot] == REACH or (memory.mode[i, foot] == STANCE and touches[foot]):
             for axis in range(3):
                 memory.touched[i, foot, axis] = terms.foot_position[i, foot, axis]
-    if planted > 0:
-        middle /= planted
-    else:
-        middle[:] = terms.com[i, :2]
+    for axis in range(2):
+        middle[axis] = middle[axis] / planted if planted > 0 else terms.com[i, axis]
 
 
 @compiled
-def _lean(
+def _move_body(
     gait: PointFootGait,
     terms: DynamicsTerms,
     middle: np.ndarray,
+    push: Pair,
     tick: float,
     memory: PointGaitMemory,
-    target: GaitTarget,
+    target: Target,
     i: int,
 ) -> None:
-    """Say how the body moves."""
+    """Say how the body moves; `push` (m/s^2) is the rate of the velocity that is followed."""
     still = not memory.walking[i] and all_stand(memory, i)
     # Held over the feet within a pendulum time, let go as fast as a foot unloads.
     change = tick * gait.omega if still else -tick / gait.unload
     memory.settled[i] = min(max(memory.settled[i] + change, 0.0), 1.0)
     x, y = turned(memory.heading[i], memory.velocity[i, 0], memory.velocity[i, 1])
-    target.velocity[i, 0], target.velocity[i, 1] = x, y
-    target.heading[i], target.turning[i] = memory.heading[i], memory.velocity[i, 2]
+    face(target, gait.home, memory.heading[i], i)
+    move_along(target, gait.home, x, y, memory.velocity[i, 2], i)
     # In a turn the velocity turns, too.
-    target.com_acceleration[i, 0] = -memory.velocity[i, 2] * y
-    target.com_acceleration[i, 1] = memory.velocity[i, 2] * x
+    ahead, left = turned(memory.heading[i], push[0], push[1])
+    target.com_acceleration[i, 0] = ahead - memory.velocity[i, 2] * y
+    target.com_acceleration[i, 1] = left + memory.velocity[i, 2] * x
     for axis in range(2):
-        error = target.velocity[i, axis] - terms.com_velocity[i, axis]
-        target.offset[i, axis] = memory.settled[i] * (middle[axis] - terms.com[i, axis])
-        target.com_acceleration[i, axis] += gait.tracking * error
-        target.com_acceleration[i, axis] += gait.standing * target.offset[i, axis]
+        target.qpos[i, axis], com = terms.base_position[i, axis], terms.com[i, axis]
+        target.com[i, axis] = com + memory.settled[i] * (middle[axis] - com)

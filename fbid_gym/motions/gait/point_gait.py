@@ -17,8 +17,6 @@ class PointFootGait(NamedTuple):
         sense: of the ground.
         omega: 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass).
         capture: share of an error of velocity that one step takes away.
-        tracking: 1/s, rate at which the feet that stand take away errors of velocity.
-        standing: 1/s^2, stiffness with which a robot that stands keeps over its feet.
         agility: (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the commanded velocity.
         rest: m/s below which a robot is at rest.
         astray: m between feet and their places below which a robot may stand still.
@@ -35,14 +33,13 @@ class PointFootGait(NamedTuple):
         hip: (F, 3) m, of each hip from the base at home, ahead, to the left and up.
         reach: (F,) m, greatest distance of a foothold from its hip.
         foot_of_point: (P,) int64.
+        home: (nq,) of the robot.
     """
 
     schedule: Schedule
     sense: Sense
     omega: float
     capture: float
-    tracking: float
-    standing: float
     agility: np.ndarray
     rest: float
     astray: float
@@ -57,6 +54,7 @@ class PointFootGait(NamedTuple):
     hip: np.ndarray
     reach: np.ndarray
     foot_of_point: np.ndarray
+    home: np.ndarray
 
 
 class PointGaitMemory(NamedTuple):

@@ -16,8 +16,6 @@ from fbid_gym.robots import Robot
 # In units of the robot: of the pendulum time sqrt(h / g), the height h of the centre of mass, the
 # speed sqrt(g h), gravity g and the weight.
 _CAPTURE = 1.0
-_TRACKING = 4.0
-_STANDING = 1.0
 _AGILITY = 0.4  # of gravity
 _REST = 0.1  # of the speed
 _ASTRAY = 0.25  # of the height
@@ -72,8 +70,6 @@ def quadruped_gait(
         sense=Sense(_FELT * schedule.period, _LEVEL * float(place.var(axis=0).mean())),
         omega=1.0 / time,
         capture=_CAPTURE,
-        tracking=_TRACKING / time,
-        standing=_STANDING / time**2,
         agility=np.array([agility, agility, agility / stance.length]),
         rest=_REST * speed,
         astray=_ASTRAY * height,
@@ -88,6 +84,7 @@ def quadruped_gait(
         hip=hips - base,
         reach=_REACH * lengths,
         foot_of_point=stance.geometry.foot_of_point,
+        home=robot.home_qpos,
     )
 
 

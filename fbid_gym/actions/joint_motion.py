@@ -1,8 +1,9 @@
-"""Joint motions of a gait, by inverse kinematics: for layers that track joints.
+"""The joint motion that layers follow which command joints: as planned, or by inverse kinematics.
 
-The body is taken to move as the gait wants it, at its height, upright and in its heading, and each
-foot to be where its target is. One damped Newton step from the joints'
-present angles finds those that fit, the same Jacobians the rates, and the accelerations,
+Planned motions have it in their target. On a gait the body is taken to move as the target has it,
+at its height, upright and in its heading, and each foot to be where its target is. One damped
+Newton step from the joints' present angles finds those that fit, the same Jacobians the rates, and
+the accelerations,
 
     qdd = J_q^+ (a_foot - Jdot v - J_base a_base).
 
@@ -10,25 +11,62 @@ Joints of no leg stay at home. Where no dynamics model answers errors of the bas
 that stand do: for them the base is off by what it would lag behind if the error went on a while.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from fbid_gym.actions.gains import BodyGains
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.dynamics.rotations import rotation_left
+from fbid_gym.dynamics.rotations import rotation_at, turned_left
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.dynamics.support import support_frame
+from fbid_gym.dynamics.vectors import matrix, transposed, turn, vector
 from fbid_gym.errors import RobotError
-from fbid_gym.motions.gait.heading import lean, share_within
-from fbid_gym.motions.gait.target import GaitTarget
-from fbid_gym.quantities import DynamicsTerms, Heading, Reference, RobotState
+from fbid_gym.motions.gait.heading import share_within
+from fbid_gym.motions.target import MotionKind
+from fbid_gym.quantities import DynamicsTerms, RobotState, Target
 from fbid_gym.robots import Robot
-from fbid_gym.small_matrices import add_transposed_times, factor, gram, solve_factored
+from fbid_gym.small_matrices import add_transposed_times, copy, factor, gram, solve_factored
 
 _DAMPING = 1e-4  # of a leg's mean squared gain in place, and in rotation, near a stretched knee
 _LONGEST = 0.3  # rad, of a step
 _LEAD = 2.0  # pendulum times
 _FARTHEST = 0.06  # of the height; farther, robots that are pushed tip
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion:
+    """What the joints of a robot shall do.
+
+    Attributes:
+        legs: which joints move which foot; None where the target says what joints do.
+    """
+
+    legs: "LegJoints | None"
+
+    @classmethod
+    def of(
+        cls, robot: Robot, kind: MotionKind, gains: BodyGains, *, aware: bool
+    ) -> "JointMotion":
+        """Return the joint motion of a kind of motion.
+
+        Args:
+            robot: the robot.
+            kind: of motion.
+            gains: with which its body is balanced.
+            aware: see `LegJoints`.
+
+        Raises:
+            RobotError: on a gait, a foot has no joints of its own to place it.
+        """
+        return cls(_legs_of(robot, gains, aware) if kind.gait else None)
+
+    def target(self, state: RobotState, target: Target, terms: DynamicsTerms) -> Target:
+        """Return the target with what base and joints shall do for it."""
+        if self.legs is None:
+            return target
+        found = _find_joints(self.legs, target, state, terms)
+        return target._replace(qpos=found.qpos, qvel=found.qvel, qacc=found.qacc)
 
 
 class LegJoints(NamedTuple):
@@ -40,7 +78,8 @@ class LegJoints(NamedTuple):
         home: (nq,) of the robot.
         low: (n,) rad and
         high: (n,) rad, ends of the joints' ranges.
-        heading: of the feet.
+        balance: 1/s^2 and
+        balance_damping: 1/s, of the centre of mass.
         aware: whether the feet in the air are led to their targets from the body as it moves,
             rather than as it shall move. That closes a loop through the base, which moves as the
             legs do: for layers that know its dynamics. Joint PD alone is less stable with it.
@@ -54,22 +93,15 @@ class LegJoints(NamedTuple):
     home: np.ndarray
     low: np.ndarray
     high: np.ndarray
-    heading: Heading
+    balance: float
+    balance_damping: float
     aware: bool
     lead: float
     farthest: float
 
 
-def leg_joints_of(robot: Robot, aware: bool) -> LegJoints:
-    """Return the legs of a robot.
-
-    Args:
-        robot: the robot.
-        aware: see `LegJoints`.
-
-    Raises:
-        RobotError: a foot has no joints of its own to place it.
-    """
+def _legs_of(robot: Robot, gains: BodyGains, aware: bool) -> LegJoints:
+    """Return the legs of a robot; arguments as of `JointMotion.of`."""
     stance = Stance.of(robot)
     for foot, own in zip(robot.foot_names, stance.legs, strict=True):
         if own.sum() < 3:
@@ -90,7 +122,8 @@ def leg_joints_of(robot: Robot, aware: bool) -> LegJoints:
         home=robot.home_qpos,
         low=np.ascontiguousarray(low),
         high=np.ascontiguousarray(high),
-        heading=stance.heading,
+        balance=gains.balance,
+        balance_damping=gains.balance_damping,
         aware=aware,
         lead=lead,
         farthest=_FARTHEST * float(stance.home_com[2]),
@@ -111,38 +144,36 @@ class _Motion(NamedTuple):
     acceleration: np.ndarray
 
 
-@kernel
-def joint_reference(
-    legs: LegJoints, target: GaitTarget, state: RobotState, terms: DynamicsTerms
-) -> Reference:
-    """Return what the joints shall do for a gait, with the body's motion for that of the base.
+class _Found(NamedTuple):
+    """What base and joints shall do, see `Target`."""
 
-    The reference's base and centre of mass are those of now, with the accelerations that the gait
-    wants: layers that balance by themselves add no spring of their own to it.
-    """
+    qpos: np.ndarray
+    qvel: np.ndarray
+    qacc: np.ndarray
+
+
+@kernel
+def _find_joints(
+    legs: LegJoints, target: Target, state: RobotState, terms: DynamicsTerms
+) -> _Found:
+    """Return what the joints shall do for a gait, with the body's motion for that of the base."""
     count, size = state.qvel.shape
     feet, most = legs.own.shape
     rows = legs.rows
-    qpos, qvel, qacc = state.qpos.copy(), np.zeros((count, size)), np.zeros((count, size))
-    com, com_velocity = np.zeros((count, 3)), np.zeros((count, 3))
-    com_acceleration = np.zeros((count, 3))
+    found = _Found(state.qpos.copy(), np.zeros((count, size)), np.zeros((count, size)))
     body = _Motion(np.zeros(6), np.zeros(6), np.zeros(6))
     as_is = _Motion(np.zeros(6), np.empty(6), body.acceleration)
     led = _Motion(np.zeros(6), body.rate, body.acceleration)
     left = _room(rows)
     jacobian, lower, moves = np.empty((rows, most)), np.empty((rows, rows)), _room(most)
-    frame = support_frame(legs.heading, terms)
     for i in range(count):
-        _see_body(target, terms, body, i)
-        as_is.rate[:] = state.qvel[i, :6]
+        _see_body(legs, target, terms, body, i)
+        for k in range(6):
+            as_is.rate[k] = state.qvel[i, k]
         for k in range(3):
-            for axis in range(3):
-                share = frame.world_from_support[i, axis, k]
-                com[i, k] += share * (terms.com[i, axis] - frame.centre[i, axis])
-                com_velocity[i, k] += share * terms.com_velocity[i, axis]
-                com_acceleration[i, k] += share * body.acceleration[axis]
-            qacc[i, k] = com_acceleration[i, k]
-        qpos[i, 7:] = legs.home[7:]
+            found.qacc[i, k] = body.acceleration[k]
+        for k in range(7, size + 1):
+            found.qpos[i, k] = legs.home[k]
         for foot in range(feet):
             own = legs.own[foot]
             for r in range(rows):
@@ -157,24 +188,33 @@ def joint_reference(
                 j = own[k]
                 if j >= 0:
                     angle = state.qpos[i, 7 + j] + min(max(moves.gap[k], -_LONGEST), _LONGEST)
-                    qpos[i, 7 + j] = min(max(angle, legs.low[j]), legs.high[j])
-                    qvel[i, 6 + j], qacc[i, 6 + j] = moves.rate[k], moves.acceleration[k]
-    planted = target.planted.copy()
-    return Reference(qpos, qvel, qacc, com, com_velocity, com_acceleration, planted, True)
+                    found.qpos[i, 7 + j] = min(max(angle, legs.low[j]), legs.high[j])
+                    found.qvel[i, 6 + j] = moves.rate[k]
+                    found.qacc[i, 6 + j] = moves.acceleration[k]
+    return found
 
 
 @compiled
-def _see_body(target: GaitTarget, terms: DynamicsTerms, body: _Motion, i: int) -> None:
+def _see_body(
+    legs: LegJoints,
+    target: Target,
+    terms: DynamicsTerms,
+    body: _Motion,
+    i: int,
+) -> None:
     """Write how the base is off, and how it is to move."""
     for axis in range(2):
-        body.gap[axis] = target.offset[i, axis]
-    body.gap[2] = target.height[i] - terms.base_position[i, 2]
-    body.gap[3], body.gap[4], body.gap[5] = lean(target.heading[i], terms, i)
-    for axis in range(2):
-        body.rate[axis] = target.velocity[i, axis]
+        body.gap[axis] = target.com[i, axis] - terms.com[i, axis]
+        body.rate[axis] = target.com_velocity[i, axis]
+        late = target.com_velocity[i, axis] - terms.com_velocity[i, axis]
         body.acceleration[axis] = target.com_acceleration[i, axis]
-    for k in range(3):
-        body.rate[3 + k] = terms.world_from_base[i, 2, k] * target.turning[i]
+        body.acceleration[axis] += legs.balance * body.gap[axis] + legs.balance_damping * late
+    body.gap[2] = target.qpos[i, 2] - terms.base_position[i, 2]
+    upright, now = rotation_at(target.qpos, i, 3), matrix(terms.world_from_base, (i,))
+    to_base = transposed(now)
+    body.gap[3], body.gap[4], body.gap[5] = turn(to_base, turned_left(upright, now))
+    spin = turn(upright, vector(target.qvel, (i,), 3))
+    body.rate[3], body.rate[4], body.rate[5] = turn(to_base, spin)
 
 
 @compiled
@@ -187,14 +227,14 @@ def _lead(legs: LegJoints, body: _Motion, as_is: _Motion, load: float, led: _Mot
     x = legs.lead * (body.rate[0] - as_is.rate[0])
     y = legs.lead * (body.rate[1] - as_is.rate[1])
     share = load * share_within(legs.farthest, x, y)
-    led.gap[:] = body.gap
+    copy(body.gap, led.gap)
     led.gap[0] += share * x
     led.gap[1] += share * y
 
 
 @compiled
 def _see_foot(
-    target: GaitTarget, terms: DynamicsTerms, body: _Motion, left: _Motion, i: int, foot: int
+    target: Target, terms: DynamicsTerms, body: _Motion, left: _Motion, i: int, foot: int
 ) -> None:
     """Write what of a foot's motion is left to its joints, beside that of the body."""
     rows = len(left.gap)
@@ -202,8 +242,9 @@ def _see_foot(
     for r in range(min(rows, 3)):
         left.gap[r] = target.foot_position[i, foot, r] - terms.foot_position[i, foot, r]
     if rows == 6:
-        turn = rotation_left(target.world_from_foot[i, foot], terms.world_from_foot[i, foot])
-        left.gap[3], left.gap[4], left.gap[5] = turn
+        left.gap[3], left.gap[4], left.gap[5] = turned_left(
+            matrix(target.world_from_foot, (i, foot)), matrix(terms.world_from_foot, (i, foot))
+        )
     for r in range(rows):
         left.rate[r] = target.foot_velocity[i, foot, r]
         left.acceleration[r] = target.foot_acceleration[i, foot, r] - terms.foot_bias[i, foot, r]

@@ -1,0 +1,133 @@
+"""How firmly robots are held to their target: the one table of what layers default to."""
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from fbid_gym.actions.falling import in_hertz
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.motions.target import MotionKind
+from fbid_gym.options import Number
+from fbid_gym.robots import Robot
+
+VelocityGain = Annotated[float, Number(0.0, 100.0)]
+
+JOINTS_FIRST = 1e-3
+"""Base priority of layers that command joints: where the feet do not allow both, the base follows."""
+
+_SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more, robots slip sooner
+
+
+class BodyGains(NamedTuple):
+    """Of a robot's body, feet and joints: stiffness in 1/s^2, damping in 1/s.
+
+    Attributes:
+        balance: of the centre of mass, horizontally.
+        balance_damping: likewise.
+        height: of the base.
+        height_damping: likewise.
+        rotation: of the base.
+        rotation_damping: likewise.
+        posture: of the joints.
+        posture_damping: likewise.
+        swing: of feet in the air.
+        swing_damping: likewise.
+        hold: damping of feet that stand.
+        small_errors: damping beside `balance_damping`, for small errors of the velocity.
+        small_error: m/s, as which greater ones count.
+    """
+
+    balance: float
+    balance_damping: float
+    height: float
+    height_damping: float
+    rotation: float
+    rotation_damping: float
+    posture: float
+    posture_damping: float
+    swing: float
+    swing_damping: float
+    hold: float
+    small_errors: float
+    small_error: float
+
+
+# In units of the rate at which the robot falls, to the power of the unit. On points a robot has no
+# ankles: what it does with its joints is all in its feet and its body, but where it has joints to
+# spare. A gait on soles balances by its centre of pressure, and needs no spring beside it.
+_PLANNED = BodyGains(2.89, 3.4, 4.0, 4.0, 4.0, 4.0, 2.89, 3.4, 26.0, 10.0, 5.0, 0.0, _SMALL)
+_GAIT = BodyGains(1.0, 4.0, 4.4, 3.4, 5.9, 4.3, 0.0, 0.34, 26.0, 10.0, 5.0, 0.0, _SMALL)
+_GAIT_ON_SOLES = BodyGains(
+    0.0, 0.0, 7.84, 5.6, 6.25, 5.0, 4.84, 4.4, 49.0, 14.0, 2.9, 0.0, _SMALL
+)
+_POWERS = BodyGains(2, 1, 2, 1, 2, 1, 2, 1, 2, 1, 1, 1, -1)
+
+
+def default_gains(robot: Robot, kind: MotionKind) -> BodyGains:
+    """Return the gains that a robot has unless told otherwise."""
+    table = _PLANNED
+    if kind.gait:
+        table = _GAIT_ON_SOLES if robot.has_soles else _GAIT
+    if kind.gait and has_spare_joints(robot):
+        # Held as firmly as a foot in the air: else a leg turns about its ends.
+        table = table._replace(posture=table.swing, posture_damping=table.swing_damping)
+    scaled = (gain * kind.omega**power for gain, power in zip(table, _POWERS, strict=True))
+    gains = BodyGains(*map(float, scaled))
+    return gains._replace(small_error=gains.small_error * robot.gravity)
+
+
+def default_moment_priority(robot: Robot, kind: MotionKind) -> float:
+    """Return the weight of moments beside forces, see `Law.of`.
+
+    On soles the centre of pressure balances a robot that walks: there the horizontal force goes
+    before the moment. On points there is little of a moment to give away.
+    """
+    if not kind.gait:
+        return 1.0
+    return 0.05 if robot.has_soles else 1.0 / 0.3**2
+
+
+def chosen_gains(
+    robot: Robot,
+    kind: MotionKind,
+    damping_ratio: float | None,
+    velocity_gain: float,
+    **frequencies: Any,
+) -> BodyGains:
+    """Return the default gains with those that a user gives as frequencies.
+
+    Args:
+        robot: whose gains.
+        kind: of motion.
+        damping_ratio: of what is given, and of the others if not None.
+        velocity_gain: of small errors of the velocity, in units of the rate of falling.
+        frequencies: Hz, or in units of falling, by the names of `BodyGains`; None for the default.
+
+    Raises:
+        InvalidValueError: a velocity gain where a gait on soles swings about its velocity.
+    """
+    if velocity_gain and kind.gait and robot.has_soles:
+        expected = "0 on soles, where the velocity is to swing about the commanded one"
+        raise InvalidValueError("velocity_gain", velocity_gain, expected)
+    gains = default_gains(robot, kind)._replace(small_errors=velocity_gain * kind.omega)
+    for name, given in frequencies.items():
+        stiffness, damping = getattr(gains, name), getattr(gains, f"{name}_damping")
+        if given is not None:
+            (hertz,) = in_hertz(robot, **{name: given}).values()
+            stiffness = (2.0 * np.pi * hertz) ** 2
+            damping = 2.0 * np.sqrt(stiffness)
+        if given is not None or damping_ratio is not None:
+            ratio = 1.0 if damping_ratio is None else damping_ratio
+            damping = 2.0 * ratio * np.sqrt(stiffness) if stiffness > 0.0 else damping
+        gains = gains._replace(**{name: float(stiffness), f"{name}_damping": float(damping)})
+    return gains
+
+
+def has_spare_joints(robot: Robot) -> bool:
+    """Whether it can move while its feet, which are points, and its base stay where they are."""
+    return not robot.has_soles and robot.num_joints > 3 * robot.num_feet
+
+
+def in_hz(stiffness: float) -> float:
+    """Return the natural frequency (Hz) of a stiffness, 1/s^2."""
+    return float(np.sqrt(stiffness)) / (2.0 * np.pi)

@@ -1,0 +1,728 @@
+"""Whole-body inverse dynamics, leg by leg: feet first, the body in what they leave, then the rest.
+
+Each foot shall have an acceleration, B u + L q + Jdot v = c, with u of the base and q of the joints
+that move this foot alone. Legs share nothing but the base, so these joints follow it:
+
+    q = offset + follow u,    follow = -W L^T G^-1 B,    G = L W L^T + ridge,
+    offset = r + W L^T G^-1 (c - Jdot v - L r),
+
+where r are the accelerations that the robot stays near to and W how readily joints depart from
+them. What is left is a problem in u, the six numbers of the base, and in the joints that move no
+foot; those that move several have their r. A task of the body is served there by the least motion,
+of the base in the metric
+
+    S = W_u^-1 + sum over standing feet of B^T G^-1 B.
+
+This is [M10] eq. (19), contacts before task before reference, as `operational_space` has it for any
+robot: the same motion wherever the six can do what feet and body shall. Where they cannot:
+
+- A leg that cannot move its standing foot in a direction (a straight knee, too few joints) is held
+  by it: G keeps its ridge alone, and S holds the base there.
+- A foot in the air is never worth a motion of the base. In directions that its leg cannot serve it
+  is let go, its rotation before its place.
+- Directions of the task that the base can hardly move in fade out (`least_gain`).
+
+Then come the forces on the contact points, within their limits, that best deliver the wrench on the
+base, rows b of M a + h; the least motion that needs just what they deliver; and the joint torques
+of M a + h - J^T f, as in `limited_inverse_dynamics`. Functions work on one robot, i, in buffers.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fbid_gym.compiled import compiled
+from fbid_gym.control.dual_newton import Room, deliver_by_points, room_for
+from fbid_gym.dynamics.stance import Limbs
+from fbid_gym.dynamics.vectors import (
+    Vector,
+    add,
+    cross,
+    matrix,
+    scale,
+    store,
+    subtract,
+    transposed,
+    turn,
+    vector,
+)
+from fbid_gym.dynamics.vectors import dot as inner
+from fbid_gym.quantities import Accuracy, ContactGeometry, DynamicsTerms
+from fbid_gym.small_matrices import dot, factor, factor_damped, solve_factored
+
+FREE, MOVES, STANDS = 0, 1, 2
+"""What is asked of a foot: nothing, to move as told, or that its contact does not move."""
+
+# Ridges on G, shares of the mean gain of a leg's joints on its foot: of a standing foot, and of the
+# place and the rotation of one in the air.
+_FIRM, _PLACE, _ROTATION = 1e-8, 1e-5, 1e-3
+_FAINT = 1e-3  # of the free robot's response: wrenches that the legs leave less of are given up
+_LINE = 1e-3  # of the longest distance: points that lie nearer to a line are on it
+
+
+class Feet(NamedTuple):
+    """What the feet of N robots shall do.
+
+    Attributes:
+        asked: (N, F) int64, `FREE`, `MOVES` or `STANDS`.
+        acceleration: (N, F, 6) m/s^2, rad/s^2, of their references.
+        active: (N, P) bool, points on the ground.
+        limits: (N, P, 3) friction coefficient, least and greatest normal force (N).
+    """
+
+    asked: np.ndarray
+    acceleration: np.ndarray
+    active: np.ndarray
+    limits: np.ndarray
+
+
+class Motion(NamedTuple):
+    """A motion of one robot: accelerations, or velocities. Buffers.
+
+    Attributes:
+        asked: (F, R) c - Jdot v of the feet's rows; then less L r.
+        force: (F, R) G^-1 of that.
+        reference: (nv,) r, to stay near to; W_u^-1 r of the base counts.
+        offset: (F, K) of the legs' joints, see the module.
+        base: (6,) u.
+        others: (A,) of the joints that do not move one foot alone.
+        momentum: (6,) rows b of M times the motion.
+        whole: (nv,) of all coordinates.
+    """
+
+    asked: np.ndarray
+    force: np.ndarray
+    reference: np.ndarray
+    offset: np.ndarray
+    base: np.ndarray
+    others: np.ndarray
+    momentum: np.ndarray
+    whole: np.ndarray
+
+
+class Work(NamedTuple):
+    """Buffers for the law on one robot: F legs of K joints, R rows a foot, P points.
+
+    Attributes:
+        by_base: (F, R, 6) B of the module.
+        by_leg: (F, R, K) L.
+        inverse: (F, R, R) G^-1.
+        ridge: (F, R) on G.
+        weight: (F, K) W of the legs' joints; 0 where there is none.
+        mass: (F, 6, K) rows b of M, of the legs' joints.
+        spread: (F, R, 6) G^-1 B.
+        follow: (F, K, 6).
+        metric: (6, 6) Cholesky factor of S.
+        reach: (6, 6) rows b of M, per u with the legs following.
+        by_others: (6, A) rows b of M, of the other joints;
+        free: (A,) their W, 0 of those that move feet;
+        rows: (6, 6) of a task, per u;
+        other_rows: (6, A), per motion of the other joints;
+        columns: (6, 6) S^-1 rows^T;
+        gains: (6, 6);
+        share: (6,) what is left to do of the task, then S^-1 rows^T of it is the change of u.
+        column: (6,) a buffer.
+        arms: (P, 3) m, world, of the points on the ground from their foot's reference.
+        feet: (P,) int64, theirs.
+        forces: on these points.
+    """
+
+    by_base: np.ndarray
+    by_leg: np.ndarray
+    inverse: np.ndarray
+    ridge: np.ndarray
+    weight: np.ndarray
+    mass: np.ndarray
+    spread: np.ndarray
+    follow: np.ndarray
+    metric: np.ndarray
+    reach: np.ndarray
+    by_others: np.ndarray
+    free: np.ndarray
+    rows: np.ndarray
+    other_rows: np.ndarray
+    columns: np.ndarray
+    gains: np.ndarray
+    share: np.ndarray
+    column: np.ndarray
+    arms: np.ndarray
+    feet: np.ndarray
+    forces: Room
+
+
+@compiled
+def room_to_work(limbs: Limbs, geometry: ContactGeometry, mobility: np.ndarray) -> Work:
+    """Return buffers for the law on one robot, its joints' part of `mobility` (nv,) among them."""
+    feet, joints = limbs.legs.shape
+    weight = np.zeros((feet, joints))
+    for foot in range(feet):
+        for k in range(joints):
+            if limbs.legs[foot, k] >= 0:
+                weight[foot, k] = mobility[limbs.legs[foot, k]]
+    rows, points = geometry.motion.shape[2], len(geometry.offset)
+    square, others = np.zeros((5, 6, 6)), len(limbs.others)
+    free = np.zeros(others)
+    for k in range(others):
+        free[k] = mobility[limbs.others[k]]
+        for j in range(len(limbs.shared)):
+            if limbs.shared[j] == limbs.others[k]:
+                free[k] = 0.0
+    return Work(
+        np.zeros((feet, rows, 6)),
+        np.zeros((feet, rows, joints)),
+        np.zeros((feet, rows, rows)),
+        np.zeros((feet, rows)),
+        weight,
+        np.zeros((feet, 6, joints)),
+        np.zeros((feet, rows, 6)),
+        np.zeros((feet, joints, 6)),
+        *(square[0], square[1], np.zeros((6, others)), free),
+        *(square[2], np.zeros((6, others)), square[3], square[4], np.empty(6), np.empty(6)),
+        np.empty((points, 3)),
+        np.empty(points, np.int64),
+        room_for(points),
+    )
+
+
+@compiled
+def room_to_move(limbs: Limbs, geometry: ContactGeometry) -> Motion:
+    """Return buffers for a motion of one robot."""
+    feet, joints = limbs.legs.shape
+    rows = geometry.motion.shape[2]
+    return Motion(
+        np.zeros((feet, rows)),
+        np.zeros((feet, rows)),
+        np.zeros(limbs.size),
+        np.zeros((feet, joints)),
+        np.zeros(6),
+        np.zeros(len(limbs.others)),
+        np.zeros(6),
+        np.zeros(limbs.size),
+    )
+
+
+@compiled
+def factor_legs(
+    limbs: Limbs,
+    geometry: ContactGeometry,
+    mobility: np.ndarray,
+    feet: Feet,
+    terms: DynamicsTerms,
+    i: int,
+    work: Work,
+    motion: Motion,
+) -> None:
+    """Have the legs follow the base, and read what is asked of the feet into `motion`.
+
+    Args:
+        limbs: of the robot.
+        geometry: of its contacts.
+        mobility: (nv,) how readily each coordinate departs from its reference: W.
+        feet: what they shall do.
+        terms: where the robots are.
+        i: which robot.
+        work: written: of the legs, metric, reach.
+        motion: its `asked` is written; `reference` is read.
+    """
+    metric, reach, mass_matrix = work.metric, work.reach, terms.mass_matrix[i]
+    for row in range(6):
+        for column in range(6):
+            metric[row, column], reach[row, column] = 0.0, mass_matrix[row, column]
+        metric[row, row] = 1.0 / mobility[row]
+    for k in range(len(limbs.others)):
+        for row in range(6):
+            work.by_others[row, k] = mass_matrix[row, limbs.others[k]]
+    for foot in range(len(limbs.legs)):
+        by_leg, spread, follow = work.by_leg[foot], work.spread[foot], work.follow[foot]
+        by_base, inverse, mass = work.by_base[foot], work.inverse[foot], work.mass[foot]
+        if feet.asked[i, foot] == FREE:
+            follow[:] = 0.0
+            continue
+        stands = feet.asked[i, foot] == STANDS
+        _read_foot(limbs, geometry, feet, terms, i, foot, work, motion)
+        _invert_leg(by_leg, work.weight[foot], stands, inverse, work.ridge[foot])
+        rows, joints = by_leg.shape
+        # Each sum in a register, and stored once: these are a third of the law's time.
+        for row in range(rows):
+            for column in range(6):
+                total = 0.0
+                for k in range(rows):
+                    total += inverse[row, k] * by_base[k, column]
+                spread[row, column] = total
+        for k in range(joints):
+            for column in range(6):
+                total = 0.0
+                for row in range(rows):
+                    total += by_leg[row, k] * spread[row, column]
+                follow[k, column] = -work.weight[foot, k] * total
+        for row in range(6):
+            for column in range(6):
+                total = 0.0
+                for k in range(joints):
+                    total += mass[row, k] * follow[k, column]
+                reach[row, column] += total
+            if stands:
+                for column in range(row + 1):
+                    total = 0.0
+                    for k in range(rows):
+                        total += by_base[k, row] * spread[k, column]
+                    metric[row, column] += total
+    factor(metric)
+
+
+@compiled
+def _factor_six(matrix: np.ndarray, column: np.ndarray) -> None:
+    """As `factor_damped` with 1 as the least eigenvalue, of a symmetric matrix (6, 6).
+
+    Most are far from singular, and here that is seen without making arrays; `column` (6,) is a
+    buffer.
+    """
+    for i in range(6):
+        for j in range(i):
+            matrix[j, i] = matrix[i, j]
+    factor(matrix)
+    trace = 0.0
+    for j in range(6):
+        for i in range(j, 6):
+            total = 1.0 if i == j else 0.0
+            for k in range(j, i):
+                total -= matrix[i, k] * column[k]
+            column[i] = total / matrix[i, i]
+            trace += column[i] * column[i]
+    if trace < 1.0:
+        return
+    for i in range(6):
+        square = 0.0
+        for j in range(i + 1):
+            square += matrix[i, j] * matrix[i, j]
+        column[i] = square
+    for i in range(6):
+        matrix[i, i] = column[i]
+        for j in range(i):
+            matrix[i, j] = matrix[j, i]
+    factor_damped(matrix, 1.0)
+
+
+@compiled
+def _solve_rows(lower: np.ndarray, given: np.ndarray, found: np.ndarray) -> None:
+    """Write (L L^T)^-1 given to `found`: columns (a, 6) of a factored matrix (a, a)."""
+    size = len(given)
+    for i in range(size):
+        for j in range(6):
+            found[i, j] = given[i, j]
+        for k in range(i):
+            share = lower[i, k]
+            for j in range(6):
+                found[i, j] -= share * found[k, j]
+        share = 1.0 / lower[i, i]
+        for j in range(6):
+            found[i, j] *= share
+    for i in range(size - 1, -1, -1):
+        share = 1.0 / lower[i, i]
+        for j in range(6):
+            found[i, j] *= share
+        for k in range(i):
+            share = lower[i, k]
+            for j in range(6):
+                found[k, j] -= share * found[i, j]
+
+
+@compiled
+def _read_foot(
+    limbs: Limbs,
+    geometry: ContactGeometry,
+    feet: Feet,
+    terms: DynamicsTerms,
+    i: int,
+    foot: int,
+    work: Work,
+    motion: Motion,
+) -> None:
+    """Write the rows of a foot, and what is asked of them, c - Jdot v less what the others do."""
+    by_base, by_leg, jacobian = work.by_base[foot], work.by_leg[foot], terms.foot_jacobian[i, foot]
+    asked, every, mass = motion.asked[foot], limbs.every[foot], work.mass[foot]
+    for k in range(by_leg.shape[1]):
+        j = limbs.legs[foot, k]
+        for row in range(6):
+            mass[row, k] = terms.mass_matrix[i, row, j] if j >= 0 else 0.0
+    subset = 0
+    for point in range(len(geometry.offset)):
+        if geometry.foot_of_point[point] == foot:
+            if feet.active[i, point] or feet.asked[i, foot] == MOVES:
+                subset |= 1 << geometry.slot_of_point[point]
+    if subset == every and limbs.rows[foot] > 0:
+        simple = limbs.rows[foot]
+        for row in range(len(by_base)):
+            there = row < simple
+            for column in range(6):
+                by_base[row, column] = jacobian[row, column] if there else 0.0
+            for k in range(by_leg.shape[1]):
+                j = limbs.legs[foot, k]
+                by_leg[row, k] = jacobian[row, j] if there and j >= 0 else 0.0
+            asked[row] = 0.0
+            if there:
+                asked[row] = feet.acceleration[i, foot, row] - terms.foot_bias[i, foot, row]
+                for k in range(len(limbs.shared)):
+                    j = limbs.shared[k]
+                    asked[row] -= jacobian[row, j] * motion.reference[j]
+        return
+    rotation = matrix(terms.world_from_foot, (i, foot))
+    linear = subtract(vector(feet.acceleration, (i, foot)), vector(terms.foot_bias, (i, foot)))
+    angular = vector(feet.acceleration, (i, foot), 3)
+    angular = subtract(angular, vector(terms.foot_bias, (i, foot), 3))
+    for row in range(len(by_base)):
+        place = turn(rotation, vector(geometry.motion, (foot, subset, row)))
+        spin = turn(rotation, vector(geometry.motion, (foot, subset, row), 3))
+        for column in range(6):
+            by_base[row, column] = _along(place, spin, jacobian, column)
+        for k in range(by_leg.shape[1]):
+            j = limbs.legs[foot, k]
+            by_leg[row, k] = _along(place, spin, jacobian, j) if j >= 0 else 0.0
+        asked[row] = inner(place, linear) + inner(spin, angular)
+        for k in range(len(limbs.shared)):
+            j = limbs.shared[k]
+            asked[row] -= _along(place, spin, jacobian, j) * motion.reference[j]
+    # Points of a foot that turns about its edge are drawn towards its reference.
+    omega = vector(terms.foot_velocity, (i, foot), 3)
+    for point in range(len(geometry.offset)):
+        if geometry.foot_of_point[point] == foot and subset >> geometry.slot_of_point[point] & 1:
+            arm = turn(rotation, vector(geometry.offset, (point,)))
+            drawn = cross(omega, cross(omega, arm))
+            for row in range(len(by_base)):
+                slot = 3 * geometry.slot_of_point[point]
+                force = turn(rotation, vector(geometry.spread, (foot, subset, row), slot))
+                asked[row] -= inner(force, drawn)
+
+
+@compiled
+def _along(place: Vector, spin: Vector, jacobian: np.ndarray, j: int) -> float:
+    """A row of a foot's contact, of its Jacobian's column j."""
+    linear = jacobian[0, j], jacobian[1, j], jacobian[2, j]
+    return inner(place, linear) + inner(spin, (jacobian[3, j], jacobian[4, j], jacobian[5, j]))
+
+
+@compiled
+def _invert_leg(
+    by_leg: np.ndarray,
+    weight: np.ndarray,
+    stands: bool,
+    inverse: np.ndarray,
+    ridge: np.ndarray,
+) -> None:
+    """Write G^-1 of one leg (R, R), and the ridge on G (R,); joints weigh `weight` (K,) of W."""
+    rows, joints = by_leg.shape
+    for row in range(rows):
+        for column in range(row + 1):
+            total = 0.0
+            for k in range(joints):
+                total += by_leg[row, k] * by_leg[column, k] * weight[k]
+            inverse[row, column], inverse[column, row] = total, total
+    # Metres and radians apart, so that no unit matters; there are no more than three of the first.
+    for first in range(0, rows, 3):
+        last, mean = min(first + 3, rows), 0.0
+        for row in range(first, last):
+            mean += inverse[row, row] / 3.0
+        share = _FIRM if stands else _PLACE if first == 0 else _ROTATION
+        for row in range(first, last):
+            # A row of zeros holds nothing.
+            ridge[row] = share * mean if inverse[row, row] > 0.0 else mean + 1.0
+            inverse[row, row] += ridge[row]
+    for k in range(rows):
+        pivot = 1.0 / inverse[k, k]
+        inverse[k, k] = 1.0
+        for j in range(rows):
+            inverse[k, j] *= pivot
+        for row in range(rows):
+            if row != k:
+                share = inverse[row, k]
+                inverse[row, k] = 0.0
+                for j in range(rows):
+                    inverse[row, j] -= share * inverse[k, j]
+
+
+@compiled
+def move_with_feet(
+    limbs: Limbs,
+    mobility: np.ndarray,
+    feet: Feet,
+    terms: DynamicsTerms,
+    i: int,
+    work: Work,
+    motion: Motion,
+) -> None:
+    """Find the motion nearest to its reference that the feet allow: all but `whole`."""
+    base, momentum = motion.base, motion.momentum
+    for k in range(len(limbs.others)):
+        motion.others[k] = motion.reference[limbs.others[k]]
+    for row in range(6):
+        base[row] = motion.reference[row] / mobility[row]
+        momentum[row] = dot(work.by_others[row], motion.others)
+    for foot in range(len(limbs.legs)):
+        offset, asked, force = motion.offset[foot], motion.asked[foot], motion.force[foot]
+        by_leg, mass = work.by_leg[foot], work.mass[foot]
+        rows, joints = by_leg.shape
+        for k in range(joints):
+            j = limbs.legs[foot, k]
+            offset[k] = motion.reference[j] if j >= 0 else 0.0
+        if feet.asked[i, foot] != FREE:
+            for row in range(rows):
+                total = asked[row]
+                for k in range(joints):
+                    total -= by_leg[row, k] * offset[k]
+                asked[row] = total
+            for row in range(rows):
+                total = 0.0
+                for k in range(rows):
+                    total += work.inverse[foot, row, k] * asked[k]
+                force[row] = total
+            for k in range(joints):
+                total = 0.0
+                for row in range(rows):
+                    total += by_leg[row, k] * force[row]
+                offset[k] += work.weight[foot, k] * total
+            if feet.asked[i, foot] == STANDS:
+                for column in range(6):
+                    total = 0.0
+                    for row in range(rows):
+                        total += work.spread[foot, row, column] * asked[row]
+                    base[column] += total
+        else:
+            for k in range(joints):
+                j = limbs.legs[foot, k]
+                for row in range(6):
+                    mass[row, k] = terms.mass_matrix[i, row, j] if j >= 0 else 0.0
+        for row in range(6):
+            total = 0.0
+            for k in range(joints):
+                total += mass[row, k] * offset[k]
+            momentum[row] += total
+    solve_factored(work.metric, base)
+    for row in range(6):
+        momentum[row] += dot(work.reach[row], base)
+
+
+@compiled
+def serve_body(size: int, least_gain: np.ndarray, work: Work, motion: Motion) -> None:
+    """Change a motion by as little as a task of the body takes.
+
+    Args:
+        size: m, of the task: the first m of `work.rows`, and of what is left to do, `work.share`.
+        least_gain: (6,) see `operational_space`.
+        work: of the robot; share is overwritten.
+        motion: its base, others and momentum are changed.
+    """
+    rows, columns, lower, share = work.rows, work.columns, work.gains, work.share
+    other_rows, free = work.other_rows, work.free
+    others = len(free)
+    for row in range(6):
+        for column in range(6):
+            columns[column, row] = rows[row, column] if row < size else 0.0
+    _solve_rows(work.metric, columns, columns)
+    for row in range(6):
+        for other in range(row + 1):
+            total = 0.0
+            for column in range(6):
+                total += rows[row, column] * columns[column, other]
+            for k in range(others):
+                total += other_rows[row, k] * other_rows[other, k] * free[k]
+            lower[row, other] = total / (least_gain[row] * least_gain[other])
+        if row < size:
+            share[row] /= least_gain[row]
+    for row in range(size, 6):
+        # Rows that are not asked for: nothing is left to do there.
+        for other in range(row):
+            lower[row, other] = 0.0
+        share[row], lower[row, row] = 0.0, 1.0
+    _factor_six(lower, work.column)
+    solve_factored(lower, share)
+    for row in range(6):
+        share[row] /= least_gain[row]
+    for column in range(6):
+        change = 0.0
+        for row in range(6):
+            change += columns[column, row] * share[row]
+        motion.base[column] += change
+        for row in range(6):
+            motion.momentum[row] += work.reach[row, column] * change
+    for k in range(others):
+        change = 0.0
+        for row in range(size):
+            change += other_rows[row, k] * share[row]
+        motion.others[k] += free[k] * change
+        for row in range(6):
+            motion.momentum[row] += work.by_others[row, k] * free[k] * change
+
+
+@compiled
+def put_together(limbs: Limbs, work: Work, motion: Motion) -> None:
+    """Write `motion.whole` from its parts."""
+    whole = motion.whole
+    for column in range(6):
+        whole[column] = motion.base[column]
+    for k in range(len(limbs.others)):
+        whole[limbs.others[k]] = motion.others[k]
+    for foot in range(len(limbs.legs)):
+        for k in range(limbs.legs.shape[1]):
+            if limbs.legs[foot, k] >= 0:
+                total = motion.offset[foot, k]
+                for column in range(6):
+                    total += work.follow[foot, k, column] * motion.base[column]
+                whole[limbs.legs[foot, k]] = total
+
+
+@compiled
+def deliver_forces(
+    geometry: ContactGeometry,
+    feet: Feet,
+    terms: DynamicsTerms,
+    nearness: np.ndarray,
+    accuracy: Accuracy,
+    weight: float,
+    start: np.ndarray,
+    next_start: np.ndarray,
+    i: int,
+    work: Work,
+    motion: Motion,
+) -> None:
+    """Find the forces on the points that best deliver rows b of M a + h, within their limits.
+
+    Args:
+        geometry: of the contacts.
+        feet: their points.
+        terms: where the robots are.
+        nearness: (6,) turns N and N·m into N whose squares are comparable.
+        accuracy: of the forces.
+        weight: N.
+        start: (6,) where to begin.
+        next_start: (6,) where to begin at the next tick; written.
+        i: which robot.
+        work: written: arms, feet, forces.
+        motion: the desired one.
+    """
+    base, to_base = vector(terms.base_position, (i,)), transposed(
+        matrix(terms.world_from_base, (i,))
+    )  # fmt: skip
+    problem, count = work.forces.problem, 0
+    for point in range(len(geometry.offset)):
+        if not feet.active[i, point]:
+            continue
+        foot = geometry.foot_of_point[point]
+        rotation = matrix(terms.world_from_foot, (i, foot))
+        arm = turn(rotation, vector(geometry.offset, (point,)))
+        lever = subtract(add(vector(terms.foot_position, (i, foot)), arm), base)
+        # Of unit forces along the world's axes: themselves, and lever × force in the base's axes.
+        for axis in range(3):
+            unit = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
+            moment = turn(to_base, cross(lever, unit))
+            for k in range(3):
+                problem.wrenches[count, axis, k] = nearness[k] * unit[k]
+                problem.wrenches[count, axis, 3 + k] = nearness[3 + k] * moment[k]
+            problem.limits[count, axis] = feet.limits[i, point, axis]
+        store(arm, work.arms, (count,))
+        work.feet[count] = foot
+        count += 1
+    for row in range(6):
+        problem.wrench[row] = nearness[row] * (motion.momentum[row] + terms.bias[i, row])
+    problem.count[0] = count
+    deliver_by_points(work.forces, accuracy, weight, start, next_start)
+
+
+@compiled
+def yield_to_limits(
+    mobility: np.ndarray,
+    nearness: np.ndarray,
+    terms: DynamicsTerms,
+    i: int,
+    work: Work,
+    motion: Motion,
+) -> None:
+    """Change a motion by the least that makes it need just the wrench that the forces deliver."""
+    missing = work.forces.point.missing
+    if dot(missing, missing) == 0.0:
+        return
+    linear, angular = 0.0, 0.0
+    for axis in range(3):
+        linear += mobility[axis] * terms.mass_matrix[i, axis, axis] ** 2 / 3.0
+        angular += mobility[3 + axis] * terms.mass_matrix[i, 3 + axis, 3 + axis] ** 2 / 3.0
+    least = work.forces.point.gradient
+    for row in range(6):
+        least[row] = _FAINT * np.sqrt(linear if row < 3 else angular)
+        work.share[row] = missing[row] / nearness[row]
+        for column in range(6):
+            work.rows[row, column] = work.reach[row, column]
+        for k in range(len(work.free)):
+            work.other_rows[row, k] = work.by_others[row, k]
+    serve_body(6, least, work, motion)
+
+
+@compiled
+def joint_torques(
+    terms: DynamicsTerms, i: int, work: Work, motion: Motion, torque: np.ndarray
+) -> None:
+    """Write the joint rows of M a + h - J^T f to torque (n,)."""
+    for j in range(len(torque)):
+        torque[j] = dot(terms.mass_matrix[i, 6 + j], motion.whole) + terms.bias[i, 6 + j]
+    for foot in range(terms.foot_jacobian.shape[1]):
+        force, moment, bears = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), False
+        for point in range(work.forces.problem.count[0]):
+            if work.feet[point] == foot:
+                pushed = vector(work.forces.point.force, (point,))
+                force, bears = add(force, pushed), True
+                moment = add(moment, cross(vector(work.arms, (point,)), pushed))
+        if bears:
+            jacobian = terms.foot_jacobian[i, foot]
+            for j in range(len(torque)):
+                linear = jacobian[0, 6 + j], jacobian[1, 6 + j], jacobian[2, 6 + j]
+                angular = jacobian[3, 6 + j], jacobian[4, 6 + j], jacobian[5, 6 + j]
+                torque[j] -= inner(linear, force) + inner(angular, moment)
+
+
+@compiled
+def contact_error(limbs: Limbs, feet: Feet, i: int, work: Work, motion: Motion) -> float:
+    """Return by how much (m/s^2) the contacts of standing feet would move: |J a + Jdot v|."""
+    square = 0.0
+    for foot in range(len(limbs.legs)):
+        if feet.asked[i, foot] == STANDS:
+            # What the ridge leaves: B u + L q - c = -ridge G^-1 (c - L r - B u).
+            for row in range(motion.force.shape[1]):
+                force = motion.force[foot, row]
+                for column in range(6):
+                    force -= work.spread[foot, row, column] * motion.base[column]
+                square += (work.ridge[foot, row] * force) ** 2
+    return np.sqrt(square)
+
+
+@compiled
+def missing_directions(
+    geometry: ContactGeometry, feet: Feet, terms: DynamicsTerms, i: int
+) -> float:
+    """Return in how many directions of the base the points on the ground cannot push.
+
+    Six where there are none, three on one point, one on points of a line.
+    """
+    count, longest, widest = 0, 0.0, 0.0
+    first, far = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    # The point farthest from the first one, then the one farthest from the line through both.
+    for stage in range(2):
+        for point in range(len(geometry.offset)):
+            if not feet.active[i, point]:
+                continue
+            foot = geometry.foot_of_point[point]
+            arm = turn(matrix(terms.world_from_foot, (i, foot)), vector(geometry.offset, (point,)))
+            place = add(vector(terms.foot_position, (i, foot)), arm)
+            if stage == 0:
+                if count == 0:
+                    first = place
+                count += 1
+            away = subtract(place, first)
+            distance = np.sqrt(inner(away, away))
+            if stage == 0 and distance > longest:
+                longest, far = distance, scale(1.0 / distance, away)
+            if stage == 1:
+                across = cross(far, away)
+                widest = max(widest, np.sqrt(inner(across, across)))
+    if count == 0:
+        return 6.0
+    if longest == 0.0:
+        return 3.0
+    return 1.0 if widest <= _LINE * longest else 0.0
