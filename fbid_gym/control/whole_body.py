@@ -11,15 +11,15 @@ them. What is left is a problem in u, the six numbers of the base, and in the jo
 foot; those that move several have their r. A task of the body is served there by the least motion,
 of the base in the metric
 
-    S = W_u^-1 + sum over standing feet of B^T G^-1 B.
+    S = W_u^-1 + sum over feet of B^T G^-1 B.
 
 This is [M10] eq. (19), contacts before task before reference, as `operational_space` has it for any
 robot: the same motion wherever the six can do what feet and body shall. Where they cannot:
 
 - A leg that cannot move its standing foot in a direction (a straight knee, too few joints) is held
   by it: G keeps its ridge alone, and S holds the base there.
-- A foot in the air is never worth a motion of the base. In directions that its leg cannot serve it
-  is let go, its rotation before its place.
+- A foot in the air is not turned in ways in which its leg has no joints to turn it (`Limbs.turns`),
+  and is not worth a motion of the base then: it has no part in S.
 - Directions of the task that the base can hardly move in fade out (`least_gain`).
 
 Then come the forces on the contact points, within their limits, that best deliver the wrench on the
@@ -35,10 +35,12 @@ from fbid_gym.compiled import compiled
 from fbid_gym.control.dual_newton import Room, deliver_by_points, room_for
 from fbid_gym.dynamics.stance import Limbs
 from fbid_gym.dynamics.vectors import (
+    Rotation,
     Vector,
     add,
     cross,
     matrix,
+    product,
     scale,
     store,
     subtract,
@@ -53,9 +55,9 @@ from fbid_gym.small_matrices import dot, factor, factor_damped, solve_factored
 FREE, MOVES, STANDS = 0, 1, 2
 """What is asked of a foot: nothing, to move as told, or that its contact does not move."""
 
-# Ridges on G, shares of the mean gain of a leg's joints on its foot: of a standing foot, and of the
-# place and the rotation of one in the air.
-_FIRM, _PLACE, _ROTATION = 1e-8, 1e-5, 1e-3
+# Ridges on G, shares of the mean gain of a leg's joints on its foot: of a standing foot, and of one
+# in the air.
+_FIRM, _LOOSE = 1e-8, 1e-6
 _FAINT = 1e-3  # of the free robot's response: wrenches that the legs leave less of are given up
 _LINE = 1e-3  # of the longest distance: points that lie nearer to a line are on it
 
@@ -241,6 +243,7 @@ def factor_legs(
         stands = feet.asked[i, foot] == STANDS
         _read_foot(limbs, geometry, feet, terms, i, foot, work, motion)
         _invert_leg(by_leg, work.weight[foot], stands, inverse, work.ridge[foot])
+        counts = stands or limbs.able[foot]
         rows, joints = by_leg.shape
         # Each sum in a register, and stored once: these are a third of the law's time.
         for row in range(rows):
@@ -261,7 +264,7 @@ def factor_legs(
                 for k in range(joints):
                     total += mass[row, k] * follow[k, column]
                 reach[row, column] += total
-            if stands:
+            if counts:
                 for column in range(row + 1):
                     total = 0.0
                     for k in range(rows):
@@ -365,6 +368,8 @@ def _read_foot(
                 for k in range(len(limbs.shared)):
                     j = limbs.shared[k]
                     asked[row] -= jacobian[row, j] * motion.reference[j]
+        if feet.asked[i, foot] == MOVES and not limbs.able[foot]:
+            _turn_as_able(limbs, terms, i, foot, by_base, by_leg, asked)
         return
     rotation = matrix(terms.world_from_foot, (i, foot))
     linear = subtract(vector(feet.acceleration, (i, foot)), vector(terms.foot_bias, (i, foot)))
@@ -395,6 +400,34 @@ def _read_foot(
 
 
 @compiled
+def _turn_as_able(
+    limbs: Limbs,
+    terms: DynamicsTerms,
+    i: int,
+    foot: int,
+    by_base: np.ndarray,
+    by_leg: np.ndarray,
+    asked: np.ndarray,
+) -> None:
+    """Replace the last three rows of a foot by rotations that its leg can give, else by zeros."""
+    axes = product(
+        matrix(limbs.turns, (foot,)), transposed(matrix(terms.world_from_foot, (i, foot)))
+    )
+    store(turn(axes, vector(asked, (), 3)), asked, (), 3)
+    for column in range(6):
+        _turn_column(axes, by_base, column)
+    for k in range(by_leg.shape[1]):
+        _turn_column(axes, by_leg, k)
+
+
+@compiled
+def _turn_column(axes: Rotation, rows: np.ndarray, column: int) -> None:
+    """Overwrite rows[3:6, column] with axes times them."""
+    turned = turn(axes, (rows[3, column], rows[4, column], rows[5, column]))
+    rows[3, column], rows[4, column], rows[5, column] = turned
+
+
+@compiled
 def _along(place: Vector, spin: Vector, jacobian: np.ndarray, j: int) -> float:
     """A row of a foot's contact, of its Jacobian's column j."""
     linear = jacobian[0, j], jacobian[1, j], jacobian[2, j]
@@ -422,7 +455,7 @@ def _invert_leg(
         last, mean = min(first + 3, rows), 0.0
         for row in range(first, last):
             mean += inverse[row, row] / 3.0
-        share = _FIRM if stands else _PLACE if first == 0 else _ROTATION
+        share = _FIRM if stands else _LOOSE
         for row in range(first, last):
             # A row of zeros holds nothing.
             ridge[row] = share * mean if inverse[row, row] > 0.0 else mean + 1.0
@@ -480,7 +513,7 @@ def move_with_feet(
                 for row in range(rows):
                     total += by_leg[row, k] * force[row]
                 offset[k] += work.weight[foot, k] * total
-            if feet.asked[i, foot] == STANDS:
+            if feet.asked[i, foot] == STANDS or limbs.able[foot]:
                 for column in range(6):
                     total = 0.0
                     for row in range(rows):

@@ -25,6 +25,9 @@ class Limbs(NamedTuple):
         rows: (F,) int64, how many rows of its Jacobian hold a foot with all its points: the first
             three, or all six; 0 where it takes others.
         every: (F,) int64, the set of all its points, as bits.
+        able: (F,) bool, whether its own joints are at least as many as these rows.
+        turns: (F, 3, 3) axes, in the foot's own, about which its joints can turn a foot that is
+            held in place; rows of zeros where there are too few of them.
     """
 
     size: int
@@ -33,6 +36,8 @@ class Limbs(NamedTuple):
     shared: np.ndarray
     rows: np.ndarray
     every: np.ndarray
+    able: np.ndarray
+    turns: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,11 +172,22 @@ class Stance:
             shared=6 + np.flatnonzero(moves > 1),
             rows=np.array([rank if rank in (3, 6) else 0 for rank in ranks], np.int64),
             every=every.astype(np.int64),
+            able=legs.sum(axis=1) >= ranks,
+            turns=np.array([_turns(self.terms, foot, leg) for foot, leg in enumerate(legs)]),
         )
 
     def frame(self, terms: DynamicsTerms) -> SupportFrame:
         """Return the level frame of the feet of N robots."""
         return support_frame(self.heading, terms)
+
+
+def _turns(terms: DynamicsTerms, foot: int, leg: np.ndarray) -> np.ndarray:
+    """Axes about which the joints of a leg (n,) bool can turn its foot, in the foot's own: (3, 3)."""
+    place, spin = np.split(terms.foot_jacobian[0, foot][:, 6:][:, leg], 2)
+    free = spin - spin @ np.linalg.pinv(place, rcond=1e-6) @ place
+    axes, _, _ = np.linalg.svd(terms.world_from_foot[0, foot].T @ free)
+    most = max(0, min(3, int(leg.sum()) - 3))
+    return np.where(np.arange(3)[:, None] < most, axes.T, 0.0) if most < 3 else np.eye(3)
 
 
 def _legs(terms: DynamicsTerms) -> np.ndarray:
