@@ -92,7 +92,7 @@ class EnvBatch:
         self.reward_terms = config.reward_terms(self.task)
         self._reward_names = [f"reward_{name}" for name in self.reward_terms]
         self._reward_parts = Parts.of_rows("reward term", self.reward_terms, num_envs)
-        self._weights = np.array([[term.weight] for term in self.reward_terms.values()])
+        self._weights = np.repeat([term.weight for term in self.reward_terms.values()], num_envs)
         self.observation_groups = checked_groups(self.task)
         self.layer, self.footholds = config.layer(self.robot, self.task)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
@@ -134,6 +134,7 @@ class EnvBatch:
         # What the episodes have come to so far.
         self._sums = {"distance": np.zeros(num_envs), "energy": np.zeros(num_envs)}
         self._progress = Climb.of(num_envs, self.terrain.tiles, config.difficulty)
+        self._going_on = np.full(num_envs, "", object)
         # At the beginning of the last policy step; only for those who look.
         self._com_velocity = np.full((num_envs, 3), np.nan)
         # Of the last policy step.
@@ -248,9 +249,9 @@ class EnvBatch:
     def _judge(self, measured: Any) -> np.ndarray:
         """The terms of the reward: (T, N), a row for each."""
         shares = [term.share(measured) for term in self.reward_terms.values()]
-        judged = self._reward_parts.joined(shares, self.task).reshape(len(shares), -1)
+        judged = self._reward_parts.joined(shares, self.task)
         judged *= self._weights
-        return judged
+        return judged.reshape(-1, self.num_envs)
 
     def _evaluate(self, measured: Any) -> np.ndarray:
         """The metrics: (M, N), a row for each."""
@@ -283,7 +284,7 @@ class EnvBatch:
 
     def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:
         """What a step's info says of robots and layer, beside rewards and metrics."""
-        termination = np.full(self.num_envs, "", object)
+        termination = self._going_on.copy()
         termination[fallen], termination[lost] = "fall", "diverged"
         return {
             "torque": self._effort.torque.copy(),

@@ -132,6 +132,12 @@ def test_a_task_goes_wherever_those_of_the_package_go() -> None:
         gym.make(ENV, task="rest", height_range=(0.9, 1.0))
 
 
+def test_a_task_may_reward_nothing() -> None:
+    register_task("rest", rest)
+    _, reward, *_, info = stepped(task="rest", answers={"terms": {}})
+    assert reward.tolist() == [0.0, 0.0] and not any(key.startswith("reward") for key in info)
+
+
 @pytest.mark.parametrize("name", ["torque", "two words", "", 3, None])
 def test_a_name_that_is_refused(name: Any) -> None:
     with pytest.raises(InvalidValueError, match="name of action layer.*com_wrench"):
@@ -210,6 +216,7 @@ def test_numbers_of_another_kind_are_taken() -> None:
         ),
         ({"terms": np.ones(2)}, "reward_terms of Rest"),
         ({"terms": {"rest": np.ones}}, "reward_terms of Rest"),
+        ({"terms": {"rest": Term(len, -1.0)}}, "weight of reward term 'rest': -1.0"),
         ({"share": 1.0}, r"reward term 'rest' of Rest has shape \(\)"),
         ({"metrics": None}, "metrics of Rest: None"),
         ({"metrics": {"speed": np.zeros((2, 3))}}, "metric 'speed' of Rest"),
