@@ -128,7 +128,7 @@ def walk(trial: Trial, config: WalkingConfig, **others: Any) -> Walked:
     }
     batch = ready(arguments, config.episodes)
     zero = np.zeros((config.episodes, len(batch.action_names)))
-    names = list(batch.task.observation_names)
+    names = list(batch.observation_names)
     seen = [names.index(f"base velocity {way} (m/s, heading)") for way in ("ahead", "to the left")]
     said = [names.index(f"commanded velocity {way} (m/s)") for way in ("ahead", "to the left")]
     turn = names.index("commanded yaw rate (rad/s)")

@@ -2,32 +2,40 @@
 
 import argparse
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import gymnasium as gym
 import numpy as np
 
 from fbid_gym.motions import home_reference
-from fbid_gym.tasks import Body, Pushes, Start, register_task
+from fbid_gym.tasks import Episode, Group, Outcome, Term, bell, register_task
 
 
-@dataclass(frozen=True, eq=False)
-class Bob:
+class Bobbing(NamedTuple):
+    """What is measured of N robots: observation, reward and metrics are made of it."""
+
+    outcome: Outcome
+    height: np.ndarray  # (N,) m, commanded
+    error: np.ndarray  # (N,) m
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Bob(Episode):
     """Follow a sine of the base's height; see `fbid_gym.tasks.Task` for what each part is."""
 
-    body: Body
-    seconds: float
-    hz: int
-    pushes: Pushes
-    start: Start
     depth: float
-    derived = {}
-    observation_names = property(lambda self: ("height (m)", *self.body.observation_names))
-    observation_bound = property(lambda self: np.append(10.0, self.body.observation_bound))
+    reward_terms = {
+        "height": Term(lambda measured, width: bell(measured.error, width), 0.8, 0.03, "m"),
+        "upright": Term(lambda measured: measured.outcome.posture.upright, 0.2),
+    }
+
+    @property
+    def observation_groups(self):
+        height = Group(("height (m)",), 10.0, lambda measured: measured.height[:, None])
+        return {"height": height, **self.body.groups}
 
     def draw(self, rng):
-        robot, pushes = self.body.robot, self.pushes.draw(rng, self.seconds, self.hz)
-        qpos, qvel = self.start.draw(robot, robot.home_qpos, np.zeros(robot.nv), rng)
-        return {"qpos": qpos, "qvel": qvel, "pace": np.array(rng.uniform(0.3, 0.8)), **pushes}
+        return self.begin_at_home(rng) | {"pace": np.array(rng.uniform(0.3, 0.8))}
 
     def memory(self, terms):
         return {}
@@ -35,21 +43,16 @@ class Bob:
     def reference(self, plan, now):
         return home_reference(self.body.robot)  # what the action layers follow
 
-    def height(self, plan, outcome):
+    def measure(self, outcome, plan, memory):
         bow = 0.5 - 0.5 * np.cos(2 * np.pi * plan["pace"] * outcome.state.tick / self.hz)
-        return self.body.height(1 - self.depth * bow)
+        height = self.body.height(1 - self.depth * bow)
+        return Bobbing(outcome, height, outcome.posture.base[:, 2] - height)
 
-    def observe(self, outcome, plan, memory):
-        return np.column_stack([self.height(plan, outcome), self.body.observe(outcome)])
-
-    def reward(self, outcome, plan, memory):
-        posture = outcome.posture
-        error = posture.base[:, 2] - self.height(plan, outcome)
-        terms = {"height": 0.8 * np.exp(-((error / 0.03) ** 2)), "upright": 0.2 * posture.upright}
-        return terms, {"height_error": error}
+    def metrics(self, measured):
+        return {"height_error": measured.error}
 
 
-register_task("bob", lambda *given, depth=0.1: Bob(Body.of(given[0]), *given[1:], depth))
+register_task("bob", lambda episode, *, depth=0.1: Bob.from_episode(episode, depth=depth))
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)

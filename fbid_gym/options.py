@@ -30,7 +30,7 @@ from typing import (
 
 import numpy as np
 
-from fbid_gym.checks import is_number
+from fbid_gym.checks import by_name, is_number
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 
 P = ParamSpec("P")
@@ -179,6 +179,25 @@ class Each:
         if not isinstance(value, list | tuple) or len(value) < self.least:
             raise InvalidValueError(name, value, self.words)
         return tuple(self.kind.check(name, one) for one in value)
+
+
+@dataclass(frozen=True)
+class Named:
+    """Values by name, each of a kind."""
+
+    kind: Kind
+
+    @property
+    def words(self) -> str:
+        """See `Kind`."""
+        return f"a dictionary from names to values, each {self.kind.words}"
+
+    def check(self, name: str, value: Any) -> dict[str, Any]:
+        """See `Kind`."""
+        return {
+            key: self.kind.check(f"{name}[{key!r}]", one)
+            for key, one in by_name(name, value).items()
+        }
 
 
 @dataclass(frozen=True)

@@ -167,7 +167,7 @@ def _commands(stage: Stage) -> dict[str, Control]:
         found["height"] = Slider(COMMAND, "height, from the gait's (m)", lowest, 0.0, 0.0)
         if len(task.body.robot.feet) == 4:
             names = tuple(PATTERNS)
-            found["gait"] = Menu(COMMAND, "gait", names, task.gait_name, resets=True)
+            found["gait"] = Menu(COMMAND, "gait", names, task.derived["gait"], resets=True)
         return found
     if isinstance(task, Balance):
         least, most = _rounded(task.body.height(np.array(task.height_range)))

@@ -93,7 +93,7 @@ def _velocity(lane: Lane, walks: bool) -> np.ndarray:
 
 
 def _command(lane: Lane) -> np.ndarray:
-    names = list(lane.batch.task.observation_names)
+    names = list(lane.batch.observation_names)
     first = names.index("commanded velocity ahead (m/s)")
     return lane.batch.observation()[0, first : first + 2].astype(float)
 

@@ -15,6 +15,7 @@ from fbid_gym.envs.config import EnvConfig
 from fbid_gym.options import Option, options_of
 from fbid_gym.policy import Shipped, shipped
 from fbid_gym.tasks import TASKS
+from fbid_gym.tasks.observation import entry_bounds, entry_names
 
 _FIRST = "base_acceleration"
 """Whose clip is shown: of the layers the one that stands and walks in all of them."""
@@ -161,7 +162,7 @@ def _facts(env_id: str) -> str:
                     "policy steps"],
         ["Pushes", f"{push[0]:.3g} to {push[1]:.3g} N" if push[1] > 0 else "none by default"],
         ["Ground", f"`{config.terrain}`"],
-        ["Observation", f"`Box({len(task.observation_names)},)`, float32"],
+        ["Observation", f"`Box({len(entry_names(task.observation_groups))},)`, float32"],
     ]  # fmt: skip
     return markdown_table(["", f"`{env_id}`"], rows)
 
@@ -180,8 +181,8 @@ def _actions(env_id: str) -> str:
 
 
 def _observation(env_id: str) -> str:
-    task = _task(env_id)
-    entries = zip(task.observation_names, task.observation_bound, strict=True)
+    groups = _task(env_id).observation_groups
+    entries = zip(entry_names(groups), entry_bounds(groups), strict=True)
     rows = [[str(k), name, f"{bound:g}"] for k, (name, bound) in enumerate(entries)]
     listed = markdown_table(["Entry", "Observation", "Range"], rows)
     return _details(f"All {len(rows)} entries of this environment", listed)

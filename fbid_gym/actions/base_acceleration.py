@@ -11,7 +11,6 @@ from fbid_gym.actions.gains import (
     VelocityGain,
     chosen_gains,
     default_moment_priority,
-    in_hz,
 )
 from fbid_gym.actions.law import Law, stabilise
 from fbid_gym.actions.ranges import DampingRatio, Frequency, Priority
@@ -32,12 +31,12 @@ class BaseAcceleration:
 
     With w and zeta of each part:
 
-        linear, x and y:  a + w^2 (x_target - centre of mass) + 2 zeta w (rate_target - its velocity)
-        linear, z:        a + w^2 (z_target - base height)    + 2 zeta w (rate_target - its velocity)
-        angular:          a + w^2 (rotation error)            + 2 zeta w (rate_target - its rate)
+        linear, x and y:  a + w^2 (target - centre of mass) + 2 zeta w (target rate - its velocity)
+        linear, z:        a + w^2 (target - base height)    + 2 zeta w (target rate - its velocity)
+        angular:          a + w^2 (rotation error)          + 2 zeta w (target rate - its rate)
 
-    where a is the target's acceleration. Feet go first, the body in what they leave, the joints near
-    their target in the rest: see `fbid_gym.actions.law`.
+    where a is the target's acceleration. Feet go first, the body in what they leave, the joints
+    near their target in the rest: see `fbid_gym.actions.law`.
 
     The scale of the action is what the contacts can do: horizontally the acceleration that moves
     the centre of pressure from below the centre of mass to the nearest edge of the support polygon,

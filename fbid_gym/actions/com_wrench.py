@@ -134,7 +134,9 @@ class ComWrench:
             law = Law.of(robot, control_hz, assumed, own, moment_priority)
             return cls(law, scale, assumed, moment_priority, own)
         if kind.gait:
-            expected = f'"{_INVERSE_DYNAMICS}" on a gait: the papers balance motions that are planned'
+            expected = (
+                f'"{_INVERSE_DYNAMICS}" on a gait: the papers balance motions that are planned'
+            )
             raise InvalidValueError("balancer", balancer, expected)
         if velocity_gain:
             expected = f'0, or the balancer "{_INVERSE_DYNAMICS}"'

@@ -13,7 +13,7 @@ from fbid_gym.robots import Robot
 VelocityGain = Annotated[float, Number(0.0, 100.0)]
 
 JOINTS_FIRST = 1e-3
-"""Base priority of layers that command joints: where the feet do not allow both, the base follows."""
+"""Base priority of layers that command joints: where feet do not allow both, the base yields."""
 
 _SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more, robots slip sooner
 
@@ -57,9 +57,7 @@ class BodyGains(NamedTuple):
 # spare. A gait on soles balances by its centre of pressure, and needs no spring beside it.
 _PLANNED = BodyGains(2.89, 3.4, 4.0, 4.0, 4.0, 4.0, 2.89, 3.4, 26.0, 10.0, 5.0, 0.0, _SMALL)
 _GAIT = BodyGains(1.0, 4.0, 4.4, 3.4, 5.9, 4.3, 0.0, 0.34, 26.0, 10.0, 5.0, 0.0, _SMALL)
-_GAIT_ON_SOLES = BodyGains(
-    0.0, 0.0, 7.84, 5.6, 6.25, 5.0, 4.84, 4.4, 49.0, 14.0, 2.9, 0.0, _SMALL
-)
+_GAIT_ON_SOLES = BodyGains(0.0, 0.0, 7.84, 5.6, 6.25, 5.0, 4.84, 4.4, 49.0, 14.0, 2.9, 0.0, _SMALL)
 _POWERS = BodyGains(2, 1, 2, 1, 2, 1, 2, 1, 2, 1, 1, 1, -1)
 
 

@@ -45,9 +45,7 @@ class JointMotion:
     legs: "LegJoints | None"
 
     @classmethod
-    def of(
-        cls, robot: Robot, kind: MotionKind, gains: BodyGains, *, aware: bool
-    ) -> "JointMotion":
+    def of(cls, robot: Robot, kind: MotionKind, gains: BodyGains, *, aware: bool) -> "JointMotion":
         """Return the joint motion of a kind of motion.
 
         Args:

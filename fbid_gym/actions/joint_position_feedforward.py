@@ -92,9 +92,7 @@ class JointPositionFeedforward:
         if natural_frequency is None:
             # Stiffer ankles tip robots on soles.
             firm = kind.gait and not robot.has_soles
-            natural_frequency = (
-                in_hz(max(own.height, own.rotation)) if firm else Falling(1.0)
-            )
+            natural_frequency = in_hz(max(own.height, own.rotation)) if firm else Falling(1.0)
         (frequency,) = in_hertz(robot, target_frequency=target_frequency).values()
         assumed = contact.on(robot, kind)
         firm_feet = own._replace(hold=0.0)
@@ -161,9 +159,7 @@ class JointPositionFeedforward:
 
 
 @kernel
-def _follow(
-    balance: np.ndarray, offset: Offset, target: Target, terms: DynamicsTerms
-) -> Command:
+def _follow(balance: np.ndarray, offset: Offset, target: Target, terms: DynamicsTerms) -> Command:
     """Desired motion of eq. (18), and the centre of mass's by eq. (20), where `balance` has two."""
     count, joints = offset.value.shape
     desired, body = target.qacc.copy(), np.empty((count, len(balance)))
@@ -178,9 +174,7 @@ def _follow(
 
 
 @kernel
-def _feedback(
-    gains: JointGains, state: RobotState, target: Target, offset: Offset
-) -> np.ndarray:
+def _feedback(gains: JointGains, state: RobotState, target: Target, offset: Offset) -> np.ndarray:
     """K_P (q_d - q) + K_D (qdot_d - qdot) of eq. (18): (N, n) N·m."""
     torque = np.empty(offset.value.shape)
     for i in range(len(torque)):

@@ -362,9 +362,7 @@ def desired_acceleration(
 
 
 @compiled
-def _feet(
-    law: LawConstants, target: Target, terms: DynamicsTerms, active: np.ndarray
-) -> Feet:
+def _feet(law: LawConstants, target: Target, terms: DynamicsTerms, active: np.ndarray) -> Feet:
     """What the feet shall do, and what their points can bear."""
     gains, (count, feet), points = law.gains, target.planted.shape, active.shape[1]
     asked, acceleration = np.full((count, feet), FREE), np.zeros((count, feet, 6))
@@ -377,7 +375,10 @@ def _feet(
                 asked[i, foot] = STANDS
             friction, least, most = law.limits[0, point]
             load = max(target.load[i, foot], _LEAST_LOAD)
-            limits[i, point, 0], limits[i, point, 2] = friction, min(most, load * law.most_load * weight)
+            limits[i, point, 0], limits[i, point, 2] = (
+                friction,
+                min(most, load * law.most_load * weight),
+            )
             limits[i, point, 1] = min(least, limits[i, point, 2])
         for foot in range(feet):
             if asked[i, foot] == STANDS:
@@ -467,9 +468,7 @@ def _move_momentum(
     locked robot's inertia on long legs, which turn against the trunk. For the same reason h_d' is
     no detail: a moment that ignored what the legs' swing takes would turn the trunk instead.
 
-    Args:
-        motion: of the accelerations h_d' is of; changed to those wanted.
-        carried: buffers.
+    `motion` comes with the accelerations that h_d' is of; `carried` has room for velocities.
     """
     gains, limbs, mobility = law.gains, law.limbs, law.mobility
     mass = terms.mass_matrix[i, 0, 0]
@@ -546,9 +545,15 @@ def _locked_inverse(terms: DynamicsTerms, rotation: Rotation, arm: Vector, i: in
     about_base = product(product(rotation, rows), transposed(rotation))
     square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2]
     a, b, c = (
-        subtract(about_base[0], scale(mass, (square - arm[0] ** 2, -arm[0] * arm[1], -arm[0] * arm[2]))),
-        subtract(about_base[1], scale(mass, (-arm[1] * arm[0], square - arm[1] ** 2, -arm[1] * arm[2]))),
-        subtract(about_base[2], scale(mass, (-arm[2] * arm[0], -arm[2] * arm[1], square - arm[2] ** 2))),
+        subtract(
+            about_base[0], scale(mass, (square - arm[0] ** 2, -arm[0] * arm[1], -arm[0] * arm[2]))
+        ),
+        subtract(
+            about_base[1], scale(mass, (-arm[1] * arm[0], square - arm[1] ** 2, -arm[1] * arm[2]))
+        ),
+        subtract(
+            about_base[2], scale(mass, (-arm[2] * arm[0], -arm[2] * arm[1], square - arm[2] ** 2))
+        ),
     )
     first, second, third = cross(b, c), cross(c, a), cross(a, b)
     size = 1.0 / (a[0] * first[0] + a[1] * first[1] + a[2] * first[2])

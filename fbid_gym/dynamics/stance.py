@@ -182,7 +182,7 @@ class Stance:
 
 
 def _turns(terms: DynamicsTerms, foot: int, leg: np.ndarray) -> np.ndarray:
-    """Axes about which the joints of a leg (n,) bool can turn its foot, in the foot's own: (3, 3)."""
+    """Axes (3, 3), in those of a foot, about which the joints of a leg (n,) bool can turn it."""
     place, spin = np.split(terms.foot_jacobian[0, foot][:, 6:][:, leg], 2)
     free = spin - spin @ np.linalg.pinv(place, rcond=1e-6) @ place
     axes, _, _ = np.linalg.svd(terms.world_from_foot[0, foot].T @ free)

@@ -49,6 +49,20 @@ import fbid_gym
 differences = {"mass": 0.2, "friction": (0.5, 1.2), "action_delay": (0.0, 0.02)}
 env = gym.make("fbid_gym/QuadrupedWalk-v0", randomisation=differences)
 ```"""
+_TERMS = """\
+A reward is the sum of its terms, each from 0 to its weight. A scale is an error at which a term has
+fallen to 1/e; g is gravity, H the height of hips or centre of mass above the feet, whichever is
+higher, h that of the centre of mass. With `--env-args '{"reward_weights": {"torque": 0.0}}'` a
+training has other weights:
+
+```python
+import gymnasium as gym
+
+import fbid_gym
+
+weights, scales = {"torque": 0.0, "velocity": 0.6}, {"velocity": 0.1}
+env = gym.make("fbid_gym/QuadrupedWalk-v0", reward_weights=weights, reward_scales=scales)
+```"""
 _SB3 = """\
 `make_sb3` also takes `seed` (environment i starts from seed + i) and `stagger` (False; truncates
 first episodes, evenly spread, so that robots do not end together, as trainings of this repository
@@ -104,6 +118,19 @@ def settings() -> str:
     return "\n".join(lines)
 
 
+def terms() -> str:
+    """Return a Markdown table of the terms of every reward."""
+    lines = ["| Task | Term | Weight | Scale | Rewards |", "| --- | --- | --- | --- | --- |"]
+    tables = {id(kind.terms): kind.terms for kind in TASKS.values()}
+    for own in tables.values():
+        tasks = ", ".join(f"`{name}`" for name, kind in TASKS.items() if kind.terms is own)
+        for name, term in own.items():
+            said = inspect.getdoc(term.function) or ""
+            scale = f"{term.scale:g} {term.unit}".strip()
+            lines.append(f"| {tasks} | `{name}` | {term.weight:g} | {scale} | {said} |")
+    return "\n".join(lines)
+
+
 def page() -> str:
     """Return docs/arguments.md."""
     parts = [_HEAD.rstrip()]
@@ -120,6 +147,8 @@ def page() -> str:
     parts.append("## Of the tasks")
     for name, task in TASKS.items():
         section(f"### `{name}`", options_of(task.of), meanings(task.of))
+    parts.extend(["## Terms of the reward: `reward_weights`, `reward_scales`", _TERMS])
+    parts.append(terms())
     parts.append("## Of the action layers: `layer_options`")
     shared = options_of(ContactOptions)
     for name, layer in LAYERS.items():

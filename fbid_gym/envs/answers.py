@@ -3,23 +3,26 @@
 Compiled code that follows trusts the shapes of what it is given.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fbid_gym.actions import ActionLayer
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
-from fbid_gym.tasks import Plan, Task
+from fbid_gym.options import Number
+from fbid_gym.tasks import Group, Plan, Task
+from fbid_gym.tasks.observation import Groups
 
+_POSITIVE = Number(1e-9, 1e9)
 _FLOAT = np.dtype(float)
 _MOST_PLANNED = 2**30  # bytes, of all robots' episodes
 _PLANNED = ("qpos", "qvel", "push_start", "push_force", "push_velocity")
 
 
 def check_plan(task: Task, drawn: Plan) -> None:
-    """Raise an FbidError unless what a task draws, and sees, is what `Task` says."""
+    """Raise an FbidError unless what a task draws is what `Task` says."""
     kind = type(task).__name__
     if not isinstance(drawn, Mapping) or not drawn.keys() >= set(_PLANNED):
         found = sorted(drawn) if isinstance(drawn, Mapping) else drawn
@@ -32,10 +35,18 @@ def check_plan(task: Task, drawn: Plan) -> None:
     for name, size in (("qpos", robot.nq), ("qvel", robot.nv)):
         if drawn[name].shape != (size,):
             raise ShapeError(f"{name!r} drawn by {kind}", drawn[name].shape, f"({size},)")
-    names, bound = task.observation_names, task.observation_bound
-    if np.shape(bound) != (len(names),):
-        expected = f"({len(names)},), a bound for each of observation_names"
-        raise ShapeError(f"observation_bound of {kind}", np.shape(bound), expected)
+
+
+def checked_groups(task: Task) -> Groups:
+    """Return the groups of a task's observation, or raise an FbidError."""
+    called, groups = f"observation_groups of {type(task).__name__}", task.observation_groups
+    known = isinstance(groups, Mapping)
+    if not known or not all(isinstance(group, Group) for group in groups.values()):
+        raise InvalidValueError(called, groups, "a dictionary from names to Groups")
+    for name, group in groups.items():
+        if not _POSITIVE.holds(group.bound):
+            raise InvalidValueError(f"bound of {name!r} in {called}", group.bound, _POSITIVE.words)
+    return groups
 
 
 def check_size(drawn: Plan, num_envs: int, seconds: float) -> None:
@@ -115,35 +126,65 @@ def as_numbers(answer: Any, shape: tuple[int, ...], whose: object, name: str) ->
     return found
 
 
-def as_terms(answer: Any, count: int, task: Task, name: str) -> dict[str, np.ndarray]:
-    """Return named rows of numbers, each (count,), see `as_numbers`.
+class Parts(NamedTuple):
+    """What the parts of a task's answer shall be, which follow each other along the last axis.
 
-    Args:
-        answer: of the task.
-        count: of robots.
-        task: whose answer it is.
-        name: of such a row.
+    Attributes:
+        names: of the parts.
+        shapes: of the parts.
+        whole: shape of all of them together.
     """
-    if not isinstance(answer, Mapping):
-        called = f"{name} of {type(task).__name__}"
-        raise InvalidValueError(called, answer, "a dictionary of arrays by name")
-    shape, found = (count,), dict(answer)
-    for key, value in found.items():
-        # Two dozen at every step, and mostly what they should be.
-        if type(value) is not np.ndarray or value.shape != shape or value.dtype != _FLOAT:
-            found[key] = as_numbers(value, shape, task, f"{name} {key!r}")
-    return found
+
+    names: tuple[str, ...]
+    shapes: tuple[tuple[int, ...], ...]
+    whole: tuple[int, ...]
+
+    @classmethod
+    def of_observation(cls, groups: Groups, count: int) -> "Parts":
+        """Return those of an observation of so many robots."""
+        sizes = [len(group.names) for group in groups.values()]
+        names = tuple(f"observation group {name!r}" for name in groups)
+        return cls(names, tuple((count, size) for size in sizes), (count, sum(sizes)))
+
+    @classmethod
+    def of_rows(cls, kind: str, names: Iterable[str], count: int) -> "Parts":
+        """Return those of numbers (count,) by name, a row for each."""
+        called = tuple(f"{kind} {name!r}" for name in names)
+        return cls(called, ((count,),) * len(called), (len(called) * count,))
+
+    def joined(self, answers: list[Any], task: Task) -> np.ndarray:
+        """Return the parts in one array of float64, or raise an FbidError, see `as_numbers`."""
+        # At every step, and mostly right. Where something is wrong, whose it is is looked for.
+        try:
+            found = np.concatenate(answers, axis=-1, dtype=float)
+        except (TypeError, ValueError):
+            found = np.empty(0)
+        if found.shape == self.whole:
+            return found
+        known = zip(answers, self.shapes, self.names, strict=True)
+        each = [as_numbers(answer, shape, task, name) for answer, shape, name in known]
+        return np.concatenate([*each, np.empty((*self.whole[:-1], 0))], axis=-1)
 
 
-def summed(terms: Mapping[str, np.ndarray], count: int, task: Task) -> np.ndarray:
-    """Return the rewards (count,) that terms make together.
+def metric_names(metrics: Any, task: Task) -> tuple[str, ...]:
+    """Return the names of a task's metrics, or raise an FbidError."""
+    if not isinstance(metrics, Mapping):
+        called = f"metrics of {type(task).__name__}"
+        raise InvalidValueError(called, metrics, "a dictionary of arrays by name")
+    return tuple(metrics)
+
+
+def summed(shares: np.ndarray, names: Iterable[str], task: Task) -> np.ndarray:
+    """Return the rewards (N,) that terms (T, N) make together.
 
     Raises:
         NonFiniteError: a term that is not finite, of robots whose state is.
     """
-    total = sum(terms.values(), np.zeros(count))
+    total: np.ndarray = np.add.reduce(shares)
     if not isfinite(total.dot(total)):  # as is any of them, or one whose square is too large
-        for key, value in terms.items():
-            for robot in np.flatnonzero(~np.isfinite(value)):
-                raise NonFiniteError(f"reward term {key!r} of {type(task).__name__}", (int(robot),))
+        for name, row in zip(names, shares, strict=True):
+            for robot in np.flatnonzero(~np.isfinite(row)):
+                raise NonFiniteError(
+                    f"reward term {name!r} of {type(task).__name__}", (int(robot),)
+                )
     return total

@@ -61,7 +61,8 @@ class BalanceEnv(RobotEnv):
     moves the centre of pressure to the nearer edge of the support, vertically half of gravity; for
     tilting the moment of the same shift and for turning that of friction, on the home inertia.
 
-    `env.unwrapped.batch.layer.action_names` names each entry of the action with its scale and unit.
+    `env.unwrapped.action_names` names each entry of the action with its scale and unit; of a vector
+    environment it is `envs.unwrapped.action_names`.
 
     Options of the layers (`layer_options`; `fbid_gym.actions.layer_options(name)` has the
     defaults). Frequencies are in Hz; a default of `Falling(1.7)` is 1.7 times that at which the
@@ -101,8 +102,9 @@ class BalanceEnv(RobotEnv):
 
     ## Observation Space
     A `Box` of float32, the same for every layer. Values are clipped to the ranges below;
-    `env.unwrapped.batch.task.observation_names` names each entry. "From home" is the difference to
-    the home stance. Slide joints have m where hinges have rad.
+    `env.unwrapped.observation_names` names each entry, `env.unwrapped.batch.observation_columns`
+    says where each group of them is ("command", "base", "up", ...). "From home" is the difference
+    to the home stance. Slide joints have m where hinges have rad.
 
     | Biped | Quadruped | Humanoid | Observation                                         | Range |
     | ----- | --------- | -------- | --------------------------------------------------- | ----- |
@@ -124,16 +126,22 @@ class BalanceEnv(RobotEnv):
     1, so a return is at most the number of steps. With `bell(x) = exp(-x^2)`, H the robot's size
     (height of hips or centre of mass above the feet, the higher) and g gravity:
 
-    | Term        | Weight | Formula                                                               |
-    | ----------- | ------ | --------------------------------------------------------------------- |
-    | `height`    | 0.25   | `bell((height - commanded height) / (0.03 H))`                        |
-    | `upright`   | 0.15   | `exp(-(1 - cos(tilt of the base)) / (1 - cos(0.2 rad)))`              |
-    | `position`  | 0.15   | `bell(horizontal distance of the base from home / (0.06 H))`          |
-    | `stillness` | 0.15   | `bell(norm of the base's velocity in sqrt(g H) and rate of turning in |
-    |             |        | sqrt(g / H) / 0.16)`                                                  |
-    | `contact`   | 0.15   | `share of the points on the ground * bell(their speed / (0.033        |
-    |             |        | sqrt(g H)))`                                                          |
-    | `torque`    | 0.15   | `bell(rms of the torques / (0.3 * mean torque limit))`                |
+    | Term        | Weight | Scale             | Formula                                           |
+    | ----------- | ------ | ----------------- | ------------------------------------------------- |
+    | `height`    | 0.25   | 0.03 H            | `bell((height - commanded height) / scale)`       |
+    | `upright`   | 0.15   | 0.2 rad           | `exp(-(1 - cos(tilt of the base)) /               |
+    |             |        |                   | (1 - cos(scale)))`                                |
+    | `position`  | 0.15   | 0.06 H            | `bell(horizontal distance of the base from home / |
+    |             |        |                   | scale)`                                           |
+    | `stillness` | 0.15   | 0.16              | `bell(norm of the base's velocity in sqrt(g H)    |
+    |             |        |                   | and rate of turning in sqrt(g / H) / scale)`      |
+    | `contact`   | 0.15   | 0.033 sqrt(g H)   | `share of the points on the ground * bell(their   |
+    |             |        |                   | speed / scale)`                                   |
+    | `torque`    | 0.15   | 0.3 mean torque   | `bell(rms of the torques / scale)`                |
+    |             |        | limit             |                                                   |
+
+    `reward_weights={"torque": 0.0}` and `reward_scales={"height": 0.05}` change weights and, in the
+    units above, scales; what they do not name stays. docs/own_task_and_layer.md adds terms.
 
     Height and distance count in the support frame. A point is on the ground while it carries more
     than 1 % of the weight; their speed is the mean. The rms is over the joints and the control
@@ -212,6 +220,9 @@ class BalanceEnv(RobotEnv):
     |                   |                |                    | MuJoCo's                           |
     | `solver_warm_start` | bool         | `True`             | Whether it begins at the last      |
     |                   |                |                    | step's accelerations               |
+    | `reward_weights`  | dict or None   | `None`             | Weights of terms of the reward by  |
+    |                   |                |                    | name, see `Rewards`                |
+    | `reward_scales`   | dict or None   | `None`             | Widths of their bells by name      |
     | `randomisation`   | dict or None   | `None`             | Ranges of differences between      |
     |                   |                |                    | robots and in the layer's model:   |
     |                   |                |                    | `mass`, `com`, `friction`,         |

@@ -24,7 +24,7 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rate, Rates
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from fbid_gym.options import Choice, Number, Whole, check_fields
+from fbid_gym.options import Choice, Named, Number, Whole, check_fields
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.contact_pairs import compile_paired
 from fbid_gym.robots.terrain import (
@@ -36,8 +36,19 @@ from fbid_gym.robots.terrain import (
     world_of,
 )
 from fbid_gym.robots.upright import check_upright
-from fbid_gym.tasks import TASKS, Pushes, Start, Task, Walk, make_task, task_kind, task_options
+from fbid_gym.tasks import (
+    TASKS,
+    Pushes,
+    Start,
+    Task,
+    Term,
+    make_task,
+    reward_table,
+    task_kind,
+    task_options,
+)
 from fbid_gym.tasks.pushes import Duration, Force, Interval, Jump
+from fbid_gym.tasks.reward import SCALE, WEIGHT
 from fbid_gym.tasks.start import Noise
 
 _CONES = {
@@ -98,6 +109,10 @@ class EnvConfig:
     solver_warm_start: bool = True
     """Whether that solver begins at the last step's accelerations. Over long steps these are worse
     to begin with than those without contact."""
+    reward_weights: Annotated[dict[str, float], Named(WEIGHT)] | None = None
+    """Weights of terms of the reward by name, instead of the task's own; 0 is for without."""
+    reward_scales: Annotated[dict[str, float], Named(SCALE)] | None = None
+    """Widths of the bells of terms of the reward by name, likewise, each in the term's unit."""
     randomisation: dict[str, Any] | None = None
     """Arguments of `fbid_gym.envs.randomisation.Randomisation`; none by default."""
 
@@ -176,6 +191,10 @@ class EnvConfig:
             self.task_options,
         )
 
+    def reward_terms(self, task: Task) -> dict[str, Term]:
+        """Return the terms of the reward, with the weights and scales that were asked for."""
+        return reward_table(self.task, task, self.reward_weights or {}, self.reward_scales or {})
+
     def ground(self, robot: Robot) -> tuple[Terrain, mujoco.MjModel]:
         """Return the terrain, and the robot's world with it."""
         height = self._terrain_height(robot)
@@ -219,6 +238,7 @@ class EnvConfig:
         robot = self.load_robot()
         task = self.make_task(robot)
         layer, _ = self.layer(robot, task)
+        terms = self.reward_terms(task)
         options = self.every_layer_option()
         for name, value in options.items():
             if value is None:
@@ -231,6 +251,8 @@ class EnvConfig:
             "layer_options": options,
             "push_force": _derived(self._push_force(robot)),
             "randomisation": asdict(self.randomisations()),
+            "reward_weights": {name: term.weight for name, term in terms.items()},
+            "reward_scales": {n: term.scale for n, term in terms.items() if term.scale is not None},
             "solver_iterations": self.solver_iterations or int(robot.model.opt.iterations),
             "terrain_height": _derived(self._terrain_height(robot)),
         }

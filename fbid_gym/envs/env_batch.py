@@ -1,19 +1,21 @@
 """N environments stepped together on one thread: the one code path of scalar and vector envs."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fbid_gym.envs.action_delay import ActionDelay
 from fbid_gym.envs.answers import (
+    Parts,
     as_numbers,
-    as_terms,
     check_drawn,
     check_layer,
     check_memory,
     check_plan,
     check_size,
+    checked_groups,
+    metric_names,
     summed,
 )
 from fbid_gym.envs.config import EnvConfig
@@ -25,9 +27,9 @@ from fbid_gym.envs.plant import plant_of
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.quantities import Memory, RobotState, some_of
+from fbid_gym.quantities import RobotState, some_of
 from fbid_gym.robots.undrawn import alone, undrawn
-from fbid_gym.tasks import Walk
+from fbid_gym.tasks.observation import columns, entry_bounds, entry_names
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
 
@@ -61,6 +63,10 @@ class EnvBatch:
         footholds: what of an action steers a gait, after what is the layer's.
         terrain: the ground.
         simulation: the physics.
+        reward_terms: the table of the reward, as it was asked for.
+        observation_groups: the table of the observation.
+        observation_columns: name of a group -> where in an observation it is.
+        observation_bound: (O,) largest size of each entry; observations are clipped to it.
     """
 
     def __init__(self, config: EnvConfig, num_envs: int, of: int | None = None) -> None:
@@ -75,13 +81,16 @@ class EnvBatch:
             FbidError: arguments that no environment has, or episodes that take more memory, all
                 batches together, than they may.
         """
-        self.config = config
+        self.config, num_envs = config, int(num_envs)
         self.rates = config.rates()
         self.robot = config.load_robot()
         self.terrain, world = config.ground(undrawn(self.robot))
-        self.task = config.make_task(self.robot)
-        if isinstance(self.task, Walk):
-            self.task = self.task.on(self.terrain.grid)
+        self.task = config.make_task(self.robot).on(self.terrain.grid)
+        self.reward_terms = config.reward_terms(self.task)
+        self._reward_names = [f"reward_{name}" for name in self.reward_terms]
+        self._reward_parts = Parts.of_rows("reward term", self.reward_terms, num_envs)
+        self._weights = np.repeat([term.weight for term in self.reward_terms.values()], num_envs)
+        self.observation_groups = checked_groups(self.task)
         self.layer, self.footholds = config.layer(self.robot, self.task)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
         randomisation = config.randomisations()
@@ -105,8 +114,13 @@ class EnvBatch:
         self._state = RobotState(*own, simulation.contact_force, self._tick)
         self._effort = Effort.none(num_envs, self.robot.num_joints)
         self._advance = simulation.ticking(self._effort, self._state)
-        self._bound = self.task.observation_bound
-        self._observation = np.zeros((num_envs, len(self._bound)), np.float32)
+        self.observation_bound = entry_bounds(self.observation_groups)
+        # As large as what is clipped to them: NumPy is faster so.
+        self._most = np.tile(self.observation_bound, (num_envs, 1))
+        self._least = -self._most
+        self.observation_columns = columns(self.observation_groups)
+        self._seen_parts = Parts.of_observation(self.observation_groups, num_envs)
+        self._observation = np.zeros((num_envs, len(self.observation_bound)), np.float32)
         self._num_own = len(self.layer.action_names)
         self._num_actions = len(self.action_names)
         longest = randomisation.action_delay[1]
@@ -114,12 +128,23 @@ class EnvBatch:
         planned = self.task.memory(simulation.terms())
         check_memory(planned, num_envs, self.task)
         self._planned = {name: value.copy() for name, value in planned.items()}
+        # What the episodes have come to so far.
+        self._sums = {"distance": np.zeros(num_envs), "energy": np.zeros(num_envs)}
         self._progress = Climb.of(num_envs, self.terrain.tiles, config.difficulty)
+        self._going_on = np.full(num_envs, "", object)
         # At the beginning of the last policy step; only for those who look.
         self._com_velocity = np.full((num_envs, 3), np.nan)
-        # Of the last policy step; what is judged here is thrown away with `planned`.
+        # Of the last policy step.
         outcome = self._outcome(Effort.none(num_envs, self.robot.num_joints))
-        self._metrics = self._judge(outcome, planned)[1]
+        measured = self._measure(outcome)
+        self._metric_names = metric_names(self.task.metrics(measured), self.task)
+        self._metric_parts = Parts.of_rows("metric", self._metric_names, num_envs)
+        self._metrics = self._evaluate(measured)
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """What each entry of the observation is, with its unit."""
+        return entry_names(self.observation_groups)
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -153,11 +178,13 @@ class EnvBatch:
         self.simulation.place(ids, qpos, self._plan["qvel"][ids], ground)
         self._tick[ids], self._effort.torque[ids] = 0, 0.0
         self._com_velocity[ids] = np.nan
+        for total in self._sums.values():
+            total[ids] = 0.0
         self._forget(ids)
         self._plan_anew(ids)
         rest = Effort.none(self.num_envs, self.robot.num_joints)
         outcome = self._outcome(rest._replace(torque=self._effort.torque))
-        self._observation[ids] = self._observe(outcome)[ids]
+        self._observation[ids] = self._observe(self._measure(outcome))[ids]
 
     def observation(self) -> np.ndarray:
         """Return the current observations, (N, O) float32."""
@@ -172,33 +199,30 @@ class EnvBatch:
         pushed = self._act(action)
         lost = self._effort.lost | self.simulation.diverged()
         self._retire(np.flatnonzero(lost))
+        self._add_up()
         outcome = self._outcome(self._effort)
-        judged, seen = self._judge(outcome, self._planned), self._observe(outcome)
-        shares, metrics, seen = self._as_last_seen(lost, *judged, seen)
-        reward = summed(shares, self.num_envs, self.task)
+        measured = self._measure(outcome)
+        shares, metrics = self._judge(measured), self._evaluate(measured)
+        seen = self._observe(measured)
+        if np.count_nonzero(lost):
+            self._show_last_seen(lost, shares, metrics, seen)
+        reward = summed(shares, self.reward_terms, self.task)
         self._metrics, self._observation = metrics, seen
-        fallen = self.task.body.fallen(outcome)
+        fallen = outcome.posture.fallen
         terminated = fallen | lost
         truncated = self._over() & ~terminated
-        info = {f"reward_{name}": share for name, share in shares.items()}
-        info |= {name: value.copy() for name, value in self._metrics.items()}
+        info = dict(zip(self._reward_names, shares, strict=True))
+        info |= zip(self._metric_names, metrics.copy(), strict=True)
         info |= pushed | self._report(fallen, lost) | self._climb(terminated, truncated)
         return Step(self.observation(), reward, terminated, truncated, info)
 
-    def _as_last_seen(
-        self,
-        lost: np.ndarray,
-        shares: dict[str, np.ndarray],
-        metrics: dict[str, np.ndarray],
-        seen: np.ndarray,
-    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+    def _show_last_seen(
+        self, lost: np.ndarray, shares: np.ndarray, metrics: np.ndarray, seen: np.ndarray
+    ) -> None:
         """A diverged robot has no state worth judging or observing: what was last seen stands."""
-        if np.count_nonzero(lost):
-            shares = {name: np.where(lost, 0.0, share) for name, share in shares.items()}
-            before = lost & (self._tick > self.rates.ticks)
-            metrics = {k: np.where(before, self._metrics[k], v) for k, v in metrics.items()}
-            seen[lost] = self._observation[lost]
-        return shares, metrics, seen
+        before = lost & (self._tick > self.rates.ticks)
+        shares[:, lost], metrics[:, before] = 0.0, self._metrics[:, before]
+        seen[lost] = self._observation[lost]
 
     def _over(self) -> np.ndarray:
         """Which episodes have lasted their time or left their ground: (N,) bool."""
@@ -210,18 +234,26 @@ class EnvBatch:
         if not self.config.curriculum:
             return {}
         level = self._progress.level.copy()
-        assert isinstance(self.task, Walk)
-        follows = self._metrics["velocity_error"], self.task.tolerance
-        self._progress.advance(*follows, terminated, truncated)
+        error = self._metrics[self._metric_names.index("velocity_error")]
+        self._progress.advance(error, self.task.tolerance, terminated, truncated)
         return {"terrain_level": level}
 
-    def _judge(
-        self, outcome: Outcome, planned: Memory
-    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """The terms of the reward and the metrics, (N,) each."""
-        judged, measured = self.task.reward(outcome, self._plan, planned)
-        terms = as_terms(judged, self.num_envs, self.task, "reward term")
-        return terms, as_terms(measured, self.num_envs, self.task, "metric")
+    def _measure(self, outcome: Outcome) -> Any:
+        """What observation, reward and metrics are made of."""
+        return self.task.measure(outcome, self._plan, self._planned)
+
+    def _judge(self, measured: Any) -> np.ndarray:
+        """The terms of the reward: (T, N), a row for each."""
+        shares = [term.share(measured) for term in self.reward_terms.values()]
+        judged = self._reward_parts.joined(shares, self.task)
+        judged *= self._weights
+        return judged.reshape(-1, self.num_envs)
+
+    def _evaluate(self, measured: Any) -> np.ndarray:
+        """The metrics: (M, N), a row for each."""
+        metrics = self.task.metrics(measured)
+        rows = self._metric_parts.joined([metrics[name] for name in self._metric_names], self.task)
+        return rows.reshape(-1, self.num_envs)
 
     def _act(self, action: np.ndarray) -> dict[str, np.ndarray]:
         """Run the control ticks of a policy step; what the pushes did."""
@@ -249,7 +281,7 @@ class EnvBatch:
 
     def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:
         """What a step's info says of robots and layer, beside rewards and metrics."""
-        termination = np.full(self.num_envs, "", object)
+        termination = self._going_on.copy()
         termination[fallen], termination[lost] = "fall", "diverged"
         return {
             "torque": self._effort.torque.copy(),
@@ -264,18 +296,31 @@ class EnvBatch:
         self._state.qpos[:], self._state.qvel[:] = self.simulation.qpos, self.simulation.qvel
         return self._state
 
+    def _add_up(self) -> None:
+        """Add the way and the energy of a policy step to those of the episodes."""
+        velocity, rates = self.simulation.qvel, self.rates
+        self._sums["distance"] += np.hypot(velocity[:, 0], velocity[:, 1]) / rates.policy
+        self._sums["energy"] += self._effort.power / rates.control
+
     def _outcome(self, effort: Effort) -> Outcome:
         state, terms, ticks = self._look(), self.simulation.terms(), self.rates.ticks
-        posture = self.task.body.posture(state, terms)
         square = effort.torque_square / (ticks * self.robot.num_joints)
-        power, seconds = effort.power / ticks, 1.0 / self.rates.policy
-        return Outcome(state, terms, posture, effort.torque.copy(), square, power, seconds)
+        return Outcome(
+            state=state,
+            terms=terms,
+            posture=self.task.body.posture(state, terms),
+            torque=effort.torque.copy(),
+            torque_rms=np.sqrt(square),
+            power=effort.power / ticks,
+            **{name: total.copy() for name, total in self._sums.items()},
+        )
 
-    def _observe(self, outcome: Outcome) -> np.ndarray:
+    def _observe(self, measured: Any) -> np.ndarray:
         """(N, O) float32, clipped."""
-        seen = self.task.observe(outcome, self._plan, self._planned)
-        seen = as_numbers(seen, self._observation.shape, self.task, "observation")
-        return np.minimum(np.maximum(seen, -self._bound), self._bound).astype(np.float32)
+        parts = [group.function(measured) for group in self.observation_groups.values()]
+        seen = self._seen_parts.joined(parts, self.task)
+        np.minimum(np.maximum(seen, self._least, out=seen), self._most, out=seen)
+        return seen.astype(np.float32)
 
     def _forget(self, ids: np.ndarray) -> None:
         for name, value in self._fresh_memory.items():
@@ -336,7 +381,8 @@ class EnvBatch:
             "plan": self._plan,
             "memory": self._memory,
             "planned": self._planned,
-            "metric": self._metrics,
+            "metric": dict(zip(self._metric_names, self._metrics, strict=True)),
+            "episode": self._sums,
             "delay": self._delay.arrays,
             "progress": self._progress.arrays,
         }
@@ -360,7 +406,6 @@ class EnvBatch:
         """Continue from a `state_dict` that has been checked, bit for bit."""
         self.plant.load_state_dict(_under("plant", state))
         self.simulation.load_state_dict(_under("simulation", state))
-        self._metrics = {name: value.copy() for name, value in self._metrics.items()}  # the task's
         for part, arrays in self._remembered().items():
             for name, value in arrays.items():
                 value[:] = state[f"{part}.{name}"]

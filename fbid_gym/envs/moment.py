@@ -1,6 +1,7 @@
 """One robot of a batch at one moment, as its layer sees it."""
 
 from dataclasses import dataclass
+
 import numpy as np
 
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target

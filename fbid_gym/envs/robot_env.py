@@ -20,6 +20,10 @@ class RobotEnv(gym.Env):
 
     What it is about stands with the task: see `BalanceEnv`, `TrackingEnv` and `WalkingEnv`. The
     arguments are those of `EnvConfig`.
+
+    Attributes:
+        observation_names: what each entry of an observation is, with its unit.
+        action_names: what each entry of an action commands, with its scale and unit.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
@@ -38,6 +42,8 @@ class RobotEnv(gym.Env):
         self.batch = EnvBatch(self.config, 1)
         self.metadata = self.metadata | {"render_fps": self.config.rates().policy}
         self.observation_space, self.action_space = spaces(self.batch)
+        self.observation_names = self.batch.observation_names
+        self.action_names = self.batch.action_names
         self.render_mode = render_mode
         self._renderer: RobotRenderer | None = None
         self._only = np.zeros(1, int)

@@ -30,6 +30,8 @@ class SB3VecEnv(VecEnv):
 
     Attributes:
         last_info: name -> (N, ...) arrays of the last step, named as in `gym.make_vec`.
+        observation_names: what each entry of an environment's observation is, with its unit.
+        action_names: what each entry of its action commands, with its scale and unit.
     """
 
     def __init__(
@@ -51,6 +53,7 @@ class SB3VecEnv(VecEnv):
         }
         first = self.chunks.batches[0]
         super().__init__(num_envs, *spaces(first))
+        self.observation_names, self.action_names = first.observation_names, first.action_names
         self.last_info: dict[str, np.ndarray] = {}
         self._seeded = False
         self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)

@@ -54,16 +54,23 @@ class TrackingEnv(RobotEnv):
     `bell(x) = exp(-x^2)`, H the robot's size (height of hips or centre of mass above the
     feet, the higher) and g gravity:
 
-    | Term       | Weight | Formula                                                                |
-    | ---------- | ------ | ---------------------------------------------------------------------- |
-    | `joints`   | 0.3    | `bell(rms of the joints' errors / 0.1 rad)`                            |
-    | `base`     | 0.2    | `bell(distance of the base from its reference / (0.06 H))`             |
-    | `upright`  | 0.15   | `exp(-(1 - cos(angle)) / (1 - cos(0.2 rad)))`, the angle between the   |
-    |            |        | vertical as base and reference see it                                  |
-    | `velocity` | 0.15   | `bell(horizontal velocity error of the base / (0.1 sqrt(g H)))`        |
-    | `contact`  | 0.1    | `share of the points that are on the ground or off it as planned *     |
-    |            |        | bell(speed of those on the ground / (0.033 sqrt(g H)))`                |
-    | `torque`   | 0.1    | `bell(rms of the torques / (0.3 * mean torque limit))`                 |
+    | Term       | Weight | Scale             | Formula                                            |
+    | ---------- | ------ | ----------------- | -------------------------------------------------- |
+    | `joints`   | 0.3    | 0.1 rad           | `bell(rms of the joints' errors / scale)`          |
+    | `base`     | 0.2    | 0.06 H            | `bell(distance of the base from its reference /    |
+    |            |        |                   | scale)`                                            |
+    | `upright`  | 0.15   | 0.2 rad           | `exp(-(1 - cos(angle)) / (1 - cos(scale)))`, the   |
+    |            |        |                   | angle between the vertical as base and reference   |
+    |            |        |                   | see it                                             |
+    | `velocity` | 0.15   | 0.1 sqrt(g H)     | `bell(horizontal velocity error of the base /      |
+    |            |        |                   | scale)`                                            |
+    | `contact`  | 0.1    | 0.033 sqrt(g H)   | `share of the points that are on the ground or off |
+    |            |        |                   | it as planned * bell(speed of those on the ground  |
+    |            |        |                   | / scale)`                                          |
+    | `torque`   | 0.1    | 0.3 mean torque   | `bell(rms of the torques / scale)`                 |
+    |            |        | limit             |                                                    |
+
+    `reward_weights` and `reward_scales` change them, as in `BalanceEnv`.
 
     ## Starting State
     Anywhere in the motion, all moments equally likely, in the posture and with the velocity that

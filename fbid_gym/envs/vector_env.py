@@ -29,6 +29,10 @@ class RobotVectorEnv(VectorEnv):
     | `num_envs`       |             | Number of environments.                              |
     | `num_threads`    | 1           | Threads that step them.                              |
     | `autoreset_mode` | `NEXT_STEP` | `gymnasium.vector.AutoresetMode`, or its name.       |
+
+    Attributes:
+        observation_names: what each entry of an environment's observation is, with its unit.
+        action_names: what each entry of its action commands, with its scale and unit.
     """
 
     metadata: dict[str, Any]
@@ -52,6 +56,7 @@ class RobotVectorEnv(VectorEnv):
         num_envs = self.chunks.num_envs
         self.num_envs, self.render_mode = num_envs, render_mode
         self.single_observation_space, self.single_action_space = spaces(first)
+        self.observation_names, self.action_names = first.observation_names, first.action_names
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata = {
@@ -161,7 +166,7 @@ class RobotVectorEnv(VectorEnv):
 
 def spaces(batch: EnvBatch) -> tuple[gym.spaces.Box, gym.spaces.Box]:
     """Return the observation and the action space of one environment."""
-    bound = batch.task.observation_bound.astype(np.float32)
+    bound = batch.observation_bound.astype(np.float32)
     observation = gym.spaces.Box(-bound, bound, dtype=np.float32)
     action = gym.spaces.Box(-1.0, 1.0, (len(batch.action_names),), dtype=np.float32)
     return observation, action

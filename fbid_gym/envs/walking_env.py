@@ -44,7 +44,7 @@ class WalkingEnv(RobotEnv):
     with option `footholds` (theirs by default), two for each foot: by how much its next foothold
     lies farther ahead and to the left, 0.2 times the height of the centre of mass at action 1; and
     with option `step_rate` one that raises the gait's frequency, by 20 % at action 1.
-    `env.unwrapped.batch.action_names` names them all.
+    `env.unwrapped.action_names` names them all.
 
     Options (`fbid_gym.actions.walking_layer_options(name)` has the defaults); every layer has
     `footholds` and `step_rate` beside:
@@ -97,16 +97,22 @@ class WalkingEnv(RobotEnv):
     The sum of six terms, each between 0 and its weight; the weights sum to 1. With
     `bell(x) = exp(-x^2)`, h the height of the centre of mass at home and g gravity:
 
-    | Term       | Weight | Formula                                                                |
-    | ---------- | ------ | ---------------------------------------------------------------------- |
-    | `velocity` | 0.4    | `bell(horizontal velocity error of the base / (0.19 sqrt(g h)))`       |
-    | `turning`  | 0.2    | `bell(yaw rate error of the base / (0.09 sqrt(g / h)))`                |
-    | `clock`    | 0.15   | `share of the feet on the ground or off it as planned *                |
-    |            |        | bell(slip / (0.2 sqrt(g h)))`                                          |
-    | `upright`  | 0.1    | `exp(-(1 - cos(tilt of the base)) / (1 - cos(0.2 rad)))`               |
-    | `steady`   | 0.05   | `bell((roll and pitch rate / sqrt(g / h) + vertical speed / sqrt(g h)) |
-    |            |        | / 0.3)`                                                                |
-    | `torque`   | 0.1    | `bell(rms of the torques / (0.5 * mean torque limit))`                 |
+    | Term       | Weight | Scale             | Formula                                            |
+    | ---------- | ------ | ----------------- | -------------------------------------------------- |
+    | `velocity` | 0.4    | 0.19 sqrt(g h)    | `bell(horizontal velocity error of the base /      |
+    |            |        |                   | scale)`                                            |
+    | `turning`  | 0.2    | 0.09 sqrt(g / h)  | `bell(yaw rate error of the base / scale)`         |
+    | `clock`    | 0.15   | 0.2 sqrt(g h)     | `share of the feet on the ground or off it as      |
+    |            |        |                   | planned * bell(slip / scale)`                      |
+    | `upright`  | 0.1    | 0.2 rad           | `exp(-(1 - cos(tilt of the base)) /                |
+    |            |        |                   | (1 - cos(scale)))`                                 |
+    | `steady`   | 0.05   | 0.3               | `bell((roll and pitch rate / sqrt(g / h) +         |
+    |            |        |                   | vertical speed / sqrt(g h)) / scale)`              |
+    | `torque`   | 0.1    | 0.5 mean torque   | `bell(rms of the torques / scale)`                 |
+    |            |        | limit             |                                                    |
+
+    `reward_weights={"torque": 0.0, "velocity": 0.6}` and `reward_scales={"velocity": 0.1}` change
+    weights and, in the units above, scales; what they do not name stays.
 
     ## Starting State
     As in `BalanceEnv`: shaken home stance, any heading. With it come the commands and the pushes of

@@ -11,6 +11,7 @@ from fbid_gym.dynamics.vectors import add, matrix, product, store, turn, vector
 from fbid_gym.quantities import DynamicsTerms, Heading, SupportFrame, Target
 from fbid_gym.robots import Robot
 
+
 class MotionKind(NamedTuple):
     """What kind of motion a task asks for: what the defaults of layers depend on.
 
@@ -86,7 +87,7 @@ def empty_target(count: int, feet: int, size: int) -> Target:
 
 @kernel
 def standing_target(terms: DynamicsTerms, home_qpos: np.ndarray) -> Target:
-    """Return the target of robots that stand where they are, upright, their joints at home (nq,)."""
+    """Return the target of robots that stand where they are, upright, joints at home (nq,)."""
     count, feet = terms.foot_position.shape[:2]
     target = empty_target(count, feet, len(home_qpos) - 1)
     for i in range(count):
@@ -137,9 +138,7 @@ def move_along(
 
 
 @compiled
-def _turn_quaternion(
-    quaternion: np.ndarray, cosine: float, sine: float, qpos: np.ndarray
-) -> None:
+def _turn_quaternion(quaternion: np.ndarray, cosine: float, sine: float, qpos: np.ndarray) -> None:
     """Write a quaternion, turned about the vertical, given the half angle's cosine and sine."""
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     qpos[3], qpos[6] = cosine * w - sine * z, cosine * z + sine * w
@@ -166,7 +165,8 @@ def in_world(heading: Heading, planned: Target, terms: DynamicsTerms) -> Target:
             target.planted[i, foot] = planned.planted[row, foot]
             target.load[i, foot] = planned.load[row, foot]
             place = add(
-                vector(frame.centre, (i,)), turn(to_world, vector(planned.foot_position, (row, foot)))
+                vector(frame.centre, (i,)),
+                turn(to_world, vector(planned.foot_position, (row, foot))),
             )
             store(place, target.foot_position, (i, foot))
             store(place, target.foothold, (i, foot))
@@ -183,9 +183,7 @@ def in_world(heading: Heading, planned: Target, terms: DynamicsTerms) -> Target:
 
 
 @compiled
-def _place_body(
-    frame: SupportFrame, planned: Target, row: int, target: Target, i: int
-) -> None:
+def _place_body(frame: SupportFrame, planned: Target, row: int, target: Target, i: int) -> None:
     """Place centre of mass and base; the joints are as planned."""
     to_world, centre = matrix(frame.world_from_support, (i,)), vector(frame.centre, (i,))
     store(add(centre, turn(to_world, vector(planned.com, (row,)))), target.com, (i,))

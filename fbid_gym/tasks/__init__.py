@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from fbid_gym.checks import check_choices
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import (
     Choice,
     Pair,
@@ -16,27 +17,38 @@ from fbid_gym.robots import Robot
 from fbid_gym.tasks.balance import Balance
 from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.crawl import crawl
+from fbid_gym.tasks.observation import Group
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan, check_schedule
 from fbid_gym.tasks.pushes import Pushes
+from fbid_gym.tasks.reward import SCALE, WEIGHT, Term, Terms, bell
 from fbid_gym.tasks.squat import squat
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.step import step
-from fbid_gym.tasks.task import Now, Task
+from fbid_gym.tasks.task import Episode, Now, Task
+from fbid_gym.tasks.tracking import Tracking
 from fbid_gym.tasks.walk import Walk
 
 __all__ = [
     "TASKS",
+    "Balance",
     "Body",
+    "Episode",
+    "Group",
     "Now",
     "Outcome",
     "Plan",
     "Pushes",
     "Start",
     "Task",
+    "Term",
+    "Tracking",
     "Walk",
+    "bell",
     "make_task",
+    "register_reward_term",
     "register_task",
+    "reward_table",
     "task_options",
 ]
 
@@ -48,20 +60,24 @@ class TaskKind(NamedTuple):
     """A task before it has a robot.
 
     Attributes:
-        of: its constructor, called as `(robot, seconds, hz, pushes, start, **options)`.
+        of: its constructor, called as `(episode, **options)`.
         push: (least, most) size of a push by default, share of the robot's weight.
+        terms: of its reward; empty for a user's task, which tells them once it has a robot.
+        own_terms: those that a user adds to them.
     """
 
     of: Callable[..., Task]
     push: tuple[float, float]
+    terms: Terms
+    own_terms: dict[str, Term]
 
 
 TASKS: dict[str, TaskKind] = {
-    "balance": TaskKind(Balance.of, (0.04, 0.36)),
-    "squat": TaskKind(squat, (0.0, 0.0)),
-    "step": TaskKind(step, (0.02, 0.15)),
-    "crawl": TaskKind(crawl, (0.0, 0.0)),
-    "walk": TaskKind(Walk.of, (0.0, 0.4)),
+    "balance": TaskKind(Balance.of, (0.04, 0.36), Balance.reward_terms, {}),
+    "squat": TaskKind(squat, (0.0, 0.0), Tracking.reward_terms, {}),
+    "step": TaskKind(step, (0.02, 0.15), Tracking.reward_terms, {}),
+    "crawl": TaskKind(crawl, (0.0, 0.0), Tracking.reward_terms, {}),
+    "walk": TaskKind(Walk.of, (0.0, 0.4), Walk.reward_terms, {}),
 }
 """Name of a task -> what it is."""
 
@@ -75,16 +91,83 @@ def register_task(
 
     Args:
         name: not that of a task of this package.
-        of: its constructor, called as `(robot, seconds, hz, pushes, start, **options)`. Its options
-            are its keyword-only arguments, see `fbid_gym.options`.
+        of: its constructor, called with an `Episode` and `**options`: these are its keyword-only
+            arguments, see `fbid_gym.options`.
         push: (least, most) size of a push by default, share of the robot's weight.
 
     Raises:
         FbidError: another name, another constructor or another size is expected.
     """
     check_own_name("task", name, _BUILT_IN)
-    check_call(name, of, ("robot", "seconds", "hz", "pushes", "start"))
-    TASKS[name] = TaskKind(of, _PUSH.check("push", push))
+    check_call(name, of, ("episode",))
+    TASKS[name] = TaskKind(of, _PUSH.check("push", push), {}, {})
+
+
+def register_reward_term(
+    task: str,
+    name: str,
+    function: Any,
+    weight: float,
+    scale: float | None = None,
+    unit: str = "",
+) -> None:
+    """Add a term of your own to the reward of a task; a second time replaces it.
+
+    It is in every environment of the task that is made from now on, and `reward_weights` and
+    `reward_scales` know it. `info` has it as `reward_<name>`.
+
+    Args:
+        task: one of `TASKS`.
+        name: not that of a term of this package.
+        function: takes what the task measured of N robots (`WalkMeasures` and the like), and the
+            scale if there is one; returns (N,), at best from 0 to 1. It changes nothing.
+        weight: by which that is multiplied.
+        scale: of the function, such as the width of its bell.
+        unit: of the scale, in words.
+
+    Raises:
+        FbidError: another task, name, function, weight or scale is expected.
+    """
+    kind = task_kind(task)
+    check_own_name("reward term", name, tuple(kind.terms))
+    if not callable(function):
+        expected = "a function of what was measured, and of the scale if there is one"
+        raise InvalidValueError(f"function of reward term {name!r}", function, expected)
+    weight = WEIGHT.check(f"weight of reward term {name!r}", weight)
+    if scale is not None:
+        scale = SCALE.check(f"scale of reward term {name!r}", scale)
+    kind.own_terms[name] = Term(function, weight, scale, unit)
+
+
+def reward_table(
+    name: str, task: Task, weights: Mapping[str, float], scales: Mapping[str, float]
+) -> dict[str, Term]:
+    """Return the terms of a reward: those of the task and the user's, with the user's numbers.
+
+    Args:
+        name: of the task.
+        task: the task.
+        weights: name of a term -> its weight instead of that in its table.
+        scales: name of a term -> its scale instead.
+
+    Raises:
+        FbidError: a task of a user's whose table is none, a name of no term, or of one without a
+            scale; names those there are.
+    """
+    terms = task.reward_terms
+    if not isinstance(terms, Mapping) or not all(isinstance(t, Term) for t in terms.values()):
+        called = f"reward_terms of {type(task).__name__}"
+        raise InvalidValueError(called, terms, "a dictionary from names to Terms")
+    table = {**terms, **task_kind(name).own_terms}
+    scaled = [known for known, term in table.items() if term.scale is not None]
+    check_choices(f"reward term of task {name!r}", weights, table)
+    check_choices(f"reward term with a scale, of task {name!r},", scales, scaled)
+    for term, weight in ({k: t.weight for k, t in table.items()} | dict(weights)).items():
+        weight = WEIGHT.check(f"weight of reward term {term!r}", weight)
+        table[term] = table[term]._replace(weight=weight)
+    for term, scale in scales.items():
+        table[term] = table[term]._replace(scale=scale)
+    return table
 
 
 def task_options(name: str) -> dict[str, Any]:
@@ -119,7 +202,8 @@ def make_task(
     check_choices(f"option of task {name!r}", given, task_options(name))
     check_schedule("push_interval", pushes.interval, seconds)
     of = task_kind(name).of
-    return of(robot, seconds, hz, pushes, start, **grouped(of, given))
+    episode = Episode(body=Body.of(robot), seconds=seconds, hz=hz, pushes=pushes, start=start)
+    return of(episode, **grouped(of, given))
 
 
 def task_kind(name: str) -> TaskKind:

@@ -1,94 +1,83 @@
 """Balance: stand on all feet, follow a commanded base height, survive random pushes."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
-from fbid_gym.compiled import bind, kernel
-from fbid_gym.motions.target import MotionKind, home_target, in_world, planned_kind
+from fbid_gym.motions.target import home_target, in_world
 from fbid_gym.options import Pair, checked
-from fbid_gym.quantities import DynamicsTerms, Memory, Target
-from fbid_gym.robots import Robot
-from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.body import (
-    FALLEN_HEIGHT,
-    Body,
-    BodyConstants,
-    bell,
-    level,
-    see_body,
-    side_by_side,
-    weigh,
-)
-from fbid_gym.tasks.outcome import Outcome, Posture
-from fbid_gym.tasks.plan import Plan, check_schedule, last_started
-from fbid_gym.tasks.pushes import Pushes
-from fbid_gym.tasks.start import Start
-from fbid_gym.tasks.task import Now
+from fbid_gym.quantities import Memory, Target
+from fbid_gym.tasks.body import FALLEN_HEIGHT, Units
+from fbid_gym.tasks.observation import Group, Groups
+from fbid_gym.tasks.outcome import Outcome, lengths
+from fbid_gym.tasks.plan import Plan, check_schedule, command_at, drawn_commands
+from fbid_gym.tasks.reward import Term, Terms, bell, torque, upright
+from fbid_gym.tasks.task import Episode, Now, PlannedEpisode
 
 
-class BalanceReward(NamedTuple):
-    """The terms of the reward, (N,) each, or their weights.
+class BalanceMeasures(NamedTuple):
+    """What is measured of N robots that stand."""
 
-    Attributes:
-        height: base at the commanded height.
-        upright: base upright.
-        position: base above its place at home, seen from the feet.
-        stillness: base at rest.
-        contact: all points on the ground, none slips.
-        torque: small torques.
-    """
-
-    height: Any
-    upright: Any
-    position: Any
-    stillness: Any
-    contact: Any
-    torque: Any
+    outcome: Outcome  # of the step
+    units: Units  # what errors are measured by
+    command: np.ndarray  # (N,) m, commanded height of the base
+    from_home: np.ndarray  # (N,) m, commanded height less that at home
+    height_error: np.ndarray  # (N,) m, height less the commanded one
+    drift: np.ndarray  # (N,) m, horizontal distance of the base from home
+    motion: np.ndarray  # (N,) velocity and rate of turning of the base, in units, their norm
 
 
-REWARD_WEIGHTS = BalanceReward(
-    height=0.25, upright=0.15, position=0.15, stillness=0.15, contact=0.15, torque=0.15
-)
-"""Each reward term lies in [0, weight]; they sum to 1."""
+def height(measured: BalanceMeasures, width: float) -> np.ndarray:
+    """Base at the commanded height."""
+    return bell(measured.height_error, width * measured.units.length)
 
 
-@dataclass(frozen=True, eq=False)
-class Balance:
+def position(measured: BalanceMeasures, width: float) -> np.ndarray:
+    """Base above its place at home, seen from the feet."""
+    return bell(measured.drift, width * measured.units.length)
+
+
+def stillness(measured: BalanceMeasures, width: float) -> np.ndarray:
+    """Base at rest: its velocity in sqrt(g H), its rate of turning in sqrt(g / H)."""
+    return bell(measured.motion, width)
+
+
+def contact(measured: BalanceMeasures, width: float) -> np.ndarray:
+    """All points on the ground, none slips: the scale is that of their mean speed."""
+    posture = measured.outcome.posture
+    return posture.grounded * bell(posture.slip, width * measured.units.speed)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Balance(PlannedEpisode):
     """The task, for one robot; a `Task`.
 
     Attributes:
-        body: which robot stands.
-        seconds: length of an episode.
-        hz: control ticks per second.
-        pushes: the disturbances.
-        start: how an episode begins.
         home: the home stance, what the action layers follow.
         height_range: (least, most) commanded base height, see `Body.height`.
         height_interval: (least, most) s from one command to the next.
     """
 
-    body: Body
-    seconds: float
-    hz: int
-    pushes: Pushes
-    start: Start
     home: Target
     height_range: tuple[float, float]
     height_interval: tuple[float, float]
+
+    reward_terms: ClassVar[Terms] = {
+        "height": Term(height, 0.25, 0.03, "H"),
+        "upright": Term(upright, 0.15, 0.2, "rad"),
+        "position": Term(position, 0.15, 0.06, "H"),
+        "stillness": Term(stillness, 0.15, 0.16),
+        "contact": Term(contact, 0.15, 0.033, "sqrt(g H)"),
+        "torque": Term(torque, 0.15, 0.3, "mean torque limit"),
+    }
+    """H is the robot's size, g gravity. The weights sum to 1."""
 
     @classmethod
     @checked
     def of(
         cls,
-        robot: Robot,
-        seconds: float,
-        hz: int,
-        pushes: Pushes,
-        start: Start,
+        episode: Episode,
         *,
         height_range: Annotated[tuple[float, float], Pair(FALLEN_HEIGHT + 0.01, 1.49)] = (
             0.94,
@@ -99,60 +88,30 @@ class Balance:
         """Build the task.
 
         Args:
-            robot: which robot stands.
-            seconds: length of an episode.
-            hz: control ticks per second.
-            pushes: the disturbances.
-            start: how an episode begins.
+            episode: the robot, and what every task has.
             height_range: (least, most) commanded base height, as shares of the robot's size: of the
                 height of its hips or of its centre of mass above the feet, whichever is higher.
             height_interval: (least, most) s from one command to the next.
         """
-        check_schedule("height_interval", height_interval, seconds)
-        body, home = Body.of(robot), home_target(robot)
-        return cls(body, seconds, hz, pushes, start, home, height_range, height_interval)
+        check_schedule("height_interval", height_interval, episode.seconds)
+        return cls.from_episode(
+            episode,
+            home=home_target(episode.body.robot),
+            height_range=height_range,
+            height_interval=height_interval,
+        )
 
     @property
-    def derived(self) -> Mapping[str, Any]:
-        """See `Task.derived`: shares of its size need no robot."""
-        return {}
-
-    @property
-    def observation_names(self) -> tuple[str, ...]:
-        """One name per entry of the observation."""
-        return ("commanded height - home height (m)", *self.body.observation_names)
-
-    @property
-    def observation_bound(self) -> np.ndarray:
-        """Largest size of each entry of the observation, (O,); observations are clipped to it."""
-        return np.concatenate([[10.0], self.body.observation_bound])
+    def observation_groups(self) -> Groups:
+        """See `Task.observation_groups`."""
+        asked = ("commanded height - home height (m)",)
+        return {"command": Group(asked, 10.0, lambda m: m.from_home[:, None]), **self.body.groups}
 
     def draw(self, rng: np.random.Generator) -> Plan:
         """Draw all that chance decides about one episode."""
-        robot = self.body.robot
-        qpos, qvel = self.start.draw(robot, robot.home_qpos, np.zeros(robot.nv), rng)
-        pushes = self.pushes.draw(rng, self.seconds, self.hz)
-        count = int(np.ceil(self.seconds / self.height_interval[0])) + 1
-        command_times = np.cumsum(rng.uniform(*self.height_interval, size=count))
-        return {
-            "qpos": qpos,
-            "qvel": qvel,
-            **pushes,
-            "command_start": np.concatenate([[0.0], command_times[:-1]]) * self.hz,
-            "command": self.body.height(rng.uniform(*self.height_range, size=count)),
-        }
-
-    def memory(self, terms: DynamicsTerms) -> Memory:
-        """Nothing: the motion is planned ahead."""
-        return {}
-
-    @property
-    def kind(self) -> MotionKind:
-        """See `Task.kind`."""
-        return planned_kind(self.body.robot)
-
-    def advance(self, plan: Plan, now: Now) -> None:
-        """Nothing goes on: the motion is planned ahead."""
+        begun = self.begin_at_home(rng)
+        count, asked = drawn_commands(rng, self.height_interval, self.seconds, self.hz)
+        return begun | asked | {"command": self.body.height(rng.uniform(*self.height_range, count))}
 
     def target(self, plan: Plan, now: Now) -> Target:
         """Return the home stance above the feet.
@@ -163,118 +122,29 @@ class Balance:
 
     def command(self, plan: Plan, tick: np.ndarray) -> np.ndarray:
         """Return the commanded height of each base above its feet: (N,) m."""
-        return _height_at(plan["command_start"], plan["command"], tick)
+        return command_at(plan["command_start"], plan["command"][:, :, None], tick)[:, 0]
 
-    def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
-        """Return what the policy sees: (N, O), named by `observation_names`."""
-        return self._see(outcome, plan["command_start"], plan["command"])
+    def measure(self, outcome: Outcome, plan: Plan, memory: Memory) -> BalanceMeasures:
+        """Return what observation, reward and metrics are made of."""
+        body, units, base = self.body, self.body.units, outcome.posture.base
+        qvel, command = outcome.state.qvel, self.command(plan, outcome.state.tick)
+        away = base[:, :2] - body.stance.home_base[:2]
+        moving = qvel[:, :6] / ([units.speed] * 3 + [units.rate] * 3)
+        return BalanceMeasures(
+            outcome=outcome,
+            units=units,
+            command=command,
+            from_home=command - body.home_height,
+            height_error=base[:, 2] - command,
+            drift=lengths(away),
+            motion=lengths(moving),
+        )
 
-    def reward(
-        self, outcome: Outcome, plan: Plan, memory: Memory
-    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Judge a policy step.
-
-        Returns:
-            terms: name -> (N,), each in [0, its weight].
-            metrics: name -> (N,) physical quantities for evaluation.
-        """
-        posture, command = outcome.posture, self.command(plan, outcome.state.tick)
-        square = outcome.torque_square
-        terms = self._judge(posture, outcome.state.qvel, square, command)
-        height = posture.base[:, 2]
-        metrics = {
-            "height": height,
-            "height_command": command,
-            "height_error": height - command,
-            "torque_rms": np.sqrt(square),
-            "power": outcome.power,
-            "slip": posture.slip,
+    def metrics(self, measured: BalanceMeasures) -> dict[str, np.ndarray]:
+        """Return physical quantities for evaluation, name -> (N,)."""
+        return {
+            "height": measured.outcome.posture.base[:, 2],
+            "height_command": measured.command,
+            "height_error": measured.height_error,
+            **measured.outcome.metrics,
         }
-        return terms._asdict(), metrics
-
-    @cached_property
-    def _see(self) -> Callable[..., np.ndarray]:
-        return bind(_see, self.body.constants, self.body.home_height)
-
-    @cached_property
-    def _judge(self) -> Callable[..., BalanceReward]:
-        body = self.body
-        sizes = body.size, body.speed, body.mean_torque_limit
-        return bind(_judge, _Scales(body.stance.home_base, *sizes))
-
-
-@kernel
-def _height_at(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.ndarray:
-    """What `Balance.command` returns: of the commands (N, K) that start at ticks (N, K)."""
-    height = np.empty(len(tick))
-    for i in range(len(tick)):
-        height[i] = command[i, last_started(start[i], tick[i])]
-    return height
-
-
-@kernel
-def _see(
-    body: BodyConstants,
-    home_height: float,
-    outcome: Outcome,
-    start: np.ndarray,
-    command: np.ndarray,
-) -> np.ndarray:
-    """What `Balance.observe` returns; commands as of `_height_at`."""
-    asked = np.empty((len(command), 1))
-    asked[:, 0] = _height_at(start, command, outcome.state.tick)
-    asked -= home_height
-    return side_by_side((asked, see_body(body, outcome)))
-
-
-class _Scales(NamedTuple):
-    """What the reward measures by."""
-
-    home_base: np.ndarray  # (3,) m, support frame
-    size: float  # m, see `Body.size`
-    speed: float  # m/s, see `Body.speed`
-    torque_limit: float  # N·m, mean of the joints
-
-
-@kernel
-def _judge(
-    scales: _Scales,
-    posture: Posture,
-    velocity: np.ndarray,
-    torque_square: np.ndarray,
-    command: np.ndarray,
-) -> BalanceReward:
-    """Return the terms of the reward.
-
-    Args:
-        scales: of the robot.
-        posture: of N.
-        velocity: (N, nv) m/s, rad/s.
-        torque_square: (N,) (N·m)^2, mean.
-        command: (N,) m, heights.
-    """
-    count = len(command)
-    share = BalanceReward(
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-        np.empty(count),
-    )
-    home = scales.home_base
-    # Lengths, speeds and rates scale with the robot.
-    size, speed, rate = scales.size, scales.speed, scales.speed / scales.size
-    for i in range(count):
-        base, qvel = posture.base[i], velocity[i]
-        drift = np.hypot(base[0] - home[0], base[1] - home[1])
-        torque = np.sqrt(torque_square[i])
-        motion = dot(qvel[:3], qvel[:3]) / speed**2 + dot(qvel[3:6], qvel[3:6]) / rate**2
-        share.height[i] = bell(base[2] - command[i], 0.03 * size)
-        share.upright[i] = level(posture.upright[i])
-        share.position[i] = bell(drift, 0.06 * size)
-        share.stillness[i] = bell(np.sqrt(motion), 0.16)
-        share.contact[i] = posture.touching[i].mean() * bell(posture.slip[i], 0.033 * speed)
-        share.torque[i] = bell(torque / scales.torque_limit, 0.3)
-    weigh(share, REWARD_WEIGHTS)
-    return share

@@ -7,14 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.compiled import bind, compiled, kernel
+from fbid_gym.compiled import bind, kernel
 from fbid_gym.dynamics.contacts import point_velocities
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
 from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, RobotState
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.outcome import Outcome, Posture
+from fbid_gym.tasks.observation import Group
+from fbid_gym.tasks.outcome import Posture
 
 FALLEN_HEIGHT = 0.6
 """Share of how tall its task has it stand, `Body.size` less `Body.lowered`, below which what is as
@@ -29,34 +30,29 @@ TOUCHING_LOAD = 0.01
 _LEAST_UPRIGHT = float(np.cos(np.radians(FALLEN_TILT)))
 
 
-class _Seen(NamedTuple):
-    """What is seen of N robots whose feet are the frame, in the order of the observation."""
+class Units(NamedTuple):
+    """What makes robots of all sizes comparable.
 
-    base: np.ndarray  # (N, 3) m, from home, support frame
-    up: np.ndarray  # (N, 3) the vertical, base frame
-    velocity: np.ndarray  # (N, 3) m/s, of the base, support frame
-    angular_velocity: np.ndarray  # (N, 3) rad/s, base frame
+    Attributes:
+        length: m.
+        speed: m/s, sqrt(g * length).
+        rate: 1/s, sqrt(g / length).
+        torque: N·m, mean of the joints' limits.
+        weight: N.
+    """
 
-
-class _Limbs(NamedTuple):
-    """What every task sees of the limbs of N robots, likewise."""
-
-    joint_position: np.ndarray  # (N, n) rad, from home
-    joint_velocity: np.ndarray  # (N, n) rad/s
-    torque: np.ndarray  # (N, n) last one, share of its limit
-    load: np.ndarray  # (N, P) normal force, share of the weight
-
-
-class BodyConstants(NamedTuple):
-    """What posture and observation are measured by, see `Body`."""
-
-    geometry: ContactGeometry
-    heading: Heading
-    touching_force: float  # N, of a point that counts as in contact
-    home_base: np.ndarray
-    home_qpos: np.ndarray
-    torque_limit: np.ndarray
+    length: float
+    speed: float
+    rate: float
+    torque: float
     weight: float
+
+    @classmethod
+    def of(cls, robot: Robot, length: float) -> "Units":
+        """Measure a robot by a length, m."""
+        speed, rate = np.sqrt(robot.gravity * length), np.sqrt(robot.gravity / length)
+        torque = float(robot.torque_limit.mean())
+        return cls(length, float(speed), float(rate), torque, robot.weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,112 +85,120 @@ class Body:
         return self.stance.size
 
     @cached_property
-    def speed(self) -> float:
-        """What makes speeds of robots of all sizes comparable: sqrt(g * size), m/s."""
-        return float(np.sqrt(self.robot.gravity * self.size))
+    def units(self) -> Units:
+        """What errors of a robot that stands are measured by: its size."""
+        return Units.of(self.robot, self.size)
 
     def height(self, share: np.ndarray) -> np.ndarray:
         """Return the height of a base, m, that is lower than at home as a robot of a share is."""
         return self.size * share + (self.home_height - self.size)
 
     @cached_property
-    def mean_torque_limit(self) -> float:
-        """Mean of the joints' torque limits, N·m."""
-        return float(self.robot.torque_limit.mean())
+    def frame_groups(self) -> dict[str, Group]:
+        """Groups of an observation: where the base is, seen from the feet, and how it moves."""
+        home = self.stance.home_base
+        return {
+            "base": Group.of(
+                "base {} from home (m, support frame)",
+                "xyz",
+                10.0,
+                lambda m: m.outcome.posture.base - home,
+            ),
+            "up": UP,
+            "velocity": Group.of(
+                "base velocity {} (m/s, support frame)",
+                "xyz",
+                100.0,
+                lambda m: m.outcome.posture.velocity,
+            ),
+            "angular_velocity": ANGULAR_VELOCITY,
+        }
 
     @cached_property
-    def constants(self) -> BodyConstants:
-        """What posture and observation are measured by."""
-        robot, stance = self.robot, self.stance
-        return BodyConstants(
-            geometry=stance.geometry,
-            heading=stance.heading,
-            touching_force=TOUCHING_LOAD * robot.weight,
-            home_base=stance.home_base,
-            home_qpos=robot.home_qpos,
-            torque_limit=robot.torque_limit,
-            weight=robot.weight,
-        )
+    def limb_groups(self) -> dict[str, Group]:
+        """Groups of an observation: joints, and loads on the contact points."""
+        robot, weight = self.robot, self.robot.weight
+        joints, home, limit = robot.joint_names, robot.home_qpos[7:], robot.torque_limit
+        points = [str(point) for point in range(robot.num_points)]
+        return {
+            "joint_position": Group.of(
+                "{} position from home (rad)",
+                joints,
+                10.0,
+                lambda m: m.outcome.state.qpos[:, 7:] - home,
+            ),
+            "joint_velocity": Group.of(
+                "{} velocity (rad/s)", joints, 100.0, lambda m: m.outcome.state.qvel[:, 6:]
+            ),
+            "torque": Group.of(
+                "{} last torque (share of its limit)",
+                joints,
+                1.0,
+                lambda m: m.outcome.torque / limit,
+            ),
+            "load": Group.of(
+                "normal force on point {} (share of the weight)",
+                points,
+                100.0,
+                lambda m: m.outcome.state.contact_force[:, :, 2] / weight,
+            ),
+        }
 
     @property
-    def observation_names(self) -> tuple[str, ...]:
-        """One name per entry of `observe`."""
-        return (
-            *(f"base {axis} from home (m, support frame)" for axis in "xyz"),
-            *(f"up direction {axis} (base frame)" for axis in "xyz"),
-            *(f"base velocity {axis} (m/s, support frame)" for axis in "xyz"),
-            *(f"base angular velocity {axis} (rad/s, base frame)" for axis in "xyz"),
-            *self.limb_names,
-        )
-
-    @property
-    def limb_names(self) -> tuple[str, ...]:
-        """One name per entry of `see_limbs`."""
-        joints, points = self.robot.joint_names, self.robot.num_points
-        return (
-            *(f"{joint} position from home (rad)" for joint in joints),
-            *(f"{joint} velocity (rad/s)" for joint in joints),
-            *(f"{joint} last torque (share of its limit)" for joint in joints),
-            *(f"normal force on point {point} (share of the weight)" for point in range(points)),
-        )
-
-    @property
-    def observation_bound(self) -> np.ndarray:
-        """Largest size of each entry of `observe`."""
-        axes = np.ones(3)
-        bound = _Seen(
-            base=10.0 * axes,
-            up=axes,
-            velocity=100.0 * axes,
-            angular_velocity=100.0 * axes,
-        )
-        return np.concatenate([*bound, self.limb_bound])
-
-    @property
-    def limb_bound(self) -> np.ndarray:
-        """Largest size of each entry of `see_limbs`."""
-        joints, points = np.ones(self.robot.num_joints), np.ones(self.robot.num_points)
-        bound = _Limbs(
-            joint_position=10.0 * joints,
-            joint_velocity=100.0 * joints,
-            torque=joints,
-            load=100.0 * points,
-        )
-        return np.concatenate(bound)
+    def groups(self) -> dict[str, Group]:
+        """Groups of an observation: all that is seen of the robot itself."""
+        return self.frame_groups | self.limb_groups
 
     def posture(self, state: RobotState, terms: DynamicsTerms) -> Posture:
         """Return how robots stand."""
         return self._measure(state, terms)
 
-    def observe(self, outcome: Outcome) -> np.ndarray:
-        """Return the posture, its velocity, the last torques and the load on the feet: (N, O)."""
-        return self._see(outcome)
-
     @cached_property
-    def _measure(self) -> Callable[..., Posture]:
-        return bind(_measure, self.constants)
+    def _measure(self) -> Callable[[RobotState, DynamicsTerms], Posture]:
+        standing = _Standing(
+            touching_force=TOUCHING_LOAD * self.robot.weight,
+            above=self.size - self.home_height,
+            low=FALLEN_HEIGHT * (self.size - self.lowered),
+        )
+        return bind(_measure, standing, self.stance.geometry, self.stance.heading)
 
-    @cached_property
-    def _see(self) -> Callable[..., np.ndarray]:
-        return bind(see_body, self.constants)
 
-    def fallen(self, outcome: Outcome) -> np.ndarray:
-        """Return which robots lie: (N,) bool."""
-        return self._find_fallen(outcome.posture)
+UP = Group.of(
+    "up direction {} (base frame)", "xyz", 1.0, lambda m: m.outcome.terms.world_from_base[:, 2]
+)
+"""Where the vertical is, seen from the base."""
 
-    @cached_property
-    def _find_fallen(self) -> Callable[..., np.ndarray]:
-        low = FALLEN_HEIGHT * (self.size - self.lowered)
-        return bind(_find_fallen, self.size - self.home_height, low)
+ANGULAR_VELOCITY = Group.of(
+    "base angular velocity {} (rad/s, base frame)",
+    "xyz",
+    100.0,
+    lambda m: m.outcome.state.qvel[:, 3:6],
+)
+"""How fast the base turns."""
+
+
+class _Standing(NamedTuple):
+    """When a robot stands."""
+
+    touching_force: float  # N, of a point that counts as in contact
+    above: float  # m, from the base to what is as high as the robot's size, at home
+    low: float  # m, below which that has fallen
 
 
 @kernel
-def _measure(body: BodyConstants, state: RobotState, terms: DynamicsTerms) -> Posture:
-    """What `Body.posture` returns."""
-    frame, (count, points) = support_frame(body.heading, terms), state.contact_force.shape[:2]
-    point_velocity = point_velocities(body.geometry, terms)
+def _measure(
+    standing: _Standing,
+    geometry: ContactGeometry,
+    heading: Heading,
+    state: RobotState,
+    terms: DynamicsTerms,
+) -> Posture:
+    """Return how robots stand."""
+    frame, (count, points) = support_frame(heading, terms), state.contact_force.shape[:2]
+    point_velocity = point_velocities(geometry, terms)
     base, velocity, upright = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
-    touching, slip = np.empty((count, points), np.bool_), np.empty(count)
+    touching, grounded = np.empty((count, points), np.bool_), np.empty(count)
+    slip, fallen = np.empty(count), np.empty(count, np.bool_)
     for i in range(count):
         for k in range(3):
             base[i, k], velocity[i, k] = 0.0, 0.0
@@ -203,106 +207,15 @@ def _measure(body: BodyConstants, state: RobotState, terms: DynamicsTerms) -> Po
                 base[i, k] += frame.world_from_support[i, axis, k] * offset
                 velocity[i, k] += frame.world_from_support[i, axis, k] * state.qvel[i, axis]
         upright[i] = terms.world_from_trunk[i, 2, 2]
+        top = base[i, 2] + standing.above * upright[i]
+        fallen[i] = top < standing.low or upright[i] < _LEAST_UPRIGHT
         total, down = 0.0, 0
         for point in range(points):
-            touching[i, point] = state.contact_force[i, point, 2] > body.touching_force
+            touching[i, point] = state.contact_force[i, point, 2] > standing.touching_force
             if touching[i, point]:
                 moving = point_velocity[i, point]
                 total += np.sqrt(dot(moving, moving))
                 down += 1
+        grounded[i] = down / points
         slip[i] = total / max(down, 1)
-    return Posture(base, velocity, upright, touching, slip)
-
-
-@kernel
-def _find_fallen(above: float, low: float, posture: Posture) -> np.ndarray:
-    """What `Body.fallen` returns: whose top, so far `above` the base (m), is lower than `low`."""
-    fallen = np.empty(len(posture.upright), np.bool_)
-    for i in range(len(fallen)):
-        upright = posture.upright[i]
-        fallen[i] = posture.base[i, 2] + above * upright < low or upright < _LEAST_UPRIGHT
-    return fallen
-
-
-@kernel
-def see_body(body: BodyConstants, outcome: Outcome) -> np.ndarray:
-    """What `Body.observe` returns."""
-    state, terms, posture = outcome.state, outcome.terms, outcome.posture
-    count = len(state.qpos)
-    seen = _Seen(
-        np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
-    )
-    for i in range(count):
-        for k in range(3):
-            seen.base[i, k] = posture.base[i, k] - body.home_base[k]
-            seen.up[i, k] = terms.world_from_base[i, 2, k]
-            seen.velocity[i, k] = posture.velocity[i, k]
-            seen.angular_velocity[i, k] = state.qvel[i, 3 + k]
-    limbs = see_limbs(body.home_qpos, body.torque_limit, body.weight, outcome)
-    return side_by_side((side_by_side(seen), limbs))
-
-
-@compiled
-def see_limbs(
-    home_qpos: np.ndarray, torque_limit: np.ndarray, weight: float, outcome: Outcome
-) -> np.ndarray:
-    """What every task sees of joints and contact points: (N, 3 n + P), named by `limb_names`.
-
-    Args:
-        home_qpos: (nq,).
-        torque_limit: (n,) N·m.
-        weight: N.
-        outcome: of the robots.
-    """
-    state = outcome.state
-    (count, joints), points = outcome.torque.shape, state.contact_force.shape[1]
-    seen = _Limbs(
-        np.empty((count, joints)),
-        np.empty((count, joints)),
-        np.empty((count, joints)),
-        np.empty((count, points)),
-    )
-    for i in range(count):
-        for j in range(joints):
-            seen.joint_position[i, j] = state.qpos[i, 7 + j] - home_qpos[7 + j]
-            seen.joint_velocity[i, j] = state.qvel[i, 6 + j]
-            seen.torque[i, j] = outcome.torque[i, j] / torque_limit[j]
-        for point in range(points):
-            seen.load[i, point] = state.contact_force[i, point, 2] / weight
-    return side_by_side(seen)
-
-
-@compiled
-def side_by_side(parts: tuple[np.ndarray, ...]) -> np.ndarray:
-    """Return arrays (N, a), (N, b), ... side by side: (N, a + b + ...)."""
-    width = 0
-    for part in parts:
-        width += part.shape[1]
-    joined, first = np.empty((len(parts[0]), width)), 0
-    for part in parts:
-        for i in range(len(part)):
-            for j in range(part.shape[1]):
-                joined[i, first + j] = part[i, j]
-        first += part.shape[1]
-    return joined
-
-
-@compiled
-def weigh(shares: tuple[np.ndarray, ...], weights: tuple[float, ...]) -> None:
-    """Turn shares (N,) in [0, 1] of the terms of a reward into these, each in [0, its weight]."""
-    for k in range(len(weights)):
-        share, weight = shares[k], weights[k]
-        for i in range(len(share)):
-            share[i] *= weight
-
-
-@compiled
-def bell(value: float, scale: float) -> float:
-    """1 at zero, 1/e at `scale`."""
-    return np.exp(-((value / scale) ** 2))
-
-
-@compiled
-def level(cosine: float) -> float:
-    """1 at an angle of zero, 1/e at 0.2 rad."""
-    return np.exp(-(1.0 - cosine) / (1.0 - np.cos(0.2)))
+    return Posture(base, velocity, upright, touching, grounded, slip, fallen)

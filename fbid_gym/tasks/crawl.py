@@ -6,18 +6,13 @@ from typing import Annotated
 from fbid_gym import motions
 from fbid_gym.options import Number, Pair, checked
 from fbid_gym.robots import Robot
-from fbid_gym.tasks.pushes import Pushes
-from fbid_gym.tasks.start import Start
+from fbid_gym.tasks.task import Episode
 from fbid_gym.tasks.tracking import Tracking
 
 
 @checked
 def crawl(
-    robot: Robot,
-    seconds: float,
-    hz: int,
-    pushes: Pushes,
-    start: Start,
+    episode: Episode,
     *,
     speed_range: Annotated[tuple[float, float], Pair(-10.0, 10.0, "m/s")] | None = None,
     step_seconds: Annotated[float, Number(0.01, 1000.0, "s")] | None = None,
@@ -26,16 +21,14 @@ def crawl(
     """Build the task.
 
     Args:
-        robot: a quadruped on point feet with three joints a leg.
-        seconds: length of an episode.
-        hz: control ticks per second.
-        pushes: the disturbances.
-        start: how an episode begins.
+        episode: the robot, a quadruped on point feet with three joints a leg, and what every
+            task has.
         speed_range: (least, most) m/s, commanded forward speed, constant in an episode. None, as
             for the others: what a robot of this size can do, see `motions.gait_for`.
         step_seconds: s, period of the walk: each foot steps once.
         swing_height: m, how high a swinging foot is lifted.
     """
+    robot, hz = episode.body.robot, episode.hz
     motion = _motion(robot, hz, step_seconds, swing_height, speed_range)
     gait = motion.gait
     speeds = gait.slowest, gait.fastest
@@ -44,7 +37,7 @@ def crawl(
         "step_seconds": gait.period,
         "swing_height": gait.swing_height,
     }
-    return Tracking.of(robot, seconds, hz, pushes, start, motion, speeds, derived)
+    return Tracking.of(episode, motion, derived, speeds)
 
 
 # Planning takes seconds, and every chunk of a batch asks for the same.

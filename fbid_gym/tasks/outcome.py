@@ -16,14 +16,18 @@ class Posture(NamedTuple):
         upright: (N,) cosine of the angle between the base's up direction and the vertical. The
             base's up direction is that which points up at home.
         touching: (N, P) bool, which points carry weight.
+        grounded: (N,) share of the points that do.
         slip: (N,) m/s, mean speed of the points on the ground.
+        fallen: (N,) bool, who lies: is too low or too far from upright, see `Body`.
     """
 
     base: np.ndarray
     velocity: np.ndarray
     upright: np.ndarray
     touching: np.ndarray
+    grounded: np.ndarray
     slip: np.ndarray
+    fallen: np.ndarray
 
 
 class Outcome(NamedTuple):
@@ -34,15 +38,27 @@ class Outcome(NamedTuple):
         terms: dynamics at the end of the step.
         posture: at the end of the step.
         torque: (N, n) N·m, on the last control tick.
-        torque_square: (N,) mean of torque^2 over the joints and ticks of the step.
+        torque_rms: (N,) N·m, root mean square over the joints and ticks of the step.
         power: (N,) W, mean over the ticks of the joints' summed |torque * velocity|.
-        seconds: s, length of the step.
+        distance: (N,) m, horizontal way of the base since the episode began.
+        energy: (N,) J, the integral of the power since then.
     """
 
     state: RobotState
     terms: DynamicsTerms
     posture: Posture
     torque: np.ndarray
-    torque_square: np.ndarray
+    torque_rms: np.ndarray
     power: np.ndarray
-    seconds: float
+    distance: np.ndarray
+    energy: np.ndarray
+
+    @property
+    def metrics(self) -> dict[str, np.ndarray]:
+        """Metrics of every task, name -> (N,): torques, power and slip."""
+        return {"torque_rms": self.torque_rms, "power": self.power, "slip": self.posture.slip}
+
+
+def lengths(vectors: np.ndarray) -> np.ndarray:
+    """Return the lengths (N,) of vectors (N, k)."""
+    return np.sqrt(np.einsum("nk,nk->n", vectors, vectors))

@@ -12,6 +12,25 @@ Plan = dict[str, np.ndarray]
 """All that chance decided about the episodes of N robots, one row each: see `Task.draw`."""
 
 
+def drawn_commands(
+    rng: np.random.Generator, interval: tuple[float, float], seconds: float, hz: int
+) -> tuple[int, Plan]:
+    """Draw when the commands of an episode begin.
+
+    Args:
+        rng: of the episode.
+        interval: (least, most) s from one command to the next.
+        seconds: length of the episode.
+        hz: control ticks per second.
+
+    Returns:
+        K, how many commands there are, and "command_start": (K,) control ticks, the first at 0.
+    """
+    count = int(np.ceil(seconds / interval[0])) + 1
+    times = np.cumsum(rng.uniform(*interval, size=count))
+    return count, {"command_start": np.concatenate([[0.0], times[:-1]]) * hz}
+
+
 @kernel
 def command_at(start: np.ndarray, command: np.ndarray, tick: np.ndarray) -> np.ndarray:
     """Return the commands (N, C) at ticks (N,), of those (N, K, C) that start at ticks (N, K)."""

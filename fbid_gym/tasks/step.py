@@ -5,19 +5,13 @@ from typing import Annotated
 
 from fbid_gym.motions import stepping, steps_for
 from fbid_gym.options import Number, checked
-from fbid_gym.robots import Robot
-from fbid_gym.tasks.pushes import Pushes
-from fbid_gym.tasks.start import Start
+from fbid_gym.tasks.task import Episode
 from fbid_gym.tasks.tracking import Tracking
 
 
 @checked
 def step(
-    robot: Robot,
-    seconds: float,
-    hz: int,
-    pushes: Pushes,
-    start: Start,
+    episode: Episode,
     *,
     step_seconds: Annotated[float, Number(0.01, 1000.0, "s")] | None = None,
     lift_seconds: Annotated[float, Number(0.0, 1000.0, "s")] | None = None,
@@ -25,20 +19,18 @@ def step(
     """Build the task.
 
     Args:
-        robot: one on two soles, with hips, knees and ankles that pitch.
-        seconds: length of an episode.
-        hz: control ticks per second.
-        pushes: the disturbances.
-        start: how an episode begins.
+        episode: the robot, one on two soles, with hips, knees and ankles that pitch, and what every
+            task has.
         step_seconds: s, period of the stepping: each foot steps once. None, as for the other: what
             suits a robot of this size, see `motions.steps_for`.
         lift_seconds: s it takes a foot to rise, and to come down again; 0 is the instant change of
             the paper.
     """
+    robot, hz = episode.body.robot, episode.hz
     steps = steps_for(robot, hz, period=step_seconds, ramp=lift_seconds)
-    derived = {"step_seconds": steps.period, "lift_seconds": steps.ramp}
     motion = _motion(robot, steps, hz=hz)
-    return Tracking.of(robot, seconds, hz, pushes, start, motion, derived=derived)
+    derived = {"step_seconds": steps.period, "lift_seconds": steps.ramp}
+    return Tracking.of(episode, motion, derived)
 
 
 # Planning takes seconds, and every chunk of a batch asks for the same.

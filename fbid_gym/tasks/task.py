@@ -1,17 +1,22 @@
-"""What every task is: what chance decides, what is asked, how it is judged."""
+"""What every task is: what chance decides, what is asked, what is observed and rewarded."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
 from fbid_gym.motions.gait.command import Steering
-from fbid_gym.motions.target import MotionKind
+from fbid_gym.motions.target import MotionKind, planned_kind
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
+from fbid_gym.robots.terrain.grid import HeightGrid
 from fbid_gym.tasks.body import Body
+from fbid_gym.tasks.observation import Groups
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.pushes import Pushes
+from fbid_gym.tasks.reward import Terms
+from fbid_gym.tasks.start import Start
 
 
 class Now(NamedTuple):
@@ -63,13 +68,22 @@ class Task(Protocol):
         ...
 
     @property
-    def observation_names(self) -> tuple[str, ...]:
-        """One name per entry of the observation."""
+    def observation_groups(self) -> Groups:
+        """The table of the observation: what the policy sees, a group beside the other."""
         ...
 
     @property
-    def observation_bound(self) -> np.ndarray:
-        """Largest size of each entry of the observation, (O,); observations are clipped to it."""
+    def reward_terms(self) -> Terms:
+        """The table of the reward, before a user changes weights and scales."""
+        ...
+
+    @property
+    def tolerance(self) -> float:
+        """Error of the velocity, m/s, up to which a robot follows its commands."""
+        ...
+
+    def on(self, ground: HeightGrid) -> "Task":
+        """Return the task on other ground."""
         ...
 
     def draw(self, rng: np.random.Generator) -> Plan:
@@ -88,22 +102,90 @@ class Task(Protocol):
         """Return what the robots shall do at this control tick, once it has begun."""
         ...
 
-    def observe(self, outcome: Outcome, plan: Plan, memory: Memory) -> np.ndarray:
-        """Return what the policy sees: (N, O), named by `observation_names`."""
-        ...
+    def measure(self, outcome: Outcome, plan: Plan, memory: Memory) -> Any:
+        """Return what observation, reward and metrics are made of, at the end of a policy step.
 
-    def reward(
-        self, outcome: Outcome, plan: Plan, memory: Memory
-    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Judge a policy step.
+        Nothing changes by it: the same arguments give the same measures.
 
         Args:
-            outcome: what it did.
+            outcome: what the step did.
             plan: of the robots.
-            memory: of the robots; updated.
+            memory: of the robots.
 
         Returns:
-            terms: name -> (N,), each in [0, its weight].
-            metrics: name -> (N,) physical quantities for evaluation.
+            A named tuple of arrays with a row for each robot. Those of this package have the
+            `outcome`, and what lengths, speeds and torques are measured by, as `units`.
         """
         ...
+
+    def metrics(self, measured: Any) -> dict[str, np.ndarray]:
+        """Return physical quantities for evaluation, name -> (N,), of what was measured."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Episode:
+    """What tasks have in common: a robot, how long it is at it, and what happens to it.
+
+    Attributes:
+        body: the robot.
+        seconds: length of an episode.
+        hz: control ticks per second.
+        pushes: the disturbances.
+        start: how an episode begins.
+        derived: what the options mean that a robot decides where the user does not.
+    """
+
+    body: Body
+    seconds: float
+    hz: int
+    pushes: Pushes
+    start: Start
+    derived: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def from_episode(cls, episode: "Episode", **own: Any) -> Self:
+        """Build a task of this class: with such episodes, and its own attributes."""
+        return cls(**{**vars(episode), **own})
+
+    def begin(self, rng: np.random.Generator, qpos: np.ndarray, qvel: np.ndarray) -> Plan:
+        """Draw the state in which an episode begins, near a posture, and its pushes.
+
+        Args:
+            rng: of this episode.
+            qpos: (nq,) posture, see `Start.draw`.
+            qvel: (nv,) its velocity.
+        """
+        qpos, qvel = self.start.draw(self.body.robot, qpos, qvel, rng)
+        return {"qpos": qpos, "qvel": qvel, **self.pushes.draw(rng, self.seconds, self.hz)}
+
+    def begin_at_home(self, rng: np.random.Generator) -> Plan:
+        """Draw the same, near home and at rest."""
+        robot = self.body.robot
+        return self.begin(rng, robot.home_qpos, np.zeros(robot.nv))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlannedEpisode(Episode):
+    """What tasks have in common whose motion is planned beforehand, standing among them."""
+
+    @property
+    def kind(self) -> MotionKind:
+        """See `Task.kind`."""
+        return planned_kind(self.body.robot)
+
+    @property
+    def tolerance(self) -> float:
+        """See `Task.tolerance`: there are no commands."""
+        return np.inf
+
+    def on(self, ground: HeightGrid) -> Self:
+        """Return the task itself: it does not see the ground."""
+        return self
+
+    def memory(self, terms: DynamicsTerms) -> Memory:
+        """Nothing is remembered."""
+        return {}
+
+    def advance(self, plan: Plan, now: Now) -> None:
+        """Nothing goes on."""

@@ -1,57 +1,20 @@
-"""What a policy sees of a robot that walks, and how it is judged."""
+"""What is measured of a robot that walks, and how that is rewarded."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.compiled import compiled, kernel
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.trunk import trunk_rate
 from fbid_gym.motions.gait.heading import along, axes_of_trunk
 from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.body import bell, level, see_limbs, side_by_side, weigh
+from fbid_gym.tasks.body import Units
 from fbid_gym.tasks.outcome import Outcome
+from fbid_gym.tasks.plan import command_at
+from fbid_gym.tasks.reward import Term, Terms, bell, torque, upright
 
 _PREFIX = "seen_"
-
-
-class WalkReward(NamedTuple):
-    """The terms of the reward, (N,) each, or their weights.
-
-    Attributes:
-        velocity: horizontal velocity as commanded.
-        turning: yaw rate as commanded.
-        clock: feet on the ground and in the air as the gait's clock has them.
-        upright: base upright.
-        steady: base neither rises nor rolls nor pitches.
-        torque: small torques.
-    """
-
-    velocity: Any
-    turning: Any
-    clock: Any
-    upright: Any
-    steady: Any
-    torque: Any
-
-
-REWARD_WEIGHTS = WalkReward(
-    velocity=0.4, turning=0.2, clock=0.15, upright=0.1, steady=0.05, torque=0.1
-)
-"""Each reward term lies in [0, weight]; they sum to 1."""
-
-
-class Scales(NamedTuple):
-    """What observation and reward measure by."""
-
-    size: float  # m, height of the centre of mass at home
-    gravity: float
-    home_height: float  # m, of the base
-    home_qpos: np.ndarray
-    torque_limit: np.ndarray
-    mean_torque_limit: float
-    weight: float
-    foot_of_point: np.ndarray
 
 
 class Notes(NamedTuple):
@@ -65,8 +28,6 @@ class Notes(NamedTuple):
     clipped: np.ndarray  # (N,) int64, ticks and feet at which a foothold was out of reach
     landed: np.ndarray  # (N,) int64, feet that came down
     missed: np.ndarray  # (N,) m, horizontal distances of those from their footholds, summed
-    distance: np.ndarray  # (N,) m, way of the base
-    energy: np.ndarray  # (N,) J, of the joints
 
     @classmethod
     def standing(cls, terms: DynamicsTerms) -> "Notes":
@@ -81,52 +42,79 @@ class Notes(NamedTuple):
             clipped=np.zeros(count, np.int64),
             landed=np.zeros(count, np.int64),
             missed=np.zeros(count),
-            distance=np.zeros(count),
-            energy=np.zeros(count),
         )
 
     @classmethod
     def of(cls, memory: Memory) -> "Notes":
         """Return them from the task's memory."""
-        return cls(*(memory[_PREFIX + name] for name in cls._fields))
+        return cls(*map(memory.__getitem__, _NOTED))
 
     def memory(self) -> Memory:
         """Return them as part of the task's memory."""
         return {_PREFIX + name: values for name, values in self._asdict().items()}
 
 
-class Seen(NamedTuple):
-    """What a policy sees of N robots, in the order of the observation; the limbs follow."""
-
-    clock: np.ndarray  # (N, 2)
-    command: np.ndarray  # (N, 3)
-    wanting: np.ndarray  # (N, 3) what the velocity lacks of the command
-    planted: np.ndarray  # (N, F)
-    height: np.ndarray  # (N, 1) m, from home
-    up: np.ndarray  # (N, 3) the vertical, base frame
-    velocity: np.ndarray  # (N, 3) m/s, heading
-    angular_velocity: np.ndarray  # (N, 3) rad/s, base frame
+_NOTED = [_PREFIX + name for name in Notes._fields]
 
 
-class Moved(NamedTuple):
-    """How the robots moved."""
+class Motion(NamedTuple):
+    """How N robots move, and what that lacks of what they shall do."""
 
-    velocity_error: np.ndarray  # (N,) m/s
-    turning_error: np.ndarray  # (N,) rad/s
-    speed: np.ndarray  # (N,) m/s
+    command: np.ndarray  # (N, 3) m/s ahead, m/s and rad/s to the left
+    clock: np.ndarray  # (N, 2) sine and cosine of the gait's cycle
+    velocity: np.ndarray  # (N, 3) m/s, of the base: ahead and to the left as it heads, up
+    lack: np.ndarray  # (N, 3) the command less that: m/s ahead, m/s and rad/s to the left
+    velocity_error: np.ndarray  # (N,) m/s, horizontal
+    turning_error: np.ndarray  # (N,) rad/s, of the yaw rate
+    speed: np.ndarray  # (N,) m/s, horizontal
+    as_planned: np.ndarray  # (N,) share of the feet on the ground, or off it, as the gait has them
+    tumble: np.ndarray  # (N,) rate of roll and pitch, and speed up or down: in units, their sum
+    speed_command: np.ndarray  # (N,) m/s, horizontal
+    height: np.ndarray  # (N,) m, of the base above the ground
+    height_command: np.ndarray  # (N,) m, as the gait has it
+    foothold_error: np.ndarray  # (N,) m, mean of the feet that came down in this episode
 
 
-class Judged(NamedTuple):
-    """What the reward is made of, and what it was made from."""
+class WalkMeasures(NamedTuple):
+    """What is measured of N robots that walk."""
 
-    terms: WalkReward
-    moved: Moved
+    outcome: Outcome  # of the step
+    units: Units  # what errors are measured by: the height of the centre of mass at home, h
+    notes: Notes  # of the gait
+    motion: Motion  # how they move
 
 
-@compiled
-def yaw_rate(world_from_base: np.ndarray, qvel: np.ndarray) -> float:
-    """rad/s about the vertical, of one robot: (3, 3) and (nv,)."""
-    return dot(world_from_base[2], qvel[3:6])
+def velocity(measured: WalkMeasures, width: float) -> np.ndarray:
+    """Horizontal velocity as commanded."""
+    return bell(measured.motion.velocity_error, width * measured.units.speed)
+
+
+def turning(measured: WalkMeasures, width: float) -> np.ndarray:
+    """Yaw rate as commanded."""
+    return bell(measured.motion.turning_error, width * measured.units.rate)
+
+
+def clock(measured: WalkMeasures, width: float) -> np.ndarray:
+    """Feet on the ground and in the air as the gait has them: the scale is that of their slip."""
+    return measured.motion.as_planned * bell(
+        measured.outcome.posture.slip, width * measured.units.speed
+    )
+
+
+def steady(measured: WalkMeasures, width: float) -> np.ndarray:
+    """Base neither rises nor rolls nor pitches: speed in sqrt(g h), rate in sqrt(g / h)."""
+    return bell(measured.motion.tumble, width)
+
+
+REWARD_TERMS: Terms = {
+    "velocity": Term(velocity, 0.4, 0.19, "sqrt(g h)"),
+    "turning": Term(turning, 0.2, 0.09, "sqrt(g / h)"),
+    "clock": Term(clock, 0.15, 0.2, "sqrt(g h)"),
+    "upright": Term(upright, 0.1, 0.2, "rad"),
+    "steady": Term(steady, 0.05, 0.3),
+    "torque": Term(torque, 0.1, 0.5, "mean torque limit"),
+}
+"""h is the height of the centre of mass at home, g gravity. The weights sum to 1."""
 
 
 @kernel
@@ -160,50 +148,40 @@ def note(target: Target, foot_position: np.ndarray, notes: Notes) -> None:
 
 
 @kernel
-def observe(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes) -> np.ndarray:
-    """What `Walk.observe` returns, without a scan."""
-    state, terms = outcome.state, outcome.terms
+def measure_motion(
+    units: Units,
+    foot_of_point: np.ndarray,
+    qvel: np.ndarray,
+    terms: DynamicsTerms,
+    touching: np.ndarray,
+    command_start: np.ndarray,
+    commands: np.ndarray,
+    tick: np.ndarray,
+    notes: Notes,
+) -> Motion:
+    """Return how robots move.
+
+    Args:
+        units: what speeds and rates are measured by.
+        foot_of_point: (P,) int64.
+        qvel: (N, nv) m/s, rad/s.
+        terms: where the robots are.
+        touching: (N, P) bool, which points carry weight.
+        command_start: (N, K) control ticks at which commands begin.
+        commands: (N, K, 3) m/s ahead, m/s and rad/s to the left.
+        tick: (N,) control ticks since the episode began.
+        notes: of the gait.
+    """
+    command = command_at(command_start, commands, tick)
     count, feet = notes.planted.shape
-    seen = Seen(
+    motion = Motion(
+        command,
         np.empty((count, 2)),
         np.empty((count, 3)),
         np.empty((count, 3)),
-        np.empty((count, feet)),
-        np.empty((count, 1)),
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-        np.empty((count, 3)),
-    )
-    for i in range(count):
-        angle = 2.0 * np.pi * notes.cycle[i]
-        seen.clock[i, 0], seen.clock[i, 1] = np.sin(angle), np.cos(angle)
-        base = terms.world_from_base[i]
-        axes = axes_of_trunk(terms.world_from_trunk[i])
-        ahead, left = along(axes, state.qvel[i, 0], state.qvel[i, 1])
-        seen.velocity[i, 0], seen.velocity[i, 1] = ahead, left
-        seen.velocity[i, 2] = state.qvel[i, 2]
-        height = terms.base_position[i, 2] - notes.ground[i]
-        seen.height[i, 0] = height - scales.home_height
-        seen.wanting[i, 0] = command[i, 0] - ahead
-        seen.wanting[i, 1] = command[i, 1] - left
-        seen.wanting[i, 2] = command[i, 2] - yaw_rate(base, state.qvel[i])
-        for k in range(3):
-            seen.command[i, k] = command[i, k]
-            seen.up[i, k] = base[2, k]
-            seen.angular_velocity[i, k] = state.qvel[i, 3 + k]
-        for foot in range(feet):
-            seen.planted[i, foot] = notes.planted[i, foot]
-    limbs = see_limbs(scales.home_qpos, scales.torque_limit, scales.weight, outcome)
-    return side_by_side((side_by_side(seen), limbs))
-
-
-@kernel
-def judge(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes) -> Judged:
-    """Return the terms of the reward, and how the robots moved; note the latter."""
-    state, terms, posture = outcome.state, outcome.terms, outcome.posture
-    count, feet = notes.planted.shape
-    points = posture.touching.shape[1]
-    share = WalkReward(
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
         np.empty(count),
         np.empty(count),
         np.empty(count),
@@ -211,33 +189,33 @@ def judge(scales: Scales, outcome: Outcome, command: np.ndarray, notes: Notes) -
         np.empty(count),
         np.empty(count),
     )
-    moved = Moved(np.empty(count), np.empty(count), np.empty(count))
-    speed, rate = np.sqrt(scales.gravity * scales.size), np.sqrt(scales.gravity / scales.size)
     down = np.empty(feet, np.bool_)
     for i in range(count):
-        base, qvel = terms.world_from_base[i], state.qvel[i]
-        ahead, left = along(axes_of_trunk(terms.world_from_trunk[i]), qvel[0], qvel[1])
-        moved.velocity_error[i] = np.hypot(ahead - command[i, 0], left - command[i, 1])
-        moved.speed[i] = np.hypot(ahead, left)
-        notes.distance[i] += moved.speed[i] * outcome.seconds
-        notes.energy[i] += outcome.power[i] * outcome.seconds
-        moved.turning_error[i] = abs(yaw_rate(base, qvel) - command[i, 2])
+        angle, velocity = 2.0 * np.pi * notes.cycle[i], qvel[i]
+        motion.clock[i, 0], motion.clock[i, 1] = np.sin(angle), np.cos(angle)
+        ahead, left = along(axes_of_trunk(terms.world_from_trunk[i]), velocity[0], velocity[1])
+        yaw_rate = dot(terms.world_from_base[i, 2], velocity[3:6])
+        motion.velocity[i, 0], motion.velocity[i, 1] = ahead, left
+        motion.velocity[i, 2] = velocity[2]
+        lack = motion.lack[i]
+        lack[0], lack[1] = command[i, 0] - ahead, command[i, 1] - left
+        lack[2] = command[i, 2] - yaw_rate
+        motion.velocity_error[i] = np.hypot(lack[0], lack[1])
+        motion.turning_error[i] = abs(lack[2])
+        motion.speed[i] = np.hypot(ahead, left)
         down[:] = False
-        for point in range(points):
-            if posture.touching[i, point]:
-                down[scales.foot_of_point[point]] = True
+        for point in range(len(foot_of_point)):
+            if touching[i, point]:
+                down[foot_of_point[point]] = True
         as_planned = 0
         for foot in range(feet):
             as_planned += down[foot] == notes.planted[i, foot]
-        roll, pitch, _ = trunk_rate(terms, state.qvel, i)
-        tumble = np.sqrt(roll**2 + pitch**2) / rate + abs(qvel[2]) / speed
-        torque = np.sqrt(outcome.torque_square[i])
-        # Speeds scale with sqrt(g h), rates with sqrt(g / h).
-        share.velocity[i] = bell(moved.velocity_error[i], 0.19 * speed)
-        share.turning[i] = bell(moved.turning_error[i], 0.09 * rate)
-        share.clock[i] = as_planned / feet * bell(posture.slip[i], 0.2 * speed)
-        share.upright[i] = level(posture.upright[i])
-        share.steady[i] = bell(tumble, 0.3)
-        share.torque[i] = bell(torque / scales.mean_torque_limit, 0.5)
-    weigh(share, REWARD_WEIGHTS)
-    return Judged(share, moved)
+        motion.as_planned[i] = as_planned / feet
+        roll, pitch, _ = trunk_rate(terms, qvel, i)
+        rolling, rising = np.sqrt(roll**2 + pitch**2), abs(velocity[2])
+        motion.tumble[i] = rolling / units.rate + rising / units.speed
+        motion.speed_command[i] = np.hypot(command[i, 0], command[i, 1])
+        motion.height[i] = terms.base_position[i, 2] - notes.ground[i]
+        motion.height_command[i] = notes.height[i] - notes.ground[i]
+        motion.foothold_error[i] = notes.missed[i] / max(notes.landed[i], 1)
+    return motion

@@ -23,7 +23,7 @@ from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rendering import check_rendering
 from fbid_gym.errors import FbidError, shown
-from fbid_gym.options import Choice, Flag, Pair, options_of
+from fbid_gym.options import Choice, Flag, Named, Pair, options_of
 from fbid_gym.robots import load
 from fbid_gym.tasks import TASKS, Pushes, Start, make_task
 
@@ -58,7 +58,8 @@ PAIRS = (
 
 def bad_values(option):
     """What an option refuses; iterators without end among it."""
-    yield from NONSENSE
+    named = isinstance(option.kind, Named)
+    yield from (value for value in NONSENSE if not (named and isinstance(value, dict)))
     yield itertools.count()
     yield (x for x in (0.9, 1.0))
     if not option.optional and option.default is not None:
@@ -71,6 +72,14 @@ def bad_values(option):
             yield from (*HUGE, np.inf)
     if isinstance(option.kind, Flag):
         yield from (0, 1.0)
+
+
+def test_values_by_name_refuse_nonsense_by_name():
+    for value in (*NONSENSE, *HUGE, True, None, -1.0, np.inf):
+        with pytest.raises(FbidError) as caught:
+            EnvConfig.of({"reward_weights": {"torque": value}})
+        said = str(caught.value)
+        assert "reward_weights['torque']" in said and shown(value) in said, said
 
 
 def tried():

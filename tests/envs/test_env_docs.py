@@ -16,9 +16,9 @@ from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.simulation import MAX_SPEED
 from fbid_gym.envs.tracking_env import TrackingEnv
 from fbid_gym.envs.walking_env import WalkingEnv
-from fbid_gym.tasks import TASKS, task_options, tracking, walk_measures
-from fbid_gym.tasks.balance import REWARD_WEIGHTS
+from fbid_gym.tasks import TASKS, Balance, Tracking, Walk, task_options
 from fbid_gym.tasks.body import FALLEN_HEIGHT, FALLEN_TILT, TOUCHING_LOAD
+from fbid_gym.tasks.observation import entry_bounds, entry_names
 
 BALANCE = [name for name, arguments in ENVIRONMENTS.items() if arguments["task"] == "balance"]
 MODEL_FREE = ("torque", "joint_position")
@@ -140,7 +140,7 @@ def test_action_tables(env):
 
 def test_observation_table(env):
     column = ["biped", "quadruped", "humanoid"].index(env.batch.robot.name)
-    names, bound = env.batch.task.observation_names, env.observation_space.high
+    names, bound = env.observation_names, env.observation_space.high
     covered = []
     for row in table("Observation Space", "Biped"):
         entries = span(row[column])
@@ -157,11 +157,19 @@ def test_observation_table(env):
     np.testing.assert_array_equal(env.observation_space.low, -bound)
 
 
-def test_reward_table():
+@pytest.mark.parametrize(
+    ("task", "doc"), [(Balance, SECTIONS), (Tracking, TRACKING), (Walk, WALKING)]
+)
+def test_reward_tables(task, doc):
     """The formulas themselves are held against the code by the task's tests."""
-    rows = table("Rewards", "Term")
-    assert {names_in(row[0])[0]: float(row[1]) for row in rows} == REWARD_WEIGHTS._asdict()
-    assert f"{100 * TOUCHING_LOAD:g} %" in SECTIONS["Rewards"]
+    rows = {names_in(name)[0]: rest for name, *rest in table("Rewards", "Term", doc)}
+    assert rows.keys() == task.reward_terms.keys()
+    for name, (weight, scale, *_) in rows.items():
+        term = task.reward_terms[name]
+        assert float(weight) == term.weight
+        assert scale == f"{term.scale:g} {term.unit}".strip()
+    if task is Balance:
+        assert f"{100 * TOUCHING_LOAD:g} %" in doc["Rewards"]
 
 
 def test_episode_end():
@@ -221,7 +229,7 @@ def test_following_robots_and_tasks(follower):
 
 def test_following_observation_table(follower):
     task, robot = follower.batch.task, follower.batch.robot
-    names, bound = list(task.observation_names), follower.observation_space.high
+    names, bound = list(follower.observation_names), follower.observation_space.high
     count = {"n": robot.num_joints, "F": robot.num_feet}
     at = 0
     for row in table("Observation Space", "Entries", TRACKING):
@@ -230,15 +238,9 @@ def test_following_observation_table(follower):
         for name in names[at : at + size]:
             assert [word for word in row[1].split() if word not in name.split()] == []
         at += size
-    balance = EnvConfig(robot).make_task(robot)
-    assert tuple(names[at:]) == balance.observation_names[1:]
-    np.testing.assert_array_equal(bound[at:], balance.observation_bound[1:])
-
-
-def test_following_reward_table(follower):
-    rows = table("Rewards", "Term", TRACKING)
-    weights = {names_in(row[0])[0]: float(row[1]) for row in rows}
-    assert weights == tracking.REWARD_WEIGHTS._asdict()
+    own = task.body.groups
+    assert tuple(names[at:]) == entry_names(own)
+    np.testing.assert_array_equal(bound[at:], entry_bounds(own))
 
 
 def test_following_arguments():
@@ -291,8 +293,8 @@ def test_walking_action_tables(walker):
 
 
 def test_walking_observation_table(walker):
-    task, robot = walker.batch.task, walker.batch.robot
-    names, bound = task.observation_names, walker.observation_space.high
+    robot = walker.batch.robot
+    names, bound = walker.observation_names, walker.observation_space.high
     count = {"n": robot.num_joints, "F": robot.num_feet, "P": robot.num_points}
     at = 0
     for row in table("Observation Space", "Entries", WALKING):
@@ -302,13 +304,6 @@ def test_walking_observation_table(walker):
             assert [word for word in row[1].split() if word not in name.split()] == []
         at += size
     assert at == len(names) == len(bound)
-
-
-def test_walking_reward_table():
-    """The formulas themselves are held against the code by the task's tests."""
-    rows = table("Rewards", "Term", WALKING)
-    weights = {names_in(row[0])[0]: float(row[1]) for row in rows}
-    assert weights == walk_measures.REWARD_WEIGHTS._asdict()
 
 
 def test_walking_arguments():

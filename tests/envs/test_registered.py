@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -14,7 +14,8 @@ from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
 from fbid_gym.motions import home_reference
 from fbid_gym.options import Number
-from fbid_gym.tasks import TASKS, Body, Pushes, Start, register_task
+from fbid_gym.tasks import TASKS, Episode, Group, Term, register_task
+from fbid_gym.tasks.outcome import Outcome
 
 ENV = "fbid_gym/QuadrupedBalance-v0"
 
@@ -50,25 +51,29 @@ def limp(robot: Any, control_hz: int, *, answer: Any = None) -> Limp:
     return Limp(robot.num_joints, answer)
 
 
-@dataclass(frozen=True, eq=False)
-class Rest:
+class Rested(NamedTuple):
+    """What is measured."""
+
+    outcome: Outcome
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Rest(Episode):
     """Rest at home; each answer can be another."""
 
-    body: Body
-    seconds: float
-    hz: int
-    pushes: Pushes
-    start: Start
     answers: dict[str, Any] = field(default_factory=dict)
-    derived = {}
 
     @property
-    def observation_names(self) -> tuple[str, ...]:
-        return self.body.observation_names
+    def observation_groups(self) -> Any:
+        groups = self.answers.get("groups", {})
+        return self.body.groups | groups if isinstance(groups, dict) else groups
 
     @property
-    def observation_bound(self) -> np.ndarray:
-        return self.answers.get("bound", self.body.observation_bound)
+    def reward_terms(self) -> Any:
+        ones = Term(lambda measured: np.ones(len(measured.outcome.power)), 1.0)
+        answer = self.answers.get("share", ones)
+        terms = {"rest": ones if answer is ones else Term(lambda measured: answer, 1.0)}
+        return self.answers.get("terms", terms)
 
     def draw(self, rng):
         robot = self.body.robot
@@ -82,16 +87,15 @@ class Rest:
     def reference(self, plan, now):
         return home_reference(self.body.robot)
 
-    def observe(self, outcome, plan, memory):
-        return self.answers.get("observation", self.body.observe(outcome))
+    def measure(self, outcome, plan, memory):
+        return Rested(outcome)
 
-    def reward(self, outcome, plan, memory):
-        terms = {"rest": np.ones(len(outcome.power))}
-        return self.answers.get("terms", terms), self.answers.get("metrics", {})
+    def metrics(self, measured):
+        return self.answers.get("metrics", {})
 
 
-def rest(robot, seconds, hz, pushes, start, *, answers=None) -> Rest:
-    return Rest(Body.of(robot), seconds, hz, pushes, start, answers or {})
+def rest(episode, *, answers=None) -> Rest:
+    return Rest.from_episode(episode, answers=answers or {})
 
 
 def stepped(**arguments: Any) -> tuple[Any, ...]:
@@ -128,6 +132,12 @@ def test_a_task_goes_wherever_those_of_the_package_go() -> None:
         gym.make(ENV, task="rest", height_range=(0.9, 1.0))
 
 
+def test_a_task_may_reward_nothing() -> None:
+    register_task("rest", rest)
+    _, reward, *_, info = stepped(task="rest", answers={"terms": {}})
+    assert reward.tolist() == [0.0, 0.0] and not any(key.startswith("reward") for key in info)
+
+
 @pytest.mark.parametrize("name", ["torque", "two words", "", 3, None])
 def test_a_name_that_is_refused(name: Any) -> None:
     with pytest.raises(InvalidValueError, match="name of action layer.*com_wrench"):
@@ -148,9 +158,16 @@ def test_a_constructor_that_is_refused(build: Any) -> None:
         register_layer("mine", build)
     with pytest.raises(InvalidValueError, match=r"constructor of mine.*control_hz, omega\)"):
         register_layer("mine", limp, walking=limp)
-    with pytest.raises(InvalidValueError, match="constructor of mine.*pushes, start"):
+    assert "mine" not in LAYERS
+
+
+@pytest.mark.parametrize(
+    "build", [None, lambda: None, lambda robot, hz: None, lambda episode, *, k: None]
+)
+def test_a_constructor_of_a_task_that_is_refused(build: Any) -> None:
+    with pytest.raises(InvalidValueError, match=r"constructor of mine.*\(episode\)"):
         register_task("mine", build)
-    assert "mine" not in LAYERS and "mine" not in TASKS
+    assert "mine" not in TASKS
 
 
 @pytest.mark.parametrize("push", [(0.2, 0.1), 0.3, (-0.1, 0.2)])
@@ -190,13 +207,21 @@ def test_numbers_of_another_kind_are_taken() -> None:
         ({"plan": lambda plan: {"qpos": plan["qpos"]}}, "plan drawn by Rest.*push_start"),
         ({"plan": lambda plan: plan | {"pace": 0.5}}, "'pace' drawn by Rest.*an array"),
         ({"plan": lambda plan: plan | {"qpos": np.zeros(3)}}, r"'qpos' drawn by Rest.*\(19,\)"),
-        ({"bound": np.ones(3)}, "observation_bound of Rest"),
-        ({"observation": np.zeros((2, 3))}, "observation of Rest"),
-        ({"terms": np.ones(2)}, "reward term of Rest"),
-        ({"terms": {"rest": 1.0}}, r"reward term 'rest' of Rest has shape \(\)"),
+        ({"groups": None}, "observation_groups of Rest: None"),
+        ({"groups": {"up": np.ones(3)}}, "observation_groups of Rest"),
+        ({"groups": {"up": Group(("z",), np.inf, len)}}, "bound of 'up' in observation_groups"),
+        (
+            {"groups": {"up": Group(("z",), 1.0, lambda measured: np.zeros((2, 3)))}},
+            r"observation group 'up' of Rest has shape \(2, 3\).*\(2, 1\)",
+        ),
+        ({"terms": np.ones(2)}, "reward_terms of Rest"),
+        ({"terms": {"rest": np.ones}}, "reward_terms of Rest"),
+        ({"terms": {"rest": Term(len, -1.0)}}, "weight of reward term 'rest': -1.0"),
+        ({"share": 1.0}, r"reward term 'rest' of Rest has shape \(\)"),
+        ({"metrics": None}, "metrics of Rest: None"),
         ({"metrics": {"speed": np.zeros((2, 3))}}, "metric 'speed' of Rest"),
-        ({"terms": {"rest": np.array(["a", "b"])}}, "reward term 'rest' of Rest.*numbers"),
-        ({"terms": {"rest": np.array([1.0, np.nan])}}, r"reward term 'rest' of Rest.*\(1,\)"),
+        ({"share": np.array(["a", "b"])}, "reward term 'rest' of Rest.*numbers"),
+        ({"share": np.array([1.0, np.nan])}, r"reward term 'rest' of Rest.*\(1,\)"),
         ({"memory": None}, "memory of Rest: None.*dictionary"),
         ({"memory": {"way": 0.0}}, "'way' in the memory of Rest: 0.0.*an array"),
         ({"memory": {"way": np.zeros(3)}}, r"'way' in the memory of Rest.*\(3,\).*\(2, \.\.\.\)"),
@@ -248,7 +273,7 @@ def test_what_a_task_answers_stays_the_tasks() -> None:
     ones = np.ones(2)
     ones.flags.writeable = False
     register_task("rest", rest)
-    envs = gym.make_vec(ENV, num_envs=2, task="rest", answers={"terms": {"rest": ones}})
+    envs = gym.make_vec(ENV, num_envs=2, task="rest", answers={"share": ones})
     envs.reset(seed=0)
     envs.chunks.batches[0].simulation.qvel[1] = np.nan
     _, reward, *_ = envs.step(np.zeros(envs.action_space.shape))
@@ -270,9 +295,9 @@ def test_options_of_a_users_layer_and_task_may_stand_together() -> None:
         built.append((contact, own.give))
         return Limp(robot.num_joints)
 
-    def task(robot, seconds, hz, pushes, start, *, own: Softness = Softness()) -> Rest:
+    def task(episode, *, own: Softness = Softness()) -> Rest:
         built.append(own.give)
-        return Rest(Body.of(robot), seconds, hz, pushes, start)
+        return Rest.from_episode(episode)
 
     register_layer("soft", soft)
     register_task("mine", task)

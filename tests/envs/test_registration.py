@@ -49,7 +49,7 @@ def test_sb3_finds_nothing_to_complain_about(name, layer):
 @pytest.mark.parametrize("size", [0.0, 1.0])
 def test_what_every_step_promises(name, layer, size):
     env = gym.make_vec(name, num_envs=4, action_layer=layer, episode_seconds=0.7)
-    robot, task = env.chunks.batches[0].robot, env.chunks.batches[0].task
+    robot = env.chunks.batches[0].robot
     observation, _ = env.reset(seed=0)
     assert env.observation_space.contains(observation)
     rng = np.random.default_rng(0)
@@ -76,13 +76,13 @@ def test_what_every_step_promises(name, layer, size):
         np.testing.assert_array_equal(terminated, fall & live)
         assert not (terminated & truncated).any()
         # The observation holds the last torque, not the last action.
-        torques = ["last torque" in entry for entry in task.observation_names]
+        torques = ["last torque" in entry for entry in env.observation_names]
         seen = (info["torque"] / robot.torque_limit).astype(np.float32)
         np.testing.assert_array_equal(observation[live][:, torques], seen[live])
         done = terminated | truncated
         ended += done.sum()
     assert ended >= 4
-    assert len(task.observation_names) == observation.shape[1]
+    assert len(env.observation_names) == observation.shape[1]
     env.close()
 
 

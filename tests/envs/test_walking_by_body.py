@@ -38,7 +38,7 @@ def walking(like, layer, count, **arguments):
 def test_a_zero_action_walks_upright(robot, layer):
     batch, zero = walking(robot, layer, 8)
     up = [f"up direction {axis} (base frame)" for axis in "xyz"]
-    vertical = [batch.task.observation_names.index(name) for name in up]
+    vertical = [batch.observation_names.index(name) for name in up]
     for _ in range(5 * batch.rates.policy):
         step = batch.step(zero)
         assert not step.terminated.any()
@@ -85,11 +85,11 @@ def test_a_robot_has_fallen_where_it_is_much_lower_than_asked(share):
     asked = batch.task.gait.height - share * body.stance.home_com[2]
     outcome = batch._outcome(at_rest(batch))
     height = np.linspace(0.5, 0.7, 200) * asked
-    base = outcome.posture.base.copy()
-    base[:, 2], upright = height, np.ones(200)
-    found = body.fallen(
-        outcome._replace(posture=outcome.posture._replace(base=base, upright=upright))
-    )
+    base = outcome.terms.base_position.copy()
+    base[:, 2] += height - outcome.posture.base[:, 2]
+    upright = np.tile(np.eye(3), (200, 1, 1))
+    terms = outcome.terms._replace(base_position=base, world_from_trunk=upright)
+    found = body.posture(outcome.state, terms).fallen
     above = body.size - body.home_height
     np.testing.assert_array_equal(found, height + above < FALLEN_HEIGHT * (asked + above))
     assert found.any() and not found.all()

@@ -51,12 +51,12 @@ def test_a_fall_is_judged_from_the_ground_under_the_feet() -> None:
     simulation, body = batch.simulation, batch.task.body
     assert simulation.qpos[:, 2].min() > 2.0 * body.home_height
     outcome = batch._outcome(batch_effort(batch))
-    assert not batch.task.body.fallen(outcome).any()
+    assert not outcome.posture.fallen.any()
     simulation.qpos[:, 9::3] = -2.6  # knees
     simulation.qpos[:, 8::3] = 1.3  # hips
     simulation.batch.forward()
     simulation.note_change()
-    assert batch.task.body.fallen(batch._outcome(batch_effort(batch))).all()
+    assert batch._outcome(batch_effort(batch)).posture.fallen.all()
 
 
 def batch_effort(batch: EnvBatch) -> Effort:
@@ -76,7 +76,7 @@ def test_the_scan_sees_the_ground_from_where_the_robot_stands() -> None:
     batch = batch_of(terrain="stairs", difficulty=0.0, height_scan=True)
     blind = batch_of(terrain="stairs", difficulty=0.0)
     size = batch.observation().shape[1] - blind.observation().shape[1]
-    assert size == len(SCAN) == len(batch.task.observation_names[-len(SCAN) :])
+    assert size == len(SCAN) == len(batch.observation_names[-len(SCAN) :])
     assert abs(batch.observation()[:, -size:]).max() < 0.02  # the feet lift a little at the start
     np.testing.assert_array_equal(batch.observation()[:, :-size], blind.observation())
 

@@ -8,8 +8,8 @@ from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import RobotState
-from fbid_gym.tasks import Pushes, Start
-from fbid_gym.tasks.balance import REWARD_WEIGHTS, Balance
+from fbid_gym.tasks import Balance, Body, Episode, Pushes, Start
+from fbid_gym.tasks.observation import entry_bounds, entry_names
 from fbid_gym.tasks.outcome import Outcome
 
 HZ = 500
@@ -22,7 +22,9 @@ def robot(request):
 
 def make_task(robot, joint_noise=0.02, velocity_noise=0.05, **changes):
     pushes = Pushes((0.0, 0.1 * robot.weight), 0.15, (1.5, 3.0))
-    return Balance.of(robot, 10.0, HZ, pushes, Start(joint_noise, velocity_noise), **changes)
+    start = Start(joint_noise, velocity_noise)
+    episode = Episode(body=Body.of(robot), seconds=10.0, hz=HZ, pushes=pushes, start=start)
+    return Balance.of(episode, **changes)
 
 
 @pytest.fixture(scope="module")
@@ -51,10 +53,24 @@ def outcome_at(task, qpos, qvel, *, contact=None, tick=None, torque=None):
         terms,
         task.body.posture(state, terms),
         torque,
-        np.square(torque).mean(axis=1),
+        np.sqrt(np.square(torque).mean(axis=1)),
         np.abs(torque * qvel[:, 6:]).sum(axis=1),
-        0.02,
+        np.zeros(count),
+        np.zeros(count),
     )
+
+
+def observed(task, outcome, plan):
+    measured = task.measure(outcome, plan, {})
+    groups = task.observation_groups.values()
+    return np.concatenate([group.function(measured) for group in groups], axis=1)
+
+
+def judged(task, outcome, plan):
+    """The terms of the reward, each from 0 to its weight, and the metrics."""
+    measured = task.measure(outcome, plan, {})
+    terms = {name: term.weight * term.share(measured) for name, term in task.reward_terms.items()}
+    return terms, task.metrics(measured)
 
 
 def at_home(task, count=1):
@@ -118,7 +134,7 @@ def commanded(plan, row, tick):
 def test_the_observation_is_what_its_names_say(task, rng):
     robot, plan = task.body.robot, plans(task, 6)
     qpos, qvel, rest = at_random(task, rng, 6)
-    observed = task.observe(outcome_at(task, qpos, qvel, **rest), plan, {})
+    seen = observed(task, outcome_at(task, qpos, qvel, **rest), plan)
     home, home_points, _ = feet_of(robot, robot.home_qpos, np.zeros(robot.nv))
     layout = home_points[:, :2] - home_points[:, :2].mean(axis=0)
     home_base = home.xpos[robot.base_body] - home_points.mean(axis=0)
@@ -140,11 +156,12 @@ def test_the_observation_is_what_its_names_say(task, rng):
             rest["torque"][row] / robot.torque_limit,
             rest["contact"][row, :, 2] / robot.weight,
         ]
-        np.testing.assert_allclose(observed[row], np.concatenate(expected), atol=1e-12)
+        np.testing.assert_allclose(seen[row], np.concatenate(expected), atol=1e-12)
 
 
 def test_every_entry_of_the_observation_has_a_name_and_a_bound(task, robot):
-    names, bound = task.observation_names, task.observation_bound
+    groups = task.observation_groups
+    names, bound = entry_names(groups), entry_bounds(groups)
     assert (
         len(set(names)) == len(names) == len(bound) == 13 + 3 * robot.num_joints + robot.num_points
     )
@@ -168,27 +185,22 @@ def test_heading_does_not_matter(task, rng):
         mujoco.mju_mulQuat(row[3:7], turn, old[3:7])
     rest["contact"] = rest["contact"] @ rotation.T
     turned = outcome_at(task, turned_qpos, turned_qvel, **rest)
-    np.testing.assert_allclose(
-        task.observe(turned, plan, {}), task.observe(outcome, plan, {}), atol=1e-11
-    )
-    for ours, theirs in zip(
-        task.reward(turned, plan, {}), task.reward(outcome, plan, {}), strict=True
-    ):
+    seen = observed(task, outcome, plan)
+    np.testing.assert_allclose(observed(task, turned, plan), seen, atol=1e-11)
+    for ours, theirs in zip(judged(task, turned, plan), judged(task, outcome, plan), strict=True):
         for name, value in ours.items():
             np.testing.assert_allclose(value, theirs[name], atol=1e-11, err_msg=name)
-    assert (task.body.fallen(turned) == task.body.fallen(outcome)).all()
+    assert (turned.posture.fallen == outcome.posture.fallen).all()
     assert robot.num_feet > 1
 
 
 def test_standing_perfectly_earns_everything(task):
     plan = plans(task, 1)
     plan["command"][:] = task.body.home_height
-    rewards, metrics = task.reward(outcome_at(task, *at_home(task)), plan, {})
-    weights = REWARD_WEIGHTS._asdict()
-    assert sum(REWARD_WEIGHTS) == pytest.approx(1.0)
-    assert rewards.keys() == weights.keys()
+    rewards, metrics = judged(task, outcome_at(task, *at_home(task)), plan)
+    assert sum(term.weight for term in task.reward_terms.values()) == pytest.approx(1.0)
     for name, value in rewards.items():
-        assert value == pytest.approx(weights[name]), name
+        assert value == pytest.approx(task.reward_terms[name].weight), name
     assert metrics["height"] == pytest.approx(task.body.home_height)
     assert metrics["height_error"] == pytest.approx(0.0, abs=1e-12)
     assert metrics["slip"] == metrics["power"] == metrics["torque_rms"] == 0.0
@@ -202,7 +214,7 @@ def test_rewards_are_their_formulas(task, rng):
     qvel *= 0.2
     rest["torque"] *= 0.5
     rest["contact"][::3, 0] *= 1e-3  # some points carry less than 1 % of the weight
-    rewards, metrics = task.reward(outcome_at(task, qpos, qvel, **rest), plan, {})
+    rewards, metrics = judged(task, outcome_at(task, qpos, qvel, **rest), plan)
     home, home_points, _ = feet_of(robot, robot.home_qpos, np.zeros(robot.nv))
     layout = home_points[:, :2] - home_points[:, :2].mean(axis=0)
     home_base = home.xpos[robot.base_body] - home_points.mean(axis=0)
@@ -226,7 +238,7 @@ def test_rewards_are_their_formulas(task, rng):
             "torque": np.exp(-((effort / 0.3) ** 2)),
         }
         for name, share in expected.items():
-            value, weight = rewards[name][row], getattr(REWARD_WEIGHTS, name)
+            value, weight = rewards[name][row], task.reward_terms[name].weight
             assert value == pytest.approx(weight * share, rel=1e-9), name
             assert 0.0 <= value <= weight
         assert metrics["height"][row] == pytest.approx(base[2])
@@ -253,8 +265,7 @@ def test_a_tilted_base_has_fallen(task, degrees, fallen):
         mujoco.mju_axisAngle2Quat(quaternion, axis, np.radians(degrees))
         mujoco.mju_quat2Mat(matrix, quaternion)
     terms = outcome.terms._replace(world_from_trunk=rotations.reshape(8, 3, 3))
-    tilted = outcome._replace(terms=terms, posture=task.body.posture(outcome.state, terms))
-    assert (task.body.fallen(tilted) == fallen).all()
+    assert (task.body.posture(outcome.state, terms).fallen == fallen).all()
 
 
 def test_a_low_base_has_fallen(task, robot):
@@ -274,7 +285,7 @@ def test_a_low_base_has_fallen(task, robot):
     ]
     low = np.array(height) + task.body.size - task.body.home_height < 0.6 * task.body.size
     assert low.any() and not low.all()
-    np.testing.assert_array_equal(task.body.fallen(outcome), low)
+    np.testing.assert_array_equal(outcome.posture.fallen, low)
 
 
 def test_commands_are_constant_for_a_while_and_within_range(robot):

@@ -6,7 +6,7 @@ import pytest
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.tasks.walk_measures import REWARD_WEIGHTS
+from fbid_gym.tasks import Walk
 
 NUM_ENVS = 3
 WALK = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"]
@@ -64,7 +64,7 @@ def test_the_command_is_that_which_began_last(batch):
 
 def test_the_observation_is_what_its_names_say(batch, step):
     task, robot, simulation = batch.task, batch.robot, batch.simulation
-    seen = dict(zip(task.observation_names, step.observation.T, strict=True))
+    seen = dict(zip(batch.observation_names, step.observation.T, strict=True))
     terms, qpos, qvel = simulation.terms(), simulation.qpos, simulation.qvel
     command = task.command(batch._plan, batch._tick)
     memory = batch._planned
@@ -109,7 +109,7 @@ def test_the_observation_is_what_its_names_say(batch, step):
 
 def test_rewards_are_their_formulas(batch, step):
     task, robot, info = batch.task, batch.robot, step.info
-    assert sum(REWARD_WEIGHTS) == pytest.approx(1.0)
+    assert sum(term.weight for term in Walk.reward_terms.values()) == pytest.approx(1.0)
     qvel, base = batch.simulation.qvel, batch.simulation.terms().world_from_base
     command = task.command(batch._plan, batch._tick)
     velocity = np.einsum("nij,nj->ni", heading_axes(batch), qvel[:, :2])
@@ -136,9 +136,9 @@ def test_rewards_are_their_formulas(batch, step):
         "steady": bell(tumble / 0.3),
         "torque": bell(torque / 0.5),
     }
-    assert said.keys() == REWARD_WEIGHTS._asdict().keys()
+    assert said.keys() == Walk.reward_terms.keys()
     for name, share in said.items():
-        weight = getattr(REWARD_WEIGHTS, name)
+        weight = Walk.reward_terms[name].weight
         np.testing.assert_allclose(info[f"reward_{name}"], weight * share, err_msg=name)
     np.testing.assert_allclose(step.reward, sum(info[f"reward_{name}"] for name in said))
 

@@ -50,6 +50,21 @@ def differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Differ
     ]
 
 
+def environment_differences(
+    stored: Mapping[str, Any], today: Mapping[str, Any]
+) -> list[Difference]:
+    """Return what differs between environments, each as its `environment.json` has it.
+
+    An argument, or an option of the layer or of the randomisation, that is not stored is younger
+    than that file: it was at its default, as it is today where nobody gives it.
+    """
+    filled = {**today, **stored}
+    for name in ("layer_options", "randomisation"):
+        if isinstance(stored.get(name), Mapping):
+            filled[name] = {**today.get(name, {}), **stored[name]}
+    return differences(filled, today)
+
+
 def in_words(found: list[Difference]) -> str:
     """Join differences for a sentence."""
     return ", ".join(map(str, found))

@@ -9,7 +9,7 @@ from fbid_gym.errors import FbidError
 from fbid_gym.policy import Card
 from fbid_gym.policy.shipping import CARD
 from fbid_gym.robots import Robot
-from train.runs.differences import differences, in_words
+from train.runs.differences import environment_differences, in_words
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
 from train.runs.robots import of_policy
@@ -61,7 +61,7 @@ def changed_meaning(path: Path) -> str | None:
         today = meaning(config, of_policy(path, config.get("env_args") or {}))
     except FbidError as error:
         return f"{path.name} was trained in an environment that is not valid today: {error}"
-    different = differences(stored, today or {})
+    different = environment_differences(stored, today or {})
     if not different:
         return None
     return (

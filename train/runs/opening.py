@@ -13,7 +13,14 @@ from fbid_gym.bundles import load_bundle, present_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.robots import Robot
 from train.runs.config import TrainConfig
-from train.runs.differences import Difference, differences, in_words, made_with, run_differences
+from train.runs.differences import (
+    Difference,
+    differences,
+    environment_differences,
+    in_words,
+    made_with,
+    run_differences,
+)
 from train.runs.environment import meaning
 from train.runs.files import read_json, to_json, write
 from train.runs.folder import RunFolder
@@ -152,7 +159,7 @@ def _changes(folder: RunFolder, means: Mapping[str, Any] | None) -> tuple[str, .
         found += differences(made_with(read_json(folder.versions)), made_with(versions()))
         # Absent in runs that began before it was written.
         if means is not None and folder.environment.exists():
-            found += differences(read_json(folder.environment), means)
+            found += environment_differences(read_json(folder.environment), means)
     except (OSError, RunError) as reason:
         return (f"what it began with cannot be read ({reason})",)
     return tuple(map(str, found))

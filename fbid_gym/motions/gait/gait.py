@@ -11,11 +11,10 @@ from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import GaitCommand
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.gait.schedule import PATTERNS
-from fbid_gym.options import Choice
 from fbid_gym.motions.target import standing_target
+from fbid_gym.options import Choice
 from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.robots import Robot
-
 
 _PREFIX = "target_"
 

@@ -122,7 +122,7 @@ def test_settings_change_what_they_name_and_while_it_runs() -> None:
     assert batch.simulation.batch.expand("geom_friction")[0, 0, 0] == pytest.approx(0.5 * mu)
     assert after["delay.ticks"] == 10
     session.advance()
-    names = list(batch.task.observation_names)
+    names = list(batch.observation_names)
     seen = batch.observation()[0, names.index("commanded velocity ahead (m/s)") :][:3]
     assert seen == pytest.approx([0.2, 0.0, -0.3])
     # A reset leaves them as they are.

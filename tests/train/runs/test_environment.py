@@ -38,12 +38,28 @@ def test_nothing_is_said_where_nothing_changed_or_nothing_is_known(
 
 
 def test_what_changed_is_named(began: Path) -> None:
-    rewrite(began / "environment.json", push_duration=0.2, randomisation={"mass": 0.0})
+    rewrite(began / "environment.json", push_duration=0.2, randomisation={"mass": 0.1})
     said = changed_meaning(began) or ""
     assert said.startswith("run was trained in another environment than")
     assert "push_duration 0.15 instead of 0.2" in said
-    assert "randomisation.friction [1.0, 1.0] instead of unset" in said
-    assert ".mass " not in said and "push_force" not in said
+    assert "randomisation.mass 0.0 instead of 0.1" in said
+    assert "friction" not in said and "push_force" not in said
+
+
+def test_what_a_run_did_not_know_of_yet_is_no_change(began: Path) -> None:
+    """Arguments and options that are younger than the run were at their defaults."""
+    file = began / "environment.json"
+    known = read_json(file)
+    for name in ("reward_weights", "reward_scales"):
+        del known[name]
+    del known["layer_options"]["compensate_friction"]
+    file.write_text(json.dumps(known))
+    assert changed_meaning(began) is None
+    rewrite(file, reward_weights={"height": 0.5}, given_up=3)
+    said = changed_meaning(began) or ""
+    assert "reward_weights.height 0.25 instead of 0.5" in said
+    assert "reward_weights.torque 0.15 instead of unset" in said
+    assert "given_up unset instead of 3" in said and "reward_scales" not in said
 
 
 def test_arguments_that_are_no_longer_valid_are_named(began: Path) -> None:
