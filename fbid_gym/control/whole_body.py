@@ -656,7 +656,7 @@ def deliver_forces(
         count += 1
     for row in range(6):
         problem.wrench[row] = nearness[row] * (motion.momentum[row] + terms.bias[i, row])
-    problem.count[0] = count
+    problem.number[0] = count
     deliver_by_points(work.forces, accuracy, weight, start, next_start)
 
 
@@ -697,7 +697,7 @@ def joint_torques(
         torque[j] = dot(terms.mass_matrix[i, 6 + j], motion.whole) + terms.bias[i, 6 + j]
     for foot in range(terms.foot_jacobian.shape[1]):
         force, moment, bears = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), False
-        for point in range(work.forces.problem.count[0]):
+        for point in range(work.forces.problem.number[0]):
             if work.feet[point] == foot:
                 pushed = vector(work.forces.point.force, (point,))
                 force, bears = add(force, pushed), True
