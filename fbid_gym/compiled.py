@@ -25,7 +25,7 @@ nothing is compiled, and all runs in Python.
 """
 
 from collections.abc import Callable
-from functools import cached_property, partial, update_wrapper
+from functools import cached_property, update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
@@ -47,8 +47,6 @@ _OPTIONS: dict[str, Any] = {
     "fastmath": {"reassoc", "contract"},
     "no_cfunc_wrapper": True,
 }
-
-bind = partial
 
 
 def compiled(function: Function) -> Function:
