@@ -21,8 +21,12 @@ from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.gains import BodyGains
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control import ContactLimits
-from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
+from fbid_gym.control.contact_forces import (
+    DEFAULT_ACCURACY,
+    ContactLimits,
+    limit_rows,
+    wrench_scale,
+)
 from fbid_gym.control.inverse_dynamics import invert_dynamics
 from fbid_gym.control.whole_body import (
     FREE,
