@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
-from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
+from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.actions.com_wrench import BALANCERS
 from fbid_gym.compile_cache import say_nothing_of_compiling
 from fbid_gym.compile_laws import LAWS, call
@@ -69,7 +69,7 @@ def trials() -> Iterator[Trial]:
         for options in _options(layer):
             for env in ("fbid_gym/BipedBalance-v0", *_SWITCHING):
                 yield Trial(env, {"action_layer": layer, "layer_options": options})
-        known = walking_layer_options(layer)
+        known = layer_options(layer)
         for options in _WALKING_CHOICES:
             for env in _WALKING if options.keys() <= known.keys() else ():
                 yield Trial(env, {"action_layer": layer, "layer_options": options})
