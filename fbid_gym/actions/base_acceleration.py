@@ -106,7 +106,7 @@ class BaseAcceleration:
             moment_priority = default_moment_priority(robot, kind)
         assumed = contact.on(robot, kind)
         law = Law.of(robot, control_hz, assumed, gains, moment_priority)
-        scale = action_scale(robot, Stance.of(robot), assumed.friction)
+        scale = action_scale(robot, Stance.of(robot), assumed.coefficient)
         return cls(law, scale, assumed, moment_priority)
 
     @property

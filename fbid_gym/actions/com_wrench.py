@@ -125,7 +125,7 @@ class ComWrench:
             "swing": swing_frequency,
         }
         assumed = contact.on(robot, kind)
-        scale = wrench_scale_of(robot, Stance.of(robot), assumed.friction)
+        scale = wrench_scale_of(robot, Stance.of(robot), assumed.coefficient)
         if moment_priority is None:
             moment_priority = default_moment_priority(robot, kind)
         law: Law | BalanceLaw

@@ -66,10 +66,15 @@ class ContactOptions:
             else self.friction,
         )
 
+    @property
+    def coefficient(self) -> float:
+        """Of friction, once it has been filled in."""
+        return ASSUMED_FRICTION if self.friction is None else self.friction
+
     def limits(self, robot: Robot) -> ContactLimits | None:
         """Return the limits of the contact forces; None for none."""
         least, most = self.min_normal_force, self.max_normal_force
-        limits = ContactLimits(self.friction, least * robot.weight, most * robot.weight)
+        limits = ContactLimits(self.coefficient, least * robot.weight, most * robot.weight)
         return limits if self.contact_limits == "friction" else None
 
     def passive(self, robot: Robot) -> PassiveJoints:

@@ -55,9 +55,10 @@ from fbid_gym.small_matrices import dot, factor, factor_damped, solve_factored
 FREE, MOVES, STANDS = 0, 1, 2
 """What is asked of a foot: nothing, to move as told, or that its contact does not move."""
 
-# Ridges on G, shares of the mean gain of a leg's joints on its foot: of a standing foot, and of one
-# in the air.
-_FIRM, _LOOSE = 1e-8, 1e-6
+# Ridges on G, shares of the mean gain of a leg's joints on its foot: of a standing foot, of one in
+# the air, and of a standing foot on a leg of too few joints. Two such feet hold the base twice, and
+# what they disagree about is rounding and contacts that are soft: it shall not move the base.
+_FIRM, _LOOSE, _SHORT = 1e-8, 1e-6, 1e-3
 _FAINT = 1e-3  # of the free robot's response: wrenches that the legs leave less of are given up
 _LINE = 1e-3  # of the longest distance: points that lie nearer to a line are on it
 
@@ -242,7 +243,8 @@ def factor_legs(
             continue
         stands = feet.asked[i, foot] == STANDS
         _read_foot(limbs, geometry, feet, terms, i, foot, work, motion)
-        _invert_leg(by_leg, work.weight[foot], stands, inverse, work.ridge[foot])
+        share = _LOOSE if not stands else _FIRM if limbs.able[foot] else _SHORT
+        _invert_leg(by_leg, work.weight[foot], share, inverse, work.ridge[foot])
         counts = stands or limbs.able[foot]
         rows, joints = by_leg.shape
         # Each sum in a register, and stored once: these are a third of the law's time.
@@ -438,11 +440,14 @@ def _along(place: Vector, spin: Vector, jacobian: np.ndarray, j: int) -> float:
 def _invert_leg(
     by_leg: np.ndarray,
     weight: np.ndarray,
-    stands: bool,
+    share: float,
     inverse: np.ndarray,
     ridge: np.ndarray,
 ) -> None:
-    """Write G^-1 of one leg (R, R), and the ridge on G (R,); joints weigh `weight` (K,) of W."""
+    """Write G^-1 of one leg (R, R), and the ridge on G (R,), a `share` of its mean gain.
+
+    Joints weigh `weight` (K,) of W.
+    """
     rows, joints = by_leg.shape
     for row in range(rows):
         for column in range(row + 1):
@@ -455,7 +460,6 @@ def _invert_leg(
         last, mean = min(first + 3, rows), 0.0
         for row in range(first, last):
             mean += inverse[row, row] / 3.0
-        share = _FIRM if stands else _LOOSE
         for row in range(first, last):
             # A row of zeros holds nothing.
             ridge[row] = share * mean if inverse[row, row] > 0.0 else mean + 1.0
@@ -656,7 +660,7 @@ def deliver_forces(
         count += 1
     for row in range(6):
         problem.wrench[row] = nearness[row] * (motion.momentum[row] + terms.bias[i, row])
-    problem.count[0] = count
+    problem.number[0] = count
     deliver_by_points(work.forces, accuracy, weight, start, next_start)
 
 
@@ -697,7 +701,7 @@ def joint_torques(
         torque[j] = dot(terms.mass_matrix[i, 6 + j], motion.whole) + terms.bias[i, 6 + j]
     for foot in range(terms.foot_jacobian.shape[1]):
         force, moment, bears = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), False
-        for point in range(work.forces.problem.count[0]):
+        for point in range(work.forces.problem.number[0]):
             if work.feet[point] == foot:
                 pushed = vector(work.forces.point.force, (point,))
                 force, bears = add(force, pushed), True
