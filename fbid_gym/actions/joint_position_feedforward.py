@@ -178,7 +178,7 @@ def _feedback(gains: JointGains, state: RobotState, target: Target, offset: Offs
     """K_P (q_d - q) + K_D (qdot_d - qdot) of eq. (18): (N, n) N·m."""
     torque = np.empty(offset.value.shape)
     for i in range(len(torque)):
-        for j in range(torque.shape[1]):
+        for j in range(len(gains.stiffness)):
             error = target.qpos[i, 7 + j] + offset.value[i, j] - state.qpos[i, 7 + j]
             rate = target.qvel[i, 6 + j] + offset.rate[i, j] - state.qvel[i, 6 + j]
             torque[i, j] = gains.stiffness[j] * error + gains.damping[j] * rate

@@ -237,14 +237,15 @@ class EnvConfig:
         """
         robot = self.load_robot()
         task = self.make_task(robot)
-        layer, _ = self.layer(robot, task)
+        layer, steering = self.layer(robot, task)
         terms = self.reward_terms(task)
         options = self.every_layer_option()
+        options["footholds"] = bool(steering.feet)
         for name, value in options.items():
             if value is None:
                 # A layer of the user's need not tell what it makes of None.
-                inner = getattr(getattr(layer, "inner", None), name, None)
-                options[name] = _derived(getattr(layer, name, inner))
+                assumed = getattr(getattr(layer, "contact", None), name, None)
+                options[name] = _derived(getattr(layer, name, assumed))
             elif isinstance(value, Falling):
                 options[name] = _derived(*in_hertz(robot, **{name: value}).values())
         filled = {
