@@ -72,7 +72,7 @@ from fbid_gym.quantities import (
     Target,
 )
 from fbid_gym.robots import Robot
-from fbid_gym.small_matrices import copy, dot
+from fbid_gym.small_matrices import copy, dot, times
 
 LEAST_GAIN = 0.05
 """Of a task of the body, see `fbid_gym.control.operational_space`."""
@@ -331,7 +331,12 @@ def torque_without_limits(
     """Torques (N, n) by [M10] eq. (15), whose contact forces have no limits."""
     desired = desired_acceleration(law, command, state, target, terms, active)
     contacts = reduce_contacts(law.geometry, ActivePoints(active, True), terms)
-    standing = Constraint(contacts.jacobian, contacts.bias)
+    # Of the motion that is desired, which damps what feet move that stand.
+    held = np.empty(contacts.bias.shape)
+    for i in range(len(held)):
+        times(contacts.jacobian[i], desired[i], held[i])
+        held[i] *= -1.0
+    standing = Constraint(contacts.jacobian, held)
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
     alike = np.empty((0, desired.shape[1] - 6))
     found = invert_dynamics(motion, standing, desired, alike, law.mobility)
