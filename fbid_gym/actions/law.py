@@ -373,11 +373,11 @@ def _feet(law: LawConstants, target: Target, terms: DynamicsTerms, active: np.nd
     asked, acceleration = np.full((count, feet), FREE), np.zeros((count, feet, 6))
     limits = np.empty((count, points, 3))
     for i in range(count):
-        weight = law.gravity * terms.mass_matrix[i, 0, 0]
+        weight, stands = law.gravity * terms.mass_matrix[i, 0, 0], False
         for point in range(points):
             foot = law.geometry.foot_of_point[point]
             if active[i, point]:
-                asked[i, foot] = STANDS
+                asked[i, foot], stands = STANDS, True
             friction, least, most = law.limits[0, point]
             load = max(target.load[i, foot], _LEAST_LOAD)
             limits[i, point, 0], limits[i, point, 2] = (
@@ -389,7 +389,8 @@ def _feet(law: LawConstants, target: Target, terms: DynamicsTerms, active: np.nd
             if asked[i, foot] == STANDS:
                 for k in range(6):
                     acceleration[i, foot, k] = -gains.hold * terms.foot_velocity[i, foot, k]
-            elif law.feet_first:
+            elif law.feet_first and (stands or not target.planted[i, foot]):
+                # In flight, a foot that shall stand has no place in the world: it goes with its leg.
                 asked[i, foot] = MOVES
                 left = turned_left(
                     matrix(target.world_from_foot, (i, foot)),

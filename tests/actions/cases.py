@@ -67,3 +67,15 @@ def torque_of(
     if action is None:
         action = np.zeros((count, len(layer.action_names)))
     return layer.torque(action, state, target, lambda: terms, layer.memory(count))
+
+
+def without_self_motion(
+    rows: np.ndarray, robot: Robot, terms: DynamicsTerms, row: int
+) -> np.ndarray:
+    """Rows (m, nv) of a task, without what legs do to it while their foot and the base stay."""
+    rows, size = rows.copy(), 6 if robot.has_soles else 3
+    for foot, leg in enumerate(Stance.of(robot).legs):
+        joints = 6 + np.flatnonzero(leg)
+        placed = terms.foot_jacobian[row, foot, :size][:, joints]
+        rows[:, joints] = rows[:, joints] @ np.linalg.pinv(placed, rcond=1e-9) @ placed
+    return rows

@@ -288,6 +288,8 @@ def test_scheduled_contacts_take_turns(robot, states):
     memory = layer.memory(len(ticks))
     ours = layer.torque(np.zeros((len(ticks), 6)), counted, target, lambda: terms, memory)
     compensated = torque + robot.joint_damping * counted.qvel[:, 6:]
-    np.testing.assert_allclose(ours, compensated, atol=1e-3 * robot.weight)
+    # Where a foot is in the air the dense law does not keep it from yielding to limits.
+    down = phase < 50
+    np.testing.assert_allclose(ours[down], compensated[down], atol=1e-3 * robot.weight)
     assert (memory["underactuation"][phase >= 75] == 6).all()
-    assert (memory["underactuation"][phase < 50] == 0).all()
+    assert (memory["underactuation"][down] == 0).all()

@@ -16,7 +16,7 @@ from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import in_world, periodic_squat
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
-from tests.actions.cases import home_of, layer_of, moving
+from tests.actions.cases import home_of, layer_of, moving, without_self_motion
 
 NAME = "joint_position_feedforward"
 UNLIMITED = {"contact_limits": "none"}
@@ -112,6 +112,8 @@ def test_the_torque_is_equation_18(robot, states, rng, balance):
             rows = jacobian[row]
             motion = target.qacc[row].copy()
             motion[6:] += w**2 * (offset[2, row] - offset[0, row]) - 2 * w * offset[1, row]
+            error = rows @ motion + bias[row]
+            motion -= np.linalg.pinv(rows / weight, rcond=1e-9) @ error / weight
             if balance > 0.0:
                 k = 2 * np.pi * balance
                 com = com_jacobian(robot, state.qpos[row])
@@ -121,14 +123,10 @@ def test_the_torque_is_equation_18(robot, states, rng, balance):
                 ahead = state.qpos[row].copy()
                 mujoco.mj_integratePos(robot.model, ahead, state.qvel[row], 1e-6)
                 com_bias = (com_jacobian(robot, ahead) - com) @ state.qvel[row] / 1e-6
-                stack = np.vstack([rows, com[:2]])
-                asked = np.concatenate([-bias[row], (wanted - com_bias)[:2]])
-                error = asked - stack @ motion
-                motion += np.linalg.pinv(stack / weight, rcond=1e-9) @ error / weight
-            else:
-                motion -= (
-                    np.linalg.pinv(rows / weight, rcond=1e-9) @ (rows @ motion + bias[row]) / weight
-                )
+                # Balance moves base and waist, and the legs with them; no leg by itself.
+                stack = np.vstack([rows, without_self_motion(com[:2], robot, terms, row)])
+                asked = np.append(np.zeros(len(rows)), (wanted - com_bias)[:2] - com[:2] @ motion)
+                motion += np.linalg.pinv(stack / weight, rcond=1e-9) @ asked / weight
             expected = inverse_dynamics(rows, terms, row, motion)
             expected += robot.joint_damping * state.qvel[row, 6:]
             error = target.qpos[row, 7:] + offset[0, row] - state.qpos[row, 7:]

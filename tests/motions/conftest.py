@@ -37,9 +37,7 @@ def hold_laws(motion: MotionTable, rows: np.ndarray) -> None:
     )
 
     np.testing.assert_allclose(motion.rows.com[rows], terms.com, atol=1e-9)
-    np.testing.assert_allclose(
-        motion.rows.com_velocity[rows], terms.com_velocity, atol=1e-9
-    )
+    np.testing.assert_allclose(motion.rows.com_velocity[rows], terms.com_velocity, atol=1e-9)
     # Newton: the wrench that the motion needs is mass times the acceleration of its centre.
     force = np.matvec(terms.mass_matrix[:, :3], qacc) + terms.bias[:, :3]
     weight = -robot.mass * robot.model.opt.gravity

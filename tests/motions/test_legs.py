@@ -73,9 +73,7 @@ def test_similar_robots_move_alike_each_in_its_own_time(size: float) -> None:
     ):
         rows, expected = motion(other, hz).rows, motion(own, 500).rows
         same = min(len(rows.qpos), len(expected.qpos)) // 4  # rates are rounded, times drift apart
-        np.testing.assert_allclose(
-            rows.com[:same] / size, expected.com[:same], atol=2e-3
-        )
+        np.testing.assert_allclose(rows.com[:same] / size, expected.com[:same], atol=2e-3)
         np.testing.assert_allclose(rows.qpos[:same, 7:], expected.qpos[:same, 7:], atol=2e-2)
 
 

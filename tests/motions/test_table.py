@@ -110,7 +110,11 @@ def test_a_seam_that_does_not_close_is_refused(finite: MotionTable) -> None:
             np.zeros((3, 3)),
             r"com of the motion has shape \(3, 3\). Expected \(250, 3\)",
         ),
-        ("planted", np.ones((250, 4), bool), r"planted of the motion has shape \(250, 4\). Expected \(250, 2\)"),
+        (
+            "planted",
+            np.ones((250, 4), bool),
+            r"planted of the motion has shape \(250, 4\). Expected \(250, 2\)",
+        ),
         ("jumps", np.ones(3, bool), r"jumps has shape \(3,\). Expected \(250,\)"),
         ("qacc", np.full((250, 22), np.nan), "qacc of the motion is not finite"),
     ],
