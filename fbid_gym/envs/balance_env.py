@@ -65,8 +65,8 @@ class BalanceEnv(RobotEnv):
     environment it is `envs.unwrapped.action_names`.
 
     Options of the layers, whatever the task (`layer_options`; their defaults are in
-    `fbid_gym.actions.layer_options(name)`). Frequencies are in Hz, or `Falling(1.7)` is 1.7 times that at which the robot
-    falls over, sqrt(g / height of the centre of mass) / (2 pi):
+    `fbid_gym.actions.layer_options(name)`). Frequencies are in Hz, or `Falling(1.7)` is 1.7 times
+    that at which the robot falls over, sqrt(g / height of the centre of mass) / (2 pi):
 
     | Layer                        | Options                                                       |
     | ---------------------------- | ------------------------------------------------------------- |
