@@ -14,7 +14,7 @@ from fbid_gym.actions.law import Command, Law, LawConstants, stabilise
 from fbid_gym.actions.ranges import DampingRatio, Frequency, Priority
 from fbid_gym.actions.scaled_names import scaled_names
 from fbid_gym.compiled import kernel
-from fbid_gym.control import BalanceGains
+from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, OTT2011
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts

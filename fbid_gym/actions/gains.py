@@ -55,7 +55,7 @@ class BodyGains(NamedTuple):
 # In units of the rate at which the robot falls, to the power of the unit. On points a robot has no
 # ankles: what it does with its joints is all in its feet and its body, but where it has joints to
 # spare. A gait on soles balances by its centre of pressure, and needs no spring beside it.
-_PLANNED = BodyGains(2.89, 3.4, 4.0, 4.0, 4.0, 4.0, 2.89, 3.4, 26.0, 10.0, 5.0, 0.0, _SMALL)
+_PLANNED = BodyGains(2.89, 5.1, 4.0, 6.0, 4.0, 6.0, 2.89, 3.4, 26.0, 10.0, 5.0, 0.0, _SMALL)
 _GAIT = BodyGains(1.0, 4.0, 4.4, 3.4, 5.9, 4.3, 0.0, 0.34, 26.0, 10.0, 5.0, 0.0, _SMALL)
 _GAIT_ON_SOLES = BodyGains(0.0, 0.0, 7.84, 5.6, 6.25, 5.0, 4.84, 4.4, 49.0, 14.0, 2.9, 0.0, _SMALL)
 _POWERS = BodyGains(2, 1, 2, 1, 2, 1, 2, 1, 2, 1, 1, 1, -1)
@@ -81,7 +81,7 @@ def default_moment_priority(robot: Robot, kind: MotionKind) -> float:
     before the moment. On points there is little of a moment to give away.
     """
     if not kind.gait:
-        return 1.0
+        return 0.2
     return 0.05 if robot.has_soles else 1.0 / 0.3**2
 
 

@@ -21,8 +21,12 @@ from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.gains import BodyGains
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control import ContactLimits
-from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
+from fbid_gym.control.contact_forces import (
+    DEFAULT_ACCURACY,
+    ContactLimits,
+    limit_rows,
+    wrench_scale,
+)
 from fbid_gym.control.inverse_dynamics import invert_dynamics
 from fbid_gym.control.whole_body import (
     FREE,
@@ -72,7 +76,7 @@ from fbid_gym.quantities import (
     Target,
 )
 from fbid_gym.robots import Robot
-from fbid_gym.small_matrices import copy, dot
+from fbid_gym.small_matrices import copy, dot, times
 
 LEAST_GAIN = 0.05
 """Of a task of the body, see `fbid_gym.control.operational_space`."""
@@ -331,7 +335,12 @@ def torque_without_limits(
     """Torques (N, n) by [M10] eq. (15), whose contact forces have no limits."""
     desired = desired_acceleration(law, command, state, target, terms, active)
     contacts = reduce_contacts(law.geometry, ActivePoints(active, True), terms)
-    standing = Constraint(contacts.jacobian, contacts.bias)
+    # Of the motion that is desired, which damps what feet move that stand.
+    held = np.empty(contacts.bias.shape)
+    for i in range(len(held)):
+        times(contacts.jacobian[i], desired[i], held[i])
+        held[i] *= -1.0
+    standing = Constraint(contacts.jacobian, held)
     motion = EquationOfMotion(terms.mass_matrix, terms.bias)
     alike = np.empty((0, desired.shape[1] - 6))
     found = invert_dynamics(motion, standing, desired, alike, law.mobility)
@@ -368,11 +377,11 @@ def _feet(law: LawConstants, target: Target, terms: DynamicsTerms, active: np.nd
     asked, acceleration = np.full((count, feet), FREE), np.zeros((count, feet, 6))
     limits = np.empty((count, points, 3))
     for i in range(count):
-        weight = law.gravity * terms.mass_matrix[i, 0, 0]
+        weight, stands = law.gravity * terms.mass_matrix[i, 0, 0], False
         for point in range(points):
             foot = law.geometry.foot_of_point[point]
             if active[i, point]:
-                asked[i, foot] = STANDS
+                asked[i, foot], stands = STANDS, True
             friction, least, most = law.limits[0, point]
             load = max(target.load[i, foot], _LEAST_LOAD)
             limits[i, point, 0], limits[i, point, 2] = (
@@ -384,7 +393,8 @@ def _feet(law: LawConstants, target: Target, terms: DynamicsTerms, active: np.nd
             if asked[i, foot] == STANDS:
                 for k in range(6):
                     acceleration[i, foot, k] = -gains.hold * terms.foot_velocity[i, foot, k]
-            elif law.feet_first:
+            elif law.feet_first and (stands or not target.planted[i, foot]):
+                # In flight, a foot that shall stand has no place in the world: it goes with its leg.
                 asked[i, foot] = MOVES
                 left = turned_left(
                     matrix(target.world_from_foot, (i, foot)),

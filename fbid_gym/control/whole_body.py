@@ -58,7 +58,7 @@ FREE, MOVES, STANDS = 0, 1, 2
 # Ridges on G, shares of the mean gain of a leg's joints on its foot: of a standing foot, of one in
 # the air, and of a standing foot on a leg of too few joints. Two such feet hold the base twice, and
 # what they disagree about is rounding and contacts that are soft: it shall not move the base.
-_FIRM, _LOOSE, _SHORT = 1e-8, 1e-6, 1e-3
+_FIRM, _LOOSE, _SHORT = 1e-8, 1e-6, 1e-2
 _FAINT = 1e-3  # of the free robot's response: wrenches that the legs leave less of are given up
 _LINE = 1e-3  # of the longest distance: points that lie nearer to a line are on it
 

@@ -263,8 +263,8 @@ def _slippery(home: _Home) -> list[str]:
     if friction >= ASSUMED_FRICTION:
         return []
     return [
-        f"The feet's friction is {friction:.3g}; layers assume {ASSUMED_FRICTION:g} unless told "
-        f"friction={friction:.3g}."
+        f"The feet's friction is {friction:.3g}: layers assume less than the {ASSUMED_FRICTION:g} "
+        "that they would of other feet."
     ]
 
 

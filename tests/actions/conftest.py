@@ -7,8 +7,7 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.motions import home_reference
-from fbid_gym.quantities import Reference, RobotState
+from fbid_gym.quantities import RobotState
 
 
 @pytest.fixture(scope="module", params=robots.ROBOTS)
@@ -32,22 +31,5 @@ def states(robot: robots.Robot, rng: np.random.Generator) -> Callable[..., tuple
         contact[:, :, 2] = robot.weight / robot.num_points
         state = RobotState(qpos, qvel, contact, np.zeros(count, np.int64))
         return state, MuJoCoDynamics(robot).terms(qpos, qvel)
-
-    return make
-
-
-@pytest.fixture
-def moving(robot: robots.Robot, rng: np.random.Generator) -> Callable[[int], Reference]:
-    """References of robots that shall move in all their coordinates."""
-
-    def make(count: int) -> Reference:
-        home = home_reference(robot)
-        qpos = np.tile(home.qpos, (count, 1)) + 0.1 * rng.normal(size=(count, robot.nq))
-        qpos[:, 3:7] /= np.linalg.norm(qpos[:, 3:7], axis=1, keepdims=True)
-        qvel, qacc = rng.normal(size=(2, count, robot.nv))
-        velocity, acceleration = rng.normal(size=(2, count, 3))
-        com = home.com_in_support + 0.05 * rng.normal(size=(count, 3))
-        planted = np.ones((count, robot.num_feet), bool)
-        return Reference(qpos, qvel, qacc, com, velocity, acceleration, planted, False)
 
     return make

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fbid_gym.actions import make_layer
 from fbid_gym.actions.smooth_target import SmoothTarget, TargetMemory, move_on, offset_of
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import point_jacobian
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
-from fbid_gym.motions import home_reference, periodic_squat
+from fbid_gym.motions import in_world, periodic_squat
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
+from tests.actions.cases import home_of, layer_of, moving, without_self_motion
 
 NAME = "joint_position_feedforward"
 UNLIMITED = {"contact_limits": "none"}
@@ -91,65 +91,56 @@ def test_the_target_reaches_a_constant_goal_without_overshoot():
 
 
 @pytest.mark.parametrize("balance", [0.0, 0.8])
-def test_the_torque_is_equation_18(robot, states, moving, rng, balance):
+def test_the_torque_is_equation_18(robot, states, rng, balance):
     """Literally, with eqs. (19)-(20) for balance, at random states while the action changes."""
     options = {"natural_frequency": 0.7, "damping_ratio": 0.9, "scale": 0.2}
     options |= {"target_frequency": 1.5, "balance_frequency": balance}
-    layer = make_layer(NAME, robot, 500, options | UNLIMITED)
+    layer = layer_of(NAME, robot, **options, **UNLIMITED)
     state, terms = standing(layer, states(3)[0], robot)
-    reference = moving(3)
+    target = moving(robot, terms, rng)
     jacobian, bias = point_jacobian(Stance.of(robot).geometry, terms)
-    frame = Stance.of(robot).frame(terms)
-    memory, target = layer.memory(3), np.zeros((3, 3, robot.num_joints))
+    memory, offset = layer.memory(3), np.zeros((3, 3, robot.num_joints))
     exact, w = second_order(1.5, 1 / 500), 2 * np.pi * 1.5
     # The base follows the joints; its position counts in heights of the centre of mass.
     weight = np.sqrt(np.r_[np.full(6, 1e-3), np.ones(robot.num_joints)])
     weight[:3] /= Stance.of(robot).home_com[2]
     for _ in range(4):
         action = rng.uniform(-1, 1, (3, robot.num_joints))
-        found = layer.torque(action, state, reference, lambda: terms, memory)
-        target[2] = 0.2 * action
+        found = layer.torque(action, state, target, lambda: terms, memory)
+        offset[2] = 0.2 * action
         for row in range(3):
-            level, rows = frame.world_from_support[row], jacobian[row]
-            motion = reference.qacc[row].copy()
-            motion[:3] = level @ motion[:3]
-            motion[6:] += w**2 * (target[2, row] - target[0, row]) - 2 * w * target[1, row]
+            rows = jacobian[row]
+            motion = target.qacc[row].copy()
+            motion[6:] += w**2 * (offset[2, row] - offset[0, row]) - 2 * w * offset[1, row]
+            error = rows @ motion + bias[row]
+            motion -= np.linalg.pinv(rows / weight, rcond=1e-9) @ error / weight
             if balance > 0.0:
                 k = 2 * np.pi * balance
                 com = com_jacobian(robot, state.qpos[row])
-                error = reference.com_in_support[row] - level.T @ (
-                    terms.com[row] - frame.centre[row]
-                )
-                rate = reference.com_velocity_in_support[row] - level.T @ com @ state.qvel[row]
-                wanted = level @ (
-                    reference.com_acceleration_in_support[row] + k**2 * error + 2 * k * rate
-                )
+                wanted = target.com_acceleration[row] + k**2 * (target.com[row] - terms.com[row])
+                wanted = wanted + 2 * k * (target.com_velocity[row] - com @ state.qvel[row])
                 # The rate of the Jacobian times v, by a step along the motion.
                 ahead = state.qpos[row].copy()
                 mujoco.mj_integratePos(robot.model, ahead, state.qvel[row], 1e-6)
                 com_bias = (com_jacobian(robot, ahead) - com) @ state.qvel[row] / 1e-6
-                stack = np.vstack([rows, com[:2]])
-                asked = np.concatenate([-bias[row], (wanted - com_bias)[:2]])
-                error = asked - stack @ motion
-                motion += np.linalg.pinv(stack / weight, rcond=1e-9) @ error / weight
-            else:
-                motion -= (
-                    np.linalg.pinv(rows / weight, rcond=1e-9) @ (rows @ motion + bias[row]) / weight
-                )
+                # Balance moves base and waist, and the legs with them; no leg by itself.
+                stack = np.vstack([rows, without_self_motion(com[:2], robot, terms, row)])
+                asked = np.append(np.zeros(len(rows)), (wanted - com_bias)[:2] - com[:2] @ motion)
+                motion += np.linalg.pinv(stack / weight, rcond=1e-9) @ asked / weight
             expected = inverse_dynamics(rows, terms, row, motion)
             expected += robot.joint_damping * state.qvel[row, 6:]
-            error = reference.qpos[row, 7:] + target[0, row] - state.qpos[row, 7:]
-            rate = reference.qvel[row, 6:] + target[1, row] - state.qvel[row, 6:]
+            error = target.qpos[row, 7:] + offset[0, row] - state.qpos[row, 7:]
+            rate = target.qvel[row, 6:] + offset[1, row] - state.qvel[row, 6:]
             expected += layer.gains.stiffness * error + layer.gains.damping * rate
             np.testing.assert_allclose(found[row], expected, atol=1e-5 * robot.weight)
-        target = np.einsum("ij,jkl->ikl", exact, target)
+        offset = np.einsum("ij,jkl->ikl", exact, offset)
 
 
 def test_feedback_is_as_soft_as_the_robot_falls(robot):
-    layer = make_layer(NAME, robot, 500)
+    layer = layer_of(NAME, robot)
     pendulum = np.sqrt(9.81 / Stance.of(robot).home_com[2])
     assert layer.natural_frequency == pytest.approx(pendulum / (2 * np.pi))
-    stiff = make_layer("joint_position", robot, 500, {"natural_frequency": 1.0})
+    stiff = layer_of("joint_position", robot, natural_frequency=1.0)
     np.testing.assert_allclose(
         layer.gains.stiffness, stiff.gains.stiffness * layer.natural_frequency**2
     )
@@ -162,28 +153,28 @@ def on_the_motion(motion, ticks, angle=1.1):
     mujoco.mju_axisAngle2Quat(quaternion, np.array([0.0, 0.0, 1.0]), angle)
     mujoco.mju_quat2Mat(rotation, quaternion)
     rotation = rotation.reshape(3, 3)
-    qpos, qvel, qacc = (part.copy() for part in reference[:3])
+    qpos, qvel, qacc = (part.copy() for part in reference[-4:-1])
     for row in qpos:
         mujoco.mju_mulQuat(row[3:7], quaternion, row[3:7].copy())
     for part in (qpos, qvel, qacc):
         part[:, :3] = part[:, :3] @ rotation.T
-    state = RobotState(qpos, qvel, np.zeros((len(ticks), motion.robot.num_points, 3)), ticks)
-    return state, reference, qacc
+    return RobotState(qpos, qvel, np.zeros((len(ticks), motion.robot.num_points, 3)), ticks), qacc
 
 
 def test_on_the_motion_it_is_equation_15_alone():
     """Neither feedback nor balance has anything to add, whatever their gains."""
     motion = periodic_squat(load("biped"), frequency=1.0)
     robot, ticks = motion.robot, np.array([0, 60, 130, 333])
-    state, reference, qacc = on_the_motion(motion, ticks)
+    state, qacc = on_the_motion(motion, ticks)
     terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
-    layer = make_layer(NAME, robot, 500, UNLIMITED)
+    target = in_world(Stance.of(robot).heading, motion.reference(ticks), terms)
+    layer = layer_of(NAME, robot, **UNLIMITED)
     none = np.zeros(robot.num_joints)
     bare = replace(layer, gains=layer.gains._replace(stiffness=none, damping=none))
     jacobian, _ = point_jacobian(Stance.of(robot).geometry, terms)
     still = np.zeros((4, robot.num_joints))
     for one in (layer, bare):
-        found = one.torque(still, state, reference, lambda: terms, one.memory(4))
+        found = one.torque(still, state, target, lambda: terms, one.memory(4))
         for row in range(4):
             expected = inverse_dynamics(jacobian[row], terms, row, qacc[row])
             expected += robot.joint_damping * state.qvel[row, 6:]
@@ -195,27 +186,28 @@ def test_a_squat_is_followed(limits):
     """1 s of a squat a second from its beginning: the joints stay within 2 mrad, no foot moves."""
     motion = periodic_squat(load("biped"), frequency=1.0)
     robot = motion.robot
-    state, _, _ = on_the_motion(motion, np.zeros(1, np.int64))
+    state, _ = on_the_motion(motion, np.zeros(1, np.int64))
     simulation = Simulation(robot, 1, Rates())
     simulation.place(np.zeros(1, int), state.qpos, state.qvel)
-    layer = make_layer(NAME, robot, 500, {"contact_limits": limits})
+    layer = layer_of(NAME, robot, contact_limits=limits)
     memory, still = layer.memory(1), np.zeros((1, robot.num_joints))
     feet = simulation.terms().foot_position.copy()
     worst = 0.0
     for k in range(500):
         tick = np.array([k])
-        reference = motion.reference(tick)
+        planned, terms = motion.reference(tick), simulation.terms()
+        target = in_world(Stance.of(robot).heading, planned, terms)
         force = simulation.contact_force
         now = RobotState(simulation.qpos.copy(), simulation.qvel.copy(), force, tick)
-        worst = max(worst, np.abs(reference.qpos[:, 7:] - now.qpos[:, 7:]).max())
-        simulation.step(layer.torque(still, now, reference, simulation.terms, memory))
+        worst = max(worst, np.abs(target.qpos[:, 7:] - now.qpos[:, 7:]).max())
+        simulation.step(layer.torque(still, now, target, simulation.terms, memory))
     assert worst < 2e-3
     np.testing.assert_allclose(simulation.terms().foot_position, feet, atol=2e-3)
 
 
 def test_balance_brings_the_centre_of_mass_back(robot):
     """Pushed with a tenth of the weight from four sides, as the law says: without overshoot."""
-    layer, home = make_layer(NAME, robot, 500), home_reference(robot)
+    layer = layer_of(NAME, robot)
     simulation = Simulation(robot, 4, Rates())
     simulation.place(np.arange(4), np.tile(robot.home_qpos, (4, 1)), np.zeros((4, robot.nv)))
     memory, still = layer.memory(4), np.zeros((4, robot.num_joints))
@@ -226,6 +218,7 @@ def test_balance_brings_the_centre_of_mass_back(robot):
         force = simulation.contact_force
         now = RobotState(simulation.qpos.copy(), simulation.qvel.copy(), force, tick)
         simulation.push(0.1 * robot.weight * side * (k < 75))
+        home = home_of(robot, simulation.terms())
         simulation.step(layer.torque(still, now, home, simulation.terms, memory))
         terms = simulation.terms()
         frame = Stance.of(robot).frame(terms)

@@ -3,30 +3,23 @@
 import numpy as np
 import pytest
 
-from fbid_gym.actions import LAYERS, layer_options, make_layer
+from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian
-from fbid_gym.motions import home_reference
-from fbid_gym.quantities import RobotState
+from fbid_gym.quantities import some_of
+from tests.actions.cases import at_rest, home_of, layer_of, torque_of
 
 OPTIONS = [
     *((layer, {}) for layer in LAYERS),
     ("joint_position_feedforward", {"contact_limits": "none", "balance_frequency": 0.0}),
     ("joint_position_feedforward", {"contacts": "measured", "contact_ramp": 0.01}),
-    ("joint_acceleration", {"contact_limits": "none"}),
-    ("base_acceleration", {"contact_limits": "none"}),
-    ("base_acceleration", {"contacts": "measured"}),
+    ("joint_acceleration", {"contacts": "measured"}),
     ("base_acceleration", {"contacts": "measured", "contact_limits": "none"}),
+    ("com_wrench", {"contacts": "measured", "contact_ramp": 0.01}),
+    ("com_wrench", {"balancer": "garofalo2015", "contacts": "measured"}),
+    ("com_wrench", {"balancer": "ott2011", "contact_limits": "none"}),
 ]
 every_layer = pytest.mark.parametrize(("name", "options"), OPTIONS)
-
-
-def at_rest(robot, count=1):
-    qpos, qvel = np.tile(robot.home_qpos, (count, 1)), np.zeros((count, robot.nv))
-    contact = np.zeros((count, robot.num_points, 3))
-    contact[:, :, 2] = robot.weight / robot.num_points
-    state = RobotState(qpos, qvel, contact, np.zeros(count, np.int64))
-    return state, MuJoCoDynamics(robot).terms(qpos, qvel)
 
 
 def holding_torque(robot):
@@ -39,23 +32,20 @@ def holding_torque(robot):
 
 @every_layer
 def test_a_row_does_not_depend_on_the_others(robot, states, name, options, rng):
-    layer = make_layer(name, robot, 500, options)
+    layer = layer_of(name, robot, **options)
     state, terms = states(64)
     contact = state.contact_force * rng.integers(0, 2, (64, robot.num_points, 1))
     state = state._replace(contact_force=contact)
-    action = rng.uniform(-1, 1, (64, len(layer.action_names)))
+    target, action = home_of(robot, terms), rng.uniform(-1, 1, (64, len(layer.action_names)))
     together, memory = [], layer.memory(64)
     for _ in range(3):  # the second and third time with a warm start
-        together.append(layer.torque(action, state, home_reference(robot), lambda: terms, memory))
+        together.append(layer.torque(action, state, target, lambda: terms, memory))
     for row in (0, 17, 63):
-        part = slice(row, row + 1)
-        one_state = RobotState(*(value[part] for value in state))
-        one_terms = type(terms)(*(value[part].copy() for value in terms))
+        part = np.array([row])
+        mine, goal, given = (some_of(values, part) for values in (state, target, terms))
         alone = layer.memory(1)
         for torque in together:
-            ours = layer.torque(
-                action[part], one_state, home_reference(robot), lambda given=one_terms: given, alone
-            )
+            ours = layer.torque(action[part], mine, goal, lambda given=given: given, alone)
             np.testing.assert_array_equal(ours[0], torque[row])
         for key in layer.diagnostics:
             assert alone[key][0] == memory[key][row]
@@ -64,16 +54,15 @@ def test_a_row_does_not_depend_on_the_others(robot, states, name, options, rng):
 @every_layer
 def test_flight_is_no_special_case(robot, states, name, options):
     """Half a metre up and tumbling, whatever the layer takes to be on the ground."""
-    layer = make_layer(name, robot, 500, options)
+    layer = layer_of(name, robot, **options)
     state, _ = states(16, noise=0.3)
     state.qpos[:, 2] += 0.5
     state.qvel[:, 2] += 2.0
     terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
     state = state._replace(contact_force=np.zeros_like(state.contact_force))
     memory = layer.memory(16)
-    torque = layer.torque(
-        np.zeros((16, len(layer.action_names))), state, home_reference(robot), lambda: terms, memory
-    )
+    zero, home = np.zeros((16, len(layer.action_names))), home_of(robot, terms)
+    torque = layer.torque(zero, state, home, lambda: terms, memory)
     assert np.isfinite(torque).all()
     assert np.abs(torque / robot.torque_limit).max() < 100.0
     if options.get("contacts") == "measured":
@@ -82,7 +71,7 @@ def test_flight_is_no_special_case(robot, states, name, options):
 
 @every_layer
 def test_names_and_memory(robot, name, options):
-    layer = make_layer(name, robot, 500, options)
+    layer = layer_of(name, robot, **options)
     assert len(set(layer.action_names)) == len(layer.action_names)
     memory = layer.memory(5)
     assert all(len(value) == 5 for value in memory.values())
@@ -99,32 +88,27 @@ def test_names_and_memory(robot, name, options):
         ("joint_position_feedforward", {"contact_limits": "none"}),
         ("joint_acceleration", {"contact_limits": "none"}),
         ("base_acceleration", {"contact_limits": "none"}),
+        ("com_wrench", {"contact_limits": "none"}),
     ],
 )
 def test_the_zero_action_at_home_is_the_least_torque_that_holds_it(robot, name, options):
-    layer = make_layer(name, robot, 500, options)
+    layer = layer_of(name, robot, **options)
     state, terms = at_rest(robot)
-    action = np.zeros((1, len(layer.action_names)))
-    torque = layer.torque(action, state, home_reference(robot), lambda: terms, layer.memory(1))[0]
+    torque = torque_of(layer, state, home_of(robot, terms), terms)[0]
     expected = holding_torque(robot)
     np.testing.assert_allclose(torque, expected, atol=1e-6 * robot.weight)
     assert np.abs(expected).max() > 1e-3 * robot.weight
 
 
 @pytest.mark.parametrize(
-    "name", ["joint_position_feedforward", "joint_acceleration", "base_acceleration"]
+    "name",
+    ["joint_position_feedforward", "joint_acceleration", "base_acceleration", "com_wrench"],
 )
 def test_with_limited_forces_the_zero_action_at_home_holds_it_too(robot, name):
     """Other torques than the least, because the contact forces are the least: same equilibrium."""
-    layer = make_layer(name, robot, 500)
+    layer = layer_of(name, robot)
     state, terms = at_rest(robot)
-    torque = layer.torque(
-        np.zeros((1, len(layer.action_names))),
-        state,
-        home_reference(robot),
-        lambda: terms,
-        layer.memory(1),
-    )[0]
+    torque = torque_of(layer, state, home_of(robot, terms), terms)[0]
     jacobian = point_jacobian(contact_geometry(robot), terms)[0][0]
     rest = terms.bias[0] - np.concatenate([np.zeros(6), torque])
     forces = np.linalg.lstsq(jacobian.T, rest, rcond=1e-9)[0]
@@ -134,23 +118,23 @@ def test_with_limited_forces_the_zero_action_at_home_holds_it_too(robot, name):
 
 
 def test_torque_adds_to_the_holding_torque(robot, states, rng):
-    layer = make_layer("torque", robot, 500)
+    layer = layer_of("torque", robot)
     state, terms = states(3)
     action = rng.uniform(-1, 1, (3, robot.num_joints))
     expected = holding_torque(robot) + action * robot.torque_limit
-    torque = layer.torque(action, state, home_reference(robot), lambda: terms, layer.memory(3))
+    torque = torque_of(layer, state, home_of(robot, terms), terms, action)
     np.testing.assert_allclose(torque, expected, atol=1e-6 * robot.weight)
 
 
 def test_joint_position_is_a_pd_controller(robot, states, rng):
-    layer = make_layer("joint_position", robot, 500, {"natural_frequency": 1.2, "scale": 0.2})
+    layer = layer_of("joint_position", robot, natural_frequency=1.2, scale=0.2)
     assert (layer.gains.stiffness > 0.0).all() and (layer.gains.damping > 0.0).all()
     state, terms = states(4)
     action = rng.uniform(-1, 1, (4, robot.num_joints))
     target = robot.home_qpos[7:] + 0.2 * action
     expected = holding_torque(robot) + layer.gains.stiffness * (target - state.qpos[:, 7:])
     expected -= layer.gains.damping * state.qvel[:, 6:]
-    torque = layer.torque(action, state, home_reference(robot), lambda: terms, layer.memory(4))
+    torque = torque_of(layer, state, home_of(robot, terms), terms, action)
     np.testing.assert_allclose(torque, expected, atol=1e-5 * robot.weight)
 
 
@@ -158,7 +142,7 @@ def test_joint_position_gains_follow_from_the_inertia_a_joint_moves_in_stance(ro
     """K_P = I w^2, with I found here by moving one joint while its foot stays where it is."""
     frequency, ratio, control_hz = 2.0, 0.7, 100_000
     options = {"natural_frequency": frequency, "damping_ratio": ratio}
-    layer = make_layer("joint_position", robot, control_hz, options)
+    layer = layer_of("joint_position", robot, control_hz, **options)
     _, terms = at_rest(robot)
     omega = 2 * np.pi * frequency
     matrix = terms.mass_matrix[0]
@@ -180,8 +164,8 @@ def test_joint_position_gains_follow_from_the_inertia_a_joint_moves_in_stance(ro
 @pytest.mark.parametrize("control_hz", [50, 250, 1000])
 def test_a_light_joint_does_not_soften_the_others(robot, control_hz):
     """A joint has the stiffness that is asked for, or a share of its own dead-beat gains."""
-    layer = make_layer("joint_position", robot, control_hz)
-    fast = make_layer("joint_position", robot, 100_000, {"natural_frequency": 1.0})
+    layer = layer_of("joint_position", robot, control_hz)
+    fast = layer_of("joint_position", robot, 100_000, natural_frequency=1.0)
     wanted = fast.gains.stiffness * layer.natural_frequency**2
     _, terms = at_rest(robot)
     inertia = 1.0 / np.diag(np.linalg.inv(terms.mass_matrix[0]))[6:]
@@ -198,7 +182,7 @@ def test_a_light_joint_does_not_soften_the_others(robot, control_hz):
 @pytest.mark.parametrize("control_hz", [50, 100, 250, 500, 1000])
 def test_joint_position_does_not_oscillate_in_the_air(robot, control_hz):
     """Sampled and held over a tick, on all joints at once: every mode decays."""
-    layer = make_layer("joint_position", robot, control_hz)
+    layer = layer_of("joint_position", robot, control_hz)
     _, terms = at_rest(robot)
     mobility = np.linalg.inv(terms.mass_matrix[0])[6:, 6:]
     tick, one = 1.0 / control_hz, np.eye(robot.num_joints)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from eval.zoo import morphology as zoo
-from fbid_gym.actions import make_layer
 from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics import MuJoCoDynamics
@@ -15,9 +14,9 @@ from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions import home_reference
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
+from tests.actions.cases import at_rest, home_of, layer_of, torque_of
 
 ANIMAL = zoo.draw(22)
 MODEL_BASED = (
@@ -78,8 +77,10 @@ def test_friction_given_back_never_drives(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(found[fast], 3.0 * np.sign(speed[fast]))
 
 
-@pytest.mark.parametrize("name", MODEL_BASED)
-@pytest.mark.parametrize("limits", ["friction", "none"])
+@pytest.mark.parametrize(
+    ("name", "limits"),
+    [*zip(MODEL_BASED, ["none", "friction", "none", "friction"], strict=True)],
+)
 def test_springs_and_damping_are_added_to_the_same_torque(
     name: str, limits: str, rng: np.random.Generator
 ) -> None:
@@ -94,13 +95,9 @@ def test_springs_and_damping_are_added_to_the_same_torque(
     state = RobotState(qpos, qvel, force, np.zeros(count, np.int64))
     torques = []
     for robot in (plain, sprung):
-        layer = make_layer(name, robot, 500, {"contact_limits": limits})
-        terms, action = (
-            MuJoCoDynamics(robot).terms(qpos, qvel),
-            np.zeros((count, len(layer.action_names))),
-        )
-        inputs = action, state, home_reference(robot), lambda terms=terms: terms
-        torques.append(layer.torque(*inputs, layer.memory(count)))
+        layer = layer_of(name, robot, contact_limits=limits)
+        terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+        torques.append(torque_of(layer, state, home_of(robot, terms), terms))
     lost = give_back(PassiveJoints.of(sprung), np.zeros((count, joints)), qpos, qvel)
     assert np.abs(lost).max() > 0.3 * np.abs(torques[0]).max()
     np.testing.assert_allclose(torques[1], torques[0] + lost, atol=1e-8 * np.abs(lost).max())
@@ -112,16 +109,9 @@ def test_motors_that_springs_work_against_are_not_asked_for_more_than_they_can()
     limit = 1.1 * float(np.abs(holding_torque(plain)).max())
     stretched = float(np.abs(plain.home_qpos[7:] + 3.0).min())
     strong = animal(limit, damping=[0.0], stiffness=[0.5 * limit / stretched], springref=-3.0)
-    state = RobotState(
-        plain.home_qpos[None].copy(),
-        np.zeros((1, plain.nv)),
-        np.full((1, plain.num_points, 3), plain.weight / plain.num_points),
-        np.zeros(1, np.int64),
-    )
-    terms = MuJoCoDynamics(strong).terms(state.qpos, state.qvel)
-    layer = make_layer("com_wrench", strong, 500, {})
-    inputs = np.zeros((1, 6)), state, home_reference(strong), lambda: terms
-    torque = layer.torque(*inputs, layer.memory(1))[0]
+    state, terms = at_rest(strong)
+    layer = layer_of("com_wrench", strong, balancer="garofalo2015")
+    torque = torque_of(layer, state, home_of(strong, terms), terms)[0]
     lost = give_back(PassiveJoints.of(strong), np.zeros((1, plain.num_joints)), *state[:2])[0]
     assert np.abs(holding_torque(plain) + lost).max() > 1.3 * limit
     assert np.abs(torque).max() < 1.05 * limit
@@ -162,7 +152,7 @@ def test_sprung_and_rubbing_robots_walk() -> None:
 @pytest.mark.parametrize("option", ["compensate_damping", "compensate_friction"])
 def test_nonsense_is_refused(option: str) -> None:
     with pytest.raises(InvalidValueError, match=f"{option}: 'yes'. Expected True or False"):
-        make_layer("base_acceleration", animal(), 500, {option: "yes"})
+        layer_of("base_acceleration", animal(), **{option: "yes"})
 
 
 def test_what_is_asked_of_contacts_is_what_springs_leave() -> None:

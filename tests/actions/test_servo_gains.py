@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from eval.zoo import morphology as zoo
-from fbid_gym.actions import make_layer
 from fbid_gym.actions.joint_gains import sampled_growth
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots import Robot, load
+from tests.actions.cases import layer_of
 
 ANIMAL = next(
     animal
@@ -27,17 +27,17 @@ def with_servos(stiffness: float, damping: float) -> Robot:
 
 def test_steady_servos_give_the_default_gains() -> None:
     robot = with_servos(STIFF, 0.02 * STIFF)
-    layer = make_layer("joint_position", robot, 500)
+    layer = layer_of("joint_position", robot)
     np.testing.assert_allclose(layer.gains.stiffness, STIFF)
     np.testing.assert_allclose(layer.gains.damping, 0.02 * STIFF)
     assert layer.natural_frequency == "servo"
-    named = make_layer("joint_position", robot, 500, {"natural_frequency": "servo"})
+    named = layer_of("joint_position", robot, natural_frequency="servo")
     np.testing.assert_array_equal(named.gains.stiffness, layer.gains.stiffness)
 
 
 def test_a_frequency_that_is_given_goes_first() -> None:
     robot = with_servos(STIFF, 0.02 * STIFF)
-    layer = make_layer("joint_position", robot, 500, {"natural_frequency": 0.5})
+    layer = layer_of("joint_position", robot, natural_frequency=0.5)
     assert layer.natural_frequency == 0.5
     assert not np.allclose(layer.gains.stiffness, STIFF)
 
@@ -47,29 +47,29 @@ def test_servos_that_oscillate_when_sampled_are_left_alone() -> None:
     assert robot.servo_gains is not None
     damping = robot.servo_gains.damping + robot.joint_damping
     assert sampled_growth(robot, robot.servo_gains.stiffness, damping, 500) > 1.0
-    layer = make_layer("joint_position", robot, 500)
+    layer = layer_of("joint_position", robot)
     assert isinstance(layer.natural_frequency, float)
     with pytest.raises(InvalidValueError, match="sampled at 500 Hz, the servos of zoo"):
-        make_layer("joint_position", robot, 500, {"natural_frequency": "servo"})
+        layer_of("joint_position", robot, natural_frequency="servo")
 
 
 def test_robots_without_servos_have_none_to_offer() -> None:
     with pytest.raises(InvalidValueError, match="go1 came without position servos on all joints"):
-        make_layer("joint_position", load("go1"), 500, {"natural_frequency": "servo"})
+        layer_of("joint_position", load("go1"), natural_frequency="servo")
     with pytest.raises(InvalidValueError, match='from 0.001 to 1,000 Hz or "servo"'):
-        make_layer("joint_position", load("go1"), 500, {"natural_frequency": "fast"})
+        layer_of("joint_position", load("go1"), natural_frequency="fast")
 
 
 def test_servos_are_damped_as_they_are() -> None:
     robot = with_servos(STIFF, 0.02 * STIFF)
     with pytest.raises(InvalidValueError, match="damping_ratio: 2.0. Expected 1 beside the gains"):
-        make_layer("joint_position", robot, 500, {"damping_ratio": 2})
-    make_layer("joint_position", robot, 500, {"damping_ratio": 2.0, "natural_frequency": 0.5})
+        layer_of("joint_position", robot, damping_ratio=2)
+    layer_of("joint_position", robot, damping_ratio=2.0, natural_frequency=0.5)
 
 
 def test_what_is_saved_says_servo() -> None:
     robot = with_servos(STIFF, 0.02 * STIFF)
     saved = EnvConfig.of({"robot": robot, "action_layer": "joint_position"}).resolved()
     assert saved["layer_options"]["natural_frequency"] == "servo"
-    again = make_layer("joint_position", robot, 500, saved["layer_options"])
+    again = layer_of("joint_position", robot, **saved["layer_options"])
     np.testing.assert_allclose(again.gains.stiffness, STIFF)

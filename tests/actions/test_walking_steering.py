@@ -4,14 +4,18 @@ import numpy as np
 import pytest
 
 from fbid_gym import robots
-from fbid_gym.actions import WALKING_LAYERS, make_walking_layer, walking_layer_options
+from fbid_gym.actions import LAYERS, make_layer
 from fbid_gym.actions.footholds import Footholds
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.command import GaitCommand, Steering
 from fbid_gym.motions.gait.gait import gait_of
+from fbid_gym.motions.target import MotionKind, planned_kind
+from fbid_gym.quantities import Target
 
 HZ = 250
+GAIT = MotionKind(True, 6.0)
 
 
 def no_steering(robot):
@@ -33,11 +37,17 @@ def commanded(velocity, steering):
     return GaitCommand(velocity, *steering, ground, np.zeros(len(velocity)))
 
 
+def walked(gait, command, terms, force, memory):
+    """What the gait asks for a tick later."""
+    gait.advance(command, terms, force, memory)
+    return Target(*(value.copy() for value in gait.target(memory)))
+
+
 @pytest.mark.parametrize("name", ["go1", "biped"])
 def test_the_action_moves_the_next_foothold_by_that_much(name):
     robot = robots.load(name)
     gait, (terms, force) = gait_of(robot, HZ), held(robot)
-    footholds = Footholds.of(robot, footholds=True)
+    footholds = Footholds.of(robot, GAIT, footholds=True)
     assert footholds.scale == pytest.approx(0.2 * Stance.of(robot).home_com[2])
     action = np.tile([0.1, -0.05], robot.num_feet)[None]
     shifted = footholds.steering(action)
@@ -45,11 +55,12 @@ def test_the_action_moves_the_next_foothold_by_that_much(name):
     compared = 0
     for _ in range(2 * HZ):
         copy = {key: value.copy() for key, value in memory.items()}
-        here = gait.target(commanded(command, no_steering(robot)), terms, force, memory)
-        there = gait.target(commanded(command, shifted), terms, force, copy)
+        here = walked(gait, commanded(command, no_steering(robot)), terms, force, memory)
+        there = walked(gait, commanded(command, shifted), terms, force, copy)
         for foot in np.flatnonzero(~here.planted[0] & ~here.clipped[0] & ~there.clipped[0]):
             way = (there.foothold - here.foothold)[0, foot, :2]
-            axis = np.array([np.cos(here.heading[0]), np.sin(here.heading[0])])
+            half = np.arctan2(here.qpos[0, 6], here.qpos[0, 3])
+            axis = np.array([np.cos(2 * half), np.sin(2 * half)])
             asked = footholds.scale * (0.1 * axis - 0.05 * np.array([-axis[1], axis[0]]))
             np.testing.assert_allclose(way, asked, atol=1e-9)
             compared += 1
@@ -59,13 +70,13 @@ def test_the_action_moves_the_next_foothold_by_that_much(name):
 def test_the_step_rate_is_the_gaits_frequency():
     robot = robots.load("go1")
     gait, (terms, force) = gait_of(robot, HZ), held(robot)
-    faster = Footholds.of(robot, step_rate=True)
+    faster = Footholds.of(robot, GAIT, step_rate=True)
     command, passed = np.array([[0.3, 0.0, 0.0]]), []
     for action in (0.0, 1.0, -1.0):
         memory, cycles = gait.memory(terms), []
         steering = faster.steering(np.array([[action]]))
         for _ in range(HZ // 2):
-            target = gait.target(commanded(command, steering), terms, force, memory)
+            target = walked(gait, commanded(command, steering), terms, force, memory)
             cycles.append(target.cycle[0])
         change = np.diff(cycles) % 1.0
         passed.append(np.median(change[change > 0.0]) * HZ)
@@ -73,15 +84,22 @@ def test_the_step_rate_is_the_gaits_frequency():
     assert passed[2] / passed[0] == pytest.approx(0.8)
 
 
-@pytest.mark.parametrize("layer", WALKING_LAYERS)
+@pytest.mark.parametrize("layer", LAYERS)
 def test_the_action_is_the_layers_and_then_the_footholds(layer):
     robot = robots.load("go1")
-    for footholds in (False, True):
+    for footholds in (None, False, True):
+        moved = layer in ("base_acceleration", "com_wrench") if footholds is None else footholds
         for rate in (False, True):
             options = {"footholds": footholds, "step_rate": rate}
-            made, steers = make_walking_layer(layer, robot, HZ, gait_of(robot, HZ).omega, options)
-            assert len(steers.action_names) == 8 * footholds + rate
+            made, steers = make_layer(layer, robot, HZ, GAIT, options)
+            assert len(steers.action_names) == 8 * moved + rate
             assert made.action_names
-            shift, rates = steers.steering(np.zeros((2, 8 * footholds + rate)))
+            shift, rates = steers.steering(np.zeros((2, 8 * moved + rate)))
             assert not shift.any() and (rates == 1.0).all()
-    assert walking_layer_options(layer)["step_rate"] is False
+
+
+@pytest.mark.parametrize("option", ["footholds", "step_rate"])
+def test_what_is_planned_cannot_be_steered(option):
+    robot = robots.load("go1")
+    with pytest.raises(InvalidValueError, match=f"{option}: True. Expected False where no gait"):
+        make_layer("base_acceleration", robot, HZ, planned_kind(robot), {option: True})

@@ -387,7 +387,8 @@ def test_jacobian_equals_finite_differences(rng: np.random.Generator, limits: st
         box[..., column] = limit
     jacobian, step = np.empty((6, 6)), 1e-5
     for i, dual in enumerate(rng.normal(0.0, 100.0, (12, 6))):
-        robot = Points(case.wrench_map[i].T.reshape(8, 3, 6), case.wrench[i], box[i])
+        wrenches = case.wrench_map[i].T.reshape(8, 3, 6)
+        robot = Points(np.array([8]), wrenches, case.wrench[i], box[i])
 
         def point_at(dual: np.ndarray, robot: Points = robot) -> Point:
             point = Point(dual, *(np.empty(shape) for shape in ((8, 3), (8, 3), 6, 6)))

@@ -44,7 +44,7 @@ ARGUMENTS = [
     ),
     ({"robot": 3}, f"Invalid robot: 3. Expected a Robot or one of {ALL_ROBOTS}."),
     # Options of the layers.
-    (options("torque", gain=1.0), "option of action layer 'torque' 'gain'. Valid choices: none."),
+    (options("torque", gain=1.0), "layer 'torque' 'gain'. Valid choices: footholds, step_rate."),
     (options(gain=1.0), "option of action layer 'base_acceleration' 'gain'. .* contact_limits"),
     ({"layer_options": "none"}, "Invalid layer_options: 'none'. Expected a dictionary"),
     ({"layer_options": {1: 2}}, "Invalid layer_options: {1: 2}. Expected a dictionary"),

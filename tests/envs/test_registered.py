@@ -12,7 +12,7 @@ import pytest
 from fbid_gym.actions import LAYERS, WALKING_LAYERS, register_layer
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
-from fbid_gym.motions import home_reference
+from fbid_gym.motions import home_target
 from fbid_gym.options import Number
 from fbid_gym.tasks import TASKS, Episode, Group, Term, register_task
 from fbid_gym.tasks.outcome import Outcome
@@ -85,7 +85,7 @@ class Rest(Episode):
         return self.answers.get("memory", {})
 
     def reference(self, plan, now):
-        return home_reference(self.body.robot)
+        return home_target(self.body.robot)
 
     def measure(self, outcome, plan, memory):
         return Rested(outcome)

@@ -92,6 +92,8 @@ def test_the_base_may_have_its_origin_anywhere(name: str, up: float) -> None:
     assert found["height"] == pytest.approx(numbers.pop("height") + up, abs=near)
     if "hip" in numbers:
         np.testing.assert_allclose(found["hip"], numbers.pop("hip") - [0.0, 0.0, up], atol=near)
+    raised = numbers.pop("home") + up * np.eye(one.nq)[2]
+    np.testing.assert_allclose(found["home"], raised, rtol=1e-4, atol=near)
     for number, value in numbers.items():
         parts = (item if isinstance(item, tuple) else (item,) for item in (value, found[number]))
         for a, b in zip(*parts, strict=True):

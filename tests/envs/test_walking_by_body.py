@@ -110,16 +110,16 @@ class _Watched:
     """A layer, and what it says from tick to tick."""
 
     def __init__(self, layer):
-        self._layer, self.planted, self.torque_said, self.sudden = layer, [], [], []
+        self._layer, self.planted, self.torque_said, self.law_said = layer, [], [], []
 
     def __getattr__(self, name):
         return getattr(self._layer, name)
 
-    def torque(self, action, state, reference, terms, memory):
-        said = self._layer.torque(action, state, reference, terms, memory)
-        self.planted.append(reference.planted.copy())
+    def torque(self, action, state, target, terms, memory):
+        said = self._layer.torque(action, state, target, terms, memory)
+        self.planted.append(target.planted.copy())
         self.torque_said.append(said.copy())
-        self.sudden.append(memory["sudden_torque"].copy())
+        self.law_said.append(memory["ramp_law"].copy())
         return said
 
 
@@ -135,7 +135,7 @@ def test_with_a_ramp_the_torque_goes_through_touchdown_and_lift_off(robot, optio
     for _ in range(3 * batch.rates.policy):
         batch.step(zero)
     planted, torque = np.array(seen.planted), np.array(seen.torque_said)
-    sudden, ticks = np.array(seen.sudden), batch.layer.law.ramp.ticks
+    sudden, ticks = np.array(seen.law_said), batch.layer.law.ramp.ticks
     switched = (planted[1:] != planted[:-1]).any(axis=2)
     down = (planted[1:] & ~planted[:-1]).any(axis=2)
     assert down.sum() > 10

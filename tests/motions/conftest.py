@@ -13,7 +13,7 @@ from fbid_gym.motions import MotionTable
 
 
 def hold_laws(motion: MotionTable, rows: np.ndarray) -> None:
-    """Assert what `Reference` promises, with Pinocchio's dynamics as the witness.
+    """Assert what a planned `Target` promises, with Pinocchio's dynamics as the witness.
 
     Planted feet neither move nor accelerate; the origin is the feet's centre and x their forward
     direction; the centre of mass moves as the posture says.
@@ -36,15 +36,13 @@ def hold_laws(motion: MotionTable, rows: np.ndarray) -> None:
         frame.world_from_support, np.tile(np.eye(3), (len(rows), 1, 1)), atol=1e-9
     )
 
-    np.testing.assert_allclose(motion.rows.com_in_support[rows], terms.com, atol=1e-9)
-    np.testing.assert_allclose(
-        motion.rows.com_velocity_in_support[rows], terms.com_velocity, atol=1e-9
-    )
+    np.testing.assert_allclose(motion.rows.com[rows], terms.com, atol=1e-9)
+    np.testing.assert_allclose(motion.rows.com_velocity[rows], terms.com_velocity, atol=1e-9)
     # Newton: the wrench that the motion needs is mass times the acceleration of its centre.
     force = np.matvec(terms.mass_matrix[:, :3], qacc) + terms.bias[:, :3]
     weight = -robot.mass * robot.model.opt.gravity
     np.testing.assert_allclose(
-        force - weight, robot.mass * motion.rows.com_acceleration_in_support[rows], atol=1e-7
+        force - weight, robot.mass * motion.rows.com_acceleration[rows], atol=1e-7
     )
 
 

@@ -9,7 +9,7 @@ from fbid_gym.dynamics import PinocchioDynamics
 from fbid_gym.dynamics.frames import rotation_vector
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import FbidError
-from fbid_gym.motions import Crawl, Gait, MotionTable, crawl, gait_for
+from fbid_gym.motions import Crawl, CrawlGait, MotionTable, crawl, gait_for
 from fbid_gym.motions.gait.schedule import corners_of
 from fbid_gym.robots import ROBOTS, load
 from tests.robots.similar import moved, similar
@@ -76,7 +76,7 @@ def test_the_walk_could_stop_anywhere(any_walk: Crawl, pressure) -> None:
     for table in walk.tables:
         feet = feet_of(table, rows)[:, order, :2]
         planted = table.rows.planted[rows][:, order]
-        assert margins(feet, planted, table.rows.com_in_support[rows, :2]).min() > least
+        assert margins(feet, planted, table.rows.com[rows, :2]).min() > least
         # On the ground, that is, above which the frame's origin is while a foot is up.
         wrench_at, force = pressure(table, rows)
         ground = feet_of(table, rows)[:, :, 2].min(axis=1)[:, None]
@@ -125,13 +125,13 @@ def test_left_and_right_take_turns_in_the_same_motion(walk: Crawl) -> None:
 
 def test_between_planned_speeds_it_is_nearly_what_would_be_planned(walk: Crawl) -> None:
     speed = 0.3 * walk.speeds[0] + 0.7 * walk.speeds[1]
-    exact = crawl(load("quadruped"), Gait(slowest=speed, fastest=speed, tables=1))
+    exact = crawl(load("quadruped"), CrawlGait(slowest=speed, fastest=speed, tables=1))
     tick = np.arange(0, walk.period, 3)
     found = walk.reference(tick, np.full(len(tick), speed))
     wanted = exact.reference(tick, np.full(len(tick), speed))
     assert np.array_equal(found.planted, wanted.planted)
     assert np.abs(found.qpos - wanted.qpos).max() < 1e-3
-    assert np.abs(found.com_in_support - wanted.com_in_support).max() < 1e-4
+    assert np.abs(found.com - wanted.com).max() < 1e-4
     assert np.abs(found.qvel - wanted.qvel).max() < 2e-3 * np.abs(wanted.qvel).max()
     assert np.abs(found.qacc - wanted.qacc).max() < 5e-3 * np.abs(wanted.qacc).max()
     np.testing.assert_allclose(np.linalg.norm(found.qpos[:, 3:7], axis=1), 1.0, atol=1e-12)
@@ -166,11 +166,11 @@ def test_a_speed_beyond_the_gaits_is_refused(walk: Crawl, speed: float) -> None:
 )
 def test_numbers_that_make_no_gait_are_refused(numbers: dict[str, float], message: str) -> None:
     with pytest.raises(FbidError, match=message):
-        crawl(load("quadruped"), Gait()._replace(**{"tables": 2, **numbers}))
+        crawl(load("quadruped"), CrawlGait()._replace(**{"tables": 2, **numbers}))
 
 
 def test_the_quadrupeds_own_numbers_are_littledogs() -> None:
-    np.testing.assert_allclose(gait_for(load("quadruped"), 500), Gait(), rtol=1e-6)
+    np.testing.assert_allclose(gait_for(load("quadruped"), 500), CrawlGait(), rtol=1e-6)
     own = gait_for(load("quadruped"), 500, period=2.0, swing_height=0.03, speeds=(0.01, 0.05))
     assert own[0::2][:2] == (2.0, 0.03) and (own.slowest, own.fastest) == (0.01, 0.05)
 
@@ -201,7 +201,7 @@ def test_where_the_base_has_its_origin_does_not_matter() -> None:
         crawl(robot, gait, hz=250).tables[0].rows
         for robot in (load("quadruped"), moved("quadruped", 0.05, 0.02, 0.1))
     )
-    np.testing.assert_allclose(other.com_in_support, one.com_in_support, atol=1e-9)
+    np.testing.assert_allclose(other.com, one.com, atol=1e-9)
     np.testing.assert_allclose(other.qpos[:, 7:], one.qpos[:, 7:], atol=1e-8)
 
 

@@ -57,7 +57,7 @@ def test_names_and_signs_do_not_matter() -> None:
         lambda robot: stepping(robot, steps_for(robot, 500)),
     ):
         rows, expected = motion(other).rows, motion(own).rows
-        np.testing.assert_allclose(rows.com_in_support, expected.com_in_support, atol=1e-9)
+        np.testing.assert_allclose(rows.com, expected.com, atol=1e-9)
         np.testing.assert_allclose(rows.qpos[:, :7], expected.qpos[:, :7], atol=1e-9)
         np.testing.assert_allclose(abs(rows.qpos), abs(expected.qpos), atol=1e-9)
         assert np.array_equal(rows.planted, expected.planted)
@@ -73,9 +73,7 @@ def test_similar_robots_move_alike_each_in_its_own_time(size: float) -> None:
     ):
         rows, expected = motion(other, hz).rows, motion(own, 500).rows
         same = min(len(rows.qpos), len(expected.qpos)) // 4  # rates are rounded, times drift apart
-        np.testing.assert_allclose(
-            rows.com_in_support[:same] / size, expected.com_in_support[:same], atol=2e-3
-        )
+        np.testing.assert_allclose(rows.com[:same] / size, expected.com[:same], atol=2e-3)
         np.testing.assert_allclose(rows.qpos[:same, 7:], expected.qpos[:same, 7:], atol=2e-2)
 
 
@@ -102,7 +100,7 @@ def test_other_robots_squat_and_step_over_their_feet(name: str, laws, pressure) 
 def test_a_centre_of_mass_beyond_the_feet_is_refused() -> None:
     motion = periodic_squat(load("biped"))
     check_over_feet(motion.robot, motion.rows)
-    aside = motion.rows._replace(com_in_support=motion.rows.com_in_support + [0.2, 0.0, 0.0])
+    aside = motion.rows._replace(com=motion.rows.com + [0.2, 0.0, 0.0])
     with pytest.raises(FbidError, match=r"centre of mass 0\.0.* m beyond its feet"):
         check_over_feet(motion.robot, aside)
 

@@ -16,8 +16,8 @@ from fbid_gym.motions.gait.flat_gait import (
     FlatGaitMemory,
     standing,
 )
-from fbid_gym.motions.gait.target import GaitTarget
-from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.motions.target import standing_target
+from fbid_gym.quantities import DynamicsTerms, Target
 
 TICK = 0.004
 FLAT = ("biped", "humanoid")
@@ -30,6 +30,11 @@ def turned(angle: np.ndarray) -> np.ndarray:
     rotation[:, 1, 0], rotation[:, 0, 1] = np.sin(angle), -np.sin(angle)
     rotation[:, 2, 2] = 1.0
     return rotation
+
+
+def heading_of(target: Target) -> np.ndarray:
+    """(N,) rad, of bases that are upright."""
+    return 2.0 * np.arctan2(target.qpos[:, 6], target.qpos[:, 3])
 
 
 @dataclass
@@ -46,6 +51,8 @@ class Pendulums:
     rotation: np.ndarray = field(init=False)
     body: np.ndarray = field(init=False)
     memory: FlatGaitMemory = field(init=False)
+    target: Target = field(init=False)
+    offset: np.ndarray = field(init=False)  # from the centre of mass to where it shall be
 
     def __post_init__(self) -> None:
         count, upright = len(self.heading), turned(self.heading)
@@ -56,18 +63,14 @@ class Pendulums:
         self.feet[..., 2] = self.floor(self.feet)
         self.rotation = upright[:, None] @ self.gait.level
         self.body, self.memory = self.heading.copy(), standing(self.heading, self.feet)
+        self.target = standing_target(self.terms, self.gait.home)
 
-    def step(
-        self,
-        velocity: np.ndarray,
-        shift: np.ndarray | None = None,
-        rate: np.ndarray | None = None,
-        ground: np.ndarray | None = None,
-    ) -> GaitTarget:
-        """Go on by a tick with commanded velocities (N, 3)."""
+    @property
+    def terms(self) -> DynamicsTerms:
+        """Of a point mass with feet."""
         count = len(self.com)
         zero = np.zeros((count, 0))
-        terms = DynamicsTerms(
+        return DynamicsTerms(
             mass_matrix=zero[None],
             bias=zero,
             base_position=self.com,
@@ -81,6 +84,16 @@ class Pendulums:
             foot_jacobian=np.zeros((count, 2, 6, 0)),
             foot_bias=np.zeros((count, 2, 6)),
         )
+
+    def step(
+        self,
+        velocity: np.ndarray,
+        shift: np.ndarray | None = None,
+        rate: np.ndarray | None = None,
+        ground: np.ndarray | None = None,
+    ) -> Target:
+        """Go on by a tick with commanded velocities (N, 3)."""
+        count = len(self.com)
         force = np.zeros((count, len(self.gait.points), 3))
         touches = (self.feet[..., 2] <= self.floor(self.feet) + 1e-12)[:, self.gait.foot_of_point]
         force[..., 2] = np.where(touches, 2.0 * self.gait.load, 0.0)
@@ -92,7 +105,9 @@ class Pendulums:
             command.rate[:] = rate
         if ground is not None:
             command.ground[:] = ground[:, None]
-        target = walk(self.gait, command, terms, force, self.tick, self.memory)
+        walk(self.gait, command, self.terms, force, self.tick, self.memory, self.target)
+        target = Target(*(value.copy() for value in self.target))
+        self.offset = target.com[:, :2] - self.com[:, :2]
         omega = self.gait.omega
         cosine, sine = np.cosh(omega * self.tick), np.sinh(omega * self.tick)
         pressure = self.memory.pressure
@@ -102,7 +117,7 @@ class Pendulums:
         self.com[:, :2] = com
         self.feet, self.rotation = target.foot_position.copy(), target.world_from_foot.copy()
         self.feet[..., 2] = np.maximum(self.feet[..., 2], self.floor(self.feet))
-        self.body = target.heading.copy()
+        self.body = heading_of(target)
         return target
 
     def floor(self, places: np.ndarray) -> np.ndarray:
@@ -153,7 +168,7 @@ def test_it_turns_with_the_commanded_rate(gait: FlatFootGait) -> None:
     ramp = 0.5 * velocity[:, 2] ** 2 / gait.agility[2]
     turn = velocity[:, 2] * count * TICK - np.sign(velocity[:, 2]) * ramp
     tick = np.abs(velocity[:, 2]).max() * TICK
-    np.testing.assert_allclose(target.heading, turn, atol=tick)
+    np.testing.assert_allclose(heading_of(target), turn, atol=tick)
     feet = np.arctan2(walkers.rotation[:, :, 1, 0], walkers.rotation[:, :, 0, 0])
     assert np.abs(feet - turn[:, None]).max() < 2.0 * np.abs(velocity[:, 2]).max()
 
@@ -222,18 +237,18 @@ def test_setting_out_is_without_jumps(gait: FlatFootGait) -> None:
         walkers = Pendulums(gait, np.zeros(1))
         for _ in range(stands):
             walkers.com[0, :2], walkers.velocity[:] = aside, 0.0
-            last = walkers.step(np.zeros(3))
-        pressure = walkers.memory.pressure.copy()
-        np.testing.assert_allclose(last.offset[0], -aside, atol=1e-9)
+            walkers.step(np.zeros(3))
+        pressure, offset = walkers.memory.pressure.copy(), walkers.offset
+        np.testing.assert_allclose(walkers.offset[0], -aside, atol=1e-9)
         walkers.com[0, :2], walkers.velocity[:] = aside, 0.0
         for _ in range(round(gait.settle / TICK) + 1):
-            target = walkers.step(np.array([0.1 * gait.width * gait.omega, 0.0, 0.0]))
+            walkers.step(np.array([0.1 * gait.width * gait.omega, 0.0, 0.0]))
             moved = np.linalg.norm(walkers.memory.pressure - pressure)
             assert moved < 5.0 * gait.width * TICK / gait.settle
-            faded = np.linalg.norm(target.offset - last.offset)
+            faded = np.linalg.norm(walkers.offset - offset)
             assert faded < 5.0 * gait.width * TICK / gait.settle
-            last, pressure = target, walkers.memory.pressure.copy()
-        assert not target.offset.any()
+            offset, pressure = walkers.offset, walkers.memory.pressure.copy()
+        assert not offset.any()
 
 
 def test_it_stops_and_stands(gait: FlatFootGait) -> None:
@@ -269,7 +284,7 @@ def test_feet_neither_cross_nor_overreach(gait: FlatFootGait) -> None:
         target = walkers.step(np.array([0.1, 0.0, 0.0]))
         carrier, every = walkers.memory.carrier, np.arange(32)
         way = target.foothold[every, 1 - carrier, :2] - walkers.feet[every, carrier, :2]
-        way = np.vecmat(way, turned(target.heading)[:, :2, :2])[~target.planted.all(axis=1)]
+        way = np.vecmat(way, turned(heading_of(target))[:, :2, :2])[~target.planted.all(axis=1)]
         side = -gait.left[carrier][~target.planted.all(axis=1)]
         assert (np.abs(way[:, 0]) <= gait.longest + 1e-9).all()
         assert (side * way[:, 1] >= gait.least_apart - 1e-9).all()
@@ -318,7 +333,7 @@ def test_each_robot_walks_alone(gait: FlatFootGait) -> None:
     for _ in range(ticks(gait, 3)):
         all_of_them = together.step(velocity)
         each = [walker.step(velocity[[i]]) for i, walker in enumerate(alone)]
-    for name in GaitTarget._fields:
+    for name in Target._fields:
         found = np.concatenate([getattr(target, name) for target in each])
         np.testing.assert_array_equal(getattr(all_of_them, name), found)
     for name in FlatGaitMemory._fields:
@@ -383,12 +398,12 @@ def test_feet_aim_at_the_plane_on_which_they_stood(gait: FlatFootGait) -> None:
             target.foothold[..., 2], walkers.floor(target.foothold), atol=near
         )
         np.testing.assert_allclose(
-            target.height, walkers.floor(walkers.com) + gait.height, atol=near
+            target.qpos[:, 2], walkers.floor(walkers.com) + gait.height, atol=near
         )
         # A foot that is late tells of the ground where it then is: less than a tick above it.
         late = gait.sink * TICK
         np.testing.assert_allclose(flat.foothold[..., 2], 0.0, atol=late)
-        np.testing.assert_allclose(flat.height, gait.height, atol=late)
+        np.testing.assert_allclose(flat.qpos[:, 2], gait.height, atol=late)
 
 
 def test_four_feet_are_refused() -> None:

@@ -12,8 +12,8 @@ from fbid_gym.motions.gait.command import GaitCommand, no_command
 from fbid_gym.motions.gait.point_feet import walk
 from fbid_gym.motions.gait.point_gait import PointFootGait, PointGaitMemory, standing
 from fbid_gym.motions.gait.quadruped import quadruped_gait
-from fbid_gym.motions.gait.target import GaitTarget
-from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.motions.target import standing_target
+from fbid_gym.quantities import DynamicsTerms, Target
 from fbid_gym.robots import Robot, load, quadruped
 
 TICK = 0.002
@@ -33,6 +33,18 @@ def rows(values, chosen):
     return type(values)(*(value[chosen].copy() for value in values))
 
 
+def walked(gait, command, terms, force, memory) -> Target:
+    """What robots shall do that go on by one tick; the memory is updated."""
+    target = standing_target(terms, gait.home)
+    walk(gait, command, terms, force, TICK, memory, target)
+    return target
+
+
+def heading_of(target: Target) -> np.ndarray:
+    """(N,) rad, of bases that are upright."""
+    return 2.0 * np.arctan2(target.qpos[:, 6], target.qpos[:, 3])
+
+
 class Ghost:
     """Robots whose feet go where they are told and whose bodies move as commanded."""
 
@@ -49,15 +61,15 @@ class Ghost:
         self.command = no_command(count, feet)
         self.force = np.zeros((count, feet, 3))
 
-    def tick(self) -> GaitTarget:
+    def tick(self) -> Target:
         """Go on by one tick; a foot that is not above the floor carries weight."""
         feet = self.terms.foot_position
         self.force[:, :, 2] = FORCE * (feet[:, :, 2] <= self.ground(feet) + 1e-9)
-        target = walk(self.gait, self.command, self.terms, self.force, TICK, self.memory)
+        target = walked(self.gait, self.command, self.terms, self.force, self.memory)
         feet = target.foot_position.copy()
         feet[:, :, 2] = np.maximum(feet[:, :, 2], self.ground(feet))
-        step = np.append(target.velocity[0], target.velocity[0] @ self.slope) * TICK
-        velocity = np.column_stack([target.velocity, np.zeros(len(feet))])
+        velocity = target.com_velocity
+        step = np.append(velocity[0, :2], velocity[0, :2] @ self.slope) * TICK
         self.terms = self.terms._replace(
             foot_position=feet,
             base_position=self.terms.base_position + step,
@@ -83,7 +95,7 @@ def test_a_robot_that_is_told_to_stand_stands_still() -> None:
     for _ in range(500):
         target = ghost.tick()
         assert target.planted.all() and (target.load == 1.0).all()
-        assert (target.com_acceleration**2).sum() < 1e-20 + (GAIT.standing * 0.05) ** 2
+        assert not target.com_velocity.any() and not target.com_acceleration.any()
     assert np.abs(ghost.terms.foot_position - before).max() < 1e-12
     assert not ghost.memory.walking.any() and target.cycle == 0.0
 
@@ -101,10 +113,10 @@ def test_a_robot_that_is_pushed_far_enough_steps_though_told_to_stand() -> None:
 
 def test_the_base_is_lowered_and_raised_at_a_limited_rate() -> None:
     ghost = Ghost(GAIT, home())
-    upright = ghost.tick().height[0]
+    upright = ghost.tick().qpos[0, 2]
     for asked in (0.05, 0.0):
         ghost.command.lowered[:] = asked
-        heights = [ghost.tick().height[0] for _ in range(round(0.05 / GAIT.bend / TICK) + 1)]
+        heights = [ghost.tick().qpos[0, 2] for _ in range(round(0.05 / GAIT.bend / TICK) + 1)]
         assert heights[-1] == pytest.approx(upright - asked, abs=1e-12)
         assert np.abs(np.diff(heights)).max() == pytest.approx(GAIT.bend * TICK, rel=1e-6)
 
@@ -124,7 +136,10 @@ def test_starting_walking_and_stopping_are_without_jumps() -> None:
         assert np.abs(target.foot_position - before).max() < 2.0 * TICK
         change = np.abs(target.load - last.load)[last.planted & target.planted]
         assert (change <= 1.001 * TICK / GAIT.unload).all()
-        assert np.abs(target.com_acceleration - last.com_acceleration).max() < 1.0
+        # The body's acceleration is that of the velocity which is followed.
+        rate = (target.com_velocity - last.com_velocity) / TICK
+        np.testing.assert_allclose(target.com_acceleration, rate, atol=1e-2)
+        assert np.abs(rate[0, :2]).max() < 1.01 * GAIT.agility[0]
         walked |= bool(lifted.any())
         last = target
     # The ghost has come to rest with its feet below it.
@@ -152,7 +167,7 @@ def test_feet_land_where_they_were_told_and_stand_as_long_as_planned() -> None:
     # It meets the ground a little before its swing is over: the last way is slow.
     assert stood / 1999 == pytest.approx(GAIT.schedule.duty, abs=0.05)
     # Where it passes over them, at the commanded speed, the feet are below their hips.
-    assert np.abs(last.velocity - [0.3, 0.0]).max() < 1e-9
+    assert np.abs(last.com_velocity[0] - [0.3, 0.0, 0.0]).max() < 1e-9
 
 
 def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands() -> None:
@@ -170,7 +185,7 @@ def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands() -> None:
             break
     assert reached and lowest <= ghost.floor
     # While it reaches, the base comes down with it.
-    assert target.height[0] < GAIT.height + 0.25 * ghost.floor * 0.9
+    assert target.qpos[0, 2] < GAIT.height + 0.25 * ghost.floor * 0.9
     assert ghost.tick().planted[0, 0]
 
 
@@ -179,10 +194,10 @@ def test_footholds_out_of_reach_are_clipped_and_counted() -> None:
     while not (ghost.memory.mode == 1).any():
         ghost.tick()
     swinging = ghost.memory.mode == 1
-    near = walk(GAIT, ghost.command, ghost.terms, ghost.force, TICK, ghost.memory)
+    near = walked(GAIT, ghost.command, ghost.terms, ghost.force, ghost.memory)
     assert not near.clipped.any()
     far = ghost.command._replace(shift=np.full((1, 4, 2), 1.0))
-    target = walk(GAIT, far, ghost.terms, ghost.force, TICK, ghost.memory)
+    target = walked(GAIT, far, ghost.terms, ghost.force, ghost.memory)
     assert (target.clipped == swinging).all()
     assert np.abs(target.foothold - near.foothold)[swinging].max() > 0.02
     hip = ghost.terms.base_position + GAIT.hip
@@ -199,7 +214,7 @@ def test_a_foothold_lies_on_the_ground_that_is_known_there() -> None:
     ground = np.full((1, 4), np.nan)
     ground[0, foot] = 0.03
     command = ghost.command._replace(ground=ground)
-    target = walk(GAIT, command, ghost.terms, ghost.force, TICK, ghost.memory)
+    target = walked(GAIT, command, ghost.terms, ghost.force, ghost.memory)
     assert target.foothold[0, foot, 2] == 0.03
     other = np.flatnonzero(ghost.memory.mode[0])[1]
     assert target.foothold[0, other, 2] == pytest.approx(0.0, abs=1e-9)
@@ -222,7 +237,7 @@ def test_feet_aim_at_the_plane_on_which_they_stood(
         reach = np.abs(GAIT.place).max() + 0.5 * GAIT.schedule.period * np.abs(velocity[:2]).max()
         aimed = target.foothold[~target.planted]
         assert np.abs(aimed[:, 2] - ghost.ground(aimed)).max(initial=0.0) < 0.05 * steep * reach
-        above = target.height - ghost.ground(ghost.terms.base_position)
+        above = target.qpos[0, 2] - ghost.ground(ghost.terms.base_position)
         assert above == pytest.approx(GAIT.height, abs=0.05 * steep * reach)
 
 
@@ -235,7 +250,7 @@ def test_level_ground_is_level_exactly() -> None:
         target = ghost.tick()
         assert (target.foothold[:, :, 2] <= 1e-12).all()
         assert np.abs(target.foothold[ghost.memory.mode == 1][:, 2]).max(initial=0.0) < 1e-12
-        assert target.height == pytest.approx(GAIT.height, abs=1e-12)
+        assert target.qpos[0, 2] == pytest.approx(GAIT.height, abs=1e-12)
 
 
 def test_feet_land_around_the_point_below_the_centre_of_mass() -> None:
@@ -295,9 +310,9 @@ def test_many_robots_are_as_each_alone(rng: np.random.Generator) -> None:
         (rows(command, [i]), rows(terms, [i]), force[[i]].copy(), rows(memory, [i]))
         for i in range(7)
     ]
-    together = walk(GAIT, command, terms, force, TICK, memory)
+    together = walked(GAIT, command, terms, force, memory)
     for i, (own, state, pressed, past) in enumerate(alone):
-        target = walk(GAIT, own, state, pressed, TICK, past)
+        target = walked(GAIT, own, state, pressed, past)
         for one, all_of_them in zip((*target, *past), (*together, *memory), strict=True):
             assert (one[0] == all_of_them[i]).all()
 
@@ -328,8 +343,8 @@ def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> N
         moments=turned_moments(memory.moments, turn),
     )
     force = rng.uniform(0.0, 0.05 * ROBOT.weight, (9, 4, 3))
-    here = walk(GAIT, command, terms, force, TICK, memory)
-    turned = walk(GAIT, command, there, force, TICK, past)
+    here = walked(GAIT, command, terms, force, memory)
+    turned = walked(GAIT, command, there, force, past)
     assert (here.planted == turned.planted).all() and (here.clipped == turned.clipped).all()
     for name in ("foot_position", "foothold"):
         assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T + moved)
@@ -337,12 +352,15 @@ def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> N
         assert getattr(turned, name)[..., :3] == pytest.approx(
             getattr(here, name)[..., :3] @ turn.T
         )
-    for name in ("velocity", "com_acceleration"):
-        assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn[:2, :2].T)
-    assert turned.heading - here.heading == pytest.approx(np.full(9, angle))
-    for name in ("load", "turning", "cycle"):
+    for name in ("com_velocity", "com_acceleration"):
+        assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T)
+    assert heading_of(turned) - heading_of(here) == pytest.approx(np.full(9, angle))
+    for name in ("load", "cycle"):
         assert getattr(turned, name) == pytest.approx(getattr(here, name))
-    assert turned.height == pytest.approx(here.height + moved[2])
+    assert turned.com == pytest.approx(here.com @ turn.T + moved)
+    assert turned.qpos[:, :3] == pytest.approx(here.qpos[:, :3] @ turn.T + moved)
+    assert turned.qvel[:, :3] == pytest.approx(here.qvel[:, :3] @ turn.T)
+    assert turned.qvel[:, 3:] == pytest.approx(here.qvel[:, 3:])
 
 
 def test_a_robot_of_another_size_walks_alike_in_its_own_time(dog: Callable[..., Robot]) -> None:
@@ -350,12 +368,10 @@ def test_a_robot_of_another_size_walks_alike_in_its_own_time(dog: Callable[..., 
     time, speed = math.sqrt(scale), math.sqrt(scale)
     for name in ("astray", "margin", "height", "lift", "place", "hip", "reach"):
         assert getattr(large, name) == pytest.approx(scale * getattr(small, name), rel=1e-6)
-    for name in ("omega", "tracking"):
-        assert getattr(large, name) == pytest.approx(getattr(small, name) / time, rel=1e-6)
+    assert large.omega == pytest.approx(small.omega / time, rel=1e-6)
     for name in ("rest", "sink"):
         assert getattr(large, name) == pytest.approx(getattr(small, name) * speed, rel=1e-6)
     assert large.unload == pytest.approx(small.unload * time, rel=1e-6)
-    assert large.standing == pytest.approx(small.standing / time**2, rel=1e-6)
     assert large.touch == pytest.approx(small.touch * scale**3, rel=1e-6)
     assert large.agility == pytest.approx(small.agility / [1.0, 1.0, scale], rel=1e-6)
 

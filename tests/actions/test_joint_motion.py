@@ -1,14 +1,15 @@
-"""Joint motions of a gait: the feet get to where the gait wants them."""
+"""Joint motions on a gait: the feet get to where the gait wants them."""
 
 import mujoco
 import numpy as np
 import pytest
 
 from fbid_gym import robots
+from fbid_gym.actions.gains import default_gains
+from fbid_gym.actions.joint_motion import JointMotion
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.motions.gait.joints import joint_reference, leg_joints_of
-from fbid_gym.motions.gait.target import GaitTarget
+from fbid_gym.motions.target import MotionKind, standing_target
 from fbid_gym.quantities import RobotState
 
 
@@ -23,26 +24,23 @@ def state_of(robot, qpos, qvel=None):
     return RobotState(qpos, qvel, *rest), MuJoCoDynamics(robot).terms(qpos, qvel)
 
 
+def motion_of(robot, aware):
+    """The joint motion, of a body that is not balanced beside its target."""
+    kind = MotionKind(True, Stance.of(robot).falling_rate)
+    gains = default_gains(robot, kind)._replace(balance=0.0, balance_damping=0.0)
+    return JointMotion.of(robot, kind, gains, aware=aware)
+
+
 def target_of(robot, terms, rng):
-    feet = robot.num_feet
-    shift = 0.03 * robot.home_qpos[2] * rng.uniform(-1, 1, size=(1, feet, 3))
-    return GaitTarget(
-        planted=np.ones((1, feet), bool),
-        foot_position=terms.foot_position + shift,
-        world_from_foot=terms.world_from_foot.copy(),
-        foot_velocity=0.2 * rng.normal(size=(1, feet, 6)),
-        foot_acceleration=np.zeros((1, feet, 6)),
-        load=np.ones((1, feet)),
-        foothold=terms.foot_position.copy(),
-        clipped=np.zeros((1, feet), bool),
-        velocity=0.2 * rng.normal(size=(1, 2)),
-        offset=0.01 * rng.normal(size=(1, 2)),
-        com_acceleration=np.zeros((1, 2)),
-        height=terms.base_position[:, 2] - 0.1 * robot.home_qpos[2],
-        heading=np.arctan2(terms.world_from_base[:, 1, 0], terms.world_from_base[:, 0, 0]),
-        turning=0.3 * rng.normal(size=1),
-        cycle=np.zeros(1),
-    )
+    """Feet and body on their way somewhere, the base lower than it is."""
+    feet, target = robot.num_feet, standing_target(terms, robot.home_qpos)
+    target.foot_position[:] += 0.03 * robot.home_qpos[2] * rng.uniform(-1, 1, size=(1, feet, 3))
+    target.foot_velocity[:] = 0.2 * rng.normal(size=(1, feet, 6))
+    target.com_velocity[:, :2] = 0.2 * rng.normal(size=(1, 2))
+    target.com[:, :2] += 0.01 * rng.normal(size=(1, 2))
+    target.qpos[:, 2] -= 0.1 * robot.home_qpos[2]
+    target.qvel[:, 5] = 0.3 * rng.normal(size=1)
+    return target
 
 
 def foot_places(robot, qpos):
@@ -54,7 +52,7 @@ def foot_places(robot, qpos):
 
 
 def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
-    legs = leg_joints_of(robot, aware=False)
+    motion = motion_of(robot, aware=False)
     qpos = robot.home_qpos[None].copy()
     state, terms = state_of(robot, qpos)
     _, before = foot_places(robot, qpos[0])
@@ -62,16 +60,16 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
     target = target_of(robot, terms, rng)
     # The body comes to where the gait wants it, and the joints follow their reference.
     qpos = qpos.copy()
-    qpos[:, 2] += target.height - terms.base_position[:, 2]
-    qpos[:, :2] += target.offset
+    qpos[:, 2] = target.qpos[:, 2]
+    qpos[:, :2] += (target.com - terms.com)[:, :2]
     gaps = []
-    target = target._replace(offset=np.zeros((1, 2)))  # it is there, as fast as it shall be
     qvel = np.zeros((1, robot.nv))
-    qvel[:, :2] = target.velocity
+    qvel[:, :2] = target.com_velocity[:, :2]  # it is there, as fast as it shall be
     for _ in range(12):
         state, terms = state_of(robot, qpos, qvel)
         gaps.append(np.abs(target.foot_position - terms.foot_position).max())
-        found = joint_reference(legs, target, state, terms)
+        target.com[:] = terms.com
+        found = motion.target(state, target, terms)
         qpos = np.concatenate([qpos[:, :7], found.qpos[:, 7:]], axis=1)
     # Newton's steps converge.
     assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
@@ -79,10 +77,10 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
         _, places = foot_places(robot, qpos[0])
         np.testing.assert_allclose(places + body_at_home, target.foot_position[0], atol=1e-4)
     velocity = np.zeros(robot.nv)
-    velocity[:2] = target.velocity[0]
-    velocity[3:6] = terms.world_from_base[0, 2] * target.turning[0]
+    velocity[:2] = target.com_velocity[0, :2]
+    velocity[3:6] = terms.world_from_base[0, 2] * target.qvel[0, 5]
     velocity[6:] = found.qvel[0, 6:]
-    rows = legs.rows
+    rows = motion.legs.rows
     np.testing.assert_allclose(
         terms.foot_jacobian[0, :, :rows] @ velocity, target.foot_velocity[0, :, :rows], atol=2e-2
     )
@@ -93,31 +91,33 @@ def test_the_reference_reaches_the_feet_and_moves_with_them(robot, rng):
 @pytest.mark.parametrize("aware", [False, True])
 def test_accelerations_are_the_rate_of_the_rates_along_a_swing(robot, rng, aware):
     """Body and feet move as the gait wants them, and the joints with them, for a moment."""
-    legs, tick = leg_joints_of(robot, aware), 1e-5
+    motion, tick = motion_of(robot, aware), 1e-5
     qpos = robot.home_qpos[None].copy()
     qpos[:, 7:] += 0.05 * rng.normal(size=(1, robot.num_joints))
     state, terms = state_of(robot, qpos)
     now = target_of(robot, terms, rng)._replace(
         planted=np.zeros((1, robot.num_feet), bool),
         foot_acceleration=2.0 * rng.normal(size=(1, robot.num_feet, 6)),
-        com_acceleration=rng.normal(size=(1, 2)),
-        turning=np.zeros(1),
+        com_acceleration=rng.normal(size=(1, 3)) * [1.0, 1.0, 0.0],
+        qvel=np.zeros((1, robot.nv)),
     )
     # The gait's own motion, and a tick later.
     qvel = np.zeros((1, robot.nv))
-    qvel[:, :2] = now.velocity
+    qvel[:, :2] = now.com_velocity[:, :2]
     state, terms = state_of(robot, qpos, qvel)
-    qvel[:, 6:] = joint_reference(legs, now, state, terms).qvel[:, 6:]
-    found = joint_reference(legs, now, *state_of(robot, qpos, qvel))
+    qvel[:, 6:] = motion.target(state, now, terms).qvel[:, 6:]
+    state, terms = state_of(robot, qpos, qvel)
+    found = motion.target(state, now, terms)
     later = now._replace(
         foot_velocity=now.foot_velocity + tick * now.foot_acceleration,
-        velocity=now.velocity + tick * now.com_acceleration,
+        com_velocity=now.com_velocity + tick * now.com_acceleration,
     )
     qpos = qpos.copy()
     mujoco.mj_integratePos(robot.model, qpos[0], qvel[0], tick)
     qvel = qvel.copy()
-    qvel[:, :2] = later.velocity
-    after = joint_reference(legs, later, *state_of(robot, qpos, qvel))
+    qvel[:, :2] = later.com_velocity[:, :2]
+    state, terms = state_of(robot, qpos, qvel)
+    after = motion.target(state, later, terms)
     rate = (after.qvel - found.qvel)[0, 6:] / tick
     # But for what is damped: at home a biped's knees are almost stretched.
     np.testing.assert_allclose(found.qacc[0, 6:], rate, atol=2e-2 * np.abs(rate).max())
@@ -125,23 +125,23 @@ def test_accelerations_are_the_rate_of_the_rates_along_a_swing(robot, rng, aware
 
 def test_a_foot_in_the_air_is_led_from_the_body_as_it_moves_by_those_who_know(robot, rng):
     """Whatever the body does, J v is what the foot shall do; a Newton step closes its gap."""
-    legs = leg_joints_of(robot, aware=True)
+    motion = motion_of(robot, aware=True)
     qpos, qvel = robot.home_qpos[None].copy(), 0.2 * rng.normal(size=(1, robot.nv))
     qpos[:, 7:] += 0.05 * rng.normal(size=(1, robot.num_joints))
     state, terms = state_of(robot, qpos, qvel)
     target = target_of(robot, terms, rng)._replace(planted=np.zeros((1, robot.num_feet), bool))
-    found = joint_reference(legs, target, state, terms)
+    found = motion.target(state, target, terms)
     velocity = np.concatenate([qvel[0, :6], found.qvel[0, 6:]])
     np.testing.assert_allclose(
-        terms.foot_jacobian[0, :, : legs.rows] @ velocity,
-        target.foot_velocity[0, :, : legs.rows],
+        terms.foot_jacobian[0, :, : motion.legs.rows] @ velocity,
+        target.foot_velocity[0, :, : motion.legs.rows],
         atol=2e-2,
     )
     gaps = [np.abs(target.foot_position - terms.foot_position).max()]
     for _ in range(8):
         qpos = np.concatenate([qpos[:, :7], found.qpos[:, 7:]], axis=1)
         state, terms = state_of(robot, qpos, qvel)
-        found = joint_reference(legs, target, state, terms)
+        found = motion.target(state, target, terms)
         gaps.append(np.abs(target.foot_position - terms.foot_position).max())
     assert gaps[-1] < 1e-5 < 1e-3 < gaps[0]
 
@@ -151,27 +151,20 @@ def lagging(robot, speed):
     qvel = np.zeros((1, robot.nv))
     qvel[0, :2] = -np.asarray(speed)
     state, terms = state_of(robot, robot.home_qpos[None].copy(), qvel)
-    target = target_of(robot, terms, np.random.default_rng(0))._replace(
-        foot_velocity=np.zeros((1, robot.num_feet, 6)),
-        velocity=np.zeros((1, 2)),
-        foot_position=terms.foot_position.copy(),
-        offset=np.zeros((1, 2)),
-        height=terms.base_position[:, 2],
-        turning=np.zeros(1),
-    )
-    return target, state, terms
+    return standing_target(terms, robot.home_qpos), state, terms
 
 
 def test_feet_that_stand_lead_the_body_by_its_error_of_velocity_but_not_far():
     robot = robots.load("go1")
-    legs, direction = leg_joints_of(robot, aware=False), np.array([0.6, -0.8])
+    motion, direction = motion_of(robot, aware=False), np.array([0.6, -0.8])
+    legs = motion.legs
     pendulum_time = 1.0 / Stance.of(robot).falling_rate
     moved = []
     for size, load in ((0.5, 1.0), (1.0, 1.0), (100.0, 1.0), (1.0, 0.25)):
         speed = size * legs.farthest / legs.lead * direction
         target, state, terms = lagging(robot, speed)
         target = target._replace(load=np.full((1, 4), load))
-        found = joint_reference(legs, target, state, terms)
+        found = motion.target(state, target, terms)
         # The joints move the feet as far back below the body as that shall move ahead.
         joints = (found.qpos - state.qpos)[0, 7:]
         foot = terms.foot_jacobian[0, :, :3, 6:] @ joints
@@ -189,9 +182,9 @@ def test_feet_that_stand_lead_the_body_by_its_error_of_velocity_but_not_far():
 def test_nothing_else_is_led(name, aware, load):
     """Neither feet without load, nor for layers that know the dynamics, nor on soles."""
     robot = robots.load(name)
-    legs, found = leg_joints_of(robot, aware), []
+    motion, found = motion_of(robot, aware), []
     for speed in ((0.0, 0.0), (0.3, -0.2)):
         target, state, terms = lagging(robot, speed)
         target = target._replace(load=np.full((1, robot.num_feet), load))
-        found.append(joint_reference(legs, target, state, terms).qpos[0, 7:])
+        found.append(motion.target(state, target, terms).qpos[0, 7:])
     np.testing.assert_allclose(found[1], found[0], atol=1e-12)

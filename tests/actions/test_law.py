@@ -1,0 +1,213 @@
+"""The law that model-based layers share: what its commands do to body and momentum, by MuJoCo."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym import robots
+from fbid_gym.actions import make_layer
+from fbid_gym.actions.contact_options import ContactOptions
+from fbid_gym.actions.gains import default_gains
+from fbid_gym.actions.law import Command, Law, desired_acceleration
+from fbid_gym.control import operational_space_acceleration
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.errors import InvalidValueError
+from fbid_gym.motions import periodic_squat
+from fbid_gym.motions.gait.gait import gait_of
+from fbid_gym.motions.target import MotionKind, standing_target
+from fbid_gym.quantities import RobotState
+from tests.actions.cases import without_self_motion
+
+HZ = 250
+
+
+@pytest.fixture(scope="module", params=["go1", "biped"])
+def robot(request):
+    return robots.load(request.param)
+
+
+def kind_of(robot):
+    return MotionKind(True, gait_of(robot, HZ).omega)
+
+
+def law_of(robot):
+    gains = default_gains(robot, kind_of(robot))
+    contact = ContactOptions(friction=0.6, compensate_damping=False)
+    return Law.of(robot, HZ, contact, gains, 1.0)
+
+
+def crouched(robot, rng, noise):
+    """A robot on bent legs, all of it in motion."""
+    qpos = periodic_squat(robot).rows.qpos[:1] if robot.has_soles else robot.home_qpos[None]
+    qpos, qvel = qpos.copy(), noise * rng.normal(size=(1, robot.nv))
+    qpos[:, 7:] += noise * rng.normal(size=(1, robot.num_joints))
+    turn = np.array([1.0, 0.0, 0.0, 0.4]) + noise * np.array([0.0, *rng.normal(size=3)])
+    qpos[:, 3:7] = turn / np.linalg.norm(turn)
+    state = RobotState(qpos, qvel, np.zeros((1, robot.num_points, 3)), np.zeros(1, np.int64))
+    return state, MuJoCoDynamics(robot).terms(qpos, qvel)
+
+
+def target_of(robot, terms, rng):
+    """The first foot is in the air, on its way somewhere; the body is where it shall be."""
+    target = standing_target(terms, robot.home_qpos)
+    target.planted[0, 0], target.load[0, 0] = False, 0.0
+    target.foot_position[0, 0] += 0.01 * rng.normal(size=3)
+    target.foot_velocity[0, 0], target.foot_acceleration[0, 0] = 0.1 * rng.normal(size=(2, 6))
+    return target
+
+
+def command_of(robot, rng, push=None):
+    """Accelerations of joints and body, and a push if the momentum is commanded."""
+    reference = np.concatenate([np.zeros(6), rng.normal(size=robot.num_joints)])[None]
+    pushed = np.empty((0, 6)) if push is None else np.asarray(push, float)[None]
+    return Command(reference, rng.normal(size=(1, 6)), pushed)
+
+
+def acceleration_of(law, command, state, target, terms):
+    active = law.belief(state, target)
+    return desired_acceleration(law.constants, command, state, target, terms, active)[0]
+
+
+def momentum(robot, qpos, qvel):
+    """Of the whole robot about its centre of mass; by MuJoCo."""
+    data = mujoco.MjData(robot.model)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    mujoco.mj_forward(robot.model, data)
+    mujoco.mj_subtreeVel(robot.model, data)
+    mass = robot.model.body_subtreemass[1]
+    return np.concatenate([mass * data.subtree_linvel[1], data.subtree_angmom[1]])
+
+
+def momentum_rate(robot, state, acceleration, step=1e-5):
+    """By a difference along a motion with this acceleration."""
+    found = []
+    for time in (step, -step):
+        qpos = state.qpos[0].copy()
+        way = time * state.qvel[0] + 0.5 * time**2 * acceleration
+        mujoco.mj_integratePos(robot.model, qpos, way, 1.0)
+        found.append(momentum(robot, qpos, state.qvel[0] + time * acceleration))
+    return (found[0] - found[1]) / (2 * step)
+
+
+def level(target, angle=0.0):
+    """(3, 3) rotation to the heading of a target whose base is upright."""
+    heading = 2.0 * np.arctan2(target.qpos[0, 6], target.qpos[0, 3]) + angle
+    cosine, sine = np.cos(heading), np.sin(heading)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_what_is_asked_of_the_body_is_what_it_does(robot, rng):
+    """Horizontally of its centre of mass, else of the base."""
+    state, terms = crouched(robot, rng, 0.2)
+    command = command_of(robot, rng)
+    found = acceleration_of(law_of(robot), command, state, target_of(robot, terms, rng), terms)
+    rate = momentum_rate(robot, state, found)
+    np.testing.assert_allclose(rate[:2] / robot.mass, command.body[0, :2], atol=1e-5)
+    np.testing.assert_allclose(found[2:6], command.body[0, 2:], atol=1e-6)
+
+
+def test_a_push_adds_to_the_rate_of_the_momentum_along_the_heading(robot, rng):
+    state, terms = crouched(robot, rng, 0.1)
+    law, target = law_of(robot), target_of(robot, terms, rng)
+    push = robot.weight * np.array([0.1, -0.05, 0.2, 0.01, -0.01, 0.005])
+    command = command_of(robot, rng, np.zeros(6))
+    rates = [
+        momentum_rate(
+            robot,
+            state,
+            acceleration_of(law, command._replace(push=size * push[None]), state, target, terms),
+        )
+        for size in (0.0, 1.0)
+    ]
+    turn = level(target)
+    expected = np.concatenate([turn @ push[:3], turn @ push[3:]])
+    # Armature on the joints is no part of the momentum.
+    np.testing.assert_allclose(rates[1] - rates[0], expected, atol=1e-4 * robot.weight)
+
+
+def test_without_errors_the_momentum_is_that_of_carrying_the_body_while_the_feet_swing(robot, rng):
+    """At its height, upright, as fast as it shall be: nothing to add to the motion itself."""
+    state, _ = crouched(robot, rng, 0.1)
+    state.qpos[0, 3:7] = np.cos(0.2), 0.0, 0.0, np.sin(0.2)
+    state.qvel[:] = 0.0
+    terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
+    law, target = law_of(robot), target_of(robot, terms, rng)
+    target.foot_velocity[:] = 0.0
+    command = command_of(robot, rng)
+    found = acceleration_of(law, command._replace(push=np.zeros((1, 6))), state, target, terms)
+    carried = acceleration_of(law, command, state, target, terms)
+    np.testing.assert_allclose(found, carried, atol=1e-6 * np.abs(carried).max())
+
+
+def test_a_moment_turns_the_base_back_and_a_force_lifts_it(robot, rng):
+    state, terms = crouched(robot, rng, 0.0)
+    law, target = law_of(robot), target_of(robot, terms, rng)
+    rise, angle = 0.02, 0.3
+    moved = target._replace(qpos=target.qpos.copy())
+    moved.qpos[0, 2] += rise
+    turn = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
+    mujoco.mju_mulQuat(moved.qpos[0, 3:7], turn, target.qpos[0, 3:7])
+    command = command_of(robot, rng, np.zeros(6))
+    there, here = (
+        momentum_rate(robot, state, acceleration_of(law, command, state, aimed, terms))
+        for aimed in (moved, target)
+    )
+    gains, inertia = law.constants.gains, law.constants.turning_inertia
+    force = gains.height * rise * robot.mass
+    moment = gains.rotation * np.sin(angle) * level(moved) @ inertia[:, 2]
+    size = 1e-4 * robot.weight
+    np.testing.assert_allclose((there - here)[2], force, atol=size)
+    np.testing.assert_allclose((there - here)[3:], moment, atol=size)
+
+
+def test_the_momentum_is_damped_towards_that_of_the_target(robot, rng):
+    """Vertically and in rotation: of what is late, a share a second is made up for."""
+    state, terms = crouched(robot, rng, 0.0)
+    law, target = law_of(robot), target_of(robot, terms, rng)
+    target.foot_velocity[:] = 0.0
+    moved = target._replace(qvel=target.qvel.copy())
+    moved.qvel[0, 2:6] = 0.1, 0.2, -0.1, 0.3
+    command = command_of(robot, rng, np.zeros(6))
+    there, here = (
+        momentum_rate(robot, state, acceleration_of(law, command, state, aimed, terms))
+        for aimed in (moved, target)
+    )
+    # The momentum of a robot that is carried along so, its feet where they are.
+    size = 6 if robot.has_soles else 3
+    feet = terms.foot_jacobian[:, :, :size].reshape(1, -1, robot.nv)
+    body = np.concatenate([terms.mass_matrix[0, :2] / robot.mass, np.eye(6, robot.nv)[2:]])
+    spin = level(target) @ moved.qvel[0, 3:6]
+    asked = np.concatenate([[0.0, 0.0, 0.1], terms.world_from_base[0].T @ spin])[None]
+    own = without_self_motion(body, robot, terms, 0)
+    carried = operational_space_acceleration(
+        *(feet, np.zeros(feet.shape[:2]), own, None, asked),
+        motion_cost=1.0 / law.constants.mobility,
+    )
+    late = momentum(robot, state.qpos[0], carried.motion[0])
+    gains, change = law.constants.gains, there - here
+    np.testing.assert_allclose(change[2], gains.height_damping * late[2], rtol=1e-3)
+    np.testing.assert_allclose(
+        change[3:], gains.rotation_damping * late[3:], atol=1e-3 * np.abs(change[3:]).max()
+    )
+
+
+@pytest.mark.parametrize("name", ["base_acceleration", "com_wrench"])
+def test_small_errors_of_velocity_are_answered_by_the_gain_and_greater_ones_by_no_more(name, rng):
+    robot, gain, zero = robots.load("go1"), 5.0, np.zeros((1, 6))
+    state, terms = crouched(robot, rng, 0.1)
+    kind = kind_of(robot)
+    slow = 0.03 * robot.gravity / kind.omega
+    layers = [make_layer(name, robot, HZ, kind, {"velocity_gain": size})[0] for size in (gain, 0.0)]
+    towards = np.array([0.6, -0.8])
+    for size, counts in ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (7.0, 1.0)):
+        target = target_of(robot, terms, rng)
+        target.com_velocity[:, :2] = terms.com_velocity[:, :2] + size * slow * towards
+        asked = [layer.desired(zero, state, target, terms)[0] for layer in layers]
+        expected = np.append(gain * kind.omega * counts * slow * towards, 0.0)
+        np.testing.assert_allclose(asked[0] - asked[1], expected, atol=1e-6)
+
+
+def test_on_soles_there_is_no_such_gain():
+    robot = robots.load("biped")
+    with pytest.raises(InvalidValueError, match=r"velocity_gain.*5.0.*0 on soles"):
+        make_layer("base_acceleration", robot, HZ, kind_of(robot), {"velocity_gain": 5.0})
