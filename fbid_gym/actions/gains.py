@@ -4,7 +4,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.falling import in_hertz
+from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Number
@@ -99,7 +99,8 @@ def chosen_gains(
         kind: of motion.
         damping_ratio: of what is given, and of the others if not None.
         velocity_gain: of small errors of the velocity, in units of the rate of falling.
-        frequencies: Hz, or in units of falling, by the names of `BodyGains`; None for the default.
+        frequencies: Hz, or in units of falling, or stiffness and damping, by the names of
+            `BodyGains`; None for the default.
 
     Raises:
         InvalidValueError: a velocity gain where a gait on soles swings about its velocity.
@@ -110,6 +111,9 @@ def chosen_gains(
     gains = default_gains(robot, kind)._replace(small_errors=velocity_gain * kind.omega)
     for name, given in frequencies.items():
         stiffness, damping = getattr(gains, name), getattr(gains, f"{name}_damping")
+        if isinstance(given, tuple) and not isinstance(given, Falling):
+            gains = gains._replace(**{name: given[0], f"{name}_damping": given[1]})
+            continue
         if given is not None:
             (hertz,) = in_hertz(robot, **{name: given}).values()
             stiffness = (2.0 * np.pi * hertz) ** 2
@@ -119,6 +123,13 @@ def chosen_gains(
             damping = 2.0 * ratio * np.sqrt(stiffness) if stiffness > 0.0 else damping
         gains = gains._replace(**{name: float(stiffness), f"{name}_damping": float(damping)})
     return gains
+
+
+def meant(gains: BodyGains) -> dict[str, Any]:
+    """Return what options of the body layers say the same as gains."""
+    parts = ("balance", "height", "rotation", "posture", "swing")
+    told = {f"{x}_frequency": (getattr(gains, x), getattr(gains, f"{x}_damping")) for x in parts}
+    return {**told, "damping_ratio": 1.0}
 
 
 def has_spare_joints(robot: Robot) -> bool:

@@ -70,8 +70,8 @@ _KINDS = """\
 Every layer has the same options whatever the task. Where a layer's option is `None`, the kind of
 motion decides: one that is planned beforehand, standing among them, or an online gait (task
 `walk`). Of the body and the feet, stiffness in omega^2 and damping in omega, the rate at which the
-robot falls; an option of a frequency stands for both, critically damped unless `damping_ratio` says
-otherwise:"""
+robot falls; a frequency stands for both, critically damped unless `damping_ratio` says otherwise,
+or the option is the pair itself:"""
 _SPARE = """\
 On a gait joints that neither feet nor body need are held as firmly as a foot in the air. Of
 `footholds` the default is True on a gait, of `base_acceleration` and `com_wrench`, else False."""

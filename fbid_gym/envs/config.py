@@ -245,7 +245,8 @@ class EnvConfig:
             if value is None:
                 # A layer of the user's need not tell what it makes of None.
                 assumed = getattr(getattr(layer, "contact", None), name, None)
-                options[name] = _derived(getattr(layer, name, assumed))
+                told = getattr(layer, "meant", {}).get(name, assumed)
+                options[name] = _derived(getattr(layer, name, told))
             elif isinstance(value, Falling):
                 options[name] = _derived(*in_hertz(robot, **{name: value}).values())
         filled = {

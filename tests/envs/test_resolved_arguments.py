@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
+from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig, resolved_arguments
@@ -22,9 +22,7 @@ def test_every_argument_has_a_value_that_json_keeps(name, layer):
     resolved = resolved_arguments(name, {"action_layer": layer})
     own = {field.name for field in fields(EnvConfig)} - {"task_options"}
     assert resolved.keys() == own | task_options(ENVIRONMENTS[name]["task"]).keys()
-    walks = ENVIRONMENTS[name]["task"] == "walk"
-    options = walking_layer_options(layer) if walks else layer_options(layer)
-    assert resolved["layer_options"].keys() == options.keys()
+    assert resolved["layer_options"].keys() == layer_options(layer).keys()
     unset = {key for key, value in resolved.items() if value is None}
     assert unset == ({"terrain_height"} if resolved["terrain"] in LEVELLED else set())
     assert None not in resolved["layer_options"].values()
@@ -32,17 +30,28 @@ def test_every_argument_has_a_value_that_json_keeps(name, layer):
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    ("name", "arguments"),
     [
-        {"action_layer": "joint_position"},
-        {"action_layer": "base_acceleration", "randomisation": {"mass": 0.2, "model_com": 0.01}},
+        ("QuadrupedBalance-v0", {"action_layer": "joint_position"}),
+        (
+            "QuadrupedBalance-v0",
+            {"action_layer": "base_acceleration", "randomisation": {"mass": 0.2}},
+        ),
+        ("BipedWalk-v0", {"action_layer": "base_acceleration"}),
+        ("QuadrupedWalk-v0", {"action_layer": "com_wrench"}),
+        ("BipedStep-v0", {"action_layer": "joint_position_feedforward"}),
+        (
+            "BipedStep-v0",
+            {"action_layer": "com_wrench", "layer_options": {"balancer": "ott2011"}},
+        ),
     ],
 )
-def test_what_is_resolved_is_the_same_environment(arguments):
+def test_what_is_resolved_is_the_same_environment(name, arguments):
     """Said explicitly, the resolved arguments make the environment that the defaults make."""
-    name = "fbid_gym/QuadrupedBalance-v0"
+    name = f"fbid_gym/{name}"
     resolved = resolved_arguments(name, arguments)
-    assert resolved_arguments(name, resolved | {"layer_options": {}}) == resolved
+    given = {"layer_options": arguments.get("layer_options", {})}
+    assert resolved_arguments(name, resolved | given) == resolved
     explicit = json.loads(json.dumps(resolved))
     options = explicit["layer_options"]
     options |= {key: np.inf for key, value in options.items() if value == "inf"}
@@ -65,16 +74,21 @@ def test_what_is_resolved_of_ground_by_difficulty_can_be_said():
 def test_what_was_said_stays_and_a_changed_default_shows(monkeypatch):
     given = {"push_force": (3, 4), "layer_options": {"scale": 0.1}, "action_layer": "other"}
 
-    def other(robot, control_hz, *, scale=0.3, damping_ratio=0.5):
-        return JointPosition.of(robot, control_hz, scale=scale, damping_ratio=damping_ratio)
+    def other(robot, control_hz, kind, *, scale=0.3, damping_ratio=0.5):
+        return JointPosition.of(robot, control_hz, kind, scale=scale, damping_ratio=damping_ratio)
 
     monkeypatch.setitem(LAYERS, "other", other)
     resolved = resolved_arguments("fbid_gym/BipedBalance-v0", given)
     assert resolved["push_force"] == [3, 4]
-    assert resolved["layer_options"] == {"scale": 0.1, "damping_ratio": 0.5}
+    assert resolved["layer_options"] == {
+        "scale": 0.1,
+        "damping_ratio": 0.5,
+        "footholds": False,
+        "step_rate": False,
+    }
     monkeypatch.setitem(other.__kwdefaults__, "damping_ratio", 0.7)
     again = resolved_arguments("fbid_gym/BipedBalance-v0", given)
-    assert again == resolved | {"layer_options": {"scale": 0.1, "damping_ratio": 0.7}}
+    assert again == resolved | {"layer_options": resolved["layer_options"] | {"damping_ratio": 0.7}}
 
 
 def test_how_it_is_drawn_or_stepped_is_not_what_it_is():
