@@ -14,10 +14,12 @@ of the base in the metric
     S = W_u^-1 + sum over feet of B^T G^-1 B.
 
 This is [M10] eq. (19), contacts before task before reference, as `operational_space` has it for any
-robot: the same motion wherever the six can do what feet and body shall. Where they cannot:
+robot: the same motion wherever the six can do what feet and body shall, on legs without joints to
+spare. A leg of more joints than its foot has rows moves by itself for no task. Where they cannot:
 
 - A leg that cannot move its standing foot in a direction (a straight knee, too few joints) is held
-  by it: G keeps its ridge alone, and S holds the base there.
+  by it: G keeps its ridge alone, and S holds the base there; on legs of too few joints a little
+  softer (`_GIVING`), since such legs hold each other.
 - A foot in the air is not turned in ways in which its leg has no joints to turn it (`Limbs.turns`),
   and is not worth a motion of the base then: it has no part in S.
 - Directions of the task that the base can hardly move in fade out (`least_gain`).
@@ -58,6 +60,10 @@ FREE, MOVES, STANDS = 0, 1, 2
 # Ridges on G, shares of the mean gain of a leg's joints on its foot: of a standing foot, and of one
 # in the air.
 _FIRM, _LOOSE = 1e-8, 1e-6
+# Of a standing foot in directions in which its leg has no joints to move it, times the ridge, and
+# per mobility of the base: legs hold each other in them, and what they ask of the base then, comes
+# from rounding and from real contacts being soft.
+_GIVING = 1e3
 _FAINT = 1e-3  # of the free robot's response: wrenches that the legs leave less of are given up
 _LINE = 1e-3  # of the longest distance: points that lie nearer to a line are on it
 
@@ -109,7 +115,6 @@ class Work(NamedTuple):
         by_base: (F, R, 6) B of the module.
         by_leg: (F, R, K) L.
         inverse: (F, R, R) G^-1.
-        ridge: (F, R) on G.
         weight: (F, K) W of the legs' joints; 0 where there is none.
         mass: (F, 6, K) rows b of M, of the legs' joints.
         spread: (F, R, 6) G^-1 B.
@@ -132,7 +137,6 @@ class Work(NamedTuple):
     by_base: np.ndarray
     by_leg: np.ndarray
     inverse: np.ndarray
-    ridge: np.ndarray
     weight: np.ndarray
     mass: np.ndarray
     spread: np.ndarray
@@ -173,7 +177,6 @@ def room_to_work(limbs: Limbs, geometry: ContactGeometry, mobility: np.ndarray) 
         np.zeros((feet, rows, 6)),
         np.zeros((feet, rows, joints)),
         np.zeros((feet, rows, rows)),
-        np.zeros((feet, rows)),
         weight,
         np.zeros((feet, 6, joints)),
         np.zeros((feet, rows, 6)),
@@ -242,7 +245,9 @@ def factor_legs(
             continue
         stands = feet.asked[i, foot] == STANDS
         _read_foot(limbs, geometry, feet, terms, i, foot, work, motion)
-        _invert_leg(by_leg, work.weight[foot], stands, inverse, work.ridge[foot])
+        giving = 1.0 if limbs.able[foot] or not stands else max(1.0, _GIVING * mobility[3])
+        share = _FIRM if stands else _LOOSE
+        _invert_leg(by_leg, work.weight[foot], share, giving, inverse)
         counts = stands or limbs.able[foot]
         rows, joints = by_leg.shape
         # Each sum in a register, and stored once: these are a third of the law's time.
@@ -436,13 +441,17 @@ def _along(place: Vector, spin: Vector, jacobian: np.ndarray, j: int) -> float:
 
 @compiled
 def _invert_leg(
-    by_leg: np.ndarray,
-    weight: np.ndarray,
-    stands: bool,
-    inverse: np.ndarray,
-    ridge: np.ndarray,
+    by_leg: np.ndarray, weight: np.ndarray, share: float, giving: float, inverse: np.ndarray
 ) -> None:
-    """Write G^-1 of one leg (R, R), and the ridge on G (R,); joints weigh `weight` (K,) of W."""
+    """Write G^-1 of one leg (R, R).
+
+    Args:
+        by_leg: (R, K) L.
+        weight: (K,) of W.
+        share: of the mean gain of the joints, the ridge on G.
+        giving: times the ridge, in directions in which no joint moves the foot; 1 or more.
+        inverse: written.
+    """
     rows, joints = by_leg.shape
     for row in range(rows):
         for column in range(row + 1):
@@ -451,15 +460,17 @@ def _invert_leg(
                 total += by_leg[row, k] * by_leg[column, k] * weight[k]
             inverse[row, column], inverse[column, row] = total, total
     # Metres and radians apart, so that no unit matters; there are no more than three of the first.
+    first_ridge, last_ridge = 0.0, 0.0
     for first in range(0, rows, 3):
         last, mean = min(first + 3, rows), 0.0
         for row in range(first, last):
             mean += inverse[row, row] / 3.0
-        share = _FIRM if stands else _LOOSE
         for row in range(first, last):
             # A row of zeros holds nothing.
-            ridge[row] = share * mean if inverse[row, row] > 0.0 else mean + 1.0
-            inverse[row, row] += ridge[row]
+            inverse[row, row] += share * mean if inverse[row, row] > 0.0 else mean + 1.0
+        if first == 0:
+            first_ridge = share * mean
+        last_ridge = share * mean
     for k in range(rows):
         pivot = 1.0 / inverse[k, k]
         inverse[k, k] = 1.0
@@ -471,6 +482,17 @@ def _invert_leg(
                 inverse[row, k] = 0.0
                 for j in range(rows):
                     inverse[row, j] -= share * inverse[k, j]
+    if giving == 1.0:
+        return
+    # G^-1 - (1 - 1 / giving) G^-1 ridge G^-1: the same but where there is nothing but the ridge.
+    firm = inverse.copy()
+    for row in range(rows):
+        for column in range(rows):
+            total = 0.0
+            for k in range(rows):
+                ridge = first_ridge if k < 3 else last_ridge
+                total += firm[row, k] * ridge * firm[k, column]
+            inverse[row, column] -= (1.0 - 1.0 / giving) * total
 
 
 @compiled
@@ -716,12 +738,18 @@ def contact_error(limbs: Limbs, feet: Feet, i: int, work: Work, motion: Motion) 
     square = 0.0
     for foot in range(len(limbs.legs)):
         if feet.asked[i, foot] == STANDS:
-            # What the ridge leaves: B u + L q - c = -ridge G^-1 (c - L r - B u).
-            for row in range(motion.force.shape[1]):
-                force = motion.force[foot, row]
-                for column in range(6):
-                    force -= work.spread[foot, row, column] * motion.base[column]
-                square += (work.ridge[foot, row] * force) ** 2
+            by_leg, by_base = work.by_leg[foot], work.by_base[foot]
+            rows, joints = by_leg.shape
+            for row in range(rows):
+                moved = dot(by_base[row], motion.base) - motion.asked[foot, row]
+                for k in range(joints):
+                    share = 0.0
+                    for other in range(rows):
+                        force = motion.force[foot, other]
+                        force -= dot(work.spread[foot, other], motion.base)
+                        share += by_leg[other, k] * force
+                    moved += by_leg[row, k] * work.weight[foot, k] * share
+                square += moved**2
     return np.sqrt(square)
 
 

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import is_dataclass
 from typing import Any
 
-from fbid_gym.actions import LAYERS, WALKING_LAYERS, Footholds
-from fbid_gym.actions.contact_options import ContactOptions, WalkingContact
+from fbid_gym.actions import LAYERS, Footholds
+from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS, NUM_THREADS
 from fbid_gym.envs.config import EnvConfig
@@ -157,16 +157,7 @@ def page() -> str:
         if shared.keys() <= every.keys():
             parts.append("And those about contacts.")
     section("### About contacts", shared, meanings(ContactOptions))
-    parts.append("## Of the action layers on a gait: task `walk`")
-    parts.append("All have those that steer the gait.")
-    section("### Steering", options_of(Footholds.of), meanings(Footholds.of))
-    walking = options_of(WalkingContact)
-    for name, layer in WALKING_LAYERS.items():
-        every = options_of(layer)
-        section(f"### `{name}`, walking", _without(every, walking), meanings(layer))
-        if walking.keys() <= every.keys():
-            parts.append("And those about contacts.")
-    section("### About contacts, walking", walking, meanings(WalkingContact))
+    section("### What steers a gait", options_of(Footholds.of), meanings(Footholds.of))
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
     parts.append(_RANDOMISED)
     section("## `render_options`", options_of(RenderOptions), meanings(RenderOptions))

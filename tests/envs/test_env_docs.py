@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
+from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.balance_env import BalanceEnv
@@ -281,9 +281,8 @@ def test_walking_action_tables(walker):
     assert rows.keys() == options.keys() == LAYERS.keys()
     robot = walker.batch.robot
     for name in LAYERS:
-        known = walking_layer_options(name)
+        known = layer_options(name)
         assert set(names_in(options[name])) | {"footholds", "step_rate"} == known.keys()
-        assert known["footholds"] == (name in ("base_acceleration", "com_wrench"))
         given = {"footholds": True, "step_rate": True}
         config = EnvConfig(robot, task="walk", action_layer=name, layer_options=given)
         layer, steering = config.layer(robot, walker.batch.task)

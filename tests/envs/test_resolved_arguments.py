@@ -1,5 +1,6 @@
 """What an environment's arguments mean, spelled out: complete, and JSON can hold it."""
 
+import itertools
 import json
 from dataclasses import fields
 
@@ -7,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
+from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig, resolved_arguments
@@ -16,15 +17,15 @@ from fbid_gym.robots.terrain import LEVELLED
 from fbid_gym.tasks import task_options
 
 
-@pytest.mark.parametrize("layer", LAYERS)
-@pytest.mark.parametrize("name", ENVIRONMENTS)
+@pytest.mark.parametrize(
+    ("name", "layer"),  # pairs: whatever the environment, every layer somewhere
+    [*zip(ENVIRONMENTS, itertools.cycle(LAYERS)), *zip(itertools.cycle(ENVIRONMENTS), LAYERS)],
+)
 def test_every_argument_has_a_value_that_json_keeps(name, layer):
     resolved = resolved_arguments(name, {"action_layer": layer})
     own = {field.name for field in fields(EnvConfig)} - {"task_options"}
     assert resolved.keys() == own | task_options(ENVIRONMENTS[name]["task"]).keys()
-    walks = ENVIRONMENTS[name]["task"] == "walk"
-    options = walking_layer_options(layer) if walks else layer_options(layer)
-    assert resolved["layer_options"].keys() == options.keys()
+    assert resolved["layer_options"].keys() == layer_options(layer).keys()
     unset = {key for key, value in resolved.items() if value is None}
     assert unset == ({"terrain_height"} if resolved["terrain"] in LEVELLED else set())
     assert None not in resolved["layer_options"].values()
@@ -65,16 +66,17 @@ def test_what_is_resolved_of_ground_by_difficulty_can_be_said():
 def test_what_was_said_stays_and_a_changed_default_shows(monkeypatch):
     given = {"push_force": (3, 4), "layer_options": {"scale": 0.1}, "action_layer": "other"}
 
-    def other(robot, control_hz, *, scale=0.3, damping_ratio=0.5):
-        return JointPosition.of(robot, control_hz, scale=scale, damping_ratio=damping_ratio)
+    def other(robot, control_hz, kind, *, scale=0.3, damping_ratio=0.5):
+        return JointPosition.of(robot, control_hz, kind, scale=scale, damping_ratio=damping_ratio)
 
     monkeypatch.setitem(LAYERS, "other", other)
     resolved = resolved_arguments("fbid_gym/BipedBalance-v0", given)
     assert resolved["push_force"] == [3, 4]
-    assert resolved["layer_options"] == {"scale": 0.1, "damping_ratio": 0.5}
+    steering = {"footholds": False, "step_rate": False}
+    assert resolved["layer_options"] == {"scale": 0.1, "damping_ratio": 0.5} | steering
     monkeypatch.setitem(other.__kwdefaults__, "damping_ratio", 0.7)
     again = resolved_arguments("fbid_gym/BipedBalance-v0", given)
-    assert again == resolved | {"layer_options": {"scale": 0.1, "damping_ratio": 0.7}}
+    assert again == resolved | {"layer_options": {"scale": 0.1, "damping_ratio": 0.7} | steering}
 
 
 def test_how_it_is_drawn_or_stepped_is_not_what_it_is():
