@@ -68,6 +68,30 @@ MAX_LINES = 450
 MACHINERY_LINES, NUMBA_NAMES = 500, 5
 """Most lines of what compiles, and most names that it imports from inside Numba."""
 
+# What follows are budgets: they only go down. Whoever needs more lines in one place finds them in
+# another, or says in the commit why the house has to grow.
+LONGER = {"fbid_gym/actions/law.py": 650, "fbid_gym/control/whole_body.py": 850}  # to be split
+LINES = {
+    ".": 2750,
+    "actions": 3300,
+    "control": 4700,
+    "dynamics": 3100,
+    "envs": 4000,
+    "motions": 3900,
+    "policy": 750,
+    "robots": 4900,
+    "tasks": 2050,
+}
+# What one opens to read a layer: modules and lines that it imports, by way of others as well.
+# 35 and 5,500 is where this shall go.
+READING = {"fbid_gym.actions.base_acceleration": (37, 7150)}
+NOT_READ = ("robots", "envs", "fbid_gym")
+
+# Whoever has to know of which class a layer or a task is does by case what the layer or the task
+# shall do itself. So it is told by these members who is one, and only registries may ask.
+LAYER, TASK = "action_names", "observation_groups"
+REGISTRIES = ("fbid_gym.actions", "fbid_gym.tasks")
+
 
 def modules(root: Path) -> dict[str, Path]:
     """Dotted name -> file, for every module of the packages under `root`."""
@@ -170,7 +194,65 @@ def import_circles(root: Path) -> list[str]:
 def long_modules(root: Path) -> list[str]:
     """Modules that should be split."""
     lines = {path: len(path.read_text().splitlines()) for path in modules(root).values()}
-    return [f"{p.relative_to(root)}: {n} lines" for p, n in lines.items() if n > MAX_LINES]
+    named = {str(path.relative_to(root)): count for path, count in lines.items()}
+    return [f"{p}: {n} lines" for p, n in named.items() if n > LONGER.get(p, MAX_LINES)]
+
+
+def folder_lines(root: Path) -> dict[str, int]:
+    """Lines of each folder of the library, "." for the modules beside them."""
+    found: dict[str, int] = {}
+    for path in modules(root).values():
+        folder, *rest = path.relative_to(root).parts
+        if folder == "fbid_gym":
+            name = rest[0] if len(rest) > 1 else "."
+            found[name] = found.get(name, 0) + len(path.read_text().splitlines())
+    return found
+
+
+def home_of(name: str, known: dict[str, Path]) -> str:
+    """The module in which an imported name is defined, also one that a package gathers."""
+    module = module_of(name, known)
+    if known[module].name == "__init__.py" and module != name:
+        own = name.removeprefix(f"{module}.").split(".")[0]
+        for _, gathered in imports(known[module], module, typing=False):
+            if gathered.rpartition(".")[2] == own:
+                return home_of(gathered, known)
+    return module
+
+
+def read_for(root: Path, module: str) -> set[str]:
+    """The modules of the library that one opens to read one of them."""
+    known, found, waiting = modules(root), set[str](), [module]
+    while waiting:
+        name = waiting.pop()
+        found.add(name)
+        names = (name for _, name in imports(known[name], name, typing=False))
+        homes = {home_of(name, known) for name in names if name.split(".")[0] == "fbid_gym"}
+        waiting += [home for home in homes - found if unit_of(home) not in NOT_READ]
+    return found
+
+
+def asked_classes(root: Path) -> list[str]:
+    """Places outside the registries that ask of which class a layer or a task is."""
+    known, special = modules(root), set[str]()
+    for module, path in known.items():
+        if unit_of(module) in ("actions", "tasks"):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.ClassDef):
+                    functions = (f for f in node.body if isinstance(f, ast.FunctionDef))
+                    members = {function.name for function in functions}
+                    special |= {node.name} if members & {LAYER, TASK} else set()
+    found = []
+    for module, path in known.items():
+        if module in REGISTRIES or not module.startswith("fbid_gym"):
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance":
+                named = {n.id for n in ast.walk(node.args[1]) if isinstance(n, ast.Name)}
+                named |= {n.attr for n in ast.walk(node.args[1]) if isinstance(n, ast.Attribute)}
+                if named & special:
+                    found.append(f"{path.relative_to(root)}:{node.lineno}: {ast.unparse(node)}")
+    return found
 
 
 def heavy_machinery(root: Path) -> list[str]:
@@ -222,6 +304,24 @@ def test_the_machinery_is_small() -> None:
     assert heavy_machinery(ROOT) == []
 
 
+def test_the_library_grows_in_no_folder() -> None:
+    found = folder_lines(ROOT)
+    assert found.keys() == LINES.keys()
+    assert {name: lines for name, lines in found.items() if lines > LINES[name]} == {}
+
+
+@pytest.mark.parametrize("module", READING)
+def test_a_layer_can_be_read(module: str) -> None:
+    known, most = modules(ROOT), READING[module]
+    opened = read_for(ROOT, module)
+    lines = sum(len(known[name].read_text().splitlines()) for name in opened)
+    assert len(opened) <= most[0] and lines <= most[1], (len(opened), lines, sorted(opened))
+
+
+def test_nobody_asks_of_which_class_a_layer_or_a_task_is() -> None:
+    assert asked_classes(ROOT) == []
+
+
 def test_every_error_is_raised_and_tested() -> None:
     assert idle_errors(ROOT) == []
 
@@ -255,7 +355,8 @@ LAWFUL = {
 
 def test_a_lawful_tree_passes(tmp_path: Path) -> None:
     write_tree(tmp_path, LAWFUL)
-    for rule in (import_violations, import_circles, long_modules, idle_errors, heavy_machinery):
+    every = (import_violations, import_circles, long_modules, idle_errors, asked_classes)
+    for rule in (*every, heavy_machinery):
         assert rule(tmp_path) == []
 
 
@@ -328,3 +429,23 @@ def test_idle_errors_are_found(tmp_path: Path) -> None:
     write_tree(tmp_path, LAWFUL)
     write_tree(tmp_path, {"fbid_gym/errors.py": LAWFUL["fbid_gym/errors.py"] + extra})
     assert idle_errors(tmp_path) == ["RunError is never raised", "RunError is in no test"]
+
+
+def test_folders_are_counted_and_who_reads_a_module_reads_what_it_imports(tmp_path: Path) -> None:
+    write_tree(tmp_path, LAWFUL | {"fbid_gym/control/law.py": "from ..dynamics import Terms\n" * 3})
+    write_tree(
+        tmp_path, {"fbid_gym/control/__init__.py": "from .law import f\nfrom .other import g"}
+    )
+    write_tree(tmp_path, {"fbid_gym/control/other.py": "", "fbid_gym/dynamics/terms.py": "x = 1\n"})
+    write_tree(tmp_path, {"fbid_gym/dynamics/__init__.py": "from .terms import Terms"})
+    write_tree(tmp_path, {"fbid_gym/actions/push.py": "from fbid_gym.control import f"})
+    assert folder_lines(tmp_path)["control"] == 5 and folder_lines(tmp_path)["."] == 6
+    opened = {"fbid_gym.actions.push", "fbid_gym.control.law", "fbid_gym.dynamics.terms"}
+    assert read_for(tmp_path, "fbid_gym.actions.push") == opened
+
+
+def test_who_asks_for_the_class_of_a_layer_is_found(tmp_path: Path) -> None:
+    layer = "class Push:\n    def action_names(self): ...\nclass Law: ..."
+    asked = "isinstance(layer, int | Push)\nisinstance(law, Law)\nisinstance(layer, actions.Push)"
+    write_tree(tmp_path, LAWFUL | {"fbid_gym/actions/push.py": layer, "fbid_gym/envs/a.py": asked})
+    assert len(asked_classes(tmp_path)) == 2

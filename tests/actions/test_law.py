@@ -12,7 +12,7 @@ from fbid_gym.actions.law import Command, Law, desired_acceleration
 from fbid_gym.control import operational_space_acceleration
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions import periodic_squat
+from fbid_gym.motions import squat_bow
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.target import MotionKind, standing_target
 from fbid_gym.quantities import RobotState
@@ -36,9 +36,17 @@ def law_of(robot):
     return Law.of(robot, HZ, contact, gains, 1.0)
 
 
+def bent(robot):
+    """(nq,) a posture on bent legs, the deepest of a squat on soles."""
+    if not robot.has_soles:
+        return robot.home_qpos
+    squat = squat_bow(robot, speed=20).rows.qpos
+    return squat[squat[:, 2].argmin()]
+
+
 def crouched(robot, rng, noise):
     """A robot on bent legs, all of it in motion."""
-    qpos = periodic_squat(robot).rows.qpos[:1] if robot.has_soles else robot.home_qpos[None]
+    qpos = bent(robot)[None]
     qpos, qvel = qpos.copy(), noise * rng.normal(size=(1, robot.nv))
     qpos[:, 7:] += noise * rng.normal(size=(1, robot.num_joints))
     turn = np.array([1.0, 0.0, 0.0, 0.4]) + noise * np.array([0.0, *rng.normal(size=3)])

@@ -22,10 +22,10 @@ from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.motions import periodic_squat
+from fbid_gym.motions import squat_bow
 from fbid_gym.motions.target import planned_kind, standing_target
 from fbid_gym.quantities import DynamicsTerms, RobotState, Target, some_of
-from fbid_gym.robots import Robot
+from fbid_gym.robots import Robot, quadruped
 
 FRICTION, HZ = 0.6, 500
 SPARE = ("biped",)  # legs of seven joints: see `whole_body`, they move by themselves for no task
@@ -60,6 +60,14 @@ def planted_sets(robot: Robot) -> np.ndarray:
     return np.array([[foot in chosen for foot in feet] for chosen in sets])
 
 
+def bent(robot: Robot) -> np.ndarray:
+    """(nq,) a posture on bent legs, the deepest of a squat on soles."""
+    if not robot.has_soles:
+        return robot.home_qpos
+    squat = squat_bow(robot, speed=20).rows.qpos
+    return squat[squat[:, 2].argmin()]
+
+
 def scene_of(robot: Robot, rng: np.random.Generator, size: float = 3.0, each: int = 2) -> Scene:
     """Robots on bent legs that move and are turned, on every set of feet.
 
@@ -71,18 +79,18 @@ def scene_of(robot: Robot, rng: np.random.Generator, size: float = 3.0, each: in
     """
     planted = np.repeat(planted_sets(robot), each, axis=0)
     count = len(planted)
-    qpos = periodic_squat(robot).rows.qpos[:1] if robot.has_soles else robot.home_qpos[None]
+    qpos = bent(robot)[None]
     qpos = np.repeat(qpos, count, axis=0)
     qpos[:, 7:] += 0.1 * rng.normal(size=(count, robot.num_joints))
     qpos[:, :3] += rng.normal(size=(count, 3))
     turn = np.array([1.0, 0.0, 0.0, 0.0]) + rng.normal(size=(count, 4)) * [0.0, 0.1, 0.1, 0.5]
     qpos[:, 3:7] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
-    qvel = 0.3 * rng.normal(size=(count, robot.nv))
+    qvel = 0.1 * min(size, 3.0) * rng.normal(size=(count, robot.nv))
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
     target = standing_target(terms, robot.home_qpos)
     target.planted[:], target.load[:] = planted, planted
     target.foot_position[:] += 0.02 * rng.normal(size=target.foot_position.shape)
-    target.foot_velocity[:] = 0.3 * rng.normal(size=target.foot_velocity.shape)
+    target.foot_velocity[:] = 0.1 * size * rng.normal(size=target.foot_velocity.shape)
     target.foot_acceleration[:] = size * rng.normal(size=target.foot_acceleration.shape)
     force, tick = np.zeros((count, robot.num_points, 3)), np.zeros(count, np.int64)
     reference, body = size * rng.normal(size=(count, robot.nv)), size * rng.normal(size=(count, 6))
@@ -172,7 +180,7 @@ def test_the_motion_is_that_of_the_dense_law(robot, rng):
     np.testing.assert_allclose(np.matvec(rows, found) + rate, scene.command.body, atol=1e-6)
     if robot.name not in SPARE:
         size = np.abs(dense.motion).max(axis=1, keepdims=True)
-        np.testing.assert_allclose(found / size, dense.motion / size, atol=1e-5)
+        np.testing.assert_allclose(found / size, dense.motion / size, atol=1e-4)
     else:  # near it: no more motion than a tenth beside the least
         metric = 1.0 / law.constants.mobility
         least, own = (
@@ -210,7 +218,7 @@ def beyond_cones(scene: Scene, law: Law, wrench: np.ndarray, i: int) -> float:
     return worst
 
 
-@pytest.mark.parametrize("size", [0.5, 8.0])
+@pytest.mark.parametrize("size", [0.2, 8.0])
 def test_torques_do_what_is_promised_by_forces_within_their_cones(robot, rng, size):
     """By forward dynamics with hard contacts; with all that is asked where no limit binds."""
     scene, law = scene_of(robot, rng, size), law_of(robot)
@@ -221,7 +229,7 @@ def test_torques_do_what_is_promised_by_forces_within_their_cones(robot, rng, si
         push = robot.weight * (1.0 + np.abs(desired[i]).max() / robot.gravity)
         # The inscribed polygon of 64 edges is 0.12 % smaller than the cone.
         assert beyond_cones(scene, law, wrench, i) < 2e-3 * push
-        if residual[i] < 1e-6:
+        if residual[i] < 1e-5:
             free += 1
             most = np.abs(desired[i]).max()
             np.testing.assert_allclose(acceleration, desired[i], atol=1e-4 * most)
@@ -349,10 +357,9 @@ def test_where_a_robot_is_and_which_way_it_faces_does_not_matter(robot, rng, lim
 
 
 def test_the_order_of_the_feet_does_not_matter(rng):
-    one = robots.load("go1")
-    order = [2, 0, 3, 1]
-    names = [one.foot_names[foot] for foot in order]
-    other = Robot.from_mjcf(one.spec.copy(), names, name="shuffled", home=one.home_qpos)
+    one, order = robots.load("quadruped"), [2, 0, 3, 1]
+    names = [quadruped.FEET[foot] for foot in order]
+    other = Robot.from_mjcf(one.spec.copy(), names, name="shuffled", home=quadruped.HOME)
     scene = scene_of(one, rng)
     feet = ("planted", "load", "foot_position", "world_from_foot", "foot_velocity")
     feet = (*feet, "foot_acceleration", "foothold", "clipped")
@@ -387,10 +394,9 @@ def test_robots_are_each_on_their_own(robot, rng, limits):
 
 def straightening(robot: Robot, steps: int) -> Scene:
     """Robots whose legs go from bent to straight and beyond, all feet on the ground."""
-    bent = periodic_squat(robot).rows.qpos[0] if robot.has_soles else robot.home_qpos
-    straight = np.zeros(robot.num_joints)
-    qpos = np.repeat(bent[None], steps, axis=0)
-    qpos[:, 7:] += np.linspace(0.0, 1.1, steps)[:, None] * (straight - bent[7:])
+    start, straight = bent(robot), np.zeros(robot.num_joints)
+    qpos = np.repeat(start[None], steps, axis=0)
+    qpos[:, 7:] += np.linspace(0.0, 1.1, steps)[:, None] * (straight - start[7:])
     qvel = np.full((steps, robot.nv), 0.1)
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
     force, tick = np.zeros((steps, robot.num_points, 3)), np.zeros(steps, np.int64)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import fbid_gym
-from fbid_gym.actions import LAYERS, WALKING_LAYERS, make_layer, make_walking_layer, walking_options
+from fbid_gym.actions import LAYERS, layer_choices, make_layer
 from fbid_gym.envs.__main__ import page
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import EnvConfig
@@ -23,6 +23,7 @@ from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rendering import check_rendering
 from fbid_gym.errors import FbidError, shown
+from fbid_gym.motions.target import MotionKind, planned_kind
 from fbid_gym.options import Choice, Flag, Named, Pair, options_of
 from fbid_gym.robots import load
 from fbid_gym.tasks import TASKS, Pushes, Start, make_task
@@ -111,20 +112,15 @@ def tried():
 
         for option in options_of(kind.of).values():
             yield f"{task}-{option.name}", option, of_task
-    for layer, build in LAYERS.items():
+    planned = planned_kind(load("biped")), load("biped")
+    walking = MotionKind(True, 6.0), load("go1")
+    for layer, (kind, robot) in zip(LAYERS, itertools.cycle([planned, walking]), strict=False):
 
-        def standing(name, value, layer=layer):
-            make_layer(layer, load("biped"), 500, {name: value})
+        def of_layer(name, value, layer=layer, kind=kind, robot=robot):
+            make_layer(layer, robot, 250, kind, {name: value})
 
-        for option in options_of(build).values():
-            yield f"{layer}-{option.name}", option, standing
-    for layer in WALKING_LAYERS:
-
-        def walking(name, value, layer=layer):
-            make_walking_layer(layer, load("go1"), 250, 6.0, {name: value})
-
-        for option in walking_options(layer).values():
-            yield f"walking-{layer}-{option.name}", option, walking
+        for option in layer_choices(layer).values():
+            yield f"{layer}-{option.name}", option, of_layer
 
 
 TRIED = list(tried())

@@ -9,10 +9,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from fbid_gym.actions import LAYERS, WALKING_LAYERS, register_layer
+from fbid_gym.actions import LAYERS, register_layer
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
-from fbid_gym.motions import home_target
+from fbid_gym.motions import home_target, in_world
+from fbid_gym.motions.target import planned_kind
 from fbid_gym.options import Number
 from fbid_gym.tasks import TASKS, Episode, Group, Term, register_task
 from fbid_gym.tasks.outcome import Outcome
@@ -23,7 +24,7 @@ ENV = "fbid_gym/QuadrupedBalance-v0"
 @pytest.fixture(autouse=True)
 def registries() -> Iterator[None]:
     """As they were, afterwards."""
-    kept = [(registry, dict(registry)) for registry in (LAYERS, WALKING_LAYERS, TASKS)]
+    kept = [(registry, dict(registry)) for registry in (LAYERS, TASKS)]
     yield
     for registry, before in kept:
         registry.clear()
@@ -43,11 +44,11 @@ class Limp:
     def memory(self, num_robots: int) -> dict[str, np.ndarray]:
         return {} if self.rows is None else {"way": np.zeros(self.rows)}
 
-    def torque(self, action, state, reference, terms, memory):
+    def torque(self, action, state, target, terms, memory):
         return np.zeros((len(action), self.count)) if self.answer is None else self.answer
 
 
-def limp(robot: Any, control_hz: int, *, answer: Any = None) -> Limp:
+def limp(robot: Any, control_hz: int, kind: Any, *, answer: Any = None) -> Limp:
     return Limp(robot.num_joints, answer)
 
 
@@ -84,8 +85,15 @@ class Rest(Episode):
     def memory(self, terms):
         return self.answers.get("memory", {})
 
-    def reference(self, plan, now):
-        return home_target(self.body.robot)
+    @property
+    def kind(self):
+        return planned_kind(self.body.robot)
+
+    def advance(self, plan, now):
+        pass
+
+    def target(self, plan, now):
+        return in_world(self.body.stance.heading, home_target(self.body.robot), now.terms())
 
     def measure(self, outcome, plan, memory):
         return Rested(outcome)
@@ -109,15 +117,11 @@ def test_a_layer_goes_wherever_those_of_the_package_go() -> None:
     *_, info = stepped(action_layer="limp")
     assert info["torque"].shape == (2, 12) and not info["torque"].any()
     resolved = resolved_arguments(ENV, {"action_layer": "limp"})
-    assert resolved is not None and resolved["layer_options"] == {"answer": None}
+    steering = {"footholds": False, "step_rate": False}
+    assert resolved is not None and resolved["layer_options"] == {"answer": None} | steering
     with pytest.raises(UnknownOptionError, match="option of action layer 'limp'.*answer"):
         gym.make(ENV, action_layer="limp", layer_options={"scale": 1.0})
-    with pytest.raises(UnknownOptionError, match="Unknown action layer 'limp'.*com_wrench"):
-        gym.make("fbid_gym/QuadrupedWalk-v0", action_layer="limp")
-    register_layer("limp", limp, walking=lambda robot, hz, omega: limp(robot, hz))
-    gym.make("fbid_gym/QuadrupedWalk-v0", action_layer="limp")
-    register_layer("limp", limp)
-    assert "limp" not in WALKING_LAYERS
+    gym.make("fbid_gym/QuadrupedWalk-v0", action_layer="limp", layer_options={"footholds": True})
 
 
 def test_a_task_goes_wherever_those_of_the_package_go() -> None:
@@ -151,13 +155,14 @@ def test_a_task_of_the_package_stays() -> None:
 
 
 @pytest.mark.parametrize(
-    "build", [None, lambda robot: None, lambda robot, hz, scale: None, lambda robot, hz, *, k: None]
+    "build",
+    [None, lambda robot, hz: None, lambda r, hz, kind, more: None, lambda r, hz, kind, *, k: None],
 )
 def test_a_constructor_that_is_refused(build: Any) -> None:
-    with pytest.raises(InvalidValueError, match=r"constructor of mine.*\(robot, control_hz\)"):
+    with pytest.raises(
+        InvalidValueError, match=r"constructor of mine.*\(robot, control_hz, kind\)"
+    ):
         register_layer("mine", build)
-    with pytest.raises(InvalidValueError, match=r"constructor of mine.*control_hz, omega\)"):
-        register_layer("mine", limp, walking=limp)
     assert "mine" not in LAYERS
 
 
@@ -242,7 +247,7 @@ def test_answers_of_a_task_that_are_refused(answers: dict[str, Any], words: str)
     ],
 )
 def test_layers_that_are_refused(own: dict[str, Any], words: str) -> None:
-    register_layer("limp", lambda robot, hz: Limp(robot.num_joints, **own))
+    register_layer("limp", lambda robot, hz, kind: Limp(robot.num_joints, **own))
     with pytest.raises(FbidError, match=words):
         gym.make_vec(ENV, num_envs=2, action_layer="limp")
 
@@ -291,7 +296,7 @@ def test_options_of_a_users_layer_and_task_may_stand_together() -> None:
     """Whatever they are called; also beside one whose name this package uses for a group."""
     built = []
 
-    def soft(robot: Any, hz: int, *, contact: bool = True, own: Softness = Softness()) -> Limp:
+    def soft(robot, hz, kind, *, contact: bool = True, own: Softness = Softness()) -> Limp:
         built.append((contact, own.give))
         return Limp(robot.num_joints)
 
@@ -315,13 +320,13 @@ def test_whoever_hears_of_an_error_is_alone() -> None:
 
     @dataclass(frozen=True)
     class Slow(Limp):
-        def torque(self, action, state, reference, terms, memory):
+        def torque(self, action, state, target, terms, memory):
             if len(action) == 1:
                 return "nothing"
             calls.append(time.sleep(0.005))
-            return super().torque(action, state, reference, terms, memory)
+            return super().torque(action, state, target, terms, memory)
 
-    register_layer("slow", lambda robot, hz: Slow(robot.num_joints))
+    register_layer("slow", lambda robot, hz, kind: Slow(robot.num_joints))
     envs = gym.make_vec(ENV, num_envs=3, num_threads=2, action_layer="slow")
     envs.reset(seed=0)
     with pytest.raises(InvalidValueError, match="torque of Slow"):

@@ -37,7 +37,8 @@ def stand(seed: int, layer: str, **options: str) -> tuple[EnvBatch, Step]:
 @pytest.mark.parametrize("seed", CHAINS)
 def test_closed_chains_stand(seed, layer):
     _, step = stand(seed, layer)
-    assert step.info["layer_residual"].max() < 1e-3
+    # Of the weight, or of gravity for feet that their legs would move against each other.
+    assert step.info["layer_residual"].max() < 5e-3
 
 
 @pytest.mark.parametrize("seed", TWO_SOLES)

@@ -4,9 +4,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from fbid_gym.actions import make_layer
 from fbid_gym.errors import FbidError, RobotError
 from fbid_gym.motions.gait.gait import gait_of
-from fbid_gym.motions.gait.joints import leg_joints_of
+from fbid_gym.motions.target import MotionKind
 from fbid_gym.robots import Robot
 
 QUADRUPED, BIPED = "fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0"
@@ -45,8 +46,8 @@ TERRAIN = "fbid_gym/QuadrupedTerrain-v0"
         ),
         (
             QUADRUPED,
-            {"action_layer": "com_wrench", "layer_options": {"contacts": "all"}},
-            "option of action layer 'com_wrench' on a gait 'contacts'.*contact_limits",
+            {"action_layer": "com_wrench", "layer_options": {"balancer": "ott2011"}},
+            "balancer: 'ott2011'. Expected \"inverse_dynamics\" on a gait",
         ),
         (QUADRUPED, {"layer_options": {"footholds": 1}}, "footholds: 1. .*True or False"),
         (QUADRUPED, {"height_range": (0.9, 1.0)}, "'height_range'.*forward_range"),
@@ -103,7 +104,8 @@ def test_a_gait_for_a_robot_with_too_few_feet(planar):
 
 def test_feet_that_no_inverse_kinematics_places(planar):
     with pytest.raises(RobotError, match="Foot 'fl' .* hangs from 2 joints .* at least three"):
-        leg_joints_of(planar(list(PLACES)), aware=True)
+        kind = MotionKind(True, 6.0)
+        make_layer("joint_acceleration", planar(list(PLACES)), 250, kind)
     with pytest.raises(RobotError, match="Foot 'fl' .* hangs from 2 joints .* at least three"):
         gym.make(QUADRUPED, robot=planar(list(PLACES)), action_layer="joint_position")
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.command import GaitCommand, no_command
 from fbid_gym.motions.gait.point_feet import walk
@@ -70,7 +71,10 @@ class Ghost:
         feet[:, :, 2] = np.maximum(feet[:, :, 2], self.ground(feet))
         velocity = target.com_velocity
         step = np.append(velocity[0, :2], velocity[0, :2] @ self.slope) * TICK
+        facing = quaternion_to_matrix(target.qpos[:, 3:7])
         self.terms = self.terms._replace(
+            world_from_base=facing,
+            world_from_trunk=facing,
             foot_position=feet,
             base_position=self.terms.base_position + step,
             com=self.terms.com + step,
