@@ -394,7 +394,7 @@ def _feet(law: LawConstants, target: Target, terms: DynamicsTerms, active: np.nd
                 for k in range(6):
                     acceleration[i, foot, k] = -gains.hold * terms.foot_velocity[i, foot, k]
             elif law.feet_first and (stands or not target.planted[i, foot]):
-                # In flight, a foot that shall stand has no place in the world: it goes with its leg.
+                # In flight, a foot that shall stand has no place to go to: it goes with its leg.
                 asked[i, foot] = MOVES
                 left = turned_left(
                     matrix(target.world_from_foot, (i, foot)),

@@ -50,7 +50,7 @@ from fbid_gym.dynamics.vectors import (
 )
 from fbid_gym.dynamics.vectors import dot as inner
 from fbid_gym.quantities import Accuracy, ContactGeometry, DynamicsTerms
-from fbid_gym.small_matrices import dot, factor, factor_damped, solve_factored
+from fbid_gym.small_matrices import dot, factor, solve_factored
 
 FREE, MOVES, STANDS = 0, 1, 2
 """What is asked of a foot: nothing, to move as told, or that its contact does not move."""
@@ -124,7 +124,8 @@ class Work(NamedTuple):
         columns: (6, 6) S^-1 rows^T;
         gains: (6, 6);
         share: (6,) what is left to do of the task, then S^-1 rows^T of it is the change of u.
-        column: (6,) a buffer.
+        column: (6,) and
+        diagonal: (6,), buffers.
         arms: (P, 3) m, world, of the points on the ground from their foot's reference.
         feet: (P,) int64, theirs.
         forces: on these points.
@@ -148,6 +149,7 @@ class Work(NamedTuple):
     gains: np.ndarray
     share: np.ndarray
     column: np.ndarray
+    diagonal: np.ndarray
     arms: np.ndarray
     feet: np.ndarray
     forces: Room
@@ -180,7 +182,8 @@ def room_to_work(limbs: Limbs, geometry: ContactGeometry, mobility: np.ndarray) 
         np.zeros((feet, rows, 6)),
         np.zeros((feet, joints, 6)),
         *(square[0], square[1], np.zeros((6, others)), free),
-        *(square[2], np.zeros((6, others)), square[3], square[4], np.empty(6), np.empty(6)),
+        *(square[2], np.zeros((6, others)), square[3], square[4]),
+        *(np.empty(6), np.empty(6), np.empty(6)),
         np.empty((points, 3)),
         np.empty(points, np.int64),
         room_for(points),
@@ -276,13 +279,15 @@ def factor_legs(
 
 
 @compiled
-def _factor_six(matrix: np.ndarray, column: np.ndarray) -> None:
-    """As `factor_damped` with 1 as the least eigenvalue, of a symmetric matrix (6, 6).
+def _factor_firm(matrix: np.ndarray, column: np.ndarray, diagonal: np.ndarray) -> None:
+    """Overwrite the lower half of a symmetric matrix (6, 6) >= 0 with a Cholesky factor.
 
-    Most are far from singular, and here that is seen without making arrays; `column` (6,) is a
-    buffer.
+    Of the matrix itself where the trace t of its inverse is below 1. Else 1 - 1/t is added to its
+    diagonal first: the factor is continuous, and no eigenvalue ends below a half. `column` (6,) and
+    `diagonal` (6,) are buffers; the upper half is overwritten.
     """
     for i in range(6):
+        diagonal[i] = matrix[i, i]
         for j in range(i):
             matrix[j, i] = matrix[i, j]
     factor(matrix)
@@ -296,16 +301,13 @@ def _factor_six(matrix: np.ndarray, column: np.ndarray) -> None:
             trace += column[i] * column[i]
     if trace < 1.0:
         return
+    # A matrix that rounding has made indefinite has no such trace.
+    added = 1.0 - 1.0 / trace if trace < np.inf else 1.0
     for i in range(6):
-        square = 0.0
-        for j in range(i + 1):
-            square += matrix[i, j] * matrix[i, j]
-        column[i] = square
-    for i in range(6):
-        matrix[i, i] = column[i]
+        matrix[i, i] = diagonal[i] + added
         for j in range(i):
             matrix[i, j] = matrix[j, i]
-    factor_damped(matrix, 1.0)
+    factor(matrix)
 
 
 @compiled
@@ -570,7 +572,7 @@ def serve_body(size: int, least_gain: np.ndarray, work: Work, motion: Motion) ->
         for other in range(row):
             lower[row, other] = 0.0
         share[row], lower[row, row] = 0.0, 1.0
-    _factor_six(lower, work.column)
+    _factor_firm(lower, work.column, work.diagonal)
     solve_factored(lower, share)
     for row in range(6):
         share[row] /= least_gain[row]

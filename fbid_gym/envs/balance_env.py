@@ -64,9 +64,9 @@ class BalanceEnv(RobotEnv):
     `env.unwrapped.action_names` names each entry of the action with its scale and unit; of a vector
     environment it is `envs.unwrapped.action_names`.
 
-    Options of the layers, whatever the task (`fbid_gym.actions.layer_options(name)` has the
-    defaults). Frequencies are in Hz, or `Falling(1.7)` is 1.7 times that at which the robot
-    falls over, sqrt(g / height of the centre of mass) / (2 pi):
+    Options of the layers, whatever the task (`layer_options`; their defaults are in
+    `fbid_gym.actions.layer_options(name)`). Frequencies are in Hz, or `Falling(1.7)` is 1.7 times
+    that at which the robot falls over, sqrt(g / height of the centre of mass) / (2 pi):
 
     | Layer                        | Options                                                       |
     | ---------------------------- | ------------------------------------------------------------- |
