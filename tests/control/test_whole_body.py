@@ -439,6 +439,6 @@ def test_contacts_that_are_given_up_are_reported(rng):
     jacobian, bias = rows_of(scene, law)
     moved = np.linalg.norm(np.matvec(jacobian, desired_of(law, scene)) + bias, axis=1)
     found = moved / robot.gravity
-    assert (residual > 0.99 * found).all() and found.max() > 1e-3
-    # Where the forces miss nothing beside it.
-    assert (np.abs(residual - found) < 1e-6).any()
+    # Before limits, that is: what yields to them moves the feet by a little less or more.
+    assert (residual > 0.9 * found).all() and found.min() > 1e-3
+    assert np.median(np.abs(residual - found)) < 1e-3 * np.median(found)
