@@ -37,11 +37,12 @@ def law_of(robot):
 
 
 def bent(robot):
-    """(nq,) a posture on bent legs, the deepest of a squat on soles."""
+    """(nq,) a posture on bent legs, on soles half-way down a squat."""
     if not robot.has_soles:
         return robot.home_qpos
     squat = squat_bow(robot, speed=20).rows.qpos
-    return squat[squat[:, 2].argmin()]
+    height = squat[:, 2]
+    return squat[np.abs(height - 0.5 * (height.min() + height.max())).argmin()]
 
 
 def crouched(robot, rng, noise):

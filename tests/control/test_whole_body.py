@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+from eval.zoo import morphology as zoo
+from eval.zoo.__main__ import built
 from fbid_gym import robots
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import default_gains
@@ -29,7 +31,6 @@ from fbid_gym.robots import Robot, quadruped
 
 FRICTION, HZ = 0.6, 500
 SPARE = ("biped",)  # legs of seven joints: see `whole_body`, they move by themselves for no task
-LEAST = 0.1  # gain of a task of the body that is far from singular
 
 
 class Scene(NamedTuple):
@@ -61,11 +62,12 @@ def planted_sets(robot: Robot) -> np.ndarray:
 
 
 def bent(robot: Robot) -> np.ndarray:
-    """(nq,) a posture on bent legs, the deepest of a squat on soles."""
+    """(nq,) a posture on bent legs, on soles half-way down a squat."""
     if not robot.has_soles:
         return robot.home_qpos
     squat = squat_bow(robot, speed=20).rows.qpos
-    return squat[squat[:, 2].argmin()]
+    height = squat[:, 2]
+    return squat[np.abs(height - 0.5 * (height.min() + height.max())).argmin()]
 
 
 def scene_of(robot: Robot, rng: np.random.Generator, size: float = 3.0, each: int = 2) -> Scene:
@@ -81,10 +83,12 @@ def scene_of(robot: Robot, rng: np.random.Generator, size: float = 3.0, each: in
     count = len(planted)
     qpos = bent(robot)[None]
     qpos = np.repeat(qpos, count, axis=0)
-    qpos[:, 7:] += 0.1 * rng.normal(size=(count, robot.num_joints))
+    noise = 0.1 * min(size, 1.0)
+    qpos[:, 7:] += noise * rng.normal(size=(count, robot.num_joints))
     qpos[:, :3] += rng.normal(size=(count, 3))
-    turn = np.array([1.0, 0.0, 0.0, 0.0]) + rng.normal(size=(count, 4)) * [0.0, 0.1, 0.1, 0.5]
-    qpos[:, 3:7] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
+    for row, turn in zip(qpos, rng.normal(size=(count, 4)) * [0.0, noise, noise, 0.5], strict=True):
+        mujoco.mju_mulQuat(row[3:7], turn + [1.0, 0.0, 0.0, 0.0], row[3:7].copy())
+        row[3:7] /= np.linalg.norm(row[3:7])
     qvel = 0.1 * min(size, 3.0) * rng.normal(size=(count, robot.nv))
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
     target = standing_target(terms, robot.home_qpos)
@@ -156,7 +160,7 @@ def body_rows(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_feet_go_first(robot, rng):
-    """Those that stand stay, to 1e-6 of what is asked; those in the air go where they shall."""
+    """Those that stand stay, those in the air go where they shall; but for the ridges on G."""
     scene, law = scene_of(robot, rng), law_of(robot)
     jacobian, bias = rows_of(scene, law)
     missed = np.abs(np.matvec(jacobian, desired_of(law, scene)) + bias)
@@ -358,13 +362,13 @@ def test_where_a_robot_is_and_which_way_it_faces_does_not_matter(robot, rng, lim
 
 def test_the_order_of_the_feet_does_not_matter(rng):
     one, order = robots.load("quadruped"), [2, 0, 3, 1]
-    names = [quadruped.FEET[foot] for foot in order]
-    other = Robot.from_mjcf(one.spec.copy(), names, name="shuffled", home=quadruped.HOME)
+    feet = {one.foot_names[foot]: quadruped.FEET[one.foot_names[foot]] for foot in order}
+    other = Robot.from_mjcf(one.spec.copy(), feet, name="shuffled", home=quadruped.HOME)
     scene = scene_of(one, rng)
-    feet = ("planted", "load", "foot_position", "world_from_foot", "foot_velocity")
-    feet = (*feet, "foot_acceleration", "foothold", "clipped")
+    of_feet = ("planted", "load", "foot_position", "world_from_foot", "foot_velocity")
+    of_feet = (*of_feet, "foot_acceleration", "foothold", "clipped")
     target = scene.target._replace(
-        **{name: np.ascontiguousarray(getattr(scene.target, name)[:, order]) for name in feet}
+        **{name: np.ascontiguousarray(getattr(scene.target, name)[:, order]) for name in of_feet}
     )
     terms = MuJoCoDynamics(other).terms(scene.state.qpos, scene.state.qvel)
     shuffled = Scene(other, scene.state, terms, target, scene.command)
@@ -408,21 +412,33 @@ def straightening(robot: Robot, steps: int) -> Scene:
 
 def test_torques_go_through_straight_knees(robot):
     """Bounded, and continuous: with half the step there is about half of the change."""
-    law, steepest = law_of(robot), []
+    law, steepest, size = law_of(robot), [], robot.weight * Stance.of(robot).size
     for steps in (401, 801, 1601):
         torque, residual = torque_of(law, straightening(robot, steps))
         assert np.isfinite(torque).all() and np.isfinite(residual).all()
-        assert np.abs(torque).max() < 10.0 * robot.weight * Stance.of(robot).size
+        assert np.abs(torque).max() < 10.0 * size
         steepest.append(np.abs(np.diff(torque, axis=0)).max())
-    assert steepest[1] < 0.75 * steepest[0] and steepest[2] < 0.75 * steepest[1]
+    # Within 0.1 mrad of straight the direction in which a leg cannot move turns round.
+    for change, before in zip(steepest[1:], steepest[:-1], strict=True):
+        assert change < max(0.75 * before, 0.01 * size)
 
 
-def test_contacts_that_are_given_up_are_reported(robot):
-    """Share of gravity by which a foot would move, where all forces can be had."""
-    law = law_of(robot, friction=10.0)
-    scene = straightening(robot, 200)
-    scene = scene._replace(command=scene.command._replace(body=0.0 * scene.command.body))
+def test_contacts_that_are_given_up_are_reported(rng):
+    """Of a robot on soles with five joints a leg, which hold each other in a sixth direction."""
+    robot = built(zoo.draw(2))
+    law, count = law_of(robot, friction=10.0), 20
+    qpos = np.tile(robot.home_qpos, (count, 1))
+    qpos[:, 7:] += 0.05 * rng.normal(size=(count, robot.num_joints))
+    qvel = 0.1 * rng.normal(size=(count, robot.nv))
+    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    force, tick = np.zeros((count, robot.num_points, 3)), np.zeros(count, np.int64)
+    command = Command(np.zeros((count, robot.nv)), np.zeros((count, 6)), np.empty((0, 6)))
+    target = standing_target(terms, robot.home_qpos)
+    scene = Scene(robot, RobotState(qpos, qvel, force, tick), terms, target, command)
     _, residual = torque_of(law, scene)
     jacobian, bias = rows_of(scene, law)
     moved = np.linalg.norm(np.matvec(jacobian, desired_of(law, scene)) + bias, axis=1)
-    np.testing.assert_array_less(moved / robot.gravity, residual + 1e-6)
+    found = moved / robot.gravity
+    # Before limits, that is: what yields to them moves the feet by a little less or more.
+    assert (residual > 0.9 * found).all() and found.min() > 1e-3
+    assert np.median(np.abs(residual - found)) < 1e-3 * np.median(found)

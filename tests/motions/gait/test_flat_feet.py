@@ -231,6 +231,22 @@ def test_a_foot_does_not_jump_when_the_command_does(gait: FlatFootGait) -> None:
     assert (flipped < 2.0 * steady).all()
 
 
+def test_a_swinging_foot_has_the_rates_of_its_way(gait: FlatFootGait) -> None:
+    walkers = Pendulums(gait, np.zeros(1))
+    velocity = np.array([0.2 * gait.width * gait.omega, 0.0, 0.0])
+    rows = [walkers.step(velocity) for _ in range(ticks(gait, 12))][ticks(gait, 6) :]
+    in_air = ~np.array([row.planted[0] for row in rows])
+    swings = in_air[:-1] & in_air[1:]
+    for value, rate in (("foot_position", "foot_velocity"), ("foot_velocity", "foot_acceleration")):
+        values, rates = (
+            np.array([getattr(row, n)[0, :, :3] for row in rows]) for n in (value, rate)
+        )
+        made, said = np.diff(values, axis=0)[swings] / TICK, 0.5 * (rates[1:] + rates[:-1])[swings]
+        # The foothold moves a little as the error of xi does.
+        error = np.linalg.norm(made - said, axis=1)
+        assert np.median(error) < 0.03 * np.linalg.norm(said, axis=1).max()
+
+
 def test_setting_out_is_without_jumps(gait: FlatFootGait) -> None:
     aside = np.array([0.4 * gait.sole[0], 0.1 * gait.width])
     for stands in (20, ticks(gait, 3)):

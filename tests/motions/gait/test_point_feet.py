@@ -143,7 +143,7 @@ def test_starting_walking_and_stopping_are_without_jumps() -> None:
         # The body's acceleration is that of the velocity which is followed.
         rate = (target.com_velocity - last.com_velocity) / TICK
         np.testing.assert_allclose(target.com_acceleration, rate, atol=1e-2)
-        assert np.abs(rate[0, :2]).max() < 1.01 * GAIT.agility[0]
+        assert np.hypot(*rate[0, :2]) < 1.01 * np.hypot(*GAIT.agility[:2])
         walked |= bool(lifted.any())
         last = target
     # The ghost has come to rest with its feet below it.
@@ -172,6 +172,21 @@ def test_feet_land_where_they_were_told_and_stand_as_long_as_planned() -> None:
     assert stood / 1999 == pytest.approx(GAIT.schedule.duty, abs=0.05)
     # Where it passes over them, at the commanded speed, the feet are below their hips.
     assert np.abs(last.com_velocity[0] - [0.3, 0.0, 0.0]).max() < 1e-9
+
+
+def test_a_swinging_foot_has_the_rates_of_its_way() -> None:
+    ghost = commanded(Ghost(GAIT, home()), 0.3, 0.0, 0.0)
+    rows = [ghost.tick() for _ in range(2000)][1000:]
+    in_air = ~np.array([row.planted[0] for row in rows])
+    swings = in_air[:-1] & in_air[1:]
+    for value, rate in (("foot_position", "foot_velocity"), ("foot_velocity", "foot_acceleration")):
+        values, rates = (
+            np.array([getattr(row, n)[0, :, :3] for row in rows]) for n in (value, rate)
+        )
+        made, said = np.diff(values, axis=0)[swings] / TICK, 0.5 * (rates[1:] + rates[:-1])[swings]
+        # The foothold moves on with the robot, and the last way is slow.
+        error = np.linalg.norm(made - said, axis=1)
+        assert np.median(error) < 0.02 * np.linalg.norm(said, axis=1).max()
 
 
 def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands() -> None:
