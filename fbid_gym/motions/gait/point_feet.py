@@ -105,8 +105,8 @@ def _move_body(
     x, y = turned(memory.heading[i], memory.velocity[i, 0], memory.velocity[i, 1])
     face(target, gait.home, memory.heading[i], i)
     move_along(target, gait.home, x, y, memory.velocity[i, 2], i)
-    # In a turn the velocity turns, too. The rate at which its size follows the command is left out:
-    # with it go1 errs by 0.065 instead of 0.070 m/s, and a robot of 2.7 kg falls in 1 of 7 episodes.
+    # In a turn the velocity turns, too. The rate at which its size follows the command is left
+    # out: with it go1 errs by 0.065 instead of 0.070 m/s, and 1 in 7 of a robot of 2.7 kg falls.
     target.com_acceleration[i, 0] = -memory.velocity[i, 2] * y
     target.com_acceleration[i, 1] = memory.velocity[i, 2] * x
     for axis in range(2):
