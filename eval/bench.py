@@ -13,7 +13,7 @@ from typing import Annotated, Literal, get_args
 
 import tyro
 
-from eval.benchmark import controllers, environments, laws, learning, memory
+from eval.benchmark import controllers, environments, first_use, laws, learning, memory
 from eval.benchmark.figures import Section
 from eval.files import check_folder, to_json, write
 from eval.pages import BENCHMARK_PAGE, splice, spliced
@@ -24,7 +24,9 @@ from fbid_gym.robots import ROBOTS
 from train.command import run_command
 from train.runs.versions import versions
 
-SectionName = Literal["laws", "controllers", "layers", "threads", "single", "ppo", "memory"]
+SectionName = Literal[
+    "laws", "controllers", "layers", "threads", "single", "ppo", "memory", "first_use"
+]
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,8 @@ class BenchConfig:
         SectionName
     )
     """What to measure: the laws per control tick, layers on the tasks they are for, environment
-    steps by layer and by thread, a single robot, PPO beside Humanoid-v5, resident memory."""
+    steps by layer and by thread, a single robot, PPO beside Humanoid-v5, resident memory, a first
+    use with nothing compiled."""
     robots: Annotated[tuple[str, ...], Each(Choice(ROBOTS, "robot"))] = tuple(ROBOTS)
     """Built-in robots."""
     layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = tuple(LAYERS)
@@ -63,6 +66,7 @@ def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Sectio
         "single": lambda: environments.single(robots, layers, rounds),
         "ppo": lambda: learning.frames(layers, rounds),
         "memory": lambda: memory.resident(robots),
+        "first_use": first_use.by_environment,
     }
     sections = []
     for name in config.sections:

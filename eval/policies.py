@@ -57,12 +57,13 @@ def _written(value: Measured | None) -> str:
 
 def _training(each: Shipped) -> str:
     card = each.card
-    return (
+    told = (
         f"`{each.name}`: best of {card.evaluations} evaluations of `{card.command}`, at "
         f"{steps_text(card.steps)} of {steps_text(card.total_steps)} steps; trained at commit "
         f"`{_commit(card.trained_with)}`, measured on {card.episodes} episodes from seed "
         f"{card.first_seed} at `{_commit(card.measured_with)}`."
     )
+    return f"{told} **{card.note}**" if card.note else told
 
 
 def _commit(versions: object) -> str:

@@ -31,7 +31,7 @@ from train.command import run_command
 from train.environments import make_env, make_envs, register, step_seconds
 from train.episodes import METRICS, Actor, Episodes, play
 from train.runs.config import parse_object
-from train.runs.environment import changed_meaning
+from train.runs.environment import changed_meaning, load_policy
 from train.runs.reading import Run
 from train.runs.robots import another, chosen, named, of_policy
 from train.runs.tables import to_csv
@@ -138,7 +138,7 @@ def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None =
         robot: instead of the one that it was trained on.
     """
     source = place_of(source)
-    policy = Policy.load(source)
+    policy = load_policy(source)
     robot = of_policy(source, policy.env_args, robot)
     return Player(source.name, policy.env_id, {**policy.env_args, **env_args}, policy, robot)
 

@@ -31,19 +31,19 @@ class FootForce:
     def memory(self, num_robots):
         return {}
 
-    def torque(self, action, state, reference, terms, memory):
+    def torque(self, action, state, target, terms, memory):
         known = terms()
         force = self.scale * self.robot.weight * action.reshape(len(action), -1, 3)
         force[:, :, 2] += self.robot.weight / self.robot.num_feet
         pushed = np.einsum("nfkv,nfk->nv", known.foot_jacobian[:, :, :3], force)
-        error = reference.qpos[:, 7:] - state.qpos[:, 7:]
-        rate = reference.qvel[:, 6:] - state.qvel[:, 6:]
+        error = target.qpos[:, 7:] - state.qpos[:, 7:]
+        rate = target.qvel[:, 6:] - state.qvel[:, 6:]
         feedback = self.gains.stiffness * error + self.gains.damping * rate
         return (known.bias - pushed)[:, 6:] + feedback
 
 
 @checked
-def foot_force(robot, control_hz, *, scale: Annotated[float, Number(0, 2)] = 0.5):
+def foot_force(robot, control_hz, kind, *, scale: Annotated[float, Number(0, 2)] = 0.5):
     """Build the layer; its options are keyword-only arguments, here with the range of each."""
     return FootForce(robot, JointGains.of(robot, control_hz, Falling(1.0), 1.0), scale)
 

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import gymnasium as gym
 import numpy as np
 
-from fbid_gym.motions import home_reference
-from fbid_gym.tasks import Episode, Group, Outcome, Term, bell, register_task
+from fbid_gym.motions import home_target, in_world
+from fbid_gym.quantities import Target
+from fbid_gym.tasks import Group, Outcome, PlannedEpisode, Term, bell, register_task
 
 
 class Bobbing(NamedTuple):
@@ -20,10 +21,11 @@ class Bobbing(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Bob(Episode):
+class Bob(PlannedEpisode):
     """Follow a sine of the base's height; see `fbid_gym.tasks.Task` for what each part is."""
 
     depth: float
+    home: Target
     reward_terms = {
         "height": Term(lambda measured, width: bell(measured.error, width), 0.8, 0.03, "m"),
         "upright": Term(lambda measured: measured.outcome.posture.upright, 0.2),
@@ -37,11 +39,8 @@ class Bob(Episode):
     def draw(self, rng):
         return self.begin_at_home(rng) | {"pace": np.array(rng.uniform(0.3, 0.8))}
 
-    def memory(self, terms):
-        return {}
-
-    def reference(self, plan, now):
-        return home_reference(self.body.robot)  # what the action layers follow
+    def target(self, plan, now):  # what the action layers follow
+        return in_world(self.body.stance.heading, self.home, now.terms())
 
     def measure(self, outcome, plan, memory):
         bow = 0.5 - 0.5 * np.cos(2 * np.pi * plan["pace"] * outcome.state.tick / self.hz)
@@ -52,7 +51,12 @@ class Bob(Episode):
         return {"height_error": measured.error}
 
 
-register_task("bob", lambda episode, *, depth=0.1: Bob.from_episode(episode, depth=depth))
+def bob(episode, *, depth=0.1):
+    """Build the task; its options are keyword-only arguments."""
+    return Bob.from_episode(episode, depth=depth, home=home_target(episode.body.robot))
+
+
+register_task("bob", bob)
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)

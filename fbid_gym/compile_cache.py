@@ -4,37 +4,40 @@ They lie in a folder named after the sources of all of them: a compiled function
 calls, whichever file that lies in, so a change anywhere leads to another folder. The folder is, in
 this order, in NUMBA_CACHE_DIR if that is set, and nowhere else; beside the sources; in the user's
 cache (XDG_CACHE_HOME, by default ~/.cache), for an installation that cannot be written. Where none
-can be written, every process compiles for itself. Files that cannot be read, because a process was
-killed or a disk was full, count as absent and are written anew. Of several processes that start at
-once, one compiles a function and the others wait for it (`compile_turn`), unless that one fails.
+can be written, every process compiles for itself. A file that cannot be read, because a disk was
+full, counts as absent. Of several processes that start at once, one compiles and the others wait.
 """
 
+import gc
 import hashlib
 import os
+import pickle
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core.caching import (
-    CompileResultCacheImpl,
-    FunctionCache,
-    IndexDataCacheFile,
-    _CacheLocator,
-)
+from filelock import FileLock, Timeout
+from numba.core.compiler import CompileResult
 
-from fbid_gym.compile_turn import Turn
-
-_MOMENT = 1.0
-"""s of compiling without a word."""
+_MOMENT, _WHILE = 2.0, 5.0
+"""s of compiling without a word, and from line to line after that."""
+_PATIENCE = 300.0
+"""s to wait for another process; whoever has waited that long compiles for itself."""
 
 
 def folders(package: Path) -> tuple[Path, ...]:
     """Return where the compiled functions of a package may lie, the best place first."""
-    name = f"compiled-{_fingerprint(package)}"
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
+    for path in sorted(package.rglob("*.py")):  # all that say what is compiled, how, of what tuples
+        source, words = path.read_bytes(), (b"@compiled", b"@kernel", b"NamedTuple")
+        if path.stem.startswith("compile") or any(word in source for word in words):
+            digest.update(source)
+    name = f"compiled-{digest.hexdigest()[:16]}"
     if numba.config.CACHE_DIR:
         return (Path(numba.config.CACHE_DIR) / name,)
     given = os.environ.get("XDG_CACHE_HOME", "")
@@ -45,192 +48,112 @@ def folders(package: Path) -> tuple[Path, ...]:
 
 def kept(dispatcher: Any, places: Sequence[Path]) -> Any:
     """Return one of Numba's compiled functions, from now on kept in the first place that can be."""
-    cache, compiler = _Cache(dispatcher.py_func, places), dispatcher._compiler
-    dispatcher._cache, compiler.compile = cache, cache.giving(compiler.compile)
+    cache = _Cache(dispatcher.py_func, places)
+    dispatcher._cache, find_or_compile = cache, dispatcher.compile
+
+    def compile_in_turn(signature: Any) -> Any:
+        with cache.turn():
+            return find_or_compile(signature)
+
+    dispatcher.compile = compile_in_turn
+    # What Numba calls where it has found nothing.
+    dispatcher._compiler.compile = NEWS.of(dispatcher._compiler.compile, cache.name)
     return dispatcher
 
 
-def say_nothing_of_compiling() -> None:
-    """Let this process compile in silence: for a caller that shows by itself what it does."""
-    _NEWS.know("compiling")
-    _NEWS.know("waiting")
-
-
-def _fingerprint(package: Path) -> str:
-    """Of all files that say what is compiled, how, and what tuples it takes."""
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
-        source = path.read_bytes()
-        words = (b"@compiled", b"@kernel", b"NamedTuple")
-        if path.stem.startswith("compile") or any(word in source for word in words):
-            digest.update(source)
-    return digest.hexdigest()[:16]
-
-
-class _Files(IndexDataCacheFile):
-    """The files of one function in one folder."""
-
-    def _load_index(self) -> dict[Any, str]:
-        return _read(super()._load_index) or {}
-
-    def load(self, key: Any) -> Any:
-        return _read(lambda: super(_Files, self).load(key))
-
-    def save(self, key: Any, data: Any) -> None:
-        Path(self._cache_path).mkdir(parents=True, exist_ok=True)
-        super().save(key, data)
-
-
-def _read(load: Callable[[], Any]) -> Any:
-    """What is in a file; None where that cannot be told."""
-    try:
-        return load()
-    except Exception:  # a truncated pickle raises almost anything, and none of it matters
-        return None
-
-
-class _Places:
-    """The files of a function in every folder: read from any, written to the first possible."""
-
-    def __init__(self, files: Sequence[_Files]) -> None:
-        self._files = files
-
-    def load(self, key: Any) -> Any:
-        found = (files.load(key) for files in self._files)
-        return next((data for data in found if data is not None), None)
-
-    def save(self, key: Any, data: Any) -> None:
-        for files in self._files:
-            try:
-                return files.save(key, data)
-            except OSError:
-                continue
-        places = " nor ".join(str(Path(files._cache_path).parent) for files in self._files)
-        _NEWS.say(
-            "nowhere",
-            f"compiled code cannot be kept, so every start compiles anew: cannot write to {places}"
-            " (NUMBA_CACHE_DIR names another folder).",
-        )
-
-    def flush(self) -> None:
-        for files in self._files:
-            files.flush()
-
-
-class _Locator(_CacheLocator):
-    """Names the files of a function. Where they lie is up to `_Places`."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = function
-        # Numba names it where something cannot be kept.
-        self._py_file = function.__code__.co_filename
-
-    @classmethod
-    def from_function(cls, function: Callable[..., Any], file: str) -> "_Locator":
-        return cls(function)
-
-    def get_disambiguator(self) -> str:
-        return self._function.__module__
-
-    def get_source_stamp(self) -> str:
-        return ""  # in the folder's name
-
-    def get_cache_path(self) -> str:
-        return ""
-
-    def ensure_cache_path(self) -> None:
-        pass
-
-
-class _Form(CompileResultCacheImpl):
-    _locator_classes = [_Locator]
-
-
-class _Cache(FunctionCache):
-    """What Numba asks for the compiled forms of a function, and gives new ones to."""
-
-    _impl_class = _Form
+class _Cache:
+    """What Numba asks for the compiled forms of a function, and gives new ones to: a file each."""
 
     def __init__(self, function: Callable[..., Any], places: Sequence[Path]) -> None:
-        super().__init__(function)
-        name, stamp = self._impl.filename_base, self._impl.locator.get_source_stamp()
-        self._cache_file = _Places([_Files(str(place), name, stamp) for place in places])
-        self._turn = Turn([place / f"{name}.lock" for place in places])
+        self.name = f"{function.__module__}.{function.__qualname__}"
+        self._places, self.cache_path = places, str(places[0])
 
-    def load_overload(self, signature: Any, target: Any) -> Any:
-        def load() -> Any:
-            return super(_Cache, self).load_overload(signature, target)
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """Return the form for a signature; None where there is none, or it cannot be read."""
+        context.refresh()
+        for place in self._places:
+            with suppress(Exception):  # a truncated file raises almost anything
+                found = pickle.loads((place / self._file(signature, context)).read_bytes())
+                return CompileResult._rebuild(context, *found)
+        return None
 
-        found = load()
-        if found is None:
-            found = self._turn.take(load, _NEWS.waiting)
-        if found is None:
-            _NEWS.compiling()
-        return found
+    def save_overload(self, signature: Any, form: Any) -> None:
+        """Write the form to the first place that can be written."""
+        data, name = pickle.dumps(form._reduce()), self._file(signature, form.target_context)
+        for place in self._places:
+            with suppress(OSError):
+                place.mkdir(parents=True, exist_ok=True)
+                written = place / f"{name}.{os.getpid()}"
+                written.write_bytes(data)
+                written.replace(place / name)
+                return
+        tried = " nor ".join(str(place.parent) for place in self._places)
+        end = f"cannot write to {tried} (NUMBA_CACHE_DIR names another folder)."
+        NEWS.say(f"compiled code cannot be kept, so every start compiles anew: {end}")
 
-    def giving(self, build: Callable[..., Any]) -> Callable[..., Any]:
-        """Return what compiles as `build` does, and gives the turn away where that fails.
-
-        Numba saves nothing then. The process may live on, after Ctrl-C in a notebook or an error of
-        typing, and others would wait for what never comes.
-        """
-
-        def build_or_give(*args: Any) -> Any:
-            try:
-                return build(*args)
-            except BaseException:
-                _NEWS.compiled()
-                self._turn.give()
-                raise
-
-        return build_or_give
-
-    def save_overload(self, signature: Any, data: Any) -> None:
-        _NEWS.compiled()
+    @contextmanager
+    def turn(self) -> Iterator[None]:
+        """Keep other processes from compiling the same, where a file can be locked."""
+        lock = None
+        for place in self._places:
+            with suppress(OSError, NotImplementedError):
+                place.mkdir(parents=True, exist_ok=True)
+                lock = FileLock(place / f"{self.name}.lock")
+                with suppress(Timeout):
+                    lock.acquire(timeout=_MOMENT)
+                if not lock.is_locked:
+                    NEWS.say("waiting for another process, which compiles the control laws.")
+                    with suppress(Timeout):
+                        lock.acquire(timeout=_PATIENCE)
+                break
         try:
-            super().save_overload(signature, data)
+            yield
         finally:
-            self._turn.give()
+            if lock:
+                lock.release()
+
+    def _file(self, signature: Any, context: Any) -> str:
+        form = f"{signature} {context.codegen().magic_tuple()}"  # types and processor
+        return f"{self.name}-{hashlib.sha256(form.encode()).hexdigest()[:16]}"
 
 
 class _News:
-    """Says what happens, each thing once per process, in one line on standard error."""
+    """Says on standard error what happens, in a line now and then; nothing where `silent`."""
+
+    silent = False
 
     def __init__(self) -> None:
         self._said: set[str] = set()
-        self._spent = 0.0
-        self._began = 0.0
-        self._timer: threading.Timer | None = None
+        self._count, self._spent, self._next = 0, 0.0, _MOMENT
 
-    def know(self, what: str) -> None:
-        """Take something for said."""
-        self._said.add(what)
-
-    def say(self, what: str, text: str) -> None:
+    def say(self, text: str) -> None:
         """Print a line unless this has been said before."""
-        if what not in self._said:
-            self.know(what)
+        if text not in self._said and not self.silent:
+            self._said.add(text)
             print(f"fbid_gym: {text}", file=sys.stderr, flush=True)
 
-    def waiting(self, seconds: float) -> None:
-        """Another process compiles, for some seconds now."""
-        if seconds >= _MOMENT:
-            self.say("waiting", "waiting for another process, which compiles the control laws.")
+    def of(self, build: Callable[..., Any], name: str) -> Callable[..., Any]:
+        """Return what compiles as `build` does, and says so whenever that has taken a while."""
 
-    def compiling(self) -> None:
-        """Compilation begins; to be said once all of it has taken a moment."""
-        self._began = time.monotonic()
-        text = "compiling the control laws for their first use, which may take a minute or two."
-        left = max(_MOMENT - self._spent, 0.0)
-        self._timer = threading.Timer(left, self.say, ("compiling", text))
-        self._timer.daemon = True
-        self._timer.start()
+        def build_and_say(*arguments: Any) -> Any:
+            self._count += 1
+            line = f"compiling for the first use: function {self._count}, {name}"
+            timer = threading.Timer(max(self._next - self._spent, 0.0), self.say, (line,))
+            timer.daemon = True
+            timer.start()
+            collects, began = gc.isenabled(), time.monotonic()
+            gc.disable()  # a compiler makes millions of objects at once, and keeps most of them
+            try:
+                return build(*arguments)
+            finally:
+                if collects:
+                    gc.enable()
+                timer.cancel()
+                self._spent += time.monotonic() - began
+                if self._spent > self._next:
+                    self._next = self._spent + _WHILE
 
-    def compiled(self) -> None:
-        """Compilation has ended."""
-        if self._timer is not None:
-            self._timer.cancel()
-        self._spent += time.monotonic() - self._began
+        return build_and_say
 
 
-_NEWS = _News()
+NEWS = _News()

@@ -11,41 +11,37 @@ Rules for both:
   (MuJoCo's own also of int32) with the batch axis first, and numbers; results likewise, in fresh
   arrays. A slice of an array of one robot is contiguous and that of many is not, so slices would be
   compiled twice, and rounded differently. A function that writes to an argument says so.
-- Whoever makes a tuple checks shapes and types.
-- Nothing raises. A robot that is not finite gets results that are not, and the others do not
-  notice.
+- Whoever makes a tuple checks shapes and types. Nothing raises: a robot that is not finite gets
+  results that are not, and the others do not notice.
+- A first use waits for the compiler. So no array is assigned or added to a slice or a row
+  (`small_matrices.copy` does that; the first such line takes the compiler seconds), there are no
+  operations on whole arrays, and a loop or a helper rather than the same lines for each axis.
 
 Inside compiled code a named tuple costs nothing. On the way in from Python, Numba takes a
-microsecond for each: so `kernel` makes a door. It compiles an entry that takes the fields one by
-one and builds the tuples inside, and gives Python a function that passes the fields on. That is
-60 ns an array, and laws have dozens that never change: `bind` hands those over once.
-
-Entries are compiled on first use and then kept on disk (`fbid_gym.compile_cache`). Python's lock is
-released while they run.
+microsecond for each: so `kernel` makes a door, which passes the fields on one by one, 60 ns an
+array, to an entry that builds the tuples inside. Entries are compiled on first use and then kept on
+disk (`fbid_gym.compile_cache`); Python's lock is released while they run. With NUMBA_DISABLE_JIT=1
+nothing is compiled, and all runs in Python.
 """
 
-import inspect
-from collections.abc import Callable, Sequence
-from functools import update_wrapper
-from operator import attrgetter
+from collections.abc import Callable
+from functools import cached_property, update_wrapper
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, TypeVar, get_type_hints
 
-from numba import njit
-from numba.extending import overload
+from numba import config, njit, types
+from numba.extending import typeof_impl
 
 from fbid_gym.compile_cache import folders, kept
-from fbid_gym.compile_entry import built, is_tuple, leaves, passed, rewritten
-from fbid_gym.compile_parts import part, part_options
-from fbid_gym.compile_table import SCOPE, Form, Table, found
+from fbid_gym.compile_entry import door_to, entry_to, is_tuple
+from fbid_gym.compile_parts import PartCompiler
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _PLACES = folders(Path(__file__).parent)
 # Division by zero gives infinity, as in NumPy. Sums may be taken in any order, and so side by side.
 # Nobody calls from C: without a wrapper for that, there is less to compile.
-_OPTIONS = {
+_OPTIONS: dict[str, Any] = {
     "nogil": True,
     "error_model": "numpy",
     "fastmath": {"reassoc", "contract"},
@@ -55,7 +51,7 @@ _OPTIONS = {
 
 def compiled(function: Function) -> Function:
     """Compile a function for the use of kernels."""
-    return part(function, _OPTIONS, _takes_tuples(function))
+    return function if config.DISABLE_JIT else _Part(function)  # type: ignore[return-value]
 
 
 def kernel(function: Function) -> Function:
@@ -65,89 +61,62 @@ def kernel(function: Function) -> Function:
         function: its annotations say which arguments, and whether the result, are named tuples.
 
     Returns:
-        A function with the same arguments, all of them positional; its attribute `entries` is what
-        Numba made, by the forms of what is bound of the arguments.
+        A function of the same arguments, all positional; its `entry` is what Numba made of it.
     """
-    kinds = get_type_hints(function)
-    door = _door(kinds, _entry(function))
-    update_wrapper(door, function)
-    door.entries = {(): door.entry}
-    scope: dict[str, Any] = {"function": function}
-    names = inspect.signature(function).parameters
-    exec(f"def implementation({', '.join(names)}):\n    return function", scope)
-    implementation = scope["implementation"]
-    implementation.__signature__ = inspect.signature(function)
-    overload(door, jit_options=part_options(_OPTIONS, _takes_tuples(function)))(implementation)
-    return door
+    return function if config.DISABLE_JIT else _Kernel(function)  # type: ignore[return-value]
 
 
-def bind(door: Any, *first: Any) -> Callable[..., Any]:
-    """Return a kernel without its first arguments, which are the same at every call.
+class _Part:
+    """A function as compiled code and Python see it."""
 
-    Args:
-        door: what `kernel` made; it returns none of these arguments.
-        first: the arguments. Arrays are not copied: what they hold at a call counts.
+    __wrapped__: Callable[..., Any]
+    __qualname__: str
 
-    Returns:
-        A function of the other arguments, all of them positional. It keeps the first alive, and
-        cannot be pickled.
-    """
-    function = door.__wrapped__
-    kinds = get_type_hints(function)
-    bound = {name: kinds.pop(name) for name in list(kinds)[: len(first)]}
-    values = SimpleNamespace(**dict(zip(bound, first, strict=True)))
-    named = [leaf for name, kind in bound.items() for leaf in leaves(kind, name)]
-    table = Table.of({leaf: attrgetter(leaf)(values) for leaf in named})
-    if table.forms not in door.entries:
-        # Of threads that are here at once one entry stays.
-        door.entries.setdefault(table.forms, _entry(function, table.forms))
-    return _door(kinds, door.entries[table.forms], table)
+    def __init__(self, function: Callable[..., Any]) -> None:
+        update_wrapper(self, function)
 
+    @cached_property
+    def part(self) -> Any:
+        """What compiled code calls.
 
-def _takes_tuples(function: Callable[..., Any]) -> bool:
-    """Whether a function takes named tuples, or may.
+        Passing the fields of tuples on costs more than it seems, so a function that takes some, or
+        may, is inlined. What takes arrays is left to the compiler's own choice.
+        """
+        kinds = [kind for name, kind in self.kinds.items() if name != "return"]
+        options = {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
+        options["forceinline"] = any(kind is Any or is_tuple(kind) for kind in kinds)
+        return njit(self.__wrapped__, **_OPTIONS, **options)
 
-    Passing their fields on costs more than it seems, so such a function is inlined. What takes
-    arrays is left to the compiler's own choice: linear algebra everywhere is long to compile.
-    """
-    kinds = get_type_hints(function)
-    return any(kind is Any or is_tuple(kind) for name, kind in kinds.items() if name != "return")
+    @cached_property
+    def entry(self) -> Any:
+        """What Python calls."""
+        return njit(self.__wrapped__, **_OPTIONS)
 
+    @cached_property
+    def kinds(self) -> dict[str, Any]:
+        """Type hints of the arguments, and of the result as "return"."""
+        return get_type_hints(self.__wrapped__)
 
-def _entry(function: Callable[..., Any], bound: Sequence[Form] = ()) -> Any:
-    """What Numba makes of a function; the first leaves of its arguments are told of in a table."""
-    kinds = get_type_hints(function)
-    result = kinds.pop("return")
-    scope, arguments = (dict(SCOPE), ["table"]) if bound else ({}, [])
-    told = iter(found(bound, "table"))
+    def __call__(self, *arguments: Any) -> Any:
+        return self.entry(*arguments)
 
-    def leaf(name: str) -> str:
-        expression = next(told, None)
-        if expression is None:
-            arguments.append(name)
-        return expression or name
-
-    values = {name: built(kind, name, scope, leaf) for name, kind in kinds.items()}
-    made = [f"{name} = {value}" for name, value in values.items() if value != name]
-    return kept(njit(**_OPTIONS)(rewritten(function, arguments, made, result, scope)), _PLACES)
+    def __reduce__(self) -> str:
+        return self.__qualname__  # as functions are pickled: by name
 
 
-def _door(kinds: dict[str, Any], entry: Any, table: Table | None = None) -> Any:
-    """What Python calls: a function of arguments of these kinds, which passes on their leaves."""
-    arguments = {name: kind for name, kind in kinds.items() if name != "return"}
-    given = [part for name, kind in arguments.items() for part in passed(kind, name)]
-    scope: dict[str, Any] = {"entry": entry}
-    if table is not None:
-        given.insert(0, "table")
-        scope["table"] = table.numbers
-    call, result = f"entry({', '.join(given)})", kinds["return"]
-    body = f"    return {call}\n"
-    if is_tuple(result):
-        value = built(result, "found", scope, lambda name: name)
-        names = [leaf.replace(".", "_") for leaf in leaves(result, "found")]
-        body = f"    {', '.join(names)}, = {call}\n    return {value}\n"
-    exec(f"def door({', '.join(arguments)}):\n{body}", scope)
-    door = scope.pop("door")  # left there it would be a part of a cycle, and outlive its use
-    door.__qualname__ = door.__name__ = entry.__name__
-    door.entry, door.table = entry, table  # the table keeps its arrays
-    return door
+class _Kernel(_Part):
+    @cached_property
+    def entry(self) -> Any:
+        return kept(njit(entry_to(self, self.kinds), **_OPTIONS), _PLACES)
+
+    @cached_property
+    def _door(self) -> Callable[..., Any]:
+        return door_to(self.entry, self.kinds)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._door(*arguments)
+
+
+@typeof_impl.register(_Part)
+def _type_of(function: _Part, context: Any) -> Any:
+    return types.Dispatcher(function.part)

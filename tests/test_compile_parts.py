@@ -90,7 +90,7 @@ def optimised(monkeypatch):
 
 
 def test_only_what_python_calls_is_optimised(optimised, monkeypatch):
-    monkeypatch.setattr(spread.entry, "_cache", type(spread.entry._cache)(spread.entry.py_func, ()))
+    monkeypatch.setattr(spread.entry._cache, "_places", ())
     x = np.array([-3.0, -0.5, 0.25, 7.0])
     np.testing.assert_array_equal(spread(x), [1.0, 0.5, 0.25, 1.0])
     ours = [name for name in optimised if any(n in name for n in ("spread", "ends", "_between"))]
@@ -107,7 +107,7 @@ def test_python_may_call_a_part():
     """As tests do; before, and after, it became part of something."""
     assert _between(3.0, 0.0, 1.0) == 1.0
     np.testing.assert_array_equal(_sorted_ends(np.array([-0.5])).low, [-0.5])
-    assert _between.overloads and _between(-3.0, 0.0, 1.0) == 0.0
+    assert _between.part.overloads and _between(-3.0, 0.0, 1.0) == 0.0
 
 
 def test_what_parts_make_is_given_back():
@@ -129,8 +129,8 @@ def test_what_parts_make_is_given_back():
 def _code_of(part, *arguments):
     """What Numba makes of a part for what calls it with such arguments."""
     kinds = tuple(typeof(value) for value in arguments)
-    part.compile(kinds)
-    return str(part.overloads[kinds].library._final_module)
+    part.part.compile(kinds)
+    return str(part.part.overloads[kinds].library._final_module)
 
 
 def test_only_parts_that_make_arrays_count_references():

@@ -10,9 +10,12 @@ from eval.benchmark.figures import Figure, Limit, Section
 from eval.benchmark.physics import TimedBatch
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.contact_options import ContactOptions
+from fbid_gym.actions.law import stabilise
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
-from fbid_gym.motions import home_reference
+from fbid_gym.motions import home_target, in_world
+from fbid_gym.motions.target import planned_kind
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
 
@@ -85,15 +88,18 @@ class _Stand:
         robot, rates = load(name), Rates()
         self.simulation = Simulation(robot, num_robots, rates)
         self.layers = {
-            "eq. 15": BaseAcceleration.of(
-                robot, rates.control, contact=ContactOptions(contact_limits="none")
-            ),
-            "limited": BaseAcceleration.of(robot, rates.control),
+            key: BaseAcceleration.of(
+                robot,
+                rates.control,
+                planned_kind(robot),
+                contact=ContactOptions(contact_limits=limits),
+            )
+            for key, limits in (("eq. 15", "none"), ("limited", "friction"))
         }
         self.memories = {key: law.memory(num_robots) for key, law in self.layers.items()}
         self.rng = np.random.default_rng(0)
         self.action = np.zeros((num_robots, 6))
-        self.home = home_reference(robot)
+        self.heading, self.home = Stance.of(robot).heading, home_target(robot)
         self.physics = TimedBatch.inside(self.simulation)
 
     def round(self, watch: _Stopwatch) -> None:
@@ -119,12 +125,11 @@ class _Stand:
             np.zeros(simulation.num_robots, np.int64),
         )
         terms = watch("terms", simulation.terms)
-        limited = self.layers["limited"]
-        wanted = watch("stabiliser", limited.acceleration, self.action, state, self.home, terms)
+        target = in_world(self.heading, self.home, terms)
+        constants = self.layers["limited"].law.constants
+        wanted = watch("stabiliser", stabilise, constants, self.action, state, target, terms)
         torques = {}
         for key in list(self.layers)[:: -1 if reverse else 1]:
             law = self.layers[key].law
-            torques[key] = watch(
-                key, law.torque, wanted, state, self.home, terms, self.memories[key]
-            )
+            torques[key] = watch(key, law.torque, wanted, state, target, terms, self.memories[key])
         return torques["limited"]

@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 from hypothesis import strategies as st
 
-from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
+from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.robots import load
@@ -28,8 +28,8 @@ _DIFFERENT = {
     "model_mass": 0.5,
     "model_inertia": (0.3, 3.0),
 }
-_OPTIONS = ("contacts", "contact_limits", "contact_ramp", "base_priority", "reference",
-            "footholds", "step_rate")  # fmt: skip
+_OPTIONS = ("contacts", "contact_limits", "contact_ramp", "moment_priority", "reference")
+_STEERING = ("footholds", "step_rate")
 _ALIKE = {"go1": "quadruped", "biped": "humanoid", "humanoid": "g1"}  # walk as well
 _FASTEST = 30.0  # rad/s and m/s, of a state that is put in
 
@@ -46,7 +46,7 @@ def cases() -> st.SearchStrategy[dict[str, Any]]:
             "contacts": st.sampled_from(_CONTACTS),
             "contact_limits": st.sampled_from(("friction", "none")),
             "contact_ramp": st.sampled_from((0.0, 0.02)),
-            "base_priority": st.sampled_from((1.0, 30.0, 0.01)),
+            "moment_priority": st.sampled_from((None, 30.0, 0.01)),
             "reference": st.sampled_from(("gait", "home")),
             "footholds": st.booleans(),
             "step_rate": st.booleans(),
@@ -88,12 +88,11 @@ def amount(case: dict[str, Any]) -> int:
 def _arguments(case: dict[str, Any]) -> dict[str, Any]:
     usual, layer = ENVIRONMENTS[case["env"]], case["layer"]
     walks = usual["task"] == "walk"
-    given = {name: case[name] for name in _OPTIONS}
+    given = {name: case[name] for name in (*_OPTIONS, *(_STEERING if walks else ()))}
     if given["contacts"] == "some feet":
         feet = load(usual["robot"]).foot_names
         given["contacts"] = [(1.0, list(feet[: len(feet) // 2]))]
-    known = (walking_layer_options if walks else layer_options)(layer)
-    options = {name: value for name, value in given.items() if name in known}
+    options = {name: value for name, value in given.items() if name in layer_options(layer)}
     robot = _ALIKE[usual["robot"]] if walks and case["other_robot"] else usual["robot"]
     weight = load(robot).weight
     return {

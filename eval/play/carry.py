@@ -9,8 +9,6 @@ import numpy as np
 
 from eval.play.controls import Settings
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.tasks import Walk
-from fbid_gym.tasks.balance import Balance
 
 State = dict[str, np.ndarray]
 _NEVER = np.iinfo(np.int64).max // 2
@@ -44,11 +42,11 @@ def imposed(batch: EnvBatch, state: Mapping[str, np.ndarray], settings: Settings
         "plant.action_delay": np.full_like(state["plant.action_delay"], delay),
         "delay.ticks": np.full_like(state["delay.ticks"], round(delay * batch.rates.control)),
     }
-    if isinstance(batch.task, Walk):
+    if batch.task.kind.gait:
         command = [settings.get(name, 0.0) for name in ("ahead", "left", "turn")]
         new["plan.command"] = np.broadcast_to(command, state["plan.command"].shape).copy()
         new["plan.lowered"] = np.full_like(state["plan.lowered"], -settings["height"])
-    elif isinstance(batch.task, Balance):
+    elif "height" in settings:
         new["plan.command"] = np.full_like(state["plan.command"], settings["height"])
     elif "pace" in settings:
         new["plan.speed"] = np.full_like(state["plan.speed"], settings["pace"])

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -156,7 +156,8 @@ def shown(settings: Settings) -> RenderOptions:
 def _commands(stage: Stage) -> dict[str, Control]:
     """What the task can be told."""
     task = stage.task()
-    if isinstance(task, Walk):
+    if task.kind.gait:
+        task = cast(Walk, task)
         words = ("ahead", "forward (m/s)"), ("left", "to the left (m/s)"), ("turn", "turn (rad/s)")
         found: dict[str, Control] = {
             name: Slider(COMMAND, label, *_rounded(ends), 0.0)

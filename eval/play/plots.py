@@ -7,7 +7,6 @@ import viser
 from viser import uplot
 
 from eval.play.lane import Lane
-from fbid_gym.tasks import Walk
 
 _SECONDS, _HZ = 8.0, 25.0
 _COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#7f7f7f")
@@ -18,7 +17,7 @@ class Plots:
 
     def __init__(self, server: viser.ViserServer, lanes: list[Lane]) -> None:
         """Send empty plots for these robots."""
-        self._walks = isinstance(lanes[0].batch.task, Walk)
+        self._walks = lanes[0].batch.task.kind.gait
         ways = ("ahead", "to the left") if self._walks else ("x", "y")
         two = [f" {place + 1}" for place in range(len(lanes))] if len(lanes) > 1 else [""]
         speeds = [f"{way}{mark}" for mark in two for way in ways]

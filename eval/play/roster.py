@@ -13,6 +13,7 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy, place_of, shipped
 from fbid_gym.policy.shipping import PREFIX
 from fbid_gym.robots import Robot, load
+from train.runs.environment import load_policy
 from train.runs.robots import of_policy
 
 
@@ -55,7 +56,7 @@ def named(sources: Sequence[Path]) -> list[Entry]:
         if name in (NO_POLICY, ALONE, *LAYERS, *(entry.name for entry in found)):
             expected = f"a policy alone of its name, not another {name!r}"
             raise InvalidValueError("--policy", str(source), expected)
-        found.append(Entry(name, Policy.load(path), path))
+        found.append(Entry(name, load_policy(path), path))
     return found
 
 
@@ -63,7 +64,7 @@ def of_package(env_id: str, robot: Robot) -> Iterator[Entry]:
     """Yield the policies that are shipped for an environment and a robot."""
     for each in shipped():
         if each.env == env_id:
-            entry = Entry(PREFIX + each.name, Policy.load(each.path), each.path)
+            entry = Entry(PREFIX + each.name, load_policy(each.path), each.path)
             if entry.robot().digest == robot.digest:
                 yield entry
 

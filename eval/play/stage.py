@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from fbid_gym.actions import layer_options, walking_layer_options
+from fbid_gym.actions import layer_options
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
@@ -151,11 +151,9 @@ class Stage:
 
     def options(self, layer: str, policy: Policy | None, contact_limits: str) -> dict[str, Any]:
         """Return the options of a layer: those a policy was trained with, and the limits."""
-        known = walking_layer_options if self.own["task"] == "walk" else layer_options
         begun = self.own if layer == self.own.get("action_layer", "joint_position") else {}
         given = policy.env_args if policy is not None else begun
         options = dict(given.get("layer_options") or {})
-        usual = known(layer)
-        if "contact_limits" in usual:
-            options = {"friction": usual["friction"], **options, "contact_limits": contact_limits}
+        if "contact_limits" in layer_options(layer):
+            options["contact_limits"] = contact_limits
         return options

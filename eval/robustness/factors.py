@@ -124,7 +124,8 @@ def _roughest(config: EnvConfig) -> float:
 
 
 def _stays(config: EnvConfig) -> str:
-    return "" if config.task == "walk" else f"task {config.task!r} does not leave level ground"
+    walks = config.make_task(config.load_robot()).kind.gait
+    return "" if walks else f"task {config.task!r} does not leave level ground"
 
 
 def _physics(stage: float, config: EnvConfig) -> Changes:

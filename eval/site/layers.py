@@ -3,10 +3,9 @@
 from pathlib import PurePosixPath
 
 from eval.site.pictures import CAPTION
-from fbid_gym.actions import LAYERS, WALKING_LAYERS, Footholds, walking_options
-from fbid_gym.actions.contact_options import ContactOptions, WalkingContact
+from fbid_gym.actions import LAYERS, Footholds, layer_choices
+from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.envs.__main__ import meanings, table
-from fbid_gym.options import options_of
 
 OPTIONS, PICTURE = "<!-- options -->", "<!-- picture -->"
 """Marks on the pages: what stands there on the site is made as it is built."""
@@ -29,19 +28,7 @@ def filled(page: str, text: str, pictures: set[str]) -> str:
 
 
 def options(name: str) -> str:
-    """Return the tables of a layer's options, on a motion and on a gait."""
-    on_motion = meanings(ContactOptions) | meanings(LAYERS[name])
-    on_gait = meanings(ContactOptions) | {
-        option: said
-        for build in (WalkingContact, Footholds.of, WALKING_LAYERS[name])
-        for option, said in meanings(build).items()
-        if said != "As in `ContactOptions`."
-    }
-    return "\n\n".join(
-        [
-            "### Where robots stand or follow a motion",
-            table(options_of(LAYERS[name]), on_motion),
-            "### On a gait: task `walk`",
-            table(walking_options(name), on_gait),
-        ]
-    )
+    """Return the table of a layer's options."""
+    every = (ContactOptions, Footholds.of, LAYERS[name])
+    said = {option: words for build in every for option, words in meanings(build).items()}
+    return table(layer_choices(name), said)

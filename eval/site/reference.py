@@ -43,6 +43,8 @@ PAGES = {
             "fbid_gym.actions.joint_acceleration",
             "fbid_gym.actions.base_acceleration",
             "fbid_gym.actions.com_wrench",
+            "fbid_gym.actions.law",
+            "fbid_gym.actions.gains",
             "fbid_gym.actions.contact_options",
             "fbid_gym.actions.footholds",
             "fbid_gym.actions.falling",
@@ -54,7 +56,7 @@ PAGES = {
         [
             "fbid_gym.motions",
             "fbid_gym.motions.table",
-            "fbid_gym.motions.reference",
+            "fbid_gym.motions.target",
             "fbid_gym.motions.squat",
             "fbid_gym.motions.stepping",
             "fbid_gym.motions.crawl",

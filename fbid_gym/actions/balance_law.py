@@ -14,10 +14,14 @@ from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.law import DIAGNOSTICS, LawMemory, fresh_memory
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control import ContactLimits
 from fbid_gym.control.balance import balance_target, balance_wrench, body_motion
 from fbid_gym.control.balancers import RIDGE, map_torques
-from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
+from fbid_gym.control.contact_forces import (
+    DEFAULT_ACCURACY,
+    ContactLimits,
+    limit_rows,
+    wrench_scale,
+)
 from fbid_gym.control.underactuation import underactuation
 from fbid_gym.control.wrench_distribution import (
     share_freely,

@@ -1,7 +1,8 @@
 """Layer `base_acceleration`: a task-space stabiliser of the body, to which the action adds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,9 +12,10 @@ from fbid_gym.actions.gains import (
     VelocityGain,
     chosen_gains,
     default_moment_priority,
+    meant,
 )
 from fbid_gym.actions.law import Law, stabilise
-from fbid_gym.actions.ranges import DampingRatio, Frequency, Priority
+from fbid_gym.actions.ranges import DampingRatio, Priority, Response
 from fbid_gym.actions.scaled_names import scaled_names
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
@@ -63,11 +65,11 @@ class BaseAcceleration:
         control_hz: int,
         kind: MotionKind,
         *,
-        balance_frequency: Frequency | None = None,
-        height_frequency: Frequency | None = None,
-        rotation_frequency: Frequency | None = None,
-        posture_frequency: Frequency | None = None,
-        swing_frequency: Frequency | None = None,
+        balance_frequency: Response | None = None,
+        height_frequency: Response | None = None,
+        rotation_frequency: Response | None = None,
+        posture_frequency: Response | None = None,
+        swing_frequency: Response | None = None,
         damping_ratio: DampingRatio | None = None,
         moment_priority: Priority | None = None,
         velocity_gain: VelocityGain = 0.0,
@@ -79,7 +81,8 @@ class BaseAcceleration:
             robot: whose joints.
             control_hz: control ticks per second.
             kind: of motion.
-            balance_frequency: Hz, of the centre of mass's horizontal return to its target.
+            balance_frequency: Hz, of the centre of mass's horizontal return to its target; this and
+                the next four may be a pair, stiffness (1/s^2) and damping (1/s).
             height_frequency: Hz, of the base's vertical return.
             rotation_frequency: Hz, of the base's orientation.
             posture_frequency: Hz, of the joints.
@@ -106,13 +109,18 @@ class BaseAcceleration:
             moment_priority = default_moment_priority(robot, kind)
         assumed = contact.on(robot, kind)
         law = Law.of(robot, control_hz, assumed, gains, moment_priority)
-        scale = action_scale(robot, Stance.of(robot), assumed.friction)
+        scale = action_scale(robot, Stance.of(robot), assumed.coefficient)
         return cls(law, scale, assumed, moment_priority)
 
     @property
     def gains(self) -> BodyGains:
         """Of feet, body and joints."""
         return self.law.constants.gains
+
+    @property
+    def meant(self) -> Mapping[str, Any]:
+        """Name of an option that may be None -> what it means."""
+        return meant(self.gains)
 
     @property
     def action_names(self) -> tuple[str, ...]:

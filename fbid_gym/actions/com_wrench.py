@@ -1,20 +1,26 @@
 """Layer `com_wrench`: the momentum is balanced as in [G15]; to the wrench the action adds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
 from fbid_gym.actions.balance_law import BalanceLaw, PostureGains
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
-from fbid_gym.actions.gains import BodyGains, VelocityGain, chosen_gains, default_moment_priority
+from fbid_gym.actions.gains import (
+    BodyGains,
+    VelocityGain,
+    chosen_gains,
+    default_moment_priority,
+    meant,
+)
 from fbid_gym.actions.law import Command, Law, LawConstants, stabilise
-from fbid_gym.actions.ranges import DampingRatio, Frequency, Priority
+from fbid_gym.actions.ranges import DampingRatio, Priority, Response
 from fbid_gym.actions.scaled_names import scaled_names
 from fbid_gym.compiled import kernel
-from fbid_gym.control import BalanceGains
+from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, OTT2011
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
@@ -69,6 +75,7 @@ class ComWrench:
         contact: what it assumes of contacts.
         moment_priority: of the law.
         gains: of the law.
+        meant: name of an option that may be None -> what it means.
     """
 
     law: Law | BalanceLaw
@@ -76,6 +83,7 @@ class ComWrench:
     contact: ContactOptions
     moment_priority: float
     gains: BodyGains | BalanceGains
+    meant: Mapping[str, Any]
 
     @classmethod
     @checked
@@ -86,11 +94,11 @@ class ComWrench:
         kind: MotionKind,
         *,
         balancer: Annotated[str, Choice((_INVERSE_DYNAMICS, *BALANCERS))] = _INVERSE_DYNAMICS,
-        balance_frequency: Frequency | None = None,
-        height_frequency: Frequency | None = None,
-        rotation_frequency: Frequency | None = None,
-        posture_frequency: Frequency | None = None,
-        swing_frequency: Frequency | None = None,
+        balance_frequency: Response | None = None,
+        height_frequency: Response | None = None,
+        rotation_frequency: Response | None = None,
+        posture_frequency: Response | None = None,
+        swing_frequency: Response | None = None,
         damping_ratio: DampingRatio | None = None,
         moment_priority: Priority | None = None,
         velocity_gain: VelocityGain = 0.0,
@@ -103,7 +111,8 @@ class ComWrench:
             control_hz: control ticks per second.
             kind: of motion.
             balancer: "inverse_dynamics", or one of the papers': see `ComWrench`.
-            balance_frequency: Hz, of the centre of mass's horizontal return.
+            balance_frequency: Hz, of the centre of mass's horizontal return; this and the next four
+                may be a pair, but for the papers' balancers, as of `base_acceleration`.
             height_frequency: Hz, of the vertical return: of the base, by the papers' balancers of
                 the centre of mass.
             rotation_frequency: Hz, of the base's orientation.
@@ -115,7 +124,8 @@ class ComWrench:
             contact: what it assumes of contacts.
 
         Raises:
-            InvalidValueError: one of the papers' balancers on a gait, or with a velocity gain.
+            InvalidValueError: one of the papers' balancers on a gait, or with a velocity gain or a
+                pair of gains.
         """
         frequencies = {
             "balance": balance_frequency,
@@ -125,14 +135,14 @@ class ComWrench:
             "swing": swing_frequency,
         }
         assumed = contact.on(robot, kind)
-        scale = wrench_scale_of(robot, Stance.of(robot), assumed.friction)
+        scale = wrench_scale_of(robot, Stance.of(robot), assumed.coefficient)
         if moment_priority is None:
             moment_priority = default_moment_priority(robot, kind)
         law: Law | BalanceLaw
         if balancer == _INVERSE_DYNAMICS:
             own = chosen_gains(robot, kind, damping_ratio, velocity_gain, **frequencies)
             law = Law.of(robot, control_hz, assumed, own, moment_priority)
-            return cls(law, scale, assumed, moment_priority, own)
+            return cls(law, scale, assumed, moment_priority, own, meant(own))
         if kind.gait:
             expected = (
                 f'"{_INVERSE_DYNAMICS}" on a gait: the papers balance motions that are planned'
@@ -143,14 +153,20 @@ class ComWrench:
             raise InvalidValueError("velocity_gain", velocity_gain, expected)
         ratio = _PAPERS_RATIO if damping_ratio is None else damping_ratio
         given = {name: _PAPERS[name] if x is None else x for name, x in frequencies.items()}
-        hertz = {name: float(value) for name, value in in_hertz(robot, **given).items()}
+        hertz = in_hertz(robot, **given)
+        for name, value in hertz.items():
+            if isinstance(value, tuple):
+                expected = f'a number of Hz, or the balancer "{_INVERSE_DYNAMICS}"'
+                raise InvalidValueError(f"{name}_frequency", value, expected)
         gains, on_errors = _papers_gains(robot, balancer, hertz, ratio)
         on_joints = PostureGains.of(hertz["posture"], hertz["swing"], ratio)
         law = BalanceLaw.of(
             *(robot, control_hz, assumed, BALANCERS[balancer], (on_errors, on_joints)),
             *(moment_priority, scale),
         )
-        return cls(law, scale, assumed, moment_priority, gains)
+        told = {f"{name}_frequency": value for name, value in hertz.items()}
+        told["damping_ratio"] = ratio
+        return cls(law, scale, assumed, moment_priority, gains, told)
 
     @property
     def action_names(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from fbid_gym.actions.contact_belief import Schedule
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.passive_joints import PassiveJoints
-from fbid_gym.control import ContactLimits
+from fbid_gym.control.contact_forces import ContactLimits
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, Number, check_fields
 from fbid_gym.robots import Robot
@@ -66,10 +66,15 @@ class ContactOptions:
             else self.friction,
         )
 
+    @property
+    def coefficient(self) -> float:
+        """Of friction, once it has been filled in."""
+        return ASSUMED_FRICTION if self.friction is None else self.friction
+
     def limits(self, robot: Robot) -> ContactLimits | None:
         """Return the limits of the contact forces; None for none."""
         least, most = self.min_normal_force, self.max_normal_force
-        limits = ContactLimits(self.friction, least * robot.weight, most * robot.weight)
+        limits = ContactLimits(self.coefficient, least * robot.weight, most * robot.weight)
         return limits if self.contact_limits == "friction" else None
 
     def passive(self, robot: Robot) -> PassiveJoints:

@@ -4,7 +4,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.falling import in_hertz
+from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Number
@@ -55,7 +55,7 @@ class BodyGains(NamedTuple):
 # In units of the rate at which the robot falls, to the power of the unit. On points a robot has no
 # ankles: what it does with its joints is all in its feet and its body, but where it has joints to
 # spare. A gait on soles balances by its centre of pressure, and needs no spring beside it.
-_PLANNED = BodyGains(2.89, 3.4, 4.0, 4.0, 4.0, 4.0, 2.89, 3.4, 26.0, 10.0, 5.0, 0.0, _SMALL)
+_PLANNED = BodyGains(2.89, 5.1, 4.0, 6.0, 4.0, 6.0, 2.89, 3.4, 26.0, 10.0, 5.0, 0.0, _SMALL)
 _GAIT = BodyGains(1.0, 4.0, 4.4, 3.4, 5.9, 4.3, 0.0, 0.34, 26.0, 10.0, 5.0, 0.0, _SMALL)
 _GAIT_ON_SOLES = BodyGains(0.0, 0.0, 7.84, 5.6, 6.25, 5.0, 4.84, 4.4, 49.0, 14.0, 2.9, 0.0, _SMALL)
 _POWERS = BodyGains(2, 1, 2, 1, 2, 1, 2, 1, 2, 1, 1, 1, -1)
@@ -81,7 +81,7 @@ def default_moment_priority(robot: Robot, kind: MotionKind) -> float:
     before the moment. On points there is little of a moment to give away.
     """
     if not kind.gait:
-        return 1.0
+        return 0.2
     return 0.05 if robot.has_soles else 1.0 / 0.3**2
 
 
@@ -99,7 +99,8 @@ def chosen_gains(
         kind: of motion.
         damping_ratio: of what is given, and of the others if not None.
         velocity_gain: of small errors of the velocity, in units of the rate of falling.
-        frequencies: Hz, or in units of falling, by the names of `BodyGains`; None for the default.
+        frequencies: Hz, or in units of falling, or stiffness and damping, by the names of
+            `BodyGains`; None for the default.
 
     Raises:
         InvalidValueError: a velocity gain where a gait on soles swings about its velocity.
@@ -110,6 +111,9 @@ def chosen_gains(
     gains = default_gains(robot, kind)._replace(small_errors=velocity_gain * kind.omega)
     for name, given in frequencies.items():
         stiffness, damping = getattr(gains, name), getattr(gains, f"{name}_damping")
+        if isinstance(given, tuple) and not isinstance(given, Falling):
+            gains = gains._replace(**{name: given[0], f"{name}_damping": given[1]})
+            continue
         if given is not None:
             (hertz,) = in_hertz(robot, **{name: given}).values()
             stiffness = (2.0 * np.pi * hertz) ** 2
@@ -119,6 +123,13 @@ def chosen_gains(
             damping = 2.0 * ratio * np.sqrt(stiffness) if stiffness > 0.0 else damping
         gains = gains._replace(**{name: float(stiffness), f"{name}_damping": float(damping)})
     return gains
+
+
+def meant(gains: BodyGains) -> dict[str, Any]:
+    """Return what options of the body layers say the same as gains."""
+    parts = ("balance", "height", "rotation", "posture", "swing")
+    told = {f"{x}_frequency": (getattr(gains, x), getattr(gains, f"{x}_damping")) for x in parts}
+    return {**told, "damping_ratio": 1.0}
 
 
 def has_spare_joints(robot: Robot) -> bool:

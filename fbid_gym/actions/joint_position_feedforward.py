@@ -66,7 +66,10 @@ class JointPositionFeedforward:
         damping_ratio: DampingRatio = 1.0,
         scale: TargetScale = 0.3,
         target_frequency: Frequency = Falling(3.4),
-        balance_frequency: Annotated[float | Falling, Hertz(least=0.0)] | None = None,
+        balance_frequency: Annotated[
+            float | Falling | tuple[float, float], Hertz(least=0.0, gains=True)
+        ]
+        | None = None,
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "JointPositionFeedforward":
         """Build the layer.
@@ -81,8 +84,8 @@ class JointPositionFeedforward:
             damping_ratio: of the feedback.
             scale: rad (m for slides) at action 1.
             target_frequency: Hz, at which the offset follows the action.
-            balance_frequency: w / (2 pi) in Hz; 0 for eq. (18) without balance. Default: that of
-                `fbid_gym.actions.gains`.
+            balance_frequency: w / (2 pi) in Hz, or a pair, stiffness (1/s^2) and damping (1/s); 0
+                for eq. (18) without balance. Default: that of `fbid_gym.actions.gains`.
             contact: what it assumes of contacts.
 
         Raises:
@@ -116,9 +119,9 @@ class JointPositionFeedforward:
         return self.gains.natural_frequency
 
     @property
-    def balance_frequency(self) -> float:
-        """Hz, of the centre of mass's return to its target; 0 where it is not balanced by it."""
-        return in_hz(self.balance[0]) if self.balance is not None else 0.0
+    def balance_frequency(self) -> tuple[float, float] | float:
+        """Stiffness and damping of the centre of mass's return; 0 for none."""
+        return self.balance or 0.0
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -178,7 +181,7 @@ def _feedback(gains: JointGains, state: RobotState, target: Target, offset: Offs
     """K_P (q_d - q) + K_D (qdot_d - qdot) of eq. (18): (N, n) N·m."""
     torque = np.empty(offset.value.shape)
     for i in range(len(torque)):
-        for j in range(torque.shape[1]):
+        for j in range(len(gains.stiffness)):
             error = target.qpos[i, 7 + j] + offset.value[i, j] - state.qpos[i, 7 + j]
             rate = target.qvel[i, 6 + j] + offset.rate[i, j] - state.qvel[i, 6 + j]
             torque[i, j] = gains.stiffness[j] * error + gains.damping[j] * rate

@@ -21,8 +21,12 @@ from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.actions.gains import BodyGains
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control import ContactLimits
-from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, limit_rows, wrench_scale
+from fbid_gym.control.contact_forces import (
+    DEFAULT_ACCURACY,
+    ContactLimits,
+    limit_rows,
+    wrench_scale,
+)
 from fbid_gym.control.inverse_dynamics import invert_dynamics
 from fbid_gym.control.whole_body import (
     FREE,
@@ -390,7 +394,7 @@ def _feet(law: LawConstants, target: Target, terms: DynamicsTerms, active: np.nd
                 for k in range(6):
                     acceleration[i, foot, k] = -gains.hold * terms.foot_velocity[i, foot, k]
             elif law.feet_first and (stands or not target.planted[i, foot]):
-                # In flight, a foot that shall stand has no place in the world: its leg has it.
+                # In flight, a foot that shall stand has no place to go to: it goes with its leg.
                 asked[i, foot] = MOVES
                 left = turned_left(
                     matrix(target.world_from_foot, (i, foot)),

@@ -8,24 +8,29 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Number
 
 MOST_HERTZ = 1000.0
+_GAIN = Number(0.0, 1e9)
 
 
 @dataclass(frozen=True)
 class Hertz:
-    """A frequency: a number of Hz, or `Falling`; or one of a few words."""
+    """A frequency: a number of Hz, or `Falling`; or one of a few words, or a pair of gains."""
 
     least: float = 1e-3
     also: tuple[str, ...] = ()
+    gains: bool = False
 
     @property
     def words(self) -> str:
         """See `fbid_gym.options.Kind`."""
-        return " or ".join([self._number.words, *(f'"{word}"' for word in self.also)])
+        words = [self._number.words, *(f'"{word}"' for word in self.also)]
+        return " or ".join([*words, *(["a pair of gains, 1/s^2 and 1/s"] if self.gains else [])])
 
     def check(self, name: str, value: Any) -> Any:
         """See `fbid_gym.options.Kind`."""
         if isinstance(value, str) and value in self.also:
             return value
+        if self.gains and isinstance(value, list | tuple) and len(value) == 2:
+            return tuple(_GAIN.check(name, gain) for gain in value)
         number = value.times if isinstance(value, Falling) else value
         if not self._number.holds(number):
             raise InvalidValueError(name, value, self.words)
@@ -37,6 +42,8 @@ class Hertz:
 
 
 Frequency = Annotated[float | Falling, Hertz()]
+Response = Annotated[float | Falling | tuple[float, float], Hertz(gains=True)]
+"""A frequency, or stiffness and damping."""
 DampingRatio = Annotated[float, Number(0.01, 100.0)]
 TargetScale = Annotated[float, Number(1e-6, 100.0, "rad")]
 AccelerationScale = Annotated[float, Number(1e-6, 1e5, "rad/s^2")]

@@ -55,7 +55,7 @@ class Forces(NamedTuple):
 class Points(NamedTuple):
     """The problem, point by point; there may be room for more points than there are."""
 
-    count: np.ndarray  # (1,) int64, P
+    number: np.ndarray  # (1,) int64, P
     wrenches: np.ndarray  # (P, 3, 6): of unit forces of the points, G^T
     wrench: np.ndarray  # (6,)
     limits: np.ndarray  # (P, 3)
@@ -116,7 +116,7 @@ def evaluate(problem: Points, regularisation: float, point: Point) -> float:
     wrenches, missing = problem.wrenches, point.missing
     for row in range(6):
         missing[row] = -problem.wrench[row]
-    for i in range(problem.count[0]):
+    for i in range(problem.number[0]):
         for axis in range(3):
             total = 0.0
             for row in range(6):
@@ -146,7 +146,7 @@ def jacobian_at(problem: Points, regularisation: float, point: Point, newton: St
         for column in range(row):
             jacobian[row, column] = 0.0
         jacobian[row, row] = regularisation
-    for i in range(problem.count[0]):
+    for i in range(problem.number[0]):
         free, limits = vector(point.free, (i,)), vector(problem.limits, (i,))
         friction, lowest, highest = limits
         nearest = nearest_force(free, limits)
@@ -202,7 +202,7 @@ def _slope(
     It needs the free forces, which are linear on the way, and no product with the map.
     """
     slope = offset + growth * step
-    for i in range(problem.count[0]):
+    for i in range(problem.number[0]):
         start = vector(point.free, (i,))
         way = subtract(vector(trial.free, (i,)), start)
         free = add(start, scale(step, way))
@@ -283,7 +283,7 @@ def _newton(
         taken += 1
         if not error < np.inf:
             return evaluate(problem, regularisation, point), taken
-        _copy(trial, point, problem.count[0])
+        _copy(trial, point, problem.number[0])
     return error, taken
 
 
@@ -348,14 +348,14 @@ def _stick(problem: Points, point: Point, gram: np.ndarray) -> bool:
     for row in range(6):
         for column in range(row + 1):
             total = _FAINT if row == column else 0.0
-            for i in range(problem.count[0]):
+            for i in range(problem.number[0]):
                 for axis in range(3):
                     total += wrenches[i, axis, row] * wrenches[i, axis, column]
             gram[row, column] = total
     factor(gram)
     copy(problem.wrench, dual)
     solve_factored(gram, dual)
-    for i in range(problem.count[0]):
+    for i in range(problem.number[0]):
         for axis in range(3):
             force[i, axis] = dot(wrenches[i, axis], dual)
         friction, lowest, highest = vector(problem.limits, (i,))
@@ -376,7 +376,7 @@ def deliver(
     count = len(problem.limits)
     room = room_for(count)
     points, point = room.problem, room.point
-    points.count[0] = count
+    points.number[0] = count
     copy(problem.wrench, points.wrench)
     for i in range(count):
         copy(problem.limits[i], points.limits[i])
@@ -413,7 +413,7 @@ def deliver_by_points(
     """
     problem, point, trial, newton = room.problem, room.point, room.trial, room.newton
     # A wrench has six numbers, and two points can deliver five of them.
-    if problem.count[0] > 2 and _stick(problem, point, newton.jacobian):
+    if problem.number[0] > 2 and _stick(problem, point, newton.jacobian):
         for row in range(6):
             point.missing[row], next_start[row] = 0.0, point.dual[row]
         return 0
@@ -431,6 +431,6 @@ def deliver_by_points(
         evaluate(problem, eps, trial)
         if dot(trial.missing, trial.missing) < dot(point.missing, point.missing):
             copy(trial.missing, point.missing)
-            for i in range(problem.count[0]):
+            for i in range(problem.number[0]):
                 copy(trial.force[i], point.force[i])
     return taken

@@ -47,6 +47,7 @@ from fbid_gym.quantities import (
 )
 from fbid_gym.small_matrices import (
     add_transposed_times,
+    copy,
     dot,
     factor,
     factor_damped,
@@ -193,7 +194,7 @@ def limit_dynamics(
         jacobian, mass_matrix = contacts.jacobian[i], motion.mass_matrix[i]
         bound_mobility(nearness.mobility, radius_of_gyration(mass_matrix), mobility)
         _hold(jacobian, mobility, held)
-        acceleration[i] = desired[i]
+        copy(desired[i], acceleration[i])
         _make_consistent(held, jacobian, contacts.bias[i], acceleration[i])
 
         times(mass_matrix, acceleration[i], force)
@@ -212,15 +213,18 @@ def limit_dynamics(
             for row in range(6):
                 delivered[row] = missing[row] / nearness.scale[row]
             _yield_to(mass_matrix, jacobian, held, mobility, delivered, force)
-            acceleration[i] += force
+            for j in range(velocities):
+                acceleration[i, j] += force[j]
             times(mass_matrix, acceleration[i], force)
             force += motion.bias[i]
 
         times(own_map, point_force[i].reshape(columns), contact_force[i])
-        contact_force[i] *= -1.0
+        for k in range(rows):
+            contact_force[i, k] *= -1.0
         add_transposed_times(jacobian, contact_force[i], force)
-        contact_force[i] *= -1.0
-        torque[i] = force[6:]
+        for k in range(rows):
+            contact_force[i, k] *= -1.0
+        copy(force[6:], torque[i])
     return LimitedInverseDynamics(
         torque, contact_force, acceleration, point_force, residual, iterations, warm_start
     )

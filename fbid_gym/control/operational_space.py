@@ -34,6 +34,7 @@ from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import Constraint, TaskCommand
 from fbid_gym.small_matrices import (
     add_transposed_times,
+    copy,
     dot,
     factor_damped,
     multiply_by_transpose,
@@ -243,7 +244,7 @@ def serve_task(
             for j in range(velocities):
                 weighted[k, j] = contact[k, j] * mobility[j]
         factor_contacts(weighted, contact, held)
-        motion[i] = reference[min(i, len(reference) - 1)]
+        copy(reference[min(i, len(reference) - 1)], motion[i])
         times(contact, motion[i], push)
         push += constraint.bias[i]
         solve_factored(held, push)

@@ -7,7 +7,7 @@ import numpy as np
 from fbid_gym.checks import contiguous
 from fbid_gym.compiled import kernel
 from fbid_gym.errors import ShapeError
-from fbid_gym.small_matrices import pseudo_inverse
+from fbid_gym.small_matrices import copy, pseudo_inverse
 
 
 class PseudoInverse(NamedTuple):
@@ -50,6 +50,7 @@ def _invert_all(matrix: np.ndarray, rtol: float) -> PseudoInverse:
     inverse, rank = np.empty(matrix.shape), np.empty(count, np.int64)
     own = np.empty((size, size))
     for i in range(count):
-        own[:] = matrix[i]
+        for row in range(size):
+            copy(matrix[i, row], own[row])
         rank[i] = pseudo_inverse(own, rtol, inverse[i])
     return PseudoInverse(inverse, rank)

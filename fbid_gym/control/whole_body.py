@@ -14,12 +14,10 @@ of the base in the metric
     S = W_u^-1 + sum over feet of B^T G^-1 B.
 
 This is [M10] eq. (19), contacts before task before reference, as `operational_space` has it for any
-robot: the same motion wherever the six can do what feet and body shall, on legs without joints to
-spare. A leg of more joints than its foot has rows moves by itself for no task. Where they cannot:
+robot: the same motion wherever the six can do what feet and body shall. Where they cannot:
 
 - A leg that cannot move its standing foot in a direction (a straight knee, too few joints) is held
-  by it: G keeps its ridge alone, and S holds the base there; on legs of too few joints a little
-  softer (`_GIVING`), since such legs hold each other.
+  by it: G keeps its ridge alone, and S holds the base there.
 - A foot in the air is not turned in ways in which its leg has no joints to turn it (`Limbs.turns`),
   and is not worth a motion of the base then: it has no part in S.
 - Directions of the task that the base can hardly move in fade out (`least_gain`).
@@ -52,18 +50,15 @@ from fbid_gym.dynamics.vectors import (
 )
 from fbid_gym.dynamics.vectors import dot as inner
 from fbid_gym.quantities import Accuracy, ContactGeometry, DynamicsTerms
-from fbid_gym.small_matrices import dot, factor, factor_damped, solve_factored
+from fbid_gym.small_matrices import dot, factor, solve_factored
 
 FREE, MOVES, STANDS = 0, 1, 2
 """What is asked of a foot: nothing, to move as told, or that its contact does not move."""
 
-# Ridges on G, shares of the mean gain of a leg's joints on its foot: of a standing foot, and of one
-# in the air.
-_FIRM, _LOOSE = 1e-8, 1e-6
-# Of a standing foot in directions in which its leg has no joints to move it, times the ridge, and
-# per mobility of the base: legs hold each other in them, and what they ask of the base then, comes
-# from rounding and from real contacts being soft.
-_GIVING = 1e3
+# Ridges on G, shares of the mean gain of a leg's joints on its foot: of a standing foot, of one in
+# the air, and of a standing foot on a leg of too few joints. Two such feet hold the base twice, and
+# what they disagree about is rounding and contacts that are soft: it shall not move the base.
+_FIRM, _LOOSE, _SHORT = 1e-8, 1e-6, 1e-2
 _FAINT = 1e-3  # of the free robot's response: wrenches that the legs leave less of are given up
 _LINE = 1e-3  # of the longest distance: points that lie nearer to a line are on it
 
@@ -115,6 +110,7 @@ class Work(NamedTuple):
         by_base: (F, R, 6) B of the module.
         by_leg: (F, R, K) L.
         inverse: (F, R, R) G^-1.
+        ridge: (F, R) on G.
         weight: (F, K) W of the legs' joints; 0 where there is none.
         mass: (F, 6, K) rows b of M, of the legs' joints.
         spread: (F, R, 6) G^-1 B.
@@ -128,7 +124,8 @@ class Work(NamedTuple):
         columns: (6, 6) S^-1 rows^T;
         gains: (6, 6);
         share: (6,) what is left to do of the task, then S^-1 rows^T of it is the change of u.
-        column: (6,) a buffer.
+        column: (6,) and
+        diagonal: (6,), buffers.
         arms: (P, 3) m, world, of the points on the ground from their foot's reference.
         feet: (P,) int64, theirs.
         forces: on these points.
@@ -137,6 +134,7 @@ class Work(NamedTuple):
     by_base: np.ndarray
     by_leg: np.ndarray
     inverse: np.ndarray
+    ridge: np.ndarray
     weight: np.ndarray
     mass: np.ndarray
     spread: np.ndarray
@@ -151,6 +149,7 @@ class Work(NamedTuple):
     gains: np.ndarray
     share: np.ndarray
     column: np.ndarray
+    diagonal: np.ndarray
     arms: np.ndarray
     feet: np.ndarray
     forces: Room
@@ -177,12 +176,14 @@ def room_to_work(limbs: Limbs, geometry: ContactGeometry, mobility: np.ndarray) 
         np.zeros((feet, rows, 6)),
         np.zeros((feet, rows, joints)),
         np.zeros((feet, rows, rows)),
+        np.zeros((feet, rows)),
         weight,
         np.zeros((feet, 6, joints)),
         np.zeros((feet, rows, 6)),
         np.zeros((feet, joints, 6)),
         *(square[0], square[1], np.zeros((6, others)), free),
-        *(square[2], np.zeros((6, others)), square[3], square[4], np.empty(6), np.empty(6)),
+        *(square[2], np.zeros((6, others)), square[3], square[4]),
+        *(np.empty(6), np.empty(6), np.empty(6)),
         np.empty((points, 3)),
         np.empty(points, np.int64),
         room_for(points),
@@ -245,9 +246,8 @@ def factor_legs(
             continue
         stands = feet.asked[i, foot] == STANDS
         _read_foot(limbs, geometry, feet, terms, i, foot, work, motion)
-        giving = 1.0 if limbs.able[foot] or not stands else max(1.0, _GIVING * mobility[3])
-        share = _FIRM if stands else _LOOSE
-        _invert_leg(by_leg, work.weight[foot], share, giving, inverse)
+        share = _LOOSE if not stands else _FIRM if limbs.able[foot] else _SHORT
+        _invert_leg(by_leg, work.weight[foot], share, inverse, work.ridge[foot])
         counts = stands or limbs.able[foot]
         rows, joints = by_leg.shape
         # Each sum in a register, and stored once: these are a third of the law's time.
@@ -279,13 +279,15 @@ def factor_legs(
 
 
 @compiled
-def _factor_six(matrix: np.ndarray, column: np.ndarray) -> None:
-    """As `factor_damped` with 1 as the least eigenvalue, of a symmetric matrix (6, 6).
+def _factor_firm(matrix: np.ndarray, column: np.ndarray, diagonal: np.ndarray) -> None:
+    """Overwrite the lower half of a symmetric matrix (6, 6) >= 0 with a Cholesky factor.
 
-    Most are far from singular, and here that is seen without making arrays; `column` (6,) is a
-    buffer.
+    Of the matrix itself where the trace t of its inverse is below 1. Else 1 - 1/t is added to its
+    diagonal first: the factor is continuous, and no eigenvalue ends below a half. `column` (6,) and
+    `diagonal` (6,) are buffers; the upper half is overwritten.
     """
     for i in range(6):
+        diagonal[i] = matrix[i, i]
         for j in range(i):
             matrix[j, i] = matrix[i, j]
     factor(matrix)
@@ -299,16 +301,13 @@ def _factor_six(matrix: np.ndarray, column: np.ndarray) -> None:
             trace += column[i] * column[i]
     if trace < 1.0:
         return
+    # A matrix that rounding has made indefinite has no such trace.
+    added = 1.0 - 1.0 / trace if trace < np.inf else 1.0
     for i in range(6):
-        square = 0.0
-        for j in range(i + 1):
-            square += matrix[i, j] * matrix[i, j]
-        column[i] = square
-    for i in range(6):
-        matrix[i, i] = column[i]
+        matrix[i, i] = diagonal[i] + added
         for j in range(i):
             matrix[i, j] = matrix[j, i]
-    factor_damped(matrix, 1.0)
+    factor(matrix)
 
 
 @compiled
@@ -441,16 +440,15 @@ def _along(place: Vector, spin: Vector, jacobian: np.ndarray, j: int) -> float:
 
 @compiled
 def _invert_leg(
-    by_leg: np.ndarray, weight: np.ndarray, share: float, giving: float, inverse: np.ndarray
+    by_leg: np.ndarray,
+    weight: np.ndarray,
+    share: float,
+    inverse: np.ndarray,
+    ridge: np.ndarray,
 ) -> None:
-    """Write G^-1 of one leg (R, R).
+    """Write G^-1 of one leg (R, R), and the ridge on G (R,), a `share` of its mean gain.
 
-    Args:
-        by_leg: (R, K) L.
-        weight: (K,) of W.
-        share: of the mean gain of the joints, the ridge on G.
-        giving: times the ridge, in directions in which no joint moves the foot; 1 or more.
-        inverse: written.
+    Joints weigh `weight` (K,) of W.
     """
     rows, joints = by_leg.shape
     for row in range(rows):
@@ -460,17 +458,14 @@ def _invert_leg(
                 total += by_leg[row, k] * by_leg[column, k] * weight[k]
             inverse[row, column], inverse[column, row] = total, total
     # Metres and radians apart, so that no unit matters; there are no more than three of the first.
-    first_ridge, last_ridge = 0.0, 0.0
     for first in range(0, rows, 3):
         last, mean = min(first + 3, rows), 0.0
         for row in range(first, last):
             mean += inverse[row, row] / 3.0
         for row in range(first, last):
             # A row of zeros holds nothing.
-            inverse[row, row] += share * mean if inverse[row, row] > 0.0 else mean + 1.0
-        if first == 0:
-            first_ridge = share * mean
-        last_ridge = share * mean
+            ridge[row] = share * mean if inverse[row, row] > 0.0 else mean + 1.0
+            inverse[row, row] += ridge[row]
     for k in range(rows):
         pivot = 1.0 / inverse[k, k]
         inverse[k, k] = 1.0
@@ -482,17 +477,6 @@ def _invert_leg(
                 inverse[row, k] = 0.0
                 for j in range(rows):
                     inverse[row, j] -= share * inverse[k, j]
-    if giving == 1.0:
-        return
-    # G^-1 - (1 - 1 / giving) G^-1 ridge G^-1: the same but where there is nothing but the ridge.
-    firm = inverse.copy()
-    for row in range(rows):
-        for column in range(rows):
-            total = 0.0
-            for k in range(rows):
-                ridge = first_ridge if k < 3 else last_ridge
-                total += firm[row, k] * ridge * firm[k, column]
-            inverse[row, column] -= (1.0 - 1.0 / giving) * total
 
 
 @compiled
@@ -588,7 +572,7 @@ def serve_body(size: int, least_gain: np.ndarray, work: Work, motion: Motion) ->
         for other in range(row):
             lower[row, other] = 0.0
         share[row], lower[row, row] = 0.0, 1.0
-    _factor_six(lower, work.column)
+    _factor_firm(lower, work.column, work.diagonal)
     solve_factored(lower, share)
     for row in range(6):
         share[row] /= least_gain[row]
@@ -678,7 +662,7 @@ def deliver_forces(
         count += 1
     for row in range(6):
         problem.wrench[row] = nearness[row] * (motion.momentum[row] + terms.bias[i, row])
-    problem.count[0] = count
+    problem.number[0] = count
     deliver_by_points(work.forces, accuracy, weight, start, next_start)
 
 
@@ -719,7 +703,7 @@ def joint_torques(
         torque[j] = dot(terms.mass_matrix[i, 6 + j], motion.whole) + terms.bias[i, 6 + j]
     for foot in range(terms.foot_jacobian.shape[1]):
         force, moment, bears = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), False
-        for point in range(work.forces.problem.count[0]):
+        for point in range(work.forces.problem.number[0]):
             if work.feet[point] == foot:
                 pushed = vector(work.forces.point.force, (point,))
                 force, bears = add(force, pushed), True
@@ -738,18 +722,12 @@ def contact_error(limbs: Limbs, feet: Feet, i: int, work: Work, motion: Motion) 
     square = 0.0
     for foot in range(len(limbs.legs)):
         if feet.asked[i, foot] == STANDS:
-            by_leg, by_base = work.by_leg[foot], work.by_base[foot]
-            rows, joints = by_leg.shape
-            for row in range(rows):
-                moved = dot(by_base[row], motion.base) - motion.asked[foot, row]
-                for k in range(joints):
-                    share = 0.0
-                    for other in range(rows):
-                        force = motion.force[foot, other]
-                        force -= dot(work.spread[foot, other], motion.base)
-                        share += by_leg[other, k] * force
-                    moved += by_leg[row, k] * work.weight[foot, k] * share
-                square += moved**2
+            # What the ridge leaves: B u + L q - c = -ridge G^-1 (c - L r - B u).
+            for row in range(motion.force.shape[1]):
+                force = motion.force[foot, row]
+                for column in range(6):
+                    force -= work.spread[foot, row, column] * motion.base[column]
+                square += (work.ridge[foot, row] * force) ** 2
     return np.sqrt(square)
 
 

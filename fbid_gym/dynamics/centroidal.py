@@ -32,7 +32,7 @@ from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.frames import skew
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import CentroidalTerms, DynamicsTerms
-from fbid_gym.small_matrices import multiply, multiply_by_transpose, times
+from fbid_gym.small_matrices import copy, multiply, multiply_by_transpose, times
 
 GRAVITY = (0.0, 0.0, -9.81)
 """m/s^2, world."""
@@ -117,7 +117,7 @@ def _fill_base_force_to_com(
         result[axis, axis] = 1.0
         result[3 + after, last] = com[axis] - position[axis]
         result[3 + last, after] = position[axis] - com[axis]
-        result[3 + axis, 3:] = rotation[axis]
+        copy(rotation[axis], result[3 + axis, 3:])
 
 
 @compiled

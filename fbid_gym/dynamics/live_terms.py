@@ -1,12 +1,13 @@
 """Dynamics terms read from MuJoCo's own buffers, for a whole batch at once."""
 
+from functools import partial
 from typing import NamedTuple
 
 import mujoco
 import mujoco.batch
 import numpy as np
 
-from fbid_gym.compiled import bind, compiled, kernel
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.dynamics.vectors import (
     add,
@@ -109,7 +110,7 @@ class LiveTerms:
             "foot_bias": (count, feet, 6),
         }
         self._terms = DynamicsTerms(**{name: np.empty(shape) for name, shape in shapes.items()})
-        self._read = bind(_read, _layout_of(robot), buffers, velocities, self._terms)
+        self._read = partial(_read, _layout_of(robot), buffers, velocities, self._terms)
 
     def __call__(self) -> DynamicsTerms:
         """Return the terms, in arrays that the next call writes anew."""

@@ -1,7 +1,7 @@
 """A robot's home stance, measured once: what stabilisers, gains and scales are derived from."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.support import heading_of, support_frame
 from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, SupportFrame
 from fbid_gym.robots import Robot
+from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.mjcf import posed
 
 
@@ -68,7 +69,7 @@ class Stance:
     layout: np.ndarray
 
     @staticmethod
-    @lru_cache(maxsize=64)
+    @once_for_robot
     def of(robot: Robot) -> "Stance":
         """Measure the home stance of a robot; once for each."""
         geometry = contact_geometry(robot)

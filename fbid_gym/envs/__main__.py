@@ -15,12 +15,15 @@ from typing import Any
 
 from fbid_gym.actions import LAYERS, Footholds
 from fbid_gym.actions.contact_options import ContactOptions
+from fbid_gym.actions.gains import default_gains, default_moment_priority
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS, NUM_THREADS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.randomisation import Randomisation
+from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Option, options_of
+from fbid_gym.robots import load
 from fbid_gym.tasks import TASKS
 
 _HEAD = """\
@@ -29,8 +32,8 @@ _HEAD = """\
 What `gym.make`, `gym.make_vec` and `fbid_gym.make_sb3` take, made by `python -m fbid_gym.envs`. The
 ranges are wider than robots of 0.1 kg to 1 t need; what lies outside is refused with the name, the
 value and the range. Numbers may be NumPy's. `Falling(1.7)` is 1.7 times the frequency at which the
-robot falls over, sqrt(g / height of the centre of mass) / (2 pi). `None` is derived from the robot.
-Where robots walk to commands other values stand: [what each environment
+robot falls over, sqrt(g / height of the centre of mass) / (2 pi). `None` is derived from robot and
+task. Where robots walk to commands other values stand: [what each environment
 sets](#what-each-environment-sets).
 """
 
@@ -63,6 +66,15 @@ import fbid_gym
 weights, scales = {"torque": 0.0, "velocity": 0.6}, {"velocity": 0.1}
 env = gym.make("fbid_gym/QuadrupedWalk-v0", reward_weights=weights, reward_scales=scales)
 ```"""
+_KINDS = """\
+Every layer has the same options whatever the task. Where a layer's option is `None`, the kind of
+motion decides: one that is planned beforehand, standing among them, or an online gait (task
+`walk`). Of the body and the feet, stiffness in omega^2 and damping in omega, the rate at which the
+robot falls; a frequency stands for both, critically damped unless `damping_ratio` says otherwise,
+or the option is the pair itself:"""
+_SPARE = """\
+On a gait joints that neither feet nor body need are held as firmly as a foot in the air. Of
+`footholds` the default is True on a gait, of `base_acceleration` and `com_wrench`, else False."""
 _SB3 = """\
 `make_sb3` also takes `seed` (environment i starts from seed + i) and `stagger` (False; truncates
 first episodes, evenly spread, so that robots do not end together, as trainings of this repository
@@ -131,6 +143,23 @@ def terms() -> str:
     return "\n".join(lines)
 
 
+def kinds() -> str:
+    """Return a Markdown table of what a kind of motion makes of options that are None."""
+    columns = [("go1", False), ("go1", True), ("biped", True)]
+    of = [(load(robot), MotionKind(gait, 1.0)) for robot, gait in columns]
+    gains = [default_gains(robot, kind)._asdict() for robot, kind in of]
+    rows = {
+        f"{part}_frequency": [f"{each[part]:g}, {each[f'{part}_damping']:g}" for each in gains]
+        for part in ("balance", "height", "rotation", "posture", "swing")
+    }
+    rows["moment_priority"] = [f"{default_moment_priority(*each):.3g}" for each in of]
+    ramps = [ContactOptions().on(*each).contact_ramp for each in of]
+    rows["contact_ramp"] = [f"{ramp:g} / omega" if ramp else "0" for ramp in ramps]
+    lines = ["| Option | Planned | Gait, point feet | Gait, soles |", "| --- | --- | --- | --- |"]
+    lines += [f"| `{name}` | {' | '.join(values)} |" for name, values in rows.items()]
+    return "\n".join(lines)
+
+
 def page() -> str:
     """Return docs/arguments.md."""
     parts = [_HEAD.rstrip()]
@@ -150,6 +179,7 @@ def page() -> str:
     parts.extend(["## Terms of the reward: `reward_weights`, `reward_scales`", _TERMS])
     parts.append(terms())
     parts.append("## Of the action layers: `layer_options`")
+    parts.extend([_KINDS, kinds(), _SPARE])
     shared = options_of(ContactOptions)
     for name, layer in LAYERS.items():
         every = options_of(layer)
@@ -157,7 +187,7 @@ def page() -> str:
         if shared.keys() <= every.keys():
             parts.append("And those about contacts.")
     section("### About contacts", shared, meanings(ContactOptions))
-    section("### What steers a gait", options_of(Footholds.of), meanings(Footholds.of))
+    section("### Steering a gait, of every layer", options_of(Footholds.of), meanings(Footholds.of))
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
     parts.append(_RANDOMISED)
     section("## `render_options`", options_of(RenderOptions), meanings(RenderOptions))

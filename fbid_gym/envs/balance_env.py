@@ -49,8 +49,8 @@ class BalanceEnv(RobotEnv):
 
     The last four are model-based. Three realise an acceleration by inverse dynamics of the floating
     base in contact ([M10] eq. 15), by default with contact forces limited to their friction cones.
-    `com_wrench` distributes a wrench over the contacts, within the same limits and those of the
-    torques, and maps the contact forces to torques ([G15] eqs. 38, 39; `balancer` names the map).
+    `com_wrench` asks of the contacts that the momentum changes as in [G15] eqs. 38, 39, through the
+    same inverse dynamics or one of the papers' maps (`balancer`).
 
     `joint_position_feedforward` is [M10] eqs. 18-20: to that torque it adds PD feedback, by default
     as soft as the robot falls, and in the acceleration it returns the centre of mass to above the
@@ -64,36 +64,40 @@ class BalanceEnv(RobotEnv):
     `env.unwrapped.action_names` names each entry of the action with its scale and unit; of a vector
     environment it is `envs.unwrapped.action_names`.
 
-    Options of the layers (`layer_options`; `fbid_gym.actions.layer_options(name)` has the
-    defaults). Frequencies are in Hz; a default of `Falling(1.7)` is 1.7 times that at which the
-    robot falls over, sqrt(g / height of the centre of mass) / (2 pi):
+    Options of the layers, whatever the task (`fbid_gym.actions.layer_options(name)` has the
+    defaults). Frequencies are in Hz, or `Falling(1.7)` is 1.7 times that at which the robot
+    falls over, sqrt(g / height of the centre of mass) / (2 pi):
 
     | Layer                        | Options                                                       |
     | ---------------------------- | ------------------------------------------------------------- |
     | `torque`                     | none                                                          |
-    | `joint_position`             | `natural_frequency`, `damping_ratio`, `scale`                 |
-    | `joint_position_feedforward` | the same, `target_frequency`, `balance_frequency`, and those  |
+    | `joint_position`             | `natural_frequency`, `damping_ratio`, `scale`, `reference`    |
+    | `joint_position_feedforward` | `natural_frequency`, `damping_ratio`, `scale`,                |
+    |                              | `target_frequency`, `balance_frequency`, and those about      |
+    |                              | contacts                                                      |
+    | `joint_acceleration`         | `natural_frequency`, `damping_ratio`, `scale`, and those      |
     |                              | about contacts                                                |
-    | `joint_acceleration`         | the same as `joint_position`, and those about contacts        |
     | `base_acceleration`          | `balance_frequency`, `height_frequency`,                      |
-    |                              | `rotation_frequency`, `posture_frequency`, `damping_ratio`,   |
-    |                              | `base_priority`, and those about contacts                     |
-    | `com_wrench`                 | `balancer`, `balance_frequency`, `height_frequency`,          |
     |                              | `rotation_frequency`, `posture_frequency`, `swing_frequency`, |
-    |                              | `damping_ratio`, `moment_priority`, and those about contacts  |
+    |                              | `damping_ratio`, `moment_priority`, `velocity_gain`, and      |
+    |                              | those about contacts                                          |
+    | `com_wrench`                 | the same as `base_acceleration`, and `balancer`               |
+
+    Every layer has `footholds` and `step_rate` beside, for a gait alone. What is `None` depends on
+    the robot and on the kind of motion: see docs/arguments.md.
 
     What the model-based layers assume of contacts:
 
     | Option               | Default      | Meaning                                                |
     | -------------------- | ------------ | ------------------------------------------------------ |
-    | `contacts`           | `"planned"`  | Which points are on the ground: the feet that stand in |
-    |                      |              | the reference; `"all"`; `"measured"`; or a schedule    |
+    | `contacts`           | `"planned"`  | Which points are on the ground: of the feet that shall |
+    |                      |              | stand; `"all"`; `"measured"`; or a schedule            |
     |                      |              | `[(seconds, feet), ...]`                               |
     | `contact_limits`     | `"friction"` | Limits of the contact forces; `"none"` is the paper's  |
     |                      |              | form                                                   |
-    | `contact_ramp`       | `0.0`        | s that the torque takes from the old contacts' to the  |
-    |                      |              | new ones' when they switch; at 0 it jumps              |
-    | `friction`           | `0.7`        | Coefficient of friction                                |
+    | `contact_ramp`       | `None`       | s that the torque takes to what a switch of contacts   |
+    |                      |              | makes of it; at 0 it jumps                             |
+    | `friction`           | `None`       | Coefficient of friction                                |
     | `min_normal_force`   | `0.0`        | Least normal force of a point, share of the weight     |
     | `max_normal_force`   | `inf`        | Greatest, likewise                                     |
     | `compensate_damping` | `True`       | Add the torque that the joints' viscous damping takes  |

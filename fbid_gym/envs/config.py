@@ -4,7 +4,6 @@ import copy
 import difflib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from functools import lru_cache
 from typing import Annotated, Any
 
 import gymnasium as gym
@@ -27,6 +26,7 @@ from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice, Named, Number, Whole, check_fields
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.contact_pairs import compile_paired
+from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.terrain import (
     LEVELLED,
     TERRAINS,
@@ -203,7 +203,7 @@ class EnvConfig:
             given = self.task, self.terrain
             raise InvalidValueError("task and terrain of a curriculum", given, expected)
         difficulty = None if self.curriculum else self.difficulty
-        terrain, shared = _ground(self.terrain, robot, height, difficulty, self.terrain_seed)
+        terrain, shared = _ground(robot, self.terrain, height, difficulty, self.terrain_seed)
         world = copy.copy(shared)
         world.opt.cone = _CONES[self.friction_cone]
         if self.solver_iterations is not None:
@@ -237,14 +237,16 @@ class EnvConfig:
         """
         robot = self.load_robot()
         task = self.make_task(robot)
-        layer, _ = self.layer(robot, task)
+        layer, steering = self.layer(robot, task)
         terms = self.reward_terms(task)
         options = self.every_layer_option()
+        options["footholds"] = bool(steering.feet)
         for name, value in options.items():
             if value is None:
                 # A layer of the user's need not tell what it makes of None.
-                inner = getattr(getattr(layer, "inner", None), name, None)
-                options[name] = _derived(getattr(layer, name, inner))
+                assumed = getattr(getattr(layer, "contact", None), name, None)
+                told = getattr(layer, "meant", {}).get(name, assumed)
+                options[name] = _derived(getattr(layer, name, told))
             elif isinstance(value, Falling):
                 options[name] = _derived(*in_hertz(robot, **{name: value}).values())
         filled = {
@@ -288,9 +290,9 @@ def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, A
 
 
 # Every chunk of a batch asks for the same.
-@lru_cache(maxsize=8)
+@once_for_robot
 def _ground(
-    name: str, robot: Robot, height: float | None, difficulty: float | None, seed: int
+    robot: Robot, name: str, height: float | None, difficulty: float | None, seed: int
 ) -> tuple[Terrain, mujoco.MjModel]:
     terrain = make_terrain(name, robot, height=height, difficulty=difficulty, seed=seed)
     return terrain, compile_paired(world_of(robot, terrain))

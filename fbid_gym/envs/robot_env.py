@@ -99,13 +99,15 @@ class RobotEnv(gym.Env):
         if self.render_mode is None:
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
+        self._check_open()
         if self._renderer is None:
             self._renderer = RobotRenderer(self.batch, self.render_mode, self.drawn_over)
         return self._renderer.render(self.batch, 0)
 
     def close(self) -> None:
-        """Close the window; nothing steps any more."""
+        """Close the window and give back the memory; nothing steps any more."""
         self._closed = True
+        vars(self).pop("batch", None)
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None

@@ -54,6 +54,7 @@ class SB3VecEnv(VecEnv):
         first = self.chunks.batches[0]
         super().__init__(num_envs, *spaces(first))
         self.observation_names, self.action_names = first.observation_names, first.action_names
+        self.robot: Robot = first.robot
         self.last_info: dict[str, np.ndarray] = {}
         self._seeded = False
         self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
@@ -65,11 +66,6 @@ class SB3VecEnv(VecEnv):
         self._started = time.monotonic()
         self._actions: np.ndarray | None = None
         self._renderer: RobotRenderer | None = None
-
-    @property
-    def robot(self) -> Robot:
-        """The robot."""
-        return self.chunks.batches[0].robot
 
     def reset(self) -> np.ndarray:
         """Start new episodes everywhere: (N, O) float32."""
@@ -154,9 +150,11 @@ class SB3VecEnv(VecEnv):
         self.chunks.close()
         if self._renderer is not None:
             self._renderer.close()
+            self._renderer = None
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """Draw every environment: (H, W, 3) uint8 each."""
+        self.chunks.check_open()
         batches = self.chunks.batches
         if self._renderer is None:
             self._renderer = RobotRenderer(batches[0], "rgb_array", self._shown)

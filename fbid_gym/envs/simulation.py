@@ -2,12 +2,12 @@
 
 import copy
 from collections.abc import Callable
+from functools import partial
 
 import mujoco
 import mujoco.batch
 import numpy as np
 
-from fbid_gym.compiled import bind
 from fbid_gym.dynamics.contacts import point_positions
 from fbid_gym.dynamics.live_terms import LiveTerms, column_of
 from fbid_gym.dynamics.stance import Stance
@@ -87,9 +87,9 @@ class Simulation:
             gear=robot.gear,
             torque_limit=robot.torque_limit,
         )
-        self._write_controls = bind(write_controls, self._wiring)
+        self._write_controls = partial(write_controls, self._wiring)
         judged = self._wiring, _DIVERGENCE, robot.nv, MAX_SPEED
-        self._find_diverged = bind(find_diverged, *judged)
+        self._find_diverged = partial(find_diverged, *judged)
         self._sensors = sensors[:, columns].reshape(num_robots, robot.num_points, 3)
         self.contact_force = np.zeros(self._sensors.shape)
         self._live = LiveTerms(robot, self.batch)
@@ -170,7 +170,10 @@ class Simulation:
             A function of torques (N, n) N·m, which are limited there (a robot whose torques are no
             numbers gets none), and of forces (N, 3) N on the bases, see `push`.
         """
-        write, look = bind(drive, self._wiring, effort), bind(read, self._wiring, effort, state)
+        write, look = (
+            partial(drive, self._wiring, effort),
+            partial(read, self._wiring, effort, state),
+        )
 
         def tick(torque: np.ndarray, push: np.ndarray) -> None:
             write(torque, push)

@@ -150,6 +150,7 @@ class RobotVectorEnv(VectorEnv):
         if self.render_mode is None:
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
+        self.chunks.check_open()
         batches = self.chunks.batches
         if self._renderer is None:
             self._renderer = RobotRenderer(batches[0], self.render_mode, self._shown)
@@ -162,6 +163,7 @@ class RobotVectorEnv(VectorEnv):
         self.chunks.close()
         if self._renderer is not None:
             self._renderer.close()
+            self._renderer = None
 
 
 def spaces(batch: EnvBatch) -> tuple[gym.spaces.Box, gym.spaces.Box]:

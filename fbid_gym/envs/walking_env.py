@@ -46,25 +46,7 @@ class WalkingEnv(RobotEnv):
     with option `step_rate` one that raises the gait's frequency, by 20 % at action 1.
     `env.unwrapped.action_names` names them all.
 
-    Options (`fbid_gym.actions.walking_layer_options(name)` has the defaults); every layer has
-    `footholds` and `step_rate` beside:
-
-    | Layer                        | Options                                                       |
-    | ---------------------------- | ------------------------------------------------------------- |
-    | `torque`                     | none                                                          |
-    | `joint_position`             | `reference`, `natural_frequency`, `damping_ratio`, `scale`    |
-    | `joint_position_feedforward` | `natural_frequency`, `damping_ratio`, `scale`,                |
-    |                              | `target_frequency`,                                           |
-    |                              | `contact_limits`, `contact_ramp`, `friction`,                 |
-    |                              | `compensate_damping`, `compensate_friction`                   |
-    | `joint_acceleration`         | `natural_frequency`, `damping_ratio`, `scale`,                |
-    |                              | `contact_limits`, `contact_ramp`, `friction`,                 |
-    |                              | `compensate_damping`, `compensate_friction`                   |
-    | `base_acceleration`          | `velocity_gain`, `contact_limits`, `contact_ramp`,            |
-    |                              | `friction`, `compensate_damping`, `compensate_friction`       |
-    | `com_wrench`                 | `velocity_gain`, `contact_limits`, `contact_ramp`,            |
-    |                              | `friction`, `compensate_damping`, `compensate_friction`       |
-
+    Options are those of `BalanceEnv`; with other defaults on a gait, see docs/arguments.md.
     `reference="home"` holds the PD controller's targets at the home posture: no gait, the action is
     all there is.
 

@@ -1,6 +1,5 @@
 """Bent legs under a centre of mass that stays over the soles."""
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from fbid_gym.motions.kinematics import base_on_feet, home_points, seen_from_fee
 from fbid_gym.motions.legs import Legs, bent, legs_of
 from fbid_gym.quantities import Target
 from fbid_gym.robots import Robot
+from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.polygon import convex_hull, margin_within
 
 _KNEES, _PITCHES = np.linspace(0.0, 1.6, 17), np.linspace(0.0, 0.8, 9)  # rad
@@ -34,7 +34,7 @@ class Lean(NamedTuple):
     per_pitch: float
 
 
-@lru_cache(maxsize=64)
+@once_for_robot
 def lean_of(robot: Robot) -> Lean:
     """Return the lean that comes nearest to a centre of mass over the centre of the soles.
 

@@ -163,6 +163,7 @@ def look_up(
 def _check_shapes(motion: MotionTable) -> None:
     robot, steps = motion.robot, len(motion.rows.qpos)
     feet = (steps, robot.num_feet)
+    shapes: dict[str, tuple[int, ...]]
     shapes = {"qpos": (steps, robot.nq), "qvel": (steps, robot.nv), "qacc": (steps, robot.nv)}
     shapes |= {name: (steps, 3) for name in ("com", "com_velocity", "com_acceleration")}
     shapes |= {"foot_position": (*feet, 3), "world_from_foot": (*feet, 3, 3)}

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -68,6 +68,8 @@ class Card:
     """By the names of `train.episodes.METRICS`."""
     sha256: str
     """Digest of the policy, which is in its `policy.json`."""
+    note: str = ""
+    """What has changed since it was measured."""
 
     def to_json(self) -> dict[str, Any]:
         """Return it as `card.json` holds it."""
@@ -86,7 +88,9 @@ class Card:
             raise PolicyFileError(f"{file}: format is {data.get('format')!r}. Expected {FORMAT}.")
         values = {}
         for item in fields(cls):
-            values[item.name] = _typed(data.get(item.name), _KINDS[item.type], item.name, file)
+            usual = None if item.default is MISSING else item.default
+            value = data.get(item.name, usual)
+            values[item.name] = _typed(value, _KINDS[item.type], item.name, file)
         metrics = values["metrics"].items()
         return cls(**{**values, "metrics": {name: _measured(x, name, file) for name, x in metrics}})
 
@@ -106,6 +110,7 @@ class Card:
                 f"  {name:18} {x.mean:.4g} ({x.low:.4g} to {x.high:.4g}) {x.unit}".rstrip()
                 for name, x in self.metrics.items()
             ),
+            *([f"note:        {self.note}"] if self.note else []),
         ]
 
 

@@ -1,17 +1,17 @@
 """A robot without what is only drawn of it: the same motion, for less."""
 
 from dataclasses import replace
-from functools import lru_cache
 
 import mujoco
 import numpy as np
 
+from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.robot import Robot
 
 _INERTIA = ("body_mass", "body_inertia", "body_ipos", "body_iquat")
 
 
-@lru_cache(maxsize=16)
+@once_for_robot
 def undrawn(robot: Robot) -> Robot:
     """Return a robot without the geoms that touch nothing, without lights and cameras.
 

@@ -25,7 +25,7 @@ from fbid_gym.tasks.reward import SCALE, WEIGHT, Term, Terms, bell
 from fbid_gym.tasks.squat import squat
 from fbid_gym.tasks.start import Start
 from fbid_gym.tasks.step import step
-from fbid_gym.tasks.task import Episode, Now, Task
+from fbid_gym.tasks.task import Episode, Now, PlannedEpisode, Task
 from fbid_gym.tasks.tracking import Tracking
 from fbid_gym.tasks.walk import Walk
 
@@ -38,6 +38,7 @@ __all__ = [
     "Now",
     "Outcome",
     "Plan",
+    "PlannedEpisode",
     "Pushes",
     "Start",
     "Task",

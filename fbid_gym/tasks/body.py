@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.compiled import bind, kernel
+from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.contacts import point_velocities
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
@@ -160,7 +160,7 @@ class Body:
             above=self.size - self.home_height,
             low=FALLEN_HEIGHT * (self.size - self.lowered),
         )
-        return bind(_measure, standing, self.stance.geometry, self.stance.heading)
+        return partial(_measure, standing, self.stance.geometry, self.stance.heading)
 
 
 UP = Group.of(

@@ -30,17 +30,28 @@ def test_every_argument_has_a_value_that_json_keeps(name, layer):
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    ("name", "arguments"),
     [
-        {"action_layer": "joint_position"},
-        {"action_layer": "base_acceleration", "randomisation": {"mass": 0.2, "model_com": 0.01}},
+        ("QuadrupedBalance-v0", {"action_layer": "joint_position"}),
+        (
+            "QuadrupedBalance-v0",
+            {"action_layer": "base_acceleration", "randomisation": {"mass": 0.2}},
+        ),
+        ("BipedWalk-v0", {"action_layer": "base_acceleration"}),
+        ("QuadrupedWalk-v0", {"action_layer": "com_wrench"}),
+        ("BipedStep-v0", {"action_layer": "joint_position_feedforward"}),
+        (
+            "BipedStep-v0",
+            {"action_layer": "com_wrench", "layer_options": {"balancer": "ott2011"}},
+        ),
     ],
 )
-def test_what_is_resolved_is_the_same_environment(arguments):
+def test_what_is_resolved_is_the_same_environment(name, arguments):
     """Said explicitly, the resolved arguments make the environment that the defaults make."""
-    name = "fbid_gym/QuadrupedBalance-v0"
+    name = f"fbid_gym/{name}"
     resolved = resolved_arguments(name, arguments)
-    assert resolved_arguments(name, resolved | {"layer_options": {}}) == resolved
+    given = {"layer_options": arguments.get("layer_options", {})}
+    assert resolved_arguments(name, resolved | given) == resolved
     explicit = json.loads(json.dumps(resolved))
     options = explicit["layer_options"]
     options |= {key: np.inf for key, value in options.items() if value == "inf"}

@@ -41,6 +41,8 @@ def test_a_shipped_policy_is_small_and_the_one_of_its_card(policy):
 
 @every
 def test_a_shipped_policy_does_what_its_card_says(policy):
+    if policy.card.note:
+        pytest.skip(policy.card.note)
     player = load_player(Path(f"shipped:{policy.name}"), {})
     episodes = play_player(player, EPISODES, SEED)
     for name in {"velocity_error", "survived"} & policy.card.metrics.keys():

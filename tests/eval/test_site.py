@@ -10,7 +10,7 @@ import pytest
 from eval.site import environments, layers, pictures, reference
 from eval.site.docstrings import sections
 from eval.site.examples import filled
-from fbid_gym.actions import LAYERS, layer_options, walking_layer_options
+from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.terrain_env import TerrainEnv
 from fbid_gym.envs.walking_env import WalkingEnv
@@ -76,7 +76,7 @@ def test_a_page_of_a_layer(name: str) -> None:
         f"layers/{name}.md", said, set()
     )
     assert "<!--" not in page
-    for option in layer_options(name) | walking_layer_options(name):
+    for option in layer_options(name):
         rows = re.findall(rf"^\| `{option}` \|.*\| (.*) \|$", page, re.M)
         assert rows and all(rows), f"{option} means nothing"
 

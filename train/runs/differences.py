@@ -56,12 +56,16 @@ def environment_differences(
     """Return what differs between environments, each as its `environment.json` has it.
 
     An argument, or an option of the layer or of the randomisation, that is not stored is younger
-    than that file: it was at its default, as it is today where nobody gives it.
+    than that file: it was at its default, as it is today where nobody gives it. Options that the
+    layer no longer has are left out.
     """
     filled = {**today, **stored}
     for name in ("layer_options", "randomisation"):
         if isinstance(stored.get(name), Mapping):
             filled[name] = {**today.get(name, {}), **stored[name]}
+    if stored.get("action_layer") == today.get("action_layer"):
+        kept = today.get("layer_options", {}).keys()
+        filled["layer_options"] = {k: filled["layer_options"][k] for k in kept}
     return differences(filled, today)
 
 

@@ -1,12 +1,13 @@
 """What the arguments of a run's environment mean: defaults may change after a run began."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import FbidError
-from fbid_gym.policy import Card
+from fbid_gym.policy import Card, Policy
 from fbid_gym.policy.shipping import CARD
 from fbid_gym.robots import Robot
 from train.runs.differences import environment_differences, in_words
@@ -34,8 +35,66 @@ def meaning(config: Mapping[str, Any], robot: Robot | None = None) -> dict[str, 
     return resolved_arguments(str(config.get("env_id")), arguments)
 
 
+def _trained(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Any]] | None:
+    """Return in what a policy was trained, as `config.json` and `environment.json` have it.
+
+    They are read in the folder of a run or of a shipped policy; None where there is neither.
+    """
+    folder = RunFolder.of(path)
+    if (path / CARD).is_file():
+        card = Card.read(path / CARD)
+        return {"env_id": card.env_id, "env_args": card.env_args}, card.environment
+    if folder.environment.is_file() and folder.config.is_file():
+        return read_json(folder.config), read_json(folder.environment)
+    return None
+
+
+def as_trained(path: Path, env_args: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a policy's arguments with the options of its layer that it was trained with.
+
+    Args:
+        path: folder of its run, or of a shipped policy.
+        env_args: as the policy has them.
+
+    Returns:
+        The arguments, with what their layer's options meant where they mean something else today.
+
+    Raises:
+        RunError: a file of the run that is not JSON.
+        PolicyFileError: the card of a shipped policy is damaged.
+    """
+    trained, arguments = _trained(path), dict(env_args)
+    if trained is None:
+        return arguments
+    config, stored = trained
+    try:
+        today = _today(path, config).get("layer_options", {})
+    except FbidError:  # of an environment that cannot be made; whoever makes it is told
+        return arguments
+    was = stored.get("layer_options") or {}
+    changed = {name: was[name] for name in was.keys() & today.keys() if was[name] != today[name]}
+    if changed:
+        arguments["layer_options"] = changed | (arguments.get("layer_options") or {})
+    return arguments
+
+
+def load_policy(path: Path) -> Policy:
+    """Load a policy, to be played as it was trained.
+
+    Args:
+        path: of a run folder, a shipped policy, or an exported one, which does not say what its
+            arguments meant.
+
+    Raises:
+        RunError: a file of the run that is not JSON.
+        PolicyFileError: the policy cannot be read, or the card of a shipped one.
+    """
+    policy = Policy.load(path)
+    return replace(policy, env_args=as_trained(path, policy.env_args))
+
+
 def changed_meaning(path: Path) -> str | None:
-    """Compare what a run's arguments meant when it began with what they mean today.
+    """Compare what a run's arguments meant when it began with what they mean as it is played.
 
     Args:
         path: folder of a run, or of a shipped policy. Another exported policy and a run of
@@ -48,23 +107,23 @@ def changed_meaning(path: Path) -> str | None:
         RunError: a file of the run that is not JSON.
         PolicyFileError: the card of a shipped policy is damaged.
     """
-    folder = RunFolder.of(path)
-    if (path / CARD).is_file():
-        card = Card.read(path / CARD)
-        config: Mapping[str, Any] = {"env_id": card.env_id, "env_args": card.env_args}
-        stored = card.environment
-    elif folder.environment.is_file() and folder.config.is_file():
-        config, stored = read_json(folder.config), read_json(folder.environment)
-    else:
+    trained = _trained(path)
+    if trained is None:
         return None
+    config, stored = trained
     try:
-        today = meaning(config, of_policy(path, config.get("env_args") or {}))
+        arguments = as_trained(path, config.get("env_args") or {})
+        today = _today(path, {**config, "env_args": arguments})
     except FbidError as error:
         return f"{path.name} was trained in an environment that is not valid today: {error}"
-    different = environment_differences(stored, today or {})
+    different = environment_differences(stored, today)
     if not different:
         return None
     return (
         f"{path.name} was trained in another environment than its arguments make today: "
         f"{in_words(different)}."
     )
+
+
+def _today(path: Path, config: Mapping[str, Any]) -> dict[str, Any]:
+    return meaning(config, of_policy(path, config.get("env_args") or {})) or {}

@@ -10,6 +10,7 @@ import numpy as np
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy, place_of
 from fbid_gym.robots import Robot
+from train.runs.environment import load_policy
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
 from train.runs.robots import of_policy
@@ -81,7 +82,7 @@ def load(path: Path, robot: Robot | None = None) -> Run:
         raise RunError(f"{path}: no such folder. Expected a run folder or an exported policy.")
     folder = RunFolder.of(path)
     if not folder.config.is_file():
-        policy = Policy.load(path)
+        policy = load_policy(path)
         robot = of_policy(path, policy.env_args, robot)
         return Run(path, None, policy, None, dict(policy.versions), None, robot)
     for file in (folder.versions, folder.evaluations):
@@ -94,7 +95,7 @@ def load(path: Path, robot: Robot | None = None) -> Run:
     for key, kind in (("env_id", str), ("seed", int), ("total_steps", int)):
         if not isinstance(value := config.get(key), kind) or isinstance(value, bool):
             raise RunError(f"{folder.config}: {key} is {value!r}. Expected {kind.__name__}.")
-    policy = Policy.load(path)
+    policy = load_policy(path)
     if policy.env_id != config["env_id"].rpartition(":")[2]:
         raise RunError(
             f"{path}: {folder.config.name} says {config['env_id']}, the policy in it was trained "

@@ -32,7 +32,7 @@ from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import MotionTable, stepping
-from fbid_gym.quantities import ContactGeometry, Reference, RobotState
+from fbid_gym.quantities import ContactGeometry, RobotState, Target
 from fbid_gym.robots import Robot, load
 
 LATE = (-200, -100, -50, -20, 0, 20, 50, 100, 200)
@@ -69,7 +69,7 @@ def shifted(
     points = motion.rows.planted[:, geometry.foot_of_point]
     ticks = np.round(late * RATES.control / 1000).astype(int)
 
-    def belief(state: RobotState, reference: Reference) -> np.ndarray:
+    def belief(state: RobotState, reference: Target) -> np.ndarray:
         moving = points[(state.tick[: len(ticks)] - ticks) % len(points)]
         return np.concatenate([moving, rest])
 

@@ -14,7 +14,7 @@ from fbid_gym.control import operational_space_acceleration, task_acceleration
 from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.quantities import ContactGeometry, Reference, RobotState
+from fbid_gym.quantities import ContactGeometry, RobotState, Target
 from fbid_gym.robots import Robot
 
 
@@ -62,7 +62,7 @@ class PdGains:
         damping = 2.0 * np.asarray(zeta, float)[..., None] * omega * inertia
         return cls(inertia * omega**2, np.minimum(damping, _most_damping(stance)))
 
-    def torque(self, state: RobotState, reference: Reference) -> np.ndarray:
+    def torque(self, state: RobotState, reference: Target) -> np.ndarray:
         """K_P (q_d - q) + K_D (qdot_d - qdot): (N, n) N·m."""
         error = reference.qpos[:, 7:] - state.qpos[:, 7:]
         rate = reference.qvel[:, 6:] - state.qvel[:, 6:]
@@ -83,8 +83,8 @@ def _most_damping(stance: Stance) -> np.ndarray:
     return np.minimum(np.diag(matrix), 1.5 * giving_way)[6:] * RATES.control
 
 
-ContactBelief = Callable[[RobotState, Reference], np.ndarray | None]
-"""Which contact points a controller takes to be on the ground: (N, P) bool, None for all."""
+ContactBelief = Callable[[RobotState, Target], np.ndarray]
+"""Which contact points a controller takes to be on the ground: (N, P) bool."""
 
 
 def planned_contacts(robot: Robot) -> ContactBelief:
@@ -93,9 +93,9 @@ def planned_contacts(robot: Robot) -> ContactBelief:
     return lambda state, reference: contact_points(geometry, reference)
 
 
-def contact_points(geometry: ContactGeometry, reference: Reference) -> np.ndarray | None:
-    """Return which contact points belong to planted feet: (N, P) bool, None for all."""
-    return reference.planted[:, geometry.foot_of_point] if reference.stepping else None
+def contact_points(geometry: ContactGeometry, reference: Target) -> np.ndarray:
+    """Return which contact points belong to planted feet: (N, P) bool."""
+    return reference.planted[:, geometry.foot_of_point]
 
 
 def measured_contacts(robot: Robot) -> ContactBelief:
@@ -188,7 +188,7 @@ class JointController:
         return self.law.memory(num_robots) | {"applied": home}
 
     def __call__(
-        self, state: RobotState, terms: DynamicsTerms, goal: Reference, memory: Memory
+        self, state: RobotState, terms: DynamicsTerms, goal: Target, memory: Memory
     ) -> SplitTorque:
         """See `Controller`."""
         feedback = self.gains.torque(state, goal)

@@ -7,20 +7,18 @@ import numpy as np
 
 from eval.papers.trial import Plan, Wanted
 from fbid_gym.envs.simulation import Simulation
-from fbid_gym.quantities import Reference
+from fbid_gym.quantities import Target
 
 
 class Motion(Protocol):
     """What the robots shall do; see `fbid_gym.motions`."""
 
-    def reference(self, tick: np.ndarray, speed: np.ndarray) -> Reference:
+    def reference(self, tick: np.ndarray, speed: np.ndarray) -> Target:
         """Return what each robot shall do at its own `tick` (N,), at `speed` (N,) m/s."""
         ...
 
 
-def following(
-    motion: Motion, speed: float = 0.0, pose: np.ndarray | None = None
-) -> Plan[Reference]:
+def following(motion: Motion, speed: float = 0.0, pose: np.ndarray | None = None) -> Plan[Target]:
     """Return the plan to follow a motion. The log gets the "target" (T, N, n) rad of the joints.
 
     Args:
@@ -36,7 +34,7 @@ def following(
         first = motion.reference(start, speeds)
         simulation.place(every, *_placed(first.qpos.copy(), first.qvel.copy(), pose))
 
-        def wanted(tick: np.ndarray) -> Wanted[Reference]:
+        def wanted(tick: np.ndarray) -> Wanted[Target]:
             reference = motion.reference(tick, speeds)
             target = reference.qpos[:, 7:]
             return Wanted(reference, reference.qpos[:, 2], lambda: {"target": target})

@@ -18,7 +18,7 @@ from eval.papers.parts import columns, fate, folded
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.motions import squat_bow
-from fbid_gym.quantities import Reference
+from fbid_gym.quantities import Target
 from fbid_gym.robots import Robot, load
 
 JOINTS = ("left_hip_pitch", "left_knee", "left_ankle_pitch")
@@ -56,7 +56,7 @@ def joint_columns(robot: Robot) -> list[int]:
 
 
 def sweep(
-    trial: Trial[Reference], setting: Setting, law: Law | None, progress: Progress
+    trial: Trial[Target], setting: Setting, law: Law | None, progress: Progress
 ) -> list[dict[str, Any]]:
     """Run the motion with every gain of the sweep, all in one batch.
 

@@ -20,7 +20,7 @@ from fbid_gym.control import (
 from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.quantities import ContactGeometry, ReducedContacts, Reference, RobotState
+from fbid_gym.quantities import ContactGeometry, ReducedContacts, RobotState, Target
 from fbid_gym.robots import Robot
 
 JOINTS_FIRST = 1e-3
@@ -38,14 +38,14 @@ class Tick(NamedTuple):
         state: of the robots.
         terms: their dynamics.
         reference: that they shall follow.
-        active: (N, P) bool, the contact points that it counts on; None for all.
+        active: (N, P) bool, the contact points that it counts on.
         contacts: of these points.
     """
 
     state: RobotState
     terms: DynamicsTerms
-    reference: Reference
-    active: np.ndarray | None
+    reference: Target
+    active: np.ndarray
     contacts: ReducedContacts
 
     def equation(self, acceleration: np.ndarray) -> Equation:

@@ -1,8 +1,8 @@
 """A controller of ours for figures 8-9: the package's walk on flat feet, squatting, step by step.
 
 Balance, footholds and swinging feet are those of `fbid_gym.motions.gait.flat_feet`, torques those
-of `fbid_gym.actions.walking_law`: eq. (19) with the feet as constraints and the body as the task,
-contact forces within friction cones. What is added here:
+of `fbid_gym.actions.law`: eq. (19) with the feet as constraints and the body as the task, contact
+forces within friction cones. What is added here:
 
 - The base follows the squat, and the force that balances is that of its changing weight.
 - A planned step is a command to walk, hardly faster than not at all, given when the motion lifts a
@@ -16,16 +16,17 @@ import numpy as np
 
 from eval.papers.mistry2010.controllers import SplitTorque
 from eval.papers.trial import Memory
-from fbid_gym.actions.contact_options import CONTACT_DEFAULTS
-from fbid_gym.actions.walking_law import WalkingLaw
-from fbid_gym.actions.walking_tasks import base_aim
+from fbid_gym.actions.contact_options import ContactOptions
+from fbid_gym.actions.gains import default_gains, default_moment_priority
+from fbid_gym.actions.law import Law, stabilise
 from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.motions import Steps, stepping
 from fbid_gym.motions.gait.biped import SOLE, biped_gait
 from fbid_gym.motions.gait.command import GaitCommand, no_command
 from fbid_gym.motions.gait.flat_gait import DOUBLE, STAND, SWING
 from fbid_gym.motions.gait.gait import gait_of
-from fbid_gym.quantities import Reference, RobotState
+from fbid_gym.motions.target import MotionKind
+from fbid_gym.quantities import RobotState, Target
 from fbid_gym.robots import Robot
 
 USED = 0.95
@@ -47,6 +48,9 @@ ahead at most."""
 REACH = (0.2, 0.08)
 """m, forward and sideways. Half of it is what footholds expect the centre of pressure to take back,
 all of the sole's length: smaller steps, in which the leg turns the trunk less."""
+
+FRICTION = 0.7
+"""Of the cones that contact forces keep within."""
 
 CALM, LOST = 0.03, 0.095
 """m that xi may be from the middle of the feet for a planned step, and forward without a step."""
@@ -72,7 +76,7 @@ class Stepper:
         self.robot = robot
         self.plan = stepping(robot, steps._replace(lift=(0.0, 0.0, 0.0), ramp=0.0))
         motion = self.plan.reference(np.arange(self.plan.period))
-        omega = float(np.sqrt(robot.gravity / motion.com_in_support[:, 2].mean()))
+        omega = float(np.sqrt(robot.gravity / motion.com[:, 2].mean()))
         walk = biped_gait(robot)
         width = float(walk.width + 2.0 * steps.spread)
         walk = walk._replace(
@@ -82,8 +86,11 @@ class Stepper:
             points=walk.points / SOLE * USED,
         )  # fmt: skip
         self.gait = replace(gait_of(robot, self.plan.hz), constants=walk)
+        kind = MotionKind(True, omega)
         # Contacts switch instantly, as in [M10] IV.D.
-        self.law = WalkingLaw.of(robot, self.plan.hz, omega, CONTACT_DEFAULTS)
+        contact = ContactOptions(contact_ramp=0.0, friction=FRICTION).on(robot, kind)
+        gains, priority = default_gains(robot, kind), default_moment_priority(robot, kind)
+        self.law = Law.of(robot, self.plan.hz, contact, gains, priority)
 
     def memory(self, num_robots: int) -> Memory:
         """See `Controller`."""
@@ -91,10 +98,10 @@ class Stepper:
         return self.law.memory(num_robots) | {"placed": False, "steps": none, "captures": none}
 
     def __call__(
-        self, state: RobotState, terms: DynamicsTerms, goal: Reference, memory: Memory
+        self, state: RobotState, terms: DynamicsTerms, goal: Target, memory: Memory
     ) -> SplitTorque:
         """See `Controller`. The goal is not used: `plan` is it, without the lifted legs."""
-        plan, gains = self.plan.reference(state.tick), self.law.constants.gains
+        plan = self.plan.reference(state.tick)
         if not memory["placed"]:
             memory |= self.gait.memory(terms)
             memory |= {"placed": True, "due": ~plan.planted, "plan": plan.planted}
@@ -102,21 +109,22 @@ class Stepper:
         memory["plan"] = plan.planted
         command, planned = self._command(terms, memory)
         before = memory["phase"].copy()
-        target = self.gait.target(command, terms, state.contact_force, memory)
+        self.gait.advance(command, terms, state.contact_force, memory)
+        target = self.gait.target(memory)
         _count((before == DOUBLE) & (memory["phase"] == SWING), planned, memory)
 
         planted = target.planted
         ground = (terms.foot_position[..., 2] * planted).sum(axis=1) / planted.sum(axis=1)
-        added = np.zeros((len(ground), 6))
-        added[:, 2] = gains.height_damping * plan.qvel[:, 2] + plan.qacc[:, 2]
         # The gait's pendulum has a constant height.
         height = np.maximum(terms.com[:, 2] - ground, _LOWEST)
         share = (self.robot.gravity + plan.qacc[:, 2]) / height / self.gait.omega**2
-        target = target._replace(
-            height=ground + plan.qpos[:, 2],
-            com_acceleration=target.com_acceleration * share[:, None],
-        )
-        aim = base_aim(self.law.constants, added, state, target, terms)
+        qpos, qvel, qacc = (part.copy() for part in (target.qpos, target.qvel, target.qacc))
+        qpos[:, 2] = ground + plan.qpos[:, 2]
+        qvel[:, 2], qacc[:, 2] = plan.qvel[:, 2], plan.qacc[:, 2]
+        acceleration = target.com_acceleration * share[:, None]
+        target = target._replace(com_acceleration=acceleration, qpos=qpos, qvel=qvel, qacc=qacc)
+        none = np.zeros((len(ground), 6))
+        aim = stabilise(self.law.constants, none, state, target, terms)
         torque = self.law.torque(aim, state, target, terms, memory)
         base = terms.base_position[:, :2] - terms.foot_position[..., :2].mean(axis=1)
         memory["base"], memory["base_target"] = _ahead(base, memory), plan.qpos[:, :2]

@@ -12,7 +12,7 @@ from eval.papers.trial import Controller, Push
 from eval.wording import percent
 from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.motions import Steps, stepping
-from fbid_gym.quantities import Reference
+from fbid_gym.quantities import Target
 from fbid_gym.robots import Robot
 
 FORCE, PUSH_SECONDS, EVERY_SECONDS, SECONDS = 200.0, 0.15, 5.0, 60.0
@@ -38,14 +38,14 @@ FORCES = (0.0, 100.0, 150.0, 200.0, 250.0)
 EVERY = 10
 
 
-def controller(robot: Robot, motion: str, name: str) -> Controller[Reference]:
+def controller(robot: Robot, motion: str, name: str) -> Controller[Target]:
     """Return the paper's controller, the same with limited forces, or ours."""
     if name == OURS:
         return Stepper(robot, MOTIONS[motion])
     return _papers(robot, orthogonal() if name == PAPER else Limited.of(robot, base_priority=1e3))
 
 
-def rivals(robot: Robot) -> dict[str, Controller[Reference]]:
+def rivals(robot: Robot) -> dict[str, Controller[Target]]:
     """Return contact-force feedback with the paper's balance task, and the paper's law."""
     laws = {PAPER: orthogonal(), **rival_laws(robot)}
     return {name: _papers(robot, law) for name, law in laws.items()}
@@ -81,7 +81,7 @@ def carried(robot: Robot, steps: Steps) -> float:
     and the centre of mass at the motion's mean height.
     """
     motion = stepping(robot, steps)
-    height = motion.reference(np.arange(motion.period)).com_in_support[:, 2].mean()
+    height = motion.reference(np.arange(motion.period)).com[:, 2].mean()
     omega = np.sqrt(robot.weight / robot.mass / height)
     rise = np.exp(omega * PUSH_SECONDS) - 1.0
     return float(rise * (FORCE / (robot.mass * omega**2) - half_sole(robot)))

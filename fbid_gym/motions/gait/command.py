@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled
-from fbid_gym.motions.gait.heading import Pair, turned_on
+from fbid_gym.motions.gait.heading import turned_on
 from fbid_gym.quantities import DynamicsTerms
 
 
@@ -54,7 +54,7 @@ def follow(
     tick: float,
     memory: Any,
     i: int,
-) -> Pair:
+) -> None:
     """Bring the velocity that is followed nearer to the command, and turn the heading with it.
 
     Args:
@@ -64,17 +64,12 @@ def follow(
         tick: s, of the control.
         memory: of a gait on points or on soles; updated.
         i: the robot.
-
-    Returns:
-        m/s^2 ahead and to the left, rate of that velocity.
     """
-    ahead, left = memory.velocity[i, 0], memory.velocity[i, 1]
     for axis in range(3):
         now, asked = memory.velocity[i, axis], command.velocity[i, axis]
         memory.velocity[i, axis] = approached(now, asked, agility[axis] * tick)
     turn = memory.velocity[i, 2] * tick
     memory.heading[i] = turned_on(memory.heading[i], turn, terms.world_from_trunk[i])
-    return (memory.velocity[i, 0] - ahead) / tick, (memory.velocity[i, 1] - left) / tick
 
 
 def no_command(num_robots: int, num_feet: int) -> GaitCommand:

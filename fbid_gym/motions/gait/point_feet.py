@@ -12,7 +12,7 @@ import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.motions.gait.command import GaitCommand, approached, follow
-from fbid_gym.motions.gait.heading import Pair, turned
+from fbid_gym.motions.gait.heading import turned
 from fbid_gym.motions.gait.landing import swing_or_reach
 from fbid_gym.motions.gait.lifting import all_stand, lift_or_land, start_or_stop, tell_time
 from fbid_gym.motions.gait.point_gait import PointFootGait, PointGaitMemory
@@ -49,7 +49,7 @@ def walk(
         for foot in range(feet):
             load = load_on(foot, gait.foot_of_point, contact_force[i])
             touches[foot] = load > gait.touch
-        push = follow(gait.agility, command, terms, tick, memory, i)
+        follow(gait.agility, command, terms, tick, memory, i)
         _stand_on(terms, touches, middle, memory, i)
         plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
         start_or_stop(gait, command, terms, middle, memory, i)
@@ -61,7 +61,7 @@ def walk(
             target.load[i, foot] = memory.load[i, foot]
             if step.mode != STANCE:
                 swing_or_reach(gait, command, terms, plane, step, tick, memory, target)
-        _move_body(gait, terms, middle, push, tick, memory, target, i)
+        _move_body(gait, terms, middle, tick, memory, target, i)
         base = terms.base_position[i]
         memory.lowered[i] = approached(memory.lowered[i], command.lowered[i], gait.bend * tick)
         target.qpos[i, 2] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
@@ -92,13 +92,12 @@ def _move_body(
     gait: PointFootGait,
     terms: DynamicsTerms,
     middle: np.ndarray,
-    push: Pair,
     tick: float,
     memory: PointGaitMemory,
     target: Target,
     i: int,
 ) -> None:
-    """Say how the body moves; `push` (m/s^2) is the rate of the velocity that is followed."""
+    """Say how the body moves."""
     still = not memory.walking[i] and all_stand(memory, i)
     # Held over the feet within a pendulum time, let go as fast as a foot unloads.
     change = tick * gait.omega if still else -tick / gait.unload
@@ -106,10 +105,10 @@ def _move_body(
     x, y = turned(memory.heading[i], memory.velocity[i, 0], memory.velocity[i, 1])
     face(target, gait.home, memory.heading[i], i)
     move_along(target, gait.home, x, y, memory.velocity[i, 2], i)
-    # In a turn the velocity turns, too.
-    ahead, left = turned(memory.heading[i], push[0], push[1])
-    target.com_acceleration[i, 0] = ahead - memory.velocity[i, 2] * y
-    target.com_acceleration[i, 1] = left + memory.velocity[i, 2] * x
+    # In a turn the velocity turns, too. The rate at which its size follows the command is left
+    # out: with it go1 errs by 0.065 instead of 0.070 m/s, and 1 in 7 of a robot of 2.7 kg falls.
+    target.com_acceleration[i, 0] = -memory.velocity[i, 2] * y
+    target.com_acceleration[i, 1] = memory.velocity[i, 2] * x
     for axis in range(2):
         target.qpos[i, axis], com = terms.base_position[i, axis], terms.com[i, axis]
         target.com[i, axis] = com + memory.settled[i] * (middle[axis] - com)

@@ -8,7 +8,7 @@ import pytest
 import stand_in
 
 from fbid_gym.errors import RunError
-from train.runs.environment import changed_meaning
+from train.runs.environment import as_trained, changed_meaning
 from train.runs.files import read_json
 from train.runs.opening import open_run
 
@@ -60,6 +60,16 @@ def test_what_a_run_did_not_know_of_yet_is_no_change(began: Path) -> None:
     assert "reward_weights.height 0.25 instead of 0.5" in said
     assert "reward_weights.torque 0.15 instead of unset" in said
     assert "given_up unset instead of 3" in said and "reward_scales" not in said
+
+
+def test_options_of_the_layer_are_those_of_the_training(began: Path) -> None:
+    """Whatever is the default today; those that there are no more are passed over."""
+    arguments = read_json(began / "config.json")["env_args"]
+    assert as_trained(began, arguments) == arguments
+    options = read_json(began / "environment.json")["layer_options"]
+    rewrite(began / "environment.json", layer_options=options | {"friction": 0.5, "given_up": 3})
+    assert as_trained(began, arguments)["layer_options"] == {"friction": 0.5}
+    assert changed_meaning(began) is None
 
 
 def test_arguments_that_are_no_longer_valid_are_named(began: Path) -> None:

@@ -24,7 +24,8 @@ from fbid_gym.motions.kinematics import (
     home_points,
     joints_on_feet,
 )
-from fbid_gym.quantities import Reference
+from fbid_gym.motions.target import planned_target
+from fbid_gym.quantities import Target
 from fbid_gym.robots import Robot
 
 STANCES = {"both feet": (True, True), "left foot": (True, False), "right foot": (False, True)}
@@ -62,13 +63,15 @@ class Exciting:
         """Ticks of a period."""
         return int(self.states.qpos.shape[1])
 
-    def reference(self, tick: np.ndarray, speed: np.ndarray | None = None) -> Reference:
-        """Return what the robots shall do at their `tick` (N,); the centre of mass is left out."""
+    def reference(self, tick: np.ndarray, speed: np.ndarray | None = None) -> Target:
+        """Return what the robots shall do at their `tick` (N,); of feet and body not where."""
         stance, row = np.arange(len(tick)) % len(self.planted), tick % self.period
-        unknown = np.full((len(tick), 3), np.nan)
-        qpos, qvel, qacc = (part[stance, row] for part in self.states)
         planted = self.planted[stance]
-        return Reference(qpos, qvel, qacc, unknown, unknown, unknown, planted, True)
+        unknown = np.full((*planted.shape, 9), np.nan)
+        place, rate, body = unknown[..., :3], unknown[..., :6], unknown[:, 0, :3]
+        feet = place, unknown.reshape(*planted.shape, 3, 3), rate, rate
+        states = (part[stance, row] for part in self.states)
+        return planned_target(planted, *feet, body, body, body, *states)
 
 
 def exciting(robot: Robot, seconds: int, seed: int, hz: int = RATES.control) -> Exciting:
