@@ -73,13 +73,13 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 LONGER = {"fbid_gym/actions/law.py": 650, "fbid_gym/control/whole_body.py": 850}  # to be split
 LINES = {
     ".": 2200,
-    "actions": 3300,
+    "actions": 3350,
     "control": 4700,
     "dynamics": 3100,
     "envs": 4000,
     "motions": 3900,
     "policy": 750,
-    "robots": 4900,
+    "robots": 4950,
     "tasks": 2050,
 }
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
