@@ -72,7 +72,7 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/actions/law.py": 650, "fbid_gym/control/whole_body.py": 850}  # to be split
 LINES = {
-    ".": 2750,
+    ".": 2200,
     "actions": 3350,
     "control": 4700,
     "dynamics": 3100,
@@ -84,7 +84,7 @@ LINES = {
 }
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
-READING = {"fbid_gym.actions.base_acceleration": (37, 7150)}
+READING = {"fbid_gym.actions.base_acceleration": (35, 6850)}
 NOT_READ = ("robots", "envs", "fbid_gym")
 
 # Whoever has to know of which class a layer or a task is does by case what the layer or the task

@@ -14,7 +14,8 @@ of the base in the metric
     S = W_u^-1 + sum over feet of B^T G^-1 B.
 
 This is [M10] eq. (19), contacts before task before reference, as `operational_space` has it for any
-robot: the same motion wherever the six can do what feet and body shall. Where they cannot:
+robot: the same motion wherever the six can do what feet and body shall, on legs without joints to
+spare. A leg of more joints than its foot has rows moves by itself for no task. Where they cannot:
 
 - A leg that cannot move its standing foot in a direction (a straight knee, too few joints) is held
   by it: G keeps its ridge alone, and S holds the base there.

@@ -8,6 +8,7 @@ import pytest
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import load
+from tests.envs.pairs import pairs
 
 BIPED, QUADRUPED, *OTHERS = ENVIRONMENTS
 MEASURED = {"contacts": "measured"}
@@ -72,8 +73,10 @@ def test_same_seed_same_trajectory_on_any_threads(name, layer, options):
     assert (different[0] != first[0]).any()
 
 
-@every_case
-@pytest.mark.parametrize("randomisation", [None, RANDOM], ids=["nominal", "random"])
+@pytest.mark.parametrize(
+    ("name", "layer", "options", "randomisation"),
+    [(*case, RANDOM if i % 2 else None) for i, case in enumerate(CASES)],
+)
 def test_a_batch_is_its_scalar_environments(name, layer, options, randomisation):
     """Bit for bit, across ends of episodes: the same code runs and no row sees the others."""
     arguments = SHORT | {"action_layer": layer, "layer_options": options}
@@ -101,8 +104,7 @@ def test_a_batch_is_its_scalar_environments(name, layer, options, randomisation)
     assert ends >= num_envs
 
 
-@pytest.mark.parametrize("layer", LAYERS)
-@pytest.mark.parametrize("name", ENVIRONMENTS)
+@pytest.mark.parametrize(("name", "layer"), pairs(ENVIRONMENTS))
 def test_one_of_many_is_the_same_as_one_of_few(name, layer):
     """The size of the batch changes nothing either: 64 rows against 2."""
     many = gym.make_vec(name, num_envs=64, action_layer=layer)
@@ -134,11 +136,10 @@ def turned_state(state, heading):
     return result
 
 
-@pytest.mark.parametrize("layer", LAYERS)
 # A gait remembers places in the world, which are not turned here: its own tests turn it.
 @pytest.mark.parametrize(
-    "name",
-    [n for n, given in ENVIRONMENTS.items() if "terrain" not in given and given["task"] != "walk"],
+    ("name", "layer"),
+    pairs(n for n, a in ENVIRONMENTS.items() if "terrain" not in a and a["task"] != "walk"),
 )
 def test_heading_does_not_matter(name, layer):
     """Turned robots pushed from turned sides see and earn the same.

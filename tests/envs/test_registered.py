@@ -89,6 +89,9 @@ class Rest(Episode):
     def kind(self):
         return planned_kind(self.body.robot)
 
+    def on(self, ground):
+        return self
+
     def advance(self, plan, now):
         pass
 

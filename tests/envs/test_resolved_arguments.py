@@ -1,6 +1,5 @@
 """What an environment's arguments mean, spelled out: complete, and JSON can hold it."""
 
-import itertools
 import json
 from dataclasses import fields
 
@@ -15,12 +14,10 @@ from fbid_gym.envs.config import EnvConfig, resolved_arguments
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.robots.terrain import LEVELLED
 from fbid_gym.tasks import task_options
+from tests.envs.pairs import pairs
 
 
-@pytest.mark.parametrize(
-    ("name", "layer"),  # pairs: whatever the environment, every layer somewhere
-    [*zip(ENVIRONMENTS, itertools.cycle(LAYERS)), *zip(itertools.cycle(ENVIRONMENTS), LAYERS)],
-)
+@pytest.mark.parametrize(("name", "layer"), pairs(ENVIRONMENTS))
 def test_every_argument_has_a_value_that_json_keeps(name, layer):
     resolved = resolved_arguments(name, {"action_layer": layer})
     own = {field.name for field in fields(EnvConfig)} - {"task_options"}
