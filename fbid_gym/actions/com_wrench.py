@@ -137,7 +137,8 @@ class ComWrench:
         assumed = contact.on(robot, kind)
         scale = wrench_scale_of(robot, Stance.of(robot), assumed.coefficient)
         if moment_priority is None:
-            moment_priority = default_moment_priority(robot, kind)
+            papers = balancer != _INVERSE_DYNAMICS
+            moment_priority = 1.0 if papers else default_moment_priority(robot, kind)
         law: Law | BalanceLaw
         if balancer == _INVERSE_DYNAMICS:
             own = chosen_gains(robot, kind, damping_ratio, velocity_gain, **frequencies)

@@ -20,6 +20,8 @@ from fbid_gym.options import checked
 from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
+_BALANCE = Falling(1.7)  # where a motion is planned: critically damped, eq. (20)
+
 
 @dataclass(frozen=True, eq=False)
 class JointPositionFeedforward:
@@ -91,7 +93,8 @@ class JointPositionFeedforward:
         Raises:
             InvalidValueError: out of range, or beyond what any joint can be held with.
         """
-        own = chosen_gains(robot, kind, None, 0.0, balance=balance_frequency or None)
+        balance = balance_frequency or (None if kind.gait else _BALANCE)
+        own = chosen_gains(robot, kind, None, 0.0, balance=balance)
         if natural_frequency is None:
             # Stiffer ankles tip robots on soles.
             firm = kind.gait and not robot.has_soles

@@ -425,7 +425,9 @@ def _move(
 ) -> None:
     """Find the motion that a command comes to on the feet: all but its `whole`."""
     copy(command.reference[i], motion.reference)
-    factor_legs(law.limbs, law.geometry, law.mobility, feet, terms, i, work, motion)
+    factor_legs(
+        *(law.limbs, law.geometry, law.mobility, law.gains.give, feet, terms, i, work, motion)
+    )
     move_with_feet(law.limbs, law.mobility, feet, terms, i, work, motion)
     size, mass = command.body.shape[1], terms.mass_matrix[i, 0, 0]
     if size > 0:

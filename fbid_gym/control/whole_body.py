@@ -56,10 +56,10 @@ from fbid_gym.small_matrices import dot, factor, solve_factored
 FREE, MOVES, STANDS = 0, 1, 2
 """What is asked of a foot: nothing, to move as told, or that its contact does not move."""
 
-# Ridges on G, shares of the mean gain of a leg's joints on its foot: of a standing foot, of one in
-# the air, and of a standing foot on a leg of too few joints. Two such feet hold the base twice, and
-# what they disagree about is rounding and contacts that are soft: it shall not move the base.
-_FIRM, _LOOSE, _SHORT = 1e-8, 1e-6, 1e-2
+# Ridges on G, shares of the mean gain of a leg's joints on its foot: of a standing foot, and of one
+# in the air.
+_FIRM, _LOOSE = 1e-8, 1e-6
+_FAR = 1e12  # of an eigenvalue that is never too small
 _FAINT = 1e-3  # of the free robot's response: wrenches that the legs leave less of are given up
 _LINE = 1e-3  # of the longest distance: points that lie nearer to a line are on it
 
@@ -213,6 +213,7 @@ def factor_legs(
     limbs: Limbs,
     geometry: ContactGeometry,
     mobility: np.ndarray,
+    give: float,
     feet: Feet,
     terms: DynamicsTerms,
     i: int,
@@ -225,6 +226,7 @@ def factor_legs(
         limbs: of the robot.
         geometry: of its contacts.
         mobility: (nv,) how readily each coordinate departs from its reference: W.
+        give: ridge on G of standing feet on legs of too few joints, a share of its mean gain.
         feet: what they shall do.
         terms: where the robots are.
         i: which robot.
@@ -247,7 +249,7 @@ def factor_legs(
             continue
         stands = feet.asked[i, foot] == STANDS
         _read_foot(limbs, geometry, feet, terms, i, foot, work, motion)
-        share = _LOOSE if not stands else _FIRM if limbs.able[foot] else _SHORT
+        share = _LOOSE if not stands else _FIRM if limbs.able[foot] else give
         _invert_leg(by_leg, work.weight[foot], share, inverse, work.ridge[foot])
         counts = stands or limbs.able[foot]
         rows, joints = by_leg.shape
@@ -572,7 +574,7 @@ def serve_body(size: int, least_gain: np.ndarray, work: Work, motion: Motion) ->
         # Rows that are not asked for: nothing is left to do there.
         for other in range(row):
             lower[row, other] = 0.0
-        share[row], lower[row, row] = 0.0, 1.0
+        share[row], lower[row, row] = 0.0, _FAR
     _factor_firm(lower, work.column, work.diagonal)
     solve_factored(lower, share)
     for row in range(6):
