@@ -4,8 +4,9 @@ Solves eps u + G Pi_C(G^T u) = w, see `contact_forces`. The left side is the gra
 convex function of u, its generalised Jacobian is a sum over contact points, and the projection Pi_C
 onto each point's limits is exact.
 
-Mostly the smallest forces that deliver w are within the limits. They are tried first, and taken as
-they are. All here is of one robot: robots need very different numbers of steps.
+Mostly no force is at a limit. Then the problem is linear, so the forces of that case are tried
+first: where points can deliver any w, the smallest that do. All here is of one robot: robots need
+very different numbers of steps.
 """
 
 import math
@@ -26,10 +27,12 @@ from fbid_gym.small_matrices import (
 )
 
 _SLOPE_REDUCTION = 0.5
-_STEPS = (0.0, 0.004, 0.016, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 6.0)
+_STEPS = (0.004, 0.016, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 6.0)
 # Few are needed, mostly; with no more than three, one problem in a thousand was never solved.
 _LINE_SEARCH_EVALUATIONS = 16
-_STAGES = (1e-1, 1e-2, 1e-3)
+# From the start, then cold by way of stronger regularisations, each easier and close to the next:
+# that rarely fails. Zero is the problem's own.
+_ROUNDS, _BUDGETS = (0.0, 1e-1, 1e-2, 1e-3, 0.0), (1, 2, 2, 2, 12)
 _ROUGH = 1e-2
 _FAINT = 1e-9  # regularisation that costs no accuracy but keeps a matrix regular
 _DELIVERED = 1e-6  # relative error of the wrench below which it counts as delivered
@@ -224,26 +227,24 @@ def _line_search(
         last += change[row] * trial.gradient[row]
         growth += regularisation * change[row] * change[row]
         offset += change[row] * (regularisation * point.dual[row] - problem.wrench[row])
-    goal = _SLOPE_REDUCTION * abs(first)
+    goal, step = _SLOPE_REDUCTION * abs(first), 1.0
     if not abs(last) > goal:
-        return 1.0
-    # A coarse grid brackets the minimum,
-    low, low_slope = 0.0, first
-    high, high_slope = 0.0, first
-    for grid_step in _STEPS[1:]:
-        low, low_slope = high, high_slope
-        high, high_slope = grid_step, _slope(problem, point, trial, offset, growth, grid_step)
-        if not high_slope < 0.0:
-            break
-    # and regula falsi (Illinois) refines it.
-    step = 1.0
-    for _ in range(_LINE_SEARCH_EVALUATIONS):
-        rise = high_slope - low_slope
-        step = min(low - (high - low) * low_slope / rise, high) if rise > 0.0 else high
+        return step
+    low, low_slope, high, high_slope = 0.0, first, 0.0, first
+    for count in range(len(_STEPS) + _LINE_SEARCH_EVALUATIONS):
+        # A coarse grid brackets the minimum, and regula falsi (Illinois) refines it.
+        brackets = not high_slope < 0.0 or count >= len(_STEPS)
+        if not brackets:
+            step = _STEPS[count]
+        else:
+            rise = high_slope - low_slope
+            step = min(low - (high - low) * low_slope / rise, high) if rise > 0.0 else high
         slope = _slope(problem, point, trial, offset, growth, step)
-        if not abs(slope) > goal:
+        if brackets and not abs(slope) > goal:
             break
-        if slope < 0.0:
+        if not brackets:
+            low, low_slope, high, high_slope = high, high_slope, step, slope
+        elif slope < 0.0:
             low, low_slope, high_slope = step, slope, 0.5 * high_slope
         else:
             high, high_slope, low_slope = step, slope, 0.5 * low_slope
@@ -262,11 +263,25 @@ def _newton(
 ) -> tuple[float, int]:
     """Improve a point until solved or `budget` steps are spent; returns its error, and the steps.
 
-    `trial` and `newton` are buffers.
+    `trial` and `newton` are buffers. What is called here is compiled once for each call in the
+    text, so there is one of each.
     """
-    change, jacobian, taken = newton.change, newton.jacobian, 0
-    error = evaluate(problem, regularisation, point)
-    while error > tolerance and taken < budget:
+    change, jacobian, taken, shortened, least = newton.change, newton.jacobian, 0, False, np.inf
+    copy(point.dual, trial.dual)
+    while True:
+        error = evaluate(problem, regularisation, trial)
+        if taken > 0 and error > tolerance and not shortened:
+            step = _line_search(problem, regularisation, point, trial, change)
+            if step != 1.0:
+                _go(point.dual, change, step, trial.dual)
+                shortened = True
+                continue
+        if taken > 0 and not error < np.inf:
+            return least, taken
+        _copy(trial, point, problem.number[0])
+        if not error > tolerance or taken == budget:
+            return error, taken
+        least, shortened, taken = error, False, taken + 1
         jacobian_at(problem, regularisation, point, newton)
         for row in range(6):
             change[row] = -point.gradient[row]
@@ -274,41 +289,6 @@ def _newton(
         factor(jacobian)
         solve_factored(jacobian, change)
         _go(point.dual, change, 1.0, trial.dual)
-        error = evaluate(problem, regularisation, trial)
-        if error > tolerance:
-            step = _line_search(problem, regularisation, point, trial, change)
-            if step != 1.0:
-                _go(point.dual, change, step, trial.dual)
-                error = evaluate(problem, regularisation, trial)
-        taken += 1
-        if not error < np.inf:
-            return evaluate(problem, regularisation, point), taken
-        _copy(trial, point, problem.number[0])
-    return error, taken
-
-
-@compiled
-def _persist(
-    problem: Points,
-    regularisation: float,
-    tolerance: float,
-    budget: int,
-    point: Point,
-    trial: Point,
-    newton: Step,
-) -> int:
-    """Solve what Newton's method from a warm start did not; returns the steps.
-
-    A cold start by way of stronger regularisations, each easier and close to the next, rarely
-    fails.
-    """
-    taken = 0
-    point.dual[:] = 0.0
-    rough = max(tolerance, _ROUGH * np.sqrt(dot(problem.wrench, problem.wrench)))
-    for stage in _STAGES:
-        if stage > regularisation:
-            taken += _newton(problem, stage, rough, budget, point, trial, newton)[1]
-    return taken + _newton(problem, regularisation, tolerance, 6 * budget, point, trial, newton)[1]
 
 
 class Room(NamedTuple):
@@ -339,15 +319,19 @@ def _room_for_point(points: int) -> Point:
 
 
 @compiled
-def _stick(problem: Points, point: Point, gram: np.ndarray) -> bool:
-    """Write the smallest forces that deliver the wrench; whether they do, and are within limits.
+def _stick(problem: Points, ridge: float, point: Point, gram: np.ndarray) -> bool:
+    """Write the forces that solve the problem if none is at a limit; whether none is.
 
-    `gram` (6, 6) is a buffer.
+    Args:
+        problem: of one robot.
+        ridge: eps.
+        point: its dual, force and missing are written.
+        gram: (6, 6), a buffer.
     """
     wrenches, dual, force = problem.wrenches, point.dual, point.force
     for row in range(6):
         for column in range(row + 1):
-            total = _FAINT if row == column else 0.0
+            total = ridge if row == column else 0.0
             for i in range(problem.number[0]):
                 for axis in range(3):
                     total += wrenches[i, axis, row] * wrenches[i, axis, column]
@@ -363,9 +347,9 @@ def _stick(problem: Points, point: Point, gram: np.ndarray) -> bool:
         sticks = np.hypot(force[i, 0], force[i, 1]) <= friction * normal
         if not (sticks and lowest <= normal <= highest):
             return False
-    # What is missing is _FAINT * dual: all that no force can deliver, else nothing.
-    square = dot(problem.wrench, problem.wrench)
-    return dot(dual, dual) <= (_DELIVERED / _FAINT) ** 2 * square
+    for row in range(6):
+        point.missing[row] = -ridge * dual[row]
+    return True
 
 
 @compiled
@@ -396,10 +380,10 @@ def deliver_by_points(
 ) -> int:
     """Solve the problem of one robot.
 
-    The smallest forces are tried first. Newton's method follows where they are not within the
-    limits, and after `max_iterations` steps a cold start by way of stronger regularisations, in
-    three rounds of at most twice as many steps and a last one of twelve times as many. What that
-    leaves unsolved gets the better of its last forces and those at `start`.
+    Forces of which none is at a limit are tried first. Where one is, Newton's method follows, and
+    after `max_iterations` steps a cold start by way of stronger regularisations, in three rounds of
+    at most twice as many steps and a last one of twelve times as many. What that leaves unsolved
+    gets the better of its last forces and those at `start`.
 
     Args:
         room: with the problem; its point is written.
@@ -412,18 +396,32 @@ def deliver_by_points(
         The Newton steps taken.
     """
     problem, point, trial, newton = room.problem, room.point, room.trial, room.newton
-    # A wrench has six numbers, and two points can deliver five of them.
-    if problem.number[0] > 2 and _stick(problem, point, newton.jacobian):
-        for row in range(6):
-            point.missing[row], next_start[row] = 0.0, point.dual[row]
-        return 0
-    copy(start, point.dual)
     eps, tolerance = accuracy.regularisation, accuracy.tolerance * weight
-    budget = accuracy.max_iterations
-    error, taken = _newton(problem, eps, tolerance, budget, point, trial, newton)
-    if error > tolerance:
-        taken += _persist(problem, eps, tolerance, 2 * budget, point, trial, newton)
-        error = np.sqrt(dot(point.gradient, point.gradient))
+    # A wrench has six numbers, and two points can deliver five of them.
+    spans = problem.number[0] > 2
+    if _stick(problem, _FAINT if spans else eps, point, newton.jacobian):
+        square, missing = dot(problem.wrench, problem.wrench), point.missing
+        if not spans or dot(missing, missing) <= _DELIVERED**2 * square:
+            for row in range(6):
+                missing[row] *= 0.0 if spans else 1.0
+                next_start[row] = point.dual[row]
+            return 0
+    copy(start, point.dual)
+    rough = max(tolerance, _ROUGH * np.sqrt(dot(problem.wrench, problem.wrench)))
+    error, taken = np.inf, 0
+    for k in range(len(_ROUNDS)):
+        own = _ROUNDS[k] == 0.0
+        if k == 1:
+            for row in range(6):
+                point.dual[row] = 0.0
+        if not own and _ROUNDS[k] <= eps:
+            continue
+        stage, goal = (eps, tolerance) if own else (_ROUNDS[k], rough)
+        budget = _BUDGETS[k] * accuracy.max_iterations
+        error, steps = _newton(problem, stage, goal, budget, point, trial, newton)
+        taken += steps
+        if own and not error > tolerance:
+            break
     copy(point.dual, next_start)
     if error > tolerance:
         # The better of the last forces and those of the warm start.

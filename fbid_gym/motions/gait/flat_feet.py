@@ -46,6 +46,7 @@ from fbid_gym.quantities import DynamicsTerms, Target
 _EARLIEST = 0.6  # share of a swing before which a loaded foot has not left the ground yet
 _ARRIVED = 0.95  # share of a swing at which the foot is above its foothold
 _FASTEST = 2.0  # times as fast as planned that a foot hurries to a foothold out of reach
+_TINY = 1e-12  # keeps the direction of a foot that points up or down defined
 _BESIDE = 0.15  # of the sole's length, or of the width: feet that stand beside each other
 
 
@@ -163,7 +164,8 @@ def _change_phase(
         memory.progress[i], memory.hurry[i] = 0.0, 1.0
         for axis in range(3):
             memory.lifted[i, axis] = feet[foot, axis]
-        memory.lifted_heading[i] = _foot_heading(gait, terms, i, foot)
+        cosine, sine = _foot_axes(gait, terms, i, foot)
+        memory.lifted_heading[i] = math.atan2(sine, cosine)
     elif memory.phase[i] == SWING and memory.progress[i] > _EARLIEST * timing.single:
         foot = 1 - memory.carrier[i]
         if load_on(foot, gait.foot_of_point, contact_force[i]) > gait.load:
@@ -217,14 +219,15 @@ def _settle(
 
 
 @compiled
-def _foot_heading(gait: FlatFootGait, terms: DynamicsTerms, i: int, foot: int) -> float:
-    """Angle by which a foot is turned about the vertical."""
+def _foot_axes(gait: FlatFootGait, terms: DynamicsTerms, i: int, foot: int) -> Pair:
+    """Cosine and sine of the angle by which a foot is turned about the vertical."""
     # The foot's axis that points ahead at home.
     x, y = 0.0, 0.0
     for axis in range(3):
         x += terms.world_from_foot[i, foot, 0, axis] * gait.level[foot, 0, axis]
         y += terms.world_from_foot[i, foot, 1, axis] * gait.level[foot, 0, axis]
-    return math.atan2(y, x)
+    size = math.hypot(x, y) + _TINY
+    return x / size, y / size
 
 
 @compiled
@@ -273,13 +276,12 @@ def _balance(
         if target.planted[i, foot] or memory.progress[i] > timing.single:
             for axis in range(3):
                 memory.touched[i, foot, axis] = feet[foot, axis]
-    for point in range(len(gait.points)):
-        foot = gait.foot_of_point[point]
-        if target.planted[i, foot]:
-            turned = axes_of(_foot_heading(gait, terms, i, foot))
-            x, y = in_world(turned, gait.points[point, 0], gait.points[point, 1])
-            points[corners, 0], points[corners, 1] = feet[foot, 0] + x, feet[foot, 1] + y
-            corners += 1
+        turned = _foot_axes(gait, terms, i, foot)
+        for point in range(len(gait.points)):
+            if gait.foot_of_point[point] == foot and target.planted[i, foot]:
+                x, y = in_world(turned, gait.points[point, 0], gait.points[point, 1])
+                points[corners, 0], points[corners, 1] = feet[foot, 0] + x, feet[foot, 1] + y
+                corners += 1
     pressure = nearest_in_hull(points[:corners], (wanted_x, wanted_y))
     for axis in range(2):
         memory.pressure[i, axis] = pressure[axis]

@@ -17,6 +17,7 @@ from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.robots import Robot
 
 _PREFIX = "target_"
+_ASKED = tuple(_PREFIX + name for name in Target._fields)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +72,14 @@ class Gait:
             contact_force: (N, P, 3) N, world, on the contact points.
             memory: of the robots; updated.
         """
-        own = self.remembered(*(memory[name] for name in self.remembered._fields))
+        own = self.remembered(*map(memory.__getitem__, self.remembered._fields))
         self.walk(
             self.constants, command, terms, contact_force, self.tick, own, self.target(memory)
         )
 
     def target(self, memory: Memory) -> Target:
         """Return what the robots shall do, in the arrays of their memory."""
-        return Target(*(memory[_PREFIX + name] for name in Target._fields))
+        return Target(*map(memory.__getitem__, _ASKED))
 
 
 def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
