@@ -98,20 +98,21 @@ def dot(a: np.ndarray, b: np.ndarray) -> float:
 
 @compiled
 def factor(matrix: np.ndarray) -> None:
-    """Overwrite the lower half of a symmetric positive definite matrix with its Cholesky factor.
+    """Overwrite the lower half of a symmetric positive definite matrix with factors L D L^T of it.
 
-    Of a matrix that is not, NaN. Only the lower half is read.
+    L has ones on its diagonal, where D^-1 is kept: no square roots, and no divisions when it comes
+    to solve. Of a matrix that is not positive definite, NaN. Only the lower half is read.
     """
     size = len(matrix)
     for j in range(size):
-        pivot = np.sqrt(matrix[j, j])
-        matrix[j, j] = pivot
+        inverse = 1.0 / matrix[j, j] if matrix[j, j] > 0.0 else np.nan
+        matrix[j, j] = inverse
         for i in range(j + 1, size):
-            matrix[i, j] /= pivot
-        for i in range(j + 1, size):
-            share = matrix[i, j]
+            share = matrix[i, j] * inverse
             for k in range(j + 1, i + 1):
                 matrix[i, k] -= share * matrix[k, j]
+        for i in range(j + 1, size):
+            matrix[i, j] *= inverse
 
 
 @compiled
@@ -131,39 +132,54 @@ def lift(matrix: np.ndarray, ridge: float) -> None:
 
 
 @compiled
-def solve_factored(lower: np.ndarray, vector: np.ndarray) -> None:
-    """Overwrite a vector (a,) with the solution of (L L^T) x = vector."""
+def solve_factored(factors: np.ndarray, vector: np.ndarray) -> None:
+    """Overwrite a vector (a,) with the solution of A x = vector; `factors` are those of A."""
     size = len(vector)
     for i in range(size):
         total = vector[i]
         for j in range(i):
-            total -= lower[i, j] * vector[j]
-        vector[i] = total / lower[i, i]
+            total -= factors[i, j] * vector[j]
+        vector[i] = total
+    for i in range(size):
+        vector[i] *= factors[i, i]
     for i in range(size - 1, -1, -1):
-        vector[i] /= lower[i, i]
         solved = vector[i]
         for j in range(i):
-            vector[j] -= solved * lower[i, j]
+            vector[j] -= solved * factors[i, j]
 
 
 @compiled
-def solve_factored_columns(lower: np.ndarray, columns: np.ndarray) -> None:
-    """Overwrite columns (a, m) with the solutions of (L L^T) X = columns."""
+def solve_factored_columns(factors: np.ndarray, columns: np.ndarray) -> None:
+    """Overwrite columns (a, m) with the solutions of A X = columns; `factors` are those of A."""
     size, count = columns.shape
     for i in range(size):
         for k in range(i):
-            share = lower[i, k]
+            share = factors[i, k]
             for j in range(count):
                 columns[i, j] -= share * columns[k, j]
+    for i in range(size):
         for j in range(count):
-            columns[i, j] /= lower[i, i]
+            columns[i, j] *= factors[i, i]
     for i in range(size - 1, -1, -1):
-        for j in range(count):
-            columns[i, j] /= lower[i, i]
         for k in range(i):
-            share = lower[i, k]
+            share = factors[i, k]
             for j in range(count):
                 columns[k, j] -= share * columns[i, j]
+
+
+@compiled
+def trace_of_inverse(factors: np.ndarray, column: np.ndarray) -> float:
+    """Return the trace of A^-1 from the factors of A (a, a); `column` (a,) is a buffer."""
+    # Of L^-T D^-1 L^-1, column by column of L^-1.
+    trace, size = 0.0, len(factors)
+    for j in range(size):
+        for i in range(j, size):
+            total = 1.0 if i == j else 0.0
+            for k in range(j, i):
+                total -= factors[i, k] * column[k]
+            column[i] = total
+            trace += total * total * factors[i, i]
+    return trace
 
 
 @compiled
@@ -260,7 +276,7 @@ def pseudo_inverse(matrix: np.ndarray, rtol: float, inverse: np.ndarray) -> int:
 
 @compiled
 def factor_damped(matrix: np.ndarray, least: float) -> None:
-    """Overwrite the lower half of a symmetric positive semidefinite matrix with a Cholesky factor.
+    """Overwrite the lower half of a symmetric positive semidefinite matrix with its factors.
 
     Of the matrix itself if no eigenvalue is below `least`. Otherwise those below, x, become x + d,
     d / least = (1 - x / least)^2: what is solved with it is continuous with its derivative, and
@@ -273,15 +289,8 @@ def factor_damped(matrix: np.ndarray, least: float) -> None:
         total += matrix[i, i]
     least = max(least, _ROUNDING * total)
     factor(matrix)
-    # The trace of the inverse, from the columns of that of the factor, bounds the least eigenvalue.
-    trace, column = 0.0, np.empty(size)
-    for j in range(size):
-        for i in range(j, size):
-            total = 1.0 if i == j else 0.0
-            for k in range(j, i):
-                total -= matrix[i, k] * column[k]
-            column[i] = total / matrix[i, i]
-            trace += column[i] * column[i]
+    # It bounds the least eigenvalue.
+    trace = trace_of_inverse(matrix, np.empty(size))
     if trace * least < 1.0:
         return
     for i in range(size):

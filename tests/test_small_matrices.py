@@ -33,16 +33,23 @@ def test_products(rng: np.random.Generator, rows: int, inner: int) -> None:
     assert small.dot(vector, vector) == pytest.approx(vector @ vector)
 
 
+def product_of(factors: np.ndarray) -> np.ndarray:
+    """L D L^T: D^-1 is on the diagonal, L below it."""
+    left = np.tril(factors, -1) + np.eye(len(factors))
+    return (left / np.diag(factors)) @ left.T
+
+
 @pytest.mark.parametrize("size", SIZES)
-def test_cholesky(rng: np.random.Generator, size: int) -> None:
+def test_factors(rng: np.random.Generator, size: int) -> None:
     root, ridge = rng.normal(size=(size, size + 2)), 0.1
     lower = np.full((size, size), np.nan)
     small.gram(root, root, ridge, lower)
     matrix = root @ root.T + ridge * np.eye(size)
     np.testing.assert_allclose(np.tril(lower), np.tril(matrix), atol=1e-12)
     small.factor(lower)
-    expected = np.linalg.cholesky(matrix) if size else matrix
-    np.testing.assert_allclose(np.tril(lower), expected, atol=1e-12)
+    np.testing.assert_allclose(product_of(lower), matrix, atol=1e-12)
+    trace = small.trace_of_inverse(lower, np.empty(size))
+    assert trace == pytest.approx(np.trace(np.linalg.inv(matrix)))
     vector, columns = rng.normal(size=size), rng.normal(size=(size, 4))
     solution, solutions = vector.copy(), columns.copy()
     small.solve_factored(lower, solution)
@@ -94,8 +101,7 @@ def test_factor_damped(rng: np.random.Generator, size: int) -> None:
             raised = spectrum + least * np.maximum(1.0 - spectrum / least, 0.0) ** 2
             matrix = np.tril((basis * spectrum) @ basis.T)
             small.factor_damped(matrix, least)
-            lower = np.tril(matrix)
-            np.testing.assert_allclose(lower @ lower.T, (basis * raised) @ basis.T, atol=1e-12)
+            np.testing.assert_allclose(product_of(matrix), (basis * raised) @ basis.T, atol=1e-12)
             assert (raised >= least / 1.34).all()
     matrix = np.full((size, size), np.nan)
     small.factor_damped(matrix, 0.1)

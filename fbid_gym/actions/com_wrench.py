@@ -19,7 +19,7 @@ from fbid_gym.actions.gains import (
 from fbid_gym.actions.law import Command, Law, LawConstants, stabilise
 from fbid_gym.actions.ranges import DampingRatio, Priority, Response
 from fbid_gym.actions.scaled_names import scaled_names
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, OTT2011
 from fbid_gym.dynamics.centroidal import centroidal_terms
@@ -243,10 +243,16 @@ def _push(
 ) -> Command:
     """The momentum changes as the target's does, with springs and dampers, and what is pushed."""
     even = stabilise(law, np.zeros(push.shape), state, target, terms)
-    for i in range(len(push)):
-        for k in range(2, 6):
-            even.body[i, k] = target.qacc[i, k]
+    _rise_and_turn(target.qacc, even.body)
     return Command(even.reference, even.body, push)
+
+
+@compiled
+def _rise_and_turn(qacc: np.ndarray, body: np.ndarray) -> None:
+    """Have the base's height and rotation accelerate as the target's, and no more."""
+    for i in range(len(body)):
+        for k in range(2, 6):
+            body[i, k] = qacc[i, k]
 
 
 def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:

@@ -305,21 +305,37 @@ def torque_within_limits(
     torque, start = np.empty((count, size - 6)), np.empty(6)
     for i in range(count):
         _move(law, command, state, target, terms, feet, i, work, motion, carried)
-        weight = law.gravity * terms.mass_matrix[i, 0, 0]
-        copy(memory.warm_start[i], start)
-        deliver_forces(
-            *(law.geometry, feet, terms, law.nearness, DEFAULT_ACCURACY, weight, start),
-            *(memory.warm_start[i], i, work, motion),
-        )
-        yield_to_limits(law.mobility, law.nearness, terms, i, work, motion)
-        put_together(law.limbs, work, motion)
-        joint_torques(terms, i, work, motion, torque[i])
-        missing = work.forces.point.missing
-        missed = np.sqrt(dot(missing, missing)) / weight
-        moved = contact_error(law.limbs, feet, i, work, motion) / law.gravity
-        memory.residual[i] = np.hypot(missed, moved)
-        memory.underactuation[i] = missing_directions(law.geometry, feet, terms, i)
+        _hold(law, terms, feet, memory, i, start, work, motion, torque)
     return give_back(law.passive, torque, state.qpos, state.qvel)
+
+
+@compiled
+def _hold(
+    law: LawConstants,
+    terms: DynamicsTerms,
+    feet: Feet,
+    memory: LawMemory,
+    i: int,
+    start: np.ndarray,
+    work: Work,
+    motion: Motion,
+    torque: np.ndarray,
+) -> None:
+    """Write the torques (N, n) of one robot's motion, as far as forces within their limits go."""
+    weight = law.gravity * terms.mass_matrix[i, 0, 0]
+    copy(memory.warm_start[i], start)
+    deliver_forces(
+        law.geometry, feet, terms, law.nearness, DEFAULT_ACCURACY, weight, start,
+        memory.warm_start[i], i, work, motion,
+    )  # fmt: skip
+    yield_to_limits(law.mobility, law.nearness, terms, i, work, motion)
+    put_together(law.limbs, work, motion)
+    joint_torques(terms, i, work, motion, torque[i])
+    missing = work.forces.point.missing
+    missed = np.sqrt(dot(missing, missing)) / weight
+    moved = contact_error(law.limbs, feet, i, work, motion) / law.gravity
+    memory.residual[i] = np.hypot(missed, moved)
+    memory.underactuation[i] = missing_directions(law.geometry, feet, terms, i)
 
 
 @kernel
@@ -373,12 +389,21 @@ def desired_acceleration(
 @compiled
 def _feet(law: LawConstants, target: Target, terms: DynamicsTerms, active: np.ndarray) -> Feet:
     """What the feet shall do, and what their points can bear."""
-    gains, (count, feet), points = law.gains, target.planted.shape, active.shape[1]
+    (count, feet), points = target.planted.shape, active.shape[1]
     asked, acceleration = np.full((count, feet), FREE), np.zeros((count, feet, 6))
-    limits = np.empty((count, points, 3))
+    asking = Feet(asked, acceleration, active, np.empty((count, points, 3)))
+    _ask(law, target, terms, asking)
+    return asking
+
+
+@compiled
+def _ask(law: LawConstants, target: Target, terms: DynamicsTerms, asking: Feet) -> None:
+    """Write what is asked of the feet, whose active points are known."""
+    gains, asked, acceleration, limits = law.gains, asking.asked, asking.acceleration, asking.limits
+    (count, feet), active = asked.shape, asking.active
     for i in range(count):
         weight, stands = law.gravity * terms.mass_matrix[i, 0, 0], False
-        for point in range(points):
+        for point in range(active.shape[1]):
             foot = law.geometry.foot_of_point[point]
             if active[i, point]:
                 asked[i, foot], stands = STANDS, True
@@ -407,7 +432,6 @@ def _feet(law: LawConstants, target: Target, terms: DynamicsTerms, active: np.nd
                     rate = target.foot_velocity[i, foot, k] - terms.foot_velocity[i, foot, k]
                     acceleration[i, foot, k] = target.foot_acceleration[i, foot, k]
                     acceleration[i, foot, k] += gains.swing * error + gains.swing_damping * rate
-    return Feet(asked, acceleration, active, limits)
 
 
 @compiled
@@ -496,6 +520,7 @@ def _move_momentum(
         now = carried.momentum[k] / mass if k < 2 else carried.base[k]
         work.share[k] = (terms.com_velocity[i, k] if k < 2 else target.qvel[i, k]) - now
         work.share[3 + k] = spin[k] - carried.base[3 + k]
+    _base_rows(mass, work)
     serve_body(6, law.least_gain, work, carried)
     for row in range(6):
         carried.momentum[row] -= dot(terms.mass_matrix[i, row], state.qvel[i])
@@ -617,8 +642,24 @@ def stabilise(
         target: what they shall do.
         terms: of the robots.
     """
-    gains, (count, size) = law.gains, state.qvel.shape
-    reference, body = np.zeros((count, size)), np.empty((count, 6))
+    count, size = state.qvel.shape
+    command = Command(np.zeros((count, size)), np.empty((count, 6)), np.empty((0, 6)))
+    _stabilise(law, added, state, target, terms, command)
+    return command
+
+
+@compiled
+def _stabilise(
+    law: LawConstants,
+    added: np.ndarray,
+    state: RobotState,
+    target: Target,
+    terms: DynamicsTerms,
+    command: Command,
+) -> None:
+    """Write a command."""
+    gains, reference, body = law.gains, command.reference, command.body
+    count, size = reference.shape
     for i in range(count):
         for k in range(6, size):
             error = target.qpos[i, k + 1] - state.qpos[i, k + 1]
@@ -647,4 +688,3 @@ def stabilise(
             rate = spin[k] - state.qvel[i, 3 + k]
             body[i, 3 + k] = target.qacc[i, 3 + k] + gains.rotation * left[k]
             body[i, 3 + k] += gains.rotation_damping * rate + added[i, 3 + k]
-    return Command(reference, body, np.empty((0, 6)))

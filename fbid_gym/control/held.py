@@ -16,7 +16,7 @@ _FAINT = 5e-6
 
 @compiled
 def factor_contacts(weighted: np.ndarray, jacobian: np.ndarray, lower: np.ndarray) -> None:
-    """Write the Cholesky factor of J A^-1 J^T, as far as contacts can be held.
+    """Write the factors of J A^-1 J^T, as far as contacts can be held.
 
     Args:
         weighted: (k, nv) J A^-1.

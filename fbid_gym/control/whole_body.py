@@ -51,7 +51,13 @@ from fbid_gym.dynamics.vectors import (
 )
 from fbid_gym.dynamics.vectors import dot as inner
 from fbid_gym.quantities import Accuracy, ContactGeometry, DynamicsTerms
-from fbid_gym.small_matrices import dot, factor, solve_factored
+from fbid_gym.small_matrices import (
+    copy,
+    dot,
+    factor,
+    solve_factored,
+    trace_of_inverse,
+)
 
 FREE, MOVES, STANDS = 0, 1, 2
 """What is asked of a foot: nothing, to move as told, or that its contact does not move."""
@@ -110,13 +116,13 @@ class Work(NamedTuple):
     Attributes:
         by_base: (F, R, 6) B of the module.
         by_leg: (F, R, K) L.
-        inverse: (F, R, R) G^-1.
+        gain: (F, R, R) factors of G.
         ridge: (F, R) on G.
         weight: (F, K) W of the legs' joints; 0 where there is none.
         mass: (F, 6, K) rows b of M, of the legs' joints.
         spread: (F, R, 6) G^-1 B.
         follow: (F, K, 6).
-        metric: (6, 6) Cholesky factor of S.
+        metric: (6, 6) factors of S.
         reach: (6, 6) rows b of M, per u with the legs following.
         by_others: (6, A) rows b of M, of the other joints;
         free: (A,) their W, 0 of those that move feet;
@@ -134,7 +140,7 @@ class Work(NamedTuple):
 
     by_base: np.ndarray
     by_leg: np.ndarray
-    inverse: np.ndarray
+    gain: np.ndarray
     ridge: np.ndarray
     weight: np.ndarray
     mass: np.ndarray
@@ -243,23 +249,21 @@ def factor_legs(
             work.by_others[row, k] = mass_matrix[row, limbs.others[k]]
     for foot in range(len(limbs.legs)):
         by_leg, spread, follow = work.by_leg[foot], work.spread[foot], work.follow[foot]
-        by_base, inverse, mass = work.by_base[foot], work.inverse[foot], work.mass[foot]
+        by_base, gain, mass = work.by_base[foot], work.gain[foot], work.mass[foot]
         if feet.asked[i, foot] == FREE:
             follow[:] = 0.0
             continue
         stands = feet.asked[i, foot] == STANDS
         _read_foot(limbs, geometry, feet, terms, i, foot, work, motion)
         share = _LOOSE if not stands else _FIRM if limbs.able[foot] else give
-        _invert_leg(by_leg, work.weight[foot], share, inverse, work.ridge[foot])
+        _factor_leg(by_leg, work.weight[foot], share, gain, work.ridge[foot])
         counts = stands or limbs.able[foot]
         rows, joints = by_leg.shape
         # Each sum in a register, and stored once: these are a third of the law's time.
         for row in range(rows):
             for column in range(6):
-                total = 0.0
-                for k in range(rows):
-                    total += inverse[row, k] * by_base[k, column]
-                spread[row, column] = total
+                spread[row, column] = by_base[row, column]
+        _solve_six(gain, spread)
         for k in range(joints):
             for column in range(6):
                 total = 0.0
@@ -283,10 +287,10 @@ def factor_legs(
 
 @compiled
 def _factor_firm(matrix: np.ndarray, column: np.ndarray, diagonal: np.ndarray) -> None:
-    """Overwrite the lower half of a symmetric matrix (6, 6) >= 0 with a Cholesky factor.
+    """Overwrite the lower half of a symmetric matrix (6, 6) >= 0 with its factors.
 
     Of the matrix itself where the trace t of its inverse is below 1. Else 1 - 1/t is added to its
-    diagonal first: the factor is continuous, and no eigenvalue ends below a half. `column` (6,) and
+    diagonal first: that is continuous, and no eigenvalue ends below a half. `column` (6,) and
     `diagonal` (6,) are buffers; the upper half is overwritten.
     """
     for i in range(6):
@@ -294,14 +298,7 @@ def _factor_firm(matrix: np.ndarray, column: np.ndarray, diagonal: np.ndarray) -
         for j in range(i):
             matrix[j, i] = matrix[i, j]
     factor(matrix)
-    trace = 0.0
-    for j in range(6):
-        for i in range(j, 6):
-            total = 1.0 if i == j else 0.0
-            for k in range(j, i):
-                total -= matrix[i, k] * column[k]
-            column[i] = total / matrix[i, i]
-            trace += column[i] * column[i]
+    trace = trace_of_inverse(matrix, column)
     if trace < 1.0:
         return
     # A matrix that rounding has made indefinite has no such trace.
@@ -314,27 +311,22 @@ def _factor_firm(matrix: np.ndarray, column: np.ndarray, diagonal: np.ndarray) -
 
 
 @compiled
-def _solve_rows(lower: np.ndarray, given: np.ndarray, found: np.ndarray) -> None:
-    """Write (L L^T)^-1 given to `found`: columns (a, 6) of a factored matrix (a, a)."""
-    size = len(given)
+def _solve_six(factors: np.ndarray, columns: np.ndarray) -> None:
+    """Do the same as `solve_factored_columns`, faster: columns (a, 6) are of a known number."""
+    size = len(columns)
+    for i in range(size):
+        for k in range(i):
+            share = factors[i, k]
+            for j in range(6):
+                columns[i, j] -= share * columns[k, j]
     for i in range(size):
         for j in range(6):
-            found[i, j] = given[i, j]
-        for k in range(i):
-            share = lower[i, k]
-            for j in range(6):
-                found[i, j] -= share * found[k, j]
-        share = 1.0 / lower[i, i]
-        for j in range(6):
-            found[i, j] *= share
+            columns[i, j] *= factors[i, i]
     for i in range(size - 1, -1, -1):
-        share = 1.0 / lower[i, i]
-        for j in range(6):
-            found[i, j] *= share
         for k in range(i):
-            share = lower[i, k]
+            share = factors[i, k]
             for j in range(6):
-                found[k, j] -= share * found[i, j]
+                columns[k, j] -= share * columns[i, j]
 
 
 @compiled
@@ -442,14 +434,14 @@ def _along(place: Vector, spin: Vector, jacobian: np.ndarray, j: int) -> float:
 
 
 @compiled
-def _invert_leg(
+def _factor_leg(
     by_leg: np.ndarray,
     weight: np.ndarray,
     share: float,
-    inverse: np.ndarray,
+    gain: np.ndarray,
     ridge: np.ndarray,
 ) -> None:
-    """Write G^-1 of one leg (R, R), and the ridge on G (R,), a `share` of its mean gain.
+    """Write the factors of G of one leg (R, R), and the ridge on G (R,), a `share` of its mean.
 
     Joints weigh `weight` (K,) of W.
     """
@@ -459,27 +451,17 @@ def _invert_leg(
             total = 0.0
             for k in range(joints):
                 total += by_leg[row, k] * by_leg[column, k] * weight[k]
-            inverse[row, column], inverse[column, row] = total, total
+            gain[row, column] = total
     # Metres and radians apart, so that no unit matters; there are no more than three of the first.
     for first in range(0, rows, 3):
         last, mean = min(first + 3, rows), 0.0
         for row in range(first, last):
-            mean += inverse[row, row] / 3.0
+            mean += gain[row, row] / 3.0
         for row in range(first, last):
             # A row of zeros holds nothing.
-            ridge[row] = share * mean if inverse[row, row] > 0.0 else mean + 1.0
-            inverse[row, row] += ridge[row]
-    for k in range(rows):
-        pivot = 1.0 / inverse[k, k]
-        inverse[k, k] = 1.0
-        for j in range(rows):
-            inverse[k, j] *= pivot
-        for row in range(rows):
-            if row != k:
-                share = inverse[row, k]
-                inverse[row, k] = 0.0
-                for j in range(rows):
-                    inverse[row, j] -= share * inverse[k, j]
+            ridge[row] = share * mean if gain[row, row] > 0.0 else mean + 1.0
+            gain[row, row] += ridge[row]
+    factor(gain)
 
 
 @compiled
@@ -512,11 +494,8 @@ def move_with_feet(
                 for k in range(joints):
                     total -= by_leg[row, k] * offset[k]
                 asked[row] = total
-            for row in range(rows):
-                total = 0.0
-                for k in range(rows):
-                    total += work.inverse[foot, row, k] * asked[k]
-                force[row] = total
+            copy(asked, force)
+            solve_factored(work.gain[foot], force)
             for k in range(joints):
                 total = 0.0
                 for row in range(rows):
@@ -550,16 +529,21 @@ def serve_body(size: int, least_gain: np.ndarray, work: Work, motion: Motion) ->
     Args:
         size: m, of the task: the first m of `work.rows`, and of what is left to do, `work.share`.
         least_gain: (6,) see `operational_space`.
-        work: of the robot; share is overwritten.
+        work: of the robot; rows, other_rows and share are overwritten.
         motion: its base, others and momentum are changed.
     """
     rows, columns, lower, share = work.rows, work.columns, work.gains, work.share
     other_rows, free = work.other_rows, work.free
     others = len(free)
     for row in range(6):
+        worth = 1.0 / least_gain[row] if row < size else 0.0
+        share[row] = worth * share[row] if row < size else 0.0
         for column in range(6):
-            columns[column, row] = rows[row, column] if row < size else 0.0
-    _solve_rows(work.metric, columns, columns)
+            rows[row, column] *= worth
+            columns[column, row] = rows[row, column]
+        for k in range(others):
+            other_rows[row, k] *= worth
+    _solve_six(work.metric, columns)
     for row in range(6):
         for other in range(row + 1):
             total = 0.0
@@ -567,18 +551,12 @@ def serve_body(size: int, least_gain: np.ndarray, work: Work, motion: Motion) ->
                 total += rows[row, column] * columns[column, other]
             for k in range(others):
                 total += other_rows[row, k] * other_rows[other, k] * free[k]
-            lower[row, other] = total / (least_gain[row] * least_gain[other])
-        if row < size:
-            share[row] /= least_gain[row]
-    for row in range(size, 6):
-        # Rows that are not asked for: nothing is left to do there.
-        for other in range(row):
-            lower[row, other] = 0.0
-        share[row], lower[row, row] = 0.0, _FAR
+            lower[row, other] = total
+        if row >= size:
+            # It is not asked for: nothing is left to do there.
+            lower[row, row] = _FAR
     _factor_firm(lower, work.column, work.diagonal)
     solve_factored(lower, share)
-    for row in range(6):
-        share[row] /= least_gain[row]
     for column in range(6):
         change = 0.0
         for row in range(6):

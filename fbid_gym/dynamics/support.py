@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, SupportFrame
 
 
@@ -31,10 +31,18 @@ def heading_of(geometry: ContactGeometry, layout: np.ndarray) -> Heading:
 @kernel
 def support_frame(heading: Heading, terms: DynamicsTerms) -> SupportFrame:
     """Return the level frame of the feet of N robots."""
+    count = len(terms.foot_position)
+    frame = SupportFrame(np.zeros((count, 3)), np.zeros((count, 3, 3)))
+    _find(heading, terms, frame)
+    return frame
+
+
+@compiled
+def _find(heading: Heading, terms: DynamicsTerms, frame: SupportFrame) -> None:
+    """Write frames into zeros."""
+    centre, rotation = frame.centre, frame.world_from_support
     count, feet = terms.foot_position.shape[:2]
-    centre, rotation = np.empty((count, 3)), np.empty((count, 3, 3))
     for i in range(count):
-        centre[i] = 0.0
         # A layout with no extent (one point) has no heading of its own: keep the world's.
         cosine, sine = 1e-12, 0.0
         for foot in range(feet):
@@ -50,8 +58,6 @@ def support_frame(heading: Heading, terms: DynamicsTerms) -> SupportFrame:
                     sine += entry * heading.by_rotation[row, 1]
         size = np.sqrt(cosine**2 + sine**2)
         cosine, sine = cosine / size, sine / size
-        rotation[i] = 0.0
         rotation[i, 0, 0] = rotation[i, 1, 1] = cosine
         rotation[i, 0, 1], rotation[i, 1, 0] = -sine, sine
         rotation[i, 2, 2] = 1.0
-    return SupportFrame(centre, rotation)

@@ -157,6 +157,14 @@ def in_world(heading: Heading, planned: Target, terms: DynamicsTerms) -> Target:
     frame = support_frame(heading, terms)
     count, feet = terms.foot_position.shape[:2]
     target = empty_target(count, feet, terms.bias.shape[1])
+    _place(frame, planned, target)
+    return target
+
+
+@compiled
+def _place(frame: SupportFrame, planned: Target, target: Target) -> None:
+    """Write a target of N robots."""
+    count, feet = target.planted.shape
     for i in range(count):
         row = min(i, len(planned.qpos) - 1)
         _place_body(frame, planned, row, target, i)
@@ -179,7 +187,6 @@ def in_world(heading: Heading, planned: Target, terms: DynamicsTerms) -> Target:
                 rate = turn(to_world, vector(planned.foot_acceleration, (row, foot), first))
                 store(rate, target.foot_acceleration, (i, foot), first)
         target.cycle[i] = planned.cycle[row]
-    return target
 
 
 @compiled

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.contacts import point_velocities
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
-from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, RobotState
+from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, RobotState, SupportFrame
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
 from fbid_gym.tasks.observation import Group
@@ -199,6 +199,23 @@ def _measure(
     base, velocity, upright = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
     touching, grounded = np.empty((count, points), np.bool_), np.empty(count)
     slip, fallen = np.empty(count), np.empty(count, np.bool_)
+    posture = Posture(base, velocity, upright, touching, grounded, slip, fallen)
+    _judge(standing, frame, point_velocity, state, terms, posture)
+    return posture
+
+
+@compiled
+def _judge(
+    standing: _Standing,
+    frame: SupportFrame,
+    point_velocity: np.ndarray,
+    state: RobotState,
+    terms: DynamicsTerms,
+    posture: Posture,
+) -> None:
+    """Write how robots stand."""
+    base, velocity, upright, touching, grounded, slip, fallen = posture
+    count, points = touching.shape
     for i in range(count):
         for k in range(3):
             base[i, k], velocity[i, k] = 0.0, 0.0
@@ -218,4 +235,3 @@ def _measure(
                 down += 1
         grounded[i] = down / points
         slip[i] = total / max(down, 1)
-    return Posture(base, velocity, upright, touching, grounded, slip, fallen)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.trunk import trunk_rate
 from fbid_gym.motions.gait.heading import along, axes_of_trunk
 from fbid_gym.quantities import DynamicsTerms, Memory, Target
@@ -189,7 +189,23 @@ def measure_motion(
         np.empty(count),
         np.empty(count),
     )
-    down = np.empty(feet, np.bool_)
+    _measure(units, foot_of_point, qvel, terms, touching, notes, motion, np.empty(feet, np.bool_))
+    return motion
+
+
+@compiled
+def _measure(
+    units: Units,
+    foot_of_point: np.ndarray,
+    qvel: np.ndarray,
+    terms: DynamicsTerms,
+    touching: np.ndarray,
+    notes: Notes,
+    motion: Motion,
+    down: np.ndarray,
+) -> None:
+    """Write a motion whose command is known; `down` (F,) is a buffer."""
+    command, (count, feet) = motion.command, notes.planted.shape
     for i in range(count):
         angle, velocity = 2.0 * np.pi * notes.cycle[i], qvel[i]
         motion.clock[i, 0], motion.clock[i, 1] = np.sin(angle), np.cos(angle)
@@ -203,7 +219,8 @@ def measure_motion(
         motion.velocity_error[i] = np.hypot(lack[0], lack[1])
         motion.turning_error[i] = abs(lack[2])
         motion.speed[i] = np.hypot(ahead, left)
-        down[:] = False
+        for foot in range(feet):
+            down[foot] = False
         for point in range(len(foot_of_point)):
             if touching[i, point]:
                 down[foot_of_point[point]] = True
@@ -218,4 +235,3 @@ def measure_motion(
         motion.height[i] = terms.base_position[i, 2] - notes.ground[i]
         motion.height_command[i] = notes.height[i] - notes.ground[i]
         motion.foothold_error[i] = notes.missed[i] / max(notes.landed[i], 1)
-    return motion

@@ -73,40 +73,56 @@ def walk(
     """
     points = np.empty(gait.points.shape)
     for i in range(len(terms.com)):
-        follow(gait.agility, command, terms, tick, memory, i)
-        for foot in range(2):
-            stand_where_it_is(target, terms, i, foot)
-        axes = axes_of(memory.heading[i])
-        xi = (
-            terms.com[i, 0] + terms.com_velocity[i, 0] / gait.omega,
-            terms.com[i, 1] + terms.com_velocity[i, 1] / gait.omega,
-        )
-        if memory.clock[i] == LONG_AGO:
-            # Its first tick: what it stands on is taken to be below its capture point, at rest.
-            memory.pressure[i, 0], memory.pressure[i, 1] = xi[0], xi[1]
-        memory.clock[i] += tick
-        memory.progress[i] += tick * memory.hurry[i]
+        _go_on(gait, command, terms, contact_force, tick, points, memory, target, i)
 
-        pace = memory.rate[i]
-        timing = StepTiming(gait.omega, gait.double / pace, gait.single / pace)
-        now = _Now(i, timing, axes, xi)
-        _change_phase(gait, now, command, terms, contact_force, memory)
-        _settle(gait, terms, tick, memory, target, i)
-        error = _balance(gait, now, terms, points, memory, target)
-        plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
-        base = terms.base_position[i]
-        memory.lowered[i] = approached(memory.lowered[i], command.lowered[i], gait.bend * tick)
-        target.qpos[i, 2] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
-        velocity = (0.0, 0.0, 0.0)
-        if memory.phase[i] != STAND:
-            velocity = (memory.velocity[i, 0], memory.velocity[i, 1], memory.velocity[i, 2])
-        if memory.phase[i] == SWING:
-            _find_foothold(gait, now, command, plane, error, memory, target)
-            _swing(gait, timing, velocity[2], memory, target, i)
-        x, y = in_world(axes, velocity[0], velocity[1])
-        face(target, gait.home, memory.heading[i], i)
-        move_along(target, gait.home, x, y, velocity[2], i)
-        target.cycle[i] = _cycle(gait, timing, memory, i)
+
+@compiled
+def _go_on(
+    gait: FlatFootGait,
+    command: GaitCommand,
+    terms: DynamicsTerms,
+    contact_force: np.ndarray,
+    tick: float,
+    points: np.ndarray,
+    memory: FlatGaitMemory,
+    target: Target,
+    i: int,
+) -> None:
+    """Have one robot go on; `points` (P, 2) is a buffer."""
+    follow(gait.agility, command, terms, tick, memory, i)
+    for foot in range(2):
+        stand_where_it_is(target, terms, i, foot)
+    axes = axes_of(memory.heading[i])
+    xi = (
+        terms.com[i, 0] + terms.com_velocity[i, 0] / gait.omega,
+        terms.com[i, 1] + terms.com_velocity[i, 1] / gait.omega,
+    )
+    if memory.clock[i] == LONG_AGO:
+        # Its first tick: what it stands on is taken to be below its capture point, at rest.
+        memory.pressure[i, 0], memory.pressure[i, 1] = xi[0], xi[1]
+    memory.clock[i] += tick
+    memory.progress[i] += tick * memory.hurry[i]
+
+    pace = memory.rate[i]
+    timing = StepTiming(gait.omega, gait.double / pace, gait.single / pace)
+    now = _Now(i, timing, axes, xi)
+    _change_phase(gait, now, command, terms, contact_force, memory)
+    _settle(gait, terms, tick, memory, target, i)
+    error = _balance(gait, now, terms, points, memory, target)
+    plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
+    base = terms.base_position[i]
+    memory.lowered[i] = approached(memory.lowered[i], command.lowered[i], gait.bend * tick)
+    target.qpos[i, 2] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
+    velocity = (0.0, 0.0, 0.0)
+    if memory.phase[i] != STAND:
+        velocity = (memory.velocity[i, 0], memory.velocity[i, 1], memory.velocity[i, 2])
+    if memory.phase[i] == SWING:
+        _find_foothold(gait, now, command, plane, error, memory, target)
+        _swing(gait, timing, velocity[2], memory, target, i)
+    x, y = in_world(axes, velocity[0], velocity[1])
+    face(target, gait.home, memory.heading[i], i)
+    move_along(target, gait.home, x, y, velocity[2], i)
+    target.cycle[i] = _cycle(gait, timing, memory, i)
 
 
 class _Now(NamedTuple):

@@ -43,29 +43,46 @@ def walk(
         memory: of the robots; updated.
         target: of the robots; written.
     """
-    feet = terms.foot_position.shape[1]
-    touches, middle = np.empty(feet, np.bool_), np.empty(2)
+    touches, middle = np.empty(terms.foot_position.shape[1], np.bool_), np.empty(2)
     for i in range(len(terms.com)):
-        for foot in range(feet):
-            load = load_on(foot, gait.foot_of_point, contact_force[i])
-            touches[foot] = load > gait.touch
-        follow(gait.agility, command, terms, tick, memory, i)
-        _stand_on(terms, touches, middle, memory, i)
-        plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
-        start_or_stop(gait, command, terms, middle, memory, i)
-        tell_time(gait, command, tick, memory, i)
-        for foot in range(feet):
-            step = lift_or_land(gait, command, tick, touches[foot], memory, i, foot)
-            stand_where_it_is(target, terms, i, foot)
-            target.planted[i, foot] = step.mode == STANCE
-            target.load[i, foot] = memory.load[i, foot]
-            if step.mode != STANCE:
-                swing_or_reach(gait, command, terms, plane, step, tick, memory, target)
-        _move_body(gait, terms, middle, tick, memory, target, i)
-        base = terms.base_position[i]
-        memory.lowered[i] = approached(memory.lowered[i], command.lowered[i], gait.bend * tick)
-        target.qpos[i, 2] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
-        target.cycle[i] = memory.phase[i]
+        _go_on(gait, command, terms, contact_force, tick, touches, middle, memory, target, i)
+
+
+@compiled
+def _go_on(
+    gait: PointFootGait,
+    command: GaitCommand,
+    terms: DynamicsTerms,
+    contact_force: np.ndarray,
+    tick: float,
+    touches: np.ndarray,
+    middle: np.ndarray,
+    memory: PointGaitMemory,
+    target: Target,
+    i: int,
+) -> None:
+    """Have one robot go on; `touches` (F,) and `middle` (2,) are buffers."""
+    feet = len(touches)
+    for foot in range(feet):
+        load = load_on(foot, gait.foot_of_point, contact_force[i])
+        touches[foot] = load > gait.touch
+    follow(gait.agility, command, terms, tick, memory, i)
+    _stand_on(terms, touches, middle, memory, i)
+    plane = feel_ground(gait.sense, tick, memory.touched[i], memory.moments[i])
+    start_or_stop(gait, command, terms, middle, memory, i)
+    tell_time(gait, command, tick, memory, i)
+    for foot in range(feet):
+        step = lift_or_land(gait, command, tick, touches[foot], memory, i, foot)
+        stand_where_it_is(target, terms, i, foot)
+        target.planted[i, foot] = step.mode == STANCE
+        target.load[i, foot] = memory.load[i, foot]
+        if step.mode != STANCE:
+            swing_or_reach(gait, command, terms, plane, step, tick, memory, target)
+    _move_body(gait, terms, middle, tick, memory, target, i)
+    base = terms.base_position[i]
+    memory.lowered[i] = approached(memory.lowered[i], command.lowered[i], gait.bend * tick)
+    target.qpos[i, 2] = height_on(plane, base[0], base[1]) + gait.height - memory.lowered[i]
+    target.cycle[i] = memory.phase[i]
 
 
 @compiled
