@@ -52,7 +52,11 @@ RANK = {
 
 # Where a library may be imported: units, or single modules.
 ONLY_IN = {
-    "pinocchio": {"dynamics"},
+    "pinocchio": {
+        "dynamics",
+        "eval.papers.garofalo2015.pinocchio_coriolis",
+        "eval.papers.inertial_parameters.regressor",
+    },
     "numba": {"compiled", "compile_cache", "compile_parts"},
     "filelock": {"compile_cache"},
     "ray": {"train.runs.cluster"},

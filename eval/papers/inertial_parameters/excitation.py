@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.dynamics.identification.inertia import (
+from eval.papers.inertial_parameters.inertia import (
     PARAMETERS,
     parameters_of_pseudo_inertia,
     pseudo_inertia,
 )
-from fbid_gym.dynamics.identification.regressor import InertialRegressor
+from eval.papers.inertial_parameters.regressor import InertialRegressor
 
 _TOLD, _UNTOLD = 0.01, 0.99
 _NUM_STATES = 40

@@ -7,14 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from fbid_gym.control import (
-    InverseDynamics,
-    estimated_force_inverse_dynamics,
-    length_metric,
-    metric_inverse_dynamics,
-    metric_torque_cost,
-    orthogonal_inverse_dynamics,
-)
+from eval.papers.mistry2010.force_feedback import estimated_force_inverse_dynamics
+from eval.papers.mistry2010.metric import length_metric, metric_inverse_dynamics, metric_torque_cost
+from fbid_gym.control import InverseDynamics, orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.errors import InvalidValueError, ShapeError
