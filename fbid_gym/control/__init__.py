@@ -4,7 +4,6 @@ from fbid_gym.control.balance import (
     BalanceTarget,
     desired_wrench_garofalo2015,
     desired_wrench_ott2011,
-    orientation_moment,
     resting_target,
 )
 from fbid_gym.control.balance_gains import BalanceGains
@@ -21,7 +20,6 @@ from fbid_gym.control.limited_inverse_dynamics import (
 )
 from fbid_gym.control.operational_space import (
     TaskMotion,
-    floating_base_inverse_kinematics,
     operational_space_acceleration,
     task_acceleration,
 )
@@ -48,11 +46,9 @@ __all__ = [
     "desired_wrench_ott2011",
     "distribute",
     "distribute_freely",
-    "floating_base_inverse_kinematics",
     "limited_contact_forces",
     "limited_inverse_dynamics",
     "operational_space_acceleration",
-    "orientation_moment",
     "orthogonal_inverse_dynamics",
     "resting_target",
     "task_acceleration",
