@@ -76,10 +76,10 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/actions/law.py": 650, "fbid_gym/control/whole_body.py": 850}  # to be split
 LINES = {
-    ".": 2200,
+    ".": 2130,
     "actions": 3362,
-    "control": 4700,
-    "dynamics": 3100,
+    "control": 3950,
+    "dynamics": 1670,
     "envs": 4000,
     "motions": 3900,
     "policy": 750,

@@ -16,7 +16,12 @@ from eval.papers.inertial_parameters.estimation import (
     projected_equations,
     regression,
 )
-from eval.papers.inertial_parameters.excitation import Excitation, by_steps, natural_steps
+from eval.papers.inertial_parameters.excitation import (
+    Excitation,
+    ExcitationError,
+    by_steps,
+    natural_steps,
+)
 from eval.papers.inertial_parameters.inertia import (
     PARAMETERS,
     body_parameters,
@@ -31,6 +36,7 @@ __all__ = [
     "PARAMETERS",
     "RESOLUTION",
     "Excitation",
+    "ExcitationError",
     "Identification",
     "InertialRegressor",
     "Regression",

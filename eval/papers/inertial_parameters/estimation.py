@@ -36,6 +36,7 @@ from eval.papers.inertial_parameters.entropic_fit import (
 )
 from eval.papers.inertial_parameters.excitation import (
     Excitation,
+    ExcitationError,
     by_steps,
     excitation_of,
     natural_steps,
@@ -46,7 +47,6 @@ from fbid_gym.checks import check_finite, check_positive
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics, check_states
 from fbid_gym.errors import (
-    ExcitationError,
     InvalidValueError,
     RobotError,
     ShapeError,

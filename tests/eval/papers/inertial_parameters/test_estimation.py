@@ -8,6 +8,7 @@ from scipy import sparse
 
 from eval.papers.inertial_parameters import (
     PARAMETERS,
+    ExcitationError,
     InertialRegressor,
     Samples,
     by_steps,
@@ -26,7 +27,6 @@ from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.errors import (
-    ExcitationError,
     InvalidValueError,
     NonFiniteError,
     RobotError,
