@@ -98,22 +98,3 @@ class PolicyFileError(FbidError):
 
 class RunError(FbidError):
     """A run folder that is missing, incomplete, or does not fit what is asked of it."""
-
-
-class ExcitationError(FbidError):
-    """Motion data that do not excite the parameters they shall identify.
-
-    Attributes:
-        samples: number of samples.
-        dimension: independent combinations of parameters that the data tell.
-        attainable: combinations that motion can tell at all: the robot's base parameters.
-    """
-
-    def __init__(self, samples: int, dimension: int, attainable: int) -> None:
-        """Store the data and build the message."""
-        self.samples, self.dimension, self.attainable = samples, dimension, attainable
-        super().__init__(
-            f"The data do not excite the parameters: {samples} samples tell {dimension} of "
-            f"{attainable} base parameters, no more than a single sample can. Expected a robot "
-            "that moves: every joint, at varying speed."
-        )

@@ -52,7 +52,11 @@ RANK = {
 
 # Where a library may be imported: units, or single modules.
 ONLY_IN = {
-    "pinocchio": {"dynamics"},
+    "pinocchio": {
+        "dynamics",
+        "eval.papers.garofalo2015.pinocchio_coriolis",
+        "eval.papers.inertial_parameters.regressor",
+    },
     "numba": {"compiled", "compile_cache", "compile_parts"},
     "filelock": {"compile_cache"},
     "ray": {"train.runs.cluster"},
@@ -72,10 +76,10 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/actions/law.py": 650, "fbid_gym/control/whole_body.py": 850}  # to be split
 LINES = {
-    ".": 2200,
+    ".": 2130,
     "actions": 3362,
-    "control": 4700,
-    "dynamics": 3100,
+    "control": 3950,
+    "dynamics": 1670,
     "envs": 4000,
     "motions": 3900,
     "policy": 750,
@@ -84,7 +88,7 @@ LINES = {
 }
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
-READING = {"fbid_gym.actions.base_acceleration": (35, 6850)}
+READING = {"fbid_gym.actions.base_acceleration": (35, 6600)}
 NOT_READ = ("robots", "envs", "fbid_gym")
 
 # Whoever has to know of which class a layer or a task is does by case what the layer or the task

@@ -27,6 +27,7 @@ from eval.fuzz.problems import (
     in_units,
     robots_of,
 )
+from eval.papers.mistry2010 import force_feedback, metric
 from fbid_gym import control
 from fbid_gym.control import ContactLimits
 from fbid_gym.dynamics.centroidal import centroidal_terms
@@ -60,8 +61,8 @@ def _weighted(robots: Robots) -> Any:
 
 def _metric(robots: Robots) -> Any:
     hinges = np.ones(robots.torque.shape[1], bool)
-    metric = control.length_metric(hinges, robots.length)
-    return control.metric_inverse_dynamics(*_equations(robots), metric)
+    lengths = metric.length_metric(hinges, robots.length)
+    return metric.metric_inverse_dynamics(*_equations(robots), lengths)
 
 
 def _task(robots: Robots) -> Any:
@@ -114,11 +115,11 @@ LAWS: dict[str, Callable[[Robots], Any]] = {
     "distribute, ott2011": _shared(control.torque_map_ott2011, 0.1),
     "distribute, inverse_dynamics": _shared(control.torque_map_inverse_dynamics, np.inf),
     "distribute_freely": _shared(control.torque_map_inverse_dynamics, -1.0),
-    "inertia_weighted_inverse_dynamics": lambda robots: control.inertia_weighted_inverse_dynamics(
-        *_equations(robots)
+    "inertia_weighted_inverse_dynamics": lambda robots: (
+        force_feedback.inertia_weighted_inverse_dynamics(*_equations(robots))
     ),
-    "estimated_force_inverse_dynamics": lambda robots: control.estimated_force_inverse_dynamics(
-        *_equations(robots), robots.torque
+    "estimated_force_inverse_dynamics": lambda robots: (
+        force_feedback.estimated_force_inverse_dynamics(*_equations(robots), robots.torque)
     ),
 }
 

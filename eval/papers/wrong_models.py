@@ -6,14 +6,14 @@ import mujoco
 import mujoco.batch
 import numpy as np
 
-from eval.papers.trial import Belief
-from fbid_gym.dynamics import DynamicsTerms
-from fbid_gym.dynamics.identification import (
+from eval.papers.inertial_parameters import (
     body_parameters,
     parameters_of_pseudo_inertia,
     pseudo_inertia,
     with_parameters,
 )
+from eval.papers.trial import Belief
+from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import Robot

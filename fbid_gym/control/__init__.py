@@ -4,7 +4,6 @@ from fbid_gym.control.balance import (
     BalanceTarget,
     desired_wrench_garofalo2015,
     desired_wrench_ott2011,
-    orientation_moment,
     resting_target,
 )
 from fbid_gym.control.balance_gains import BalanceGains
@@ -14,29 +13,16 @@ from fbid_gym.control.balancers import (
     torque_map_ott2011,
 )
 from fbid_gym.control.contact_forces import ContactForces, ContactLimits, limited_contact_forces
-from fbid_gym.control.force_feedback import (
-    ForceFeedbackDynamics,
-    ProjectedDynamics,
-    actuated_projection,
-    contact_force_of_torque,
-    estimated_force_inverse_dynamics,
-    force_feedback_inverse_dynamics,
-    inertia_weighted_inverse_dynamics,
-)
-from fbid_gym.control.force_sensor import ForceSensor, ForceSensorState
 from fbid_gym.control.inverse_dynamics import InverseDynamics, orthogonal_inverse_dynamics
 from fbid_gym.control.limited_inverse_dynamics import (
     LimitedInverseDynamics,
     limited_inverse_dynamics,
 )
-from fbid_gym.control.metric import length_metric, metric_inverse_dynamics, metric_torque_cost
 from fbid_gym.control.operational_space import (
     TaskMotion,
-    floating_base_inverse_kinematics,
     operational_space_acceleration,
     task_acceleration,
 )
-from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
 from fbid_gym.control.underactuation import underactuation
 from fbid_gym.control.wrench_distribution import (
     Distribution,
@@ -52,34 +38,19 @@ __all__ = [
     "ContactForces",
     "ContactLimits",
     "Distribution",
-    "ForceFeedbackDynamics",
-    "ForceSensor",
-    "ForceSensorState",
     "InverseDynamics",
     "LimitedInverseDynamics",
-    "ProjectedDynamics",
     "TaskMotion",
     "TorqueMap",
-    "actuated_projection",
-    "contact_force_of_torque",
     "desired_wrench_garofalo2015",
     "desired_wrench_ott2011",
     "distribute",
     "distribute_freely",
-    "estimated_force_inverse_dynamics",
-    "floating_base_inverse_kinematics",
-    "force_feedback_inverse_dynamics",
-    "inertia_weighted_inverse_dynamics",
-    "length_metric",
     "limited_contact_forces",
     "limited_inverse_dynamics",
-    "metric_inverse_dynamics",
-    "metric_torque_cost",
     "operational_space_acceleration",
-    "orientation_moment",
     "orthogonal_inverse_dynamics",
     "resting_target",
-    "symmetric_pseudo_inverse",
     "task_acceleration",
     "torque_map_garofalo2015",
     "torque_map_inverse_dynamics",

@@ -125,27 +125,6 @@ def body_motion(state: RobotState, terms: DynamicsTerms, body: CentroidalTerms) 
     )
 
 
-def orientation_moment(
-    gains: BalanceGains, rotation: np.ndarray, desired: np.ndarray
-) -> np.ndarray:
-    """Return the moment of the rotational spring between the base and where it should be.
-
-    It pulls towards `desired` from every orientation but those 180 degrees away, where it may
-    vanish. In quaternions it is 2 (delta K eps + eps x K eps) in the base's axes, with (delta, eps)
-    that of R^T R_d.
-
-    Args:
-        gains: their `rotation_stiffness`, in the axes of the desired orientation.
-        rotation: (N, 3, 3) world from base.
-        desired: (N, 3, 3) world from base.
-
-    Returns:
-        (N, 3) N·m, world axes.
-    """
-    error = desired.mT @ rotation
-    return np.matvec(desired, np.matvec(gains.rotation_map, error.reshape(len(error), 9)))
-
-
 def desired_wrench_ott2011(
     gains: BalanceGains,
     target: BalanceTarget,

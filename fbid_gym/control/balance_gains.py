@@ -164,13 +164,3 @@ def _root(matrix: np.ndarray) -> np.ndarray:
     """The symmetric square root of a symmetric positive semidefinite matrix."""
     values, vectors = np.linalg.eigh(matrix)
     return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-
-
-TABLE_1 = BalanceGains(
-    stiffness=(6000.0, 2000.0, 4000.0),
-    damping=(7.0, 1.0, 0.05),
-    rotation_stiffness=(500.0, 400.0, 100.0),
-    rotation_damping=(20.0, 20.0, 2.0),
-)
-"""Gains of [G15], table 1, for TORO, with (38). Its damping is printed in N s/(kg m): it multiplies
-momentum, and the unit is 1/s."""

@@ -106,6 +106,9 @@ def operational_space_acceleration(
 ) -> TaskMotion:
     """Accelerations that keep the contacts, serve a task and stay near a reference, eq. (19).
 
+    With velocities for accelerations, and zeros for Jdot_C v and Jdot_t v, it is the floating-base
+    inverse kinematics of the paper's reference [11].
+
     Args:
         jacobian: (N, k, nv) J_C of the contacts; repeated and zero rows are fine.
         jacobian_bias: (N, k) Jdot_C v.
@@ -130,73 +133,18 @@ def operational_space_acceleration(
     if task_bias is None:
         task_bias = np.zeros(task.shape)
     check_shape("task_bias", task_bias, tuple(task.shape), "(N, m)")
-    return _nearest(
-        Constraint(jacobian, jacobian_bias),
-        TaskCommand(task_jacobian, task_bias, task),
-        reference,
-        motion_cost,
-        least_gain,
-    )
-
-
-def floating_base_inverse_kinematics(
-    jacobian: np.ndarray,
-    task_jacobian: np.ndarray,
-    task: np.ndarray,
-    reference: np.ndarray | None = None,
-    *,
-    motion_cost: np.ndarray | None = None,
-    least_gain: float = LEAST_GAIN,
-) -> TaskMotion:
-    """Velocities that keep the contacts, serve a task and stay near a reference, [M10]'s [11].
-
-    v = v_ref + [J_C; J_t]^+ ([0; task] - [J_C; J_t] v_ref): joints and base move together so that
-    the feet stand still, the task moves as wanted, and what is left follows the reference.
-
-    Args:
-        jacobian: (N, k, nv) J_C of the contacts; repeated and zero rows are fine.
-        task_jacobian: (N, m, nv) J_t, or (m, nv) where it is the same for all robots.
-        task: (N, m) wanted velocity of the task.
-        reference: (N, nv) velocity v_ref. Default: zeros.
-        motion_cost: (nv,) positive weights of squared deviations from the reference. Default: ones.
-        least_gain: see `operational_space_acceleration`.
-
-    Returns:
-        TaskMotion, whose motion has J_C v = 0.
-
-    Raises:
-        ShapeError: an array does not fit.
-        InvalidValueError: `motion_cost` or `least_gain` is not positive and finite.
-    """
-    return _nearest(
-        Constraint(jacobian, np.zeros(jacobian.shape[:2])),
-        TaskCommand(task_jacobian, np.zeros(task.shape), task),
-        reference,
-        motion_cost,
-        least_gain,
-    )
-
-
-def _nearest(
-    constraint: Constraint,
-    task: TaskCommand,
-    reference: np.ndarray | None,
-    motion_cost: np.ndarray | None,
-    least_gain: float,
-) -> TaskMotion:
-    """Check the arguments of both laws, and compute."""
-    shape = tuple(constraint.jacobian.shape)
+    shape = tuple(jacobian.shape)
     if len(shape) != 3:
         raise ShapeError("jacobian", shape, "(N, k, nv)")
     count, rows, velocities = shape
-    part, robots = task.jacobian, count
+    part, robots = task_jacobian, count
     if part.ndim == 2:
         part, robots = part[None], 1
     if part.ndim != 3:
         raise ShapeError("task_jacobian", tuple(part.shape), "(N, m, nv) or (m, nv)")
     check_shape("task_jacobian", part, (robots, part.shape[1], velocities), "(N, m, nv)")
-    check_shape("task", task.acceleration, (count, part.shape[1]), "(N, m)")
-    check_shape("jacobian_bias", constraint.bias, (count, rows), "(N, k)")
+    check_shape("task", task, (count, part.shape[1]), "(N, m)")
+    check_shape("jacobian_bias", jacobian_bias, (count, rows), "(N, k)")
     if reference is None:
         reference = np.zeros((1, velocities))
     else:
@@ -207,8 +155,8 @@ def _nearest(
     positive_numbers("motion_cost", motion_cost, velocities)
     check_positive(least_gain=least_gain)
     return serve_task(
-        Constraint(*map(contiguous, constraint)),
-        TaskCommand(*map(contiguous, (part, task.bias, task.acceleration))),
+        Constraint(contiguous(jacobian), contiguous(jacobian_bias)),
+        TaskCommand(*map(contiguous, (part, task_bias, task))),
         contiguous(reference),
         1.0 / contiguous(motion_cost),
         np.full(part.shape[1], float(least_gain)),

@@ -2,12 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from fbid_gym.dynamics.centroidal import (
-    DecoupledDynamics,
-    centroidal_terms,
-    decoupled_dynamics,
-)
-from fbid_gym.dynamics.coriolis import CoriolisMatrix
+from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.quantities import CentroidalTerms, DynamicsTerms
 
@@ -16,13 +11,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CentroidalTerms",
-    "CoriolisMatrix",
-    "DecoupledDynamics",
     "DynamicsTerms",
     "MuJoCoDynamics",
     "PinocchioDynamics",
     "centroidal_terms",
-    "decoupled_dynamics",
 ]
 
 

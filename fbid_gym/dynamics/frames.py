@@ -218,34 +218,7 @@ def acceleration_to_pinocchio(
     return velocity_to_pinocchio(acceleration, rotation) + velocity_product(velocity, rotation)
 
 
-def force_to_pinocchio(force: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Generalized force in Pinocchio's coordinates, X⁻ᵀ f: of equal power, v · f = v_pin · f_pin.
-
-    Args:
-        force: (..., 6 + n) conjugate to MuJoCo's generalized velocity.
-        rotation: (..., 3, 3) world from base.
-
-    Returns:
-        (..., 6 + n).
-    """
-    # X is orthogonal, so X⁻ᵀ = X.
-    return velocity_to_pinocchio(force, rotation)
-
-
 # --- from Pinocchio to MuJoCo ------------------------------------------------------------------
-
-
-def configuration_from_pinocchio(q: np.ndarray, qpos0: np.ndarray) -> np.ndarray:
-    """MuJoCo's configuration of a Pinocchio one: the inverse of `configuration_to_pinocchio`.
-
-    Args:
-        q: (..., 7 + n) base position, quaternion x, y, z, w, joint displacements.
-        qpos0: (7 + n,) the MuJoCo model's `qpos0`.
-
-    Returns:
-        (..., 7 + n).
-    """
-    return np.concatenate((q[..., :3], q[..., 6:7], q[..., 3:6], q[..., 7:] + qpos0[7:]), axis=-1)
 
 
 def velocity_from_pinocchio(velocity: np.ndarray, rotation: np.ndarray) -> np.ndarray:
@@ -259,22 +232,6 @@ def velocity_from_pinocchio(velocity: np.ndarray, rotation: np.ndarray) -> np.nd
         (..., 6 + n).
     """
     return velocity_to_pinocchio(velocity, rotation.mT)
-
-
-def acceleration_from_pinocchio(
-    acceleration: np.ndarray, velocity: np.ndarray, rotation: np.ndarray
-) -> np.ndarray:
-    """Generalized acceleration in MuJoCo's coordinates: a = X⁻¹ (a_pin − Ẋ v).
-
-    Args:
-        acceleration: (..., 6 + n) Pinocchio's generalized acceleration.
-        velocity: (..., 6 + n) MuJoCo's generalized velocity.
-        rotation: (..., 3, 3) world from base.
-
-    Returns:
-        (..., 6 + n).
-    """
-    return velocity_from_pinocchio(acceleration - velocity_product(velocity, rotation), rotation)
 
 
 def jacobian_from_pinocchio(jacobian: np.ndarray, rotation: np.ndarray) -> np.ndarray:

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from eval.papers.garofalo2015.balancer import TABLE_1
 from fbid_gym.control.balance import (
     BalanceTarget,
     desired_wrench_garofalo2015,
     desired_wrench_ott2011,
-    orientation_moment,
     resting_target,
 )
-from fbid_gym.control.balance_gains import TABLE_1, BalanceGains
+from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 COUNT = 20
@@ -43,13 +43,27 @@ def orientations(rng):
     )
 
 
+def moment_of(gains, rotation, desired):
+    """(N, 3) N·m of the rotational spring alone, world: of robots at rest where they should be."""
+    still = np.zeros((len(rotation), 3))
+    wrench = desired_wrench_garofalo2015(
+        gains,
+        resting_target(still, desired),
+        com=still,
+        rotation=rotation,
+        momentum=np.zeros((len(rotation), 6)),
+        mass=1.0,
+    )
+    return wrench[:, 3:]
+
+
 # --- the rotational spring -------------------------------------------------------------------
 
 
 def test_moment_is_the_papers_with_the_error_that_restores(rng, orientations):
     rotation, desired = orientations
     stiffness = symmetric(rng)
-    moment = orientation_moment(spring(stiffness), rotation, desired)
+    moment = moment_of(spring(stiffness), rotation, desired)
     # -tau_P with the error R^T R_d, in the axes of the base
     scalar, vector = quaternion(rotation.mT @ desired)
     turned = vector @ stiffness
@@ -70,7 +84,7 @@ def test_moment_is_the_gradient_of_a_potential(rng, orientations):
         _, vector = quaternion(desired.mT @ rotation)
         return 2.0 * np.vecdot(vector, vector @ stiffness)
 
-    moment = orientation_moment(spring(stiffness), rotation, desired)
+    moment = moment_of(spring(stiffness), rotation, desired)
     step = 1e-5
     for axis in np.eye(3):
         turn = Rotation.from_rotvec(step * axis).as_matrix()
@@ -82,7 +96,7 @@ def test_moment_is_linear_for_small_errors(rng):
     stiffness, error = symmetric(rng), 1e-6 * rng.normal(size=(COUNT, 3))
     desired = Rotation.random(COUNT, rng=rng).as_matrix()
     rotation = desired @ Rotation.from_rotvec(error).as_matrix()
-    moment = orientation_moment(spring(stiffness), rotation, desired)
+    moment = moment_of(spring(stiffness), rotation, desired)
     np.testing.assert_allclose(moment, -np.matvec(desired @ stiffness, error), atol=1e-11)
 
 
@@ -92,7 +106,7 @@ def turn_freely(rotation, desired, stiffness, sign):
     step = 0.002
     for _ in range(6000):
         axes = rotation @ inertia @ rotation.mT
-        moment = sign * orientation_moment(gains, rotation, desired) - 6.0 * spin
+        moment = sign * moment_of(gains, rotation, desired) - 6.0 * spin
         moment -= np.cross(spin, np.matvec(axes, spin))
         spin = spin + step * np.linalg.solve(axes, moment[..., None])[..., 0]
         rotation = Rotation.from_rotvec(step * spin).as_matrix() @ rotation
@@ -112,7 +126,7 @@ def test_spring_restores_and_with_the_other_sign_does_not(rng):
 def test_half_a_turn_away_the_moment_is_finite():
     desired = np.eye(3)[None]
     rotation = np.diag([1.0, -1.0, -1.0])[None]
-    np.testing.assert_allclose(orientation_moment(spring(5.0), rotation, desired), 0.0, atol=1e-12)
+    np.testing.assert_allclose(moment_of(spring(5.0), rotation, desired), 0.0, atol=1e-12)
 
 
 # --- the laws ----------------------------------------------------------------------------------
@@ -152,7 +166,7 @@ def test_eq_36(rng, measured):
     force = force - (state["com"] - target.com) @ gains.stiffness
     force = force - (velocity - target.com_velocity) @ gains.damping
     np.testing.assert_allclose(wrench[:, :3], force, atol=1e-10)
-    moment = orientation_moment(gains, state["rotation"], target.world_from_base)
+    moment = moment_of(gains, state["rotation"], target.world_from_base)
     moment = moment - (spin - target.angular_velocity) @ gains.rotation_damping
     np.testing.assert_allclose(wrench[:, 3:], moment + target.momentum_rate[:, 3:], atol=1e-10)
 
@@ -167,7 +181,7 @@ def test_eqs_38_and_39(rng, measured):
     force = force - (state["com"] - target.com) @ gains.stiffness
     force = force - (momentum[:, :3] - mass * target.com_velocity) @ gains.damping
     np.testing.assert_allclose(wrench[:, :3], force, atol=1e-10)
-    moment = orientation_moment(gains, state["rotation"], target.world_from_base)
+    moment = moment_of(gains, state["rotation"], target.world_from_base)
     moment = moment - (momentum[:, 3:] - target.angular_momentum) @ gains.rotation_damping
     np.testing.assert_allclose(wrench[:, 3:], moment + target.momentum_rate[:, 3:], atol=1e-10)
 

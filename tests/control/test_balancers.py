@@ -6,6 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from eval.papers.garofalo2015.decoupled_dynamics import (
+    joint_inertia,
+    momentum_rate_bias,
+    transformed_jacobian,
+)
 from fbid_gym import robots
 from fbid_gym.control import (
     ContactLimits,
@@ -16,11 +21,6 @@ from fbid_gym.control import (
     torque_map_ott2011,
 )
 from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, centroidal_terms
-from fbid_gym.dynamics.centroidal import (
-    joint_inertia,
-    momentum_rate_bias,
-    transformed_jacobian,
-)
 from fbid_gym.dynamics.contacts import (
     ReducedContacts,
     contact_geometry,

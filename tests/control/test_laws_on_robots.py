@@ -7,17 +7,15 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from eval.zoo import morphology as zoo
-from fbid_gym import robots
-from fbid_gym.control import (
-    ContactLimits,
+from eval.papers.mistry2010.force_feedback import (
     contact_force_of_torque,
     estimated_force_inverse_dynamics,
     force_feedback_inverse_dynamics,
     inertia_weighted_inverse_dynamics,
-    limited_inverse_dynamics,
-    orthogonal_inverse_dynamics,
 )
+from eval.zoo import morphology as zoo
+from fbid_gym import robots
+from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, reduced_contacts
 from fbid_gym.robots import Robot

@@ -9,7 +9,7 @@ import pytest
 
 from fbid_gym import robots
 from fbid_gym.control import (
-    floating_base_inverse_kinematics,
+    TaskMotion,
     operational_space_acceleration,
     orthogonal_inverse_dynamics,
     task_acceleration,
@@ -28,6 +28,20 @@ def task_of(rng: np.random.Generator, system: Any, rows: int) -> tuple[np.ndarra
         rng.normal(size=(count, rows, nv)),
         rng.normal(size=(count, rows)),
         rng.normal(size=(count, rows)),
+    )
+
+
+def velocities(
+    jacobian: np.ndarray,
+    task_jacobian: np.ndarray,
+    task: np.ndarray,
+    reference: np.ndarray | None = None,
+    **options: Any,
+) -> TaskMotion:
+    """The law on the level of velocities: floating-base inverse kinematics, the paper's [11]."""
+    still = np.zeros(jacobian.shape[:2])
+    return operational_space_acceleration(
+        jacobian, still, task_jacobian, None, task, reference, **options
     )
 
 
@@ -52,7 +66,7 @@ def test_equals_the_stacked_pseudo_inverse(
         reference if with_reference else None,
         **EXACT,
     )
-    kinematics = floating_base_inverse_kinematics(
+    kinematics = velocities(
         system.jacobian, task_jacobian, task, reference if with_reference else None, **EXACT
     )
     for i, jacobian in enumerate(system.jacobian):
@@ -137,7 +151,7 @@ def test_contacts_outrank_a_task_that_contradicts_them(
     impossible = system.jacobian[:, :1] if system.rank else np.zeros((count, 1, nv))
     task_jacobian = np.concatenate([impossible, rng.normal(size=(count, 1, nv))], axis=1)
     task = np.ones((count, 2))
-    found = floating_base_inverse_kinematics(system.jacobian, task_jacobian, task)
+    found = velocities(system.jacobian, task_jacobian, task)
     np.testing.assert_allclose(np.matvec(system.jacobian, found.motion), 0.0, atol=1e-9)
     np.testing.assert_allclose(found.task_error, [[1.0, 0.0]] * count, atol=1e-6)
     left = task - np.matvec(task_jacobian, found.motion)
@@ -149,7 +163,7 @@ def test_weak_directions_fade_out_as_promised() -> None:
     least, gains = 0.05, np.concatenate([[0.0], np.geomspace(1e-9, 1.0, 4000)])
     task_jacobian = np.zeros((len(gains), 2, 8))
     task_jacobian[:, 0, 3], task_jacobian[:, 1, 5] = gains, 1.0
-    found = floating_base_inverse_kinematics(
+    found = velocities(
         np.zeros((len(gains), 0, 8)), task_jacobian, np.ones((len(gains), 2)), least_gain=least
     )
     share = gains * found.motion[:, 3]
@@ -232,7 +246,7 @@ def test_integrated_velocities_move_the_base_over_feet_that_stay(name: str) -> N
         for _ in range(steps):
             terms = dynamics.terms(qpos, np.zeros((1, robot.nv)))
             contacts = reduced_contacts(geometry, terms)
-            velocity = floating_base_inverse_kinematics(
+            velocity = velocities(
                 contacts.jacobian, np.eye(robot.nv)[:2], np.array([[0.01, 0.0173]])
             )
             mujoco.mj_integratePos(robot.model, qpos[0], velocity.motion[0], 1.0 / steps)
@@ -271,10 +285,10 @@ def test_neighbours_change_no_bit_of_a_task_motion(
     task_jacobian[3, 1] = task_jacobian[3, 0]
     task_jacobian[4] = np.nan
     arguments = (system.jacobian, task_jacobian, task, system.acceleration)
-    together = floating_base_inverse_kinematics(*arguments)
+    together = velocities(*arguments)
     assert np.isfinite(together.motion[:4]).all()
     for i in range(4):
-        alone = floating_base_inverse_kinematics(*(x[i : i + 1] for x in arguments))
+        alone = velocities(*(x[i : i + 1] for x in arguments))
         for one, all_ in zip(alone, together, strict=True):
             np.testing.assert_array_equal(one[0], all_[i])
 
@@ -290,9 +304,9 @@ def test_tasks_name_what_does_not_fit(make_system: Callable[..., Any]) -> None:
         ((jacobian, rows, task, task), r"reference has shape .* Expected \(N, nv\)"),
     ):
         with pytest.raises(ShapeError, match=message):
-            floating_base_inverse_kinematics(*wrong)
+            velocities(*wrong)
     with pytest.raises(ShapeError, match=r"motion_cost has shape .* Expected \(nv,\)"):
-        floating_base_inverse_kinematics(jacobian, rows, task, motion_cost=np.ones(3))
+        velocities(jacobian, rows, task, motion_cost=np.ones(3))
     bias = system.jacobian_bias
     for wrong, message in (
         ((bias[:, 1:], rows, None, task), "jacobian_bias has shape"),
@@ -302,11 +316,11 @@ def test_tasks_name_what_does_not_fit(make_system: Callable[..., Any]) -> None:
         with pytest.raises(ShapeError, match=message):
             operational_space_acceleration(jacobian, *wrong)
     with pytest.raises(ShapeError, match=r"task_jacobian has shape .* or \(m, nv\)"):
-        floating_base_inverse_kinematics(jacobian, rows[0], task[:, :1])
+        velocities(jacobian, rows[0], task[:, :1])
     for bad in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InvalidValueError, match="Invalid least_gain.*positive"):
-            floating_base_inverse_kinematics(jacobian, rows, task, least_gain=bad)
+            velocities(jacobian, rows, task, least_gain=bad)
         cost = np.ones(nv)
         cost[3] = bad
         with pytest.raises(InvalidValueError, match="Invalid motion_cost.*positive"):
-            floating_base_inverse_kinematics(jacobian, rows, task, motion_cost=cost)
+            velocities(jacobian, rows, task, motion_cost=cost)

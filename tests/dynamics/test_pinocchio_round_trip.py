@@ -27,6 +27,12 @@ STANCES = {
 }
 
 
+def acceleration_from_pinocchio(acceleration, qvel, rotation):
+    """Generalized acceleration in MuJoCo's coordinates, X^-1 (a_pin - Xdot v)."""
+    own = acceleration - frames.velocity_product(qvel, rotation)
+    return frames.velocity_from_pinocchio(own, rotation)
+
+
 class Stance:
     """States of a robot whose standing feet are at rest, and the rows that keep them there.
 
@@ -65,7 +71,7 @@ class Stance:
         force = np.concatenate((np.zeros(6), torque))
         if not self.standing:
             acceleration = pin.aba(model, data, q, v, force)
-            return frames.acceleration_from_pinocchio(acceleration, qvel, rotation), np.zeros(0)
+            return acceleration_from_pinocchio(acceleration, qvel, rotation), np.zeros(0)
 
         pin.forwardKinematics(model, data, q, v)
         kind = pin.ContactType.CONTACT_6D if self.rows == 6 else pin.ContactType.CONTACT_3D
@@ -84,7 +90,7 @@ class Stance:
         settings = pin.ProximalSettings(1e-14, 1e-9, 100)
         acceleration = pin.constraintDynamics(model, data, q, v, force, contacts, results, settings)
         forces = [np.asarray(result.contact_force)[: self.rows] for result in results]
-        acceleration = frames.acceleration_from_pinocchio(acceleration, qvel, rotation)
+        acceleration = acceleration_from_pinocchio(acceleration, qvel, rotation)
         return acceleration, np.concatenate(forces)
 
 
@@ -166,6 +172,6 @@ def test_rolling_feet(rng, random_states, relative_error):
             rows,
             bias[index] - rows @ drift[index],
         )
-        acceleration = frames.acceleration_from_pinocchio(acceleration, qvel[index], rotation)
+        acceleration = acceleration_from_pinocchio(acceleration, qvel[index], rotation)
         assert relative_error(acceleration, result.acceleration[index]) < 1e-9
         assert relative_error(data.lambda_c, result.contact_force[index]) < 1e-9

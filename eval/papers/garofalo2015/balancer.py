@@ -8,6 +8,7 @@ import numpy as np
 from eval.papers.garofalo2015.bout import Goal
 from eval.papers.trial import Memory
 from fbid_gym.control import (
+    BalanceGains,
     BalanceTarget,
     ContactLimits,
     TorqueMap,
@@ -18,12 +19,20 @@ from fbid_gym.control import (
     torque_map_inverse_dynamics,
     torque_map_ott2011,
 )
-from fbid_gym.control.balance_gains import TABLE_1
 from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
+
+TABLE_1 = BalanceGains(
+    stiffness=(6000.0, 2000.0, 4000.0),
+    damping=(7.0, 1.0, 0.05),
+    rotation_stiffness=(500.0, 400.0, 100.0),
+    rotation_damping=(20.0, 20.0, 2.0),
+)
+"""Gains of [G15], table 1, for TORO, with (38). Its damping is printed in N s/(kg m): it multiplies
+momentum, and the unit is 1/s."""
 
 OTT, GAROFALO, INVERSE = "Ott 2011", "Garofalo 2015", "inverse dynamics"
 ON_VELOCITY, ON_MOMENTUM = "(36)", "(38)"

@@ -1,1 +1,1 @@
-"""M. Mistry, J. Buchli, S. Schaal, ICRA 2010: the figures and the claims of the evaluation."""
+"""M. Mistry, J. Buchli, S. Schaal, ICRA 2010: the figures, the claims, the rivals of its law."""

@@ -7,21 +7,21 @@ from scipy.optimize import nnls
 
 from eval.papers.charts import lines, traces
 from eval.papers.experiment import Experiment, Result, Setting, main
+from eval.papers.inertial_parameters import free_motions
 from eval.papers.mistry2010.controllers import contact_points
+from eval.papers.mistry2010.force_feedback import inertia_weighted_inverse_dynamics
 from eval.papers.mistry2010.laws import Equation, equation
 from eval.papers.parts import Finding, figure, judged, text
 from eval.wording import number, percent
 from fbid_gym.control import (
     ContactLimits,
     LimitedInverseDynamics,
-    inertia_weighted_inverse_dynamics,
     limited_inverse_dynamics,
     orthogonal_inverse_dynamics,
 )
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
-from fbid_gym.dynamics.identification import free_motions
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions import MotionTable, periodic_squat, squat_bow, stepping
 from fbid_gym.quantities import ReducedContacts

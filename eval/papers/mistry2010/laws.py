@@ -6,17 +6,15 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from eval.papers.trial import RATES, Memory
-from fbid_gym.control import (
-    ContactLimits,
-    ForceSensor,
+from eval.papers.mistry2010.force_feedback import (
     estimated_force_inverse_dynamics,
     force_feedback_inverse_dynamics,
     inertia_weighted_inverse_dynamics,
-    limited_inverse_dynamics,
-    metric_inverse_dynamics,
-    orthogonal_inverse_dynamics,
 )
+from eval.papers.mistry2010.force_sensor import ForceSensor
+from eval.papers.mistry2010.metric import metric_inverse_dynamics
+from eval.papers.trial import RATES, Memory
+from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
 from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.stance import Stance

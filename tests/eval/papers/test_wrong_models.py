@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from eval.papers.inertial_parameters import InertialRegressor
 from eval.papers.trial import RATES
 from eval.papers.wrong_models import believing, wrong_model
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.identification import InertialRegressor
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import load
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from eval.papers.experiment import Experiment, Progress, Result, Setting
+from eval.papers.inertial_parameters import InertialRegressor
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains
 from eval.papers.mistry2010.following import following
@@ -24,7 +25,6 @@ from eval.papers.parts import Finding, judged
 from eval.papers.trial import Trial, simulate
 from eval.papers.wrong_models import believing, wrong_model
 from eval.wording import number
-from fbid_gym.dynamics.identification import InertialRegressor
 from fbid_gym.motions import periodic_squat
 from fbid_gym.robots import Robot, load
 

@@ -5,14 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from eval.papers.log import Log
-from eval.papers.mistry2010.identification.exciting import STANCES
-from eval.papers.mistry2010.identification.measuring import measured
-from eval.papers.mistry2010.laws import equation
-from fbid_gym.control import orthogonal_inverse_dynamics
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
-from fbid_gym.dynamics.identification import (
+from eval.papers.inertial_parameters import (
     RESOLUTION,
     Identification,
     InertialRegressor,
@@ -25,6 +18,13 @@ from fbid_gym.dynamics.identification import (
     natural_steps,
     regression,
 )
+from eval.papers.log import Log
+from eval.papers.mistry2010.identification.exciting import STANCES
+from eval.papers.mistry2010.identification.measuring import measured
+from eval.papers.mistry2010.laws import equation
+from fbid_gym.control import orthogonal_inverse_dynamics
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.motions import MotionTable, Steps, periodic_squat, squat_bow, stepping
 from fbid_gym.robots import Robot
 

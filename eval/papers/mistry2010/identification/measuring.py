@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eval.papers.inertial_parameters import Samples
 from eval.papers.log import Log
 from eval.papers.trial import RATES
 from fbid_gym.dynamics.contacts import contact_geometry
-from fbid_gym.dynamics.identification import Samples
 from fbid_gym.robots import Robot
 
 

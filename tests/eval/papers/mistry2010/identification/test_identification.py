@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from eval.papers.experiment import Setting
+from eval.papers.inertial_parameters import InertialRegressor
 from eval.papers.log import Log
 from eval.papers.mistry2010 import identification
 from eval.papers.mistry2010.identification.exciting import STANCES, exciting
@@ -11,7 +12,6 @@ from eval.papers.mistry2010.identification.judging import feedforward, feedforwa
 from eval.papers.mistry2010.identification.measuring import Filter, measured
 from eval.papers.trial import RATES
 from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.identification import InertialRegressor
 from fbid_gym.robots import load
 
 

@@ -13,12 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.dynamics.identification.inertia import (
+from eval.papers.inertial_parameters.inertia import (
     PARAMETERS,
     parameters_of_pseudo_inertia,
     pseudo_inertia,
 )
-from fbid_gym.dynamics.identification.regressor import InertialRegressor
+from eval.papers.inertial_parameters.regressor import InertialRegressor
+from fbid_gym.errors import FbidError
 
 _TOLD, _UNTOLD = 0.01, 0.99
 _NUM_STATES = 40
@@ -50,6 +51,25 @@ def natural_steps(nominal: np.ndarray) -> np.ndarray:
     """
     root = np.linalg.cholesky(pseudo_inertia(nominal))[:, None]
     return parameters_of_pseudo_inertia(root @ BASIS @ root.mT).mT
+
+
+class ExcitationError(FbidError):
+    """Motion data that do not excite the parameters they shall identify.
+
+    Attributes:
+        samples: number of samples.
+        dimension: independent combinations of parameters that the data tell.
+        attainable: combinations that motion can tell at all: the robot's base parameters.
+    """
+
+    def __init__(self, samples: int, dimension: int, attainable: int) -> None:
+        """Store the data and build the message."""
+        self.samples, self.dimension, self.attainable = samples, dimension, attainable
+        super().__init__(
+            f"The data do not excite the parameters: {samples} samples tell {dimension} of "
+            f"{attainable} base parameters, no more than a single sample can. Expected a robot "
+            "that moves: every joint, at varying speed."
+        )
 
 
 class Excitation(NamedTuple):

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.dynamics.identification.excitation import BASIS
+from eval.papers.inertial_parameters.excitation import BASIS
 
 _MAX_STEPS = 200
 _CONVERGED, _STALLED = 1e-8, 1e-2

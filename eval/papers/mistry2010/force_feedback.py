@@ -40,7 +40,6 @@ import numpy as np
 
 from fbid_gym.checks import check_shape
 from fbid_gym.control.equations import checked_equations
-from fbid_gym.control.pseudo_inverse import symmetric_pseudo_inverse
 from fbid_gym.errors import ShapeError
 
 # Eigenvalues at or below this share of the largest count as zero.
@@ -111,7 +110,7 @@ def contact_force_of_torque(
     response = np.linalg.solve(mass_matrix, np.concatenate([jacobian.mT, load[..., None]], axis=-1))
     projected = jacobian @ response
     gram = projected[..., :-1]
-    inverse, _ = symmetric_pseudo_inverse(0.5 * (gram + gram.mT), _RTOL)
+    inverse, _ = _pseudo_inverse(0.5 * (gram + gram.mT))
     return np.matvec(inverse, projected[..., -1] - jacobian_bias)
 
 
@@ -205,7 +204,7 @@ def actuated_projection(
     check_shape("mass_matrix", mass_matrix, (shape[0], shape[2], shape[2]), "(N, nv, nv)")
     inverse, response, _, _ = _projector(mass_matrix, jacobian)
     compliance = _without_rounding(response[:, 6:, 6:], inverse[:, 6:, 6:])
-    _, rank = symmetric_pseudo_inverse(compliance, _RTOL)
+    _, rank = _pseudo_inverse(compliance)
     return np.linalg.solve(inverse[:, 6:, 6:], compliance), rank
 
 
@@ -240,7 +239,7 @@ def inertia_weighted_inverse_dynamics(
     compliance = _without_rounding(response[:, 6:, 6:], inverse[:, 6:, 6:])
     # Jbar = M^-1 J^T (J M^-1 J^T)^+
     drift = -np.matvec(response, bias) - np.matvec(through.mT, np.matvec(inertia, jacobian_bias))
-    compliance_inverse, rank = symmetric_pseudo_inverse(compliance, _RTOL)
+    compliance_inverse, rank = _pseudo_inverse(compliance)
     torque = np.matvec(compliance_inverse, acceleration[:, 6:] - drift[:, 6:])
     achieved = np.matvec(response[:, :, 6:], torque) + drift
     load = bias - _joint_rows(torque)
@@ -255,9 +254,23 @@ def _projector(
     inverse = np.linalg.inv(mass_matrix)
     through = jacobian @ inverse
     gram = through @ jacobian.mT
-    inertia, _ = symmetric_pseudo_inverse(0.5 * (gram + gram.mT), _RTOL)
+    inertia, _ = _pseudo_inverse(0.5 * (gram + gram.mT))
     response = inverse - through.mT @ inertia @ through
     return inverse, 0.5 * (response + response.mT), through, inertia
+
+
+def _pseudo_inverse(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Moore-Penrose inverse (N, k, k) and rank (N,) of symmetric positive semidefinite matrices.
+
+    A matrix that is not finite gets NaN and rank 0, and harms no other.
+    """
+    finite = np.isfinite(matrix).all(axis=(1, 2))
+    values, vectors = np.linalg.eigh(np.where(finite[:, None, None], matrix, 0.0))
+    present = values > _RTOL * values[:, -1:]
+    reciprocal = np.divide(1.0, values, out=np.zeros_like(values), where=present)
+    inverse = (vectors * reciprocal[:, None]) @ vectors.mT
+    inverse[~finite] = np.nan
+    return inverse, present.sum(axis=1)
 
 
 def _without_rounding(compliance: np.ndarray, free: np.ndarray) -> np.ndarray:

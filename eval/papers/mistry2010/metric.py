@@ -23,7 +23,7 @@ import numpy as np
 from fbid_gym.checks import check_positive, check_shape
 from fbid_gym.control.equations import checked_equations
 from fbid_gym.control.inverse_dynamics import InverseDynamics, orthogonal_inverse_dynamics
-from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.errors import InvalidValueError
 
 
 def length_metric(rotary: Sequence[bool] | np.ndarray, length: float) -> np.ndarray:
@@ -43,23 +43,6 @@ def length_metric(rotary: Sequence[bool] | np.ndarray, length: float) -> np.ndar
     check_positive(length=length)
     turns = np.concatenate([[False] * 3, [True] * 3, np.asarray(rotary, dtype=bool)])
     return np.where(turns, length * length, 1.0)
-
-
-def metric_torque_cost(metric: np.ndarray) -> np.ndarray:
-    """The torque cost W = S B^-1 S^T of a diagonal metric, for the laws that take eq. (16)'s W.
-
-    Args:
-        metric: (nv,) positive diagonal of B.
-
-    Returns:
-        (n,). For hinges in `length_metric` it is 1 / length^2, which turns N·m into N.
-
-    Raises:
-        ShapeError: not a diagonal.
-        InvalidValueError: an entry is not positive and finite.
-    """
-    _check_diagonal(metric)
-    return 1.0 / metric[6:]
 
 
 def metric_inverse_dynamics(
@@ -123,8 +106,6 @@ def metric_inverse_dynamics(
 
 def _check_diagonal(metric: np.ndarray) -> None:
     """Raise unless the metric is a diagonal of positive, finite numbers."""
-    if metric.ndim != 1 or metric.shape[0] < 6:
-        raise ShapeError("metric", tuple(metric.shape), "(nv,) with nv of at least 6")
     valid = (metric > 0.0) & np.isfinite(metric)
     if not np.all(valid):
         entry = int(np.flatnonzero(~valid)[0])

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from fbid_gym import robots
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.dynamics.identification import (
+from eval.papers.inertial_parameters import (
     InertialRegressor,
     parameters_of_pseudo_inertia,
     pseudo_inertia,
     with_parameters,
 )
+from fbid_gym import robots
+from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
 
 RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"]}

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from fbid_gym import robots
-from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
-from fbid_gym.dynamics.identification import (
+from eval.papers.inertial_parameters import (
     PARAMETERS,
+    ExcitationError,
     InertialRegressor,
     Samples,
     by_steps,
@@ -25,8 +23,10 @@ from fbid_gym.dynamics.identification import (
     regression,
     with_parameters,
 )
+from fbid_gym import robots
+from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.errors import (
-    ExcitationError,
     InvalidValueError,
     NonFiniteError,
     RobotError,

@@ -5,15 +5,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from fbid_gym import robots
-from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
-from fbid_gym.dynamics.identification import (
+from eval.papers.inertial_parameters import (
     body_parameters,
     consistency,
     parameters_of_pseudo_inertia,
     pseudo_inertia,
     with_parameters,
 )
+from fbid_gym import robots
+from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError
 
 

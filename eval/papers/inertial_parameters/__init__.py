@@ -5,7 +5,7 @@ body (`inertia`), the equations of motion that are linear in them (`regressor`),
 keeps to bodies that can exist (`entropic_fit`).
 """
 
-from fbid_gym.dynamics.identification.estimation import (
+from eval.papers.inertial_parameters.estimation import (
     RESOLUTION,
     Identification,
     Regression,
@@ -16,8 +16,13 @@ from fbid_gym.dynamics.identification.estimation import (
     projected_equations,
     regression,
 )
-from fbid_gym.dynamics.identification.excitation import Excitation, by_steps, natural_steps
-from fbid_gym.dynamics.identification.inertia import (
+from eval.papers.inertial_parameters.excitation import (
+    Excitation,
+    ExcitationError,
+    by_steps,
+    natural_steps,
+)
+from eval.papers.inertial_parameters.inertia import (
     PARAMETERS,
     body_parameters,
     consistency,
@@ -25,12 +30,13 @@ from fbid_gym.dynamics.identification.inertia import (
     pseudo_inertia,
     with_parameters,
 )
-from fbid_gym.dynamics.identification.regressor import InertialRegressor
+from eval.papers.inertial_parameters.regressor import InertialRegressor
 
 __all__ = [
     "PARAMETERS",
     "RESOLUTION",
     "Excitation",
+    "ExcitationError",
     "Identification",
     "InertialRegressor",
     "Regression",

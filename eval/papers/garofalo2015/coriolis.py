@@ -15,7 +15,7 @@ C_jk = S_j^T (I_b^c Sdot_k + B_b^c S_k).
 MuJoCo's `cdof_dot` gives the right sum Jdot v, but not the right columns where a joint has several
 axes that turn with the body: those of the free joint's rotation are replaced by omega_base x axis.
 
-`fbid_gym.dynamics.pinocchio_coriolis` has the same matrix of a nominal model.
+`eval.papers.garofalo2015.pinocchio_coriolis` has the same matrix of a nominal model.
 """
 
 import mujoco

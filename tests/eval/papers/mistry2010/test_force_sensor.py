@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fbid_gym.control import ForceSensor, ForceSensorState
+from eval.papers.mistry2010.force_sensor import ForceSensor, ForceSensorState
 from fbid_gym.errors import InvalidValueError, ShapeError
 
 

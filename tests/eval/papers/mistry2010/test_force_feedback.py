@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fbid_gym.control import (
+from eval.papers.mistry2010.force_feedback import (
     actuated_projection,
     contact_force_of_torque,
     estimated_force_inverse_dynamics,
     force_feedback_inverse_dynamics,
     inertia_weighted_inverse_dynamics,
-    orthogonal_inverse_dynamics,
 )
+from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.errors import ShapeError
 
 

@@ -28,25 +28,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_finite, check_positive
-from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
-from fbid_gym.dynamics.identification.entropic_fit import (
+from eval.papers.inertial_parameters.entropic_fit import (
     Weighed,
     divergence,
     fit,
     relative_inertia,
 )
-from fbid_gym.dynamics.identification.excitation import (
+from eval.papers.inertial_parameters.excitation import (
     Excitation,
+    ExcitationError,
     by_steps,
     excitation_of,
     natural_steps,
 )
-from fbid_gym.dynamics.identification.inertia import consistency, with_parameters
-from fbid_gym.dynamics.identification.regressor import InertialRegressor
+from eval.papers.inertial_parameters.inertia import consistency, with_parameters
+from eval.papers.inertial_parameters.regressor import InertialRegressor
+from fbid_gym.checks import check_finite, check_positive
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics, check_states
 from fbid_gym.errors import (
-    ExcitationError,
     InvalidValueError,
     RobotError,
     ShapeError,
@@ -140,7 +140,7 @@ class Identification:
         robot: the nominal robot.
         bodies: (B,) MuJoCo ids of the bodies.
         names: their names.
-        parameters: (B, 10) estimates, see `fbid_gym.dynamics.identification.inertia.PARAMETERS`.
+        parameters: (B, 10) estimates, see `eval.papers.inertial_parameters.inertia.PARAMETERS`.
         nominal: (B, 10) what they were.
         residual: root mean square error of the projected equations, N·m (N).
         nominal_residual: the same for the nominal model.

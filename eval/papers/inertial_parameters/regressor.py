@@ -11,13 +11,13 @@ Pinocchio's coordinates and the generalized force brought back (`fbid_gym.dynami
 import numpy as np
 import pinocchio as pin
 
-from fbid_gym.checks import check_finite
-from fbid_gym.dynamics import frames
-from fbid_gym.dynamics.identification.inertia import (
+from eval.papers.inertial_parameters.inertia import (
     body_parameters,
     parameters_of_pseudo_inertia,
     pseudo_inertia,
 )
+from fbid_gym.checks import check_finite
+from fbid_gym.dynamics import frames
 from fbid_gym.dynamics.mujoco_dynamics import check_states
 from fbid_gym.dynamics.pinocchio_model import armature_of_base, pinocchio_model
 from fbid_gym.errors import InvalidValueError, ShapeError
