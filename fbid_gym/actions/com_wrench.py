@@ -9,15 +9,8 @@ import numpy as np
 from fbid_gym.actions.balance_law import BalanceLaw, PostureGains
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
-from fbid_gym.actions.gains import (
-    BodyGains,
-    VelocityGain,
-    chosen_gains,
-    default_moment_priority,
-    meant,
-)
-from fbid_gym.actions.law import Command, Law, LawConstants, stabilise
-from fbid_gym.actions.ranges import DampingRatio, Priority, Response
+from fbid_gym.actions.gains import BODY_DEFAULTS, BodyOptions, meant
+from fbid_gym.actions.law import Command, Law, LawConstants, LawLayer, stabilise
 from fbid_gym.actions.scaled_names import scaled_names
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.balance_gains import BalanceGains
@@ -49,7 +42,7 @@ _PAPERS_RATIO = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class ComWrench:
+class ComWrench(LawLayer):
     """The contacts push the centre of mass and the base to their target, plus scale * action.
 
     The momentum changes as [G15] eqs. (38), (39) ask for: springs on the centre of mass and on the
@@ -74,7 +67,6 @@ class ComWrench:
         scale: (6,) N and N·m, what action 1 adds to the wrench.
         contact: what it assumes of contacts.
         moment_priority: of the law.
-        gains: of the law.
         meant: name of an option that may be None -> what it means.
     """
 
@@ -82,7 +74,6 @@ class ComWrench:
     scale: np.ndarray
     contact: ContactOptions
     moment_priority: float
-    gains: BodyGains | BalanceGains
     meant: Mapping[str, Any]
 
     @classmethod
@@ -94,80 +85,37 @@ class ComWrench:
         kind: MotionKind,
         *,
         balancer: Annotated[str, Choice((_INVERSE_DYNAMICS, *BALANCERS))] = _INVERSE_DYNAMICS,
-        balance_frequency: Response | None = None,
-        height_frequency: Response | None = None,
-        rotation_frequency: Response | None = None,
-        posture_frequency: Response | None = None,
-        swing_frequency: Response | None = None,
-        damping_ratio: DampingRatio | None = None,
-        moment_priority: Priority | None = None,
-        velocity_gain: VelocityGain = 0.0,
+        body: BodyOptions = BODY_DEFAULTS,
         contact: ContactOptions = CONTACT_DEFAULTS,
     ) -> "ComWrench":
-        """Build the layer. What is None is taken from the table in `fbid_gym.actions.gains`.
+        """Build the layer.
 
         Args:
             robot: whose joints.
             control_hz: control ticks per second.
             kind: of motion.
             balancer: "inverse_dynamics", or one of the papers': see `ComWrench`.
-            balance_frequency: Hz, of the centre of mass's horizontal return; this and the next four
-                may be a pair, but for the papers' balancers, as of `base_acceleration`.
-            height_frequency: Hz, of the vertical return: of the base, by the papers' balancers of
-                the centre of mass.
-            rotation_frequency: Hz, of the base's orientation.
-            posture_frequency: Hz, of joints whose foot stands, and of those without foot.
-            swing_frequency: Hz, of feet in the air; by the papers' balancers of their leg's joints.
-            damping_ratio: zeta, of all five; of the papers' balancers 1.5 unless given.
-            moment_priority: as of `base_acceleration`.
-            velocity_gain: as of `base_acceleration`; not for the papers' balancers.
+            body: how firmly it is held.
             contact: what it assumes of contacts.
 
         Raises:
             InvalidValueError: one of the papers' balancers on a gait, or with a velocity gain or a
                 pair of gains.
         """
-        frequencies = {
-            "balance": balance_frequency,
-            "height": height_frequency,
-            "rotation": rotation_frequency,
-            "posture": posture_frequency,
-            "swing": swing_frequency,
-        }
         assumed = contact.on(robot, kind)
         scale = wrench_scale_of(robot, Stance.of(robot), assumed.coefficient)
-        if moment_priority is None:
-            papers = balancer != _INVERSE_DYNAMICS
-            moment_priority = 1.0 if papers else default_moment_priority(robot, kind)
-        law: Law | BalanceLaw
-        if balancer == _INVERSE_DYNAMICS:
-            own = chosen_gains(robot, kind, damping_ratio, velocity_gain, **frequencies)
-            law = Law.of(robot, control_hz, assumed, own, moment_priority)
-            return cls(law, scale, assumed, moment_priority, own, meant(own))
-        if kind.gait:
-            expected = (
-                f'"{_INVERSE_DYNAMICS}" on a gait: the papers balance motions that are planned'
+        if balancer != _INVERSE_DYNAMICS:
+            priority = 1.0 if body.moment_priority is None else body.moment_priority
+            hertz, ratio = _papers_frequencies(robot, kind, balancer, body)
+            gains = _papers_gains(robot, balancer, hertz, ratio)
+            rival = BalanceLaw.of(
+                *(robot, control_hz, assumed, BALANCERS[balancer], gains, priority, scale)
             )
-            raise InvalidValueError("balancer", balancer, expected)
-        if velocity_gain:
-            expected = f'0, or the balancer "{_INVERSE_DYNAMICS}"'
-            raise InvalidValueError("velocity_gain", velocity_gain, expected)
-        ratio = _PAPERS_RATIO if damping_ratio is None else damping_ratio
-        given = {name: _PAPERS[name] if x is None else x for name, x in frequencies.items()}
-        hertz = in_hertz(robot, **given)
-        for name, value in hertz.items():
-            if isinstance(value, tuple):
-                expected = f'a number of Hz, or the balancer "{_INVERSE_DYNAMICS}"'
-                raise InvalidValueError(f"{name}_frequency", value, expected)
-        gains, on_errors = _papers_gains(robot, balancer, hertz, ratio)
-        on_joints = PostureGains.of(hertz["posture"], hertz["swing"], ratio)
-        law = BalanceLaw.of(
-            *(robot, control_hz, assumed, BALANCERS[balancer], (on_errors, on_joints)),
-            *(moment_priority, scale),
-        )
-        told = {f"{name}_frequency": value for name, value in hertz.items()}
-        told["damping_ratio"] = ratio
-        return cls(law, scale, assumed, moment_priority, gains, told)
+            told = {f"{part}_frequency": value for part, value in hertz.items()}
+            return cls(rival, scale, assumed, priority, told | {"damping_ratio": ratio})
+        own, priority = body.gains(robot, kind), body.priority(robot, kind)
+        law = Law.of(robot, control_hz, assumed, own, priority)
+        return cls(law, scale, assumed, priority, meant(own))
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -176,15 +124,6 @@ class ComWrench:
         names = [f"force {axis} at the centre of mass, heading" for axis in axes]
         names += [f"moment {axis} about the centre of mass, heading" for axis in axes]
         return scaled_names(names, self.scale, "N", "N·m")
-
-    @property
-    def diagnostics(self) -> tuple[str, ...]:
-        """Of the law."""
-        return self.law.diagnostics
-
-    def memory(self, num_robots: int) -> Memory:
-        """See `ActionLayer.memory`."""
-        return self.law.memory(num_robots)
 
     def torque(
         self,
@@ -212,10 +151,28 @@ class ComWrench:
         return stabilise(self.law.constants, added, state, target, terms).body[:, :3]
 
 
+def _papers_frequencies(
+    robot: Robot, kind: MotionKind, balancer: str, body: BodyOptions
+) -> tuple[dict[str, float], float]:
+    """Hz of each part, and the damping ratio, of a paper's balancer; or say what it cannot do."""
+    expected = f'the balancer "{_INVERSE_DYNAMICS}"'
+    if kind.gait:
+        expected += " on a gait: the papers balance motions that are planned"
+        raise InvalidValueError("balancer", balancer, expected)
+    if body.velocity_gain:
+        raise InvalidValueError("velocity_gain", body.velocity_gain, f"0, or {expected}")
+    given = {part: _PAPERS[part] if x is None else x for part, x in body.frequencies.items()}
+    hertz = in_hertz(robot, **given)
+    for part, value in hertz.items():
+        if isinstance(value, tuple):
+            raise InvalidValueError(f"{part}_frequency", value, f"a number of Hz, or {expected}")
+    return hertz, _PAPERS_RATIO if body.damping_ratio is None else body.damping_ratio
+
+
 def _papers_gains(
     robot: Robot, balancer: str, hertz: dict[str, float], ratio: float
-) -> tuple[BalanceGains, WrenchGains]:
-    """Gains of a paper's balancer from frequencies (Hz), as they are and as its law takes them."""
+) -> tuple[WrenchGains, PostureGains]:
+    """Gains of a paper's balancer from frequencies (Hz), as its law takes them."""
     inertia = turning_inertia(robot, balancer)
     gains = BalanceGains.from_frequencies(
         robot.mass,
@@ -230,7 +187,8 @@ def _papers_gains(
     # Derived along the trunk's axes, and meant along the base's.
     own = base_from_trunk(robot)
     gains = replace(gains, rotation_stiffness=own @ gains.rotation_stiffness @ own.T)
-    return gains, gains.of_velocity() if on_velocity else gains.of_momentum()
+    joints = PostureGains.of(hertz["posture"], hertz["swing"], ratio)
+    return gains.of_velocity() if on_velocity else gains.of_momentum(), joints
 
 
 @kernel

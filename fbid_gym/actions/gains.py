@@ -1,16 +1,19 @@
 """How firmly robots are held to their target: the one table of what layers default to."""
 
+from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from fbid_gym.actions.falling import Falling, in_hertz
+from fbid_gym.actions.ranges import DampingRatio, Priority, Response
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
-from fbid_gym.options import Number
+from fbid_gym.options import Number, check_fields
 from fbid_gym.robots import Robot
 
-VelocityGain = Annotated[float, Number(0.0, 100.0)]
+PARTS = ("balance", "height", "rotation", "posture", "swing")
+"""What has a frequency of its own, by the names of `BodyGains`."""
 
 JOINTS_FIRST = 1e-3
 """Base priority of layers that command joints: where feet do not allow both, the base yields."""
@@ -91,50 +94,79 @@ def default_moment_priority(robot: Robot, kind: MotionKind) -> float:
     return 0.05 if robot.has_soles else 1.0 / 0.3**2
 
 
-def chosen_gains(
-    robot: Robot,
-    kind: MotionKind,
-    damping_ratio: float | None,
-    velocity_gain: float,
-    **frequencies: Any,
-) -> BodyGains:
-    """Return the default gains with those that a user gives as frequencies.
+@dataclass(frozen=True)
+class BodyOptions:
+    """Options of the layers that command the body. None: by `default_gains`."""
 
-    Args:
-        robot: whose gains.
-        kind: of motion.
-        damping_ratio: of what is given, and of the others if not None.
-        velocity_gain: of small errors of the velocity, in units of the rate of falling.
-        frequencies: Hz, or in units of falling, or stiffness and damping, by the names of
-            `BodyGains`; None for the default.
+    balance_frequency: Response | None = None
+    """Hz, of the centre of mass's horizontal return to its target. This and the next four may be a
+    pair, stiffness (1/s^2) and damping (1/s), but for the papers' balancers."""
+    height_frequency: Response | None = None
+    """Hz, of the vertical return: of the base, by the papers' balancers of the centre of mass."""
+    rotation_frequency: Response | None = None
+    """Hz, of the base's orientation."""
+    posture_frequency: Response | None = None
+    """Hz, of the joints; by the papers' balancers of those whose foot stands, or that have none."""
+    swing_frequency: Response | None = None
+    """Hz, of feet in the air; by the papers' balancers of their leg's joints."""
+    damping_ratio: DampingRatio | None = None
+    """zeta, of all five; of the papers' balancers 1.5 unless given."""
+    moment_priority: Priority | None = None
+    """Weight of squared errors of the moment on the base (per weight and mean distance of the
+    contact points) beside one for the force (per weight), where the contacts cannot deliver both,
+    as on two diagonal point feet. Less of it follows velocities more closely, and falls sooner when
+    pushed."""
+    velocity_gain: Annotated[float, Number(0.0, 100.0)] = 0.0
+    """On point feet, by how much more small errors of the horizontal velocity are damped, in units
+    of the rate at which the robot falls; a gait's own damping is 4. Errors greater than 0.03 of
+    sqrt(gravity times height) count as that much. Not for the papers' balancers."""
 
-    Raises:
-        InvalidValueError: a velocity gain where a gait on soles swings about its velocity.
-    """
-    if velocity_gain and kind.gait and robot.has_soles:
-        expected = "0 on soles, where the velocity is to swing about the commanded one"
-        raise InvalidValueError("velocity_gain", velocity_gain, expected)
-    gains = default_gains(robot, kind)._replace(small_errors=velocity_gain * kind.omega)
-    for name, given in frequencies.items():
-        stiffness, damping = getattr(gains, name), getattr(gains, f"{name}_damping")
-        if isinstance(given, tuple) and not isinstance(given, Falling):
-            gains = gains._replace(**{name: given[0], f"{name}_damping": given[1]})
-            continue
-        if given is not None:
-            (hertz,) = in_hertz(robot, **{name: given}).values()
-            stiffness = (2.0 * np.pi * hertz) ** 2
-            damping = 2.0 * np.sqrt(stiffness)
-        if given is not None or damping_ratio is not None:
-            ratio = 1.0 if damping_ratio is None else damping_ratio
-            damping = 2.0 * ratio * np.sqrt(stiffness) if stiffness > 0.0 else damping
-        gains = gains._replace(**{name: float(stiffness), f"{name}_damping": float(damping)})
-    return gains
+    def __post_init__(self) -> None:
+        """Check them."""
+        check_fields(self)
+
+    @property
+    def frequencies(self) -> dict[str, Any]:
+        """What is given of each part, None among it."""
+        return {part: getattr(self, f"{part}_frequency") for part in PARTS}
+
+    def gains(self, robot: Robot, kind: MotionKind) -> BodyGains:
+        """Return the gains that they ask for.
+
+        Raises:
+            InvalidValueError: a velocity gain where a gait on soles swings about its velocity.
+        """
+        if self.velocity_gain and kind.gait and robot.has_soles:
+            expected = "0 on soles, where the velocity is to swing about the commanded one"
+            raise InvalidValueError("velocity_gain", self.velocity_gain, expected)
+        gains = default_gains(robot, kind)._replace(small_errors=self.velocity_gain * kind.omega)
+        for part, given in self.frequencies.items():
+            stiffness, damping = getattr(gains, part), getattr(gains, f"{part}_damping")
+            if isinstance(given, tuple) and not isinstance(given, Falling):
+                gains = gains._replace(**{part: given[0], f"{part}_damping": given[1]})
+                continue
+            if given is not None:
+                (hertz,) = in_hertz(robot, **{part: given}).values()
+                stiffness = (2.0 * np.pi * hertz) ** 2
+                damping = 2.0 * np.sqrt(stiffness)
+            if given is not None or self.damping_ratio is not None:
+                ratio = 1.0 if self.damping_ratio is None else self.damping_ratio
+                damping = 2.0 * ratio * np.sqrt(stiffness) if stiffness > 0.0 else damping
+            gains = gains._replace(**{part: float(stiffness), f"{part}_damping": float(damping)})
+        return gains
+
+    def priority(self, robot: Robot, kind: MotionKind) -> float:
+        """Return the weight of moments beside forces that they ask for."""
+        default = default_moment_priority(robot, kind)
+        return default if self.moment_priority is None else self.moment_priority
+
+
+BODY_DEFAULTS = BodyOptions()
 
 
 def meant(gains: BodyGains) -> dict[str, Any]:
     """Return what options of the body layers say the same as gains."""
-    parts = ("balance", "height", "rotation", "posture", "swing")
-    told = {f"{x}_frequency": (getattr(gains, x), getattr(gains, f"{x}_damping")) for x in parts}
+    told = {f"{x}_frequency": (getattr(gains, x), getattr(gains, f"{x}_damping")) for x in PARTS}
     return {**told, "damping_ratio": 1.0}
 
 

@@ -9,7 +9,7 @@ from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import in_hertz
 from fbid_gym.actions.gains import JOINTS_FIRST, default_gains, in_hz
 from fbid_gym.actions.joint_motion import JointMotion
-from fbid_gym.actions.law import Command, Law
+from fbid_gym.actions.law import Command, Law, LawLayer
 from fbid_gym.actions.ranges import AccelerationScale, DampingRatio, Frequency
 from fbid_gym.compiled import kernel
 from fbid_gym.dynamics.stance import Stance
@@ -23,7 +23,7 @@ _PLANNED = 0.85  # times the rate at which the robot falls
 
 
 @dataclass(frozen=True, eq=False)
-class JointAcceleration:
+class JointAcceleration(LawLayer):
     """qdd = qdd_t + w^2 (q_t - q) + 2 zeta w (qdot_t - qdot) + scale * action.
 
     Of the joints, towards their target q_t, through [M10] eq. (15). The base is not commanded: its
@@ -97,15 +97,6 @@ class JointAcceleration:
         """One acceleration a joint."""
         joints = self.law.robot.joint_names
         return tuple(f"acceleration of {joint} (x {self.scale:g} rad/s^2)" for joint in joints)
-
-    @property
-    def diagnostics(self) -> tuple[str, ...]:
-        """Of the law."""
-        return self.law.diagnostics
-
-    def memory(self, num_robots: int) -> Memory:
-        """See `ActionLayer.memory`."""
-        return self.law.memory(num_robots)
 
     def torque(
         self,

@@ -6,10 +6,12 @@ import numpy as np
 
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.passive_joints import PassiveJoints, give_back
+from fbid_gym.compiled import kernel
 from fbid_gym.control.inverse_dynamics import orthogonal_inverse_dynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.quantities import RobotState, Target
 from fbid_gym.robots import Robot
 
 SERVO = "servo"
@@ -80,6 +82,33 @@ class JointGains(NamedTuple):
                 f"of {robot.name} can be held so firmly without oscillating in the air",
             )
         return gains
+
+
+@kernel
+def feedback(
+    gains: JointGains,
+    added: np.ndarray,
+    added_rate: np.ndarray,
+    state: RobotState,
+    target: Target,
+) -> np.ndarray:
+    """Return K_P (q_t + added - q) + K_D (qdot_t + added_rate - qdot): (N, n) N·m.
+
+    Args:
+        gains: K_P and K_D.
+        added: (N, n) rad (m for slides), to the joints' target.
+        added_rate: (N or 1, n) per s.
+        state: of the robots.
+        target: q_t and qdot_t, one row for each robot or one for all.
+    """
+    torque = np.empty(added.shape)
+    for i in range(len(torque)):
+        row, own = min(i, len(target.qpos) - 1), min(i, len(added_rate) - 1)
+        for j in range(len(gains.stiffness)):
+            error = target.qpos[row, 7 + j] + added[i, j] - state.qpos[i, 7 + j]
+            rate = target.qvel[row, 6 + j] + added_rate[own, j] - state.qvel[i, 6 + j]
+            torque[i, j] = gains.stiffness[j] * error + gains.damping[j] * rate
+    return torque
 
 
 def servo_fault(robot: Robot, control_hz: int) -> str:

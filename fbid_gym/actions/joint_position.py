@@ -8,10 +8,9 @@ import numpy as np
 
 from fbid_gym.actions.falling import Falling
 from fbid_gym.actions.gains import default_gains
-from fbid_gym.actions.joint_gains import SERVO, JointGains, holding_torque, servo_fault
+from fbid_gym.actions.joint_gains import SERVO, JointGains, feedback, holding_torque, servo_fault
 from fbid_gym.actions.joint_motion import JointMotion
 from fbid_gym.actions.ranges import DampingRatio, Hertz, TargetScale
-from fbid_gym.compiled import kernel
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind, home_target
 from fbid_gym.options import Choice, checked
@@ -112,7 +111,8 @@ class JointPosition:
         followed = self.home
         if followed is None:
             followed = self.motion.target(state, target, terms())
-        return _feedback(self.hold, self.gains, self.scale, action, state, followed)
+        rest = np.zeros((1, len(self.hold)))
+        return self.hold + feedback(self.gains, self.scale * action, rest, state, followed)
 
 
 def _gains(
@@ -128,23 +128,3 @@ def _gains(
         return JointGains.of_servos(robot, control_hz)
     frequency = _FREQUENCY if natural_frequency is None else natural_frequency
     return JointGains.of(robot, control_hz, frequency, damping_ratio)
-
-
-@kernel
-def _feedback(
-    hold: np.ndarray,
-    gains: JointGains,
-    scale: float,
-    action: np.ndarray,
-    state: RobotState,
-    target: Target,
-) -> np.ndarray:
-    """Torques (N, n) for actions (N, n)."""
-    torque = np.empty(action.shape)
-    for i in range(len(torque)):
-        row = min(i, len(target.qpos) - 1)
-        for j in range(len(hold)):
-            error = target.qpos[row, 7 + j] + scale * action[i, j] - state.qpos[i, 7 + j]
-            rate = target.qvel[row, 6 + j] - state.qvel[i, 6 + j]
-            torque[i, j] = hold[j] + gains.stiffness[j] * error + gains.damping[j] * rate
-    return torque

@@ -8,10 +8,10 @@ import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
-from fbid_gym.actions.gains import JOINTS_FIRST, chosen_gains, in_hz
-from fbid_gym.actions.joint_gains import JointGains
+from fbid_gym.actions.gains import JOINTS_FIRST, BodyOptions, in_hz
+from fbid_gym.actions.joint_gains import JointGains, feedback
 from fbid_gym.actions.joint_motion import JointMotion
-from fbid_gym.actions.law import Command, Law
+from fbid_gym.actions.law import Command, Law, LawLayer
 from fbid_gym.actions.ranges import DampingRatio, Frequency, Hertz, TargetScale
 from fbid_gym.actions.smooth_target import Offset, SmoothTarget, TargetMemory, move_on, offset_of
 from fbid_gym.compiled import kernel
@@ -24,7 +24,7 @@ _BALANCE = Falling(1.7)  # where a motion is planned: critically damped, eq. (20
 
 
 @dataclass(frozen=True, eq=False)
-class JointPositionFeedforward:
+class JointPositionFeedforward(LawLayer):
     """tau = InvDyn(q, qdot, qdd_d) + K_P (q_d - q) + K_D (qdot_d - qdot), [M10] eq. (18).
 
     The desired motion of the joints is that of the target and, added to it, an offset x that
@@ -94,7 +94,7 @@ class JointPositionFeedforward:
             InvalidValueError: out of range, or beyond what any joint can be held with.
         """
         balance = balance_frequency or (None if kind.gait else _BALANCE)
-        own = chosen_gains(robot, kind, None, 0.0, balance=balance)
+        own = BodyOptions(balance_frequency=balance).gains(robot, kind)
         if natural_frequency is None:
             # Stiffer ankles tip robots on soles.
             firm = kind.gait and not robot.has_soles
@@ -134,11 +134,6 @@ class JointPositionFeedforward:
             for joint in self.law.robot.joint_names
         )
 
-    @property
-    def diagnostics(self) -> tuple[str, ...]:
-        """Of the law."""
-        return self.law.diagnostics
-
     def memory(self, num_robots: int) -> Memory:
         """Of the law and of the offset."""
         offset = TargetMemory.fresh(num_robots, self.law.robot.num_joints)
@@ -159,7 +154,7 @@ class JointPositionFeedforward:
         balance = np.array(self.balance or ())
         command = _follow(balance, offset, followed, known)
         torque = self.law.torque(command, state, target, known, memory)
-        torque += _feedback(self.gains, state, followed, offset)
+        torque += feedback(self.gains, offset.value, offset.rate, state, followed)
         move_on(self.offset, action, own)
         return torque
 
@@ -177,15 +172,3 @@ def _follow(balance: np.ndarray, offset: Offset, target: Target, terms: Dynamics
             rate = target.com_velocity[i, k] - terms.com_velocity[i, k]
             body[i, k] = target.com_acceleration[i, k] + balance[0] * place + balance[1] * rate
     return Command(desired, body, np.empty((0, 6)))
-
-
-@kernel
-def _feedback(gains: JointGains, state: RobotState, target: Target, offset: Offset) -> np.ndarray:
-    """K_P (q_d - q) + K_D (qdot_d - qdot) of eq. (18): (N, n) N·m."""
-    torque = np.empty(offset.value.shape)
-    for i in range(len(torque)):
-        for j in range(len(gains.stiffness)):
-            error = target.qpos[i, 7 + j] + offset.value[i, j] - state.qpos[i, 7 + j]
-            rate = target.qvel[i, 6 + j] + offset.rate[i, j] - state.qvel[i, 6 + j]
-            torque[i, j] = gains.stiffness[j] * error + gains.damping[j] * rate
-    return torque

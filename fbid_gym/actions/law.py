@@ -11,7 +11,7 @@ by [M10] eq. (15), whose contact forces can pull and never slip.
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -267,6 +267,23 @@ class Law:
         own = LawMemory.of(memory)
         torque = solve(self.constants, command, state, target, terms, active, own)
         return torque if self.ramp is None else self.ramp.torque(torque, active, memory)
+
+
+class LawLayer:
+    """What layers on a law have in common."""
+
+    law: Any
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """Of the law."""
+        found: tuple[str, ...] = self.law.diagnostics
+        return found
+
+    def memory(self, num_robots: int) -> Memory:
+        """See `ActionLayer.memory`."""
+        found: Memory = self.law.memory(num_robots)
+        return found
 
 
 def _turning_inertia(robot: Robot) -> np.ndarray:

@@ -15,7 +15,7 @@ from typing import Any
 
 from fbid_gym.actions import LAYERS, Footholds
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.gains import default_gains, default_moment_priority
+from fbid_gym.actions.gains import BodyOptions, default_gains, default_moment_priority
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS, NUM_THREADS
 from fbid_gym.envs.config import EnvConfig
@@ -180,13 +180,18 @@ def page() -> str:
     parts.append(terms())
     parts.append("## Of the action layers: `layer_options`")
     parts.extend([_KINDS, kinds(), _SPARE])
-    shared = options_of(ContactOptions)
+    shared = {"the body": BodyOptions, "contacts": ContactOptions}
     for name, layer in LAYERS.items():
-        every = options_of(layer)
-        section(f"### `{name}`", _without(every, shared), meanings(layer))
-        if shared.keys() <= every.keys():
-            parts.append("And those about contacts.")
-    section("### About contacts", shared, meanings(ContactOptions))
+        own, about = options_of(layer), []
+        for what, group in shared.items():
+            if options_of(group).keys() <= own.keys():
+                own = {k: v for k, v in own.items() if k not in options_of(group)}
+                about.append(what)
+        section(f"### `{name}`", own, meanings(layer))
+        if about:
+            parts.append(f"And those about {' and '.join(about)}.")
+    for what, group in shared.items():
+        section(f"### About {what}", options_of(group), meanings(group))
     section("### Steering a gait, of every layer", options_of(Footholds.of), meanings(Footholds.of))
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
     parts.append(_RANDOMISED)
@@ -196,11 +201,6 @@ def page() -> str:
 
 def _code(value: Any) -> str:
     return repr(value).replace("'", '"')
-
-
-def _without(options: Mapping[str, Option], shared: Mapping[str, Option]) -> dict[str, Option]:
-    grouped = shared.keys() <= options.keys()
-    return {k: v for k, v in options.items() if not (grouped and k in shared)}
 
 
 if __name__ == "__main__":
