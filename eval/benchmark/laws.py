@@ -10,7 +10,7 @@ from eval.benchmark.figures import Figure, Limit, Section
 from eval.benchmark.physics import TimedBatch
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.actions.law import stabilise
+from fbid_gym.control.body_law import stabilise
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation

@@ -4,117 +4,36 @@ They are for motions that are planned; of these some feet may swing.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from fbid_gym.actions.contact_belief import ContactBelief, contact_belief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
-from fbid_gym.actions.law import DIAGNOSTICS, LawMemory, fresh_memory
-from fbid_gym.actions.passive_joints import PassiveJoints, give_back
-from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.balance import balance_target, balance_wrench, body_motion
-from fbid_gym.control.balancers import RIDGE, map_torques
+from fbid_gym.actions.law import DIAGNOSTICS, fresh_memory
+from fbid_gym.control.body_law import LawMemory
 from fbid_gym.control.contact_forces import (
-    DEFAULT_ACCURACY,
     ContactLimits,
     limit_rows,
     wrench_scale,
 )
-from fbid_gym.control.underactuation import underactuation
-from fbid_gym.control.wrench_distribution import (
-    share_freely,
-    share_within_limits,
+from fbid_gym.control.momentum_balance import (
+    MomentumBalance,
+    PostureGains,
+    balance_torque,
+    desired_wrench,
 )
 from fbid_gym.dynamics.centroidal import find_centroidal_terms
-from fbid_gym.dynamics.contacts import reduce_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.support import support_frame
 from fbid_gym.quantities import (
-    ActivePoints,
-    CentroidalTerms,
-    Constraint,
-    ContactGeometry,
     DynamicsTerms,
-    EquationOfMotion,
-    ForcePath,
-    Heading,
-    Limits,
     Memory,
-    PointLimits,
-    PostureCommand,
-    ReducedContacts,
     RobotState,
-    SupportFrame,
     Target,
-    TorqueMap,
     WrenchGains,
 )
 from fbid_gym.robots import Robot
-from fbid_gym.small_matrices import copy, dot
-
-# A swinging leg follows its own command; the other joints make up for what that does to contacts
-# and momentum.
-_SWING_MOBILITY = 1e-3
-
-
-class PostureGains(NamedTuple):
-    """Of the joints: w^2 (1/s^2) and 2 zeta w (1/s), while their foot stands and while it swings.
-
-    Attributes:
-        stiffness: of joints that no swinging foot hangs from.
-        damping: of the same.
-        swing_stiffness: of a swinging leg.
-        swing_damping: of the same.
-    """
-
-    stiffness: float
-    damping: float
-    swing_stiffness: float
-    swing_damping: float
-
-    @classmethod
-    def of(cls, posture: float, swing: float, ratio: float) -> "PostureGains":
-        """From natural frequencies in Hz and a damping ratio."""
-        rates = 2.0 * np.pi * posture, 2.0 * np.pi * swing
-        return cls(rates[0] ** 2, 2.0 * ratio * rates[0], rates[1] ** 2, 2.0 * ratio * rates[1])
-
-
-class _Constants(NamedTuple):
-    """Of the law on one robot, see `BalanceLaw`.
-
-    Attributes:
-        balancer: one of those in `fbid_gym.control.balancers`.
-        wrench: gains of the desired wrench.
-        posture: gains of the joints.
-        push: (6,) N and N·m, what action 1 adds to the desired wrench, in the frame of the feet.
-        gravity: m/s².
-        geometry: of the contact points.
-        heading: of the feet.
-        legs: (F, n) bool, joints that move this foot and no other.
-        limits: (1, P, 3) on the contact forces, see `limit_rows`.
-        torque_limit: (1, n) N·m.
-        weight: (1,) N, of the robot.
-        scale: (6,) turns errors of the wrench into N whose squares are comparable.
-        passive: what joints take of their torques, to be given back.
-        limited: whether contact forces and torques have limits.
-    """
-
-    balancer: int
-    wrench: WrenchGains
-    posture: PostureGains
-    push: np.ndarray
-    gravity: float
-    geometry: ContactGeometry
-    heading: Heading
-    legs: np.ndarray
-    limits: np.ndarray
-    torque_limit: np.ndarray
-    weight: np.ndarray
-    scale: np.ndarray
-    passive: PassiveJoints
-    limited: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +50,7 @@ class BalanceLaw:
     robot: Robot
     belief: ContactBelief
     ramp: ContactRamp | None
-    constants: _Constants
+    constants: MomentumBalance
 
     @classmethod
     def of(
@@ -147,7 +66,7 @@ class BalanceLaw:
         """Build the law on what `contact` says of the contacts; `push` is that of action 1."""
         stance, limits = Stance.of(robot), contact.limits(robot)
         cost = (1.0,) * 3 + (moment_priority,) * 3
-        constants = _Constants(
+        constants = MomentumBalance(
             balancer,
             *gains,
             push=push,
@@ -184,7 +103,7 @@ class BalanceLaw:
     ) -> np.ndarray:
         """Return joint torques, (N, n) N·m; arguments as of `ActionLayer.torque`."""
         active, own = self.belief(state, target), LawMemory.of(memory)
-        torque = _balance(self.constants, active, action, state, target, terms, own)
+        torque = balance_torque(self.constants, active, action, state, target, terms, own)
         return torque if self.ramp is None else self.ramp.torque(torque, active, memory)
 
     def desired(
@@ -195,140 +114,3 @@ class BalanceLaw:
         frame, push = support_frame(law.heading, terms), law.push * action
         wrench = desired_wrench(law.wrench, law.gravity, push, state, target, terms, body, frame)
         return wrench[:, :3] / body.mass[:, None] - np.array([0.0, 0.0, law.gravity])
-
-
-class _Wanted(NamedTuple):
-    """What the contacts shall deliver at a tick, and on what.
-
-    Attributes:
-        wrench: (N, 6) desired at the centre of mass, N and N·m, world.
-        torques: from contact forces to joint torques.
-        path: from contact forces to the wrench.
-        contacts: of the robots.
-    """
-
-    wrench: np.ndarray
-    torques: TorqueMap
-    path: ForcePath
-    contacts: ReducedContacts
-
-
-@compiled
-def _want(
-    law: _Constants,
-    active: ActivePoints,
-    action: np.ndarray,
-    state: RobotState,
-    target: Target,
-    terms: DynamicsTerms,
-) -> _Wanted:
-    """The wrench, with what actions (N, 6) add to it, and the balancer's map."""
-    body = find_centroidal_terms(terms, state.qvel)
-    frame = support_frame(law.heading, terms)
-    contacts = reduce_contacts(law.geometry, active, terms)
-    constraint = Constraint(contacts.jacobian, contacts.bias)
-    motion = EquationOfMotion(terms.mass_matrix, terms.bias)
-    push = law.push * action
-    wrench = desired_wrench(law.wrench, law.gravity, push, state, target, terms, body, frame)
-    posture = _posture(law, active, state, target)
-    torques = map_torques(law.balancer, motion, body, constraint, posture, RIDGE)
-    give_back(law.passive, torques.offset, state.qpos, state.qvel)  # before limits are kept
-    path = ForcePath(body.to_com, contacts.point_map, np.empty((0, len(law.geometry.offset), 3, 3)))
-    return _Wanted(wrench, torques, path, contacts)
-
-
-@kernel
-def _balance(
-    law: _Constants,
-    active: np.ndarray,
-    action: np.ndarray,
-    state: RobotState,
-    target: Target,
-    terms: DynamicsTerms,
-    memory: LawMemory,
-) -> np.ndarray:
-    """Torques (N, n) for actions (N, 6); updates the memory."""
-    points = ActivePoints(active, True)
-    wanted = _want(law, points, action, state, target, terms)
-    if law.limited:
-        found = share_within_limits(
-            wanted.torques,
-            wanted.path,
-            wanted.wrench,
-            Limits(PointLimits(law.limits, active), law.torque_limit),
-            law.scale,
-            law.weight,
-            DEFAULT_ACCURACY,
-            memory.warm_start,
-        )
-    else:
-        found = share_freely(wanted.torques, wanted.path, wanted.wrench, law.scale, law.weight)
-    copy(found.residual, memory.residual)
-    copy(underactuation(wanted.contacts.jacobian), memory.underactuation)
-    for i in range(len(active)):
-        copy(found.warm_start[i], memory.warm_start[i])
-    return found.torque
-
-
-@kernel
-def desired_wrench(
-    gains: WrenchGains,
-    gravity: float,
-    push: np.ndarray,
-    state: RobotState,
-    target: Target,
-    terms: DynamicsTerms,
-    body: CentroidalTerms,
-    frame: SupportFrame,
-) -> np.ndarray:
-    """Return the wrench at the centre of mass that leads robots back to their target.
-
-    Args:
-        gains: of [G15] (36) or (38); all but K_R along the axes of the feet's frame.
-        gravity: m/s^2, along -z.
-        push: (N, 6) N and N·m, to add; in the frame of the feet.
-        state: of the robots.
-        target: what they shall do.
-        terms: of the robots.
-        body: of the robots.
-        frame: of their feet.
-
-    Returns:
-        (N, 6) N and N·m, world.
-    """
-    asked, moving = balance_target(target, terms, body), body_motion(state, terms, body)
-    wrench = balance_wrench(gains, asked, moving, frame.world_from_support, gravity)
-    for i in range(len(wrench)):
-        for axis in range(3):
-            wrench[i, axis] += dot(frame.world_from_support[i, axis], push[i, :3])
-            wrench[i, 3 + axis] += dot(frame.world_from_support[i, axis], push[i, 3:])
-    return wrench
-
-
-@compiled
-def _posture(
-    law: _Constants, active: ActivePoints, state: RobotState, target: Target
-) -> PostureCommand:
-    """Desired accelerations of the joints, and how readily each departs from its own."""
-    gains, legs = law.posture, law.legs
-    count, joints = len(state.qpos), legs.shape[1]
-    acceleration, mobility = np.empty((count, joints)), np.empty((count, joints))
-    in_the_air = np.empty(len(legs), np.bool_)
-    for i in range(count):
-        contacts = active.mask[i]
-        in_the_air[:] = True
-        for point in range(len(contacts)):
-            if contacts[point]:
-                in_the_air[law.geometry.foot_of_point[point]] = False
-        for j in range(joints):
-            error = target.qpos[i, 7 + j] - state.qpos[i, 7 + j]
-            rate = target.qvel[i, 6 + j] - state.qvel[i, 6 + j]
-            swings = False
-            for foot in range(len(legs)):
-                swings |= in_the_air[foot] and legs[foot, j]
-            pull = gains.swing_stiffness * error + gains.swing_damping * rate
-            if not swings:
-                pull = gains.stiffness * error + gains.damping * rate
-            acceleration[i, j] = target.qacc[i, 6 + j] + pull
-            mobility[i, j] = _SWING_MOBILITY if swings else 1.0
-    return PostureCommand(acceleration, mobility)

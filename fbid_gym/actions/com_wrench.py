@@ -6,15 +6,17 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from fbid_gym.actions.balance_law import BalanceLaw, PostureGains
+from fbid_gym.actions.balance_law import BalanceLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.gains import BODY_DEFAULTS, BodyOptions, meant
-from fbid_gym.actions.law import Command, Law, LawConstants, LawLayer, stabilise
+from fbid_gym.actions.law import Law, LawLayer
 from fbid_gym.actions.scaled_names import scaled_names
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, OTT2011
+from fbid_gym.control.body_law import Command, LawConstants, stabilise
+from fbid_gym.control.momentum_balance import PostureGains
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance

@@ -1,12 +1,13 @@
 """How firmly robots are held to their target: the one table of what layers default to."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 
 from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.ranges import DampingRatio, Priority, Response
+from fbid_gym.control.body_law import BodyGains
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Number, check_fields
@@ -19,44 +20,6 @@ JOINTS_FIRST = 1e-3
 """Base priority of layers that command joints: where feet do not allow both, the base yields."""
 
 _SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more, robots slip sooner
-
-
-class BodyGains(NamedTuple):
-    """Of a robot's body, feet and joints: stiffness in 1/s^2, damping in 1/s.
-
-    Attributes:
-        balance: of the centre of mass, horizontally.
-        balance_damping: likewise.
-        height: of the base.
-        height_damping: likewise.
-        rotation: of the base.
-        rotation_damping: likewise.
-        posture: of the joints.
-        posture_damping: likewise.
-        swing: of feet in the air.
-        swing_damping: likewise.
-        hold: damping of feet that stand.
-        small_errors: damping beside `balance_damping`, for small errors of the velocity.
-        small_error: m/s, as which greater ones count.
-        give: how soft standing feet hold the base in directions in which their leg has no joints.
-            Two such feet hold it twice, and what they disagree about is rounding and contacts that
-            are soft. On a gait balance goes before.
-    """
-
-    balance: float
-    balance_damping: float
-    height: float
-    height_damping: float
-    rotation: float
-    rotation_damping: float
-    posture: float
-    posture_damping: float
-    swing: float
-    swing_damping: float
-    hold: float
-    small_errors: float
-    small_error: float
-    give: float
 
 
 # In units of the rate at which the robot falls, to the power of the unit. On points a robot has no

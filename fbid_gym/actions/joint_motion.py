@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.gains import BodyGains
 from fbid_gym.compiled import compiled, kernel
+from fbid_gym.control.body_law import BodyGains
 from fbid_gym.dynamics.rotations import rotation_at, turned_left
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.vectors import matrix, transposed, turn, vector

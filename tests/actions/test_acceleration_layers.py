@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.actions.law import desired_acceleration, stabilise
 from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
+from fbid_gym.control.body_law import desired_acceleration, stabilise
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix

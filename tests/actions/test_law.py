@@ -8,8 +8,9 @@ from fbid_gym import robots
 from fbid_gym.actions import make_layer
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import default_gains
-from fbid_gym.actions.law import Command, Law, desired_acceleration
+from fbid_gym.actions.law import Law
 from fbid_gym.control import operational_space_acceleration
+from fbid_gym.control.body_law import Command, desired_acceleration
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions import squat_bow

@@ -13,13 +13,14 @@ from eval.zoo.__main__ import built
 from fbid_gym import robots
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import default_gains
-from fbid_gym.actions.law import Command, Law, desired_acceleration
+from fbid_gym.actions.law import Law
 from fbid_gym.control import (
     ContactLimits,
     limited_inverse_dynamics,
     operational_space_acceleration,
     orthogonal_inverse_dynamics,
 )
+from fbid_gym.control.body_law import Command, desired_acceleration
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.frames import quaternion_to_matrix

@@ -18,7 +18,8 @@ from eval.papers.mistry2010.controllers import SplitTorque
 from eval.papers.trial import Memory
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import default_gains, default_moment_priority
-from fbid_gym.actions.law import Law, stabilise
+from fbid_gym.actions.law import Law
+from fbid_gym.control.body_law import stabilise
 from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.motions import Steps, stepping
 from fbid_gym.motions.gait.biped import SOLE, biped_gait
