@@ -343,6 +343,44 @@ class BodyMotion(NamedTuple):
     mass: np.ndarray
 
 
+class BodyGains(NamedTuple):
+    """Of a robot's body, feet and joints: stiffness in 1/s^2, damping in 1/s.
+
+    Attributes:
+        balance: of the centre of mass, horizontally.
+        balance_damping: likewise.
+        height: of the base.
+        height_damping: likewise.
+        rotation: of the base.
+        rotation_damping: likewise.
+        posture: of the joints.
+        posture_damping: likewise.
+        swing: of feet in the air.
+        swing_damping: likewise.
+        hold: damping of feet that stand.
+        small_errors: damping beside `balance_damping`, for small errors of the velocity.
+        small_error: m/s, as which greater ones count.
+        give: how soft standing feet hold the base in directions in which their leg has no joints.
+            Two such feet hold it twice, and what they disagree about is rounding and contacts that
+            are soft. On a gait balance goes before.
+    """
+
+    balance: float
+    balance_damping: float
+    height: float
+    height_damping: float
+    rotation: float
+    rotation_damping: float
+    posture: float
+    posture_damping: float
+    swing: float
+    swing_damping: float
+    hold: float
+    small_errors: float
+    small_error: float
+    give: float
+
+
 class WrenchGains(NamedTuple):
     """What makes a wrench of errors, see `fbid_gym.control.BalanceGains`.
 

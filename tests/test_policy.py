@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import safetensors.numpy
 
-from fbid_gym.actions.falling import Falling
+from fbid_gym.actions.ranges import Falling
 from fbid_gym.bundles import load_bundle, save_bundle
 from fbid_gym.errors import (
     FbidError,

@@ -47,7 +47,7 @@ PAGES = {
             "fbid_gym.actions.gains",
             "fbid_gym.actions.contact_options",
             "fbid_gym.actions.footholds",
-            "fbid_gym.actions.falling",
+            "fbid_gym.actions.ranges",
             "fbid_gym.actions.joint_gains",
         ],
     ),

@@ -9,7 +9,7 @@ import numpy as np
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import BODY_DEFAULTS, BodyOptions, meant
 from fbid_gym.actions.law import Law, LawLayer
-from fbid_gym.actions.scaled_names import scaled_names
+from fbid_gym.actions.layer import scaled_names
 from fbid_gym.control.body_law import stabilise
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk

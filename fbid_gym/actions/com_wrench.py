@@ -8,10 +8,10 @@ import numpy as np
 
 from fbid_gym.actions.balance_law import BalanceLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.gains import BODY_DEFAULTS, BodyOptions, meant
 from fbid_gym.actions.law import Law, LawLayer
-from fbid_gym.actions.scaled_names import scaled_names
+from fbid_gym.actions.layer import scaled_names
+from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import GAROFALO2015, OTT2011
@@ -24,7 +24,7 @@ from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, checked
-from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target, WrenchGains
+from fbid_gym.quantities import DynamicsTerms, Memory, RobotState, Target
 from fbid_gym.robots import Robot
 
 BALANCERS = {"garofalo2015": GAROFALO2015, "ott2011": OTT2011}
@@ -109,15 +109,17 @@ class ComWrench(LawLayer):
         if balancer != _INVERSE_DYNAMICS:
             priority = 1.0 if body.moment_priority is None else body.moment_priority
             hertz, ratio = _papers_frequencies(robot, kind, balancer, body)
-            gains = _papers_gains(robot, balancer, hertz, ratio)
+            own = papers_gains(robot, balancer, hertz, ratio)
+            on_errors = own.of_velocity() if balancer == "ott2011" else own.of_momentum()
+            gains = on_errors, PostureGains.of(hertz["posture"], hertz["swing"], ratio)
             rival = BalanceLaw.of(
                 *(robot, control_hz, assumed, BALANCERS[balancer], gains, priority, scale)
             )
             told = {f"{part}_frequency": value for part, value in hertz.items()}
             return cls(rival, scale, assumed, priority, told | {"damping_ratio": ratio})
-        own, priority = body.gains(robot, kind), body.priority(robot, kind)
-        law = Law.of(robot, control_hz, assumed, own, priority)
-        return cls(law, scale, assumed, priority, meant(own))
+        held, priority = body.gains(robot, kind), body.priority(robot, kind)
+        law = Law.of(robot, control_hz, assumed, held, priority)
+        return cls(law, scale, assumed, priority, meant(held))
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -171,10 +173,10 @@ def _papers_frequencies(
     return hertz, _PAPERS_RATIO if body.damping_ratio is None else body.damping_ratio
 
 
-def _papers_gains(
-    robot: Robot, balancer: str, hertz: dict[str, float], ratio: float
-) -> tuple[WrenchGains, PostureGains]:
-    """Gains of a paper's balancer from frequencies (Hz), as its law takes them."""
+def papers_gains(
+    robot: Robot, balancer: str, hertz: Mapping[str, float], ratio: float
+) -> BalanceGains:
+    """Return the gains of a paper's balancer, from frequencies (Hz) and a damping ratio."""
     inertia = turning_inertia(robot, balancer)
     gains = BalanceGains.from_frequencies(
         robot.mass,
@@ -183,14 +185,11 @@ def _papers_gains(
         rotation=hertz["rotation"],
         damping_ratio=ratio,
     )
-    on_velocity = balancer == "ott2011"
-    if on_velocity:
+    if balancer == "ott2011":
         gains = gains.on_velocity(robot.mass, inertia)
     # Derived along the trunk's axes, and meant along the base's.
     own = base_from_trunk(robot)
-    gains = replace(gains, rotation_stiffness=own @ gains.rotation_stiffness @ own.T)
-    joints = PostureGains.of(hertz["posture"], hertz["swing"], ratio)
-    return gains.of_velocity() if on_velocity else gains.of_momentum(), joints
+    return replace(gains, rotation_stiffness=own @ gains.rotation_stiffness @ own.T)
 
 
 @kernel

@@ -5,12 +5,11 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from fbid_gym.actions.falling import Falling, in_hertz
-from fbid_gym.actions.ranges import DampingRatio, Priority, Response
-from fbid_gym.control.body_law import BodyGains
+from fbid_gym.actions.ranges import DampingRatio, Falling, Priority, Response, in_hertz
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Number, check_fields
+from fbid_gym.quantities import BodyGains
 from fbid_gym.robots import Robot
 
 PARTS = ("balance", "height", "rotation", "posture", "swing")

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
-from fbid_gym.actions.falling import in_hertz
 from fbid_gym.actions.gains import JOINTS_FIRST, default_gains, in_hz
 from fbid_gym.actions.joint_motion import JointMotion
 from fbid_gym.actions.law import Law, LawLayer
-from fbid_gym.actions.ranges import AccelerationScale, DampingRatio, Frequency
+from fbid_gym.actions.ranges import AccelerationScale, DampingRatio, Frequency, in_hertz
 from fbid_gym.compiled import kernel
 from fbid_gym.control.body_law import Command
 from fbid_gym.dynamics.stance import Stance

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.actions.falling import Falling, in_hertz
+from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.compiled import kernel
 from fbid_gym.control.inverse_dynamics import orthogonal_inverse_dynamics
 from fbid_gym.control.passive_joints import PassiveJoints, give_back

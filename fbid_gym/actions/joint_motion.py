@@ -17,14 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.body_law import BodyGains
 from fbid_gym.dynamics.rotations import rotation_at, turned_left
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.vectors import matrix, transposed, turn, vector
 from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.heading import share_within
 from fbid_gym.motions.target import MotionKind
-from fbid_gym.quantities import DynamicsTerms, RobotState, Target
+from fbid_gym.quantities import BodyGains, DynamicsTerms, RobotState, Target
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import add_transposed_times, copy, factor, gram, solve_factored
 

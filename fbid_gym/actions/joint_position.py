@@ -6,11 +6,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from fbid_gym.actions.falling import Falling
 from fbid_gym.actions.gains import default_gains
 from fbid_gym.actions.joint_gains import SERVO, JointGains, feedback, holding_torque, servo_fault
 from fbid_gym.actions.joint_motion import JointMotion
-from fbid_gym.actions.ranges import DampingRatio, Hertz, TargetScale
+from fbid_gym.actions.ranges import DampingRatio, Falling, Hertz, TargetScale
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import MotionKind, home_target
 from fbid_gym.options import Choice, checked

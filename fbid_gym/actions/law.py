@@ -19,7 +19,6 @@ from fbid_gym.actions.contact_belief import ContactBelief, contact_belief
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.control.body_law import (
-    BodyGains,
     Command,
     LawConstants,
     LawMemory,
@@ -36,6 +35,7 @@ from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.quantities import (
+    BodyGains,
     DynamicsTerms,
     Memory,
     RobotState,

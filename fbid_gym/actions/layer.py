@@ -1,6 +1,6 @@
 """What every action layer is: a map from a policy's action to joint torques, tick by tick."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -52,3 +52,14 @@ class ActionLayer(Protocol):
             (N, n) N·m, before the torque limits.
         """
         ...
+
+
+def scaled_names(
+    names: Sequence[str], scale: np.ndarray, linear: str, angular: str
+) -> tuple[str, ...]:
+    """Return names of actions on a body, with their scales (6,) and units, linear ones first."""
+    units = [linear] * 3 + [angular] * 3
+    return tuple(
+        f"{name} (x {size:.3g} {unit})"
+        for name, size, unit in zip(names, scale, units, strict=True)
+    )

@@ -14,7 +14,6 @@ point force f acts through U^T f. Four corner points become 6 rows instead of 12
 import numpy as np
 
 from fbid_gym.compiled import kernel
-from fbid_gym.dynamics.frames import skew
 from fbid_gym.dynamics.vectors import add, cross, dot, matrix, store, turn, vector
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import ActivePoints, ContactGeometry, DynamicsTerms, ReducedContacts
@@ -56,7 +55,7 @@ def _factor(offset: np.ndarray, subset: int, most: int) -> tuple[np.ndarray, np.
     for slot, arm in enumerate(offset):
         if subset >> slot & 1:
             points[slot, :, :3] = np.eye(3)
-            points[slot, :, 3:] = -skew(arm)
+            points[slot, :, 3:] = np.cross(arm, np.eye(3))
     left, sizes, right = np.linalg.svd(points.reshape(3 * most, 6), full_matrices=False)
     rank = int((sizes > _RANK_TOLERANCE * max(1.0, sizes[0])).sum())
     return sizes[:rank, None] * right[:rank], left[:, :rank].T
@@ -110,10 +109,9 @@ def point_jacobian(
     arm = np.matvec(terms.world_from_foot[:, foot], geometry.offset)
     foot_jacobian = terms.foot_jacobian[:, foot]
     # v_point = v + omega × arm, column by column of the Jacobian.
-    jacobian = foot_jacobian[:, :, :3] - skew(arm) @ foot_jacobian[:, :, 3:]
-    spin, rate = skew(terms.foot_velocity[:, foot, 3:]), terms.foot_bias[:, foot]
-    bias = rate[..., :3] + np.matvec(skew(rate[..., 3:]), arm)
-    bias += np.matvec(spin, np.matvec(spin, arm))
+    jacobian = foot_jacobian[:, :, :3] - np.cross(arm[..., None], foot_jacobian[:, :, 3:], axis=2)
+    spin, rate = terms.foot_velocity[:, foot, 3:], terms.foot_bias[:, foot]
+    bias = rate[..., :3] + np.cross(rate[..., 3:], arm) + np.cross(spin, np.cross(spin, arm))
     num_robots = len(arm)
     return jacobian.reshape(num_robots, -1, jacobian.shape[-1]), bias.reshape(num_robots, -1)
 

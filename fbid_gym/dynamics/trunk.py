@@ -1,9 +1,9 @@
 """The trunk's axes: ahead, to the left and up at home, however the base's own axes lie in it."""
 
+import mujoco
 import numpy as np
 
 from fbid_gym.compiled import compiled
-from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.vectors import Vector, matrix, transposed, turn, vector
 from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots import Robot
@@ -14,7 +14,9 @@ def base_from_trunk(robot: Robot) -> np.ndarray:
 
     At home they are the world's, where the robot stands upright and faces along x.
     """
-    return np.ascontiguousarray(quaternion_to_matrix(robot.home_qpos[3:7]).T)
+    rotation, quaternion = np.empty(9), robot.home_qpos[3:7]
+    mujoco.mju_quat2Mat(rotation, quaternion / np.linalg.norm(quaternion))
+    return rotation.reshape(3, 3).T.copy()
 
 
 @compiled

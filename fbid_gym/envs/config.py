@@ -16,8 +16,8 @@ from fbid_gym.actions import (
     layer_options,
     make_layer,
 )
-from fbid_gym.actions.falling import Falling, in_hertz
 from fbid_gym.actions.footholds import Footholds
+from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.checks import by_name
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.randomisation import Randomisation

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from fbid_gym.actions import make_layer
-from fbid_gym.actions.com_wrench import BALANCERS, turning_inertia
+from fbid_gym.actions.com_wrench import BALANCERS, papers_gains, turning_inertia
+from fbid_gym.actions.gains import PARTS
 from fbid_gym.control import (
     BalanceTarget,
     ContactLimits,
@@ -101,10 +102,12 @@ def test_the_wrench_is_that_of_the_array_laws(robot, states, balancer, rng):
         angular_momentum=np.matvec(body.matrix[:, 3:], planned.qvel),
         momentum_rate=np.concatenate([robot.mass * planned.com_acceleration, angular], axis=1),
     )
+    hertz = {part: layer.meant[f"{part}_frequency"] for part in PARTS}
+    gains = papers_gains(robot, balancer, hertz, layer.meant["damping_ratio"])
     options = {"com": terms.com, "rotation": terms.world_from_base, "mass": body.mass}
     if balancer == "ott2011":
         expected = desired_wrench_ott2011(
-            layer.gains,
+            gains,
             target,
             com_velocity=terms.com_velocity,
             angular_velocity=np.matvec(terms.world_from_base, state.qvel[:, 3:6]),
@@ -112,9 +115,7 @@ def test_the_wrench_is_that_of_the_array_laws(robot, states, balancer, rng):
             **options,
         )
     else:
-        expected = desired_wrench_garofalo2015(
-            layer.gains, target, momentum=body.momentum, **options
-        )
+        expected = desired_wrench_garofalo2015(gains, target, momentum=body.momentum, **options)
     push = layer.scale * action
     expected[:, :3] += np.matvec(level, push[:, :3])
     expected[:, 3:] += np.matvec(level, push[:, 3:])

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import train.runs.config
-from fbid_gym.actions.falling import Falling
+from fbid_gym.actions.ranges import Falling
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from train.recipes import config_for
 from train.runs.command_line import parse
