@@ -3,6 +3,30 @@
 One model serves all robots of a batch: the ground is large and random, so a robot that starts at a
 random place with a random heading meets a terrain of its own. Places to start from are level. All
 lengths follow the robot's size, but for the height of obstacles and rocks.
+
+## Description
+The ground is a square of five by five patches, each 14 h long, level in the middle and along the
+edge. At difficulty d, with c = 1 for robots on point feet and c = 0.2 for those on soles:
+
+| Terrain     | What it is                         | Size                          |
+| ----------- | ---------------------------------- | ----------------------------- |
+| `slopes`    | hills with four even sides         | tangent 0.47 c d (25 degrees) |
+| `roughness` | random heights 0.6 h apart, joined | up to 0.35 c d h              |
+| `stairs`    | steps of 1 h up to a level top     | 0.45 c d h each               |
+| `planks`    | low obstacles lying about          | 0.2 c d h to 0.4 c d h high   |
+| `gaps`      | raised ground, two gaps 2 h apart  | 0.7 d h wide, c d h deep      |
+| `mixed`     | patches of all of these            |                               |
+
+Difficulty 0 is level. The sides of stairs, planks and gaps are 0.14 h wide, a cell of the height
+field. Gaps go around the middle of a patch, 2 h and 4 h away; from middle to middle of their sides
+they are whole cells wide, at least one.
+
+## Starting State
+On one of the nine inner patches, in its level middle.
+
+## Episode End
+The end of the ground truncates, too: at top speed a robot gets there before 20 s have passed, from
+an outer start after 21 h.
 """
 
 from typing import Protocol
