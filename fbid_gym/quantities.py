@@ -171,11 +171,6 @@ class ContactGeometry(NamedTuple):
         """Number of contact points P."""
         return len(self.offset)
 
-    @property
-    def num_rows(self) -> int:
-        """Number of rows k of the reduced contacts."""
-        return self.motion.shape[0] * self.motion.shape[2]
-
 
 class ActivePoints(NamedTuple):
     """Which contact points are taken to be on the ground.

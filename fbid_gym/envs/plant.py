@@ -1,7 +1,5 @@
 """Which robot is simulated, and which one the model-based layers believe in."""
 
-from typing import Protocol
-
 import mujoco
 import mujoco.batch
 import numpy as np
@@ -20,44 +18,13 @@ _RANGES = (
 )
 
 
-class Plant(Protocol):
-    """The robots' physical parameters, and the dynamics terms that controllers see."""
-
-    @property
-    def action_delay(self) -> np.ndarray:
-        """(N,) s, from the choice of an action to its arrival at the action layer."""
-        ...
-
-    def draw(self, env: int, rng: np.random.Generator) -> None:
-        """Draw the parameters of one robot for its next episode."""
-        ...
-
-    def apply(self, ids: np.ndarray) -> None:
-        """Give the robots `ids` (K,) their drawn parameters."""
-        ...
-
-    def terms(self) -> DynamicsTerms:
-        """Return the terms of the controller's model at the robots' state."""
-        ...
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Return copies of the drawn parameters."""
-        ...
-
-    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
-        """Give all robots the parameters of a `state_dict`."""
-        ...
-
-
-def plant_of(simulation: Simulation, randomisation: Randomisation) -> Plant:
-    """Return the plant for a simulation."""
-    if randomisation.any:
-        return RandomPlant(simulation, randomisation)
-    return NominalPlant(simulation)
-
-
 class NominalPlant:
-    """All robots are as their MJCF says, and controllers know it."""
+    """All robots are as their MJCF says, and controllers know it.
+
+    Attributes:
+        terms: returns the terms of the controllers' model at the robots' state.
+        action_delay: (N,) s, from the choice of an action to its arrival at the action layer.
+    """
 
     def __init__(self, simulation: Simulation) -> None:
         """Serve the simulation's own terms."""
@@ -112,11 +79,11 @@ class RandomPlant:
 
     @property
     def action_delay(self) -> np.ndarray:
-        """See `Plant.action_delay`."""
+        """(N,) s, from the choice of an action to its arrival at the action layer."""
         return self._drawn["action_delay"]
 
     def draw(self, env: int, rng: np.random.Generator) -> None:
-        """See `Plant.draw`."""
+        """Draw the parameters of one robot for its next episode."""
         ranges, bodies = self._ranges, self._drawn["mass"].shape[1]
         for name, scale in (("mass", ranges.mass), ("model_mass", ranges.model_mass)):
             self._drawn[name][env] = 1.0 + rng.uniform(-scale, scale, bodies)
@@ -128,7 +95,7 @@ class RandomPlant:
             self._drawn[name][env] = rng.uniform(least, most, size=size)
 
     def apply(self, ids: np.ndarray) -> None:
-        """See `Plant.apply`."""
+        """Give the robots `ids` (K,) their drawn parameters."""
         simulated, drawn = self._simulation.model, {k: v[ids] for k, v in self._drawn.items()}
         mass = drawn["mass"] * drawn["total_mass"][:, None]
         _weigh(self._simulation.batch, simulated, ids, mass, mass, drawn["com"])
@@ -157,7 +124,7 @@ class RandomPlant:
         self._seen = -1
 
     def terms(self) -> DynamicsTerms:
-        """See `Plant.terms`."""
+        """Return the terms of the controllers' model at the robots' state."""
         if self._seen == self._simulation.changes:
             return self._terms
         self._qpos[:], self._qvel[:] = self._simulation.qpos, self._simulation.qvel
@@ -166,14 +133,21 @@ class RandomPlant:
         return self._terms
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """See `Plant.state_dict`."""
+        """Return copies of the drawn parameters."""
         return {name: value.copy() for name, value in self._drawn.items()}
 
     def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
-        """See `Plant.load_state_dict`."""
+        """Give all robots the parameters of a `state_dict`."""
         for name, value in self._drawn.items():
             value[:] = state[name]
         self.apply(np.arange(self._simulation.num_robots))
+
+
+def plant_of(simulation: Simulation, randomisation: Randomisation) -> NominalPlant | RandomPlant:
+    """Return the plant for a simulation."""
+    if randomisation.any:
+        return RandomPlant(simulation, randomisation)
+    return NominalPlant(simulation)
 
 
 def _weigh(

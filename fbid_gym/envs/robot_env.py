@@ -10,7 +10,7 @@ import numpy as np
 from fbid_gym.checks import by_name
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_rendering
+from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer
 from fbid_gym.envs.vector_env import checked_seed, spaces
 from fbid_gym.errors import FbidError
 
@@ -103,7 +103,8 @@ class RobotEnv(gym.Env):
         **arguments: Any,
     ) -> None:
         """Build the environment."""
-        self.drawn_over = check_rendering(render_mode, render_options)
+        self._renderer = RobotRenderer(render_mode, render_options)
+        self.drawn_over = self._renderer.shown
         self.config = EnvConfig.of({"robot": robot} | arguments)
         self.batch = EnvBatch(self.config, 1)
         self.metadata = self.metadata | {"render_fps": self.config.rates().policy}
@@ -111,7 +112,6 @@ class RobotEnv(gym.Env):
         self.observation_names = self.batch.observation_names
         self.action_names = self.batch.action_names
         self.render_mode = render_mode
-        self._renderer: RobotRenderer | None = None
         self._only = np.zeros(1, int)
         self._begun, self._closed = False, False
 
@@ -166,17 +166,13 @@ class RobotEnv(gym.Env):
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
         self._check_open()
-        if self._renderer is None:
-            self._renderer = RobotRenderer(self.batch, self.render_mode, self.drawn_over)
-        return self._renderer.render(self.batch, 0)
+        return self._renderer.render(self.batch, 0, self.render_mode)
 
     def close(self) -> None:
         """Close the window and give back the memory; nothing steps any more."""
         self._closed = True
         vars(self).pop("batch", None)
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        self._renderer.close()
 
     def _check_open(self) -> None:
         if self._closed:

@@ -11,7 +11,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from fbid_gym.envs.chunks import Chunks, checked_array
 from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_rendering
+from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer
 from fbid_gym.envs.vector_env import checked_seed, spaces
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice
@@ -44,7 +44,7 @@ class SB3VecEnv(VecEnv):
         render_options: dict[str, Any] | None = None,
     ) -> None:
         """Build the environments; see `make_sb3`."""
-        self._shown = check_rendering(render_mode, render_options)
+        self._renderer = RobotRenderer(render_mode, render_options)
         self.chunks = Chunks(config, num_envs, num_threads)
         self.render_mode, num_envs = render_mode, self.chunks.num_envs
         self.metadata: dict[str, Any] = {
@@ -65,7 +65,6 @@ class SB3VecEnv(VecEnv):
         self._limits = self._first.copy()
         self._started = time.monotonic()
         self._actions: np.ndarray | None = None
-        self._renderer: RobotRenderer | None = None
 
     def reset(self) -> np.ndarray:
         """Start new episodes everywhere: (N, O) float32."""
@@ -148,18 +147,12 @@ class SB3VecEnv(VecEnv):
     def close(self) -> None:
         """Stop the threads, close the windows."""
         self.chunks.close()
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        self._renderer.close()
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """Draw every environment: (H, W, 3) uint8 each."""
         self.chunks.check_open()
-        batches = self.chunks.batches
-        if self._renderer is None:
-            self._renderer = RobotRenderer(batches[0], "rgb_array", self._shown)
-        draw = self._renderer.render
-        return [draw(batch, env) for batch in batches for env in range(batch.num_envs)]
+        return self._renderer.frames(self.chunks.batches, "rgb_array")
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Return an attribute; all environments share it."""

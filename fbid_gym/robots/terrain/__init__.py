@@ -37,9 +37,9 @@ import numpy as np
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.robots.mjcf import posed
 from fbid_gym.robots.robot import Robot
-from fbid_gym.robots.terrain.flat import Flat
+from fbid_gym.robots.terrain.field import Field, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid, heights, heights_below, plane
-from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, Tiles, make_levels
+from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, make_levels
 from fbid_gym.robots.terrain.obstacles import random_obstacles
 from fbid_gym.robots.terrain.patches import HARDEST, PATCHES
 from fbid_gym.robots.terrain.rocks import random_rocks
@@ -141,7 +141,7 @@ def make_terrain(
         return make_levels(name, _scale(robot), levels, seed)
     height = _HEIGHT if height is None else height
     if name == "flat" or height == 0.0:
-        return Flat(np.zeros((1, 2)), np.inf)
+        return Field(np.zeros((1, 2)), np.inf)
     # A base's frame may lie anywhere in it, near the soles as well.
     tallest = max(float(robot.home_qpos[2]), _com_height(robot))
     if not 0.0 <= height <= tallest:

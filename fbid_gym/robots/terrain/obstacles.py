@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from fbid_gym.robots.scene import add_solid, collision_bits
+from fbid_gym.robots.terrain.field import ENDLESS, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid
-from fbid_gym.robots.terrain.levels import Tiles
 from fbid_gym.robots.terrain.sizes import CLEARING, HALF_SIZE
 
 _GEOM = mujoco.mjtGeom
@@ -34,7 +34,7 @@ class Obstacles:
         near: (R, R, L) planks that touch a cell, B where there are fewer than L.
     """
 
-    tiles: ClassVar[Tiles] = Tiles(1, np.inf)
+    tiles: ClassVar[Tiles] = ENDLESS
 
     starts: np.ndarray
     clearing: float

@@ -1,0 +1,99 @@
+"""Ground that is a height field: level, a board of stones, or patches that are hard to walk on."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from fbid_gym.robots.scene import add_solid, collision_bits
+from fbid_gym.robots.terrain.grid import HeightGrid, heights, plane
+
+_SHALLOW = 1e-3  # m that a height field lies below the plane where the plane is the ground
+
+
+class Tiles(NamedTuple):
+    """Where robots belong: square tiles side by side along x, one for each level.
+
+    Attributes:
+        number: of the tiles.
+        edge: m; infinite where the ground never ends.
+    """
+
+    number: int
+    edge: float
+
+    def left(self, level: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return which robots, (N,) bool, at places (N, 2) m, have left the tile of their level."""
+        if self.edge == np.inf:
+            return np.zeros(len(places), bool)
+        x = places[:, 0] - level * self.edge
+        return np.maximum(abs(x), abs(places[:, 1])) > 0.5 * self.edge
+
+
+ENDLESS = Tiles(1, np.inf)
+"""One tile that never ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """A `Terrain` that is its grid.
+
+    Attributes:
+        starts: see `Terrain`; those of the first tile first.
+        clearing: see `Terrain`.
+        tiles: see `Terrain`.
+        grid: see `Terrain`.
+        colour: red, green, blue, from 0 to 1.
+    """
+
+    starts: np.ndarray
+    clearing: float
+    tiles: Tiles = ENDLESS
+    grid: HeightGrid = plane()
+    colour: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @cached_property
+    def _is_level(self) -> bool:
+        return float(self.grid.elevation.max()) <= 0.0
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """See `Terrain`; what is level is the plane that is there."""
+        if self._is_level:
+            return
+        corner, cell, elevation = self.grid
+        low, high = float(elevation.min()), float(elevation.max())
+        half = 0.5 * cell * (np.array(elevation.shape[::-1]) - 1.0)
+        name = "fbid_field"
+        spec.add_material(name=name, rgba=[*self.colour, 1.0], specular=0.1)
+        spec.add_hfield(
+            name=name,
+            size=[*half, high - low, 0.05],
+            nrow=elevation.shape[0],
+            ncol=elevation.shape[1],
+            userdata=((elevation - low) / (high - low)).ravel(),
+        )
+        add_solid(
+            spec,
+            collision_bits(spec),
+            type=mujoco.mjtGeom.mjGEOM_HFIELD,
+            hfieldname=name,
+            pos=[*(corner + half), low],
+            material=name,
+        )
+
+    def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """See `Terrain`."""
+        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        if self._is_level:
+            return np.zeros(x.shape)
+        return heights(self.grid, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+
+
+def settled(elevation: np.ndarray) -> np.ndarray:
+    """Return an elevation (R, C) in m whose lowest places leave the ground to the plane.
+
+    Where both lay at the same height a foot would touch both.
+    """
+    return np.where(elevation < _SHALLOW, -_SHALLOW, elevation)
