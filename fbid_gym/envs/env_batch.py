@@ -113,7 +113,6 @@ class EnvBatch:
         own = simulation.qpos.copy(), simulation.qvel.copy()
         self._state = RobotState(*own, simulation.contact_force, self._tick)
         self._effort = Effort.none(num_envs, self.robot.num_joints)
-        self._advance = simulation.ticking(self._effort, self._state)
         self.observation_bound = entry_bounds(self.observation_groups)
         # As large as what is clipped to them: NumPy is faster so.
         self._most = np.tile(self.observation_bound, (num_envs, 1))
@@ -276,7 +275,8 @@ class EnvBatch:
             self.task.advance(self._plan, now)
             target = self.task.target(self._plan, now)
             torque = self.layer.torque(own, state, target, terms, self._memory)
-            self._advance(as_numbers(torque, shape, self.layer, "torque"), push)
+            torque = as_numbers(torque, shape, self.layer, "torque")
+            self.simulation.tick(torque, push, self._effort, self._state)
         return {"push": pushed.force[-1], "push_velocity": pushed.jump.sum(axis=0)}
 
     def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:

@@ -108,6 +108,16 @@ def name_joints(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[str, ...]:
     return tuple(joints[j].name for j in moving_joints(model))
 
 
+def hinges_above(model: mujoco.MjModel, body: int) -> list[int]:
+    """Ids of the hinges between the base and a body, from the base on."""
+    chain: list[int] = []
+    while body > 0 and model.jnt_bodyid[0] != body:
+        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        chain[:0] = range(first, first + count)
+        body = int(model.body_parentid[body])
+    return [j for j in chain if model.jnt_type[j] == _JOINT.mjJNT_HINGE]
+
+
 def posed(model: mujoco.MjModel, qpos: np.ndarray) -> mujoco.MjData:
     """Return the kinematics of a pose (nq,), centres of mass among them."""
     data = mujoco.MjData(model)

@@ -8,9 +8,7 @@ import numpy as np
 
 from fbid_gym.errors import RobotError
 from fbid_gym.robots.feet import Foot
-from fbid_gym.robots.mjcf import listed, moving_joints, object_name, posed
-
-_JOINT = mujoco.mjtJoint
+from fbid_gym.robots.mjcf import hinges_above, listed, moving_joints, object_name, posed
 
 _STRETCH = {False: 0.95, True: 0.8}
 """Length of a leg in the pose, of its length when straight: on two feet, and on more."""
@@ -173,7 +171,7 @@ def _legs(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]) -> lis
         RobotError: no hinge moves a foot and no other.
     """
     data = posed(model, start)
-    chains = [_hinges_above(model, foot.body) for foot in feet]
+    chains = [hinges_above(model, foot.body) for foot in feet]
     legs = []
     for foot, chain in zip(feet, chains, strict=True):
         # Joints of a spine move other feet as well.
@@ -189,16 +187,6 @@ def _legs(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]) -> lis
         )
         legs.append(Leg(own[0], own[int(np.argmax(reach))], foot))
     return legs
-
-
-def _hinges_above(model: mujoco.MjModel, body: int) -> list[int]:
-    """Hinges between the base and a body, from the base on."""
-    chain: list[int] = []
-    while body > 0 and model.jnt_bodyid[0] != body:
-        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-        chain[:0] = range(first, first + count)
-        body = int(model.body_parentid[body])
-    return [j for j in chain if model.jnt_type[j] == _JOINT.mjJNT_HINGE]
 
 
 def _bounds(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
