@@ -122,8 +122,10 @@ class SB3VecEnv(VecEnv):
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return the exact state of all environments as named arrays."""
-        own = {"returns": self._returns, "lengths": self._lengths, "limits": self._limits}
-        return self.chunks.state_dict() | {name: value.copy() for name, value in own.items()}
+        return self.chunks.state_dict() | {name: v.copy() for name, v in self._own().items()}
+
+    def _own(self) -> dict[str, np.ndarray]:
+        return {"returns": self._returns, "lengths": self._lengths, "limits": self._limits}
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` of as many environments of the same kind.
@@ -131,16 +133,11 @@ class SB3VecEnv(VecEnv):
         Raises:
             FbidError: the state is of other environments. Nothing was loaded.
         """
-        own: dict[str, np.ndarray] = {
-            "returns": self._returns,
-            "lengths": self._lengths,
-            "limits": self._limits,
-        }
+        own = self._own()
         if isinstance(state, Mapping):
             own = {name: checked_array(name, value, state) for name, value in own.items()}
         self.chunks.load_state_dict(state)
-        self._returns, self._lengths = own["returns"].copy(), own["lengths"].copy()
-        self._limits = own["limits"].copy()
+        self._returns, self._lengths, self._limits = (value.copy() for value in own.values())
         self._seeded = True
         self._reset_seeds()
 

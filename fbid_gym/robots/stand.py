@@ -8,7 +8,7 @@ import numpy as np
 
 from fbid_gym.errors import RobotError
 from fbid_gym.robots.feet import Foot
-from fbid_gym.robots.mjcf import hinges_above, listed, moving_joints, object_name, posed
+from fbid_gym.robots.mjcf import hinges_above, listed, moving_joints, object_names, posed
 
 _STRETCH = {False: 0.95, True: 0.8}
 """Length of a leg in the pose, of its length when straight: on two feet, and on more."""
@@ -193,13 +193,10 @@ def _bounds(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[np.ndarray, n
     limited = model.jnt_limited[joints].astype(bool)
     low = np.where(limited, model.jnt_range[joints, 0], -np.inf)
     high = np.where(limited, model.jnt_range[joints, 1], np.inf)
-    locked = [
-        object_name(model, mujoco.mjtObj.mjOBJ_JOINT, j)
-        for j, a, b in zip(joints, low, high, strict=True)
-        if a >= b
-    ]
-    if locked:
+    locked = np.array(joints)[low >= high]
+    if locked.size:
+        names = object_names(model, mujoco.mjtObj.mjOBJ_JOINT, locked)
         raise RobotError(
-            f"No standing pose found: joints {listed(locked)} have no range to move in."
+            f"No standing pose found: joints {listed(names)} have no range to move in."
         )
     return low, high

@@ -29,8 +29,6 @@ The end of the ground truncates, too: at top speed a robot gets there before 20 
 an outer start after 21 h.
 """
 
-from typing import Protocol
-
 import mujoco
 import numpy as np
 
@@ -40,7 +38,7 @@ from fbid_gym.robots.robot import Robot
 from fbid_gym.robots.terrain.field import Field, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid, heights, heights_below, plane
 from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, make_levels
-from fbid_gym.robots.terrain.obstacles import random_obstacles
+from fbid_gym.robots.terrain.obstacles import Obstacles, random_obstacles
 from fbid_gym.robots.terrain.patches import HARDEST, PATCHES
 from fbid_gym.robots.terrain.rocks import random_rocks
 from fbid_gym.robots.terrain.sizes import START_SPACING
@@ -74,36 +72,8 @@ _HEIGHT = 0.04  # m
 _REACH = {True: 1.0, False: 0.2}
 
 
-class Terrain(Protocol):
-    """Ground on top of the plane z = 0."""
-
-    @property
-    def starts(self) -> np.ndarray:
-        """(K, 2) m, centres of level places; equally many on each tile, those of a tile in turn."""
-        ...
-
-    @property
-    def clearing(self) -> float:
-        """Radius of these places, m."""
-        ...
-
-    @property
-    def tiles(self) -> Tiles:
-        """Where robots belong."""
-        ...
-
-    @property
-    def grid(self) -> HeightGrid:
-        """Its heights, for look-up in compiled code."""
-        ...
-
-    def add_to(self, spec: mujoco.MjSpec) -> None:
-        """Add the ground to a robot's world."""
-        ...
-
-    def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return how high the ground is, in m, at places x and y, of any one shape, in m."""
-        ...
+Terrain = Field | Obstacles
+"""Ground on top of the plane z = 0."""
 
 
 def make_terrain(

@@ -38,13 +38,14 @@ ENDLESS = Tiles(1, np.inf)
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """A `Terrain` that is its grid.
+    """Ground on top of the plane z = 0, a height field.
 
     Attributes:
-        starts: see `Terrain`; those of the first tile first.
-        clearing: see `Terrain`.
-        tiles: see `Terrain`.
-        grid: see `Terrain`.
+        starts: (K, 2) m, centres of level places; equally many on each tile, those of a tile in
+            turn.
+        clearing: m, radius of these places.
+        tiles: where robots belong.
+        grid: its heights, for look-up in compiled code.
         colour: red, green, blue, from 0 to 1.
     """
 
@@ -59,7 +60,7 @@ class Field:
         return float(self.grid.elevation.max()) <= 0.0
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        """See `Terrain`; what is level is the plane that is there."""
+        """Add the ground to a robot's world; what is level is the plane that is there."""
         if self._is_level:
             return
         corner, cell, elevation = self.grid
@@ -84,7 +85,7 @@ class Field:
         )
 
     def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """See `Terrain`."""
+        """Return how high the ground is, in m, at places x and y, of any one shape, in m."""
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
         if self._is_level:
             return np.zeros(x.shape)

@@ -21,11 +21,11 @@ _PLANK_LENGTH, _PLANK_WIDTH = (1.0, 4.0), (0.5, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Planks lying on the plane, one across the other at times; a `Terrain`.
+    """Planks lying on the plane, one across the other at times.
 
     Attributes:
-        starts: see `Terrain`.
-        clearing: see `Terrain`.
+        starts: see `Field`.
+        clearing: see `Field`.
         centre: (B, 2) m.
         heading: (B,) rad, of the long side.
         half: (B, 2) m, half length and half width.
@@ -47,13 +47,13 @@ class Obstacles:
 
     @cached_property
     def grid(self) -> HeightGrid:
-        """See `Terrain`; the planks' sides are less steep in it."""
+        """See `Field.grid`; the planks' sides are less steep in it."""
         half, cell = float(abs(self.centre).max() + self.half.max()), 0.5 * float(self.half.min())
         line = np.arange(-half, half + cell, cell)
         return HeightGrid(line[[0, 0]], cell, self.height(*np.meshgrid(line, line)))
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        """See `Terrain`."""
+        """See `Field.add_to`."""
         bits = collision_bits(spec)
         spec.add_material(name="fbid_plank", rgba=[0.72, 0.58, 0.42, 1.0], specular=0.1)
         for (x, y), turn, half, top in zip(
@@ -70,7 +70,7 @@ class Obstacles:
             )
 
     def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """See `Terrain`."""
+        """See `Field.height`."""
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
         size = len(self.near)
         row, column = (np.floor(v / self.cell).astype(int) + size // 2 for v in (y, x))
