@@ -7,6 +7,7 @@ with its default and its range.
 import argparse
 import sys
 from collections.abc import Mapping
+from inspect import getdoc
 
 from fbid_gym.actions import LAYERS, Footholds
 from fbid_gym.actions.contact_options import ContactOptions
@@ -15,8 +16,9 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS, NUM_THREADS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.overlays import RenderOptions
-from fbid_gym.envs.page import code, meanings, option_table, page, table, term_rows
+from fbid_gym.envs.page import code, meanings, option_table, page, sections, table, term_rows
 from fbid_gym.envs.randomisation import Randomisation
+from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Option, options_of
 from fbid_gym.robots import load
@@ -35,10 +37,7 @@ sets](#what-each-environment-sets).
 
 _SETS = "These stand instead of the defaults; what `gym.make` is given goes before both."
 _RANDOMISED = """\
-What differs is drawn anew for each robot and each episode; nothing does by default. The
-controller's model starts from the file and does not see how the robot differs, and neither does the
-policy. Observations have no noise. With `--env-args '{"randomisation": {"mass": 0.2}}'` a training
-does:
+With `--env-args '{"randomisation": {"mass": 0.2}}'` a training does:
 
 ```python
 import gymnasium as gym
@@ -49,10 +48,7 @@ differences = {"mass": 0.2, "friction": (0.5, 1.2), "action_delay": (0.0, 0.02)}
 env = gym.make("fbid_gym/QuadrupedWalk-v0", randomisation=differences)
 ```"""
 _TERMS = """\
-A reward is the sum of its terms, each from 0 to its weight. The bell of an error is
-exp(-(error / scale)^2), 1/e where the error is as large as the scale; g is gravity, H the height of
-hips or centre of mass above the feet, whichever is higher, h that of the centre of mass. With
-`--env-args '{"reward_weights": {"torque": 0.0}}'` a training has other weights:
+With `--env-args '{"reward_weights": {"torque": 0.0}}'` a training has other weights:
 
 ```python
 import gymnasium as gym
@@ -133,8 +129,8 @@ def arguments_page() -> str:
     parts.append("## Of the tasks")
     for name, task in TASKS.items():
         section(f"### `{name}`", options_of(task.of), meanings(task.of))
-    parts.extend(["## Terms of the reward: `reward_weights`, `reward_scales`", _TERMS])
-    parts.append(terms())
+    parts.extend(["## Terms of the reward: `reward_weights`, `reward_scales`"])
+    parts.extend([sections(RobotEnv)["Rewards"], _TERMS, terms()])
     parts.append("## Of the action layers: `layer_options`")
     parts.extend([_KINDS, kinds(), _SPARE])
     shared = options_of(ContactOptions)
@@ -146,7 +142,7 @@ def arguments_page() -> str:
     section("### About contacts", shared, meanings(ContactOptions))
     section("### Steering a gait, of every layer", options_of(Footholds.of), meanings(Footholds.of))
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
-    parts.append(_RANDOMISED)
+    parts.extend([getdoc(Randomisation) or "", _RANDOMISED])
     section("## `render_options`", options_of(RenderOptions), meanings(RenderOptions))
     return "\n\n".join(parts) + "\n"
 

@@ -23,7 +23,7 @@ from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
 from fbid_gym.envs.given_actions import checked_action
 from fbid_gym.envs.moment import Moment
-from fbid_gym.envs.plant import plant_of
+from fbid_gym.envs.plant import Plant
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError
@@ -94,7 +94,7 @@ class EnvBatch:
         self.layer, self.footholds = config.layer(self.robot, self.task)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
         randomisation = config.randomisations()
-        self.plant = plant_of(self.simulation, randomisation)
+        self.plant = Plant(self.simulation, randomisation)
         self.num_envs = num_envs
         self.num_steps = round(self.task.seconds * self.rates.policy)
 

@@ -63,7 +63,7 @@ def page(env_id: str) -> str:
     config, task = env.config, env.batch.task
     written: list[Any] = [RobotEnv, getmodule(TASKS[config.task].of), getmodule(type(task))]
     written += [terrain, curriculum] if config.terrain in terrain.LEVELLED else []
-    said = [_sections(each) for each in dict.fromkeys(written)]
+    said = [sections(each) for each in dict.fromkeys(written)]
     rewards = table(["Term", "Weight", "Scale", "Is"], term_rows(config.reward_terms(task)))
     made = {
         "Description": _facts(env_id, env),
@@ -86,8 +86,8 @@ def short(env_id: str) -> str:
     return env_id.removeprefix("fbid_gym/").removesuffix("-v0")
 
 
-def _sections(written: Any) -> dict[str, str]:
-    """Name -> text of the sections of a docstring; "" is what stands before the first."""
+def sections(written: Any) -> dict[str, str]:
+    """Return the sections of a docstring, name -> text; "" is what stands before the first."""
     parts = re.split(r"^## (.+)\n", getdoc(written) or "", flags=re.MULTILINE)
     return {name: text.strip() for name, text in zip(["", *parts[1::2]], parts[::2], strict=True)}
 
