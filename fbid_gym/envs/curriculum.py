@@ -17,18 +17,13 @@ from fbid_gym.robots.terrain import Tiles
 
 @dataclass(frozen=True, eq=False)
 class Climb:
-    """Of N robots.
+    """Of N robots."""
 
-    Attributes:
-        tiles: of the terrain.
-        first: level at which they begin.
-        arrays: all that changes, by name: "level" (N,) int64, of the next or present episode;
-            "error" (N,) m/s, sum of the errors of velocity; "steps" (N,) int64, how many these are;
-            "ended" (N,) bool, whether the episode has.
-    """
-
-    tiles: Tiles
-    first: int
+    tiles: Tiles  # of the terrain
+    first: int  # level at which they begin
+    # All that changes, by name: "level" (N,) int64, of the next or present episode; "error" (N,)
+    # m/s, sum of the errors of velocity; "steps" (N,) int64, how many these are; "ended" (N,) bool,
+    # whether the episode has.
     arrays: dict[str, np.ndarray]
 
     @classmethod

@@ -35,21 +35,13 @@ from fbid_gym.tasks.task import Now
 
 
 class Step(NamedTuple):
-    """What one policy step returns for N environments.
+    """What one policy step returns for N environments."""
 
-    Attributes:
-        observation: (N, O) float32.
-        reward: (N,).
-        terminated: (N,) bool.
-        truncated: (N,) bool.
-        info: name -> (N, ...) arrays.
-    """
-
-    observation: np.ndarray
-    reward: np.ndarray
-    terminated: np.ndarray
-    truncated: np.ndarray
-    info: dict[str, np.ndarray]
+    observation: np.ndarray  # (N, O) float32
+    reward: np.ndarray  # (N,)
+    terminated: np.ndarray  # (N,) bool
+    truncated: np.ndarray  # (N,) bool
+    info: dict[str, np.ndarray]  # name -> (N, ...) arrays
 
 
 class EnvBatch:

@@ -50,21 +50,13 @@ _LOCKED = 1e4
 
 
 class _Home(NamedTuple):
-    """A robot at home.
+    """A robot at home."""
 
-    Attributes:
-        model: of the robot.
-        data: forward dynamics of the home pose.
-        feet: of the robot.
-        points: (P, 3) m, world, where the contact points touch.
-        height: m, of the centre of mass above the lowest of them.
-    """
-
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    feet: Sequence[Foot]
-    points: np.ndarray
-    height: float
+    model: mujoco.MjModel  # of the robot
+    data: mujoco.MjData  # forward dynamics of the home pose
+    feet: Sequence[Foot]  # of the robot
+    points: np.ndarray  # (P, 3) m, world, where the contact points touch
+    height: float  # m, of the centre of mass above the lowest of them
 
 
 def findings(

@@ -21,17 +21,11 @@ _DIGITS = 7
 
 
 class Leg(NamedTuple):
-    """A leg as a triangle.
+    """A leg as a triangle."""
 
-    Attributes:
-        hip: id of its first joint.
-        knee: id of the joint farthest from both its ends.
-        foot: the foot.
-    """
-
-    hip: int
-    knee: int
-    foot: Foot
+    hip: int  # id of its first joint
+    knee: int  # id of the joint farthest from both its ends
+    foot: Foot  # the foot
 
 
 def standing_pose(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]) -> np.ndarray:

@@ -16,30 +16,20 @@ from fbid_gym.robots import Robot
 
 
 class Schedule(NamedTuple):
-    """When each foot shall be in the air; F feet.
+    """When each foot shall be in the air; F feet."""
 
-    Attributes:
-        period: s, of a cycle.
-        duty: share of the cycle that each foot stands, in (0, 1]; 1: it never lifts.
-        lift: (F,) phase at which each foot lifts, in [0, 1).
-    """
-
-    period: float
-    duty: float
-    lift: np.ndarray
+    period: float  # s, of a cycle
+    duty: float  # share of the cycle that each foot stands, in (0, 1]; 1: it never lifts
+    lift: np.ndarray  # (F,) phase at which each foot lifts, in [0, 1)
 
 
 class Pattern(NamedTuple):
-    """A gait of four feet, whatever the robot's size.
+    """A gait of four feet, whatever the robot's size."""
 
-    Attributes:
-        period: of a cycle, in units of the time sqrt(h / g) in which a robot that is h tall falls.
-        duty: share of the cycle that each foot stands.
-        lift: phases at which the front left, front right, hind left and hind right foot lift.
-    """
-
+    # Of a cycle, in units of the time sqrt(h / g) in which a robot that is h tall falls.
     period: float
-    duty: float
+    duty: float  # share of the cycle that each foot stands
+    # Phases at which the front left, front right, hind left and hind right foot lift.
     lift: tuple[float, float, float, float]
 
 

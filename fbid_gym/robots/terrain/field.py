@@ -14,15 +14,10 @@ _SHALLOW = 1e-3  # m that a height field lies below the plane where the plane is
 
 
 class Tiles(NamedTuple):
-    """Where robots belong: square tiles side by side along x, one for each level.
+    """Where robots belong: square tiles side by side along x, one for each level."""
 
-    Attributes:
-        number: of the tiles.
-        edge: m; infinite where the ground never ends.
-    """
-
-    number: int
-    edge: float
+    number: int  # of the tiles
+    edge: float  # m; infinite where the ground never ends
 
     def left(self, level: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return which robots, (N,) bool, at places (N, 2) m, have left the tile of their level."""
@@ -38,22 +33,14 @@ ENDLESS = Tiles(1, np.inf)
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Ground on top of the plane z = 0, a height field.
+    """Ground on top of the plane z = 0, a height field."""
 
-    Attributes:
-        starts: (K, 2) m, centres of level places; equally many on each tile, those of a tile in
-            turn.
-        clearing: m, radius of these places.
-        tiles: where robots belong.
-        grid: its heights, for look-up in compiled code.
-        colour: red, green, blue, from 0 to 1.
-    """
-
+    # (K, 2) m, centres of level places; equally many on each tile, those of a tile in turn.
     starts: np.ndarray
-    clearing: float
-    tiles: Tiles = ENDLESS
-    grid: HeightGrid = plane()
-    colour: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    clearing: float  # m, radius of these places
+    tiles: Tiles = ENDLESS  # where robots belong
+    grid: HeightGrid = plane()  # its heights, for look-up in compiled code
+    colour: tuple[float, float, float] = (0.0, 0.0, 0.0)  # red, green, blue, from 0 to 1
 
     @cached_property
     def _is_level(self) -> bool:

@@ -9,17 +9,11 @@ from fbid_gym.compiled import compiled, kernel
 
 
 class HeightGrid(NamedTuple):
-    """Ground on top of the plane z = 0; the plane alone outside the grid.
+    """Ground on top of the plane z = 0; the plane alone outside the grid."""
 
-    Attributes:
-        corner: (2,) m, x and y of the first node.
-        cell: m between nodes.
-        elevation: (R, C) m at the nodes, at least 0; rows along y, columns along x.
-    """
-
-    corner: np.ndarray
-    cell: float
-    elevation: np.ndarray
+    corner: np.ndarray  # (2,) m, x and y of the first node
+    cell: float  # m between nodes
+    elevation: np.ndarray  # (R, C) m at the nodes, at least 0; rows along y, columns along x
 
 
 def plane() -> HeightGrid:

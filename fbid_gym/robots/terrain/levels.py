@@ -21,15 +21,10 @@ _COLOUR = (0.66, 0.62, 0.55)
 
 
 class Scale(NamedTuple):
-    """What a terrain's lengths are relative to.
+    """What a terrain's lengths are relative to."""
 
-    Attributes:
-        length: m, height of the robot's centre of mass at home.
-        reach: share of it that the feet clear with ease.
-    """
-
-    length: float
-    reach: float
+    length: float  # m, height of the robot's centre of mass at home
+    reach: float  # share of it that the feet clear with ease
 
 
 def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) -> Field:

@@ -21,29 +21,18 @@ _PLANK_LENGTH, _PLANK_WIDTH = (1.0, 4.0), (0.5, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Planks lying on the plane, one across the other at times.
-
-    Attributes:
-        starts: see `Field`.
-        clearing: see `Field`.
-        centre: (B, 2) m.
-        heading: (B,) rad, of the long side.
-        half: (B, 2) m, half length and half width.
-        top: (B,) m, height.
-        cell: m, edge of the square cells of `near`.
-        near: (R, R, L) planks that touch a cell, B where there are fewer than L.
-    """
+    """Planks lying on the plane, one across the other at times."""
 
     tiles: ClassVar[Tiles] = ENDLESS
 
-    starts: np.ndarray
-    clearing: float
-    centre: np.ndarray
-    heading: np.ndarray
-    half: np.ndarray
-    top: np.ndarray
-    cell: float
-    near: np.ndarray
+    starts: np.ndarray  # see `Field`
+    clearing: float  # see `Field`
+    centre: np.ndarray  # (B, 2) m
+    heading: np.ndarray  # (B,) rad, of the long side
+    half: np.ndarray  # (B, 2) m, half length and half width
+    top: np.ndarray  # (B,) m, height
+    cell: float  # m, edge of the square cells of `near`
+    near: np.ndarray  # (R, R, L) planks that touch a cell, B where there are fewer than L
 
     @cached_property
     def grid(self) -> HeightGrid:
