@@ -76,19 +76,19 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/actions/law.py": 650, "fbid_gym/control/whole_body.py": 850}  # to be split
 LINES = {
-    ".": 2130,
+    ".": 2150,
     "actions": 3362,
-    "control": 3950,
-    "dynamics": 1670,
-    "envs": 4000,
-    "motions": 3900,
-    "policy": 750,
-    "robots": 4950,
-    "tasks": 2050,
+    "control": 4700,
+    "dynamics": 3100,
+    "envs": 3410,
+    "motions": 3660,
+    "policy": 710,
+    "robots": 4790,
+    "tasks": 2090,
 }
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
-READING = {"fbid_gym.actions.base_acceleration": (35, 6600)}
+READING = {"fbid_gym.actions.base_acceleration": (35, 6820)}
 NOT_READ = ("robots", "envs", "fbid_gym")
 
 # Whoever has to know of which class a layer or a task is does by case what the layer or the task

@@ -13,8 +13,8 @@ from eval.video import Clip
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.overlays import size_of
 from fbid_gym.envs.rendering import DISTANCE, add_push
-from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot
+from fbid_gym.robots.geoms import offscreen
 
 
 class Camera:
@@ -47,13 +47,7 @@ class Camera:
         self._robot, self._model = robot, robot.model if model is None else model
         self._data = mujoco.MjData(self._model)
         self._size = size_of(Stance.of(robot)) / nearer
-        try:
-            self._renderer = mujoco.Renderer(self._model, height=height, width=width)
-        except Exception as error:  # the GL back ends raise types of their own
-            raise FbidError(
-                f"Cannot render without a display: {error}. "
-                "Set MUJOCO_GL to 'egl' or 'osmesa' and install its library."
-            ) from error
+        self._renderer = offscreen(self._model, height, width)
         self._camera = mujoco.MjvCamera()
         self._camera.azimuth, self._camera.elevation = azimuth, elevation
         self._camera.distance = DISTANCE * self._size

@@ -5,7 +5,7 @@ from pathlib import PurePosixPath
 from eval.site.pictures import CAPTION
 from fbid_gym.actions import LAYERS, Footholds, layer_choices
 from fbid_gym.actions.contact_options import ContactOptions
-from fbid_gym.envs.__main__ import meanings, table
+from fbid_gym.envs.page import meanings, option_table
 
 OPTIONS, PICTURE = "<!-- options -->", "<!-- picture -->"
 """Marks on the pages: what stands there on the site is made as it is built."""
@@ -31,4 +31,4 @@ def options(name: str) -> str:
     """Return the table of a layer's options."""
     every = (ContactOptions, Footholds.of, LAYERS[name])
     said = {option: words for build in every for option, words in meanings(build).items()}
-    return table(layer_choices(name), said)
+    return option_table(layer_choices(name), said)

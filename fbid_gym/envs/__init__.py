@@ -52,22 +52,14 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 }
 """Registered id -> arguments that define it."""
 
-_DESCRIBED = {
-    "balance": "balance_env:BalanceEnv",
-    "walk": "walking_env:WalkingEnv",
-    "mixed": "terrain_env:TerrainEnv",
-}
-
 
 def register() -> None:
     """Register the environments with Gymnasium; done by `import fbid_gym`."""
     for name, arguments in ENVIRONMENTS.items():
         if name not in gym.registry:
-            kind = arguments.get("terrain", arguments["task"])
-            described = _DESCRIBED.get(kind, "tracking_env:TrackingEnv")
             gym.register(
                 id=name,
-                entry_point=f"fbid_gym.envs.{described}",
+                entry_point="fbid_gym.envs.robot_env:RobotEnv",
                 vector_entry_point="fbid_gym.envs.vector_env:RobotVectorEnv",
                 kwargs=arguments,
             )

@@ -1,17 +1,13 @@
-"""Every argument of the environments with its default and its range: `python -m fbid_gym.envs`.
+"""What environments are and take: `python -m fbid_gym.envs [ID]`, made of what the code says.
 
-It prints docs/arguments.md, made of what the code says.
+With an id it prints the page of that environment, without one docs/arguments.md: every argument
+with its default and its range.
 """
 
 import argparse
-import ast
-import inspect
-import re
 import sys
-import textwrap
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import is_dataclass
-from typing import Any
+from collections.abc import Mapping
+from inspect import getdoc
 
 from fbid_gym.actions import LAYERS, Footholds
 from fbid_gym.actions.contact_options import ContactOptions
@@ -20,7 +16,9 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS, NUM_THREADS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.overlays import RenderOptions
+from fbid_gym.envs.page import code, meanings, option_table, page, sections, table, term_rows
 from fbid_gym.envs.randomisation import Randomisation
+from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Option, options_of
 from fbid_gym.robots import load
@@ -39,10 +37,7 @@ sets](#what-each-environment-sets).
 
 _SETS = "These stand instead of the defaults; what `gym.make` is given goes before both."
 _RANDOMISED = """\
-What differs is drawn anew for each robot and each episode; nothing does by default. The
-controller's model starts from the file and does not see how the robot differs, and neither does the
-policy. Observations have no noise. With `--env-args '{"randomisation": {"mass": 0.2}}'` a training
-does:
+With `--env-args '{"randomisation": {"mass": 0.2}}'` a training does:
 
 ```python
 import gymnasium as gym
@@ -53,10 +48,7 @@ differences = {"mass": 0.2, "friction": (0.5, 1.2), "action_delay": (0.0, 0.02)}
 env = gym.make("fbid_gym/QuadrupedWalk-v0", randomisation=differences)
 ```"""
 _TERMS = """\
-A reward is the sum of its terms, each from 0 to its weight. A scale is an error at which a term has
-fallen to 1/e; g is gravity, H the height of hips or centre of mass above the feet, whichever is
-higher, h that of the centre of mass. With `--env-args '{"reward_weights": {"torque": 0.0}}'` a
-training has other weights:
+With `--env-args '{"reward_weights": {"torque": 0.0}}'` a training has other weights:
 
 ```python
 import gymnasium as gym
@@ -86,61 +78,23 @@ _VECTOR = {
 _OF_VECTOR = {"num_envs": "Number of environments.", "num_threads": "Threads that step them."}
 
 
-def meanings(build: Callable[..., Any]) -> dict[str, str]:
-    """Return what options mean: of a constructor's docstring, or of a dataclass's fields."""
-    if is_dataclass(build):
-        return dict(_of_fields(build))
-    found: dict[str, str] = {}
-    _, _, args = (inspect.getdoc(build) or "").partition("Args:\n")
-    for line in args.split("\n\n")[0].splitlines():
-        if started := re.match(r"    (\w+): (.*)", line):
-            name = started[1]
-            found[name] = started[2]
-        elif found:
-            found[name] += f" {line.strip()}"
-    return found
-
-
-def _of_fields(kind: type) -> Iterable[tuple[str, str]]:
-    body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
-    assert isinstance(body, ast.ClassDef)
-    for field, said in zip(body.body[:-1], body.body[1:], strict=True):
-        if isinstance(field, ast.AnnAssign) and isinstance(said, ast.Expr):
-            assert isinstance(field.target, ast.Name) and isinstance(said.value, ast.Constant)
-            yield field.target.id, " ".join(str(said.value.value).split())
-
-
-def table(options: Mapping[str, Option], about: Mapping[str, str]) -> str:
-    """Return a Markdown table of options."""
-    lines = ["| Option | Default | Takes | Meaning |", "| --- | --- | --- | --- |"]
-    for name, option in options.items():
-        takes = option.kind.words if option.kind is not None else "see its meaning"
-        said = about.get(name, "").replace("|", r"\|")
-        default = _code(option.default).replace("times=", "")
-        lines.append(f"| `{name}` | `{default}` | {takes} | {said} |")
-    return "\n".join(lines) if options else "None of its own."
-
-
 def settings() -> str:
     """Return a Markdown table of the arguments that ids stand for."""
-    lines = ["| Environment | Sets |", "| --- | --- |"]
+    rows = []
     for env, arguments in ENVIRONMENTS.items():
-        said = (f"`{name}={_code(value)}`" for name, value in arguments.items())
-        lines.append(f"| `{env}` | {', '.join(said)} |")
-    return "\n".join(lines)
+        said = (f"`{name}={code(value)}`" for name, value in arguments.items())
+        rows.append([f"`{env}`", ", ".join(said)])
+    return table(["Environment", "Sets"], rows)
 
 
 def terms() -> str:
     """Return a Markdown table of the terms of every reward."""
-    lines = ["| Task | Term | Weight | Scale | Rewards |", "| --- | --- | --- | --- | --- |"]
     tables = {id(kind.terms): kind.terms for kind in TASKS.values()}
+    rows = []
     for own in tables.values():
         tasks = ", ".join(f"`{name}`" for name, kind in TASKS.items() if kind.terms is own)
-        for name, term in own.items():
-            said = inspect.getdoc(term.function) or ""
-            scale = f"{term.scale:g} {term.unit}".strip()
-            lines.append(f"| {tasks} | `{name}` | {term.weight:g} | {scale} | {said} |")
-    return "\n".join(lines)
+        rows += [[tasks, *row] for row in term_rows(own)]
+    return table(["Task", "Term", "Weight", "Scale", "Is"], rows)
 
 
 def kinds() -> str:
@@ -155,17 +109,16 @@ def kinds() -> str:
     rows["moment_priority"] = [f"{default_moment_priority(*each):.3g}" for each in of]
     ramps = [ContactOptions().on(*each).contact_ramp for each in of]
     rows["contact_ramp"] = [f"{ramp:g} / omega" if ramp else "0" for ramp in ramps]
-    lines = ["| Option | Planned | Gait, point feet | Gait, soles |", "| --- | --- | --- | --- |"]
-    lines += [f"| `{name}` | {' | '.join(values)} |" for name, values in rows.items()]
-    return "\n".join(lines)
+    listed = ([f"`{name}`", *values] for name, values in rows.items())
+    return table(["Option", "Planned", "Gait, point feet", "Gait, soles"], listed)
 
 
-def page() -> str:
+def arguments_page() -> str:
     """Return docs/arguments.md."""
     parts = [_HEAD.rstrip()]
 
     def section(title: str, options: Mapping[str, Option], about: Mapping[str, str]) -> None:
-        parts.extend([title, table(options, about)])
+        parts.extend([title, option_table(options, about)])
 
     own = options_of(EnvConfig)
     del own["task_options"]
@@ -176,8 +129,8 @@ def page() -> str:
     parts.append("## Of the tasks")
     for name, task in TASKS.items():
         section(f"### `{name}`", options_of(task.of), meanings(task.of))
-    parts.extend(["## Terms of the reward: `reward_weights`, `reward_scales`", _TERMS])
-    parts.append(terms())
+    parts.extend(["## Terms of the reward: `reward_weights`, `reward_scales`"])
+    parts.extend([sections(RobotEnv)["Rewards"], _TERMS, terms()])
     parts.append("## Of the action layers: `layer_options`")
     parts.extend([_KINDS, kinds(), _SPARE])
     shared = {"the body": BodyOptions, "contacts": ContactOptions}
@@ -194,15 +147,13 @@ def page() -> str:
         section(f"### About {what}", options_of(group), meanings(group))
     section("### Steering a gait, of every layer", options_of(Footholds.of), meanings(Footholds.of))
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
-    parts.append(_RANDOMISED)
+    parts.extend([getdoc(Randomisation) or "", _RANDOMISED])
     section("## `render_options`", options_of(RenderOptions), meanings(RenderOptions))
     return "\n\n".join(parts) + "\n"
 
 
-def _code(value: Any) -> str:
-    return repr(value).replace("'", '"')
-
-
 if __name__ == "__main__":
-    argparse.ArgumentParser("python -m fbid_gym.envs", description=__doc__).parse_args()
-    sys.stdout.write(page())
+    parser = argparse.ArgumentParser("python -m fbid_gym.envs", description=__doc__)
+    parser.add_argument("env_id", nargs="?", choices=list(ENVIRONMENTS), help="whose page to print")
+    env_id = parser.parse_args().env_id
+    sys.stdout.write(page(env_id) if env_id else arguments_page())

@@ -14,15 +14,11 @@ from fbid_gym.envs.rates import Rates
 
 @dataclass(frozen=True, eq=False)
 class ActionDelay:
-    """Of N robots.
+    """Of N robots."""
 
-    Attributes:
-        rates: of control and policy.
-        arrays: all that changes, by name: "action" (N, H, A), the last ones chosen, newest first;
-            "ticks" (N,) int64, the delays in control ticks.
-    """
-
-    rates: Rates
+    rates: Rates  # of control and policy
+    # All that changes, by name: "action" (N, H, A), the last ones chosen, newest first; "ticks"
+    # (N,) int64, the delays in control ticks.
     arrays: dict[str, np.ndarray]
 
     @classmethod

@@ -127,17 +127,11 @@ def as_numbers(answer: Any, shape: tuple[int, ...], whose: object, name: str) ->
 
 
 class Parts(NamedTuple):
-    """What the parts of a task's answer shall be, which follow each other along the last axis.
+    """What the parts of a task's answer shall be, which follow each other along the last axis."""
 
-    Attributes:
-        names: of the parts.
-        shapes: of the parts.
-        whole: shape of all of them together.
-    """
-
-    names: tuple[str, ...]
-    shapes: tuple[tuple[int, ...], ...]
-    whole: tuple[int, ...]
+    names: tuple[str, ...]  # of the parts
+    shapes: tuple[tuple[int, ...], ...]  # of the parts
+    whole: tuple[int, ...]  # shape of all of them together
 
     @classmethod
     def of_observation(cls, groups: Groups, count: int) -> "Parts":

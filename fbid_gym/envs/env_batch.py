@@ -23,7 +23,7 @@ from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
 from fbid_gym.envs.given_actions import checked_action
 from fbid_gym.envs.moment import Moment
-from fbid_gym.envs.plant import plant_of
+from fbid_gym.envs.plant import Plant
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError
@@ -35,21 +35,13 @@ from fbid_gym.tasks.task import Now
 
 
 class Step(NamedTuple):
-    """What one policy step returns for N environments.
+    """What one policy step returns for N environments."""
 
-    Attributes:
-        observation: (N, O) float32.
-        reward: (N,).
-        terminated: (N,) bool.
-        truncated: (N,) bool.
-        info: name -> (N, ...) arrays.
-    """
-
-    observation: np.ndarray
-    reward: np.ndarray
-    terminated: np.ndarray
-    truncated: np.ndarray
-    info: dict[str, np.ndarray]
+    observation: np.ndarray  # (N, O) float32
+    reward: np.ndarray  # (N,)
+    terminated: np.ndarray  # (N,) bool
+    truncated: np.ndarray  # (N,) bool
+    info: dict[str, np.ndarray]  # name -> (N, ...) arrays
 
 
 class EnvBatch:
@@ -94,7 +86,7 @@ class EnvBatch:
         self.layer, self.footholds = config.layer(self.robot, self.task)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
         randomisation = config.randomisations()
-        self.plant = plant_of(self.simulation, randomisation)
+        self.plant = Plant(self.simulation, randomisation)
         self.num_envs = num_envs
         self.num_steps = round(self.task.seconds * self.rates.policy)
 
@@ -113,7 +105,6 @@ class EnvBatch:
         own = simulation.qpos.copy(), simulation.qvel.copy()
         self._state = RobotState(*own, simulation.contact_force, self._tick)
         self._effort = Effort.none(num_envs, self.robot.num_joints)
-        self._advance = simulation.ticking(self._effort, self._state)
         self.observation_bound = entry_bounds(self.observation_groups)
         # As large as what is clipped to them: NumPy is faster so.
         self._most = np.tile(self.observation_bound, (num_envs, 1))
@@ -276,7 +267,8 @@ class EnvBatch:
             self.task.advance(self._plan, now)
             target = self.task.target(self._plan, now)
             torque = self.layer.torque(own, state, target, terms, self._memory)
-            self._advance(as_numbers(torque, shape, self.layer, "torque"), push)
+            torque = as_numbers(torque, shape, self.layer, "torque")
+            self.simulation.tick(torque, push, self._effort, self._state)
         return {"push": pushed.force[-1], "push_velocity": pushed.jump.sum(axis=0)}
 
     def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:

@@ -22,35 +22,22 @@ _FRICTION = 0.7  # of cones where the layer assumes none
 
 @dataclass(frozen=True, eq=False)
 class Insight:
-    """Of one robot; world axes. P points.
+    """Of one robot; world axes. P points."""
 
-    Attributes:
-        points: (P, 3) m, the contact points.
-        measured: (P, 3) N, of the ground on them.
-        commanded: (P, 3) N, what the layer's torques ask of contacts that hold, by the
-            controller's model; zero where a foot is not planned to stand.
-        friction: coefficient that the layer assumes, 0.7 where it assumes none.
-        com: (3,) m.
-        capture_point: (3,) m, where the robot would have to stand to come to rest, at the height of
-            the feet.
-        pressure: (3,) m, centre of it; NaN in the air.
-        support: (K, 3) m, corners of the polygon of the points that carry.
-        footholds: (L, 3) m, where feet in the air shall land.
-        desired: (3,) m/s^2, of the body by the layer; NaN where it has none.
-        achieved: (3,) m/s^2, of the centre of mass in the last policy step, on average; NaN before
-            the first.
-    """
-
-    points: np.ndarray
-    measured: np.ndarray
+    points: np.ndarray  # (P, 3) m, the contact points
+    measured: np.ndarray  # (P, 3) N, of the ground on them
+    # (P, 3) N, what the layer's torques ask of contacts that hold, by the controller's model; zero
+    # where a foot is not planned to stand.
     commanded: np.ndarray
-    friction: float
-    com: np.ndarray
+    friction: float  # coefficient that the layer assumes, 0.7 where it assumes none
+    com: np.ndarray  # (3,) m
+    # (3,) m, where the robot would have to stand to come to rest, at the height of the feet.
     capture_point: np.ndarray
-    pressure: np.ndarray
-    support: np.ndarray
-    footholds: np.ndarray
-    desired: np.ndarray
+    pressure: np.ndarray  # (3,) m, centre of it; NaN in the air
+    support: np.ndarray  # (K, 3) m, corners of the polygon of the points that carry
+    footholds: np.ndarray  # (L, 3) m, where feet in the air shall land
+    desired: np.ndarray  # (3,) m/s^2, of the body by the layer; NaN where it has none
+    # (3,) m/s^2, of the centre of mass in the last policy step, on average; NaN before the first.
     achieved: np.ndarray
 
 

@@ -75,22 +75,14 @@ _FORCE, _ACCELERATION = 0.25, 0.15
 
 @dataclass(frozen=True, eq=False)
 class Mark:
-    """A ball, or lines or arrows of one colour.
+    """A ball, or lines or arrows of one colour."""
 
-    Attributes:
-        name: the same as long as it is the same thing that moves.
-        shape: what it is.
-        colour: red, green, blue, 0 to 255.
-        radius: m, of the ball, of a line, of an arrow's shaft.
-        place: (3,) m, world.
-        ends: (K, 2, 3) m from the place, where each line or arrow begins and ends; none of a ball.
-    """
-
-    name: str
-    shape: Literal["ball", "lines", "arrows"]
-    colour: Colour
-    radius: float
-    place: np.ndarray
+    name: str  # the same as long as it is the same thing that moves
+    shape: Literal["ball", "lines", "arrows"]  # what it is
+    colour: Colour  # red, green, blue, 0 to 255
+    radius: float  # m, of the ball, of a line, of an arrow's shaft
+    place: np.ndarray  # (3,) m, world
+    # (K, 2, 3) m from the place, where each line or arrow begins and ends; none of a ball.
     ends: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
 

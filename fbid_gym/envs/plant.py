@@ -1,7 +1,5 @@
 """Which robot is simulated, and which one the model-based layers believe in."""
 
-from typing import Protocol
-
 import mujoco
 import mujoco.batch
 import numpy as np
@@ -20,75 +18,26 @@ _RANGES = (
 )
 
 
-class Plant(Protocol):
-    """The robots' physical parameters, and the dynamics terms that controllers see."""
+class Plant:
+    """The robots' physical parameters, and the dynamics terms that controllers see.
 
-    @property
-    def action_delay(self) -> np.ndarray:
-        """(N,) s, from the choice of an action to its arrival at the action layer."""
-        ...
+    Where nothing is random all robots are as their MJCF says, and controllers know it. Else each
+    robot differs from its MJCF, and the controller's model differs from the MJCF too. That model is
+    a second batch that only computes dynamics terms, so this costs about as much again as the
+    position and velocity stages of the simulation.
 
-    def draw(self, env: int, rng: np.random.Generator) -> None:
-        """Draw the parameters of one robot for its next episode."""
-        ...
-
-    def apply(self, ids: np.ndarray) -> None:
-        """Give the robots `ids` (K,) their drawn parameters."""
-        ...
-
-    def terms(self) -> DynamicsTerms:
-        """Return the terms of the controller's model at the robots' state."""
-        ...
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Return copies of the drawn parameters."""
-        ...
-
-    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
-        """Give all robots the parameters of a `state_dict`."""
-        ...
-
-
-def plant_of(simulation: Simulation, randomisation: Randomisation) -> Plant:
-    """Return the plant for a simulation."""
-    if randomisation.any:
-        return RandomPlant(simulation, randomisation)
-    return NominalPlant(simulation)
-
-
-class NominalPlant:
-    """All robots are as their MJCF says, and controllers know it."""
-
-    def __init__(self, simulation: Simulation) -> None:
-        """Serve the simulation's own terms."""
-        self.terms = simulation.terms
-        self.action_delay = np.zeros(simulation.num_robots)
-
-    def draw(self, env: int, rng: np.random.Generator) -> None:
-        """Nothing is random."""
-
-    def apply(self, ids: np.ndarray) -> None:
-        """Nothing changes."""
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Nothing to keep."""
-        return {}
-
-    def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
-        """Nothing to restore."""
-
-
-class RandomPlant:
-    """Each robot differs from its MJCF, and the controller's model differs from the MJCF too.
-
-    The model is a second batch that only computes dynamics terms, so this costs about as much again
-    as the position and velocity stages of the simulation.
+    Attributes:
+        action_delay: (N,) s, from the choice of an action to its arrival at the action layer.
     """
 
     def __init__(self, simulation: Simulation, randomisation: Randomisation) -> None:
         """Draw from the ranges of `randomisation`."""
         self._simulation, self._ranges = simulation, randomisation
         model, count = simulation.robot.model, simulation.num_robots
+        self._drawn: dict[str, np.ndarray] = {}
+        self.action_delay = np.zeros(count)
+        if not randomisation.any:
+            return
         self._believed = mujoco.batch.Batch(model, count, 1, persistent=True)
         hush(self._believed, np.arange(count))
         self._live = LiveTerms(simulation.robot, self._believed)
@@ -101,7 +50,7 @@ class RandomPlant:
             "com": np.zeros((*bodies, 3)),
             "friction": np.ones(count),
             "motor_strength": np.ones((count, simulation.robot.num_joints)),
-            "action_delay": np.zeros(count),
+            "action_delay": self.action_delay,
             "model_mass": np.ones(bodies),
             "model_com": np.zeros((*bodies, 3)),
             "total_mass": np.ones(count),
@@ -110,13 +59,10 @@ class RandomPlant:
             "model_com_ahead": np.zeros(count),
         }
 
-    @property
-    def action_delay(self) -> np.ndarray:
-        """See `Plant.action_delay`."""
-        return self._drawn["action_delay"]
-
     def draw(self, env: int, rng: np.random.Generator) -> None:
-        """See `Plant.draw`."""
+        """Draw the parameters of one robot for its next episode."""
+        if not self._drawn:
+            return
         ranges, bodies = self._ranges, self._drawn["mass"].shape[1]
         for name, scale in (("mass", ranges.mass), ("model_mass", ranges.model_mass)):
             self._drawn[name][env] = 1.0 + rng.uniform(-scale, scale, bodies)
@@ -124,11 +70,12 @@ class RandomPlant:
             self._drawn[name][env] = rng.uniform(-size, size, (bodies, 3))
         for name in _RANGES:
             least, most = getattr(ranges, name)
-            size = self._drawn[name].shape[1:]
-            self._drawn[name][env] = rng.uniform(least, most, size=size)
+            self._drawn[name][env] = rng.uniform(least, most, self._drawn[name].shape[1:])
 
     def apply(self, ids: np.ndarray) -> None:
-        """See `Plant.apply`."""
+        """Give the robots `ids` (K,) their drawn parameters."""
+        if not self._drawn:
+            return
         simulated, drawn = self._simulation.model, {k: v[ids] for k, v in self._drawn.items()}
         mass = drawn["mass"] * drawn["total_mass"][:, None]
         _weigh(self._simulation.batch, simulated, ids, mass, mass, drawn["com"])
@@ -157,7 +104,9 @@ class RandomPlant:
         self._seen = -1
 
     def terms(self) -> DynamicsTerms:
-        """See `Plant.terms`."""
+        """Return the terms of the controllers' model at the robots' state."""
+        if not self._drawn:
+            return self._simulation.terms()
         if self._seen == self._simulation.changes:
             return self._terms
         self._qpos[:], self._qvel[:] = self._simulation.qpos, self._simulation.qvel
@@ -166,11 +115,11 @@ class RandomPlant:
         return self._terms
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        """See `Plant.state_dict`."""
+        """Return copies of the drawn parameters."""
         return {name: value.copy() for name, value in self._drawn.items()}
 
     def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
-        """See `Plant.load_state_dict`."""
+        """Give all robots the parameters of a `state_dict`."""
         for name, value in self._drawn.items():
             value[:] = state[name]
         self.apply(np.arange(self._simulation.num_robots))

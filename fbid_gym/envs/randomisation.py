@@ -18,8 +18,9 @@ class Randomisation:
     """Ranges of the random differences, drawn anew for each robot and episode; all off by default.
 
     The plant is the simulated robot; the model is what model-based layers compute with. The model
-    starts from the robot's MJCF and does not see how the plant differs. Nor does anybody see how
-    strong the motors are: torques that are observed, rewarded and reported are those commanded.
+    starts from the robot's MJCF and sees nothing of how the plant differs, nor does the policy;
+    observations have no noise. Nor does anybody see how strong the motors are: torques that are
+    observed, rewarded and reported are those commanded.
     """
 
     mass: Share = 0.0

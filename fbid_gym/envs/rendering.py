@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -13,7 +14,7 @@ from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
 from fbid_gym.envs.overlays import Mark, RenderOptions, marks, size_of
 from fbid_gym.errors import FbidError, UnknownOptionError
-from fbid_gym.robots.geoms import Colour, add_arrow, add_ball, add_thread
+from fbid_gym.robots.geoms import Colour, add_arrow, add_ball, add_thread, offscreen
 
 RENDER_MODES = ("human", "rgb_array")
 WIDTH, HEIGHT = 640, 480
@@ -35,42 +36,44 @@ class RobotRenderer:
     Nothing that is drawn changes a robot.
     """
 
-    def __init__(self, batch: EnvBatch, mode: str, shown: RenderOptions) -> None:
+    def __init__(self, mode: str | None, options: Any) -> None:
         """Open nothing yet: the window or the context appears with the first picture.
 
         Args:
-            batch: one of those that will be drawn.
-            mode: one of `RENDER_MODES`.
-            shown: over the robot, which one sees through where anything is.
+            mode: of rendering, and
+            options: what is drawn over the robot, see `check_rendering`.
         """
-        self._batch, self._mode, self._shown = batch, mode, shown
-        _, self._model = batch.config.ground(batch.robot)  # with what is only drawn
-        self._model.vis.map.alpha = _SEEN_THROUGH
-        self._data, self._option = mujoco.MjData(self._model), mujoco.MjvOption()
-        self._option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = shown.any
-        self._size = size_of(batch.task.body.stance)
+        self.shown = check_rendering(mode, options)
+        self._size = 0.0  # m, of the robot, once there is one to draw
         self._renderer: mujoco.Renderer | None = None
         self._viewer: mujoco.viewer.Handle | None = None
 
-    def render(self, batch: EnvBatch, env: int) -> np.ndarray | None:
+    def frames(self, batches: Sequence[EnvBatch], mode: str) -> list[np.ndarray | None]:
+        """Draw all environments of some batches, see `render`."""
+        return [self.render(batch, env, mode) for batch in batches for env in range(batch.num_envs)]
+
+    def render(self, batch: EnvBatch, env: int, mode: str) -> np.ndarray | None:
         """Draw environment `env` of a batch: (H, W, 3) uint8 for "rgb_array", None for "human"."""
+        if self._size == 0.0:
+            self._begin(batch)
         self._batch, simulation = batch, batch.simulation
         self._data.qpos[:], self._data.qvel[:] = simulation.qpos[env], simulation.qvel[env]
         mujoco.mj_forward(self._model, self._data)
-        if self._mode == "human":
+        if mode == "human":
             self._show(env)
             return None
         return self._frame(env)
 
+    def _begin(self, batch: EnvBatch) -> None:
+        _, self._model = batch.config.ground(batch.robot)  # with what is only drawn
+        self._model.vis.map.alpha = _SEEN_THROUGH
+        self._data, self._option = mujoco.MjData(self._model), mujoco.MjvOption()
+        self._option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = self.shown.any
+        self._size = size_of(batch.task.body.stance)
+
     def _frame(self, env: int) -> np.ndarray:
         if self._renderer is None:
-            try:
-                self._renderer = mujoco.Renderer(self._model, height=HEIGHT, width=WIDTH)
-            except Exception as error:  # the GL back ends raise types of their own
-                raise FbidError(
-                    f"Cannot render without a display: {error}. "
-                    "Set MUJOCO_GL to 'egl' or 'osmesa' and install its library."
-                ) from error
+            self._renderer = offscreen(self._model, HEIGHT, WIDTH)
             self._camera = mujoco.MjvCamera()
             self._aim(self._camera)
         self._renderer.update_scene(self._data, self._camera, self._option)
@@ -104,9 +107,9 @@ class RobotRenderer:
         robot = self._batch.robot
         force = self._batch.simulation.batch.xfrc_applied[env, robot.base_body, :3]
         add_push(scene, self._data.xipos[robot.base_body], force / robot.weight, self._size)
-        if self._shown.any:
+        if self.shown.any:
             seen = insight(self._batch, env)
-            for mark in marks(self._shown, seen, self._size, robot.weight):
+            for mark in marks(self.shown, seen, self._size, robot.weight):
                 _add(scene, mark, _PIXELS / self._size)
 
     def close(self) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from fbid_gym.checks import by_name
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_rendering
+from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer
 from fbid_gym.envs.vector_env import checked_seed, spaces
 from fbid_gym.errors import FbidError
 
@@ -18,12 +18,78 @@ from fbid_gym.errors import FbidError
 class RobotEnv(gym.Env):
     """One robot with one task, driven through one action layer.
 
-    What it is about stands with the task: see `BalanceEnv`, `TrackingEnv` and `WalkingEnv`. The
-    arguments are those of `EnvConfig`.
+    The page of an environment, with all its tables: `python -m fbid_gym.envs ID`, such as
+    fbid_gym/BipedWalk-v0. What follows the attributes holds for all of them.
 
     Attributes:
         observation_names: what each entry of an observation is, with its unit.
         action_names: what each entry of an action commands, with its scale and unit.
+
+    ## Description
+    How a policy's action becomes joint torques is the choice of an *action layer*; everything else
+    (robot, task, observation, reward, limits, seeds) is the same for all layers, so that what
+    differs between two policies trained through two layers is the layer.
+
+    The *support frame* is the level frame of the feet: its origin is the mean of the contact
+    points, z points up, and x is the heading for which the contact points, seen from above, lie
+    nearest to where they are in the home stance. Nothing depends on where on the ground the robot
+    stands or which way it faces.
+
+    ## Action Space
+    A `Box(-1, 1, (A,), float32)`, held for one policy step. In every layer the zero action follows
+    what the task asks for (the home stance, a motion, a gait) as well as this layer can, and
+    torques are cut off at the same limits. `env.unwrapped.action_names` names each entry with its
+    scale and unit.
+
+    ## Observation Space
+    A `Box` of float32, the same for every layer. Values are clipped to their ranges.
+    `env.unwrapped.observation_names` names each entry, `env.unwrapped.batch.observation_columns`
+    says where each group of them is ("command", "base", "up", ...). "From home" is the difference
+    to the home stance. The last torque is that of the last control tick, the normal force that of
+    the last physics step. Slide joints have m where hinges have rad.
+
+    ## Rewards
+    The reward of a step is the sum of its terms, each between 0 and its weight; the weights sum to
+    1, so a return is at most the number of steps. The bell of an error is exp(-(error / scale)^2).
+    H is the robot's size (height of hips or centre of mass above the feet, the higher), h the
+    height of its centre of mass at home, g gravity. `reward_weights={"torque": 0.0}` and
+    `reward_scales={"upright": 0.1}` change weights and, in the units of the table, scales; what
+    they do not name stays.
+
+    A point is on the ground while it carries more than 1 % of the weight. Torques are those of all
+    control ticks of the step, everything else is taken at its end. The last step of an episode that
+    ends by a fall is rewarded as any other; that of a diverged robot gets 0.
+
+    ## Starting State
+    Facing anywhere; each joint is moved by up to `joint_noise` (and stays in its range), each entry
+    of the velocity by up to `velocity_noise`, all uniformly distributed. The base is raised so that
+    the lowest contact point touches the ground. With the state come the pushes and the commands of
+    the whole episode.
+
+    A push is a horizontal force on the base's centre of mass, in a uniformly random direction, of a
+    size uniform in `push_force`, constant for `push_duration`. As it begins, the base's velocity
+    jumps the same way by as large a share of `push_velocity`. The time from one push to the next
+    (and from the start to the first) is uniform in `push_interval`.
+
+    ## Episode End
+    Termination by a *fall*, the base lower than 0.6 H above the contact points or tilted by more
+    than 60 degrees; or *diverged*, the simulation unstable (a velocity above 500 m/s or rad/s, or
+    not finite): then the last observation is that of the step before. Truncation after
+    `episode_seconds`, inside the environment: no `TimeLimit` wrapper is needed.
+
+    ## Arguments
+    Those of `EnvConfig` and of the task; docs/arguments.md, or `python -m fbid_gym.envs`, has also
+    those of layers and what `randomisation` and `render_options` take. `render_mode` is "rgb_array"
+    or "human", an arrow is a push. `gym.make_vec` adds `num_envs`, `num_threads` and
+    `autoreset_mode`, see `RobotVectorEnv`; environment i of a batch with seed s is this environment
+    with seed s + i, to the bit. `FbidError` is raised for an argument or an action that is not
+    valid, naming the value and the choices; a bad action steps nothing.
+
+    ## Info
+    `reset` returns an empty dictionary.
+
+    ## Version History
+    * v0: Initial version.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
@@ -37,7 +103,8 @@ class RobotEnv(gym.Env):
         **arguments: Any,
     ) -> None:
         """Build the environment."""
-        self.drawn_over = check_rendering(render_mode, render_options)
+        self._renderer = RobotRenderer(render_mode, render_options)
+        self.drawn_over = self._renderer.shown
         self.config = EnvConfig.of({"robot": robot} | arguments)
         self.batch = EnvBatch(self.config, 1)
         self.metadata = self.metadata | {"render_fps": self.config.rates().policy}
@@ -45,7 +112,6 @@ class RobotEnv(gym.Env):
         self.observation_names = self.batch.observation_names
         self.action_names = self.batch.action_names
         self.render_mode = render_mode
-        self._renderer: RobotRenderer | None = None
         self._only = np.zeros(1, int)
         self._begun, self._closed = False, False
 
@@ -100,17 +166,13 @@ class RobotEnv(gym.Env):
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
         self._check_open()
-        if self._renderer is None:
-            self._renderer = RobotRenderer(self.batch, self.render_mode, self.drawn_over)
-        return self._renderer.render(self.batch, 0)
+        return self._renderer.render(self.batch, 0, self.render_mode)
 
     def close(self) -> None:
         """Close the window and give back the memory; nothing steps any more."""
         self._closed = True
         vars(self).pop("batch", None)
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        self._renderer.close()
 
     def _check_open(self) -> None:
         if self._closed:

@@ -11,7 +11,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from fbid_gym.envs.chunks import Chunks, checked_array
 from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_rendering
+from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer
 from fbid_gym.envs.vector_env import checked_seed, spaces
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice
@@ -44,7 +44,7 @@ class SB3VecEnv(VecEnv):
         render_options: dict[str, Any] | None = None,
     ) -> None:
         """Build the environments; see `make_sb3`."""
-        self._shown = check_rendering(render_mode, render_options)
+        self._renderer = RobotRenderer(render_mode, render_options)
         self.chunks = Chunks(config, num_envs, num_threads)
         self.render_mode, num_envs = render_mode, self.chunks.num_envs
         self.metadata: dict[str, Any] = {
@@ -65,7 +65,6 @@ class SB3VecEnv(VecEnv):
         self._limits = self._first.copy()
         self._started = time.monotonic()
         self._actions: np.ndarray | None = None
-        self._renderer: RobotRenderer | None = None
 
     def reset(self) -> np.ndarray:
         """Start new episodes everywhere: (N, O) float32."""
@@ -123,8 +122,10 @@ class SB3VecEnv(VecEnv):
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return the exact state of all environments as named arrays."""
-        own = {"returns": self._returns, "lengths": self._lengths, "limits": self._limits}
-        return self.chunks.state_dict() | {name: value.copy() for name, value in own.items()}
+        return self.chunks.state_dict() | {name: v.copy() for name, v in self._own().items()}
+
+    def _own(self) -> dict[str, np.ndarray]:
+        return {"returns": self._returns, "lengths": self._lengths, "limits": self._limits}
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` of as many environments of the same kind.
@@ -132,34 +133,23 @@ class SB3VecEnv(VecEnv):
         Raises:
             FbidError: the state is of other environments. Nothing was loaded.
         """
-        own: dict[str, np.ndarray] = {
-            "returns": self._returns,
-            "lengths": self._lengths,
-            "limits": self._limits,
-        }
+        own = self._own()
         if isinstance(state, Mapping):
             own = {name: checked_array(name, value, state) for name, value in own.items()}
         self.chunks.load_state_dict(state)
-        self._returns, self._lengths = own["returns"].copy(), own["lengths"].copy()
-        self._limits = own["limits"].copy()
+        self._returns, self._lengths, self._limits = (value.copy() for value in own.values())
         self._seeded = True
         self._reset_seeds()
 
     def close(self) -> None:
         """Stop the threads, close the windows."""
         self.chunks.close()
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        self._renderer.close()
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """Draw every environment: (H, W, 3) uint8 each."""
         self.chunks.check_open()
-        batches = self.chunks.batches
-        if self._renderer is None:
-            self._renderer = RobotRenderer(batches[0], "rgb_array", self._shown)
-        draw = self._renderer.render
-        return [draw(batch, env) for batch in batches for env in range(batch.num_envs)]
+        return self._renderer.frames(self.chunks.batches, "rgb_array")
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Return an attribute; all environments share it."""

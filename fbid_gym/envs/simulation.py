@@ -1,8 +1,6 @@
 """The physics of N robots: MuJoCo's batch, seen through the robot's joints and feet."""
 
 import copy
-from collections.abc import Callable
-from functools import partial
 
 import mujoco
 import mujoco.batch
@@ -87,9 +85,6 @@ class Simulation:
             gear=robot.gear,
             torque_limit=robot.torque_limit,
         )
-        self._write_controls = partial(write_controls, self._wiring)
-        judged = self._wiring, _DIVERGENCE, robot.nv, MAX_SPEED
-        self._find_diverged = partial(find_diverged, *judged)
         self._sensors = sensors[:, columns].reshape(num_robots, robot.num_points, 3)
         self.contact_force = np.zeros(self._sensors.shape)
         self._live = LiveTerms(robot, self.batch)
@@ -152,35 +147,23 @@ class Simulation:
         if torque.shape != self._shape:
             torque = np.broadcast_to(torque, self._shape)
         torque = np.ascontiguousarray(torque, dtype=float)
-        self._write_controls(torque)
+        write_controls(self._wiring, torque)
         self._advance(ids)
         self.contact_force[:] = self._sensors
 
-    def ticking(
-        self, effort: Effort, state: RobotState
-    ) -> Callable[[np.ndarray, np.ndarray], None]:
-        """Return what pushes all robots and advances them one control tick: `push` and `step`.
+    def tick(self, torque: np.ndarray, push: np.ndarray, effort: Effort, state: RobotState) -> None:
+        """Push all robots and advance them one control tick, as `push` and `step` do.
 
         Args:
-            effort: of the motors; added to at each tick.
+            torque: (N, n) N·m; limited here. A robot whose torques are no numbers gets none.
+            push: (N, 3) N on the bases.
+            effort: of the motors; added to.
             state: of all robots, in arrays of its own but for `contact_force`, which is the
-                simulation's; updated at each tick.
-
-        Returns:
-            A function of torques (N, n) N·m, which are limited there (a robot whose torques are no
-            numbers gets none), and of forces (N, 3) N on the bases, see `push`.
+                simulation's; updated.
         """
-        write, look = (
-            partial(drive, self._wiring, effort),
-            partial(read, self._wiring, effort, state),
-        )
-
-        def tick(torque: np.ndarray, push: np.ndarray) -> None:
-            write(torque, push)
-            self._advance(None)
-            look()
-
-        return tick
+        drive(self._wiring, effort, torque, push)
+        self._advance(None)
+        read(self._wiring, effort, state)
 
     def _advance(self, ids: np.ndarray | None) -> None:
         self.batch.step(ids, nstep=self._substeps, stage=_VELOCITY)
@@ -197,7 +180,7 @@ class Simulation:
         MuJoCo restarts a simulation whose state is no longer finite; one that merely moves
         absurdly fast is about to get there.
         """
-        return self._find_diverged()
+        return find_diverged(self._wiring, _DIVERGENCE, self.robot.nv, MAX_SPEED)
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return copies of all that the future depends on."""

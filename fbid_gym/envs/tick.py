@@ -13,21 +13,13 @@ from fbid_gym.quantities import RobotState
 
 
 class Effort(NamedTuple):
-    """What the motors of N robots did during a policy step; n joints.
+    """What the motors of N robots did during a policy step; n joints."""
 
-    Attributes:
-        torque: (N, n) N·m, on the last control tick.
-        saturation: (N,) share of the joints at their limit, then.
-        torque_square: (N,) (N·m)^2, sum of torque^2 over joints and ticks.
-        lost: (N,) bool, robots whose torques were no numbers on some tick.
-        power: (N,) W, sum of |torque * velocity| over joints and ticks.
-    """
-
-    torque: np.ndarray
-    saturation: np.ndarray
-    torque_square: np.ndarray
-    lost: np.ndarray
-    power: np.ndarray
+    torque: np.ndarray  # (N, n) N·m, on the last control tick
+    saturation: np.ndarray  # (N,) share of the joints at their limit, then
+    torque_square: np.ndarray  # (N,) (N·m)^2, sum of torque^2 over joints and ticks
+    lost: np.ndarray  # (N,) bool, robots whose torques were no numbers on some tick
+    power: np.ndarray  # (N,) W, sum of |torque * velocity| over joints and ticks
 
     @classmethod
     def none(cls, num_robots: int, num_joints: int) -> "Effort":
@@ -42,31 +34,18 @@ class Effort(NamedTuple):
 
 
 class Wiring(NamedTuple):
-    """Where a robot's quantities lie in the batch.
+    """Where a robot's quantities lie in the batch."""
 
-    Attributes:
-        rows: (N, S) of the batch, live.
-        sensors: (N, R) of the batch, live.
-        warning: (N, W, 2) of the batch, live; the count of each kind comes second.
-        position: first column of qpos in the rows.
-        velocity: first column of qvel.
-        push: first of the three columns of the force on the base.
-        controls: (n,) column of each joint's control.
-        contact: first column of the contact forces among the sensors.
-        gear: (n,) torque per unit of control.
-        torque_limit: (n,) N·m.
-    """
-
-    rows: np.ndarray
-    sensors: np.ndarray
-    warning: np.ndarray
-    position: int
-    velocity: int
-    push: int
-    controls: np.ndarray
-    contact: int
-    gear: np.ndarray
-    torque_limit: np.ndarray
+    rows: np.ndarray  # (N, S) of the batch, live
+    sensors: np.ndarray  # (N, R) of the batch, live
+    warning: np.ndarray  # (N, W, 2) of the batch, live; the count of each kind comes second
+    position: int  # first column of qpos in the rows
+    velocity: int  # first column of qvel
+    push: int  # first of the three columns of the force on the base
+    controls: np.ndarray  # (n,) column of each joint's control
+    contact: int  # first column of the contact forces among the sensors
+    gear: np.ndarray  # (n,) torque per unit of control
+    torque_limit: np.ndarray  # (n,) N·m
 
 
 @kernel

@@ -13,7 +13,7 @@ from fbid_gym.checks import by_name, count, real_numbers
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer, check_rendering
+from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
 
 
@@ -49,7 +49,7 @@ class RobotVectorEnv(VectorEnv):
         **arguments: Any,
     ) -> None:
         """Build the environments."""
-        self._shown = check_rendering(render_mode, render_options)
+        self._renderer = RobotRenderer(render_mode, render_options)
         self.config = EnvConfig.of({"robot": robot} | arguments)
         self.chunks = Chunks(self.config, num_envs, num_threads)
         first = self.chunks.batches[0]
@@ -64,7 +64,6 @@ class RobotVectorEnv(VectorEnv):
             "render_fps": self.config.rates().policy,
             "autoreset_mode": _autoreset_mode(autoreset_mode),
         }
-        self._renderer: RobotRenderer | None = None
         self._seeded = False
         self._done = np.ones(num_envs, bool)
 
@@ -151,19 +150,13 @@ class RobotVectorEnv(VectorEnv):
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
         self.chunks.check_open()
-        batches = self.chunks.batches
-        if self._renderer is None:
-            self._renderer = RobotRenderer(batches[0], self.render_mode, self._shown)
-        draw = self._renderer.render
-        frames = [draw(batch, env) for batch in batches for env in range(batch.num_envs)]
+        frames = self._renderer.frames(self.chunks.batches, self.render_mode)
         return tuple(frame for frame in frames if frame is not None) or None
 
     def close_extras(self, **kwargs: Any) -> None:
         """Stop the threads, close the windows."""
         self.chunks.close()
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        self._renderer.close()
 
 
 def spaces(batch: EnvBatch) -> tuple[gym.spaces.Box, gym.spaces.Box]:

@@ -7,17 +7,11 @@ import numpy as np
 
 
 class Curve(NamedTuple):
-    """A quantity at T instants with its first two time derivatives.
+    """A quantity at T instants with its first two time derivatives."""
 
-    Attributes:
-        value: (T,) or (T, ...).
-        rate: the same, per s.
-        acceleration: the same, per s^2.
-    """
-
-    value: np.ndarray
-    rate: np.ndarray
-    acceleration: np.ndarray
+    value: np.ndarray  # (T,) or (T, ...)
+    rate: np.ndarray  # the same, per s
+    acceleration: np.ndarray  # the same, per s^2
 
     def plus(self, *others: "Curve") -> "Curve":
         """Return the sum."""

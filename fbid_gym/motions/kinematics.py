@@ -29,17 +29,11 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 class States(NamedTuple):
-    """T states of one robot along a motion.
+    """T states of one robot along a motion."""
 
-    Attributes:
-        qpos: (T, nq).
-        qvel: (T, nv).
-        qacc: (T, nv).
-    """
-
-    qpos: np.ndarray
-    qvel: np.ndarray
-    qacc: np.ndarray
+    qpos: np.ndarray  # (T, nq)
+    qvel: np.ndarray  # (T, nv)
+    qacc: np.ndarray  # (T, nv)
 
 
 class Chunked:

@@ -21,17 +21,11 @@ _OVER = 1e-9  # m
 
 
 class Lean(NamedTuple):
-    """How far the shanks lean back from where they are at home: a plane over knee and pitch.
+    """How far the shanks lean back from where they are at home: a plane over knee and pitch."""
 
-    Attributes:
-        offset: rad.
-        per_knee: rad for each rad that the knees are bent.
-        per_pitch: rad for each rad that the trunk pitches forward.
-    """
-
-    offset: float
-    per_knee: float
-    per_pitch: float
+    offset: float  # rad
+    per_knee: float  # rad for each rad that the knees are bent
+    per_pitch: float  # rad for each rad that the trunk pitches forward
 
 
 @once_for_robot

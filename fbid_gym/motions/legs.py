@@ -14,27 +14,19 @@ _PITCHES = 0.94  # cosine of 20 degrees: how nearly an axis points to the side
 
 
 class Legs(NamedTuple):
-    """The joints of two legs that bend in the sagittal plane; the first leg is the left one.
+    """The joints of two legs that bend in the sagittal plane; the first leg is the left one."""
 
-    Attributes:
-        foot: (2,) int, the foot of each leg.
-        joints: (2, 6) int, of each leg, from the base to the foot: those that place its sole.
-        pitch: (2, 3) int, hip, knee and ankle of each: those that turn about the axis to the side.
-        sign: (2, 3), +1 where a joint's angle grows as what it carries pitches forward, else -1.
-        home: (2, 3) rad, their angles at home.
-        bend: rad, how far the knees are bent at home; 0 is a straight leg.
-        forward: +1 where the knees point ahead, as a human's, -1 where they point back.
-        range: (2, 2, 3) rad, least and largest angles.
-    """
-
-    foot: np.ndarray
+    foot: np.ndarray  # (2,) int, the foot of each leg
+    # (2, 6) int, of each leg, from the base to the foot: those that place its sole.
     joints: np.ndarray
+    # (2, 3) int, hip, knee and ankle of each: those that turn about the axis to the side.
     pitch: np.ndarray
+    # (2, 3), +1 where a joint's angle grows as what it carries pitches forward, else -1.
     sign: np.ndarray
-    home: np.ndarray
-    bend: float
-    forward: float
-    range: np.ndarray
+    home: np.ndarray  # (2, 3) rad, their angles at home
+    bend: float  # rad, how far the knees are bent at home; 0 is a straight leg
+    forward: float  # +1 where the knees point ahead, as a human's, -1 where they point back
+    range: np.ndarray  # (2, 2, 3) rad, least and largest angles
 
 
 def legs_of(robot: Robot) -> Legs:

@@ -209,25 +209,16 @@ def _check_rates(motion: MotionTable) -> None:
     if not motion.periodic:
         following = following.copy()
         following[0] = False
-    step = 1.0 / motion.hz
-    for name, values, rates, most in (
-        (
-            "qvel",
-            motion.rows.qpos[:, 7:],
-            motion.rows.qvel[:, 6:],
-            np.abs(motion.rows.qvel[:, 6:]).max(),
-        ),
-        (
-            "qacc",
-            motion.rows.qvel[:, 6:],
-            motion.rows.qacc[:, 6:],
-            np.abs(motion.rows.qacc[:, 6:]).max(),
-        ),
+    step, rows = 1.0 / motion.hz, motion.rows
+    velocity, acceleration = rows.qvel[:, 6:], rows.qacc[:, 6:]
+    for name, values, rates in (
+        ("qvel", rows.qpos[:, 7:], velocity),
+        ("qacc", velocity, acceleration),
     ):
         # The trapezoidal rule, from the row before.
         made = step * 0.5 * (rates + np.roll(rates, 1, axis=0))
         error = np.abs(values - np.roll(values, 1, axis=0) - made)[following]
-        if error.size and error.max() > _RATE_TOLERANCE * step * most + 1e-12:
+        if error.size and error.max() > _RATE_TOLERANCE * step * np.abs(rates).max() + 1e-12:
             row, joint = np.unravel_index(error.argmax(), error.shape)
             tick = int(np.flatnonzero(following)[row])
             raise InvalidValueError(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fbid_gym.errors import PolicyFileError
+from fbid_gym.policy.policy_file import typed
 from fbid_gym.reading import read_object
 
 FORMAT = 1
@@ -90,7 +91,7 @@ class Card:
         for item in fields(cls):
             usual = None if item.default is MISSING else item.default
             value = data.get(item.name, usual)
-            values[item.name] = _typed(value, _KINDS[item.type], item.name, file)
+            values[item.name] = typed(value, _KINDS[item.type], item.name, file)
         metrics = values["metrics"].items()
         return cls(**{**values, "metrics": {name: _measured(x, name, file) for name, x in metrics}})
 
@@ -123,15 +124,6 @@ _KINDS: Mapping[Any, tuple[type, ...]] = {
 }
 
 
-def _typed(value: Any, kinds: tuple[type, ...], name: str, file: Path) -> Any:
-    # bool is an int to Python, but no number here may be one
-    if not isinstance(value, kinds) or isinstance(value, bool):
-        raise PolicyFileError(
-            f"{file}: {name} is {value!r}. Expected a value of type {kinds[-1].__name__}."
-        )
-    return value
-
-
 def _measured(value: Any, name: str, file: Path) -> Measured:
     if not isinstance(value, dict) or value.keys() != set(Measured._fields):
         expected = ", ".join(Measured._fields)
@@ -139,7 +131,7 @@ def _measured(value: Any, name: str, file: Path) -> Measured:
     kinds = {"unit": (str,)}
     return Measured(
         **{
-            key: _typed(each, kinds.get(key, (int, float)), f"{key} of {name!r}", file)
+            key: typed(each, kinds.get(key, (int, float)), f"{key} of {name!r}", file)
             for key, each in value.items()
         }
     )

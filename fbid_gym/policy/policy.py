@@ -25,7 +25,7 @@ from fbid_gym.errors import (
     UnknownOptionError,
 )
 from fbid_gym.options import Choice
-from fbid_gym.policy.policy_file import FORMAT, NAME, Sizes, policy_folder
+from fbid_gym.policy.policy_file import FORMAT, NAME, check_tensors, policy_folder, read_policy
 from fbid_gym.policy.shipping import place_of
 
 
@@ -227,25 +227,16 @@ class Policy:
             UnknownOptionError: no policy of that name is shipped.
         """
         bundle = load_bundle(policy_folder(place_of(path)), NAME, PolicyFileError)
-        sizes = Sizes.read(bundle.data, bundle.data_file)
-        sizes.check(bundle.tensors, bundle.tensor_file)
-        tensors = bundle.tensors
-        layers = range(len(sizes.widths) - 1)
+        said, widths = read_policy(bundle.data, bundle.data_file)
+        check_tensors(widths, bundle.tensors, bundle.tensor_file)
+        tensors, layers = bundle.tensors, range(len(widths) - 1)
         try:
             policy = cls(
-                env_id=sizes.env_id,
-                env_args=sizes.env_args,
+                **said,
                 mean=tensors["normalisation.mean"],
                 variance=tensors["normalisation.variance"],
                 weights=tuple(tensors[f"layers.{k}.weight"] for k in layers),
                 biases=tuple(tensors[f"layers.{k}.bias"] for k in layers),
-                activation=sizes.activation,
-                output=sizes.output,
-                clip=sizes.clip,
-                epsilon=sizes.epsilon,
-                algorithm=sizes.algorithm,
-                trained_steps=sizes.trained_steps,
-                versions=sizes.versions,
                 source=str(bundle.data_file.parent),
             )
         except FbidError as reason:

@@ -18,17 +18,11 @@ _MIDDLE = 0.5001
 
 
 class Cell(NamedTuple):
-    """A box about one contact point, where its contacts lie; body frame.
+    """A box about one contact point, where its contacts lie; body frame."""
 
-    Attributes:
-        centre: (3,) m.
-        half_size: (3,) m.
-        axes: (3, 3) columns along its edges.
-    """
-
-    centre: np.ndarray
-    half_size: np.ndarray
-    axes: np.ndarray
+    centre: np.ndarray  # (3,) m
+    half_size: np.ndarray  # (3,) m
+    axes: np.ndarray  # (3, 3) columns along its edges
 
 
 def add_contact_sensors(

@@ -1,12 +1,29 @@
-"""Shapes that MuJoCo's renderer draws beside a model, added to a scene; a full scene gets none."""
+"""MuJoCo's renderer, and shapes that it draws beside a model: a full scene gets none of them."""
 
 import mujoco
 import numpy as np
+
+from fbid_gym.errors import FbidError
 
 _GEOM = mujoco.mjtGeom
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue, opacity, each from 0 to 1."""
+
+
+def offscreen(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
+    """Return a renderer of pictures of this size in pixels.
+
+    Raises:
+        FbidError: nothing to draw with.
+    """
+    try:
+        return mujoco.Renderer(model, height=height, width=width)
+    except Exception as error:  # the GL back ends raise types of their own
+        raise FbidError(
+            f"Cannot render without a display: {error}. "
+            "Set MUJOCO_GL to 'egl' or 'osmesa' and install its library."
+        ) from error
 
 
 def add_ball(scene: mujoco.MjvScene, place: np.ndarray, radius: float, colour: Colour) -> None:

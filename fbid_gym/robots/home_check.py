@@ -15,6 +15,7 @@ from fbid_gym.robots.feet import Foot, is_point
 from fbid_gym.robots.ground import heights_below
 from fbid_gym.robots.mjcf import (
     can_touch,
+    hinges_above,
     listed,
     moving_joints,
     object_name,
@@ -49,21 +50,13 @@ _LOCKED = 1e4
 
 
 class _Home(NamedTuple):
-    """A robot at home.
+    """A robot at home."""
 
-    Attributes:
-        model: of the robot.
-        data: forward dynamics of the home pose.
-        feet: of the robot.
-        points: (P, 3) m, world, where the contact points touch.
-        height: m, of the centre of mass above the lowest of them.
-    """
-
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    feet: Sequence[Foot]
-    points: np.ndarray
-    height: float
+    model: mujoco.MjModel  # of the robot
+    data: mujoco.MjData  # forward dynamics of the home pose
+    feet: Sequence[Foot]  # of the robot
+    points: np.ndarray  # (P, 3) m, world, where the contact points touch
+    height: float  # m, of the centre of mass above the lowest of them
 
 
 def findings(
@@ -230,17 +223,9 @@ def _needed_stiffness(home: _Home) -> np.ndarray:
     model = home.model
     weight = weight_of(model) / len(home.feet)
     needed = np.zeros(model.nv - 6)
-    for foot in home.feet:
-        body = foot.body
-        while body != model.jnt_bodyid[0]:
-            first = int(model.body_jntadr[body])
-            for joint in range(first, first + int(model.body_jntnum[body])):
-                if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
-                    lever = home.data.subtree_com[model.jnt_bodyid[0]][2]
-                    lever -= home.data.xanchor[joint][2]
-                    dof = int(model.jnt_dofadr[joint]) - 6
-                    needed[dof] = weight * max(float(lever), 0.0)
-            body = int(model.body_parentid[body])
+    for joint in {joint for foot in home.feet for joint in hinges_above(model, foot.body)}:
+        lever = home.data.subtree_com[model.jnt_bodyid[0]][2] - home.data.xanchor[joint][2]
+        needed[int(model.jnt_dofadr[joint]) - 6] = weight * max(float(lever), 0.0)
     return needed
 
 

@@ -28,6 +28,11 @@ def object_name(model: mujoco.MjModel, kind: int, index: int) -> str:
     return mujoco.mj_id2name(model, kind, index) or f"#{index}"
 
 
+def object_names(model: mujoco.MjModel, kind: int, indices: Iterable[int]) -> list[str]:
+    """Names of model elements, see `object_name`."""
+    return [object_name(model, kind, int(index)) for index in indices]
+
+
 def listed(names: Iterable[str]) -> str:
     """Names as they appear in messages."""
     return ", ".join(names) or "(none)"
@@ -108,6 +113,16 @@ def name_joints(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[str, ...]:
     return tuple(joints[j].name for j in moving_joints(model))
 
 
+def hinges_above(model: mujoco.MjModel, body: int) -> list[int]:
+    """Ids of the hinges between the base and a body, from the base on."""
+    chain: list[int] = []
+    while body > 0 and model.jnt_bodyid[0] != body:
+        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        chain[:0] = range(first, first + count)
+        body = int(model.body_parentid[body])
+    return [j for j in chain if model.jnt_type[j] == _JOINT.mjJNT_HINGE]
+
+
 def posed(model: mujoco.MjModel, qpos: np.ndarray) -> mujoco.MjData:
     """Return the kinematics of a pose (nq,), centres of mass among them."""
     data = mujoco.MjData(model)
@@ -143,16 +158,13 @@ def check_tree(model: mujoco.MjModel) -> int:
     """
     free = free_joints(model)
     if not free:
-        top_level = [
-            object_name(model, _OBJ.mjOBJ_BODY, b)
-            for b in range(1, model.nbody)
-            if model.body_parentid[b] == 0
-        ]
+        inside = np.flatnonzero(model.body_parentid[1:] == 0) + 1
+        top_level = object_names(model, _OBJ.mjOBJ_BODY, inside)
         raise RobotError(
             "The robot has no free joint, so its base does not float. Add one to the base body, or "
             f"pass base= one of the top-level bodies: {listed(top_level)}."
         )
-    bases = [object_name(model, _OBJ.mjOBJ_BODY, int(model.jnt_bodyid[j])) for j in free]
+    bases = object_names(model, _OBJ.mjOBJ_BODY, model.jnt_bodyid[free])
     if len(free) > 1:
         raise RobotError(
             f"The file has {len(free)} free joints, on bodies {listed(bases)}. "
@@ -161,24 +173,21 @@ def check_tree(model: mujoco.MjModel) -> int:
     base = int(model.jnt_bodyid[free[0]])
     ball = np.flatnonzero(model.jnt_type == _JOINT.mjJNT_BALL)
     if ball.size:
-        names = [object_name(model, _OBJ.mjOBJ_JOINT, int(j)) for j in ball]
+        names = object_names(model, _OBJ.mjOBJ_JOINT, ball)
         raise RobotError(
             f"Ball joints are not supported: {listed(names)}. Expected hinges and slides only "
             "(three hinges on one body make a ball)."
         )
-    outside = [
-        object_name(model, _OBJ.mjOBJ_JOINT, j)
-        for j in range(model.njnt)
-        if model.body_rootid[model.jnt_bodyid[j]] != base
-    ]
-    if outside:
+    outside = np.flatnonzero(model.body_rootid[model.jnt_bodyid] != base)
+    if outside.size:
+        names = object_names(model, _OBJ.mjOBJ_JOINT, outside)
         raise RobotError(
-            f"Joints {listed(outside)} do not belong to the floating tree of {bases[0]!r}. "
+            f"Joints {listed(names)} do not belong to the floating tree of {bases[0]!r}. "
             "Expected one robot and a static world."
         )
     tied = np.flatnonzero(model.eq_active0)
     if tied.size:
-        names = [object_name(model, _OBJ.mjOBJ_EQUALITY, int(i)) for i in tied]
+        names = object_names(model, _OBJ.mjOBJ_EQUALITY, tied)
         raise RobotError(
             f"Equality constraints are not supported: {listed(names)}. "
             "Expected a tree without closed loops."

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots.mjcf import listed, moving_joints, object_name
+from fbid_gym.robots.mjcf import listed, moving_joints, object_name, object_names
 
 _JOINT = mujoco.mjtJoint
 _OBJ = mujoco.mjtObj
@@ -46,7 +46,7 @@ def motor_of_each_joint(
         )
     for j in joints:
         if len(driven[j]) > 1:
-            names = [object_name(model, _OBJ.mjOBJ_ACTUATOR, a) for a in driven[j]]
+            names = object_names(model, _OBJ.mjOBJ_ACTUATOR, driven[j])
             raise RobotError(
                 f"Joint {object_name(model, _OBJ.mjOBJ_JOINT, j)!r} has {len(names)} actuators: "
                 f"{listed(names)}. Expected one motor per joint."

@@ -8,8 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from fbid_gym.errors import FbidError
-from fbid_gym.robots.geoms import add_ball, add_line
+from fbid_gym.robots.geoms import add_ball, add_line, offscreen
 from fbid_gym.robots.polygon import convex_hull
 from fbid_gym.robots.robot import Robot
 
@@ -46,14 +45,7 @@ def portrait(robot: Robot) -> np.ndarray:
     if not model.nlight:
         model.vis.headlight.ambient, model.vis.headlight.diffuse = [0.6] * 3, [0.8] * 3
     model.vis.global_.offwidth, model.vis.global_.offheight = _WIDTH, _HEIGHT
-    try:
-        renderer = mujoco.Renderer(model, height=_HEIGHT, width=_WIDTH)
-    except Exception as error:  # the GL back ends raise types of their own
-        raise FbidError(
-            f"Cannot draw without a display: {error}. "
-            "Set MUJOCO_GL to 'egl' or 'osmesa' and install its library."
-        ) from error
-    with renderer:
+    with offscreen(model, _HEIGHT, _WIDTH) as renderer:
         renderer.update_scene(data, camera, option)
         thin = 0.004 * reach
         for body in range(robot.base_body + 1, model.nbody):

@@ -8,9 +8,7 @@ import numpy as np
 
 from fbid_gym.errors import RobotError
 from fbid_gym.robots.feet import Foot
-from fbid_gym.robots.mjcf import listed, moving_joints, object_name, posed
-
-_JOINT = mujoco.mjtJoint
+from fbid_gym.robots.mjcf import hinges_above, listed, moving_joints, object_names, posed
 
 _STRETCH = {False: 0.95, True: 0.8}
 """Length of a leg in the pose, of its length when straight: on two feet, and on more."""
@@ -23,17 +21,11 @@ _DIGITS = 7
 
 
 class Leg(NamedTuple):
-    """A leg as a triangle.
+    """A leg as a triangle."""
 
-    Attributes:
-        hip: id of its first joint.
-        knee: id of the joint farthest from both its ends.
-        foot: the foot.
-    """
-
-    hip: int
-    knee: int
-    foot: Foot
+    hip: int  # id of its first joint
+    knee: int  # id of the joint farthest from both its ends
+    foot: Foot  # the foot
 
 
 def standing_pose(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]) -> np.ndarray:
@@ -173,7 +165,7 @@ def _legs(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]) -> lis
         RobotError: no hinge moves a foot and no other.
     """
     data = posed(model, start)
-    chains = [_hinges_above(model, foot.body) for foot in feet]
+    chains = [hinges_above(model, foot.body) for foot in feet]
     legs = []
     for foot, chain in zip(feet, chains, strict=True):
         # Joints of a spine move other feet as well.
@@ -191,27 +183,14 @@ def _legs(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]) -> lis
     return legs
 
 
-def _hinges_above(model: mujoco.MjModel, body: int) -> list[int]:
-    """Hinges between the base and a body, from the base on."""
-    chain: list[int] = []
-    while body > 0 and model.jnt_bodyid[0] != body:
-        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-        chain[:0] = range(first, first + count)
-        body = int(model.body_parentid[body])
-    return [j for j in chain if model.jnt_type[j] == _JOINT.mjJNT_HINGE]
-
-
 def _bounds(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     limited = model.jnt_limited[joints].astype(bool)
     low = np.where(limited, model.jnt_range[joints, 0], -np.inf)
     high = np.where(limited, model.jnt_range[joints, 1], np.inf)
-    locked = [
-        object_name(model, mujoco.mjtObj.mjOBJ_JOINT, j)
-        for j, a, b in zip(joints, low, high, strict=True)
-        if a >= b
-    ]
-    if locked:
+    locked = np.array(joints)[low >= high]
+    if locked.size:
+        names = object_names(model, mujoco.mjtObj.mjOBJ_JOINT, locked)
         raise RobotError(
-            f"No standing pose found: joints {listed(locked)} have no range to move in."
+            f"No standing pose found: joints {listed(names)} have no range to move in."
         )
     return low, high

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots.mjcf import listed, object_name
+from fbid_gym.robots.mjcf import listed, object_name, object_names
 
 _OBJ = mujoco.mjtObj
 
@@ -47,7 +47,7 @@ def _refuse_tendons(model: mujoco.MjModel) -> None:
         if any(np.any(getattr(model, f"tendon_{name}")[tendon]) for name in _ACTING)
     ]
     if acting:
-        names = [object_name(model, _OBJ.mjOBJ_TENDON, tendon) for tendon in acting]
+        names = object_names(model, _OBJ.mjOBJ_TENDON, acting)
         raise RobotError(
             f"Tendons that act are not supported: {listed(names)}. Expected none with stiffness, "
             "damping, frictionloss, armature or a range; joints may have springs and dampers."
@@ -57,7 +57,7 @@ def _refuse_tendons(model: mujoco.MjModel) -> None:
 def _refuse_compensation(model: mujoco.MjModel) -> None:
     bodies = np.flatnonzero(model.body_gravcomp)
     if bodies.size:
-        names = [object_name(model, _OBJ.mjOBJ_BODY, int(body)) for body in bodies]
+        names = object_names(model, _OBJ.mjOBJ_BODY, bodies)
         raise RobotError(
             f"Compensated gravity is not supported: gravcomp of the bodies {listed(names)}. "
             "Expected bodies that weigh what their mass says."
@@ -95,7 +95,7 @@ def _refuse_pairs(model: mujoco.MjModel) -> None:
         if static[0] != static[1]:
             ground, geom = (pair[static.index(kind)] for kind in (True, False))
             body = object_name(model, _OBJ.mjOBJ_BODY, int(model.geom_bodyid[geom]))
-            names = [object_name(model, _OBJ.mjOBJ_GEOM, int(each)) for each in (geom, ground)]
+            names = object_names(model, _OBJ.mjOBJ_GEOM, (geom, ground))
             raise RobotError(
                 f"Geom {names[0]!r} of body {body!r} touches the ground ({names[1]!r}) by a "
                 "<pair>. Expected feet that touch by contype and conaffinity, as every terrain "

@@ -1,4 +1,14 @@
-"""Balance: stand on all feet, follow a commanded base height, survive random pushes."""
+"""Task `balance`: stand on all feet, follow a commanded base height, survive random pushes.
+
+## Description
+The robot stands on all its feet. It shall keep its base above them, upright and at a commanded
+height, while random horizontal forces push the base. Height and distance count in the support
+frame.
+
+## Starting State
+The home stance. A commanded height is constant for a time uniform in `height_interval`; each value
+is uniform in `height_range` times H.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, NamedTuple
@@ -29,22 +39,22 @@ class BalanceMeasures(NamedTuple):
 
 
 def height(measured: BalanceMeasures, width: float) -> np.ndarray:
-    """Base at the commanded height."""
+    """Bell of the base's height less the commanded one."""
     return bell(measured.height_error, width * measured.units.length)
 
 
 def position(measured: BalanceMeasures, width: float) -> np.ndarray:
-    """Base above its place at home, seen from the feet."""
+    """Bell of the base's horizontal distance from its place at home, seen from the feet."""
     return bell(measured.drift, width * measured.units.length)
 
 
 def stillness(measured: BalanceMeasures, width: float) -> np.ndarray:
-    """Base at rest: its velocity in sqrt(g H), its rate of turning in sqrt(g / H)."""
+    """Bell of the norm of the base's velocity in sqrt(g H) and rate of turning in sqrt(g / H)."""
     return bell(measured.motion, width)
 
 
 def contact(measured: BalanceMeasures, width: float) -> np.ndarray:
-    """All points on the ground, none slips: the scale is that of their mean speed."""
+    """Share of the points on the ground times the bell of their mean speed."""
     posture = measured.outcome.posture
     return posture.grounded * bell(posture.slip, width * measured.units.speed)
 

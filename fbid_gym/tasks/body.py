@@ -1,8 +1,7 @@
 """What every task sees of a robot, and when it takes it for fallen."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -151,16 +150,15 @@ class Body:
 
     def posture(self, state: RobotState, terms: DynamicsTerms) -> Posture:
         """Return how robots stand."""
-        return self._measure(state, terms)
+        return _measure(self._standing, self.stance.geometry, self.stance.heading, state, terms)
 
     @cached_property
-    def _measure(self) -> Callable[[RobotState, DynamicsTerms], Posture]:
-        standing = _Standing(
+    def _standing(self) -> "_Standing":
+        return _Standing(
             touching_force=TOUCHING_LOAD * self.robot.weight,
             above=self.size - self.home_height,
             low=FALLEN_HEIGHT * (self.size - self.lowered),
         )
-        return partial(_measure, standing, self.stance.geometry, self.stance.heading)
 
 
 UP = Group.of(

@@ -49,10 +49,10 @@ def level(cosine: np.ndarray, width: float) -> np.ndarray:
 
 
 def upright(measured: Any, width: float) -> np.ndarray:
-    """Base upright."""
+    """exp(-(1 - cos(tilt of the base)) / (1 - cos(scale)))."""
     return level(measured.outcome.posture.upright, width)
 
 
 def torque(measured: Any, width: float) -> np.ndarray:
-    """Small torques: their root mean square over the joints and the control ticks of the step."""
+    """Bell of the torques' root mean square over the joints and the control ticks of the step."""
     return bell(measured.outcome.torque_rms, width * measured.units.torque)

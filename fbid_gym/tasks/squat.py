@@ -1,10 +1,10 @@
 """Task `squat`: squat and bow on planted feet, [M10] IV.B."""
 
-from functools import lru_cache
 from typing import Annotated
 
 from fbid_gym.motions import squat_bow, squat_depth
 from fbid_gym.options import Number, checked
+from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.tasks.task import Episode
 from fbid_gym.tasks.tracking import Tracking
 
@@ -31,4 +31,4 @@ def squat(
 
 
 # Planning takes seconds, and every chunk of a batch asks for the same.
-_motion = lru_cache(maxsize=8)(squat_bow)
+_motion = once_for_robot(squat_bow)

@@ -1,10 +1,10 @@
 """Task `step`: squat while stepping in place, under pushes, [M10] IV.D."""
 
-from functools import lru_cache
 from typing import Annotated
 
 from fbid_gym.motions import stepping, steps_for
 from fbid_gym.options import Number, checked
+from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.tasks.task import Episode
 from fbid_gym.tasks.tracking import Tracking
 
@@ -34,4 +34,4 @@ def step(
 
 
 # Planning takes seconds, and every chunk of a batch asks for the same.
-_motion = lru_cache(maxsize=8)(stepping)
+_motion = once_for_robot(stepping)

@@ -1,4 +1,13 @@
-"""Tracking: follow a reference motion, at a commanded speed where it has one, despite pushes."""
+"""Tracking: follow a reference motion, at a commanded speed where it has one, despite pushes.
+
+## Description
+A motion says at every control tick where the joints and the base shall be, how fast, with what
+acceleration, and which feet stand ([M10] section IV). The robot shall follow it.
+
+## Starting State
+Anywhere in the motion, all moments equally likely, in the posture and with the velocity that it has
+there. A motion that ends holds its last posture.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -34,27 +43,27 @@ class TrackingMeasures(NamedTuple):
 
 
 def joints(measured: TrackingMeasures, width: float) -> np.ndarray:
-    """Joints where the motion has them."""
+    """Bell of the root mean square of the joints' errors."""
     return bell(measured.joint_error, width)
 
 
 def base(measured: TrackingMeasures, width: float) -> np.ndarray:
-    """Base where the motion has it, seen from the feet."""
+    """Bell of the base's distance from where the motion has it, seen from the feet."""
     return bell(measured.base_error, width * measured.units.length)
 
 
 def upright(measured: TrackingMeasures, width: float) -> np.ndarray:
-    """Base level as in the motion; its heading does not count."""
+    """exp(-(1 - cos(angle between the verticals of base and motion)) / (1 - cos(scale)))."""
     return level(measured.leaning, width)
 
 
 def velocity(measured: TrackingMeasures, width: float) -> np.ndarray:
-    """Base as fast as in the motion."""
+    """Bell of the base's horizontal velocity error."""
     return bell(measured.velocity_error, width * measured.units.speed)
 
 
 def contact(measured: TrackingMeasures, width: float) -> np.ndarray:
-    """Points on the ground as planned, none slips: the scale is that of their mean speed."""
+    """Share of the points on the ground or off it as planned times the bell of their slip."""
     return measured.as_planned * bell(measured.outcome.posture.slip, width * measured.units.speed)
 
 

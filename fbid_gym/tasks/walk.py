@@ -1,4 +1,32 @@
-"""Task `walk`: follow velocity commands on foot, despite pushes."""
+"""Task `walk`: walk as fast, and where, as told, despite pushes.
+
+## Description
+A command says how fast to go ahead and to the left and how fast to turn. An online gait makes of
+clock, command and state, at every control tick, which feet stand, where those in the air go, and
+how the body moves; its numbers are derived from what is measured on the robot's model. Any robot
+with four point feet or with two flat ones walks: `robot="quadruped"`, "g1" or one of the user's.
+
+## Action Space
+The zero action follows the gait; with `layer_options={"reference": "home"}` that of
+`joint_position` holds the home posture, and the action is all there is. After the entries of the
+layer come, with its option `footholds`, two for each foot; with `step_rate` one for the gait's
+frequency.
+
+## Observation Space
+The heading is that of the base, the ground that under the feet that are planned to stand.
+`height_scan=True` adds the height of the ground at 35 places: from 1 h behind to 2 h ahead of the
+base and up to 0.8 h beside it, in the frame of its heading. Then the gait knows the ground as well:
+it sets feet down at its height. Otherwise it takes the ground to be the plane on which its feet
+stood.
+
+## Starting State
+The home stance. A command is uniform in its ranges and holds for a time uniform in
+`command_interval`; one in ten is to stand.
+
+## Episode End
+Where gait and `lowered_range` have a robot lower than it stands at home, the height of a fall is as
+much lower: H is then that of the walk.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

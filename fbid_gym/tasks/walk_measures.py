@@ -85,24 +85,24 @@ class WalkMeasures(NamedTuple):
 
 
 def velocity(measured: WalkMeasures, width: float) -> np.ndarray:
-    """Horizontal velocity as commanded."""
+    """Bell of the base's horizontal velocity error."""
     return bell(measured.motion.velocity_error, width * measured.units.speed)
 
 
 def turning(measured: WalkMeasures, width: float) -> np.ndarray:
-    """Yaw rate as commanded."""
+    """Bell of the base's yaw rate error."""
     return bell(measured.motion.turning_error, width * measured.units.rate)
 
 
 def clock(measured: WalkMeasures, width: float) -> np.ndarray:
-    """Feet on the ground and in the air as the gait has them: the scale is that of their slip."""
+    """Share of the feet on the ground or off it as planned times the bell of the points' slip."""
     return measured.motion.as_planned * bell(
         measured.outcome.posture.slip, width * measured.units.speed
     )
 
 
 def steady(measured: WalkMeasures, width: float) -> np.ndarray:
-    """Base neither rises nor rolls nor pitches: speed in sqrt(g h), rate in sqrt(g / h)."""
+    """Bell of roll and pitch rate in sqrt(g / h) plus vertical speed in sqrt(g h)."""
     return bell(measured.motion.tumble, width)
 
 

@@ -16,7 +16,7 @@ import pytest
 
 import fbid_gym
 from fbid_gym.actions import LAYERS, layer_choices, make_layer
-from fbid_gym.envs.__main__ import page
+from fbid_gym.envs.__main__ import arguments_page
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.overlays import RenderOptions
@@ -291,8 +291,10 @@ def test_without_stable_baselines3_the_extra_is_named(monkeypatch):
 
 def test_the_page_of_arguments_is_what_the_code_says():
     path = Path(__file__).resolve().parents[2] / "docs" / "arguments.md"
-    assert path.read_text(encoding="utf-8") == page(), "python -m fbid_gym.envs > docs/arguments.md"
+    assert path.read_text(encoding="utf-8") == arguments_page(), (
+        "python -m fbid_gym.envs > docs/arguments.md"
+    )
     for mapping in (LAYERS, TASKS):
         assert isinstance(mapping, Mapping)
         for name in mapping:
-            assert f"`{name}`" in page()
+            assert f"`{name}`" in arguments_page()

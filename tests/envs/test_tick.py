@@ -30,12 +30,11 @@ def test_a_tick_is_a_push_and_a_step_under_limited_torques(name, rng):
     ours, theirs = standing(name), standing(name)
     robot, state = ours.robot, state_of(ours)
     effort = Effort.none(COUNT, robot.num_joints)
-    advance = ours.ticking(effort, state)
     square, power = np.zeros(COUNT), np.zeros(COUNT)
     for tick in range(5):
         wanted = 1.5 * rng.normal(size=(COUNT, robot.num_joints)) * robot.torque_limit
         push = rng.normal(size=(COUNT, 3)) * robot.weight
-        advance(wanted, push)
+        ours.tick(wanted, push, effort, state)
 
         torque = np.clip(wanted, -robot.torque_limit, robot.torque_limit)
         theirs.push(push)
@@ -61,21 +60,20 @@ def test_torques_that_are_no_numbers_lose_one_robot(rng):
     ours, theirs = standing("biped"), standing("biped")
     limit, state = ours.robot.torque_limit, state_of(ours)
     effort, nothing = Effort.none(COUNT, len(limit)), np.zeros((COUNT, 3))
-    advance = ours.ticking(effort, state)
     wanted = rng.uniform(-0.1, 0.1, (COUNT, len(limit))) * limit
     broken = wanted.copy()
     broken[1, 3] = np.nan
     broken[2, 5] = np.inf  # only too large
-    advance(broken, nothing)
+    ours.tick(broken, nothing, effort, state)
     wanted[1], wanted[2, 5] = 0.0, limit[5]
     theirs.step(wanted)
     np.testing.assert_array_equal(effort.torque, wanted)
     np.testing.assert_array_equal(state.qpos, theirs.qpos)
     assert effort.lost.tolist() == [False, True, False, False]
-    advance(wanted, nothing)
+    ours.tick(wanted, nothing, effort, state)
     assert effort.lost.tolist() == [False, True, False, False]  # until the step is over
     effort.begin()
-    advance(wanted, nothing)
+    ours.tick(wanted, nothing, effort, state)
     assert not effort.lost.any()
 
 

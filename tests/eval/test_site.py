@@ -8,12 +8,9 @@ from pathlib import Path
 import pytest
 
 from eval.site import environments, layers, pictures, reference
-from eval.site.docstrings import sections
 from eval.site.examples import filled
 from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.terrain_env import TerrainEnv
-from fbid_gym.envs.walking_env import WalkingEnv
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Shipped, shipped
 
@@ -22,38 +19,15 @@ DOCS = ROOT / "docs"
 REMEDY = "what builds the site is not installed: make docs"
 
 
-def test_rows_of_a_docstring_are_joined() -> None:
-    info = sections(WalkingEnv)["Info"]
-    (row,) = (line for line in info.splitlines() if "reward_velocity" in line)
-    assert "`reward_torque`" in row and row.endswith("| The terms of the reward |")
-    (row,) = (line for line in info.splitlines() if "cost_of_transport" in line)
-    assert "a way shorter than h counts as h" in row
-    assert "| `gaps` | raised ground, two gaps 2 h apart |" in re.sub(
-        " +", " ", sections(TerrainEnv)["Description"]
-    )
-
-
-@pytest.mark.parametrize("described", [TerrainEnv, WalkingEnv])
-def test_every_row_has_as_many_cells_as_its_header(described: type) -> None:
-    for text in sections(described).values():
-        for table in re.findall(r"(?:^\|.*\n?)+", text, re.M):
-            assert len({line.count("|") for line in table.splitlines()}) == 1
-
-
 def test_a_page_of_an_environment() -> None:
-    """Every section of its docstring, every layer, every entry, its own defaults."""
+    """What the package says of it, below its title a clip."""
     env_id = "fbid_gym/BipedWalk-v0"
     page = environments._page(env_id, clip=True)
-    assert re.findall("^## (.*)", page, re.M) == list(sections(WalkingEnv))[1:]
+    assert page.startswith("# BipedWalk\n")
     assert page.count("<video ") == 1 and "<video " not in environments._page(env_id, False)
     for layer in LAYERS:
         assert f"(../layers/{layer}.md)" in page
-    assert "`biped`: 55.5 kg, 16 joints, 2 flat feet, 8 contact points" in page
-    assert (
-        "| `episode_seconds` | `20.0` |" in page and "| `forward_range` | `(-0.14, 0.14)` |" in page
-    )
-    assert "next foothold of right, to the left" in page
-    assert "[`BalanceEnv`](BipedBalance.md)" in page
+    assert "\n## Info\n" in page
 
 
 def test_a_page_for_everything() -> None:

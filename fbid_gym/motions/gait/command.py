@@ -10,34 +10,22 @@ from fbid_gym.quantities import DynamicsTerms
 
 
 class Steering(NamedTuple):
-    """What a policy changes of a gait.
+    """What a policy changes of a gait."""
 
-    Attributes:
-        shift: (N, F, 2) m ahead and to the left, by which each next foothold is moved.
-        rate: (N,) positive, cycles of the gait per planned cycle.
-    """
-
-    shift: np.ndarray
-    rate: np.ndarray
+    shift: np.ndarray  # (N, F, 2) m ahead and to the left, by which each next foothold is moved
+    rate: np.ndarray  # (N,) positive, cycles of the gait per planned cycle
 
 
 class GaitCommand(NamedTuple):
-    """Where the robots shall go.
+    """Where the robots shall go."""
 
-    Attributes:
-        velocity: (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand.
-        shift: (N, F, 2) m ahead and to the left that each next foothold is moved by.
-        rate: (N,) cycles per planned cycle, positive; 1 for the planned frequency.
-        ground: (N, F) m, height of the ground at the next foothold of each foot; NaN where it is
-            not known, for that of the plane on which the feet last stood.
-        lowered: (N,) m by which the base shall be lower than the gait has it.
-    """
-
-    velocity: np.ndarray
-    shift: np.ndarray
-    rate: np.ndarray
+    velocity: np.ndarray  # (N, 3) m/s ahead, m/s to the left, rad/s to the left; all zero: stand
+    shift: np.ndarray  # (N, F, 2) m ahead and to the left that each next foothold is moved by
+    rate: np.ndarray  # (N,) cycles per planned cycle, positive; 1 for the planned frequency
+    # (N, F) m, height of the ground at the next foothold of each foot; NaN where it is not known,
+    # for that of the plane on which the feet last stood.
     ground: np.ndarray
-    lowered: np.ndarray
+    lowered: np.ndarray  # (N,) m by which the base shall be lower than the gait has it
 
 
 @compiled

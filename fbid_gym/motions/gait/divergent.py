@@ -16,17 +16,11 @@ from fbid_gym.compiled import compiled
 
 
 class StepTiming(NamedTuple):
-    """How long a step takes.
+    """How long a step takes."""
 
-    Attributes:
-        omega: 1/s, rate at which the pendulum falls.
-        double: s in double support, positive.
-        single: s in single support, positive.
-    """
-
-    omega: float
-    double: float
-    single: float
+    omega: float  # 1/s, rate at which the pendulum falls
+    double: float  # s in double support, positive
+    single: float  # s in single support, positive
 
 
 @compiled

@@ -20,17 +20,11 @@ from fbid_gym.motions.gait.heading import Pair
 
 
 class Leap(NamedTuple):
-    """What a foothold is planned with.
+    """What a foothold is planned with."""
 
-    Attributes:
-        omega: 1/s, rate at which the robot falls.
-        stance: s that the foot will stand.
-        capture: share of an error of velocity that one step takes away.
-    """
-
-    omega: float
-    stance: float
-    capture: float
+    omega: float  # 1/s, rate at which the robot falls
+    stance: float  # s that the foot will stand
+    capture: float  # share of an error of velocity that one step takes away
 
 
 @compiled

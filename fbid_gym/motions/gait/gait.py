@@ -22,22 +22,16 @@ _ASKED = tuple(_PREFIX + name for name in Target._fields)
 
 @dataclass(frozen=True, eq=False)
 class Gait:
-    """How a robot walks: immutable, for any number of robots of one kind.
+    """How a robot walks: immutable, for any number of robots of one kind."""
 
-    Attributes:
-        constants: of the gait, on point feet or on flat ones.
-        tick: s, of the control.
-        remembered: type of what it remembers, a named tuple of arrays.
-        begin: from headings (N,) rad and places of the feet (N, F, 3) m to the memory of robots
-            that stand.
-        walk: the kernel, see `point_feet.walk`.
-    """
-
+    # Of the gait, on point feet or on flat ones.
     constants: point_gait.PointFootGait | flat_gait.FlatFootGait
-    tick: float
+    tick: float  # s, of the control
+    # Type of what it remembers, a named tuple of arrays.
     remembered: type[point_gait.PointGaitMemory] | type[flat_gait.FlatGaitMemory]
+    # From headings (N,) rad and places of the feet (N, F, 3) m to the memory of robots that stand.
     begin: Callable[[np.ndarray, np.ndarray], Any]
-    walk: Callable[..., None]
+    walk: Callable[..., None]  # the kernel, see `point_feet.walk`
 
     @property
     def omega(self) -> float:

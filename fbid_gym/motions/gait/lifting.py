@@ -15,23 +15,14 @@ from fbid_gym.quantities import DynamicsTerms
 
 
 class Step(NamedTuple):
-    """What one foot of one robot does.
+    """What one foot of one robot does."""
 
-    Attributes:
-        robot: which.
-        foot: which.
-        mode: `STANCE`, `SWING` or `REACH`.
-        begins: whether it has only now begun to.
-        span: s that a swing takes.
-        share: of it that has passed.
-    """
-
-    robot: int
-    foot: int
-    mode: int
-    begins: bool
-    span: float
-    share: float
+    robot: int  # which
+    foot: int  # which
+    mode: int  # `STANCE`, `SWING` or `REACH`
+    begins: bool  # whether it has only now begun to
+    span: float  # s that a swing takes
+    share: float  # of it that has passed
 
 
 @compiled

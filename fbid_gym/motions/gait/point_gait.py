@@ -10,83 +10,48 @@ from fbid_gym.motions.gait.touchdown import STANCE
 
 
 class PointFootGait(NamedTuple):
-    """How a robot walks; constants, of which `quadruped_gait` makes those of a robot. F feet.
+    """How a robot walks; constants, of which `quadruped_gait` makes those of a robot. F feet."""
 
-    Attributes:
-        schedule: of the feet.
-        sense: of the ground.
-        omega: 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass).
-        capture: share of an error of velocity that one step takes away.
-        agility: (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the commanded velocity.
-        rest: m/s below which a robot is at rest.
-        astray: m between feet and their places below which a robot may stand still.
-        margin: m, distance of the capture point from the middle of the feet at which a robot that
-            stands has to step.
-        height: m, of the base above the ground below it.
-        bend: m/s with which the base is lowered, or raised again.
-        lift: m that a foot is lifted above the higher end of its step.
-        sink: m/s with which a foot reaches for the ground.
-        touch: N on a foot that count as contact.
-        unload: s in which a foot gives up its load, or takes it.
-        place: (F, 2) m, of each foot from the base, ahead and to the left: as at home, but with the
-            middle of the feet below the centre of mass.
-        hip: (F, 3) m, of each hip from the base at home, ahead, to the left and up.
-        reach: (F,) m, greatest distance of a foothold from its hip.
-        foot_of_point: (P,) int64.
-        home: (nq,) of the robot.
-    """
-
-    schedule: Schedule
-    sense: Sense
-    omega: float
-    capture: float
-    agility: np.ndarray
-    rest: float
-    astray: float
+    schedule: Schedule  # of the feet
+    sense: Sense  # of the ground
+    omega: float  # 1/s, rate at which the robot falls, sqrt(gravity / height of the centre of mass)
+    capture: float  # share of an error of velocity that one step takes away
+    agility: np.ndarray  # (3,) m/s^2, m/s^2 and rad/s^2, greatest rates of the commanded velocity
+    rest: float  # m/s below which a robot is at rest
+    astray: float  # m between feet and their places below which a robot may stand still
+    # m, distance of the capture point from the middle of the feet at which a robot that stands has
+    # to step.
     margin: float
-    height: float
-    bend: float
-    lift: float
-    sink: float
-    touch: float
-    unload: float
+    height: float  # m, of the base above the ground below it
+    bend: float  # m/s with which the base is lowered, or raised again
+    lift: float  # m that a foot is lifted above the higher end of its step
+    sink: float  # m/s with which a foot reaches for the ground
+    touch: float  # N on a foot that count as contact
+    unload: float  # s in which a foot gives up its load, or takes it
+    # (F, 2) m, of each foot from the base, ahead and to the left: as at home, but with the middle
+    # of the feet below the centre of mass.
     place: np.ndarray
-    hip: np.ndarray
-    reach: np.ndarray
-    foot_of_point: np.ndarray
-    home: np.ndarray
+    hip: np.ndarray  # (F, 3) m, of each hip from the base at home, ahead, to the left and up
+    reach: np.ndarray  # (F,) m, greatest distance of a foothold from its hip
+    foot_of_point: np.ndarray  # (P,) int64
+    home: np.ndarray  # (nq,) of the robot
 
 
 class PointGaitMemory(NamedTuple):
-    """What gaits remember from tick to tick, see `standing`.
+    """What gaits remember from tick to tick, see `standing`."""
 
-    Attributes:
-        phase: (N,) of the schedule.
-        walking: (N,) bool, whether feet may lift.
-        settled: (N,) share to which a robot that stands is held over its feet.
-        velocity: (N, 3) m/s, m/s, rad/s: the command as it is followed.
-        heading: (N,) rad, integral of the rate that is followed.
-        touched: (N, F, 3) m, where each foot stands or last stood.
-        moments: (N, 5) m^2, of these places, see `slope.feel_ground`.
-        mode: (N, F) int64, what each foot is doing: `STANCE`, `SWING` or `REACH`.
-        clock: (N, F) s since a foot has begun to reach.
-        begun: (N, F, 3) m, where a foot lifted, or began to reach.
-        load: (N, F) share of its greatest force that a foot may take.
-        lowered: (N,) m by which the base is lower than the gait has it.
-    """
-
-    phase: np.ndarray
-    walking: np.ndarray
-    settled: np.ndarray
-    velocity: np.ndarray
-    heading: np.ndarray
-    touched: np.ndarray
-    moments: np.ndarray
-    mode: np.ndarray
-    clock: np.ndarray
-    begun: np.ndarray
-    load: np.ndarray
-    lowered: np.ndarray
+    phase: np.ndarray  # (N,) of the schedule
+    walking: np.ndarray  # (N,) bool, whether feet may lift
+    settled: np.ndarray  # (N,) share to which a robot that stands is held over its feet
+    velocity: np.ndarray  # (N, 3) m/s, m/s, rad/s: the command as it is followed
+    heading: np.ndarray  # (N,) rad, integral of the rate that is followed
+    touched: np.ndarray  # (N, F, 3) m, where each foot stands or last stood
+    moments: np.ndarray  # (N, 5) m^2, of these places, see `slope.feel_ground`
+    mode: np.ndarray  # (N, F) int64, what each foot is doing: `STANCE`, `SWING` or `REACH`
+    clock: np.ndarray  # (N, F) s since a foot has begun to reach
+    begun: np.ndarray  # (N, F, 3) m, where a foot lifted, or began to reach
+    load: np.ndarray  # (N, F) share of its greatest force that a foot may take
+    lowered: np.ndarray  # (N,) m by which the base is lower than the gait has it
 
 
 def standing(heading: np.ndarray, foot_position: np.ndarray) -> PointGaitMemory:

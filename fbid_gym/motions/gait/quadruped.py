@@ -1,7 +1,6 @@
 """The gaits of four point feet, from what is measured on the robot's model."""
 
 import math
-from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -12,6 +11,7 @@ from fbid_gym.motions.gait.point_gait import PointFootGait
 from fbid_gym.motions.gait.schedule import schedule_of
 from fbid_gym.motions.gait.slope import Sense
 from fbid_gym.robots import Robot
+from fbid_gym.robots.measured import once_for_robot
 
 # In units of the robot: of the pendulum time sqrt(h / g), the height h of the centre of mass, the
 # speed sqrt(g h), gravity g and the weight.
@@ -33,23 +33,14 @@ _BENT = 0.7  # of the stretched leg: a robot that walks has its hips no higher
 _SAMPLES = 2000
 
 
-def quadruped_gait(
-    robot: Robot, gait: str = "trot", *, period: float | None = None, duty: float | None = None
-) -> PointFootGait:
-    """Return a gait of a robot with four point feet.
-
-    Args:
-        robot: the robot.
-        gait: one of `schedule.PATTERNS`.
-        period: s, of a cycle. Default: by the gait and the robot's height.
-        duty: share of the cycle that each foot stands. Default: the gait's.
+def quadruped_gait(robot: Robot, gait: str = "trot") -> PointFootGait:
+    """Return a gait, one of `schedule.PATTERNS`, of a robot with four point feet.
 
     Raises:
         UnknownOptionError: no such gait.
         RobotError: the robot has not one foot at each corner, or one with several points.
-        InvalidValueError: a period that is not positive, or a duty outside of (0, 1].
     """
-    schedule = schedule_of(robot, gait, period=period, duty=duty)
+    schedule = schedule_of(robot, gait)
     broad = [foot.name for foot in robot.feet if foot.num_points > 1]
     if broad:
         raise RobotError(
@@ -88,7 +79,7 @@ def quadruped_gait(
     )
 
 
-@lru_cache(maxsize=64)
+@once_for_robot
 def _leg_lengths(robot: Robot) -> np.ndarray:
     """Farthest that each foot gets from its hip, of many postures within the ranges: (F,) m.
 

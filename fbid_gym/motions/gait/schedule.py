@@ -9,38 +9,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_positive
 from fbid_gym.compiled import compiled
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
+from fbid_gym.errors import RobotError, UnknownOptionError
 from fbid_gym.robots import Robot
 
 
 class Schedule(NamedTuple):
-    """When each foot shall be in the air; F feet.
+    """When each foot shall be in the air; F feet."""
 
-    Attributes:
-        period: s, of a cycle.
-        duty: share of the cycle that each foot stands, in (0, 1]; 1: it never lifts.
-        lift: (F,) phase at which each foot lifts, in [0, 1).
-    """
-
-    period: float
-    duty: float
-    lift: np.ndarray
+    period: float  # s, of a cycle
+    duty: float  # share of the cycle that each foot stands, in (0, 1]; 1: it never lifts
+    lift: np.ndarray  # (F,) phase at which each foot lifts, in [0, 1)
 
 
 class Pattern(NamedTuple):
-    """A gait of four feet, whatever the robot's size.
+    """A gait of four feet, whatever the robot's size."""
 
-    Attributes:
-        period: of a cycle, in units of the time sqrt(h / g) in which a robot that is h tall falls.
-        duty: share of the cycle that each foot stands.
-        lift: phases at which the front left, front right, hind left and hind right foot lift.
-    """
-
+    # Of a cycle, in units of the time sqrt(h / g) in which a robot that is h tall falls.
     period: float
-    duty: float
+    duty: float  # share of the cycle that each foot stands
+    # Phases at which the front left, front right, hind left and hind right foot lift.
     lift: tuple[float, float, float, float]
 
 
@@ -55,33 +44,18 @@ PATTERNS = {
 of one side; front and hind pairs; none."""
 
 
-def schedule_of(
-    robot: Robot, gait: str = "trot", *, period: float | None = None, duty: float | None = None
-) -> Schedule:
+def schedule_of(robot: Robot, gait: str = "trot") -> Schedule:
     """Return the schedule of a gait on a robot's four feet, found by where they stand at home.
 
-    Args:
-        robot: whose feet.
-        gait: one of `PATTERNS`.
-        period: s. Default: the pattern's, with the height of the centre of mass above the feet.
-        duty: share of the cycle that each foot stands. Default: the pattern's.
-
     Raises:
-        UnknownOptionError: no such gait.
+        UnknownOptionError: a gait that is none of `PATTERNS`.
         RobotError: the robot has not one foot at each corner.
-        InvalidValueError: a period that is not positive, or a duty outside of (0, 1].
     """
     if gait not in PATTERNS:
         raise UnknownOptionError("gait", gait, PATTERNS)
     pattern, stance = PATTERNS[gait], Stance.of(robot)
-    corners = corners_of(robot)
-    if period is None:
-        period = pattern.period * math.sqrt(stance.home_com[2] / robot.gravity)
-    check_positive(period=period)
-    duty = pattern.duty if duty is None else duty
-    if not 0.0 < duty <= 1.0:
-        raise InvalidValueError("duty", duty, "a share of the cycle, greater than 0 and at most 1")
-    return Schedule(float(period), float(duty), np.array(pattern.lift)[corners])
+    period = pattern.period * math.sqrt(stance.home_com[2] / robot.gravity)
+    return Schedule(float(period), pattern.duty, np.array(pattern.lift)[corners_of(robot)])
 
 
 def corners_of(robot: Robot) -> np.ndarray:

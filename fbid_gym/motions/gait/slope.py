@@ -13,15 +13,11 @@ from fbid_gym.compiled import compiled
 
 
 class Sense(NamedTuple):
-    """How a gait feels the ground; constants.
+    """How a gait feels the ground; constants."""
 
-    Attributes:
-        time: s over which the places of the feet are averaged.
-        level: m^2, mean square distance of the feet from their middle, along one axis, below which
-            the ground along that axis is rather taken to be level.
-    """
-
-    time: float
+    time: float  # s over which the places of the feet are averaged
+    # m^2, mean square distance of the feet from their middle, along one axis, below which the
+    # ground along that axis is rather taken to be level.
     level: float
 
 

@@ -3,9 +3,31 @@
 One model serves all robots of a batch: the ground is large and random, so a robot that starts at a
 random place with a random heading meets a terrain of its own. Places to start from are level. All
 lengths follow the robot's size, but for the height of obstacles and rocks.
-"""
 
-from typing import Protocol
+## Description
+The ground is a square of five by five patches, each 14 h long, level in the middle and along the
+edge. At difficulty d, with c = 1 for robots on point feet and c = 0.2 for those on soles:
+
+| Terrain     | What it is                         | Size                          |
+| ----------- | ---------------------------------- | ----------------------------- |
+| `slopes`    | hills with four even sides         | tangent 0.47 c d (25 degrees) |
+| `roughness` | random heights 0.6 h apart, joined | up to 0.35 c d h              |
+| `stairs`    | steps of 1 h up to a level top     | 0.45 c d h each               |
+| `planks`    | low obstacles lying about          | 0.2 c d h to 0.4 c d h high   |
+| `gaps`      | raised ground, two gaps 2 h apart  | 0.7 d h wide, c d h deep      |
+| `mixed`     | patches of all of these            |                               |
+
+Difficulty 0 is level. The sides of stairs, planks and gaps are 0.14 h wide, a cell of the height
+field. Gaps go around the middle of a patch, 2 h and 4 h away; from middle to middle of their sides
+they are whole cells wide, at least one.
+
+## Starting State
+On one of the nine inner patches, in its level middle.
+
+## Episode End
+The end of the ground truncates, too: at top speed a robot gets there before 20 s have passed, from
+an outer start after 21 h.
+"""
 
 import mujoco
 import numpy as np
@@ -13,10 +35,10 @@ import numpy as np
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.robots.mjcf import posed
 from fbid_gym.robots.robot import Robot
-from fbid_gym.robots.terrain.flat import Flat
+from fbid_gym.robots.terrain.field import Field, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid, heights, heights_below, plane
-from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, Tiles, make_levels
-from fbid_gym.robots.terrain.obstacles import random_obstacles
+from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, make_levels
+from fbid_gym.robots.terrain.obstacles import Obstacles, random_obstacles
 from fbid_gym.robots.terrain.patches import HARDEST, PATCHES
 from fbid_gym.robots.terrain.rocks import random_rocks
 from fbid_gym.robots.terrain.sizes import START_SPACING
@@ -50,36 +72,8 @@ _HEIGHT = 0.04  # m
 _REACH = {True: 1.0, False: 0.2}
 
 
-class Terrain(Protocol):
-    """Ground on top of the plane z = 0."""
-
-    @property
-    def starts(self) -> np.ndarray:
-        """(K, 2) m, centres of level places; equally many on each tile, those of a tile in turn."""
-        ...
-
-    @property
-    def clearing(self) -> float:
-        """Radius of these places, m."""
-        ...
-
-    @property
-    def tiles(self) -> Tiles:
-        """Where robots belong."""
-        ...
-
-    @property
-    def grid(self) -> HeightGrid:
-        """Its heights, for look-up in compiled code."""
-        ...
-
-    def add_to(self, spec: mujoco.MjSpec) -> None:
-        """Add the ground to a robot's world."""
-        ...
-
-    def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return how high the ground is, in m, at places x and y, of any one shape, in m."""
-        ...
+Terrain = Field | Obstacles
+"""Ground on top of the plane z = 0."""
 
 
 def make_terrain(
@@ -117,7 +111,7 @@ def make_terrain(
         return make_levels(name, _scale(robot), levels, seed)
     height = _HEIGHT if height is None else height
     if name == "flat" or height == 0.0:
-        return Flat(np.zeros((1, 2)), np.inf)
+        return Field(np.zeros((1, 2)), np.inf)
     # A base's frame may lie anywhere in it, near the soles as well.
     tallest = max(float(robot.home_qpos[2]), _com_height(robot))
     if not 0.0 <= height <= tallest:

@@ -4,13 +4,12 @@ One model serves all robots and all levels, so that a robot moves to harder grou
 next episode in another place.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 
-from fbid_gym.robots.terrain.grid import HeightGrid, add_height_field, heights_at, settled
+from fbid_gym.robots.terrain.field import Field, Tiles, settled
+from fbid_gym.robots.terrain.grid import HeightGrid
 from fbid_gym.robots.terrain.patches import CLEARING, EDGE, PATCHES, Places
 
 NUM_LEVELS = 11
@@ -22,62 +21,13 @@ _COLOUR = (0.66, 0.62, 0.55)
 
 
 class Scale(NamedTuple):
-    """What a terrain's lengths are relative to.
+    """What a terrain's lengths are relative to."""
 
-    Attributes:
-        length: m, height of the robot's centre of mass at home.
-        reach: share of it that the feet clear with ease.
-    """
-
-    length: float
-    reach: float
+    length: float  # m, height of the robot's centre of mass at home
+    reach: float  # share of it that the feet clear with ease
 
 
-class Tiles(NamedTuple):
-    """Where robots belong: square tiles side by side along x, one for each level.
-
-    Attributes:
-        number: of the tiles.
-        edge: m; infinite where the ground never ends.
-    """
-
-    number: int
-    edge: float
-
-    def left(self, level: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Return which robots, (N,) bool, at places (N, 2) m, have left the tile of their level."""
-        if self.edge == np.inf:
-            return np.zeros(len(places), bool)
-        x = places[:, 0] - level * self.edge
-        return np.maximum(abs(x), abs(places[:, 1])) > 0.5 * self.edge
-
-
-@dataclass(frozen=True, eq=False)
-class Levels:
-    """Tiles of patches; a `Terrain`.
-
-    Attributes:
-        starts: see `Terrain`; those of the first level first.
-        clearing: see `Terrain`.
-        tiles: see `Terrain`.
-        grid: see `Terrain`.
-    """
-
-    starts: np.ndarray
-    clearing: float
-    tiles: Tiles
-    grid: HeightGrid
-
-    def add_to(self, spec: mujoco.MjSpec) -> None:
-        """See `Terrain`."""
-        add_height_field(spec, self.grid, "fbid_patches", _COLOUR)
-
-    def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """See `Terrain`."""
-        return heights_at(self.grid, x, y)
-
-
-def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) -> Levels:
+def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) -> Field:
     """Make a terrain.
 
     Args:
@@ -108,7 +58,8 @@ def make_levels(kind: str, scale: Scale, difficulties: np.ndarray, seed: int) ->
     starts = np.concatenate(
         [corner + np.array([level * edge, 0.0]) for level in range(len(difficulties))]
     )
-    return Levels(starts, CLEARING * scale.length, Tiles(len(difficulties), edge), grid)
+    tiles = Tiles(len(difficulties), edge)
+    return Field(starts, CLEARING * scale.length, tiles, grid, _COLOUR)
 
 
 def _kinds(kind: str, rng: np.random.Generator) -> np.ndarray:

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from fbid_gym.robots.scene import add_solid, collision_bits
+from fbid_gym.robots.terrain.field import ENDLESS, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid
-from fbid_gym.robots.terrain.levels import Tiles
 from fbid_gym.robots.terrain.sizes import CLEARING, HALF_SIZE
 
 _GEOM = mujoco.mjtGeom
@@ -21,39 +21,28 @@ _PLANK_LENGTH, _PLANK_WIDTH = (1.0, 4.0), (0.5, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Planks lying on the plane, one across the other at times; a `Terrain`.
+    """Planks lying on the plane, one across the other at times."""
 
-    Attributes:
-        starts: see `Terrain`.
-        clearing: see `Terrain`.
-        centre: (B, 2) m.
-        heading: (B,) rad, of the long side.
-        half: (B, 2) m, half length and half width.
-        top: (B,) m, height.
-        cell: m, edge of the square cells of `near`.
-        near: (R, R, L) planks that touch a cell, B where there are fewer than L.
-    """
+    tiles: ClassVar[Tiles] = ENDLESS
 
-    tiles: ClassVar[Tiles] = Tiles(1, np.inf)
-
-    starts: np.ndarray
-    clearing: float
-    centre: np.ndarray
-    heading: np.ndarray
-    half: np.ndarray
-    top: np.ndarray
-    cell: float
-    near: np.ndarray
+    starts: np.ndarray  # see `Field`
+    clearing: float  # see `Field`
+    centre: np.ndarray  # (B, 2) m
+    heading: np.ndarray  # (B,) rad, of the long side
+    half: np.ndarray  # (B, 2) m, half length and half width
+    top: np.ndarray  # (B,) m, height
+    cell: float  # m, edge of the square cells of `near`
+    near: np.ndarray  # (R, R, L) planks that touch a cell, B where there are fewer than L
 
     @cached_property
     def grid(self) -> HeightGrid:
-        """See `Terrain`; the planks' sides are less steep in it."""
+        """See `Field.grid`; the planks' sides are less steep in it."""
         half, cell = float(abs(self.centre).max() + self.half.max()), 0.5 * float(self.half.min())
         line = np.arange(-half, half + cell, cell)
         return HeightGrid(line[[0, 0]], cell, self.height(*np.meshgrid(line, line)))
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
-        """See `Terrain`."""
+        """See `Field.add_to`."""
         bits = collision_bits(spec)
         spec.add_material(name="fbid_plank", rgba=[0.72, 0.58, 0.42, 1.0], specular=0.1)
         for (x, y), turn, half, top in zip(
@@ -70,7 +59,7 @@ class Obstacles:
             )
 
     def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """See `Terrain`."""
+        """See `Field.height`."""
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
         size = len(self.near)
         row, column = (np.floor(v / self.cell).astype(int) + size // 2 for v in (y, x))

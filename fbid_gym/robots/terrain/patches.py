@@ -30,17 +30,11 @@ _VERGE, _RAMP = 0.2, 2.0  # level strip along the edge, and way up from it, wher
 
 
 class Places(NamedTuple):
-    """The nodes of a patch, (R, R) each, from its middle, in heights of the centre of mass.
+    """The nodes of a patch, (R, R) each, from its middle, in heights of the centre of mass."""
 
-    Attributes:
-        x: ahead.
-        y: to the left.
-        reach: height that this robot's feet clear with ease, in the same unit.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
-    reach: float
+    x: np.ndarray  # ahead
+    y: np.ndarray  # to the left
+    reach: float  # height that this robot's feet clear with ease, in the same unit
 
     @property
     def ring(self) -> np.ndarray:

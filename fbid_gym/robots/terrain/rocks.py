@@ -1,13 +1,9 @@
 """A board of rounded stones, [M10] IV.E."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
-import mujoco
 import numpy as np
 
-from fbid_gym.robots.terrain.grid import HeightGrid, add_height_field, heights_at, settled
-from fbid_gym.robots.terrain.levels import Tiles
+from fbid_gym.robots.terrain.field import Field, settled
+from fbid_gym.robots.terrain.grid import HeightGrid
 from fbid_gym.robots.terrain.sizes import CLEARING, HALF_SIZE
 
 # In units of the robot's reach.
@@ -15,34 +11,12 @@ _CELL = 0.17
 _ROCK_SPACING = 0.75
 _ROCK_RADIUS = (0.4, 0.8)
 
-
-@dataclass(frozen=True, eq=False)
-class RockBoard:
-    """A height field of rounded stones; a `Terrain`.
-
-    Attributes:
-        starts: see `Terrain`.
-        clearing: see `Terrain`.
-        grid: see `Terrain`.
-    """
-
-    tiles: ClassVar[Tiles] = Tiles(1, np.inf)
-    starts: np.ndarray
-    clearing: float
-    grid: HeightGrid
-
-    def add_to(self, spec: mujoco.MjSpec) -> None:
-        """See `Terrain`."""
-        add_height_field(spec, self.grid, "fbid_rocks", (0.55, 0.54, 0.52))
-
-    def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """See `Terrain`."""
-        return heights_at(self.grid, x, y)
+_COLOUR = (0.55, 0.54, 0.52)
 
 
 def random_rocks(
     reach: float, height: float, starts: np.ndarray, rng: np.random.Generator
-) -> RockBoard:
+) -> Field:
     """Lay stones about.
 
     Args:
@@ -85,4 +59,5 @@ def random_rocks(
     free = np.minimum(from_clearing, size - np.maximum(abs(x), abs(y)))
     elevation *= np.clip(free / (0.5 * reach), 0.0, 1.0)
     corner, cell = line[[0, 0]], float(line[1] - line[0])
-    return RockBoard(starts, clearing, HeightGrid(corner, cell, settled(elevation)))
+    grid = HeightGrid(corner, cell, settled(elevation))
+    return Field(starts, clearing, grid=grid, colour=_COLOUR)
