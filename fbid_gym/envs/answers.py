@@ -5,7 +5,7 @@ Compiled code that follows trusts the shapes of what it is given.
 
 from collections.abc import Iterable, Mapping
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -25,9 +25,7 @@ def check_plan(task: Task, drawn: Plan) -> None:
     """Raise an FbidError unless what a task draws is what `Task` says."""
     kind = type(task).__name__
     if not isinstance(drawn, Mapping) or not drawn.keys() >= set(_PLANNED):
-        found = sorted(drawn) if isinstance(drawn, Mapping) else drawn
-        expected = f"a dictionary that holds at least {', '.join(_PLANNED)}"
-        raise InvalidValueError(f"plan drawn by {kind}", found, expected)
+        _refuse(drawn, kind, f"a dictionary that holds at least {', '.join(_PLANNED)}")
     for name, value in drawn.items():
         if not isinstance(value, np.ndarray | np.generic):
             raise InvalidValueError(f"{name!r} drawn by {kind}", value, "an array")
@@ -64,13 +62,16 @@ def check_drawn(task: Task, drawn: Plan, plan: Plan) -> None:
     """Raise an FbidError unless another episode is drawn of the arrays that make up the plan."""
     kind = type(task).__name__
     if not isinstance(drawn, Mapping) or drawn.keys() != plan.keys():
-        found = sorted(drawn) if isinstance(drawn, Mapping) else drawn
-        expected = f"what it drew before: {', '.join(plan)}"
-        raise InvalidValueError(f"plan drawn by {kind}", found, expected)
+        _refuse(drawn, kind, f"what it drew before: {', '.join(plan)}")
     for name, value in drawn.items():
         if np.shape(value) != plan[name].shape[1:]:
             expected = f"{plan[name].shape[1:]}, as it had before"
             raise ShapeError(f"{name!r} drawn by {kind}", np.shape(value), expected)
+
+
+def _refuse(drawn: Any, kind: str, expected: str) -> NoReturn:
+    found = sorted(drawn) if isinstance(drawn, Mapping) else drawn
+    raise InvalidValueError(f"plan drawn by {kind}", found, expected)
 
 
 def check_memory(memory: Any, num_robots: int, whose: object) -> None:

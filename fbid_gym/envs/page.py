@@ -61,22 +61,23 @@ def page(env_id: str) -> str:
     env = gym.make(env_id, action_layer="base_acceleration").unwrapped
     assert isinstance(env, RobotEnv)
     config, task = env.config, env.batch.task
-    written: list[Any] = [RobotEnv, getmodule(TASKS[config.task].of), getmodule(type(task))]
+    written: list[Any] = [getmodule(type(task)), getmodule(TASKS[config.task].of)]
     written += [terrain, curriculum] if config.terrain in terrain.LEVELLED else []
-    said = [sections(each) for each in dict.fromkeys(written)]
-    rewards = table(["Term", "Weight", "Scale", "Is"], term_rows(config.reward_terms(task)))
+    own, shared = [sections(each) for each in dict.fromkeys(written)], sections(RobotEnv)
+    about = sections(written[1])[""]
     made = {
         "Description": _facts(env_id, env),
         "Action Space": _actions(env),
         "Observation Space": _observation(env),
-        "Rewards": rewards,
+        "Rewards": table(["Term", "Weight", "Scale", "Is"], term_rows(env.batch.reward_terms)),
         "Arguments": _arguments(env_id, config),
         "Info": _info(env),
     }
     env.close()
-    parts = [f"# {short(env_id)}", f"`{env_id}`. {said[1]['']}"]
-    for title in list(said[0])[1:]:
-        texts = [each[title] for each in [*said[1:], said[0]] if title in each]
+    parts = [f"# {short(env_id)}", f"`{env_id}`. {about}"]
+    for title in list(shared)[1:]:
+        texts = [each[title] for each in own if title in each]
+        texts.insert(len(texts) if title in ("Description", "Starting State") else 0, shared[title])
         parts += [f"## {title}", *texts, *([made[title]] if title in made else [])]
     return "\n\n".join(parts) + "\n"
 
@@ -108,7 +109,6 @@ def _facts(env_id: str, env: RobotEnv) -> str:
         ["Pushes", pushes if push[1] > 0 else "none by default"],
         ["Ground", f"`{config.terrain}`"],
         ["Lengths", f"H {task.body.size:.3g} m, h {task.body.stance.home_com[2]:.3g} m"],
-        ["Observation", f"`Box({len(env.observation_names)},)`, float32"],
     ]  # fmt: skip
     return table(["", f"`{env_id}`"], rows)
 
@@ -127,17 +127,17 @@ def _actions(env: RobotEnv) -> str:
 def _observation(env: RobotEnv) -> str:
     entries = zip(env.observation_names, env.batch.observation_bound, strict=True)
     rows = [[str(k), name, f"{bound:g}"] for k, (name, bound) in enumerate(entries)]
-    return _folded(f"All {len(rows)} entries", table(["Entry", "Observation", "Range"], rows))
+    return _folded(
+        f"Box({len(rows)},): all entries", table(["Entry", "Observation", "Range"], rows)
+    )
 
 
 def _arguments(env_id: str, config: EnvConfig) -> str:
     own, means, kind = ENVIRONMENTS[env_id], config.resolved(), TASKS[config.task].of
     options = options_of(EnvConfig) | options_of(kind)
     del options["task_options"]
-    here = {
-        name: replace(each, default=own.get(name, each.default)) for name, each in options.items()
-    }
-    derived = {name: means[name] for name, each in here.items() if each.default is None}
+    here = {n: replace(each, default=own.get(n, each.default)) for n, each in options.items()}
+    derived = {n: means[n] for n, each in here.items() if each.default is None}
     listed = option_table(here, meanings(EnvConfig) | meanings(kind), derived)
     return "With the defaults of this environment:\n\n" + listed.replace("docs/", "")
 
@@ -147,9 +147,8 @@ def _info(env: RobotEnv) -> str:
     *_, info = env.step(np.zeros(len(env.action_names)))
     terms = {name: "Term of the reward" for name in info if name.startswith("reward_")}
     rows = [[f"`{name}`", str(np.shape(info[name]) or ""), (INFO | terms)[name]] for name in info]
-    return "`step` returns, here of `base_acceleration`:\n\n" + table(
-        ["Key", "Shape", "Meaning"], rows
-    )
+    listed = table(["Key", "Shape", "Meaning"], rows)
+    return f"`step` returns, here of `base_acceleration`:\n\n{listed}"
 
 
 def _folded(title: str, content: str) -> str:
@@ -193,9 +192,16 @@ def option_table(
         default = f"`{code(option.default)}`".replace("times=", "")
         here = (derived or {}).get(name)
         if here is not None and not isinstance(here, dict):
-            default += f", here `{code(here)}`"
+            default += f", here `{code(_rounded(here))}`"
         rows.append([f"`{name}`", default, takes, about.get(name, "").replace("|", r"\|")])
     return table(["Option", "Default", "Takes", "Meaning"], rows) if rows else "None of its own."
+
+
+def _rounded(value: Any) -> Any:
+    """To three digits: numbers, and those of pairs."""
+    if isinstance(value, list):
+        return tuple(map(_rounded, value))
+    return float(f"{value:.3g}") if isinstance(value, float) else value
 
 
 def meanings(build: Callable[..., Any]) -> dict[str, str]:

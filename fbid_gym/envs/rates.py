@@ -11,17 +11,11 @@ Rate = Annotated[int, Whole(1, 100_000, "Hz")]
 
 @dataclass(frozen=True)
 class Rates:
-    """Rates in Hz; each divides the one before it.
+    """Rates in Hz; each divides the one before it."""
 
-    Attributes:
-        physics: simulation steps per second.
-        control: action-layer ticks per second.
-        policy: environment steps per second.
-    """
-
-    physics: Rate = 1000
-    control: Rate = 500
-    policy: Rate = 50
+    physics: Rate = 1000  # simulation steps per second
+    control: Rate = 500  # action-layer ticks per second
+    policy: Rate = 50  # environment steps per second
 
     def __post_init__(self) -> None:
         """Check that every rate is a whole number that divides the next faster one."""
