@@ -8,8 +8,8 @@ import gymnasium as gym
 import numpy as np
 
 from fbid_gym.actions import register_layer
-from fbid_gym.actions.ranges import Falling
 from fbid_gym.actions.joint_gains import JointGains
+from fbid_gym.actions.ranges import Falling
 from fbid_gym.options import Number, checked
 from fbid_gym.robots import Robot
 

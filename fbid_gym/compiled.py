@@ -13,9 +13,8 @@ Rules for both:
   compiled twice, and rounded differently. A function that writes to an argument says so.
 - Whoever makes a tuple checks shapes and types. Nothing raises: a robot that is not finite gets
   results that are not, and the others do not notice.
-- A function that makes arrays leaves its loop to one that makes none: else references to the
-  fields of its arguments are counted at every use, a quarter of a law's time
-  (`fbid_gym.compile_parts`). `f(*a, *b)` counts as making some.
+- A function that makes arrays leaves its loop to one that makes none: where it does not, uses of
+  its arguments' fields are counted, a quarter of a law's time. `f(*a, *b)` makes some.
 - A first use waits for the compiler. So no array is assigned or added to a slice or a row
   (`small_matrices.copy` does that; the first such line takes the compiler seconds), there are no
   operations on whole arrays, and a loop or a helper rather than the same lines for each axis.

@@ -5,6 +5,7 @@ from pathlib import PurePosixPath
 from eval.site.pictures import CAPTION
 from fbid_gym.actions import LAYERS, Footholds, layer_choices
 from fbid_gym.actions.contact_options import ContactOptions
+from fbid_gym.actions.gains import BodyOptions
 from fbid_gym.envs.page import meanings, option_table
 
 OPTIONS, PICTURE = "<!-- options -->", "<!-- picture -->"
@@ -29,6 +30,6 @@ def filled(page: str, text: str, pictures: set[str]) -> str:
 
 def options(name: str) -> str:
     """Return the table of a layer's options."""
-    every = (ContactOptions, Footholds.of, LAYERS[name])
+    every = (BodyOptions, ContactOptions, Footholds.of, LAYERS[name])
     said = {option: words for build in every for option, words in meanings(build).items()}
     return option_table(layer_choices(name), said)
