@@ -13,17 +13,17 @@ Rules for both:
   compiled twice, and rounded differently. A function that writes to an argument says so.
 - Whoever makes a tuple checks shapes and types. Nothing raises: a robot that is not finite gets
   results that are not, and the others do not notice.
-- A function that makes arrays leaves its loop to one that makes none: where it does not, uses of
-  its arguments' fields are counted, a quarter of a law's time. `f(*a, *b)` makes some.
+- A function that makes arrays, as `f(*a, *b)` does, leaves its loop to one that makes none: else
+  uses of its arguments' fields are counted, a quarter of a law's time.
 - A first use waits for the compiler. So no array is assigned or added to a slice or a row
   (`small_matrices.copy` does that; the first such line takes the compiler seconds), there are no
   operations on whole arrays, and a loop or a helper rather than the same lines for each axis.
 
 Inside compiled code a named tuple costs nothing. On the way in from Python, Numba takes a
 microsecond for each: so `kernel` makes a door, which passes the fields on one by one, 60 ns an
-array, to an entry that builds the tuples inside. Entries are compiled on first use and then kept on
-disk (`fbid_gym.compile_cache`); Python's lock is released while they run. With NUMBA_DISABLE_JIT=1
-nothing is compiled, and all runs in Python.
+array, to an entry that builds the tuples inside. Entries are compiled on first use, and ours are
+kept on disk (`fbid_gym.compile_cache`); Python's lock is released while they run. With
+NUMBA_DISABLE_JIT=1 nothing is compiled.
 """
 
 from collections.abc import Callable
@@ -109,7 +109,9 @@ class _Part:
 class _Kernel(_Part):
     @cached_property
     def entry(self) -> Any:
-        return kept(njit(entry_to(self, self.kinds), **_OPTIONS), _PLACES)
+        entry = njit(entry_to(self, self.kinds), **_OPTIONS)
+        # Where it is kept is named after our sources: those of others may have changed since.
+        return kept(entry, _PLACES) if self.__module__.startswith("fbid_gym.") else entry
 
     @cached_property
     def _door(self) -> Callable[..., Any]:

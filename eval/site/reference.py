@@ -67,6 +67,8 @@ PAGES = {
         "Control laws",
         [
             "fbid_gym.control",
+            "fbid_gym.control.body_law",
+            "fbid_gym.control.momentum_balance",
             "fbid_gym.control.inverse_dynamics",
             "fbid_gym.control.limited_inverse_dynamics",
             "fbid_gym.control.contact_forces",

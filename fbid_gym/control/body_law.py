@@ -191,7 +191,7 @@ def _hold(
     missed = np.sqrt(dot(missing, missing)) / weight
     moved = contact_error(law.limbs, feet, i, work, motion) / law.gravity
     memory.residual[i] = np.hypot(missed, moved)
-    memory.underactuation[i] = missing_directions(law.geometry, feet, terms, i)
+    memory.underactuation[i] = missing_directions(terms, i, work)
 
 
 @kernel

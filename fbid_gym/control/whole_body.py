@@ -713,28 +713,16 @@ def contact_error(limbs: Limbs, feet: Feet, i: int, work: Work, motion: Motion) 
 
 
 @compiled
-def missing_directions(
-    geometry: ContactGeometry, feet: Feet, terms: DynamicsTerms, i: int
-) -> float:
+def missing_directions(terms: DynamicsTerms, i: int, work: Work) -> float:
     """Return in how many directions of the base the points on the ground cannot push.
 
     Six where there are none, three on one point, one on points of a line.
     """
-    count, longest, widest = 0, 0.0, 0.0
-    first, far = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    count, longest, widest, far = work.forces.problem.number[0], 0.0, 0.0, (0.0, 0.0, 0.0)
     # The point farthest from the first one, then the one farthest from the line through both.
     for stage in range(2):
-        for point in range(len(geometry.offset)):
-            if not feet.active[i, point]:
-                continue
-            foot = geometry.foot_of_point[point]
-            arm = turn(matrix(terms.world_from_foot, (i, foot)), vector(geometry.offset, (point,)))
-            place = add(vector(terms.foot_position, (i, foot)), arm)
-            if stage == 0:
-                if count == 0:
-                    first = place
-                count += 1
-            away = subtract(place, first)
+        for point in range(count):
+            away = subtract(_place(terms, i, work, point), _place(terms, i, work, 0))
             distance = np.sqrt(inner(away, away))
             if stage == 0 and distance > longest:
                 longest, far = distance, scale(1.0 / distance, away)
@@ -746,3 +734,9 @@ def missing_directions(
     if longest == 0.0:
         return 3.0
     return 1.0 if widest <= _LINE * longest else 0.0
+
+
+@compiled
+def _place(terms: DynamicsTerms, i: int, work: Work, point: int) -> Vector:
+    """Where a point on the ground is, m, world."""
+    return add(vector(terms.foot_position, (i, work.feet[point])), vector(work.arms, (point,)))

@@ -109,7 +109,8 @@ class LiveTerms:
             "foot_jacobian": (count, feet, 6, nv),
             "foot_bias": (count, feet, 6),
         }
-        self._terms = DynamicsTerms(**{name: np.empty(shape) for name, shape in shapes.items()})
+        # What is zero in one state is zero in all.
+        self._terms = DynamicsTerms(**{name: np.zeros(shape) for name, shape in shapes.items()})
         self._read = partial(_read, _layout_of(robot), buffers, velocities, self._terms)
 
     def __call__(self) -> DynamicsTerms:
@@ -175,9 +176,6 @@ def _read(
             store(linear, terms.foot_velocity, (i, foot))
             store(angular, terms.foot_velocity, (i, foot), 3)
 
-            for axis in range(6):
-                for j in range(nv):
-                    terms.foot_jacobian[i, foot, axis, j] = 0.0
             spin, rate = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
             dof = layout.last[foot]
             while dof >= 0:
@@ -200,12 +198,8 @@ def _read(
 def _unpack(
     i: int, sparse: np.ndarray, row: np.ndarray, column: np.ndarray, matrix: np.ndarray
 ) -> None:
-    """Fill the symmetric matrix [i] of (N, nv, nv) with MuJoCo's sparse lower half."""
-    nv = matrix.shape[1]
-    for j in range(nv):
-        for k in range(nv):
-            matrix[i, j, k] = 0.0
-    for j in range(nv):
+    """Fill the symmetric matrix [i] of (N, nv, nv), zero elsewhere, from MuJoCo's lower half."""
+    for j in range(matrix.shape[1]):
         for place in range(row[j], row[j + 1]):
             k = column[place]
             matrix[i, j, k] = matrix[i, k, j] = sparse[i, place]
