@@ -8,7 +8,7 @@ import numpy as np
 from fbid_gym.actions.contact_belief import Schedule
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.control.contact_forces import ContactLimits
-from fbid_gym.control.passive_joints import PassiveJoints
+from fbid_gym.dynamics.passive_joints import PassiveJoints
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, Number, check_fields
 from fbid_gym.robots import Robot
