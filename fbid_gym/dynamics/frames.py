@@ -96,22 +96,6 @@ def matrix_to_quaternion(rotation: np.ndarray) -> np.ndarray:
     return np.where(quaternion[..., :1] < 0, -quaternion, quaternion)
 
 
-def quaternion_rotation_vector(quaternion: np.ndarray) -> np.ndarray:
-    """Rotation vector (axis times angle) of a quaternion: the logarithm of the rotation.
-
-    Args:
-        quaternion: (..., 4) w, x, y, z. Need not be of unit length; q and −q give the same.
-
-    Returns:
-        (..., 3) rad, of length at most π.
-    """
-    w, vector = quaternion[..., 0], quaternion[..., 1:]
-    sine = np.sqrt(np.vecdot(vector, vector))
-    half_angle = np.copysign(np.arctan2(sine, np.abs(w)), w)
-    # The summand only meets sine = 0, where the vector is zero as well.
-    return vector * (2 * half_angle / (sine + 1e-30))[..., None]
-
-
 def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     """Rotation vector (axis times angle) of a rotation matrix: its logarithm.
 
@@ -125,7 +109,12 @@ def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     Returns:
         (..., 3) rad, of length at most π.
     """
-    return quaternion_rotation_vector(_scaled_quaternion(rotation))
+    quaternion = _scaled_quaternion(rotation)
+    w, vector = quaternion[..., 0], quaternion[..., 1:]
+    sine = np.sqrt(np.vecdot(vector, vector))
+    half_angle = np.copysign(np.arctan2(sine, np.abs(w)), w)
+    # The summand only meets sine = 0, where the vector is zero as well.
+    return vector * (2 * half_angle / (sine + 1e-30))[..., None]
 
 
 def skew(vector: np.ndarray) -> np.ndarray:

@@ -54,10 +54,6 @@ def test_rotation_vector_is_the_logarithm_at_every_angle(rng, angle):
     expected = vectors(rng, angle)
     quaternions = to_quaternion(expected)
     tolerance = 1e-15 + 4e-15 * angle
-    from_quaternion = frames.quaternion_rotation_vector(quaternions)
-    np.testing.assert_allclose(from_quaternion, expected, atol=tolerance)
-    both_signs_and_any_length = frames.quaternion_rotation_vector(-2.5 * quaternions)
-    np.testing.assert_allclose(both_signs_and_any_length, expected, atol=tolerance)
     from_matrix = frames.rotation_vector(frames.quaternion_to_matrix(quaternions))
     np.testing.assert_allclose(from_matrix, expected, atol=tolerance)
 
@@ -242,7 +238,6 @@ def calls(rng, shape):
     return {
         "quaternion_to_matrix": (quaternion,),
         "matrix_to_quaternion": (rotation,),
-        "quaternion_rotation_vector": (quaternion,),
         "rotation_vector": (rotation,),
         "skew": (vector,),
         "configuration_to_pinocchio": (qpos, qpos0),
