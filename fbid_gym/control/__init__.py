@@ -8,11 +8,12 @@ from fbid_gym.control.balance import (
 )
 from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import (
+    torque_map,
     torque_map_garofalo2015,
     torque_map_inverse_dynamics,
     torque_map_ott2011,
 )
-from fbid_gym.control.contact_forces import ContactForces, ContactLimits, limited_contact_forces
+from fbid_gym.control.contact_forces import ContactLimits
 from fbid_gym.control.inverse_dynamics import InverseDynamics, orthogonal_inverse_dynamics
 from fbid_gym.control.limited_inverse_dynamics import (
     LimitedInverseDynamics,
@@ -35,7 +36,6 @@ __all__ = [
     "Accuracy",
     "BalanceGains",
     "BalanceTarget",
-    "ContactForces",
     "ContactLimits",
     "Distribution",
     "InverseDynamics",
@@ -46,12 +46,12 @@ __all__ = [
     "desired_wrench_ott2011",
     "distribute",
     "distribute_freely",
-    "limited_contact_forces",
     "limited_inverse_dynamics",
     "operational_space_acceleration",
     "orthogonal_inverse_dynamics",
     "resting_target",
     "task_acceleration",
+    "torque_map",
     "torque_map_garofalo2015",
     "torque_map_inverse_dynamics",
     "torque_map_ott2011",

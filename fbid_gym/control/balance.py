@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_shape, contiguous
+from fbid_gym.checks import fitted, fitted_all
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.equations import numbers_of_robots
@@ -158,9 +158,8 @@ def desired_wrench_ott2011(
         InvalidValueError: `mass` is not positive.
     """
     momentum = np.zeros((len(com), 6))  # (36) does not look at it
-    masses = _masses(mass, com)
-    motion = BodyMotion(com, com_velocity, rotation, angular_velocity, momentum, masses)
-    return _wrench(gains.of_velocity(), target, motion, axes, gravity)
+    motion = com, com_velocity, rotation, angular_velocity, momentum
+    return _wrench(gains.of_velocity(), target, motion, mass, axes, gravity)
 
 
 def desired_wrench_garofalo2015(
@@ -196,47 +195,37 @@ def desired_wrench_garofalo2015(
         InvalidValueError: `mass` is not positive.
     """
     still = np.zeros(com.shape)  # (38) does not look at velocities
-    motion = BodyMotion(com, still, rotation, still, momentum, _masses(mass, com))
-    return _wrench(gains.of_momentum(), target, motion, axes, gravity)
-
-
-def _masses(mass: float | np.ndarray, com: np.ndarray) -> np.ndarray:
-    """Masses (N,) of the robots at com (N, 3)."""
-    if com.ndim != 2:
-        raise ShapeError("com", tuple(com.shape), "(N, 3)")
-    return np.broadcast_to(numbers_of_robots("mass", mass, len(com)), (len(com),))
+    motion = com, still, rotation, still, momentum
+    return _wrench(gains.of_momentum(), target, motion, mass, axes, gravity)
 
 
 def _wrench(
     gains: WrenchGains,
     target: BalanceTarget,
-    motion: BodyMotion,
+    motion: tuple[np.ndarray, ...],
+    mass: float | np.ndarray,
     axes: np.ndarray | None,
     gravity: float,
 ) -> np.ndarray:
     """Bring arrays into order, or say what does not fit, and compute."""
-    count = len(motion.com)
-    own_axes = np.broadcast_to(np.eye(3), (count, 3, 3)) if axes is None else axes
-    for name, array, tail in (
-        ("com", motion.com, (3,)),
-        ("com_velocity", motion.com_velocity, (3,)),
-        ("rotation", motion.world_from_base, (3, 3)),
-        ("angular_velocity", motion.angular_velocity, (3,)),
-        ("momentum", motion.momentum, (6,)),
-        ("axes", own_axes, (3, 3)),
-        ("target.com", target.com, (3,)),
-        ("target.world_from_base", target.world_from_base, (3, 3)),
-        ("target.com_velocity", target.com_velocity, (3,)),
-        ("target.angular_velocity", target.angular_velocity, (3,)),
-        ("target.angular_momentum", target.angular_momentum, (3,)),
-        ("target.momentum_rate", target.momentum_rate, (6,)),
-    ):
-        check_shape(name, array, (count, *tail), f"(N, {', '.join(map(str, tail))})")
+    if motion[0].ndim != 2:
+        raise ShapeError("com", tuple(motion[0].shape), "(N, 3)")
+    sizes = {"N": len(motion[0])}
+    masses = numbers_of_robots("mass", mass, sizes["N"])
+    own_axes = np.broadcast_to(np.eye(3), (sizes["N"], 3, 3)) if axes is None else axes
+    place, pose, rates = "(N, 3)", "(N, 3, 3)", "(N, 6)"
+    called = (
+        ("com", place),
+        ("com_velocity", place),
+        ("rotation", pose),
+        ("angular_velocity", place),
+    )
+    ours = zip((*called, ("momentum", rates)), motion, strict=True)
     return balance_wrench(
         gains,
-        BalanceTarget(*map(contiguous, target)),
-        BodyMotion(*map(contiguous, motion)),
-        contiguous(own_axes),
+        fitted_all("target.", target, (place, pose, place, place, place, rates), sizes),
+        BodyMotion(*(*(fitted(name, array, own, sizes) for (name, own), array in ours), masses)),
+        fitted("axes", own_axes, pose, sizes),
         gravity,
     )
 

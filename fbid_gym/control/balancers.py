@@ -31,11 +31,13 @@ least in the sum of qddot_j^2 / mobility_j: little mobility makes a joint follow
 such as a swinging leg's, while the others make up for it.
 """
 
+from functools import partial
+
 import numpy as np
 
-from fbid_gym.checks import check_shape, contiguous, positive_numbers
+from fbid_gym.checks import contiguous, fitted, fitted_all, positive_numbers
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.errors import ShapeError
+from fbid_gym.control.equations import contact_sizes
 from fbid_gym.quantities import (
     CentroidalTerms,
     Constraint,
@@ -55,115 +57,57 @@ RIDGE = 1e-4
 OTT2011, GAROFALO2015, INVERSE_DYNAMICS = range(3)
 
 
-def torque_map_ott2011(
-    terms: DynamicsTerms,
-    body: CentroidalTerms,
-    contacts: ReducedContacts,
-    posture: np.ndarray | None = None,
-    mobility: np.ndarray | None = None,
-) -> TorqueMap:
-    """Return tau = -Jcheck_q^T lambda of Ott, Roa, Hirzinger 2011, [G15] after eq. (37).
-
-    Args:
-        terms: of the robots.
-        body: `centroidal_terms` of the same.
-        contacts: `reduced_contacts` of the same.
-        posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
-        mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
-
-    Raises:
-        ShapeError: an array does not fit.
-        InvalidValueError: `mobility` is not positive and finite.
-    """
-    return _torque_map(OTT2011, terms, body, contacts, posture, mobility)
-
-
-def torque_map_garofalo2015(
-    terms: DynamicsTerms,
-    body: CentroidalTerms,
-    contacts: ReducedContacts,
-    posture: np.ndarray | None = None,
-    mobility: np.ndarray | None = None,
-) -> TorqueMap:
-    """Return tau = -Jbar_q^T lambda of [G15], after eq. (39).
-
-    Args:
-        terms: of the robots.
-        body: `centroidal_terms` of the same.
-        contacts: `reduced_contacts` of the same.
-        posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
-        mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
-
-    Raises:
-        ShapeError: an array does not fit.
-        InvalidValueError: `mobility` is not positive and finite.
-    """
-    return _torque_map(GAROFALO2015, terms, body, contacts, posture, mobility)
-
-
-def torque_map_inverse_dynamics(
-    terms: DynamicsTerms,
-    body: CentroidalTerms,
-    contacts: ReducedContacts,
-    posture: np.ndarray | None = None,
-    mobility: np.ndarray | None = None,
-) -> TorqueMap:
-    """Return the torques of full inverse dynamics, see the module.
-
-    With these torques and hard contacts the momentum changes by the wrench that the contact forces
-    deliver (and gravity), at any velocity; but for what `RIDGE` costs, at postures 0.1 rad from
-    home up to 5e-4 of the weight (go1) or 2e-2 (biped).
-
-    Args:
-        terms: of the robots.
-        body: `centroidal_terms` of the same.
-        contacts: `reduced_contacts` of the same.
-        posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
-        mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
-
-    Raises:
-        ShapeError: an array does not fit.
-        InvalidValueError: `mobility` is not positive and finite.
-    """
-    return _torque_map(INVERSE_DYNAMICS, terms, body, contacts, posture, mobility)
-
-
-def _torque_map(
+def torque_map(
     balancer: int,
     terms: DynamicsTerms,
     body: CentroidalTerms,
     contacts: ReducedContacts,
-    posture: np.ndarray | None,
-    mobility: np.ndarray | None,
+    posture: np.ndarray | None = None,
+    mobility: np.ndarray | None = None,
 ) -> TorqueMap:
-    """One of the three, or the error that says what does not fit."""
-    if contacts.jacobian.ndim != 3 or contacts.jacobian.shape[2] < 6:
-        raise ShapeError("jacobian", tuple(contacts.jacobian.shape), "(N, k, nv)")
-    count, rows, velocities = contacts.jacobian.shape
-    joints = velocities - 6
-    for name, array, expected, axes in (
-        ("mass_matrix", terms.mass_matrix, (count, velocities, velocities), "(N, nv, nv)"),
-        ("bias", terms.bias, (count, velocities), "(N, nv)"),
-        ("contacts.bias", contacts.bias, (count, rows), "(N, k)"),
-        ("body.matrix", body.matrix, (count, 6, velocities), "(N, 6, nv)"),
-        ("body.mass", body.mass, (count,), "(N,)"),
-        ("body.inverse_inertia", body.inverse_inertia, (count, 3, 3), "(N, 3, 3)"),
-        ("body.to_com", body.to_com, (count, 6, 6), "(N, 6, 6)"),
-        ("body.wrench_map", body.wrench_map, (count, velocities, 6), "(N, nv, 6)"),
-    ):
-        check_shape(name, array, expected, axes)
-    command = PostureCommand(
-        np.zeros((1, joints)) if posture is None else contiguous(posture),
-        np.ones((1, joints)) if mobility is None else contiguous(mobility),
+    """Return the torques of a balancer, see the module.
+
+    Args:
+        balancer: `OTT2011`, `GAROFALO2015` or `INVERSE_DYNAMICS`; those below have it filled in.
+        terms: of the robots.
+        body: `centroidal_terms` of the same.
+        contacts: `reduced_contacts` of the same.
+        posture: (N, n) rad/s^2, desired acceleration of the joints. Default: none.
+        mobility: (N, n) positive, how readily each joint departs from it. Default: all alike.
+
+    Raises:
+        ShapeError: an array does not fit.
+        InvalidValueError: `mobility` is not positive and finite.
+    """
+    sizes = contact_sizes(contacts.jacobian)
+    motion = EquationOfMotion(
+        fitted("mass_matrix", terms.mass_matrix, "(N, nv, nv)", sizes),
+        fitted("bias", terms.bias, "(N, nv)", sizes),
     )
-    for name, given, own in zip(("posture", "mobility"), (posture, mobility), command, strict=True):
-        if given is not None:
-            check_shape(name, own, (count, joints), "(N, n)")
-    positive_numbers("mobility", command.mobility.ravel(), command.mobility.size)
-    motion = EquationOfMotion(contiguous(terms.mass_matrix), contiguous(terms.bias))
-    constraint = Constraint(contiguous(contacts.jacobian), contiguous(contacts.bias))
-    own_body = CentroidalTerms(*map(contiguous, body))
+    drift = fitted("contacts.bias", contacts.bias, "(N, k)", sizes)
+    of_body = ("(N, 6, nv)", "(N, 6)", "(N,)", "(N, 3, 3)", "(N, 3, 3)", "(N, 6, 6)", "(N, nv, 6)")
+    own_body = fitted_all("body.", body, of_body, sizes)
+    wanted, readiness = np.zeros((1, sizes["n"])), np.ones((1, sizes["n"]))
+    if posture is not None:
+        wanted = fitted("posture", posture, "(N, n)", sizes)
+    if mobility is not None:
+        readiness = fitted("mobility", mobility, "(N, n)", sizes)
+        positive_numbers("mobility", readiness.ravel(), readiness.size)
+    constraint = Constraint(contiguous(contacts.jacobian), drift)
+    command = PostureCommand(wanted, readiness)
     return map_torques(balancer, motion, own_body, constraint, command, RIDGE)
+
+
+torque_map_ott2011 = partial(torque_map, OTT2011)
+"""tau = -Jcheck_q^T lambda of Ott, Roa, Hirzinger 2011, [G15] after eq. (37)."""
+
+torque_map_garofalo2015 = partial(torque_map, GAROFALO2015)
+"""tau = -Jbar_q^T lambda of [G15], after eq. (39)."""
+
+torque_map_inverse_dynamics = partial(torque_map, INVERSE_DYNAMICS)
+"""Full inverse dynamics. With these torques and hard contacts the momentum changes by the wrench
+that the contact forces deliver (and gravity), at any velocity; but for what `RIDGE` costs, at
+postures 0.1 rad from home up to 5e-4 of the weight (go1) or 2e-2 (biped)."""
 
 
 @kernel

@@ -17,20 +17,21 @@ first-order method (ADMM) took about 25 iterations.
 How exact that is: with the default tolerance the wrench is that of the optimum to 1e-6 of the
 weight (in each of 480,000 random problems, cold and infeasible ones among them). The default eps
 moves the optimum itself by up to 1e-3 of the weight while points slide or lift, typically by 1e-4,
-and not at all while they stick.
+and not at all while they stick. After `max_iterations` Newton steps follows a cold start by way of
+stronger regularisations, in three rounds of at most twice as many steps and a last one of twelve
+times as many. Forces are finite and feasible, and no worse than those of the warm start, even if
+that should not suffice.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import check_shape, contiguous, positive_numbers
-from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.dual_newton import Forces, Problem, deliver
-from fbid_gym.control.equations import numbers_of_robots
+from fbid_gym.checks import check_shape, fitted, positive_numbers
+from fbid_gym.compiled import compiled
 from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.quantities import Accuracy, PointLimits
 
@@ -81,85 +82,6 @@ class ContactLimits:
             raise InvalidValueError("min_normal_force", self.min_normal_force, expected)
 
 
-class ContactForces(NamedTuple):
-    """Feasible contact forces and how well they deliver the wrench.
-
-    Attributes:
-        force: (N, P, 3) N, two tangential components, then the normal one.
-        wrench: (N, 6) what they deliver, G f: force in N, moment in N·m.
-        residual: (N,) weighted distance of the wrench from the desired one, per weight; zero where
-            all points stick.
-        iterations: (N,) int64, Newton steps taken.
-        dual: (N, 6) warm start for the next call with the same scales; zero is a cold start.
-    """
-
-    force: np.ndarray
-    wrench: np.ndarray
-    residual: np.ndarray
-    iterations: np.ndarray
-    dual: np.ndarray
-
-
-def limited_contact_forces(
-    wrench_map: np.ndarray,
-    wrench: np.ndarray,
-    limits: ContactLimits,
-    *,
-    weight: float | np.ndarray,
-    length: float = 1.0,
-    wrench_cost: Sequence[float] | np.ndarray | None = None,
-    active: np.ndarray | None = None,
-    warm_start: np.ndarray | None = None,
-    accuracy: Accuracy = DEFAULT_ACCURACY,
-) -> ContactForces:
-    """Contact forces within friction and normal force limits that best deliver a wrench.
-
-    The wrench error is measured per weight for forces and per weight * length for moments, squared
-    and weighted by `wrench_cost`.
-
-    Args:
-        wrench_map: (N, 6, 3 P), the G of stacked point forces: rows force, then moment.
-        wrench: (N, 6) desired, N and N·m.
-        limits: friction and normal force limits.
-        weight: N, of the robot, positive; a number or (N,). Scales the tolerance and the residual
-            only.
-        length: m, a lever arm that makes moments comparable to forces.
-        wrench_cost: six positive weights of the squared errors. Default: ones.
-        active: (N, P) bool, points in contact; the others get zero force. Default: all.
-        warm_start: (N, 6) `dual` of an earlier result. Default: zeros.
-        accuracy: its regularisation prefers small forces among those that deliver about the same
-            wrench. After its `max_iterations` Newton steps follows a cold start by way of stronger
-            regularisations, in three rounds of at most twice as many steps and a last one of twelve
-            times as many. Forces are feasible, and no worse than those of the warm start, even if
-            that should not suffice.
-
-    Returns:
-        ContactForces; finite, and within the limits, for every finite input.
-
-    Raises:
-        ShapeError: an array does not fit.
-        InvalidValueError: `length` or `wrench_cost` is not positive and finite, or `weight` not
-            positive.
-    """
-    shape = tuple(wrench_map.shape)
-    if len(shape) != 3 or shape[1] != 6 or shape[2] % 3:
-        raise ShapeError("wrench_map", shape, "(N, 6, 3 P)")
-    count, points = shape[0], shape[2] // 3
-    check_shape("wrench", wrench, (count, 6), "(N, 6)")
-    own_limits = point_limits(limits, active, count, points)
-    start = warm_start_of(warm_start, count)
-    scale = wrench_scale(length, wrench_cost)
-    return _deliver_all(
-        contiguous(wrench_map),
-        contiguous(wrench),
-        scale,
-        contiguous(np.broadcast_to(numbers_of_robots("weight", weight, count), (count,))),
-        own_limits,
-        accuracy,
-        start,
-    )
-
-
 def wrench_scale(length: float, wrench_cost: Sequence[float] | np.ndarray | None) -> np.ndarray:
     """(6,) factors that turn N and N·m into N whose squares are comparable.
 
@@ -191,12 +113,23 @@ def point_limits(
     return PointLimits(limit_rows(limits, points), np.ascontiguousarray(active, bool))
 
 
+def fitted_point_map(point_map: np.ndarray, sizes: Mapping[str, int]) -> np.ndarray:
+    """Return a map (N, k, 3 P) from forces on points to contact rows, for any P.
+
+    Raises:
+        ShapeError: it does not fit N and k, or has other than 3 P columns.
+    """
+    columns = point_map.shape[-1]
+    if columns % 3:
+        raise ShapeError("point_map", tuple(point_map.shape), "3 P columns")
+    return fitted("point_map", point_map, "(N, k, 3 P)", {**sizes, "3 P": columns})
+
+
 def warm_start_of(given: np.ndarray | None, count: int) -> np.ndarray:
     """Return where the iteration of N robots begins: (N, 6), zeros if not given."""
     if given is None:
         return np.zeros((count, 6))
-    check_shape("warm_start", given, (count, 6), "(N, 6)")
-    return contiguous(given)
+    return fitted("warm_start", given, "(N, 6)", {"N": count})
 
 
 @lru_cache(maxsize=256)
@@ -218,43 +151,6 @@ def limit_rows(limits: ContactLimits, points: int) -> np.ndarray:
 @lru_cache(maxsize=32)
 def _all_active(points: int) -> np.ndarray:
     return np.ones((1, points), bool)
-
-
-@kernel
-def _deliver_all(
-    wrench_map: np.ndarray,
-    wrench: np.ndarray,
-    scale: np.ndarray,
-    weight: np.ndarray,
-    limits: PointLimits,
-    accuracy: Accuracy,
-    start: np.ndarray,
-) -> ContactForces:
-    """`deliver` for every robot."""
-    count, columns = len(wrench), wrench_map.shape[2]
-    force, delivered = np.empty((count, columns // 3, 3)), np.empty((count, 6))
-    residual, iterations = np.empty(count), np.empty(count, np.int64)
-    dual, missing = np.empty((count, 6)), np.empty(6)
-    maps, wanted, own = np.empty((6, columns)), np.empty(6), np.empty((columns // 3, 3))
-    for i in range(count):
-        for row in range(6):
-            wanted[row] = scale[row] * wrench[i, row]
-            for column in range(columns):
-                maps[row, column] = scale[row] * wrench_map[i, row, column]
-        limits_in_contact(limits, i, own)
-        present = limits.active[min(i, len(limits.active) - 1)]
-        for column in range(columns):
-            # Else the smallest forces would take part of theirs from points that have none.
-            if not present[column // 3]:
-                maps[:, column] = 0.0
-        problem, found = Problem(maps, wanted, own), Forces(force[i], missing, dual[i])
-        iterations[i] = deliver(problem, accuracy, weight[i], start[i], found)
-        square = 0.0
-        for row in range(6):
-            delivered[i, row] = wrench[i, row] + missing[row] / scale[row]
-            square += missing[row] ** 2
-        residual[i] = np.sqrt(square) / weight[i]
-    return ContactForces(force, delivered, residual, iterations, dual)
 
 
 @compiled

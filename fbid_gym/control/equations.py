@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import check_shape, contiguous, positive_numbers, real_numbers
+from fbid_gym.checks import contiguous, fitted, positive_numbers, real_numbers
 from fbid_gym.compiled import compiled
 from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.quantities import Constraint, EquationOfMotion
@@ -12,6 +12,18 @@ from fbid_gym.quantities import Constraint, EquationOfMotion
 # Mobilities of the base beside one of the joints. Farther from it they would hardly change what
 # moves, but contacts that joints alone, or the base alone, can serve would be lost in rounding.
 _LEAST_MOBILITY, _MOST_MOBILITY = 1e-6, 1e6
+
+
+def contact_sizes(jacobian: np.ndarray) -> dict[str, int]:
+    """Return the sizes N, k, nv and n that the contacts' Jacobian (N, k, nv) says.
+
+    Raises:
+        ShapeError: it has other axes, or none for the joints.
+    """
+    shape = tuple(jacobian.shape)
+    if len(shape) != 3 or shape[2] < 6:
+        raise ShapeError("jacobian", shape, "(N, k, nv) with nv of at least 6")
+    return {"N": shape[0], "k": shape[1], "nv": shape[2], "n": shape[2] - 6}
 
 
 def checked_equations(
@@ -33,23 +45,18 @@ def checked_equations(
     Raises:
         ShapeError: an array does not fit.
     """
-    shape = tuple(jacobian.shape)
-    if len(shape) != 3 or shape[2] < 6:
-        raise ShapeError("jacobian", shape, "(N, k, nv) with nv of at least 6")
-    count, rows, velocities = shape
-    check_shape("mass_matrix", mass_matrix, (count, velocities, velocities), "(N, nv, nv)")
-    check_shape("bias", bias, (count, velocities), "(N, nv)")
-    check_shape("acceleration", acceleration, (count, velocities), "(N, nv)")
-    check_shape("jacobian_bias", jacobian_bias, (count, rows), "(N, k)")
-    return (
-        EquationOfMotion(contiguous(mass_matrix), contiguous(bias)),
-        Constraint(contiguous(jacobian), contiguous(jacobian_bias)),
-        contiguous(acceleration),
+    sizes = contact_sizes(jacobian)
+    motion = EquationOfMotion(
+        fitted("mass_matrix", mass_matrix, "(N, nv, nv)", sizes),
+        fitted("bias", bias, "(N, nv)", sizes),
     )
+    desired = fitted("acceleration", acceleration, "(N, nv)", sizes)
+    drift = fitted("jacobian_bias", jacobian_bias, "(N, k)", sizes)
+    return motion, Constraint(contiguous(jacobian), drift), desired
 
 
 def numbers_of_robots(name: str, given: float | np.ndarray, count: int) -> np.ndarray:
-    """Return positive numbers of N robots, (N,), or (1,) where one stands for all.
+    """Return positive numbers of N robots, (N,); one number stands for all.
 
     NaN passes: it belongs to a robot gone wrong, which harms no other.
 
@@ -58,9 +65,10 @@ def numbers_of_robots(name: str, given: float | np.ndarray, count: int) -> np.nd
         InvalidValueError: one is not positive.
     """
     expected = "positive numbers, one or (N,)"
-    numbers = contiguous(np.atleast_1d(real_numbers(name, given, expected)))
-    if numbers.shape != (1,):
-        check_shape(name, numbers, (count,), "(N,)")
+    numbers = np.atleast_1d(real_numbers(name, given, expected))
+    if numbers.shape == (1,):
+        numbers = np.broadcast_to(numbers, (count,))
+    numbers = fitted(name, numbers, "(N,)", {"N": count})
     if (numbers <= 0.0).any():
         raise InvalidValueError(name, given, expected)
     return numbers

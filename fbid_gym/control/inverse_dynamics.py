@@ -26,11 +26,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_shape, contiguous, positive_numbers
+from fbid_gym.checks import fitted, positive_numbers
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.equations import (
     bound_mobility,
     checked_equations,
+    contact_sizes,
     mobility_of,
     radius_of_gyration,
 )
@@ -121,14 +122,13 @@ def orthogonal_inverse_dynamics(
     motion, constraint, desired = checked_equations(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
     )
-    count, joints = len(desired), desired.shape[1] - 6
-    cost = np.empty((0, joints))
+    sizes = contact_sizes(jacobian)
+    cost = np.empty((0, sizes["n"]))
     if torque_cost is not None:
-        if torque_cost.shape != (joints,):
-            check_shape("torque_cost", torque_cost, (count, joints), "(N, n)")
-        positive_numbers("torque_cost", torque_cost.ravel(), torque_cost.size)
-        cost = contiguous(np.atleast_2d(torque_cost))
-    mobility = mobility_of(joints + 6, base_priority)
+        axes = "(n,)" if torque_cost.shape == (sizes["n"],) else "(N, n)"
+        cost = np.atleast_2d(fitted("torque_cost", torque_cost, axes, sizes))
+        positive_numbers("torque_cost", cost.ravel(), cost.size)
+    mobility = mobility_of(sizes["nv"], base_priority)
     return invert_dynamics(motion, constraint, desired, cost, mobility)
 
 

@@ -19,11 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_positive, check_shape, contiguous
+from fbid_gym.checks import check_positive
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.contact_forces import (
     DEFAULT_ACCURACY,
     ContactLimits,
+    fitted_point_map,
     limits_in_contact,
     point_limits,
     warm_start_of,
@@ -33,10 +34,11 @@ from fbid_gym.control.dual_newton import Forces, Problem, deliver
 from fbid_gym.control.equations import (
     bound_mobility,
     checked_equations,
+    contact_sizes,
     mobility_of,
     radius_of_gyration,
 )
-from fbid_gym.control.held import factor_contacts
+from fbid_gym.control.held import Held, hold, make_consistent
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import (
     Accuracy,
@@ -128,7 +130,7 @@ def limited_inverse_dynamics(
         length: m, lever arm that makes base moments comparable to forces.
         wrench_cost: six positive weights of the squared base wrench errors. Default: ones.
         warm_start: (N, 6) `warm_start` of the previous result. Default: zeros.
-        accuracy: of the contact forces, see `limited_contact_forces`.
+        accuracy: of the contact forces, see `contact_forces`.
         gravity: m/s^2, makes a weight of the mass, to which tolerance and residual are relative.
 
     Returns:
@@ -143,25 +145,22 @@ def limited_inverse_dynamics(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
     )
     check_positive(gravity=gravity)
-    count, rows, velocities = jacobian.shape
+    sizes = contact_sizes(jacobian)
     if point_map is None:
-        if rows % 3:
+        if sizes["k"] % 3:
             raise ShapeError("jacobian", tuple(jacobian.shape), "k = 3 P rows without a point_map")
-        point_map = np.eye(rows)[None]
+        point_map = np.eye(sizes["k"])[None]
     else:
-        columns = point_map.shape[-1]
-        if columns % 3:
-            raise ShapeError("point_map", tuple(point_map.shape), "3 P columns")
-        check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
+        point_map = fitted_point_map(point_map, sizes)
     return limit_dynamics(
         motion,
-        ReducedContacts(*constraint, contiguous(point_map)),
+        ReducedContacts(*constraint, point_map),
         desired,
-        point_limits(limits, active, count, point_map.shape[-1] // 3),
-        Nearness(mobility_of(velocities, base_priority), wrench_scale(length, wrench_cost)),
+        point_limits(limits, active, sizes["N"], point_map.shape[-1] // 3),
+        Nearness(mobility_of(sizes["nv"], base_priority), wrench_scale(length, wrench_cost)),
         accuracy,
         gravity,
-        warm_start_of(warm_start, count),
+        warm_start_of(warm_start, sizes["N"]),
     )
 
 
@@ -187,15 +186,15 @@ def limit_dynamics(
     values, maps = np.empty((columns // 3, 3)), np.empty((6, columns))
     base_rows, delivered = np.empty((6, rows)), np.empty(6)
     force, wrench, missing = np.empty(velocities), np.empty(6), np.empty(6)
-    held = _Held(np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows))
+    held = Held(np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows))
     mobility = nearness.mobility.copy()
     for i in range(count):
         own_map = contacts.point_map[min(i, len(contacts.point_map) - 1)]
         jacobian, mass_matrix = contacts.jacobian[i], motion.mass_matrix[i]
         bound_mobility(nearness.mobility, radius_of_gyration(mass_matrix), mobility)
-        _hold(jacobian, mobility, held)
+        hold(jacobian, mobility, held)
         copy(desired[i], acceleration[i])
-        _make_consistent(held, jacobian, contacts.bias[i], acceleration[i])
+        make_consistent(held, jacobian, contacts.bias[i], acceleration[i])
 
         times(mass_matrix, acceleration[i], force)
         force += motion.bias[i]
@@ -230,40 +229,11 @@ def limit_dynamics(
     )
 
 
-class _Held(NamedTuple):
-    """What holding the contacts takes; buffers of one robot."""
-
-    weighted: np.ndarray  # (k, nv): J A^-1
-    factor: np.ndarray  # (k, k), lower half: see `factor_contacts`
-    force: np.ndarray  # (k,)
-
-
-@compiled
-def _hold(jacobian: np.ndarray, mobility: np.ndarray, held: _Held) -> None:
-    """Fill `held` for a Jacobian (k, nv) and the diagonal of A^-1, (nv,)."""
-    for k in range(len(jacobian)):
-        for j in range(jacobian.shape[1]):
-            held.weighted[k, j] = jacobian[k, j] * mobility[j]
-    factor_contacts(held.weighted, jacobian, held.factor)
-
-
-@compiled
-def _make_consistent(
-    held: _Held, jacobian: np.ndarray, jacobian_bias: np.ndarray, acceleration: np.ndarray
-) -> None:
-    """Change an acceleration (nv,) as little as the contacts demand, [M10] eq. (4)."""
-    times(jacobian, acceleration, held.force)
-    for k in range(len(held.force)):
-        held.force[k] = -(held.force[k] + jacobian_bias[k])
-    solve_factored(held.factor, held.force)
-    add_transposed_times(held.weighted, held.force, acceleration)
-
-
 @compiled
 def _yield_to(
     mass_matrix: np.ndarray,
     jacobian: np.ndarray,
-    held: _Held,
+    held: Held,
     mobility: np.ndarray,
     wrench: np.ndarray,
     change: np.ndarray,

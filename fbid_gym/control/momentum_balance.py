@@ -35,11 +35,9 @@ from fbid_gym.quantities import (
     Limits,
     PointLimits,
     PostureCommand,
-    ReducedContacts,
     RobotState,
     SupportFrame,
     Target,
-    TorqueMap,
     WrenchGains,
 )
 from fbid_gym.small_matrices import copy, dot
@@ -107,46 +105,6 @@ class MomentumBalance(NamedTuple):
     limited: bool
 
 
-class _Wanted(NamedTuple):
-    """What the contacts shall deliver at a tick, and on what.
-
-    Attributes:
-        wrench: (N, 6) desired at the centre of mass, N and N·m, world.
-        torques: from contact forces to joint torques.
-        path: from contact forces to the wrench.
-        contacts: of the robots.
-    """
-
-    wrench: np.ndarray
-    torques: TorqueMap
-    path: ForcePath
-    contacts: ReducedContacts
-
-
-@compiled
-def _want(
-    law: MomentumBalance,
-    active: ActivePoints,
-    action: np.ndarray,
-    state: RobotState,
-    target: Target,
-    terms: DynamicsTerms,
-) -> _Wanted:
-    """The wrench, with what actions (N, 6) add to it, and the balancer's map."""
-    body = find_centroidal_terms(terms, state.qvel)
-    frame = support_frame(law.heading, terms)
-    contacts = reduce_contacts(law.geometry, active, terms)
-    constraint = Constraint(contacts.jacobian, contacts.bias)
-    motion = EquationOfMotion(terms.mass_matrix, terms.bias)
-    push = law.push * action
-    wrench = desired_wrench(law.wrench, law.gravity, push, state, target, terms, body, frame)
-    posture = _posture(law, active, state, target)
-    torques = map_torques(law.balancer, motion, body, constraint, posture, RIDGE)
-    give_back(law.passive, torques.offset, state.qpos, state.qvel)  # before limits are kept
-    path = ForcePath(body.to_com, contacts.point_map, np.empty((0, len(law.geometry.offset), 3, 3)))
-    return _Wanted(wrench, torques, path, contacts)
-
-
 @kernel
 def balance_torque(
     law: MomentumBalance,
@@ -157,14 +115,24 @@ def balance_torque(
     terms: DynamicsTerms,
     memory: LawMemory,
 ) -> np.ndarray:
-    """Torques (N, n) for actions (N, 6); updates the memory."""
+    """Torques (N, n) for actions (N, 6), which add to the wrench; updates the memory."""
     points = ActivePoints(active, True)
-    wanted = _want(law, points, action, state, target, terms)
+    body = find_centroidal_terms(terms, state.qvel)
+    frame = support_frame(law.heading, terms)
+    contacts = reduce_contacts(law.geometry, points, terms)
+    constraint = Constraint(contacts.jacobian, contacts.bias)
+    motion = EquationOfMotion(terms.mass_matrix, terms.bias)
+    push = law.push * action
+    wrench = desired_wrench(law.wrench, law.gravity, push, state, target, terms, body, frame)
+    posture = _posture(law, points, state, target)
+    torques = map_torques(law.balancer, motion, body, constraint, posture, RIDGE)
+    give_back(law.passive, torques.offset, state.qpos, state.qvel)  # before limits are kept
+    path = ForcePath(body.to_com, contacts.point_map, np.empty((0, len(law.geometry.offset), 3, 3)))
     if law.limited:
         found = share_within_limits(
-            wanted.torques,
-            wanted.path,
-            wanted.wrench,
+            torques,
+            path,
+            wrench,
             Limits(PointLimits(law.limits, active), law.torque_limit),
             law.scale,
             law.weight,
@@ -172,9 +140,9 @@ def balance_torque(
             memory.warm_start,
         )
     else:
-        found = share_freely(wanted.torques, wanted.path, wanted.wrench, law.scale, law.weight)
+        found = share_freely(torques, path, wrench, law.scale, law.weight)
     copy(found.residual, memory.residual)
-    copy(underactuation(wanted.contacts.jacobian), memory.underactuation)
+    copy(underactuation(contacts.jacobian), memory.underactuation)
     for i in range(len(active)):
         copy(found.warm_start[i], memory.warm_start[i])
     return found.torque

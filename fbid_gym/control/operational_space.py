@@ -27,9 +27,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_positive, check_shape, contiguous, positive_numbers
+from fbid_gym.checks import check_positive, contiguous, fitted, positive_numbers
 from fbid_gym.compiled import kernel
-from fbid_gym.control.held import factor_contacts
+from fbid_gym.control.equations import contact_sizes
+from fbid_gym.control.held import Held, hold, make_consistent
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import Constraint, TaskCommand
 from fbid_gym.small_matrices import (
@@ -130,37 +131,24 @@ def operational_space_acceleration(
         ShapeError: an array does not fit.
         InvalidValueError: `motion_cost` or `least_gain` is not positive and finite.
     """
-    if task_bias is None:
-        task_bias = np.zeros(task.shape)
-    check_shape("task_bias", task_bias, tuple(task.shape), "(N, m)")
-    shape = tuple(jacobian.shape)
-    if len(shape) != 3:
-        raise ShapeError("jacobian", shape, "(N, k, nv)")
-    count, rows, velocities = shape
-    part, robots = task_jacobian, count
-    if part.ndim == 2:
-        part, robots = part[None], 1
+    part = task_jacobian[None] if task_jacobian.ndim == 2 else task_jacobian
     if part.ndim != 3:
         raise ShapeError("task_jacobian", tuple(part.shape), "(N, m, nv) or (m, nv)")
-    check_shape("task_jacobian", part, (robots, part.shape[1], velocities), "(N, m, nv)")
-    check_shape("task", task, (count, part.shape[1]), "(N, m)")
-    check_shape("jacobian_bias", jacobian_bias, (count, rows), "(N, k)")
-    if reference is None:
-        reference = np.zeros((1, velocities))
-    else:
-        check_shape("reference", reference, (count, velocities), "(N, nv)")
-    if motion_cost is None:
-        motion_cost = np.ones(velocities)
-    check_shape("motion_cost", motion_cost, (velocities,), "(nv,)")
-    positive_numbers("motion_cost", motion_cost, velocities)
+    sizes = contact_sizes(jacobian) | {"m": part.shape[1]}
+    robots = len(part) if task_jacobian.ndim == 2 else sizes["N"]
+    part = fitted("task_jacobian", part, "(N, m, nv)", {**sizes, "N": robots})
+    task = fitted("task", task, "(N, m)", sizes)
+    drift = np.zeros(task.shape) if task_bias is None else task_bias
+    command = TaskCommand(part, fitted("task_bias", drift, "(N, m)", sizes), task)
+    near = np.zeros((1, sizes["nv"]))
+    if reference is not None:
+        near = fitted("reference", reference, "(N, nv)", sizes)
+    cost = np.ones(sizes["nv"]) if motion_cost is None else motion_cost
+    cost = positive_numbers("motion_cost", fitted("motion_cost", cost, "(nv,)", sizes), len(cost))
     check_positive(least_gain=least_gain)
-    return serve_task(
-        Constraint(contiguous(jacobian), contiguous(jacobian_bias)),
-        TaskCommand(*map(contiguous, (part, task_bias, task))),
-        contiguous(reference),
-        1.0 / contiguous(motion_cost),
-        np.full(part.shape[1], float(least_gain)),
-    )
+    own = fitted("jacobian_bias", jacobian_bias, "(N, k)", sizes)
+    gains = np.full(sizes["m"], float(least_gain))
+    return serve_task(Constraint(contiguous(jacobian), own), command, near, 1.0 / cost, gains)
 
 
 @kernel
@@ -183,32 +171,25 @@ def serve_task(
     count, rows, velocities = constraint.jacobian.shape
     size = task.acceleration.shape[1]
     motion, task_error = np.empty((count, velocities)), np.empty((count, size))
-    weighted, held, push = np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows)
+    held = Held(np.empty((rows, velocities)), np.empty((rows, rows)), np.empty(rows))
     moved, free = np.empty((rows, size)), np.empty((size, velocities))
     gains, lower, share = np.empty((size, size)), np.empty((size, size)), np.empty(size)
     for i in range(count):
         contact, part = constraint.jacobian[i], task.jacobian[min(i, len(task.jacobian) - 1)]
-        for k in range(rows):
-            for j in range(velocities):
-                weighted[k, j] = contact[k, j] * mobility[j]
-        factor_contacts(weighted, contact, held)
+        hold(contact, mobility, held)
         copy(reference[min(i, len(reference) - 1)], motion[i])
-        times(contact, motion[i], push)
-        push += constraint.bias[i]
-        solve_factored(held, push)
-        push *= -1.0
-        add_transposed_times(weighted, push, motion[i])
+        make_consistent(held, contact, constraint.bias[i], motion[i])
 
         # Rows of J_t A^-1 less the part that would move the contacts; A^-1 = diag(mobility).
         for m in range(size):
             for j in range(velocities):
                 free[m, j] = part[m, j] * mobility[j]
         multiply_by_transpose(contact, free, moved)
-        solve_factored_columns(held, moved)
+        solve_factored_columns(held.factor, moved)
         for m in range(size):
             for k in range(rows):
                 for j in range(velocities):
-                    free[m, j] -= moved[k, m] * weighted[k, j]
+                    free[m, j] -= moved[k, m] * held.weighted[k, j]
         multiply_by_transpose(part, free, gains)
         times(part, motion[i], share)
         error, drift = task_error[i], task.bias[min(i, len(task.bias) - 1)]

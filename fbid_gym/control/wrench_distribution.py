@@ -19,18 +19,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_shape, contiguous
+from fbid_gym.checks import check_shape, contiguous, fitted, fitted_all
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.contact_forces import (
     DEFAULT_ACCURACY,
     ContactLimits,
+    fitted_point_map,
     limits_in_contact,
     point_limits,
     warm_start_of,
     wrench_scale,
 )
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
-from fbid_gym.control.equations import numbers_of_robots
+from fbid_gym.control.equations import contact_sizes, numbers_of_robots
 from fbid_gym.control.point_forces import (
     com_wrench_of_points,
     torque_of_forces,
@@ -39,7 +40,6 @@ from fbid_gym.control.point_forces import (
     turn_map,
 )
 from fbid_gym.control.torque_limits import AffineTorque, forces_within_torque_limits
-from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import Accuracy, ForcePath, Limits, TorqueMap
 from fbid_gym.small_matrices import add_transposed_times, dot, gram, pseudo_inverse, times
 
@@ -81,10 +81,8 @@ def distribute_freely(
 
     Arguments as for `distribute`. Inactive points have zero columns in `point_map`.
     """
-    own_map, path = _checked(torque_map, to_com, point_map, None)
-    weights = _checked_weight(wrench, weight, len(own_map.offset))
-    scale = wrench_scale(length, None)
-    return share_freely(own_map, path, contiguous(wrench), scale, weights)
+    start = _checked(torque_map, wrench, (to_com, point_map, None), weight)
+    return share_freely(*start[:3], wrench_scale(length, None), start[3])
 
 
 def distribute(
@@ -122,23 +120,23 @@ def distribute(
         length: m, lever arm that makes moments comparable to forces.
         wrench_cost: six positive weights of the squared errors. Default: ones.
         warm_start: (N, 6) of the previous result. Default: zeros.
-        accuracy: of the contact forces, see `limited_contact_forces` and `torque_limits`.
+        accuracy: of the contact forces, see `contact_forces` and `torque_limits`.
 
     Raises:
         ShapeError: an array does not fit.
         InvalidValueError: `length` or `wrench_cost` is not positive and finite, or `weight` not
             positive.
     """
-    own_map, path = _checked(torque_map, to_com, point_map, contact_rotation)
-    (count, joints), points = own_map.offset.shape, path.point_map.shape[2] // 3
-    weights = _checked_weight(wrench, weight, count)
+    path = to_com, point_map, contact_rotation
+    own_map, own_path, own_wrench, weights = _checked(torque_map, wrench, path, weight)
+    (count, joints), points = own_map.offset.shape, own_path.point_map.shape[2] // 3
     bound = np.full(joints, np.inf) if torque_limit is None else torque_limit
     if bound.shape != (joints,):
         check_shape("torque_limit", bound, (count, joints), "(N, n) or (n,)")
     return share_within_limits(
         own_map,
-        path,
-        contiguous(wrench),
+        own_path,
+        own_wrench,
         Limits(point_limits(limits, active, count, points), contiguous(np.atleast_2d(bound))),
         wrench_scale(length, wrench_cost),
         weights,
@@ -149,33 +147,25 @@ def distribute(
 
 def _checked(
     torque_map: TorqueMap,
-    to_com: np.ndarray,
-    point_map: np.ndarray,
-    rotation: np.ndarray | None,
-) -> tuple[TorqueMap, ForcePath]:
-    """The first arguments of both laws, or the error that says what does not fit."""
-    offset, jacobian, per_wrench = torque_map
-    count, rows, velocities = jacobian.shape
-    columns, joints = point_map.shape[-1], velocities - 6
-    if columns % 3:
-        raise ShapeError("point_map", tuple(point_map.shape), "3 P columns")
-    check_shape("point_map", point_map, (count, rows, columns), "(N, k, 3 P)")
-    check_shape("to_com", to_com, (count, 6, 6), "(N, 6, 6)")
-    check_shape("offset", offset, (count, joints), "(N, n)")
-    check_shape("per_wrench", per_wrench, (count, joints, 6), "(N, n, 6)")
-    points = columns // 3
+    wrench: np.ndarray,
+    path: tuple[np.ndarray, np.ndarray, np.ndarray | None],
+    weight: float | np.ndarray,
+) -> tuple[TorqueMap, ForcePath, np.ndarray, np.ndarray]:
+    """What both laws start from, the weights last, or the error that says what does not fit."""
+    to_com, point_map, rotation = path
+    sizes = contact_sizes(torque_map.jacobian)
+    own_map = fitted_point_map(point_map, sizes)
+    sizes |= {"P": own_map.shape[2] // 3}
     if rotation is None:
-        rotation = np.empty((0, points, 3, 3))
+        rotation = np.empty((0, sizes["P"], 3, 3))
     else:
-        check_shape("contact_rotation", rotation, (count, points, 3, 3), "(N, P, 3, 3)")
-    path = ForcePath(*map(contiguous, (to_com, point_map, rotation)))
-    return TorqueMap(*map(contiguous, torque_map)), path
-
-
-def _checked_weight(wrench: np.ndarray, weight: float | np.ndarray, count: int) -> np.ndarray:
-    """Weights (N,) or (1,), or the error that says what does not fit."""
-    check_shape("wrench", wrench, (count, 6), "(N, 6)")
-    return numbers_of_robots("weight", weight, count)
+        rotation = fitted("contact_rotation", rotation, "(N, P, 3, 3)", sizes)
+    return (
+        fitted_all("", torque_map, ("(N, n)", "(N, k, nv)", "(N, n, 6)"), sizes),
+        ForcePath(fitted("to_com", to_com, "(N, 6, 6)", sizes), own_map, rotation),
+        fitted("wrench", wrench, "(N, 6)", sizes),
+        numbers_of_robots("weight", weight, sizes["N"]),
+    )
 
 
 @kernel

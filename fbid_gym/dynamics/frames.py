@@ -25,42 +25,30 @@ sets the cost.
 
 import numpy as np
 
-
-def _quaternion_map() -> np.ndarray:
-    """Map (16, 10) from vec(q qᵀ) to the nine entries of |q|² R(q), row by row, and |q|²."""
-    w, x, y, z = range(4)
-    # Each entry of R is a signed sum of products of two components: (i, j, coefficient).
-    entries = (
-        ((w, w, 1), (x, x, 1), (y, y, -1), (z, z, -1)),
-        ((x, y, 2), (w, z, -2)),
-        ((x, z, 2), (w, y, 2)),
-        ((x, y, 2), (w, z, 2)),
-        ((w, w, 1), (x, x, -1), (y, y, 1), (z, z, -1)),
-        ((y, z, 2), (w, x, -2)),
-        ((x, z, 2), (w, y, -2)),
-        ((y, z, 2), (w, x, 2)),
-        ((w, w, 1), (x, x, -1), (y, y, -1), (z, z, 1)),
-        ((w, w, 1), (x, x, 1), (y, y, 1), (z, z, 1)),
-    )
-    linear = np.zeros((16, 10))
-    for column, terms in enumerate(entries):
-        for i, j, coefficient in terms:
-            linear[4 * i + j, column] += coefficient
-    return linear
-
-
-_QUATERNION_MAP = _quaternion_map()
-
-
-# Map (9, 16) from the entries of R to those of 4 q qᵀ − I, for a unit quaternion q. As it happens
-# it is the transpose of the map above, made symmetric in q qᵀ.
-_OUTER_QUATERNION_MAP = (
-    (_QUATERNION_MAP + _QUATERNION_MAP.reshape(4, 4, 10).swapaxes(0, 1).reshape(16, 10)) / 2
-)[:, :9].T.copy()
-_IDENTITY = np.eye(4).reshape(16)
-
 _SKEW_MAP = np.zeros((3, 9))
 _SKEW_MAP[[0, 0, 1, 1, 2, 2], [7, 5, 2, 6, 3, 1]] = [1, -1, 1, -1, 1, -1]
+
+
+def _squares(quaternion: np.ndarray) -> np.ndarray:
+    """Entries of |q|² R(q), row by row, and |q|², of a quaternion (4,): (10,)."""
+    w, vector = quaternion[0], quaternion[1:]
+    matrix = (w * w - vector @ vector) * np.eye(3) + 2 * np.outer(vector, vector)
+    matrix += np.reshape(2 * w * vector @ _SKEW_MAP, (3, 3))
+    return np.append(matrix, quaternion @ quaternion)
+
+
+# Map (16, 10) from vec(q qᵀ) to these, by polarisation.
+_QUATERNION_MAP = np.array(
+    [
+        (_squares(one + other) - _squares(one - other)) / 4
+        for one in np.eye(4)
+        for other in np.eye(4)
+    ]
+)
+# Map (9, 16) from the entries of R to those of 4 q qᵀ − I, for a unit quaternion q. As it happens
+# it is the transpose of the map above.
+_OUTER_QUATERNION_MAP = _QUATERNION_MAP[:, :9].T.copy()
+_IDENTITY = np.eye(4).reshape(16)
 
 
 # --- rotations -------------------------------------------------------------------------------
@@ -108,22 +96,6 @@ def matrix_to_quaternion(rotation: np.ndarray) -> np.ndarray:
     return np.where(quaternion[..., :1] < 0, -quaternion, quaternion)
 
 
-def quaternion_rotation_vector(quaternion: np.ndarray) -> np.ndarray:
-    """Rotation vector (axis times angle) of a quaternion: the logarithm of the rotation.
-
-    Args:
-        quaternion: (..., 4) w, x, y, z. Need not be of unit length; q and −q give the same.
-
-    Returns:
-        (..., 3) rad, of length at most π.
-    """
-    w, vector = quaternion[..., 0], quaternion[..., 1:]
-    sine = np.sqrt(np.vecdot(vector, vector))
-    half_angle = np.copysign(np.arctan2(sine, np.abs(w)), w)
-    # The summand only meets sine = 0, where the vector is zero as well.
-    return vector * (2 * half_angle / (sine + 1e-30))[..., None]
-
-
 def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     """Rotation vector (axis times angle) of a rotation matrix: its logarithm.
 
@@ -137,7 +109,12 @@ def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     Returns:
         (..., 3) rad, of length at most π.
     """
-    return quaternion_rotation_vector(_scaled_quaternion(rotation))
+    quaternion = _scaled_quaternion(rotation)
+    w, vector = quaternion[..., 0], quaternion[..., 1:]
+    sine = np.sqrt(np.vecdot(vector, vector))
+    half_angle = np.copysign(np.arctan2(sine, np.abs(w)), w)
+    # The summand only meets sine = 0, where the vector is zero as well.
+    return vector * (2 * half_angle / (sine + 1e-30))[..., None]
 
 
 def skew(vector: np.ndarray) -> np.ndarray:
@@ -202,36 +179,7 @@ def velocity_product(velocity: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return np.concatenate((cross, np.zeros_like(velocity[..., 3:])), axis=-1)
 
 
-def acceleration_to_pinocchio(
-    acceleration: np.ndarray, velocity: np.ndarray, rotation: np.ndarray
-) -> np.ndarray:
-    """Generalized acceleration in Pinocchio's coordinates: a_pin = X a + Ẋ v.
-
-    Args:
-        acceleration: (..., 6 + n) time derivative of MuJoCo's generalized velocity.
-        velocity: (..., 6 + n) MuJoCo's generalized velocity.
-        rotation: (..., 3, 3) world from base.
-
-    Returns:
-        (..., 6 + n).
-    """
-    return velocity_to_pinocchio(acceleration, rotation) + velocity_product(velocity, rotation)
-
-
 # --- from Pinocchio to MuJoCo ------------------------------------------------------------------
-
-
-def velocity_from_pinocchio(velocity: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Generalized velocity in MuJoCo's coordinates: v = X⁻¹ v_pin.
-
-    Args:
-        velocity: (..., 6 + n) Pinocchio's generalized velocity.
-        rotation: (..., 3, 3) world from base.
-
-    Returns:
-        (..., 6 + n).
-    """
-    return velocity_to_pinocchio(velocity, rotation.mT)
 
 
 def jacobian_from_pinocchio(jacobian: np.ndarray, rotation: np.ndarray) -> np.ndarray:
@@ -277,4 +225,4 @@ def bias_from_pinocchio(
         (..., 6 + n).
     """
     moved = bias + np.matvec(mass_matrix, velocity_product(velocity, rotation))
-    return velocity_from_pinocchio(moved, rotation)
+    return velocity_to_pinocchio(moved, rotation.mT)  # X is orthogonal

@@ -94,29 +94,33 @@ class LiveTerms:
         """Bind the buffers of `batch`, which simulates `robot`."""
         buffers = _Buffers(*(batch.bind(name) for name in _Buffers._fields))
         velocities = _Velocities(batch.state, column_of(batch.bind("qvel"), batch))
-        count, feet, nv = len(batch.state), robot.num_feet, robot.nv
-        shapes = {
-            "mass_matrix": (count, nv, nv),
-            "bias": (count, nv),
-            "base_position": (count, 3),
-            "world_from_base": (count, 3, 3),
-            "world_from_trunk": (count, 3, 3),
-            "com": (count, 3),
-            "com_velocity": (count, 3),
-            "foot_position": (count, feet, 3),
-            "world_from_foot": (count, feet, 3, 3),
-            "foot_velocity": (count, feet, 6),
-            "foot_jacobian": (count, feet, 6, nv),
-            "foot_bias": (count, feet, 6),
-        }
         # What is zero in one state is zero in all.
-        self._terms = DynamicsTerms(**{name: np.zeros(shape) for name, shape in shapes.items()})
+        self._terms = zero_terms(robot, len(batch.state))
         self._read = partial(_read, _layout_of(robot), buffers, velocities, self._terms)
 
     def __call__(self) -> DynamicsTerms:
         """Return the terms, in arrays that the next call writes anew."""
         self._read()
         return self._terms
+
+
+def zero_terms(robot: Robot, count: int) -> DynamicsTerms:
+    """Return terms of N robots, to be filled in."""
+    feet, nv = (count, robot.num_feet), robot.nv
+    return DynamicsTerms(
+        mass_matrix=np.zeros((count, nv, nv)),
+        bias=np.zeros((count, nv)),
+        base_position=np.zeros((count, 3)),
+        world_from_base=np.zeros((count, 3, 3)),
+        world_from_trunk=np.zeros((count, 3, 3)),
+        com=np.zeros((count, 3)),
+        com_velocity=np.zeros((count, 3)),
+        foot_position=np.zeros((*feet, 3)),
+        world_from_foot=np.zeros((*feet, 3, 3)),
+        foot_velocity=np.zeros((*feet, 6)),
+        foot_jacobian=np.zeros((*feet, 6, nv)),
+        foot_bias=np.zeros((*feet, 6)),
+    )
 
 
 def column_of(part: np.ndarray, batch: mujoco.batch.Batch) -> int:

@@ -61,12 +61,6 @@ def give_back(
         qpos: (N, nq) of the robots.
         qvel: (N, nv) likewise.
     """
-    _add(passive, torque, qpos, qvel)
-    return torque
-
-
-@compiled
-def _add(passive: PassiveJoints, torque: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> None:
     for i in range(len(torque)):
         for j in range(torque.shape[1]):
             place, velocity = qpos[i, 7 + j] - passive.rest[j], qvel[i, 6 + j]
@@ -77,3 +71,4 @@ def _add(passive: PassiveJoints, torque: np.ndarray, qpos: np.ndarray, qvel: np.
                 + velocity * (damping[0] + speed * (damping[1] + speed * damping[2]))
                 + passive.friction[j] * sliding
             )
+    return torque

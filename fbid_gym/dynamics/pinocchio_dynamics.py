@@ -2,15 +2,17 @@
 
 import copy
 from collections.abc import Mapping, Sequence
-from numbers import Real
+from typing import Any
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
+from fbid_gym.checks import is_number
 from fbid_gym.dynamics import frames
+from fbid_gym.dynamics.live_terms import zero_terms
 from fbid_gym.dynamics.mujoco_dynamics import check_states
-from fbid_gym.dynamics.pinocchio_model import armature_of_base, pinocchio_model
+from fbid_gym.dynamics.pinocchio_model import pinocchio_model
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.errors import InvalidValueError, ShapeError, UnknownOptionError
 from fbid_gym.quantities import DynamicsTerms
@@ -60,7 +62,7 @@ class PinocchioDynamics:
         nominal = _nominal(robot.model, mass_scale, com_offset or {})
         self.robot = robot
         self.model = pinocchio_model(nominal)
-        self._base_armature = armature_of_base(nominal)
+        self._base_armature = nominal.dof_armature[:6].copy()
         self._feet = []
         # Takes a foot's twist from the centre of its points to the reference below it.
         self._drop = np.tile(np.eye(6), (len(robot.feet), 1, 1))
@@ -94,63 +96,43 @@ class PinocchioDynamics:
         if (norm == 0.0).any():
             row = int(np.argmin(norm))
             raise InvalidValueError(f"qpos[{row}, 3:7]", qpos[row, 3:7], "a nonzero quaternion")
-        num_robots, nv = qvel.shape
-        num_feet = len(self._feet)
-
         rotation = frames.quaternion_to_matrix(qpos[:, 3:7])
         configuration = frames.configuration_to_pinocchio(qpos, self.robot.model.qpos0)
         velocity = frames.velocity_to_pinocchio(qvel, rotation)
         acceleration = frames.velocity_product(qvel, rotation)
 
-        matrix = np.empty((num_robots, nv, nv))
-        bias = np.empty((num_robots, nv))
-        com, com_velocity = np.empty((num_robots, 3)), np.empty((num_robots, 3))
-        foot_position = np.empty((num_robots, num_feet, 3))
-        world_from_foot = np.empty((num_robots, num_feet, 3, 3))
-        foot_velocity = np.empty((num_robots, num_feet, 6))
-        foot_jacobian = np.empty((num_robots, num_feet, 6, nv))
-        foot_bias = np.empty((num_robots, num_feet, 6))
-
-        model, data = self.model, self._data
-        for i in range(num_robots):
-            q, v = configuration[i], velocity[i]
-            matrix[i] = pin.crba(model, data, q)
-            bias[i] = pin.nonLinearEffects(model, data, q, v)
+        model, data, found = self.model, self._data, zero_terms(self.robot, len(qpos))
+        for i, (q, v) in enumerate(zip(configuration, velocity, strict=True)):
+            found.mass_matrix[i] = pin.crba(model, data, q)
+            found.bias[i] = pin.nonLinearEffects(model, data, q, v)
             # The free-flyer is joint 1 and its subtree the robot.
             pin.centerOfMass(model, data, q, v, True)
-            com[i] = data.oMi[1].act(data.com[1])
-            com_velocity[i] = data.oMi[1].rotation @ data.vcom[1]
+            found.com[i] = data.oMi[1].act(data.com[1])
+            found.com_velocity[i] = data.oMi[1].rotation @ data.vcom[1]
             pin.computeJointJacobians(model, data, q)
             # At MuJoCo's acceleration zero, Pinocchio's is not.
             pin.forwardKinematics(model, data, q, v, acceleration[i])
             for k, frame in enumerate(self._feet):
                 placement = pin.updateFramePlacement(model, data, frame)
-                foot_position[i, k], world_from_foot[i, k] = (
-                    placement.translation,
-                    placement.rotation,
-                )
-                foot_velocity[i, k] = pin.getFrameVelocity(model, data, frame, _AXES)
-                foot_jacobian[i, k] = pin.getFrameJacobian(model, data, frame, _AXES)
-                foot_bias[i, k] = pin.getFrameClassicalAcceleration(model, data, frame, _AXES)
+                found.foot_position[i, k] = placement.translation
+                found.world_from_foot[i, k] = placement.rotation
+                found.foot_velocity[i, k] = pin.getFrameVelocity(model, data, frame, _AXES)
+                found.foot_jacobian[i, k] = pin.getFrameJacobian(model, data, frame, _AXES)
+                found.foot_bias[i, k] = pin.getFrameClassicalAcceleration(model, data, frame, _AXES)
 
-        foot_position[..., 2] -= [foot.radius for foot in self.robot.feet]
-        bias = frames.bias_from_pinocchio(bias, matrix, qvel, rotation)
-        matrix = frames.mass_matrix_from_pinocchio(matrix, rotation)
+        found.foot_position[..., 2] -= [foot.radius for foot in self.robot.feet]
+        matrix = frames.mass_matrix_from_pinocchio(found.mass_matrix, rotation)
         matrix[:, np.arange(6), np.arange(6)] += self._base_armature
-        foot_jacobian = frames.jacobian_from_pinocchio(foot_jacobian, rotation[:, None])
-        return DynamicsTerms(
+        jacobian = frames.jacobian_from_pinocchio(found.foot_jacobian, rotation[:, None])
+        return found._replace(
             mass_matrix=np.ascontiguousarray(matrix),
-            bias=bias,
+            bias=frames.bias_from_pinocchio(found.bias, found.mass_matrix, qvel, rotation),
             base_position=qpos[:, :3].copy(),
             world_from_base=rotation,
             world_from_trunk=rotation @ base_from_trunk(self.robot),
-            com=com,
-            com_velocity=com_velocity,
-            foot_position=foot_position,
-            world_from_foot=world_from_foot,
-            foot_velocity=np.matvec(self._drop, foot_velocity),
-            foot_jacobian=self._drop @ foot_jacobian,
-            foot_bias=np.matvec(self._drop, foot_bias),
+            foot_velocity=np.matvec(self._drop, found.foot_velocity),
+            foot_jacobian=self._drop @ jacobian,
+            foot_bias=np.matvec(self._drop, found.foot_bias),
         )
 
 
@@ -185,14 +167,11 @@ def _body(argument: str, name: str, names: Sequence[str]) -> int:
     return 1 + names.index(name)
 
 
-def _positive(argument: str, value: object) -> float:
+def _positive(argument: str, value: Any) -> float:
     """A positive finite number, or the error that names it."""
-    number = np.nan
-    if not isinstance(value, bool) and isinstance(value, Real):
-        number = float(value)
-    if not (np.isfinite(number) and number > 0.0):
-        raise InvalidValueError(argument, value, "a positive number, or a mapping from body names")
-    return number
+    if is_number(value) and 0.0 < value < np.inf:
+        return float(value)
+    raise InvalidValueError(argument, value, "a positive number, or a mapping from body names")
 
 
 def _vector(argument: str, value: Sequence[float]) -> np.ndarray:

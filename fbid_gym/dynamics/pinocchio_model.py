@@ -27,7 +27,7 @@ def pinocchio_model(model: mujoco.MjModel) -> pin.Model:
     universe, is the world).
 
     The armature of hinges and slides, their actuators' included, is in `armature`. That of the
-    free joint is not: MuJoCo holds it in its own coordinates, and `armature_of_base` returns it.
+    free joint is not: MuJoCo holds it in its own coordinates, `dof_armature[:6]`.
 
     Args:
         model: compiled, with one free joint that comes first.
@@ -81,18 +81,6 @@ def pinocchio_model(model: mujoco.MjModel) -> pin.Model:
         armature[dof] += model.actuator_armature[actuator] * gear**2
     result.armature = armature
     return result
-
-
-def armature_of_base(model: mujoco.MjModel) -> np.ndarray:
-    """Armature of the free joint, to be added to the diagonal of M in MuJoCo's coordinates.
-
-    Args:
-        model: compiled, accepted by `pinocchio_model`.
-
-    Returns:
-        (6,) kg for the translation in the world, kg m² for the rotation in the base frame.
-    """
-    return model.dof_armature[:6].copy()
 
 
 def _placement(position: np.ndarray, quaternion: np.ndarray) -> pin.SE3:

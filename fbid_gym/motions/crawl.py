@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import polyder, polyval
 
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
@@ -36,6 +38,9 @@ _ORDER = (2, 0, 3, 1)
 """In which the feet swing: hind left, front left, hind right, front right, of `corners_of`."""
 
 _MOST_TABLES = 6  # polynomials through more equally spaced points swing between them
+
+# From the coefficients of a quintic to its value and two derivatives at both ends, 0 and 1.
+_ENDS = np.array([polyval(end, polyder(np.eye(6), k)) for end in (0.0, 1.0) for k in range(3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,15 +242,9 @@ def _across(turn: np.ndarray) -> np.ndarray:
 def _bump(gait: CrawlGait, ticks: int, hz: int) -> Curve:
     """Height of a swinging foot over its ticks in the air and the next one: smooth at both ends."""
     length = round(gait.swing * ticks)
-    s = np.arange(length + 1) / length
-    seconds = length / hz
-    u, v = s * (1 - s), 1 - 2 * s
-    height = 64 * gait.swing_height
-    return Curve(
-        height * u**3,
-        height * 3 * u**2 * v / seconds,
-        height * (6 * u * v**2 - 6 * u**2) / seconds**2,
-    )
+    s, seconds = np.arange(length + 1) / length, length / hz
+    height = 64 * gait.swing_height * Polynomial([0.0, 1.0, -1.0]) ** 3
+    return Curve(height(s), height.deriv()(s) / seconds, height.deriv(2)(s) / seconds**2)
 
 
 def _foot_path(rolled: Curve, lift: int, touch: int, stride: float, step: float) -> Curve:
@@ -272,33 +271,13 @@ def _foot_path(rolled: Curve, lift: int, touch: int, stride: float, step: float)
     next_one = np.array([stride, 0.0])
     path.value[stance % ticks] = way + np.where(stance < ticks, 1.0, 0.0)[:, None] * next_one
 
+    # Through the air a quintic, from the state in which the foot lifts to that in which it lands.
     seconds = (touch - lift) * step
-    ends = [
-        (way[-1], rate[-1], acceleration[-1]),
-        (way[0] + next_one, rate[0], acceleration[0]),
-    ]
+    first = way[-1], rate[-1] * seconds, acceleration[-1] * seconds**2
+    last = way[0] + next_one, rate[0] * seconds, acceleration[0] * seconds**2
+    quintic = np.linalg.solve(_ENDS, np.array([*first, *last]))
     swing = np.arange(lift + 1, touch)
-    s = ((swing - lift) * step / seconds)[:, None]
-    for whole, part in zip(path, _quintic(s, seconds, *ends), strict=True):
-        whole[swing] = part
+    for degree, whole in enumerate(path):
+        share = (swing - lift) * step / seconds
+        whole[swing] = polyval(share, polyder(quintic, degree)).T / seconds**degree
     return path
-
-
-def _quintic(
-    s: np.ndarray,
-    seconds: float,
-    start: tuple[np.ndarray, np.ndarray, np.ndarray],
-    end: tuple[np.ndarray, np.ndarray, np.ndarray],
-) -> Curve:
-    """Quintic between two states (value, rate, acceleration), at shares s (K, 1) of its time."""
-    p0, v0, a0 = start[0], start[1] * seconds, start[2] * seconds**2
-    p1, v1, a1 = end[0], end[1] * seconds, end[2] * seconds**2
-    gap, c = p1 - p0, 0.5 * a0
-    d = 10 * gap - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1
-    e = -15 * gap + 8 * v0 + 7 * v1 + 1.5 * a0 - a1
-    f = 6 * gap - 3 * v0 - 3 * v1 - 0.5 * a0 + 0.5 * a1
-    return Curve(
-        p0 + s * (v0 + s * (c + s * (d + s * (e + s * f)))),
-        (v0 + s * (2 * c + s * (3 * d + s * (4 * e + s * 5 * f)))) / seconds,
-        (2 * c + s * (6 * d + s * (12 * e + s * 20 * f))) / seconds**2,
-    )

@@ -9,12 +9,12 @@ import pytest
 from fbid_gym.control import (
     ContactLimits,
     LimitedInverseDynamics,
-    limited_contact_forces,
     limited_inverse_dynamics,
     orthogonal_inverse_dynamics,
 )
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
 from fbid_gym.errors import InvalidValueError, ShapeError
+from tests.control.cones import contact_forces
 
 LENGTH, GRAVITY = 0.3, 9.81
 EXACT = DEFAULT_ACCURACY._replace(tolerance=1e-9, max_iterations=50)
@@ -118,7 +118,7 @@ def test_the_base_wrench_is_the_nearest_the_limits_allow(make_system: Callable[.
     consistent = orthogonal_inverse_dynamics(*system.law).acceleration
     wanted = (np.matvec(system.mass_matrix, consistent) + system.bias)[:, :6]
     weight = GRAVITY * system.mass_matrix[0, 0, 0]
-    forces = limited_contact_forces(
+    forces = contact_forces(
         system.jacobian[:, :, :6].mT, wanted, LIMITS, weight=weight, length=LENGTH
     )
     solution = solve(system)

@@ -363,6 +363,8 @@ def test_bad_shapes_and_options_are_refused(stance):
         stance.solve(weight=np.ones(COUNT + 1))
     with pytest.raises(InvalidValueError, match="Invalid weight: .*positive"):
         stance.solve(weight=0.0)
+    with pytest.raises(InvalidValueError, match="Invalid weight: .*positive"):
+        stance.solve(weight="heavy")
     with pytest.raises(InvalidValueError, match="Invalid length"):
         stance.solve(length=0.0)
     with pytest.raises(InvalidValueError, match="Invalid wrench_cost"):

@@ -24,6 +24,12 @@ def force_to_pinocchio(force, rotation):
     return frames.velocity_to_pinocchio(force, rotation)
 
 
+def acceleration_to_pinocchio(acceleration, velocity, rotation):
+    """a_pin = X a + Xdot v."""
+    moved = frames.velocity_to_pinocchio(acceleration, rotation)
+    return moved + frames.velocity_product(velocity, rotation)
+
+
 def to_quaternion(rotation_vectors):
     angle = np.linalg.norm(rotation_vectors, axis=-1, keepdims=True)
     return np.hstack((np.cos(angle / 2), rotation_vectors * np.sinc(angle / 2 / np.pi) / 2))
@@ -48,10 +54,6 @@ def test_rotation_vector_is_the_logarithm_at_every_angle(rng, angle):
     expected = vectors(rng, angle)
     quaternions = to_quaternion(expected)
     tolerance = 1e-15 + 4e-15 * angle
-    from_quaternion = frames.quaternion_rotation_vector(quaternions)
-    np.testing.assert_allclose(from_quaternion, expected, atol=tolerance)
-    both_signs_and_any_length = frames.quaternion_rotation_vector(-2.5 * quaternions)
-    np.testing.assert_allclose(both_signs_and_any_length, expected, atol=tolerance)
     from_matrix = frames.rotation_vector(frames.quaternion_to_matrix(quaternions))
     np.testing.assert_allclose(from_matrix, expected, atol=tolerance)
 
@@ -171,7 +173,7 @@ def test_acceleration_is_the_rate_of_pinocchios_velocity(rng, model, states, bas
             for t in (-step, step)
         )
         expected = (after - before) / (2 * step)
-        actual = frames.acceleration_to_pinocchio(acceleration, qvel, rotation)
+        actual = acceleration_to_pinocchio(acceleration, qvel, rotation)
         np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-7)
 
 
@@ -180,10 +182,10 @@ def test_velocities_and_accelerations_round_trip(rng, states, base):
     acceleration = rng.normal(size=velocity.shape)
     there = frames.velocity_to_pinocchio(velocity, base)
     np.testing.assert_allclose(
-        frames.velocity_from_pinocchio(there, base), velocity, rtol=1e-14, atol=1e-14
+        frames.velocity_to_pinocchio(there, base.mT), velocity, rtol=1e-14, atol=1e-14
     )
-    there = frames.acceleration_to_pinocchio(acceleration, velocity, base)
-    back = frames.velocity_from_pinocchio(there - frames.velocity_product(velocity, base), base)
+    there = acceleration_to_pinocchio(acceleration, velocity, base)
+    back = frames.velocity_to_pinocchio(there - frames.velocity_product(velocity, base), base.mT)
     np.testing.assert_allclose(back, acceleration, rtol=1e-13, atol=1e-13)
 
 
@@ -215,7 +217,7 @@ def test_equation_of_motion_holds_in_both_coordinates(rng, states, base):
     num, nv = velocity.shape
     factor = rng.normal(size=(num, nv, nv))
     matrix, bias, acceleration = factor @ factor.mT, *rng.normal(size=(2, num, nv))
-    there = frames.acceleration_to_pinocchio(acceleration, velocity, base)
+    there = acceleration_to_pinocchio(acceleration, velocity, base)
     force = np.matvec(frames.mass_matrix_from_pinocchio(matrix, base), acceleration)
     force += frames.bias_from_pinocchio(bias, matrix, velocity, base)
     expected = np.matvec(matrix, there) + bias
@@ -231,19 +233,16 @@ def calls(rng, shape):
     quaternion, vector = rng.normal(size=(*shape, 4)), rng.normal(size=(*shape, 3))
     rotation = frames.quaternion_to_matrix(quaternion)
     qpos, qpos0 = rng.normal(size=(*shape, 12)), rng.normal(size=12)
-    v, a, f = rng.normal(size=(3, *shape, 11))
+    v, f = rng.normal(size=(2, *shape, 11))
     matrix, jacobian = rng.normal(size=(*shape, 11, 11)), rng.normal(size=(*shape, 6, 11))
     return {
         "quaternion_to_matrix": (quaternion,),
         "matrix_to_quaternion": (rotation,),
-        "quaternion_rotation_vector": (quaternion,),
         "rotation_vector": (rotation,),
         "skew": (vector,),
         "configuration_to_pinocchio": (qpos, qpos0),
         "velocity_to_pinocchio": (v, rotation),
-        "velocity_from_pinocchio": (v, rotation),
         "velocity_product": (v, rotation),
-        "acceleration_to_pinocchio": (a, v, rotation),
         "jacobian_from_pinocchio": (jacobian, rotation),
         "mass_matrix_from_pinocchio": (matrix, rotation),
         "bias_from_pinocchio": (f, matrix, v, rotation),

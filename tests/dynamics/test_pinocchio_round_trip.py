@@ -30,7 +30,7 @@ STANCES = {
 def acceleration_from_pinocchio(acceleration, qvel, rotation):
     """Generalized acceleration in MuJoCo's coordinates, X^-1 (a_pin - Xdot v)."""
     own = acceleration - frames.velocity_product(qvel, rotation)
-    return frames.velocity_from_pinocchio(own, rotation)
+    return frames.velocity_to_pinocchio(own, rotation.mT)
 
 
 class Stance:

@@ -19,7 +19,7 @@ from eval.papers.inertial_parameters.inertia import (
 from fbid_gym.checks import check_finite
 from fbid_gym.dynamics import frames
 from fbid_gym.dynamics.mujoco_dynamics import check_states
-from fbid_gym.dynamics.pinocchio_model import armature_of_base, pinocchio_model
+from fbid_gym.dynamics.pinocchio_model import pinocchio_model
 from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.robots import Robot
 
@@ -51,7 +51,7 @@ class InertialRegressor:
         self.bodies = np.flatnonzero(member)
         self.names = tuple(model.body(body).name or f"body {body}" for body in self.bodies)
         self.armature = self._model.armature.copy()
-        self.armature[:6] = armature_of_base(model)
+        self.armature[:6] = model.dof_armature[:6]
         carriers = [self._model.frames[int(body)] for body in self.bodies]
         # Pinocchio's parameters belong to joints (joint 0 is the world and has none).
         columns = np.array([10 * (frame.parentJoint - 1) for frame in carriers])
@@ -95,7 +95,8 @@ class InertialRegressor:
         rotation = frames.quaternion_to_matrix(qpos[:, 3:7])
         configuration = frames.configuration_to_pinocchio(qpos, self.robot.model.qpos0)
         velocity = frames.velocity_to_pinocchio(qvel, rotation)
-        acceleration = frames.acceleration_to_pinocchio(qacc, qvel, rotation)
+        acceleration = frames.velocity_to_pinocchio(qacc, rotation)
+        acceleration += frames.velocity_product(qvel, rotation)
         count, size = qvel.shape
         result = np.empty((count, size, len(self.bodies), 10))
         model, data = self._model, self._data

@@ -1,0 +1,55 @@
+"""Contact forces of many robots by the solver that the laws share, and nothing around it."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fbid_gym.control import Accuracy, ContactLimits
+from fbid_gym.control.contact_forces import (
+    DEFAULT_ACCURACY,
+    limits_in_contact,
+    point_limits,
+    warm_start_of,
+    wrench_scale,
+)
+from fbid_gym.control.dual_newton import Forces, Problem, deliver
+
+
+class ContactForces(NamedTuple):
+    """Feasible contact forces and how well they deliver the wrench."""
+
+    force: np.ndarray  # (N, P, 3) N, two tangential components, then the normal one
+    wrench: np.ndarray  # (N, 6) what they deliver, N and N·m
+    residual: np.ndarray  # (N,) weighted distance from the desired wrench, per weight
+    iterations: np.ndarray  # (N,) Newton steps
+    dual: np.ndarray  # (N, 6) warm start for the next call
+
+
+def contact_forces(
+    wrench_map: np.ndarray,
+    wrench: np.ndarray,
+    limits: ContactLimits,
+    *,
+    weight: float,
+    length: float,
+    wrench_cost: Sequence[float] | np.ndarray | None = None,
+    active: np.ndarray | None = None,
+    warm_start: np.ndarray | None = None,
+    accuracy: Accuracy = DEFAULT_ACCURACY,
+) -> ContactForces:
+    """Forces within limits that best deliver wrenches (N, 6); wrench_map (N, 6, 3 P)."""
+    count, points = len(wrench), wrench_map.shape[2] // 3
+    own, scale = point_limits(limits, active, count, points), wrench_scale(length, wrench_cost)
+    start, values = warm_start_of(warm_start, count), np.empty((points, 3))
+    force, missing = np.empty((count, points, 3)), np.empty((count, 6))
+    iterations, dual = np.empty(count, int), np.empty((count, 6))
+    # Points that are not in contact have zero columns, as in `ReducedContacts.point_map`.
+    maps = wrench_map * np.repeat(np.broadcast_to(own.active, (count, points)), 3, axis=1)[:, None]
+    for i in range(count):
+        limits_in_contact(own, i, values)
+        problem = Problem(scale[:, None] * maps[i], scale * wrench[i], values)
+        found = Forces(force[i], missing[i], dual[i])
+        iterations[i] = deliver(problem, accuracy, weight, start[i], found)
+    residual = np.linalg.norm(missing, axis=1) / weight
+    return ContactForces(force, wrench + missing / scale, residual, iterations, dual)
