@@ -10,7 +10,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.mjcf import can_touch, static_geoms
+from fbid_gym.robots.mjcf import can_touch, meeting, static_geoms
 
 _PLANE = mujoco.mjtGeom.mjGEOM_PLANE
 _OBJ = mujoco.mjtObj
@@ -62,9 +62,8 @@ def _meets_planes_alone(model: mujoco.MjModel) -> bool:
         return False
     static, plane = static_geoms(model), model.geom_type == _PLANE
     moving = can_touch(model) & ~static
-    types, affinities = model.geom_contype, model.geom_conaffinity
-    touches = ((types[:, None] & affinities) | (affinities[:, None] & types)) != 0
-    return bool(moving.any()) and not touches[np.ix_(moving, moving | (static & ~plane))].any()
+    others = moving | (static & ~plane)
+    return bool(moving.any()) and not meeting(model, np.flatnonzero(moving))[others].any()
 
 
 def _contacts_with_planes(model: mujoco.MjModel) -> list[Any]:
