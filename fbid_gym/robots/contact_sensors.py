@@ -116,14 +116,13 @@ def _cut(points: np.ndarray, far: float) -> tuple[float, np.ndarray]:
         group = open_groups.pop()
         if len(group) == 1:
             continue
-        orders = [group[np.argsort(points[group, axis])] for axis in range(2)]
-        gaps = [np.diff(points[order, axis]) for axis, order in enumerate(orders)]
-        axis = int(np.argmax([gap.max() for gap in gaps]))
-        first = int(np.argmax(gaps[axis]))
+        orders = group[np.argsort(points[group, :2], axis=0)].T
+        gaps = np.array([np.diff(points[order, axis]) for axis, order in enumerate(orders)])
+        axis, first = np.unravel_index(np.argmax(gaps), gaps.shape)
         low, high = orders[axis][: first + 1], orders[axis][first + 1 :]
-        border = points[low[-1], axis] + _MIDDLE * gaps[axis][first]
+        border = points[low[-1], axis] + _MIDDLE * gaps[axis, first]
         bounds[low, 1, axis] = bounds[high, 0, axis] = border
-        narrowest = min(narrowest, float(gaps[axis][first]))
+        narrowest = min(narrowest, float(gaps[axis, first]))
         open_groups += [low, high]
     return narrowest, bounds
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from fbid_gym.robots.feet import Foot, contacts
 from fbid_gym.robots.measured_model import MeasuredModel
-from fbid_gym.robots.mjcf import meeting
 
 _PLANE = mujoco.mjtGeom.mjGEOM_PLANE
 _DOWN = np.array([0.0, 0.0, -1.0])
@@ -23,7 +22,7 @@ def heights_below(home: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
     model, ground = home.model, home.ground
     own = np.concatenate([home.welded_geoms(foot.body) for foot in feet])
     if own.size:
-        ground = ground & meeting(model, own).any(axis=1)
+        ground = ground & home.meeting(own).any(axis=1)
     # Rays meet the geoms of some groups alone, none that is invisible, of planes what is drawn.
     seen = copy.copy(model)
     seen.geom_group[:], seen.geom_matid[:], seen.geom_rgba[:, 3] = ground, -1, 1.0

@@ -6,7 +6,7 @@ or numbers mean something else than they say.
 
 import copy
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -48,6 +48,7 @@ class _Home(NamedTuple):
     pose: MeasuredModel
     data: mujoco.MjData  # forward dynamics of the pose
     feet: Sequence[Foot]
+    contact_sensor: np.ndarray  # (P, 3) columns of `sensordata`, the forces on the points
     points: np.ndarray  # (P, 3) m, world, where the contact points touch
     height: float  # m, of the centre of mass above the lowest of them
 
@@ -75,115 +76,105 @@ def findings(pose: MeasuredModel, feet: Sequence[Foot], contact_sensor: np.ndarr
     data = mujoco.MjData(pose.model)
     data.qpos[:] = pose.qpos
     mujoco.mj_forward(pose.model, data)
-    home = _Home(pose, data, feet, points, height)
-    return [
-        *_penetration(home),
-        *_ground(home),
-        *_uneven(home),
-        *_on_edges(home),
-        *_off_balance(home),
-        *_unloaded(home, contact_sensor),
-        *_too_light(home),
-        *_springs(home),
-        *_slippery(home),
-    ]
+    home = _Home(pose, data, feet, contact_sensor, points, height)
+    checks = (
+        *(_penetration, _ground, _uneven, _on_edges, _off_balance),
+        *(_unloaded, _too_light, _springs, _slippery),
+    )
+    return [sentence for check in checks for sentence in check(home)]
 
 
-def _penetration(home: _Home) -> list[str]:
+def _penetration(home: _Home) -> Iterator[str]:
     pose = home.pose
     geoms = np.flatnonzero(pose.touching & ~pose.ground).tolist()
-    low = {geom: pose.lowest([geom]) for geom in geoms}
-    if not low:
-        return ["Nothing on the robot can touch the ground: no geom collides."]
-    deepest = min(low, key=lambda geom: low[geom])
-    if low[deepest] <= -_SUNK * home.height:
+    if not geoms:
+        yield "Nothing on the robot can touch the ground: no geom collides."
+        return
+    deepest = min(geoms, key=lambda geom: pose.lowest([geom]))
+    low = pose.lowest([deepest])
+    if low <= -_SUNK * home.height:
         body = pose.body_name(pose.model.geom_bodyid[deepest])
-        return [f"Body {body!r} is {-1e3 * low[deepest]:.3g} mm in the ground at home."]
-    if low[deepest] <= _SUNK * home.height:
-        return []
-    return [
-        f"The robot hovers: its lowest geometry is {1e3 * low[deepest]:.3g} mm above the "
-        "ground, its contact points are on it."
-    ]
+        yield f"Body {body!r} is {-1e3 * low:.3g} mm in the ground at home."
+    elif low > _SUNK * home.height:
+        yield (
+            f"The robot hovers: its lowest geometry is {1e3 * low:.3g} mm above the "
+            "ground, its contact points are on it."
+        )
 
 
-def _ground(home: _Home) -> list[str]:
+def _ground(home: _Home) -> Iterator[str]:
     """A file's ground that is not where robots begin, on z = 0."""
     heights = heights_below(home.pose, home.feet)
-    named = zip(home.point_names, heights, strict=True)
-    bare = [name for name, height in named if np.isnan(height)]
-    if bare:
-        return [f"There is nothing below the points {listed(bare)} at home."]
+    bare = np.isnan(heights)
+    if bare.any():
+        names = itertools.compress(home.point_names, bare)
+        yield f"There is nothing below the points {listed(names)} at home."
+        return
     gaps = home.points[:, 2] - heights
     farthest = gaps[np.argmax(np.abs(gaps))]
-    if abs(farthest) <= max(_SUNK, _UNEVEN) * home.height:
-        return []
-    side = "below" if farthest > 0.0 else "above"
-    return [
-        f"The file's ground is {1e3 * abs(farthest):.3g} mm {side} the feet at home, "
-        "which begin at z = 0."
-    ]
+    if abs(farthest) > max(_SUNK, _UNEVEN) * home.height:
+        side = "below" if farthest > 0.0 else "above"
+        yield (
+            f"The file's ground is {1e3 * abs(farthest):.3g} mm {side} the feet at home, "
+            "which begin at z = 0."
+        )
 
 
-def _uneven(home: _Home) -> list[str]:
+def _uneven(home: _Home) -> Iterator[str]:
     spread = float(np.ptp(home.points[:, 2]))
-    if spread <= _UNEVEN * home.height:
-        return []
-    return [f"The contact points differ by {1e3 * spread:.3g} mm in height at home."]
+    if spread > _UNEVEN * home.height:
+        yield f"The contact points differ by {1e3 * spread:.3g} mm in height at home."
 
 
-def _on_edges(home: _Home) -> list[str]:
-    told = []
+def _on_edges(home: _Home) -> Iterator[str]:
     for foot in home.feet:
         if is_point(home.pose.model, foot.point_names[0]):  # as somebody wants it
             continue
         tilt = tilt_of(home.pose, foot.body)
         if tilt is not None and tilt > TILTED:
-            told.append(
+            yield (
                 f"Foot {foot.name!r} stands on an edge at home: the flat side nearest to the "
                 f"ground is tilted by {np.degrees(tilt):.0f} degrees."
             )
-    return told
 
 
-def _off_balance(home: _Home) -> list[str]:
+def _off_balance(home: _Home) -> Iterator[str]:
     outside = -margin_within(home.points[:, :2], home.pose.com[:2])
-    if outside <= _SUNK * home.height:
-        return []
-    return [
-        f"The centre of mass is {1e3 * outside:.3g} mm outside of the contact points at home: "
-        "the robot will fall over."
-    ]
+    if outside > _SUNK * home.height:
+        yield (
+            f"The centre of mass is {1e3 * outside:.3g} mm outside of the contact points at home: "
+            "the robot will fall over."
+        )
 
 
-def _unloaded(home: _Home, contact_sensor: np.ndarray) -> list[str]:
+def _unloaded(home: _Home) -> Iterator[str]:
     """Points that carry nothing of a robot that settles with its joints locked."""
     pose = home.pose
     if not pose.weight:
-        return []
+        return
     model = copy.copy(pose.model)
     model.opt.timestep = _STEP  # environments have one of their own, too
     model.dof_armature[6:] += _LOCKED * model.body_subtreemass[pose.base]
     data = mujoco.MjData(model)
     data.qpos[:] = pose.qpos
     steps = round(_SETTLING / _STEP)
-    forces = np.zeros((steps, len(contact_sensor)))
+    forces = np.zeros((steps, len(home.contact_sensor)))
     for step in range(steps):
         mujoco.mj_step(model, data)
-        forces[step] = data.sensordata[contact_sensor[:, 2]]
+        forces[step] = data.sensordata[home.contact_sensor[:, 2]]
     force = forces[steps // 2 :].mean(axis=0)
-    carried = zip(home.point_names, force, strict=True)
-    idle = [name for name, f in carried if f < _CARRIES_NOTHING * pose.weight]
     share = float(force.sum()) / pose.weight
     if not np.isfinite(share):
-        return ["The robot does not settle on its feet: the simulation diverges."]
-    told = [f"Points {', '.join(idle)} carry nothing at home."] if idle else []
+        yield "The robot does not settle on its feet: the simulation diverges."
+        return
+    idle = list(itertools.compress(home.point_names, force < _CARRIES_NOTHING * pose.weight))
+    if idle:
+        yield f"Points {', '.join(idle)} carry nothing at home."
     if share < 0.9:
-        told.append(f"The contact points carry {share:.0%} of the weight at home, others the rest.")
-    return told
+        yield f"The contact points carry {share:.0%} of the weight at home, others the rest."
 
 
-def _too_light(home: _Home) -> list[str]:
+def _too_light(home: _Home) -> Iterator[str]:
     """Joints that cannot be held as stiffly as standing needs, at the rate of control.
 
     What stands on a joint falls over unless its stiffness makes up for the weight at its height.
@@ -196,11 +187,11 @@ def _too_light(home: _Home) -> list[str]:
     giving_way = 1.0 / np.diag(np.linalg.inv(mass))[6:]
     least = _needed_stiffness(home) / (2.0 * np.pi * CONTROL_HZ / _TICKS_PER_PERIOD) ** 2
     names = object_names(model, _OBJ.mjOBJ_JOINT, moving_joints(model))
-    return [
-        f"Joint {names[i]!r} moves {giving_way[i]:.2g} kg·m² in the air, too little to be held at "
-        f"{CONTROL_HZ} Hz by what standing needs: give it armature={least[i]:.2g} or more."
-        for i in np.flatnonzero(giving_way < least)
-    ]
+    for i in np.flatnonzero(giving_way < least):
+        yield (
+            f"Joint {names[i]!r} moves {giving_way[i]:.2g} kg·m² in the air, too little to be held "
+            f"at {CONTROL_HZ} Hz by what standing needs: give it armature={least[i]:.2g} or more."
+        )
 
 
 def _needed_stiffness(home: _Home) -> np.ndarray:
@@ -213,27 +204,25 @@ def _needed_stiffness(home: _Home) -> np.ndarray:
     return needed
 
 
-def _springs(home: _Home) -> list[str]:
+def _springs(home: _Home) -> Iterator[str]:
     model = home.pose.model
     sprung = [j for j in moving_joints(model) if np.any(model.jnt_stiffness[j])]
     pulls = np.abs(home.data.qfrc_spring[model.jnt_dofadr[sprung]])
-    if not np.any(pulls > _CARRIES_NOTHING * home.pose.weight * home.height):
-        return []
-    names = object_names(model, _OBJ.mjOBJ_JOINT, sprung)
-    return [
-        f"Springs on {len(names)} joints ({', '.join(names)}) pull with up to {pulls.max():.3g} "
-        "N·m at home, which motors have to hold."
-    ]
+    if np.any(pulls > _CARRIES_NOTHING * home.pose.weight * home.height):
+        names = object_names(model, _OBJ.mjOBJ_JOINT, sprung)
+        yield (
+            f"Springs on {len(names)} joints ({', '.join(names)}) pull with up to {pulls.max():.3g}"
+            " N·m at home, which motors have to hold."
+        )
 
 
-def _slippery(home: _Home) -> list[str]:
+def _slippery(home: _Home) -> Iterator[str]:
     friction = friction_of_feet(home.pose, home.feet)
-    if friction >= ASSUMED_FRICTION:
-        return []
-    return [
-        f"The feet's friction is {friction:.3g}: layers assume less than the {ASSUMED_FRICTION:g} "
-        "that they would of other feet."
-    ]
+    if friction < ASSUMED_FRICTION:
+        yield (
+            f"The feet's friction is {friction:.3g}: layers assume less than the "
+            f"{ASSUMED_FRICTION:g} that they would of other feet."
+        )
 
 
 def friction_of_feet(pose: MeasuredModel, feet: Sequence[Foot]) -> float:

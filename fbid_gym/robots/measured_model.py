@@ -7,7 +7,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.mjcf import can_touch, object_name, static_geoms
+from fbid_gym.robots.mjcf import object_name
 
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
@@ -58,13 +58,23 @@ class MeasuredModel:
 
     @cached_property
     def touching(self) -> np.ndarray:
-        """(ngeom,) bool, geoms that can touch the ground."""
-        return can_touch(self.model)
+        """(ngeom,) bool, geoms that can touch the ground.
+
+        A `<pair>` does not count: no robot has one with the ground, see `unmodelled`.
+        """
+        return (self.model.geom_contype != 0) | (self.model.geom_conaffinity != 0)
 
     @cached_property
     def ground(self) -> np.ndarray:
-        """(ngeom,) bool, geoms of the static world that can touch."""
-        return static_geoms(self.model)
+        """(ngeom,) bool, geoms of the static world, or that only a mocap moves, that can touch."""
+        root = self.model.body_weldid[self.model.geom_bodyid]
+        return ((root == 0) | (self.model.body_mocapid[root] >= 0)) & self.touching
+
+    def meeting(self, geoms: np.ndarray) -> np.ndarray:
+        """(ngeom, K) bool, which geoms may touch K of them by contype and conaffinity."""
+        types, affinities = self.model.geom_contype, self.model.geom_conaffinity
+        meets = (types[:, None] & affinities[geoms]) | (affinities[:, None] & types[geoms])
+        return np.asarray(meets != 0)
 
     @cached_property
     def limb_ends(self) -> list[int]:

@@ -112,24 +112,3 @@ def joint_range(model: mujoco.MjModel) -> np.ndarray:
     joints = moving_joints(model)
     limited = model.jnt_limited[joints].astype(bool)[:, None]
     return np.where(limited, model.jnt_range[joints], [-np.inf, np.inf])
-
-
-def can_touch(model: mujoco.MjModel) -> np.ndarray:
-    """(ngeom,) bool, geoms that can touch the ground.
-
-    A `<pair>` does not count: no robot has one with the ground, see `unmodelled`.
-    """
-    return (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-
-
-def static_geoms(model: mujoco.MjModel) -> np.ndarray:
-    """(ngeom,) bool, geoms of the static world, or of what only a mocap moves, that can touch."""
-    root = model.body_weldid[model.geom_bodyid]
-    return ((root == 0) | (model.body_mocapid[root] >= 0)) & can_touch(model)
-
-
-def meeting(model: mujoco.MjModel, geoms: np.ndarray) -> np.ndarray:
-    """(ngeom, K) bool, which geoms may touch K of them by what contype and conaffinity say."""
-    types, affinities = model.geom_contype, model.geom_conaffinity
-    meets = (types[:, None] & affinities[geoms]) | (affinities[:, None] & types[geoms])
-    return np.asarray(meets != 0)

@@ -53,15 +53,16 @@ def stand_up(
     Raises:
         RobotError: no such pose was found.
     """
-    model, qpos = start.model, start.qpos
     soles = tuple(
-        _sole(start, foot) if named is None or named_by_body(model, named[foot.name]) else foot
+        _sole(start, foot)
+        if named is None or named_by_body(start.model, named[foot.name])
+        else foot
         for foot in feet
     )
     if soles != feet:
         with suppress(RobotError):
-            return soles, standing_pose(model, qpos, soles)
-    return feet, standing_pose(model, qpos, feet)
+            return soles, standing_pose(start, soles)
+    return feet, standing_pose(start, feet)
 
 
 def tilt_of(pose: MeasuredModel, body: int) -> float | None:

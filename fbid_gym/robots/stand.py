@@ -21,15 +21,16 @@ _STRAIGHT = 0.995
 _DIGITS = 7
 
 
-class Leg(NamedTuple):
-    """A leg as a triangle."""
+class _View(NamedTuple):
+    """What a pose looks like, world; F feet."""
 
-    hip: int  # id of its first joint
-    knee: int  # id of the joint farthest from both its ends
-    foot: Foot  # the foot
+    points: np.ndarray  # (P, 3) m, contacts
+    com: np.ndarray  # (3,) m
+    legs: np.ndarray  # (F, 3, 3) m, hip, knee and foot of each
+    soles: np.ndarray  # (S, 3, 3) orientation of the feet with more than a point
 
 
-def standing_pose(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]) -> np.ndarray:
+def standing_pose(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
     """Find a pose in which the robot stands: the joints change, the base keeps its orientation.
 
     All contact points are level, the centre of mass is above the middle of them, the hips are 95 %
@@ -38,8 +39,7 @@ def standing_pose(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]
     `start`, joints near to it, knees towards the middle of their range.
 
     Args:
-        model: compiled model.
-        start: (nq,) the pose to begin with.
+        start: the pose to begin with.
         feet: of the robot.
 
     Returns:
@@ -51,15 +51,13 @@ def standing_pose(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]
     # Half a second that only those who ask for a pose should wait for.
     from scipy.optimize import least_squares
 
-    legs = _legs(MeasuredModel(model, start), feet)
-    low, high = joint_range(model).T
+    scene = _Scene(start, feet)
+    model, (low, high) = start.model, joint_range(start.model).T
     refuse(
         *(model, mujoco.mjtObj.mjOBJ_JOINT, np.array(moving_joints(model))[low >= high]),
         "No standing pose found: joints {} have no range to move in.",
     )
-    scene = _Scene(model, start, legs)
-    knees = [int(model.jnt_dofadr[leg.knee]) - 6 for leg in legs]
-    wanted = scene.bent(start[7:], low, high, knees)
+    wanted = scene.bent(low, high)
     found = least_squares(
         lambda angles: np.concatenate([scene.residuals(angles), _SHY * (angles - wanted)]),
         wanted,
@@ -73,67 +71,50 @@ def standing_pose(model: mujoco.MjModel, start: np.ndarray, feet: Sequence[Foot]
             f"height, and the centre of mass is {off * scene.length:.3g} m off their middle, at "
             "best. Give home= as a whole pose."
         )
-    return np.concatenate([start[:7], np.clip(np.round(found.x, _DIGITS), low, high)])
-
-
-class _View(NamedTuple):
-    """What a pose looks like, world."""
-
-    points: np.ndarray  # (P, 3) m, contacts
-    com: np.ndarray  # (3,) m
-    triangles: list[tuple[np.ndarray, np.ndarray, np.ndarray]]  # m, each leg's hip, knee and foot
-    soles: list[np.ndarray]  # (3, 3) orientation of each foot
+    return np.concatenate([start.qpos[:7], np.clip(np.round(found.x, _DIGITS), low, high)])
 
 
 class _Scene:
     """Poses to choose from, in lengths of a straight leg."""
 
-    def __init__(self, model: mujoco.MjModel, start: np.ndarray, legs: Sequence[Leg]) -> None:
-        self._model, self._start, self._legs = model, start, legs
-        self._before = self._look(start[7:])
-        self._straight = np.array(
-            [np.linalg.norm(k - h) + np.linalg.norm(f - k) for h, k, f in self._before.triangles]
-        )
+    def __init__(self, start: MeasuredModel, feet: Sequence[Foot]) -> None:
+        self._start, self._feet = start, feet
+        self._joints = _hips_and_knees(start, feet)
+        self._before = self._look(start.qpos[7:])
+        links = np.diff(self._before.legs, axis=1)
+        self._straight = np.linalg.norm(links, axis=2).sum(axis=1)
         self.length = float(self._straight.mean())
-        self._stretch = _STRETCH[len(legs) > 2]
+        self._stretch = _STRETCH[len(feet) > 2]
 
-    def bent(
-        self, angles: np.ndarray, low: np.ndarray, high: np.ndarray, knees: Sequence[int]
-    ) -> np.ndarray:
+    def bent(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Bend knees: a straight leg does not know which way.
 
         Towards the middle of their range; where that is straight, with the knee ahead.
         """
-        angles = angles.copy()
+        angles = self._start.qpos[7:].copy()
+        knees = self._start.model.jnt_dofadr[self._joints[:, 1]] - 6
         for knee in knees:
             if np.isfinite(low[knee]) and np.isfinite(high[knee]):
                 angles[knee] += 0.4 * (0.5 * (low[knee] + high[knee]) - angles[knee])
-        before = self._look(angles).triangles
-        for leg, knee in enumerate(knees):
-            hip, _, foot = before[leg]
-            if np.linalg.norm(foot - hip) > _STRAIGHT * self._straight[leg]:
-                turned = angles.copy()
-                turned[knee] += 0.5
-                ahead = self._look(turned).triangles[leg][2][0] - foot[0]
-                angles[knee] += -0.5 if ahead > 0.0 else 0.5
+        before = self._look(angles).legs
+        for leg in np.flatnonzero(_stretch(before) > _STRAIGHT * self._straight):
+            turned = angles.copy()
+            turned[knees[leg]] += 0.5
+            ahead = self._look(turned).legs[leg, 2, 0] - before[leg, 2, 0]
+            angles[knees[leg]] += -0.5 if ahead > 0.0 else 0.5
         return np.clip(angles, low + 1e-9, high - 1e-9)
 
     def residuals(self, angles: np.ndarray) -> np.ndarray:
         """What shall vanish."""
-        points, com, triangles, soles = self._look(angles)
-        stretch = [np.linalg.norm(f - h) for h, _, f in triangles] / self._straight
-        under = _beside_hips(triangles) - _beside_hips(self._before.triangles)
-        turned = [
-            _turned(before, sole)
-            for leg, before, sole in zip(self._legs, self._before.soles, soles, strict=True)
-            if leg.foot.num_points > 1
-        ]
+        points, com, legs, soles = self._look(angles)
+        sideways = legs[:, 2] - legs[:, 0] - (self._before.legs[:, 2] - self._before.legs[:, 0])
+        turned = soles @ self._before.soles.transpose(0, 2, 1)
         parts = [
             _FIRM * (points[:, 2] - points[:, 2].mean()) / self.length,
             _FIRM * (com - points.mean(axis=0))[:2] / self.length,
-            stretch - self._stretch,
-            _WISH * under.ravel() / self.length,
-            _FACING * np.array(turned),
+            _stretch(legs) / self._straight - self._stretch,
+            _WISH * sideways[:, :2].ravel() / self.length,
+            _FACING * 0.5 * (turned[:, 1, 0] - turned[:, 0, 1]),  # sines, about the vertical
         ]
         return np.concatenate(parts)
 
@@ -144,36 +125,26 @@ class _Scene:
         return float(np.ptp(points[:, 2])) / self.length, off / self.length
 
     def _look(self, angles: np.ndarray) -> _View:
-        pose = MeasuredModel(self._model, np.concatenate([self._start[:7], angles]))
-        anchor = pose.data.xanchor.copy()
-        touches = [leg.foot.touching(pose.data) for leg in self._legs]
-        triangles = [
-            (anchor[leg.hip], anchor[leg.knee], touch.mean(axis=0))
-            for leg, touch in zip(self._legs, touches, strict=True)
-        ]
-        soles = [pose.rotation(leg.foot.body) for leg in self._legs]
-        return _View(np.concatenate(touches), pose.com, triangles, soles)
+        pose = MeasuredModel(self._start.model, np.concatenate([self._start.qpos[:7], angles]))
+        touches = [foot.touching(pose.data) for foot in self._feet]
+        ends = np.array([touch.mean(axis=0) for touch in touches])
+        legs = np.concatenate([pose.data.xanchor[self._joints], ends[:, None]], axis=1)
+        soles = [pose.rotation(foot.body) for foot in self._feet if foot.num_points > 1]
+        return _View(np.concatenate(touches), pose.com, legs, np.array(soles).reshape(-1, 3, 3))
 
 
-def _beside_hips(triangles: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> np.ndarray:
-    """(L, 2) m, how far each foot is from below its hip."""
-    return np.array([foot[:2] - hip[:2] for hip, _, foot in triangles])
+def _stretch(legs: np.ndarray) -> np.ndarray:
+    """(F,) m, from hip to foot."""
+    return np.asarray(np.linalg.norm(legs[:, 2] - legs[:, 0], axis=1))
 
 
-def _turned(before: np.ndarray, sole: np.ndarray) -> float:
-    """How far a sole is turned about the vertical from where it was, as a sine."""
-    change = sole @ before.T
-    return 0.5 * float(change[1, 0] - change[0, 1])
-
-
-def _legs(start: MeasuredModel, feet: Sequence[Foot]) -> list[Leg]:
-    """Find the hip and knee above each foot.
+def _hips_and_knees(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
+    """(F, 2) ids of the first hinge that moves only this foot, and of that farthest from its ends.
 
     Raises:
         RobotError: no hinge moves a foot and no other.
     """
-    data, chains = start.data, [start.hinges_above(foot.body) for foot in feet]
-    legs = []
+    data, chains, found = start.data, [start.hinges_above(foot.body) for foot in feet], []
     for foot, chain in zip(feet, chains, strict=True):
         # Joints of a spine move other feet as well.
         own = [j for j in chain if sum(j in other for other in chains) == 1]
@@ -186,5 +157,5 @@ def _legs(start: MeasuredModel, feet: Sequence[Foot]) -> list[Leg]:
         reach = np.minimum(
             np.linalg.norm(away - away[0], axis=1), np.linalg.norm(away - end, axis=1)
         )
-        legs.append(Leg(own[0], own[int(np.argmax(reach))], foot))
-    return legs
+        found.append((own[0], own[int(np.argmax(reach))]))
+    return np.array(found)
