@@ -24,7 +24,7 @@ _SMALL = 0.03  # of sqrt(gravity times height); where greater ones count as more
 # In units of the rate at which the robot falls, to the power of the unit. On points a robot has no
 # ankles: what it does with its joints is all in its feet and its body, but where it has joints to
 # spare. A gait on soles balances by its centre of pressure, and needs no spring beside it.
-_PLANNED = BodyGains(2.89, 5.1, 4.0, 6.0, 4.0, 6.0, 2.89, 3.4, 26.0, 10.0, 5.0, 0.0, _SMALL, 1e-3)
+_PLANNED = BodyGains(4.84, 6.6, 4.0, 6.0, 4.0, 6.0, 2.89, 5.1, 26.0, 10.0, 5.0, 0.0, _SMALL, 1e-3)
 _GAIT = BodyGains(1.0, 4.0, 4.4, 3.4, 5.9, 4.3, 0.0, 0.34, 26.0, 10.0, 5.0, 0.0, _SMALL, 1e-2)
 _GAIT_ON_SOLES = BodyGains(
     0.0, 0.0, 7.84, 5.6, 6.25, 5.0, 4.84, 4.4, 49.0, 14.0, 2.9, 0.0, _SMALL, 1e-2
