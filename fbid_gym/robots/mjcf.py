@@ -1,4 +1,4 @@
-"""Reading an MJCF as a floating-base robot: one free-floating tree of hinges and slides."""
+"""An MJCF's spec and model: compiled, made to float, their joints and the names of their parts."""
 
 from collections.abc import Iterable, Sequence
 

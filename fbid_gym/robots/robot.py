@@ -303,7 +303,10 @@ def _build(
     named = None if feet is None else group_points(feet)
     spec, notes = _floating(source, base)
     plain = mjcf.compile_spec(spec, source.label)
-    base_body = _checked_base(plain, base)
+    base_body = refuse_unmodelled(plain)
+    floating = mjcf.object_name(plain, _OBJ.mjOBJ_BODY, base_body)
+    if base not in (None, floating):
+        raise RobotError(f"The free joint is on body {floating!r}, not on base={base!r}.")
     joint_names = mjcf.name_joints(spec, plain)
     gains = servo_gains(plain)
     notes += free_the_base(spec, plain)
@@ -326,9 +329,10 @@ def _build(
     sensors = add_contact_sensors(spec, at_home, bodies, found)
     model = mjcf.compile_spec(spec, source.label)
 
+    own_name = "" if spec.modelname == _UNNAMED else str(spec.modelname)
     columns = [model.sensor_adr[model.sensor(s).id] + np.arange(3) for s in sensors]
     robot = Robot(
-        name=name or _model_name(spec) or source.name,
+        name=name or own_name or source.name,
         model=model,
         spec=spec,
         feet=found,
@@ -347,10 +351,6 @@ def _build(
     return robot.made_by(_build, source, feet, name, home, base, torque_limit, armature)
 
 
-def _model_name(spec: mujoco.MjSpec) -> str:
-    return "" if spec.modelname == _UNNAMED else str(spec.modelname)
-
-
 def _floating(source: Source, base: str | None) -> tuple[mujoco.MjSpec, list[str]]:
     """Read a robot's spec; a URDF's root, or the body that shall, floats."""
     spec, notes = source.read(), list[str]()
@@ -362,12 +362,3 @@ def _floating(source: Source, base: str | None) -> tuple[mujoco.MjSpec, list[str
     if base is not None and not any(joint.type == _JOINT.mjJNT_FREE for joint in spec.joints):
         notes += mjcf.float_base(spec, base, source.label)
     return spec, notes
-
-
-def _checked_base(model: mujoco.MjModel, base: str | None) -> int:
-    """Id of the floating body of a checked tree."""
-    body = refuse_unmodelled(model)
-    name = mjcf.object_name(model, _OBJ.mjOBJ_BODY, body)
-    if base is not None and base != name:
-        raise RobotError(f"The free joint is on body {name!r}, not on base={base!r}.")
-    return body
