@@ -26,12 +26,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import fitted, positive_numbers
+from fbid_gym.checks import positive_numbers
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.equations import (
     bound_mobility,
     checked_equations,
     contact_sizes,
+    fitted,
     mobility_of,
     radius_of_gyration,
 )

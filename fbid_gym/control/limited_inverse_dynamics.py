@@ -27,7 +27,6 @@ from fbid_gym.control.contact_forces import (
     fitted_point_map,
     limits_in_contact,
     point_limits,
-    warm_start_of,
     wrench_scale,
 )
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
@@ -35,6 +34,7 @@ from fbid_gym.control.equations import (
     bound_mobility,
     checked_equations,
     contact_sizes,
+    fitted,
     mobility_of,
     radius_of_gyration,
 )
@@ -160,7 +160,7 @@ def limited_inverse_dynamics(
         Nearness(mobility_of(sizes["nv"], base_priority), wrench_scale(length, wrench_cost)),
         accuracy,
         gravity,
-        warm_start_of(warm_start, sizes["N"]),
+        fitted("warm_start", warm_start, "(N, 6)", sizes, np.zeros((sizes["N"], 6))),
     )
 
 
