@@ -11,19 +11,17 @@ Rules for both:
   (MuJoCo's own also of int32) with the batch axis first, and numbers; results likewise, in fresh
   arrays. A slice of an array of one robot is contiguous and that of many is not, so slices would be
   compiled twice, and rounded differently. A function that writes to an argument says so.
-- Whoever makes a tuple checks shapes and types. Nothing raises: a robot that is not finite gets
-  results that are not, and the others do not notice.
-- A function that makes arrays, as `f(*a, *b)` does, leaves its loop to one that makes none: else
-  uses of its arguments' fields are counted, a quarter of a law's time.
-- A first use waits for the compiler. So no array is assigned or added to a slice or a row
-  (`small_matrices.copy` does that; the first such line takes the compiler seconds), there are no
-  operations on whole arrays, and a loop or a helper rather than the same lines for each axis.
+- Whoever makes a tuple checks shapes and types. Nothing raises: robots that are not finite get such
+  results, the others do not notice.
+- A function that makes arrays, or calls `f(*a, *b)`, leaves loops to one that does neither, else
+  uses of its arguments' fields are counted.
+- A first use waits for the compiler. So there are no operations on whole arrays, slices or rows
+  (`small_matrices.copy`), and a loop or a helper rather than the same lines for each axis.
 
 Inside compiled code a named tuple costs nothing. On the way in from Python, Numba takes a
 microsecond for each: so `kernel` makes a door, which passes the fields on one by one, 60 ns an
-array, to an entry that builds the tuples inside. Entries are compiled on first use, and ours are
-kept on disk (`fbid_gym.compile_cache`); Python's lock is released while they run. With
-NUMBA_DISABLE_JIT=1 nothing is compiled.
+array, to an entry that builds the tuples inside. Entries are compiled on first use and ours kept on
+disk (`fbid_gym.compile_cache`); none holds Python's lock. NUMBA_DISABLE_JIT=1: all is Python.
 """
 
 from collections.abc import Callable
@@ -40,7 +38,7 @@ from fbid_gym.compile_parts import PartCompiler
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_PLACES = folders(Path(__file__).parent)
+_OURS, _PLACES = __name__.partition(".")[0], folders(Path(__file__).parent)
 # Division by zero gives infinity, as in NumPy. Sums may be taken in any order, and so side by side.
 # Nobody calls from C: without a wrapper for that, there is less to compile.
 _OPTIONS: dict[str, Any] = {
@@ -110,8 +108,8 @@ class _Kernel(_Part):
     @cached_property
     def entry(self) -> Any:
         entry = njit(entry_to(self, self.kinds), **_OPTIONS)
-        # Where it is kept is named after our sources: those of others may have changed since.
-        return kept(entry, _PLACES) if self.__module__.startswith("fbid_gym.") else entry
+        # The places are named after our sources: those of others may have changed.
+        return kept(entry, _PLACES) if self.__module__.partition(".")[0] == _OURS else entry
 
     @cached_property
     def _door(self) -> Callable[..., Any]:

@@ -35,7 +35,7 @@ sys.modules["fbid_gym"] = package = ModuleType("fbid_gym")
 package.__path__ = [{str(Path(__file__).parents[1] / "fbid_gym")!r}]
 from fbid_gym import compile_cache, compiled
 compile_cache._MOMENT = compile_cache.NEWS._next = float(sys.argv[1])
-compiled._PLACES = compile_cache.folders(Path("probe").resolve())
+compiled._OURS, compiled._PLACES = "probe", compile_cache.folders(Path("probe").resolve())
 from probe.outer import scale
 """
 RUN = """

@@ -159,17 +159,17 @@ def _papers_frequencies(
     robot: Robot, kind: MotionKind, balancer: str, body: BodyOptions
 ) -> tuple[dict[str, float], float]:
     """Hz of each part, and the damping ratio, of a paper's balancer; or say what it cannot do."""
-    expected = f'the balancer "{_INVERSE_DYNAMICS}"'
     if kind.gait:
-        expected += " on a gait: the papers balance motions that are planned"
+        expected = f'"{_INVERSE_DYNAMICS}" on a gait: the papers balance motions that are planned'
         raise InvalidValueError("balancer", balancer, expected)
+    expected = f'or the balancer "{_INVERSE_DYNAMICS}"'
     if body.velocity_gain:
-        raise InvalidValueError("velocity_gain", body.velocity_gain, f"0, or {expected}")
+        raise InvalidValueError("velocity_gain", body.velocity_gain, f"0, {expected}")
     given = {part: _PAPERS[part] if x is None else x for part, x in body.frequencies.items()}
     hertz = in_hertz(robot, **given)
     for part, value in hertz.items():
         if isinstance(value, tuple):
-            raise InvalidValueError(f"{part}_frequency", value, f"a number of Hz, or {expected}")
+            raise InvalidValueError(f"{part}_frequency", value, f"a number of Hz, {expected}")
     return hertz, _PAPERS_RATIO if body.damping_ratio is None else body.damping_ratio
 
 

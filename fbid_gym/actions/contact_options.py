@@ -8,7 +8,7 @@ import numpy as np
 from fbid_gym.actions.contact_belief import Schedule
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.control.contact_forces import ContactLimits
-from fbid_gym.control.passive_joints import PassiveJoints
+from fbid_gym.dynamics.passive_joints import PassiveJoints
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Choice, Number, check_fields
 from fbid_gym.robots import Robot
@@ -57,7 +57,7 @@ class ContactOptions:
         # On points a ramp is behind its time: of 12 ms (go1) it brought the largest torque jumps
         # from 0.26 to 0.14 of a limit, and the velocity error from 0.084 to 0.094 m/s.
         ramp = _RAMP_ON_SOLES / kind.omega if kind.gait and robot.has_soles else 0.0
-        least = friction_of_feet(robot.model, robot.feet)
+        least = friction_of_feet(robot.at_home, robot.feet)
         return replace(
             self,
             contact_ramp=ramp if self.contact_ramp is None else self.contact_ramp,

@@ -7,8 +7,8 @@ import numpy as np
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.compiled import kernel
 from fbid_gym.control.inverse_dynamics import orthogonal_inverse_dynamics
-from fbid_gym.control.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.contacts import reduced_contacts
+from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import RobotState, Target

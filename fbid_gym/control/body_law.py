@@ -19,7 +19,6 @@ from fbid_gym.control.contact_forces import (
     DEFAULT_ACCURACY,
 )
 from fbid_gym.control.inverse_dynamics import invert_dynamics
-from fbid_gym.control.passive_joints import PassiveJoints, give_back
 from fbid_gym.control.whole_body import (
     FREE,
     MOVES,
@@ -40,6 +39,7 @@ from fbid_gym.control.whole_body import (
     yield_to_limits,
 )
 from fbid_gym.dynamics.contacts import reduce_contacts
+from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.rotations import rotation_at, turned_left
 from fbid_gym.dynamics.stance import Limbs
 from fbid_gym.dynamics.vectors import (

@@ -14,7 +14,6 @@ from fbid_gym.control.body_law import LawMemory
 from fbid_gym.control.contact_forces import (
     DEFAULT_ACCURACY,
 )
-from fbid_gym.control.passive_joints import PassiveJoints, give_back
 from fbid_gym.control.underactuation import underactuation
 from fbid_gym.control.wrench_distribution import (
     share_freely,
@@ -22,6 +21,7 @@ from fbid_gym.control.wrench_distribution import (
 )
 from fbid_gym.dynamics.centroidal import find_centroidal_terms
 from fbid_gym.dynamics.contacts import reduce_contacts
+from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.support import support_frame
 from fbid_gym.quantities import (
     ActivePoints,

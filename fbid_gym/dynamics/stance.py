@@ -12,7 +12,6 @@ from fbid_gym.dynamics.support import heading_of, support_frame
 from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, SupportFrame
 from fbid_gym.robots import Robot
 from fbid_gym.robots.measured import once_for_robot
-from fbid_gym.robots.mjcf import posed
 
 
 class Limbs(NamedTuple):
@@ -197,7 +196,7 @@ def _legs(terms: DynamicsTerms) -> np.ndarray:
 
 
 def _hips(robot: Robot, terms: DynamicsTerms) -> np.ndarray:
-    data = posed(robot.model, robot.home_qpos)
+    data = robot.at_home.data
     hips = terms.foot_position[0].copy()
     for foot, leg in enumerate(_legs(terms)):
         if leg.any():

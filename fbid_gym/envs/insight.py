@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fbid_gym.actions.layer import ActionLayer
-from fbid_gym.control.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics.contacts import point_jacobian, point_positions
+from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.moment import Moment
 from fbid_gym.quantities import ContactGeometry

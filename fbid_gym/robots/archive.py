@@ -40,12 +40,8 @@ def pack(spec: mujoco.MjSpec) -> bytes:
     original, spec = spec, spec.copy()
     files: dict[str, bytes] = {}
 
-    def keep(file: str, folder: str) -> str:
-        """Keep a file, and return its name."""
-        return keep_content(_content(spec, file, folder), file)
-
-    def keep_content(content: bytes, file: str) -> str:
-        """Keep it under a name after what it holds, so that it is kept once."""
+    def keep(file: str, content: bytes) -> str:
+        """Keep a file under a name after what it holds, so that it is kept once."""
         name = hashlib.sha256(content).hexdigest()[:16] + Path(file).suffix.lower()
         files[name] = content
         return name
@@ -55,20 +51,20 @@ def pack(spec: mujoco.MjSpec) -> bytes:
         if not mesh.file:
             continue
         try:
-            mesh.file = keep(mesh.file, spec.meshdir)
+            mesh.file = keep(mesh.file, _content(spec, mesh.file, spec.meshdir))
         except RobotError:
             # Attached specs have folders of their own, which MuJoCo alone knows.
             compiled = compiled or compile_spec(original.copy(), "The robot's spec")
-            meshes.take_over(mesh, keep_content(meshes.as_obj(compiled, index), "mesh.obj"))
+            meshes.take_over(mesh, keep("mesh.obj", meshes.as_obj(compiled, index)))
     for part in (*spec.hfields, *spec.skins):
         if part.file:
-            part.file = keep(part.file, spec.meshdir)
+            part.file = keep(part.file, _content(spec, part.file, spec.meshdir))
     for texture in spec.textures:
         if texture.file:
-            texture.file = keep(texture.file, spec.texturedir)
+            texture.file = keep(texture.file, _content(spec, texture.file, spec.texturedir))
         for face, file in enumerate(texture.cubefiles):
             if file:
-                texture.cubefiles[face] = keep(file, spec.texturedir)
+                texture.cubefiles[face] = keep(file, _content(spec, file, spec.texturedir))
     spec.meshdir = spec.texturedir = ""
     spec.assets = files  # written where it compiles
     try:

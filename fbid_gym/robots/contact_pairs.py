@@ -10,7 +10,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.mjcf import can_touch, static_geoms
+from fbid_gym.robots.measured_model import MeasuredModel
 
 _PLANE = mujoco.mjtGeom.mjGEOM_PLANE
 _OBJ = mujoco.mjtObj
@@ -38,11 +38,12 @@ def compile_paired(spec: mujoco.MjSpec) -> mujoco.MjModel:
     for index, geom in enumerate(spec.geoms):
         geom.name = geom.name or f"fbid_geom_{index}"
     model = spec.compile()
-    if not _meets_planes_alone(model):
+    world = MeasuredModel(model, model.qpos0)
+    if not _meets_planes_alone(world):
         return model
     contacts = _contacts_with_planes(model)
     met = {int(geom) for contact in contacts for geom in contact.geom}
-    if met != set(np.flatnonzero(can_touch(model)).tolist()):
+    if met != set(np.flatnonzero(world.touching).tolist()):
         return model
     paired = spec.copy()
     for contact in contacts:
@@ -54,17 +55,16 @@ def compile_paired(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return paired.compile()
 
 
-def _meets_planes_alone(model: mujoco.MjModel) -> bool:
+def _meets_planes_alone(world: MeasuredModel) -> bool:
     """Whether the moving geoms can touch nothing but planes, neither each other."""
+    model = world.model
     if model.npair or model.nexclude or model.nflex:
         return False
     if any(getattr(model, name).any() for name in _BESIDES):
         return False
-    static, plane = static_geoms(model), model.geom_type == _PLANE
-    moving = can_touch(model) & ~static
-    types, affinities = model.geom_contype, model.geom_conaffinity
-    touches = ((types[:, None] & affinities) | (affinities[:, None] & types)) != 0
-    return bool(moving.any()) and not touches[np.ix_(moving, moving | (static & ~plane))].any()
+    moving = world.touching & ~world.ground
+    others = moving | (world.ground & (model.geom_type != _PLANE))
+    return bool(moving.any()) and not world.meeting(np.flatnonzero(moving))[others].any()
 
 
 def _contacts_with_planes(model: mujoco.MjModel) -> list[Any]:

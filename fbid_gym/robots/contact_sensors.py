@@ -7,8 +7,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.feet import ContactPoint
-from fbid_gym.robots.touching import welded_geoms
+from fbid_gym.robots.feet import Foot
+from fbid_gym.robots.measured_model import MeasuredModel
 
 _GEOM = mujoco.mjtGeom
 _OBJ = mujoco.mjtObj
@@ -27,9 +27,9 @@ class Cell(NamedTuple):
 
 def add_contact_sensors(
     spec: mujoco.MjSpec,
-    model: mujoco.MjModel,
+    home: MeasuredModel,
     bodies: Mapping[int, mujoco.MjsBody],
-    feet: Sequence[Sequence[ContactPoint]],
+    feet: Sequence[Foot],
 ) -> list[str]:
     """Add one sensor per contact point: net contact force on the robot there, world frame, N.
 
@@ -42,25 +42,25 @@ def add_contact_sensors(
 
     Args:
         spec: the spec to extend.
-        model: the same, compiled before anything was added.
+        home: of the same, compiled before anything was added.
         bodies: its bodies, by their id.
-        feet: the points of each foot.
+        feet: the feet.
 
     Returns:
         Names of the sensors, in the order of the points.
     """
     names: list[str] = []
     for foot in feet:
-        whole = _whole_foot(model, bodies, foot[0].body)
-        places = np.array([point.position for point in foot])
-        reach = max(2.0 * model.stat.extent, _reach(model, foot[0].body))
-        for point, cell in zip(foot, cells(places, reach), strict=True):
+        whole = _whole_foot(home, bodies, foot.body)
+        by_geoms = set(home.welded_geoms(foot.body)) == set(foot.geoms or [-1])
+        reach = max(2.0 * home.model.stat.extent, _reach(home.model, foot.body))
+        for point, cell in zip(foot.point_names, cells(foot.points, reach), strict=True):
             name = f"{_PREFIX}{len(names)}"
             matched = whole
-            if _touches_by_its_points_alone(model, foot):
-                matched = {"reftype": _OBJ.mjOBJ_GEOM, "refname": point.name}
-            elif len(foot) > 1:
-                bodies[point.body].add_site(
+            if by_geoms:
+                matched = {"reftype": _OBJ.mjOBJ_GEOM, "refname": point}
+            elif foot.num_points > 1:
+                bodies[foot.body].add_site(
                     name=name,
                     type=_GEOM.mjGEOM_BOX,
                     pos=cell.centre,
@@ -116,34 +116,27 @@ def _cut(points: np.ndarray, far: float) -> tuple[float, np.ndarray]:
         group = open_groups.pop()
         if len(group) == 1:
             continue
-        orders = [group[np.argsort(points[group, axis])] for axis in range(2)]
-        gaps = [np.diff(points[order, axis]) for axis, order in enumerate(orders)]
-        axis = int(np.argmax([gap.max() for gap in gaps]))
-        first = int(np.argmax(gaps[axis]))
+        orders = group[np.argsort(points[group, :2], axis=0)].T
+        gaps = np.array([np.diff(points[order, axis]) for axis, order in enumerate(orders)])
+        axis, first = np.unravel_index(np.argmax(gaps), gaps.shape)
         low, high = orders[axis][: first + 1], orders[axis][first + 1 :]
-        border = points[low[-1], axis] + _MIDDLE * gaps[axis][first]
+        border = points[low[-1], axis] + _MIDDLE * gaps[axis, first]
         bounds[low, 1, axis] = bounds[high, 0, axis] = border
-        narrowest = min(narrowest, float(gaps[axis][first]))
+        narrowest = min(narrowest, float(gaps[axis, first]))
         open_groups += [low, high]
     return narrowest, bounds
 
 
-def _touches_by_its_points_alone(model: mujoco.MjModel, foot: Sequence[ContactPoint]) -> bool:
-    """Whether the foot's colliding geoms are those which its points are named after."""
-    return set(welded_geoms(model, foot[0].body)) == {point.geom for point in foot}
-
-
 def _whole_foot(
-    model: mujoco.MjModel, bodies: Mapping[int, mujoco.MjsBody], body: int
+    home: MeasuredModel, bodies: Mapping[int, mujoco.MjsBody], body: int
 ) -> dict[str, object]:
     """What a sensor matches to count all contacts of a body, and of what is welded to it.
 
     MuJoCo matches one body, or one with all that hangs from it: the latter where nothing that
     hangs there moves by itself.
     """
-    root = int(model.body_weldid[body])
-    below = [b for b in range(root + 1, model.nbody) if _hangs_from(model, b, root)]
-    if below and all(model.body_weldid[b] == root for b in below):
+    root = int(home.model.body_weldid[body])
+    if root in home.limb_ends and np.sum(home.model.body_weldid == root) > 1:
         return {"reftype": _OBJ.mjOBJ_XBODY, "refname": _named(bodies, root)}
     return {"reftype": _OBJ.mjOBJ_BODY, "refname": _named(bodies, body)}
 
@@ -158,12 +151,6 @@ def _reach(model: mujoco.MjModel, body: int) -> float:
     geoms = np.isin(model.geom_bodyid, welded)
     far = np.linalg.norm(model.geom_pos[geoms], axis=1) + model.geom_rbound[geoms]
     return float(apart + far.max(initial=0.0))
-
-
-def _hangs_from(model: mujoco.MjModel, body: int, root: int) -> bool:
-    while body > root:
-        body = int(model.body_parentid[body])
-    return body == root
 
 
 def _named(bodies: Mapping[int, mujoco.MjsBody], body: int) -> str:

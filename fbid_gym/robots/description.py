@@ -42,7 +42,7 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
     if path.suffix == SUFFIX:
         archive = read_file(path, MOST_BYTES, RobotError)
         packed, options = split(archive, repr(str(path)))
-        return Source.packed(packed), options
+        return Source.known(packed), options
     beside = path.parent / FILE
     if not (path.is_file() and beside.is_file()):
         return source, {}

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import InvalidValueError, RobotError
-from fbid_gym.robots.limbs import bodies_of_feet
-from fbid_gym.robots.mjcf import can_touch, listed, object_name, posed
-from fbid_gym.robots.touching import touching_points
+from fbid_gym.robots.measured_model import MeasuredModel
+from fbid_gym.robots.mjcf import listed
+from fbid_gym.robots.touching import bodies_of_feet, touching_points
 
 _GEOM = mujoco.mjtGeom
 _OBJ = mujoco.mjtObj
@@ -20,7 +20,6 @@ MAX_POINTS_PER_FOOT = 8
 
 _DISTINCT = 1e-6  # m
 _MIDDLE = 0.1  # of a sphere's radius
-_ROUND = (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +33,7 @@ class Foot:
         points: (P, 3) m, body frame: places on the body's surface, or centres of spheres.
         radius: m. 0 for places; for spheres their radius: the contact lies `radius` below
             (world -z) the point.
+        geoms: ids of the spheres or capsules that the points are named after; empty for places.
     """
 
     name: str
@@ -41,6 +41,7 @@ class Foot:
     point_names: tuple[str, ...]
     points: np.ndarray
     radius: float
+    geoms: tuple[int, ...] = ()
 
     @property
     def num_points(self) -> int:
@@ -53,24 +54,9 @@ class Foot:
         return data.xpos[self.body] + self.points @ rotation.T - [0.0, 0.0, self.radius]
 
 
-@dataclass(frozen=True, eq=False)
-class ContactPoint:
-    """One contact point of a foot, as found in the compiled model.
-
-    Attributes:
-        name: name of the site or geom; of a point found by the body's shape, the foot's and a
-            number.
-        geom: id of the sphere or capsule that it is named after; -1 if it is a place on the body.
-        body: id of the body that carries it.
-        position: (3,) m, in the body's frame.
-        radius: m. 0 for a place on the surface, else of the sphere about it.
-    """
-
-    name: str
-    geom: int
-    body: int
-    position: np.ndarray
-    radius: float
+def contacts(feet: Sequence[Foot], data: mujoco.MjData) -> np.ndarray:
+    """Return where the contact points of all feet touch level ground: (P, 3) m, world."""
+    return np.concatenate([foot.touching(data) for foot in feet])
 
 
 def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -116,38 +102,37 @@ def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str,
     return groups
 
 
-def points_of_feet(
-    model: mujoco.MjModel, qpos: np.ndarray, named: Mapping[str, Sequence[str]] | None
-) -> dict[str, list[ContactPoint]]:
-    """Find the contact points of the feet that are named, or of those that stand on the ground.
+def find_feet(home: MeasuredModel, named: Mapping[str, Sequence[str]] | None) -> tuple[Foot, ...]:
+    """Find the feet that are named, or those that stand on the ground.
 
     Args:
-        model: the model.
-        qpos: (nq,) its home pose.
+        home: the robot at home.
         named: see `group_points`; None: find the feet, too.
 
     Raises:
-        RobotError: see `find_foot`, `bodies_of_feet`.
+        RobotError: no feet are found; nothing on a foot's body can touch; or a point cannot be
+            used. Points of a foot lie on one body at different places, and are alike.
     """
-    at_home = posed(model, qpos)
     if named is not None:
-        return {foot: find_foot(model, at_home, foot, names) for foot, names in named.items()}
-    found: dict[str, list[ContactPoint]] = {}
-    for body in bodies_of_feet(model, at_home):
-        foot = mujoco.mj_id2name(model, _OBJ.mjOBJ_BODY, body) or f"foot_{len(found)}"
-        found[foot] = points_of_body(model, at_home, foot, body)
-    return found
+        return tuple(_find_foot(home, foot, names) for foot, names in named.items())
+    found: dict[str, Foot] = {}
+    for body in bodies_of_feet(home):
+        foot = mujoco.mj_id2name(home.model, _OBJ.mjOBJ_BODY, body) or f"foot_{len(found)}"
+        found[foot] = foot_of_body(home, foot, body)
+    return tuple(found.values())
 
 
-def foot_of(name: str, points: Sequence[ContactPoint]) -> Foot:
-    """Return the foot with these points, of one body."""
-    return Foot(
-        name=name,
-        body=points[0].body,
-        point_names=tuple(point.name for point in points),
-        points=np.array([point.position for point in points]),
-        radius=points[0].radius,
-    )
+def foot_of_body(home: MeasuredModel, name: str, body: int) -> Foot:
+    """Find the contact points of a foot by the shape of its body.
+
+    Raises:
+        RobotError: nothing on the body can touch, or the body is fixed to the world.
+    """
+    if home.model.body_weldid[body] == 0:
+        raise RobotError(f"Body {name!r} is fixed to the world. Expected a body of the robot.")
+    points, radius = touching_points(home, body)
+    names = [name] if len(points) == 1 else [f"{name}_{i}" for i in range(len(points))]
+    return Foot(name, body, tuple(names), points, radius)
 
 
 def named_by_body(model: mujoco.MjModel, names: Sequence[str]) -> bool:
@@ -156,38 +141,32 @@ def named_by_body(model: mujoco.MjModel, names: Sequence[str]) -> bool:
     return len(names) == 1 and body > 0 and not is_point(model, names[0])
 
 
-def find_foot(
-    model: mujoco.MjModel, at_home: mujoco.MjData, foot: str, names: Sequence[str]
-) -> list[ContactPoint]:
-    """Find the contact points of one foot, rigid to each other and alike.
+def is_point(model: mujoco.MjModel, name: str) -> bool:
+    """Whether a site or a sphere or capsule has this name."""
+    geom = mujoco.mj_name2id(model, _OBJ.mjOBJ_GEOM, name)
+    return mujoco.mj_name2id(model, _OBJ.mjOBJ_SITE, name) >= 0 or (
+        geom >= 0 and bool(_is_round(model)[geom])
+    )
 
-    Args:
-        model: the model.
-        at_home: kinematics of the home pose, which say where a body touches level ground.
-        foot: the foot's name.
-        names: of its points; or of its body alone.
 
-    Raises:
-        RobotError: a point cannot be used, or they lie on different bodies or at the same place,
-            mix sites and geoms, or have different radii.
-    """
-    if named_by_body(model, names):
-        body = mujoco.mj_name2id(model, _OBJ.mjOBJ_BODY, names[0])
-        return points_of_body(model, at_home, foot, body)
-    points = [_find_point(model, name) for name in names]
+def _find_foot(home: MeasuredModel, foot: str, names: Sequence[str]) -> Foot:
+    """Find a foot by the names of its points, or of its body."""
+    if named_by_body(home.model, names):
+        body = mujoco.mj_name2id(home.model, _OBJ.mjOBJ_BODY, names[0])
+        return foot_of_body(home, foot, body)
+    points = [_find_point(home, name) for name in names]
     if len({p.body for p in points}) > 1:
-        where = ", ".join(
-            f"{p.name} on {object_name(model, _OBJ.mjOBJ_BODY, p.body)}" for p in points
-        )
+        where = ", ".join(f"{p.name} on {home.body_name(p.body)}" for p in points)
         raise RobotError(
             f"Foot {foot!r} has points on different bodies: {where}. Expected one body."
         )
-    if len({p.geom < 0 for p in points}) > 1:
-        kinds = ", ".join(f"{p.name} ({'site' if p.geom < 0 else 'geom'})" for p in points)
+    if len({len(p.geoms) for p in points}) > 1:
+        kinds = ", ".join(f"{p.name} ({'geom' if p.geoms else 'site'})" for p in points)
         raise RobotError(f"Foot {foot!r} mixes sites and geoms: {kinds}. Expected one kind.")
+    places = np.concatenate([p.points for p in points])
     for i, first in enumerate(points):
-        for second in points[:i]:
-            if np.linalg.norm(first.position - second.position) < _DISTINCT:
+        for j, second in enumerate(points[:i]):
+            if np.linalg.norm(places[i] - places[j]) < _DISTINCT:
                 raise RobotError(
                     f"Foot {foot!r} has points at the same place: {second.name}, {first.name}. "
                     "Expected distinct points."
@@ -197,80 +176,31 @@ def find_foot(
         raise RobotError(
             f"Foot {foot!r} has spheres of different radii: {radii}. Expected one radius."
         )
-    return points
+    geoms = tuple(geom for p in points for geom in p.geoms)
+    return Foot(foot, points[0].body, tuple(names), places, points[0].radius, geoms)
 
 
-def points_of_body(
-    model: mujoco.MjModel, at_home: mujoco.MjData, foot: str, body: int
-) -> list[ContactPoint]:
-    """Find the contact points of a foot by the shape of its body.
-
-    Raises:
-        RobotError: nothing on the body can touch, or the body is fixed to the world.
-    """
-    if model.body_weldid[body] == 0:
-        raise RobotError(f"Body {foot!r} is fixed to the world. Expected a body of the robot.")
-    positions, radius = touching_points(model, at_home, body)
-    names = [foot] if len(positions) == 1 else [f"{foot}_{i}" for i in range(len(positions))]
-    return [
-        ContactPoint(name, -1, body, position, radius)
-        for name, position in zip(names, positions, strict=True)
-    ]
-
-
-def point_names(model: mujoco.MjModel) -> list[str]:
-    """Names that can serve as contact points: the robot's sites, sphere and capsule geoms."""
-    names = [
-        mujoco.mj_id2name(model, _OBJ.mjOBJ_SITE, i)
-        for i in range(model.nsite)
-        if model.body_weldid[model.site_bodyid[i]] != 0
-    ]
-    names += [
-        mujoco.mj_id2name(model, _OBJ.mjOBJ_GEOM, i)
-        for i in range(model.ngeom)
-        if model.body_weldid[model.geom_bodyid[i]] != 0 and int(model.geom_type[i]) in _ROUND
-    ]
-    return sorted({name for name in names if name})
-
-
-def body_names(model: mujoco.MjModel) -> list[str]:
-    """Names of the robot's bodies that have something to touch the ground with."""
-    bodies = sorted(set(model.geom_bodyid[can_touch(model)].tolist()))
-    names = [
-        mujoco.mj_id2name(model, _OBJ.mjOBJ_BODY, b) for b in bodies if model.body_weldid[b] != 0
-    ]
-    return [name for name in names if name]
-
-
-def is_point(model: mujoco.MjModel, name: str) -> bool:
-    """Whether a site or a sphere or capsule has this name."""
-    geom = mujoco.mj_name2id(model, _OBJ.mjOBJ_GEOM, name)
-    return mujoco.mj_name2id(model, _OBJ.mjOBJ_SITE, name) >= 0 or (
-        geom >= 0 and int(model.geom_type[geom]) in _ROUND
-    )
-
-
-def _find_point(model: mujoco.MjModel, name: str) -> ContactPoint:
-    """Find a contact point: a site, a sphere, or the end of a capsule.
+def _find_point(home: MeasuredModel, name: str) -> Foot:
+    """Find a contact point, as a foot of its own: a site, a sphere, or the end of a capsule.
 
     A capsule counts by its end farther from the body's origin: the tip of a leg. A site in the
     middle of a sphere that touches means the sphere, or it would be left in the ground; so does one
     that shares its name with a sphere or capsule that touches.
     """
+    model = home.model
     site = mujoco.mj_name2id(model, _OBJ.mjOBJ_SITE, name)
     geom = mujoco.mj_name2id(model, _OBJ.mjOBJ_GEOM, name)
     if site < 0 and geom < 0:
         raise RobotError(
-            f"No site or geom {name!r}. Valid choices: {listed(point_names(model))}. A foot can "
-            f"also be named by its body: {listed(body_names(model))}."
+            f"No site or geom {name!r}. Valid choices: {listed(_point_names(model))}. A foot can "
+            f"also be named by its body: {listed(_body_names(home))}."
         )
-    if site >= 0 and not (
-        geom >= 0 and int(model.geom_type[geom]) in _ROUND and can_touch(model)[geom]
-    ):
+    geoms: tuple[int, ...] = ()
+    if site >= 0 and not (geom >= 0 and _is_round(model)[geom] and home.touching[geom]):
         body, position = int(model.site_bodyid[site]), model.site_pos[site].copy()
-        point = ContactPoint(name, -1, body, position, _radius_about(model, body, position))
+        radius = _radius_about(home, body, position)
     else:
-        body = int(model.geom_bodyid[geom])
+        body, geoms = int(model.geom_bodyid[geom]), (geom,)
         position, radius = model.geom_pos[geom].copy(), float(model.geom_size[geom, 0])
         if model.geom_type[geom] == _GEOM.mjGEOM_CAPSULE:
             half = model.geom_size[geom, 1] * _axis(model.geom_quat[geom])
@@ -279,20 +209,40 @@ def _find_point(model: mujoco.MjModel, name: str) -> ContactPoint:
             shape = _GEOM(model.geom_type[geom]).name.removeprefix("mjGEOM_").lower()
             raise RobotError(
                 f"Geom {name!r} is a {shape}, which has no single contact point. Name sites at its "
-                f"corners instead, or its body, or one of: {listed(point_names(model))}."
+                f"corners instead, or its body, or one of: {listed(_point_names(model))}."
             )
-        point = ContactPoint(name, geom, body, position, radius)
     if model.body_weldid[body] == 0:
         raise RobotError(
             f"Contact point {name!r} is fixed to the world. Valid choices: "
-            f"{listed(point_names(model))}."
+            f"{listed(_point_names(model))}."
         )
-    return point
+    return Foot(name, body, (name,), position[None], radius, geoms)
 
 
-def _radius_about(model: mujoco.MjModel, body: int, place: np.ndarray) -> float:
+def _is_round(model: mujoco.MjModel) -> np.ndarray:
+    """(ngeom,) bool, spheres and capsules."""
+    return np.isin(model.geom_type, (int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE)))
+
+
+def _point_names(model: mujoco.MjModel) -> list[str]:
+    """Names that can serve as contact points: the robot's sites, sphere and capsule geoms."""
+    moves = model.body_weldid != 0
+    geoms = np.flatnonzero(moves[model.geom_bodyid] & _is_round(model))
+    names = {model.site(int(i)).name for i in np.flatnonzero(moves[model.site_bodyid])}
+    return sorted((names | {model.geom(int(i)).name for i in geoms}) - {""})
+
+
+def _body_names(home: MeasuredModel) -> list[str]:
+    """Names of the robot's bodies that have something to touch the ground with."""
+    bodies = np.unique(home.model.geom_bodyid[home.touching])
+    names = [home.model.body(int(b)).name for b in bodies if home.model.body_weldid[b] != 0]
+    return [name for name in names if name]
+
+
+def _radius_about(home: MeasuredModel, body: int, place: np.ndarray) -> float:
     """Radius (m) of the sphere on a body whose middle is at a place (3,); 0 if there is none."""
-    touching = (model.geom_bodyid == body) & can_touch(model)
+    model = home.model
+    touching = (model.geom_bodyid == body) & home.touching
     for geom in np.flatnonzero(touching & (model.geom_type == _GEOM.mjGEOM_SPHERE)):
         radius = float(model.geom_size[geom, 0])
         if np.linalg.norm(model.geom_pos[geom] - place) < _MIDDLE * radius:

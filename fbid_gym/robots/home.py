@@ -12,8 +12,9 @@ from fbid_gym.errors import (
     ShapeError,
     UnknownOptionError,
 )
-from fbid_gym.robots.feet import Foot
-from fbid_gym.robots.mjcf import moving_joints, object_name, posed
+from fbid_gym.robots.feet import Foot, contacts
+from fbid_gym.robots.measured_model import MeasuredModel
+from fbid_gym.robots.mjcf import joint_range, moving_joints, object_names
 
 STAND = "stand"
 """Name of the home pose that `fbid_gym.robots.stand` finds."""
@@ -46,20 +47,18 @@ def home_pose(
         RobotError: a zero base quaternion, or joints outside their range.
     """
     keyframes = {model.key(i).name: model.key(i).qpos.copy() for i in range(model.nkey)}
-    if stands_up(model, home):
-        qpos = keyframes.get(_KEYFRAME, _reference_pose(model))
-    elif isinstance(home, str):
+    if isinstance(home, str) and not stands_up(model, home):
         if home not in keyframes:
             names = [name for name in keyframes if name]
             raise UnknownOptionError("keyframe", home, [*names, STAND])
         qpos = keyframes[home]
-    elif home is None or isinstance(home, Mapping):
+    elif home is None or isinstance(home, str | Mapping):
         qpos = keyframes.get(_KEYFRAME, _reference_pose(model))
-        address = _joint_addresses(model)
-        for joint, value in (home or {}).items():
-            if joint not in address:
-                raise UnknownOptionError("joint in home", joint, address)
-            qpos[address[joint]] = _number(joint, value)
+        names = _joint_names(model)
+        for joint, value in (home if isinstance(home, Mapping) else {}).items():
+            if joint not in names:
+                raise UnknownOptionError("joint in home", joint, names)
+            qpos[7 + names.index(joint)] = _number(joint, value)
     else:
         try:
             qpos = np.array(home, dtype=float)
@@ -87,8 +86,8 @@ def stands_up(model: mujoco.MjModel, home: object) -> bool:
 
 def on_the_ground(model: mujoco.MjModel, qpos: np.ndarray, feet: Sequence[Foot]) -> np.ndarray:
     """Return a pose (nq,) with the lowest contact point at z = 0."""
-    raised = qpos.copy()
-    raised[2] -= _lowest_contact(model, qpos, feet)
+    raised, data = qpos.copy(), MeasuredModel(model, qpos).data
+    raised[2] -= contacts(feet, data)[:, 2].min()
     return raised
 
 
@@ -112,39 +111,25 @@ def _number(joint: str, value: float) -> float:
         raise InvalidValueError(f"home of {joint}", value, "a number") from None
 
 
-def _joint_addresses(model: mujoco.MjModel) -> dict[str, int]:
-    """Joint name -> its address in qpos, without the base."""
-    return {
-        object_name(model, mujoco.mjtObj.mjOBJ_JOINT, j): int(model.jnt_qposadr[j])
-        for j in moving_joints(model)
-    }
+def _joint_names(model: mujoco.MjModel) -> list[str]:
+    """Names of the joints without the base, in the order of qpos."""
+    return object_names(model, mujoco.mjtObj.mjOBJ_JOINT, moving_joints(model))
 
 
 def _reference_pose(model: mujoco.MjModel) -> np.ndarray:
     """The model's qpos0 with every joint moved into its range."""
     qpos = model.qpos0.copy()
-    for j in np.flatnonzero(model.jnt_limited):
-        address = model.jnt_qposadr[j]
-        qpos[address] = np.clip(qpos[address], *model.jnt_range[j])
+    qpos[7:] = np.clip(qpos[7:], *joint_range(model).T)
     return qpos
 
 
 def _check_ranges(model: mujoco.MjModel, qpos: np.ndarray) -> None:
-    outside = []
-    for j in np.flatnonzero(model.jnt_limited):
-        value, (low, high) = qpos[model.jnt_qposadr[j]], model.jnt_range[j]
-        if not low - _TOLERANCE <= value <= high + _TOLERANCE:
-            name = object_name(model, mujoco.mjtObj.mjOBJ_JOINT, int(j))
-            outside.append(f"{name} = {value:g} not in [{low:g}, {high:g}]")
+    outside = [
+        f"{name} = {value:g} not in [{low:g}, {high:g}]"
+        for name, value, (low, high) in zip(
+            _joint_names(model), qpos[7:], joint_range(model), strict=True
+        )
+        if not low - _TOLERANCE <= value <= high + _TOLERANCE
+    ]
     if outside:
         raise RobotError(f"Home joints outside their range: {'; '.join(outside)}.")
-
-
-def _lowest_contact(model: mujoco.MjModel, qpos: np.ndarray, feet: Sequence[Foot]) -> float:
-    """World height of the lowest contact, m."""
-    data = posed(model, qpos)
-    heights = []
-    for foot in feet:
-        up = data.xmat[foot.body].reshape(3, 3)[2]  # the world's z axis in the body's frame
-        heights.append(data.xpos[foot.body][2] + foot.points @ up - foot.radius)
-    return float(np.min(np.concatenate(heights)))

@@ -5,26 +5,19 @@ or numbers mean something else than they say.
 """
 
 import copy
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.feet import Foot, is_point
+from fbid_gym.robots.feet import Foot, contacts, is_point
 from fbid_gym.robots.ground import heights_below
-from fbid_gym.robots.mjcf import (
-    can_touch,
-    hinges_above,
-    listed,
-    moving_joints,
-    object_name,
-    static_geoms,
-    weight_of,
-)
+from fbid_gym.robots.measured_model import MeasuredModel
+from fbid_gym.robots.mjcf import listed, moving_joints, object_names
 from fbid_gym.robots.polygon import margin_within
 from fbid_gym.robots.soles import TILTED, tilt_of
-from fbid_gym.robots.touching import lowest, welded_geoms
 
 _OBJ = mujoco.mjtObj
 
@@ -52,220 +45,197 @@ _LOCKED = 1e4
 class _Home(NamedTuple):
     """A robot at home."""
 
-    model: mujoco.MjModel  # of the robot
-    data: mujoco.MjData  # forward dynamics of the home pose
-    feet: Sequence[Foot]  # of the robot
+    pose: MeasuredModel
+    data: mujoco.MjData  # forward dynamics of the pose
+    feet: Sequence[Foot]
+    contact_sensor: np.ndarray  # (P, 3) columns of `sensordata`, the forces on the points
     points: np.ndarray  # (P, 3) m, world, where the contact points touch
     height: float  # m, of the centre of mass above the lowest of them
 
+    @property
+    def point_names(self) -> list[str]:
+        """P names."""
+        return [name for foot in self.feet for name in foot.point_names]
 
-def findings(
-    model: mujoco.MjModel, home_qpos: np.ndarray, feet: Sequence[Foot], contact_sensor: np.ndarray
-) -> list[str]:
+
+def findings(pose: MeasuredModel, feet: Sequence[Foot], contact_sensor: np.ndarray) -> list[str]:
     """Say what speaks against a robot's home pose and model.
 
     Args:
-        model: of the robot, on level ground.
-        home_qpos: (nq,) its home pose.
+        pose: the robot at home, on level ground.
         feet: of the robot.
         contact_sensor: (P, 3) columns of `sensordata`, the forces on the points.
 
     Returns:
         A sentence for each finding.
     """
-    data = mujoco.MjData(model)
-    data.qpos[:] = home_qpos
-    mujoco.mj_forward(model, data)
-    points = np.concatenate([foot.touching(data) for foot in feet])
-    base = model.jnt_bodyid[0]
-    height = float(data.subtree_com[base][2] - points[:, 2].min())
+    points = contacts(feet, pose.data)
+    height = float(pose.com[2] - points[:, 2].min())
     if height <= 0.0:
         return [f"The centre of mass is {-1e3 * height:.3g} mm below the feet at home."]
-    home = _Home(model, data, feet, points, height)
-    return [
-        *_penetration(home),
-        *_ground(home),
-        *_uneven(home),
-        *_on_edges(home),
-        *_off_balance(home),
-        *_unloaded(home, contact_sensor),
-        *_too_light(home),
-        *_springs(home),
-        *_slippery(home),
-    ]
+    data = mujoco.MjData(pose.model)
+    data.qpos[:] = pose.qpos
+    mujoco.mj_forward(pose.model, data)
+    home = _Home(pose, data, feet, contact_sensor, points, height)
+    checks = (
+        *(_penetration, _ground, _uneven, _on_edges, _off_balance),
+        *(_unloaded, _too_light, _springs, _slippery),
+    )
+    return [sentence for check in checks for sentence in check(home)]
 
 
-def _robot_geoms(model: mujoco.MjModel) -> np.ndarray:
-    return np.flatnonzero(can_touch(model) & ~static_geoms(model))
+def _penetration(home: _Home) -> Iterator[str]:
+    pose = home.pose
+    geoms = np.flatnonzero(pose.touching & ~pose.ground).tolist()
+    if not geoms:
+        yield "Nothing on the robot can touch the ground: no geom collides."
+        return
+    deepest = min(geoms, key=lambda geom: pose.lowest([geom]))
+    low = pose.lowest([deepest])
+    if low <= -_SUNK * home.height:
+        body = pose.body_name(pose.model.geom_bodyid[deepest])
+        yield f"Body {body!r} is {-1e3 * low:.3g} mm in the ground at home."
+    elif low > _SUNK * home.height:
+        yield (
+            f"The robot hovers: its lowest geometry is {1e3 * low:.3g} mm above the "
+            "ground, its contact points are on it."
+        )
 
 
-def _penetration(home: _Home) -> list[str]:
-    geoms = _robot_geoms(home.model)
-    if not geoms.size:
-        return ["Nothing on the robot can touch the ground: no geom collides."]
-    low = [lowest(home.model, home.data, [geom]) for geom in geoms]
-    deepest = int(np.argmin(low))
-    if low[deepest] > -_SUNK * home.height:
-        if low[deepest] > _SUNK * home.height:
-            return [
-                f"The robot hovers: its lowest geometry is {1e3 * low[deepest]:.3g} mm above the "
-                "ground, its contact points are on it."
-            ]
-        return []
-    body = object_name(home.model, _OBJ.mjOBJ_BODY, int(home.model.geom_bodyid[geoms[deepest]]))
-    return [f"Body {body!r} is {-1e3 * low[deepest]:.3g} mm in the ground at home."]
-
-
-def _ground(home: _Home) -> list[str]:
+def _ground(home: _Home) -> Iterator[str]:
     """A file's ground that is not where robots begin, on z = 0."""
-    heights = heights_below(home.model, home.data, home.feet)
-    names = [name for foot in home.feet for name in foot.point_names]
-    bare = [name for name, height in zip(names, heights, strict=True) if np.isnan(height)]
-    if bare:
-        return [f"There is nothing below the points {listed(bare)} at home."]
+    heights = heights_below(home.pose, home.feet)
+    bare = np.isnan(heights)
+    if bare.any():
+        names = itertools.compress(home.point_names, bare)
+        yield f"There is nothing below the points {listed(names)} at home."
+        return
     gaps = home.points[:, 2] - heights
     farthest = gaps[np.argmax(np.abs(gaps))]
-    if abs(farthest) <= max(_SUNK, _UNEVEN) * home.height:
-        return []
-    side = "below" if farthest > 0.0 else "above"
-    return [
-        f"The file's ground is {1e3 * abs(farthest):.3g} mm {side} the feet at home, "
-        "which begin at z = 0."
-    ]
+    if abs(farthest) > max(_SUNK, _UNEVEN) * home.height:
+        side = "below" if farthest > 0.0 else "above"
+        yield (
+            f"The file's ground is {1e3 * abs(farthest):.3g} mm {side} the feet at home, "
+            "which begin at z = 0."
+        )
 
 
-def _uneven(home: _Home) -> list[str]:
+def _uneven(home: _Home) -> Iterator[str]:
     spread = float(np.ptp(home.points[:, 2]))
-    if spread <= _UNEVEN * home.height:
-        return []
-    return [f"The contact points differ by {1e3 * spread:.3g} mm in height at home."]
+    if spread > _UNEVEN * home.height:
+        yield f"The contact points differ by {1e3 * spread:.3g} mm in height at home."
 
 
-def _on_edges(home: _Home) -> list[str]:
-    told = []
+def _on_edges(home: _Home) -> Iterator[str]:
     for foot in home.feet:
-        if is_point(home.model, foot.point_names[0]):  # as somebody wants it
+        if is_point(home.pose.model, foot.point_names[0]):  # as somebody wants it
             continue
-        tilt = tilt_of(home.model, home.data, foot.body)
+        tilt = tilt_of(home.pose, foot.body)
         if tilt is not None and tilt > TILTED:
-            told.append(
+            yield (
                 f"Foot {foot.name!r} stands on an edge at home: the flat side nearest to the "
                 f"ground is tilted by {np.degrees(tilt):.0f} degrees."
             )
-    return told
 
 
-def _off_balance(home: _Home) -> list[str]:
-    base = home.model.jnt_bodyid[0]
-    outside = -margin_within(home.points[:, :2], home.data.subtree_com[base][:2])
-    if outside <= _SUNK * home.height:
-        return []
-    return [
-        f"The centre of mass is {1e3 * outside:.3g} mm outside of the contact points at home: "
-        "the robot will fall over."
-    ]
+def _off_balance(home: _Home) -> Iterator[str]:
+    outside = -margin_within(home.points[:, :2], home.pose.com[:2])
+    if outside > _SUNK * home.height:
+        yield (
+            f"The centre of mass is {1e3 * outside:.3g} mm outside of the contact points at home: "
+            "the robot will fall over."
+        )
 
 
-def _unloaded(home: _Home, contact_sensor: np.ndarray) -> list[str]:
+def _unloaded(home: _Home) -> Iterator[str]:
     """Points that carry nothing of a robot that settles with its joints locked."""
-    if not np.any(home.model.opt.gravity):
-        return []
-    model = copy.copy(home.model)
+    pose = home.pose
+    if not pose.weight:
+        return
+    model = copy.copy(pose.model)
     model.opt.timestep = _STEP  # environments have one of their own, too
-    model.dof_armature[6:] += _LOCKED * model.body_subtreemass[model.jnt_bodyid[0]]
+    model.dof_armature[6:] += _LOCKED * model.body_subtreemass[pose.base]
     data = mujoco.MjData(model)
-    data.qpos[:] = home.data.qpos
+    data.qpos[:] = pose.qpos
     steps = round(_SETTLING / _STEP)
-    forces = np.zeros((steps, len(contact_sensor)))
+    forces = np.zeros((steps, len(home.contact_sensor)))
     for step in range(steps):
         mujoco.mj_step(model, data)
-        forces[step] = data.sensordata[contact_sensor[:, 2]]
+        forces[step] = data.sensordata[home.contact_sensor[:, 2]]
     force = forces[steps // 2 :].mean(axis=0)
-    weight = weight_of(model)
-    names = [name for foot in home.feet for name in foot.point_names]
-    idle = [name for name, f in zip(names, force, strict=True) if f < _CARRIES_NOTHING * weight]
-    share = float(force.sum()) / weight
+    share = float(force.sum()) / pose.weight
     if not np.isfinite(share):
-        return ["The robot does not settle on its feet: the simulation diverges."]
-    told = [f"Points {', '.join(idle)} carry nothing at home."] if idle else []
+        yield "The robot does not settle on its feet: the simulation diverges."
+        return
+    idle = list(itertools.compress(home.point_names, force < _CARRIES_NOTHING * pose.weight))
+    if idle:
+        yield f"Points {', '.join(idle)} carry nothing at home."
     if share < 0.9:
-        told.append(f"The contact points carry {share:.0%} of the weight at home, others the rest.")
-    return told
+        yield f"The contact points carry {share:.0%} of the weight at home, others the rest."
 
 
-def _too_light(home: _Home) -> list[str]:
+def _too_light(home: _Home) -> Iterator[str]:
     """Joints that cannot be held as stiffly as standing needs, at the rate of control.
 
     What stands on a joint falls over unless its stiffness makes up for the weight at its height.
     With that stiffness, the joint's own inertia in the air oscillates; torques that are held for
     a tick damp what they meet often enough in a period.
     """
-    model = home.model
+    model = home.pose.model
     mass = np.empty((model.nv, model.nv))
     mujoco.mj_fullM(model, home.data, mass)
     giving_way = 1.0 / np.diag(np.linalg.inv(mass))[6:]
-    needed = _needed_stiffness(home)
-    told = []
-    for index, joint in enumerate(moving_joints(model)):
-        least = needed[index] / (2.0 * np.pi * CONTROL_HZ / _TICKS_PER_PERIOD) ** 2
-        if giving_way[index] < least:
-            name = object_name(model, _OBJ.mjOBJ_JOINT, joint)
-            told.append(
-                f"Joint {name!r} moves {giving_way[index]:.2g} kg·m² in the air, too little to be "
-                f"held at {CONTROL_HZ} Hz by what standing needs: give it armature={least:.2g} or "
-                "more."
-            )
-    return told
+    least = _needed_stiffness(home) / (2.0 * np.pi * CONTROL_HZ / _TICKS_PER_PERIOD) ** 2
+    names = object_names(model, _OBJ.mjOBJ_JOINT, moving_joints(model))
+    for i in np.flatnonzero(giving_way < least):
+        yield (
+            f"Joint {names[i]!r} moves {giving_way[i]:.2g} kg·m² in the air, too little to be held "
+            f"at {CONTROL_HZ} Hz by what standing needs: give it armature={least[i]:.2g} or more."
+        )
 
 
 def _needed_stiffness(home: _Home) -> np.ndarray:
     """(n,) N·m/rad against falling over; 0 for joints that bear no foot."""
-    model = home.model
-    weight = weight_of(model) / len(home.feet)
-    needed = np.zeros(model.nv - 6)
-    for joint in {joint for foot in home.feet for joint in hinges_above(model, foot.body)}:
-        lever = home.data.subtree_com[model.jnt_bodyid[0]][2] - home.data.xanchor[joint][2]
-        needed[int(model.jnt_dofadr[joint]) - 6] = weight * max(float(lever), 0.0)
+    pose, needed = home.pose, np.zeros(home.pose.model.nv - 6)
+    weight = pose.weight / len(home.feet)
+    for joint in {joint for foot in home.feet for joint in pose.hinges_above(foot.body)}:
+        lever = float(pose.com[2] - pose.data.xanchor[joint][2])
+        needed[int(pose.model.jnt_dofadr[joint]) - 6] = weight * max(lever, 0.0)
     return needed
 
 
-def _springs(home: _Home) -> list[str]:
-    model = home.model
+def _springs(home: _Home) -> Iterator[str]:
+    model = home.pose.model
     sprung = [j for j in moving_joints(model) if np.any(model.jnt_stiffness[j])]
-    weight = weight_of(model)
     pulls = np.abs(home.data.qfrc_spring[model.jnt_dofadr[sprung]])
-    if not np.any(pulls > _CARRIES_NOTHING * weight * home.height):
-        return []
-    names = [object_name(model, _OBJ.mjOBJ_JOINT, j) for j in sprung]
-    return [
-        f"Springs on {len(names)} joints ({', '.join(names)}) pull with up to {pulls.max():.3g} "
-        "N·m at home, which motors have to hold."
-    ]
+    if np.any(pulls > _CARRIES_NOTHING * home.pose.weight * home.height):
+        names = object_names(model, _OBJ.mjOBJ_JOINT, sprung)
+        yield (
+            f"Springs on {len(names)} joints ({', '.join(names)}) pull with up to {pulls.max():.3g}"
+            " N·m at home, which motors have to hold."
+        )
 
 
-def _slippery(home: _Home) -> list[str]:
-    friction = friction_of_feet(home.model, home.feet)
-    if friction >= ASSUMED_FRICTION:
-        return []
-    return [
-        f"The feet's friction is {friction:.3g}: layers assume less than the {ASSUMED_FRICTION:g} "
-        "that they would of other feet."
-    ]
+def _slippery(home: _Home) -> Iterator[str]:
+    friction = friction_of_feet(home.pose, home.feet)
+    if friction < ASSUMED_FRICTION:
+        yield (
+            f"The feet's friction is {friction:.3g}: layers assume less than the "
+            f"{ASSUMED_FRICTION:g} that they would of other feet."
+        )
 
 
-def friction_of_feet(model: mujoco.MjModel, feet: Sequence[Foot]) -> float:
+def friction_of_feet(pose: MeasuredModel, feet: Sequence[Foot]) -> float:
     """Least coefficient of sliding friction between a foot and the ground.
 
     As MuJoCo mixes it: that of the geom with the higher priority, else the larger of both; none
     where these have condim 1.
     """
-    grounds, found = np.flatnonzero(static_geoms(model)), [np.inf]
-    for foot in feet:
-        for geom in welded_geoms(model, foot.body):
-            for ground in grounds:
-                pair, priority = [geom, ground], model.geom_priority[[geom, ground]]
-                if priority[0] != priority[1]:
-                    pair = [pair[int(np.argmax(priority))]]
-                rubs = model.geom_condim[pair].max() > 1
-                found.append(float(model.geom_friction[pair, 0].max()) * rubs)
+    model, found = pose.model, [np.inf]
+    soles = np.concatenate([pose.welded_geoms(foot.body) for foot in feet])
+    for pair in itertools.product(soles, np.flatnonzero(pose.ground)):
+        priority = model.geom_priority[list(pair)]
+        mixed = [pair[np.argmax(priority)]] if np.ptp(priority) else list(pair)
+        rubs = model.geom_condim[mixed].max() > 1
+        found.append(float(model.geom_friction[mixed, 0].max()) * rubs)
     return min(found)

@@ -1,14 +1,115 @@
-"""The torque motors of a robot: one on every joint, so that S = [0 I] in [M10] eq. (2)."""
+"""The torque motors of a robot: one on every joint, so that S = [0 I] in [M10] eq. (2).
+
+Where a file has servos, or nothing, motors take their place; the servos' gains are kept as data.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots.mjcf import listed, moving_joints, object_name, object_names
+from fbid_gym.robots.mjcf import listed, moving_joints, object_name, object_names, refuse
 
+_BIAS = mujoco.mjtBias
+_DYN = mujoco.mjtDyn
+_GAIN = mujoco.mjtGain
 _JOINT = mujoco.mjtJoint
 _OBJ = mujoco.mjtObj
 _TRANSMISSION = mujoco.mjtTrn
+
+_ON_JOINTS = (_TRANSMISSION.mjTRN_JOINT, _TRANSMISSION.mjTRN_JOINTINPARENT)
+_SETPOINT_DYNAMICS = (
+    *(_DYN.mjDYN_NONE, _DYN.mjDYN_INTEGRATOR),
+    *(_DYN.mjDYN_FILTER, _DYN.mjDYN_FILTEREXACT),
+)
+_GEAR = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+
+
+class ServoGains(NamedTuple):
+    """The gains of a file's servos, felt at the joints; 0 where a joint has none.
+
+    Attributes:
+        stiffness: (n,) N·m/rad.
+        damping: (n,) N·m·s/rad; the joint's own damping is not in it.
+    """
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+
+
+def servo_gains(model: mujoco.MjModel) -> ServoGains | None:
+    """Read the gains of a file's servos; None if it has none.
+
+    A servo's force at the joint is gear (gain u + b_0 + b_1 gear q + b_2 gear qdot).
+    """
+    servos = _servos(model)
+    if not servos:
+        return None
+    gains = ServoGains(np.zeros(model.nv - 6), np.zeros(model.nv - 6))
+    for a in servos:
+        dof = int(model.jnt_dofadr[model.actuator_trnid[a, 0]]) - 6
+        gear = float(model.actuator_gear[a, 0])
+        gains.stiffness[dof] += -model.actuator_biasprm[a, 1] * gear**2
+        gains.damping[dof] += -model.actuator_biasprm[a, 2] * gear**2
+    return gains
+
+
+def use_motors(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, torque_limit: Mapping[str, float]
+) -> list[str]:
+    """Give the joints torque motors: for servos, for nothing, and as strong as the user says.
+
+    A servo keeps its gear and its force limits. A joint without actuator gets a motor where its
+    limit is known: given, or the joint's own `actuatorfrcrange`, which is a URDF's effort. A limit
+    that is given replaces those of the file.
+
+    Args:
+        spec: the spec to change.
+        model: the same, compiled.
+        torque_limit: joint name -> N·m (N for slides), of joints that the user spoke of.
+
+    Returns:
+        Notes of what was changed.
+    """
+    actuators = {actuator.id: actuator for actuator in spec.actuators}
+    servos = _servos(model)
+    for a in servos:
+        _make_motor(actuators[a])
+    driven = {int(model.actuator_trnid[a, 0]): a for a in range(model.nu) if _on_joint(model, a)}
+    joints = {joint.id: joint for joint in spec.joints}
+    added, limited = [], []
+    for j in moving_joints(model):
+        name = joints[j].name
+        if j in driven:
+            motor = actuators[driven[j]]
+        elif name in torque_limit or model.jnt_actfrclimited[j]:
+            motor = spec.add_actuator(
+                name=f"{name}_motor", trntype=_TRANSMISSION.mjTRN_JOINT, target=name
+            )
+            _make_motor(motor)
+            # The file's defaults are meant for its own.
+            motor.gear, motor.forcelimited, motor.forcerange = _GEAR, False, [0.0, 0.0]
+            added.append(name)
+        if name in torque_limit:
+            unit = 1.0
+            if j in driven:
+                limited.append(name)
+                unit = 1.0 if driven[j] in servos else float(model.actuator_gainprm[driven[j], 0])
+            most = abs(torque_limit[name] / (float(motor.gear[0]) * unit))
+            motor.ctrllimited, motor.ctrlrange = True, [-most, most]
+            motor.forcelimited = False
+            joints[j].actfrclimited = False
+    if servos or added:
+        # What a keyframe says of controls was meant for the servos, and counts actuators.
+        for key in spec.keys:
+            key.ctrl, key.act = [], []
+    return [
+        *[f"Torque motors in place of {len(servos)} servos: see servo_gains."] * bool(servos),
+        *_note("Torque motors added", added, model),
+        *_note("Torque limits as given", limited, model),
+    ]
 
 
 def motor_of_each_joint(
@@ -28,7 +129,6 @@ def motor_of_each_joint(
         RobotError: a joint without or with several actuators, an actuator that is not a plain
             torque motor, or a motor without a finite, two-sided limit.
     """
-    driven: dict[int, list[int]] = {j: [] for j in range(model.njnt)}
     for a in range(model.nu):
         reason = _not_a_motor(model, a)
         if reason:
@@ -36,44 +136,53 @@ def motor_of_each_joint(
                 f"Actuator {object_name(model, _OBJ.mjOBJ_ACTUATOR, a)!r} {reason}. "
                 "Expected plain torque motors (<motor joint=... ctrlrange=...>), or servos."
             )
-        driven[int(model.actuator_trnid[a, 0])].append(a)
-    joints = moving_joints(model)
-    missing = [object_name(model, _OBJ.mjOBJ_JOINT, j) for j in joints if not driven[j]]
-    if missing:
-        raise RobotError(
-            f"Joints without an actuator: {listed(missing)}. Expected one motor per joint. One is "
-            "added where torque_limit= says how strong (N·m, by the joint's name or a pattern)."
-        )
+    joints, driven = moving_joints(model), model.actuator_trnid[:, 0]
+    refuse(
+        *(model, _OBJ.mjOBJ_JOINT, [j for j in joints if j not in driven]),
+        "Joints without an actuator: {}. Expected one motor per joint. One is "
+        "added where torque_limit= says how strong (N·m, by the joint's name or a pattern).",
+    )
     for j in joints:
-        if len(driven[j]) > 1:
-            names = object_names(model, _OBJ.mjOBJ_ACTUATOR, driven[j])
+        names = object_names(model, _OBJ.mjOBJ_ACTUATOR, np.flatnonzero(driven == j))
+        if len(names) > 1:
             raise RobotError(
                 f"Joint {object_name(model, _OBJ.mjOBJ_JOINT, j)!r} has {len(names)} actuators: "
                 f"{listed(names)}. Expected one motor per joint."
             )
-    actuator = np.array([driven[j][0] for j in joints], dtype=int)
+    actuator = np.argsort(driven).astype(int)  # joints' ids are in dof order
     gear = model.actuator_gear[actuator, 0] * model.actuator_gainprm[actuator, 0]
-    limit = np.array(
-        [_torque_limit(model, a, j) for a, j in zip(actuator, joints, strict=True)], dtype=float
-    )
-    return actuator, gear, limit
+    limit = [_torque_limit(model, a, j) for a, j in zip(actuator, joints, strict=True)]
+    return actuator, gear, np.array(limit, dtype=float)
+
+
+def _servos(model: mujoco.MjModel) -> list[int]:
+    """Ids of the position and velocity servos on joints of the robot."""
+    return [
+        a
+        for a in range(model.nu)
+        if _on_joint(model, a)
+        and model.jnt_type[model.actuator_trnid[a, 0]] != _JOINT.mjJNT_FREE
+        and model.actuator_gaintype[a] == _GAIN.mjGAIN_FIXED
+        and model.actuator_biastype[a] == _BIAS.mjBIAS_AFFINE
+        and _DYN(model.actuator_dyntype[a]) in _SETPOINT_DYNAMICS
+    ]
+
+
+def _on_joint(model: mujoco.MjModel, a: int) -> bool:
+    return _TRANSMISSION(model.actuator_trntype[a]) in _ON_JOINTS
 
 
 def _not_a_motor(model: mujoco.MjModel, a: int) -> str:
     """Say why actuator `a` is not a plain torque motor; an empty string if it is one."""
-    transmission = _TRANSMISSION(model.actuator_trntype[a])
-    if transmission not in (_TRANSMISSION.mjTRN_JOINT, _TRANSMISSION.mjTRN_JOINTINPARENT):
-        kind = transmission.name.removeprefix("mjTRN_").lower()
+    if not _on_joint(model, a):
+        kind = _TRANSMISSION(model.actuator_trntype[a]).name.removeprefix("mjTRN_").lower()
         return f"acts on a {kind}, not on a joint"
-    joint = int(model.actuator_trnid[a, 0])
-    if model.jnt_type[joint] == _JOINT.mjJNT_FREE:
+    if model.jnt_type[model.actuator_trnid[a, 0]] == _JOINT.mjJNT_FREE:
         return "acts on the free joint of the base"
-    if model.actuator_dyntype[a] != mujoco.mjtDyn.mjDYN_NONE:
+    if model.actuator_dyntype[a] != _DYN.mjDYN_NONE:
         return "has activation dynamics"
-    if (
-        model.actuator_gaintype[a] != mujoco.mjtGain.mjGAIN_FIXED
-        or model.actuator_biastype[a] != mujoco.mjtBias.mjBIAS_NONE
-    ):
+    plain = _GAIN.mjGAIN_FIXED, _BIAS.mjBIAS_NONE
+    if (model.actuator_gaintype[a], model.actuator_biastype[a]) != plain:
         return "is a servo: its torque depends on the joint's position or velocity"
     if model.actuator_delay[a] > 0:
         return "delays its control"
@@ -109,3 +218,16 @@ def _torque_limit(model: mujoco.MjModel, a: int, j: int) -> float:
             "both sides of 0."
         )
     return limit
+
+
+def _make_motor(actuator: mujoco.MjsActuator) -> None:
+    actuator.set_to_motor()
+    actuator.ctrllimited, actuator.ctrlrange = False, [0.0, 0.0]
+    actuator.actlimited, actuator.inheritrange = False, 0.0
+
+
+def _note(change: str, joints: Sequence[str], model: mujoco.MjModel) -> list[str]:
+    if not joints:
+        return []
+    every = len(joints) == len(moving_joints(model))
+    return [f"{change} on {'all joints' if every else listed(joints)}."]

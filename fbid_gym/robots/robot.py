@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,11 +17,11 @@ from fbid_gym.robots.by_joint import ByJoint, by_joint
 from fbid_gym.robots.contact_sensors import add_contact_sensors, remove_contact_sensors
 from fbid_gym.robots.corrections import free_the_base, set_armature, set_solver
 from fbid_gym.robots.description import described
-from fbid_gym.robots.feet import Foot, foot_of, group_points, points_of_feet
+from fbid_gym.robots.feet import Foot, find_feet, group_points
 from fbid_gym.robots.home import home_pose, on_the_ground, stands_up
-from fbid_gym.robots.motors import motor_of_each_joint
+from fbid_gym.robots.measured_model import MeasuredModel
+from fbid_gym.robots.motors import ServoGains, motor_of_each_joint, servo_gains, use_motors
 from fbid_gym.robots.scene import add_ground
-from fbid_gym.robots.servos import ServoGains, servo_gains, use_motors
 from fbid_gym.robots.soles import stand_up
 from fbid_gym.robots.source import RobotSource, Source
 from fbid_gym.robots.unmodelled import refuse_unmodelled
@@ -121,6 +122,11 @@ class Robot:
         """Names of the feet."""
         return tuple(foot.name for foot in self.feet)
 
+    @cached_property
+    def at_home(self) -> MeasuredModel:
+        """Its model in the home pose, measured."""
+        return MeasuredModel(self.model, self.home_qpos)
+
     @property
     def weight(self) -> float:
         """Weight in N."""
@@ -129,7 +135,7 @@ class Robot:
     @property
     def gravity(self) -> float:
         """Size of the gravity that its model lives in, m/s²."""
-        return mjcf.gravity_of(self.model)
+        return self.at_home.gravity
 
     @property
     def joint_damping(self) -> np.ndarray:
@@ -141,7 +147,7 @@ class Robot:
 
         See `fbid_gym.robots.home_check`.
         """
-        return home_check.findings(self.model, self.home_qpos, self.feet, self.contact_sensor)
+        return home_check.findings(self.at_home, self.feet, self.contact_sensor)
 
     def __repr__(self) -> str:
         """Say what it is, and what was changed of its file."""
@@ -187,7 +193,7 @@ class Robot:
     def portable(self) -> "Robot":
         """Return this robot as `load` reads it from what `save` writes: equal to the last bit."""
         packed, options = archive.split(self._archive(), repr(self.name))
-        return Robot.from_mjcf(Source.packed(packed), **options)
+        return Robot.from_mjcf(Source.known(packed), **options)
 
     @property
     def digest(self) -> str:
@@ -306,34 +312,31 @@ def _build(
     notes += set_solver(spec)
     plain = mjcf.compile_spec(spec, source.label)
     actuator, gear, limit = motor_of_each_joint(plain)
-    qpos = home_pose(plain, home)
-    points = points_of_feet(plain, qpos, named)
+    start = MeasuredModel(plain, home_pose(plain, home))
+    qpos, found = start.qpos, find_feet(start, named)
     if named is None:
-        notes += [f"Feet found: {', '.join(points)}."]
+        notes += [f"Feet found: {', '.join(foot.name for foot in found)}."]
     if stands_up(plain, home):
-        points, qpos = stand_up(plain, qpos, points, named)
-    built = tuple(foot_of(foot, found) for foot, found in points.items())
+        found, qpos = stand_up(start, found, named)
+    at_home = MeasuredModel(plain, on_the_ground(plain, qpos, found))
 
     # Bodies, joints and actuators keep their ids: only geoms, sites, lights and sensors join.
     bodies = {body.id: body for body in spec.bodies}  # ids are gone once something is added
-    home_qpos = on_the_ground(plain, qpos, built)
-    add_ground(spec, plain, bodies[base_body], home_qpos, built)
-    sensors = add_contact_sensors(spec, plain, bodies, list(points.values()))
+    add_ground(spec, at_home, bodies[base_body], found)
+    sensors = add_contact_sensors(spec, at_home, bodies, found)
     model = mjcf.compile_spec(spec, source.label)
 
-    joints = mjcf.moving_joints(model)
-    limited = model.jnt_limited[joints].astype(bool)[:, None]
     columns = [model.sensor_adr[model.sensor(s).id] + np.arange(3) for s in sensors]
     robot = Robot(
         name=name or _model_name(spec) or source.name,
         model=model,
         spec=spec,
-        feet=built,
+        feet=found,
         base_body=base_body,
-        home_qpos=home_qpos,
+        home_qpos=at_home.qpos,
         joint_names=joint_names,
         torque_limit=limit,
-        joint_range=np.where(limited, model.jnt_range[joints], [-np.inf, np.inf]),
+        joint_range=mjcf.joint_range(model),
         actuator=actuator,
         gear=gear,
         contact_sensor=np.array(columns, dtype=int),
@@ -363,8 +366,7 @@ def _floating(source: Source, base: str | None) -> tuple[mujoco.MjSpec, list[str
 
 def _checked_base(model: mujoco.MjModel, base: str | None) -> int:
     """Id of the floating body of a checked tree."""
-    body = mjcf.check_tree(model)
-    refuse_unmodelled(model)
+    body = refuse_unmodelled(model)
     name = mjcf.object_name(model, _OBJ.mjOBJ_BODY, body)
     if base is not None and base != name:
         raise RobotError(f"The free joint is on body {name!r}, not on base={base!r}.")

@@ -8,7 +8,7 @@ import numpy as np
 
 from fbid_gym.robots.feet import Foot
 from fbid_gym.robots.ground import heights_below
-from fbid_gym.robots.mjcf import posed
+from fbid_gym.robots.measured_model import MeasuredModel
 
 _GEOM = mujoco.mjtGeom
 _EMPTY = mujoco.MjSpec()
@@ -20,22 +20,17 @@ _INHERITED = (
 
 
 def add_ground(
-    spec: mujoco.MjSpec,
-    model: mujoco.MjModel,
-    base: mujoco.MjsBody,
-    home_qpos: np.ndarray,
-    feet: Sequence[Foot],
+    spec: mujoco.MjSpec, home: MeasuredModel, base: mujoco.MjsBody, feet: Sequence[Foot]
 ) -> None:
     """Add a ground plane, a light and a sky to a file whose static world has nothing to stand on.
 
     Args:
         spec: the spec to extend.
-        model: the same, compiled before anything was added.
+        home: of the same, compiled before anything was added.
         base: the floating body; the light follows it, so that its shadow stays sharp.
-        home_qpos: (nq,) the home pose, in which something shall lie below a foot.
         feet: of the robot.
     """
-    if not np.isnan(heights_below(model, posed(model, home_qpos), feet)).all():
+    if not np.isnan(heights_below(home, feet)).all():
         return
     spec.add_texture(
         name="fbid_sky",
@@ -55,7 +50,7 @@ def add_ground(
         width=512,
         height=512,
     )
-    size = _extent(model)
+    size = _extent(home.model)
     tiles = 1.0 / size  # one pair of tiles per robot size
     material = spec.add_material(name="fbid_ground", texuniform=True, texrepeat=[tiles, tiles])
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "fbid_ground"
@@ -112,9 +107,7 @@ def add_solid(spec: mujoco.MjSpec, bits: int, **geom: Any) -> None:
 
 def _extent(model: mujoco.MjModel) -> float:
     """Size of the robot in its reference pose, m: twice the reach of its bodies from the base."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    base = model.jnt_bodyid[0]
-    tree = model.body_rootid == base
-    reach = np.linalg.norm(data.xpos[tree] - data.xpos[base], axis=1)
+    pose = MeasuredModel(model, model.qpos0)
+    places = pose.data.xpos[model.body_rootid == pose.base]
+    reach = np.linalg.norm(places - pose.data.xpos[pose.base], axis=1)
     return float(max(2.0 * np.max(reach), 0.1))

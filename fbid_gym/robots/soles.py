@@ -13,10 +13,9 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots.feet import ContactPoint, Foot, foot_of, named_by_body, points_of_body
-from fbid_gym.robots.mjcf import posed
+from fbid_gym.robots.feet import Foot, foot_of_body, named_by_body
+from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.stand import standing_pose
-from fbid_gym.robots.touching import ends_of, welded_geoms
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -37,72 +36,65 @@ _SIDE = 0.1
 
 _SAME = 1e-3  # of normals that are one side's
 
-Points = dict[str, list[ContactPoint]]
-
 
 def stand_up(
-    model: mujoco.MjModel,
-    start: np.ndarray,
-    points: Points,
-    named: Mapping[str, Sequence[str]] | None,
-) -> tuple[Points, np.ndarray]:
+    start: MeasuredModel, feet: tuple[Foot, ...], named: Mapping[str, Sequence[str]] | None
+) -> tuple[tuple[Foot, ...], np.ndarray]:
     """Find a standing pose, see `standing_pose`: on soles, where feet known by bodies have some.
 
     Args:
-        model: compiled model.
-        start: (nq,) the pose to begin with.
-        points: of each foot, as it touches in that pose.
+        start: the pose to begin with.
+        feet: as they touch in that pose.
         named: how the feet were named; None: not at all.
 
     Returns:
-        Points of each foot, and qpos (nq,).
+        The feet, and qpos (nq,).
 
     Raises:
         RobotError: no such pose was found.
     """
-    soles = dict(points)
-    for foot, found in points.items():
-        if named is None or named_by_body(model, named[foot]):
-            soles[foot] = _sole(model, start, foot, found)
-    if soles != points:
+    soles = tuple(
+        _sole(start, foot)
+        if named is None or named_by_body(start.model, named[foot.name])
+        else foot
+        for foot in feet
+    )
+    if soles != feet:
         with suppress(RobotError):
-            return soles, standing_pose(model, start, _feet(soles))
-    return points, standing_pose(model, start, _feet(points))
+            return soles, standing_pose(start, soles)
+    return feet, standing_pose(start, feet)
 
 
-def tilt_of(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float | None:
+def tilt_of(pose: MeasuredModel, body: int) -> float | None:
     """Return how far the flat side of a body that faces down the most is from level, rad.
 
     None where no side of some size is nearer to that than to upright.
     """
-    side = _side_below(model, data, body)
+    side = _side_below(pose, body)
     return None if side is None else float(np.arccos(np.clip(-side[2], -1.0, 1.0)))
 
 
-def _sole(
-    model: mujoco.MjModel, start: np.ndarray, foot: str, found: list[ContactPoint]
-) -> list[ContactPoint]:
-    """What a foot shall stand on, of which `found` touches in the pose to begin with."""
-    body, area = found[0].body, _extent(found)
-    tilt = tilt_of(model, posed(model, start), body)
+def _sole(start: MeasuredModel, foot: Foot) -> Foot:
+    """What a foot shall stand on, which as it is given touches in the pose to begin with."""
+    area, tilt = _extent(foot.points), tilt_of(start, foot.body)
     if area[0] > 0.0 and tilt is not None and tilt <= TILTED:
-        return found
-    drawn = model.qpos0.copy()
-    drawn[:7] = start[:7]
-    tipped = [_tipped(model, pose, body) for pose in (drawn, start)]
-    others = [points_of_body(model, posed(model, pose), foot, body) for pose in tipped]
+        return foot
+    drawn = np.concatenate([start.qpos[:7], start.model.qpos0[7:]])
+    others = [
+        foot_of_body(_tipped(pose, foot.body), foot.name, foot.body)
+        for pose in (MeasuredModel(start.model, drawn), start)
+    ]
     for size in range(2):
         for other in others:
-            if _extent(other)[size] > _LARGER * area[size]:
+            if _extent(other.points)[size] > _LARGER * area[size]:
                 return other
         if area[size] > 0.0:
             break
-    return found
+    return foot
 
 
-def _extent(points: Sequence[ContactPoint]) -> tuple[float, float]:
-    """Measures of the area that points span, 0 for a line, and of their length."""
-    places = np.array([point.position for point in points])
+def _extent(places: np.ndarray) -> tuple[float, float]:
+    """Measures of the area that points (P, 3) span, 0 for a line, and of their length."""
     sizes = np.zeros(3)
     found = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
     sizes[: len(found)] = found
@@ -110,15 +102,15 @@ def _extent(points: Sequence[ContactPoint]) -> tuple[float, float]:
     return float(wide * sizes[0] * sizes[1]), float(sizes[0])
 
 
-def _tipped(model: mujoco.MjModel, pose: np.ndarray, body: int) -> np.ndarray:
+def _tipped(pose: MeasuredModel, body: int) -> MeasuredModel:
     """The whole robot turned until the flat side of a body that comes down first is level."""
-    turned, side = pose.copy(), _side_below(model, posed(model, pose), body)
+    turned, side = pose.qpos.copy(), _side_below(pose, body)
     if side is not None:
-        turned[3:7] = _turned(pose[3:7], side, _DOWN)
-    return turned
+        turned[3:7] = _turned(pose.qpos[3:7], side, _DOWN)
+    return MeasuredModel(pose.model, turned)
 
 
-def _side_below(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> np.ndarray | None:
+def _side_below(pose: MeasuredModel, body: int) -> np.ndarray | None:
     """Outward normal (3,), world, of the flat side of a body that faces down the most.
 
     Of a body with what is welded to it; None where no side of some size does by `_TIPS`.
@@ -126,10 +118,10 @@ def _side_below(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> np.nda
     # Half a second that only those who ask should wait for.
     from scipy.spatial import ConvexHull, QhullError
 
-    places = [ends_of(model, data, int(geom))[0] for geom in welded_geoms(model, body)]
+    places = [pose.ends_of(int(geom))[0] for geom in pose.welded_geoms(body)]
     # Flat ones have a volume with the joint that they hang from.
-    moving = model.body_weldid[body]
-    places += [data.xanchor[j][None] for j in np.flatnonzero(model.jnt_bodyid == moving)]
+    moving = pose.model.body_weldid[body]
+    places += [pose.data.xanchor[j][None] for j in np.flatnonzero(pose.model.jnt_bodyid == moving)]
     try:
         hull = ConvexHull(np.concatenate(places))
     except (QhullError, ValueError):
@@ -148,7 +140,3 @@ def _turned(quaternion: np.ndarray, this: np.ndarray, onto: np.ndarray) -> np.nd
     turn, result = np.append(1.0 + this @ onto, np.cross(this, onto)), np.empty(4)
     mujoco.mju_mulQuat(result, turn / np.linalg.norm(turn), quaternion)
     return result
-
-
-def _feet(points: Points) -> list[Foot]:
-    return [foot_of(name, found) for name, found in points.items()]

@@ -47,9 +47,9 @@ class Source:
         if isinstance(source, Source):
             return source
         if isinstance(source, mujoco.MjSpec):
-            return cls._known(pack(source))
+            return cls.known(pack(source))
         if isinstance(source, str) and source.lstrip().startswith("<"):
-            return cls._known(source)
+            return cls.known(source)
         if not isinstance(source, str | Path):
             raise InvalidValueError("robot", source, _EXPECTED)
         path = Path(source)
@@ -59,15 +59,11 @@ class Source:
             raise RobotError(
                 f"Robot file {str(path)!r} does not exist. Expected the path of an MJCF or URDF."
             )
-        return cls._known(path.resolve())
+        return cls.known(path.resolve())
 
     @classmethod
-    def packed(cls, content: bytes) -> "Source":
-        """Return a source of what `fbid_gym.robots.archive.pack` gave."""
-        return cls._known(content)
-
-    @classmethod
-    def _known(cls, content: Path | str | bytes) -> "Source":
+    def known(cls, content: Path | str | bytes) -> "Source":
+        """Return the source of a content, see the attribute."""
         return cls(content, hashlib.sha256(_bytes(content)).hexdigest())
 
     @property
@@ -101,7 +97,7 @@ class Source:
             RobotError: MuJoCo cannot parse it, it asks for more than `bounds` allow, or the file
                 has changed.
         """
-        if self.is_file and self._known(self.content).digest != self.digest:
+        if self.is_file and self.known(self.content).digest != self.digest:
             raise RobotError(f"{self.label} has changed since the robot was loaded.")
         check_bounds(self.content, self.label)
         try:

@@ -2,10 +2,8 @@
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 
-from fbid_gym.robots.mjcf import object_name
 from fbid_gym.robots.robot import Robot
 
 
@@ -31,7 +29,7 @@ def summary(robot: Robot) -> str:
         columns |= {"servo kp": _numbers(gains.stiffness), "kd": _numbers(gains.damping)}
     feet = {
         "foot": robot.foot_names,
-        "body": [object_name(robot.model, mujoco.mjtObj.mjOBJ_BODY, f.body) for f in robot.feet],
+        "body": [robot.at_home.body_name(foot.body) for foot in robot.feet],
         "points": [str(foot.num_points) for foot in robot.feet],
         "radius": _numbers([foot.radius for foot in robot.feet]),
         "named": [", ".join(foot.point_names) for foot in robot.feet],

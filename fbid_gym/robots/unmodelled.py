@@ -1,15 +1,17 @@
 """What a file may ask of MuJoCo that no law knows of: refused, with the name of the part.
 
-The laws' equation of motion has inertia, gravity, what velocities make of both, motors, springs,
-dampers and dry friction of joints, and contacts of the feet; nothing else.
+The laws' equation of motion is that of one floating tree of hinges and slides. It has inertia,
+gravity, what velocities make of both, motors, springs, dampers and dry friction of joints, and
+contacts of the feet; nothing else.
 """
 
 import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots.mjcf import listed, object_name, object_names
+from fbid_gym.robots.mjcf import listed, object_names, refuse
 
+_JOINT = mujoco.mjtJoint
 _OBJ = mujoco.mjtObj
 
 # What makes of a tendon more than a length that sensors read.
@@ -24,64 +26,91 @@ _DISABLED = {
 _FLUID = ("density", "viscosity", "wind")
 
 
-def refuse_unmodelled(model: mujoco.MjModel) -> None:
-    """Refuse forces that the laws' equation of motion lacks, and contacts that terrain lacks.
+def refuse_unmodelled(model: mujoco.MjModel) -> int:
+    """Refuse all but one floating tree, forces that laws lack, and contacts that terrain lacks.
 
     Tendons that only measure are none of these.
 
+    Returns:
+        Id of the floating body.
+
     Raises:
-        RobotError: tendons that act, compensated gravity, motors or gravity switched off, a fluid,
-            or a `<pair>` of the robot and the static world.
+        RobotError: no free joint, several, one below another body, ball joints, joints outside the
+            robot, closed loops, tendons that act, compensated gravity, motors or gravity switched
+            off, a fluid, or a `<pair>` of the robot and the static world.
     """
-    _refuse_tendons(model)
-    _refuse_compensation(model)
-    _refuse_switches(model)
-    _refuse_fluid(model)
+    base = _base_of_tree(model)
+    refuse(
+        *(model, _OBJ.mjOBJ_TENDON, [t for t in range(model.ntendon) if _acts(model, t)]),
+        "Tendons that act are not supported: {}. Expected none with stiffness, damping, "
+        "frictionloss, armature or a range; joints may have springs and dampers.",
+    )
+    refuse(
+        *(model, _OBJ.mjOBJ_BODY, np.flatnonzero(model.body_gravcomp)),
+        "Compensated gravity is not supported: gravcomp of the bodies {}. "
+        "Expected bodies that weigh what their mass says.",
+    )
+    _refuse_options(model.opt)
     _refuse_pairs(model)
+    return base
 
 
-def _refuse_tendons(model: mujoco.MjModel) -> None:
-    acting = [
-        tendon
-        for tendon in range(model.ntendon)
-        if any(np.any(getattr(model, f"tendon_{name}")[tendon]) for name in _ACTING)
-    ]
-    if acting:
-        names = object_names(model, _OBJ.mjOBJ_TENDON, acting)
+def _base_of_tree(model: mujoco.MjModel) -> int:
+    """Id of the floating body of a model that is one floating tree of hinges and slides."""
+    free = np.flatnonzero(model.jnt_type == _JOINT.mjJNT_FREE)
+    bases = object_names(model, _OBJ.mjOBJ_BODY, model.jnt_bodyid[free])
+    if not bases:
+        inside = np.flatnonzero(model.body_parentid[1:] == 0) + 1
+        top_level = object_names(model, _OBJ.mjOBJ_BODY, inside)
         raise RobotError(
-            f"Tendons that act are not supported: {listed(names)}. Expected none with stiffness, "
-            "damping, frictionloss, armature or a range; joints may have springs and dampers."
+            "The robot has no free joint, so its base does not float. Add one to the base body, or "
+            f"pass base= one of the top-level bodies: {listed(top_level)}."
         )
-
-
-def _refuse_compensation(model: mujoco.MjModel) -> None:
-    bodies = np.flatnonzero(model.body_gravcomp)
-    if bodies.size:
-        names = object_names(model, _OBJ.mjOBJ_BODY, bodies)
+    if len(bases) > 1:
         raise RobotError(
-            f"Compensated gravity is not supported: gravcomp of the bodies {listed(names)}. "
-            "Expected bodies that weigh what their mass says."
+            f"The file has {len(bases)} free joints, on bodies {listed(bases)}. "
+            "Expected exactly one."
         )
+    base = int(model.jnt_bodyid[free[0]])
+    refuse(
+        *(model, _OBJ.mjOBJ_JOINT, np.flatnonzero(model.jnt_type == _JOINT.mjJNT_BALL)),
+        "Ball joints are not supported: {}. Expected hinges and slides only "
+        "(three hinges on one body make a ball).",
+    )
+    outside = np.flatnonzero(model.body_rootid[model.jnt_bodyid] != base)
+    if outside.size:
+        names = object_names(model, _OBJ.mjOBJ_JOINT, outside)
+        raise RobotError(
+            f"Joints {listed(names)} do not belong to the floating tree of {bases[0]!r}. "
+            "Expected one robot and a static world."
+        )
+    refuse(
+        *(model, _OBJ.mjOBJ_EQUALITY, np.flatnonzero(model.eq_active0)),
+        "Equality constraints are not supported: {}. Expected a tree without closed loops.",
+    )
+    return base
 
 
-def _refuse_switches(model: mujoco.MjModel) -> None:
+def _acts(model: mujoco.MjModel, tendon: int) -> bool:
+    return any(np.any(getattr(model, f"tendon_{name}")[tendon]) for name in _ACTING)
+
+
+def _refuse_options(option: mujoco.MjOption) -> None:
+    """Refuse motors or gravity switched off, and a fluid."""
     for name, bit in _DISABLED.items():
-        if model.opt.disableflags & bit:
+        if option.disableflags & bit:
             raise RobotError(
                 f'The file switches {name} off: <flag {name}="disable"/>. Expected it to be on.'
             )
-    off = int(model.opt.disableactuator)
+    off = int(option.disableactuator)
     if off:
         groups = [str(group) for group in range(off.bit_length()) if off >> group & 1]
         raise RobotError(
             f"The file switches actuators off: actuatorgroupdisable of the groups {listed(groups)}."
             " Expected motors that work."
         )
-
-
-def _refuse_fluid(model: mujoco.MjModel) -> None:
     for name in _FLUID:
-        value = getattr(model.opt, name)
+        value = getattr(option, name)
         if np.any(value):
             raise RobotError(
                 f"A fluid about the robot is not supported: {name} {value} of <option>. Expected 0."
@@ -91,13 +120,14 @@ def _refuse_fluid(model: mujoco.MjModel) -> None:
 def _refuse_pairs(model: mujoco.MjModel) -> None:
     """Terrain is in no pair, and a pair has a friction of its own, which nothing randomises."""
     for pair in zip(model.pair_geom1, model.pair_geom2, strict=True):
-        static = [model.body_weldid[model.geom_bodyid[geom]] == 0 for geom in pair]
+        bodies = model.geom_bodyid[list(pair)]
+        static = (model.body_weldid[bodies] == 0).tolist()
         if static[0] != static[1]:
-            ground, geom = (pair[static.index(kind)] for kind in (True, False))
-            body = object_name(model, _OBJ.mjOBJ_BODY, int(model.geom_bodyid[geom]))
-            names = object_names(model, _OBJ.mjOBJ_GEOM, (geom, ground))
+            robots_own = static.index(False)
+            body = object_names(model, _OBJ.mjOBJ_BODY, bodies)[robots_own]
+            names = object_names(model, _OBJ.mjOBJ_GEOM, pair)
             raise RobotError(
-                f"Geom {names[0]!r} of body {body!r} touches the ground ({names[1]!r}) by a "
-                "<pair>. Expected feet that touch by contype and conaffinity, as every terrain "
-                "does, and no pair with the ground."
+                f"Geom {names[robots_own]!r} of body {body!r} touches the ground "
+                f"({names[1 - robots_own]!r}) by a <pair>. Expected feet that touch by contype and "
+                "conaffinity, as every terrain does, and no pair with the ground."
             )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots.mjcf import posed
+from fbid_gym.robots.feet import contacts
 from fbid_gym.robots.robot import Robot
 
 
@@ -19,9 +19,8 @@ def check_upright(robot: Robot) -> None:
     if np.any(gravity[:2] != 0.0) or not -np.inf < gravity[2] < 0.0:
         given = " ".join(f"{value:g}" for value in gravity)
         raise RobotError(f'gravity="{given}" does not pull down. Expected "0 0 -9.81" or the like.')
-    home = posed(robot.model, robot.home_qpos)
-    feet = np.concatenate([foot.touching(home) for foot in robot.feet])
-    above = home.subtree_com[robot.base_body, 2] - feet[:, 2].mean()
+    home = robot.at_home
+    above = home.com[2] - contacts(robot.feet, home.data)[:, 2].mean()
     if above <= 0.0:
         raise RobotError(
             f"The centre of mass of {robot.name!r} is {-1e3 * above:.3g} mm below its feet at "

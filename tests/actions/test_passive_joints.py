@@ -8,8 +8,8 @@ import pytest
 
 from eval.zoo import morphology as zoo
 from fbid_gym.actions.joint_gains import holding_torque
-from fbid_gym.control.passive_joints import PassiveJoints, give_back
 from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight

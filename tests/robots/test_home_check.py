@@ -129,6 +129,6 @@ def test_friction_is_what_mujoco_makes_of_a_foot_on_the_ground() -> None:
         data.qpos[:] = robot.home_qpos
         data.qpos[2] -= 1e-3
         mujoco.mj_forward(robot.model, data)
-        assert friction_of_feet(robot.model, robot.feet) == pytest.approx(
+        assert friction_of_feet(robot.at_home, robot.feet) == pytest.approx(
             data.contact.friction[:, 0].min()
         )

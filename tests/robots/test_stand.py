@@ -7,6 +7,7 @@ import pytest
 from eval.zoo import morphology as zoo
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.stand import standing_pose
 from tests.robots.test_source_urdf import urdf
 
@@ -17,7 +18,7 @@ def test_built_in_robots_stand_up_from_straight_legs(name: str) -> None:
     robot = load(name)
     reference = robot.model.qpos0.copy()
     reference[7:] = np.clip(reference[7:], *robot.joint_range.T)
-    pose = standing_pose(robot.model, reference, robot.feet)
+    pose = standing_pose(MeasuredModel(robot.model, reference), robot.feet)
     knees = [i for i, joint in enumerate(robot.joint_names) if "knee" in joint]
     assert np.all(np.abs(pose[7:][knees]) > 0.3)
     assert np.all(np.sign(pose[7:][knees]) == np.sign(robot.home_qpos[7:][knees]))

@@ -33,10 +33,10 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from fbid_gym.robots.mjcf import posed
+from fbid_gym.robots.feet import contacts
 from fbid_gym.robots.robot import Robot
 from fbid_gym.robots.terrain.field import Field, Tiles
-from fbid_gym.robots.terrain.grid import HeightGrid, heights, heights_below, plane
+from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
 from fbid_gym.robots.terrain.levels import NUM_LEVELS, Scale, make_levels
 from fbid_gym.robots.terrain.obstacles import Obstacles, random_obstacles
 from fbid_gym.robots.terrain.patches import HARDEST, PATCHES
@@ -52,7 +52,6 @@ __all__ = [
     "Tiles",
     "check_height",
     "hardest",
-    "heights",
     "heights_below",
     "make_terrain",
     "plane",
@@ -180,12 +179,11 @@ def _reach(robot: Robot) -> float:
 
     At least a share of the robot's height: it may stand on a point below its base.
     """
-    data = posed(robot.model, robot.home_qpos)
-    points = np.concatenate([foot.touching(data) for foot in robot.feet])
-    offset = (points - data.xpos[robot.base_body])[:, :2]
+    data = robot.at_home.data
+    offset = (contacts(robot.feet, data) - data.xpos[robot.base_body])[:, :2]
     return max(float(np.linalg.norm(offset, axis=1).max()), _LEAST_REACH * _com_height(robot))
 
 
 def _com_height(robot: Robot) -> float:
     """Height of the centre of mass at home, m."""
-    return float(posed(robot.model, robot.home_qpos).subtree_com[robot.base_body][2])
+    return float(robot.at_home.com[2])

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.robots.scene import add_solid, collision_bits
-from fbid_gym.robots.terrain.grid import HeightGrid, heights, plane
+from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
 
 _SHALLOW = 1e-3  # m that a height field lies below the plane where the plane is the ground
 
@@ -76,7 +76,8 @@ class Field:
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
         if self._is_level:
             return np.zeros(x.shape)
-        return heights(self.grid, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+        places = np.stack([x.ravel(), y.ravel()], axis=1)
+        return heights_below(self.grid, places[None]).reshape(x.shape)
 
 
 def settled(elevation: np.ndarray) -> np.ndarray:

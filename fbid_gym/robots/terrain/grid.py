@@ -22,15 +22,6 @@ def plane() -> HeightGrid:
 
 
 @kernel
-def heights(grid: HeightGrid, places: np.ndarray) -> np.ndarray:
-    """Return how high the ground is, (K,) m, at places (K, 2) m."""
-    found = np.empty(len(places))
-    for k in range(len(places)):
-        found[k] = height_at(grid, places[k, 0], places[k, 1])
-    return found
-
-
-@kernel
 def heights_below(grid: HeightGrid, points: np.ndarray) -> np.ndarray:
     """Return how high the ground is, (N, F) m, below points (N, F, 3) m."""
     count, feet = points.shape[:2]
