@@ -70,8 +70,8 @@ def checked_equations(
     jacobian: np.ndarray,
     acceleration: np.ndarray,
     jacobian_bias: np.ndarray,
-) -> tuple[EquationOfMotion, Constraint, np.ndarray]:
-    """Return the equation of motion, the contacts' constraint, and the desired acceleration.
+) -> tuple[EquationOfMotion, Constraint, np.ndarray, dict[str, int]]:
+    """Return equation of motion, constraint of the contacts, desired acceleration, and sizes.
 
     Args:
         mass_matrix: (N, nv, nv) M.
@@ -90,7 +90,7 @@ def checked_equations(
     )
     desired = fitted("acceleration", acceleration, "(N, nv)", sizes)
     drift = fitted("jacobian_bias", jacobian_bias, "(N, k)", sizes)
-    return motion, Constraint(contiguous(jacobian), drift), desired
+    return motion, Constraint(contiguous(jacobian), drift), desired, sizes
 
 
 def numbers_of_robots(name: str, given: float | np.ndarray, count: int) -> np.ndarray:
