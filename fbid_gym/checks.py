@@ -1,8 +1,8 @@
 """Checks at the boundary: each raises one error that names the value and what was expected."""
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +12,6 @@ from fbid_gym.errors import (
     ShapeError,
     UnknownOptionError,
 )
-
-Arrays = TypeVar("Arrays", bound=Any)
 
 
 def number(name: str, value: Any, expected: str = "a number") -> float:
@@ -103,31 +101,6 @@ def check_shape(name: str, array: np.ndarray, expected: tuple[int, ...], axes: s
     """Raise ShapeError unless `array` has the expected shape; `axes` names them, as "(N, nv)"."""
     if tuple(array.shape) != expected:
         raise ShapeError(name, tuple(array.shape), f"{axes} = {expected}")
-
-
-def fitted(name: str, array: np.ndarray, axes: str, sizes: Mapping[str, int]) -> np.ndarray:
-    """Return an array as compiled code takes it, see `contiguous`.
-
-    Args:
-        name: what errors call it.
-        array: of any layout.
-        axes: its axes by name or by size, as "(N, 6, nv)".
-        sizes: of the axes that have a name.
-
-    Raises:
-        ShapeError: it has another shape.
-    """
-    words = filter(None, axes.strip("()").replace(", ", ",").split(","))
-    check_shape(name, array, tuple(sizes[x] if x in sizes else int(x) for x in words), axes)
-    return contiguous(array)
-
-
-def fitted_all(
-    prefix: str, arrays: Arrays, axes: Sequence[str], sizes: Mapping[str, int]
-) -> Arrays:
-    """Return a named tuple of arrays, each `fitted`; errors call them by prefix and field."""
-    rows = zip(arrays._fields, arrays, axes, strict=True)
-    return type(arrays)(*(fitted(prefix + name, array, own, sizes) for name, array, own in rows))
 
 
 def check_finite(name: str, array: np.ndarray) -> None:

@@ -84,12 +84,8 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Whole:
+class Whole(Number):
     """A whole number from `least` to `most`, which may be given as a float."""
-
-    least: int
-    most: int
-    unit: str = ""
 
     @property
     def words(self) -> str:
@@ -99,7 +95,7 @@ class Whole:
 
     def check(self, name: str, value: Any) -> int:
         """See `Kind`."""
-        if is_number(value) and self.least <= value <= self.most and float(value).is_integer():
+        if self.holds(value) and float(value).is_integer():
             return int(value)
         raise InvalidValueError(name, value, self.words)
 

@@ -76,10 +76,10 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2210,
+    ".": 2180,
     "actions": 2500,
     "control": 4490,
-    "dynamics": 1670,
+    "dynamics": 1650,
     "envs": 3410,
     "motions": 3690,
     "policy": 710,

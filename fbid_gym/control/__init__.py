@@ -8,7 +8,6 @@ from fbid_gym.control.balance import (
 )
 from fbid_gym.control.balance_gains import BalanceGains
 from fbid_gym.control.balancers import (
-    torque_map,
     torque_map_garofalo2015,
     torque_map_inverse_dynamics,
     torque_map_ott2011,
@@ -51,7 +50,6 @@ __all__ = [
     "orthogonal_inverse_dynamics",
     "resting_target",
     "task_acceleration",
-    "torque_map",
     "torque_map_garofalo2015",
     "torque_map_inverse_dynamics",
     "torque_map_ott2011",

@@ -22,11 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import fitted, fitted_all
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.balance_gains import BalanceGains
-from fbid_gym.control.equations import numbers_of_robots
-from fbid_gym.dynamics.rotations import rotation_of
+from fbid_gym.control.equations import fitted, fitted_all, numbers_of_robots
+from fbid_gym.dynamics.rotations import rotation_at
 from fbid_gym.dynamics.vectors import (
     Rotation,
     Vector,
@@ -95,8 +94,10 @@ def balance_target(target: Target, terms: DynamicsTerms, body: CentroidalTerms) 
     rotation, angular_velocity = np.empty((count, 3, 3)), np.empty((count, 3))
     angular_momentum, momentum_rate = np.empty((count, 3)), np.empty((count, 6))
     for i in range(count):
-        rotation_of(target.qpos[i, 3:7], rotation[i])
-        spin = turn(matrix(rotation, (i,)), vector(target.qvel, (i,), 3))
+        rows = rotation_at(target.qpos, i, 3)
+        for axis in range(3):
+            store(rows[axis], rotation, (i, axis))
+        spin = turn(rows, vector(target.qvel, (i,), 3))
         store(spin, angular_velocity, (i,))
         store(scale(body.mass[i], vector(target.com_acceleration, (i,))), momentum_rate, (i,))
         for k in range(3):

@@ -35,9 +35,9 @@ from functools import partial
 
 import numpy as np
 
-from fbid_gym.checks import contiguous, fitted, fitted_all, positive_numbers
+from fbid_gym.checks import contiguous, positive_numbers
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.equations import contact_sizes
+from fbid_gym.control.equations import contact_sizes, fitted, fitted_all
 from fbid_gym.quantities import (
     CentroidalTerms,
     Constraint,
@@ -87,12 +87,9 @@ def torque_map(
     drift = fitted("contacts.bias", contacts.bias, "(N, k)", sizes)
     of_body = ("(N, 6, nv)", "(N, 6)", "(N,)", "(N, 3, 3)", "(N, 3, 3)", "(N, 6, 6)", "(N, nv, 6)")
     own_body = fitted_all("body.", body, of_body, sizes)
-    wanted, readiness = np.zeros((1, sizes["n"])), np.ones((1, sizes["n"]))
-    if posture is not None:
-        wanted = fitted("posture", posture, "(N, n)", sizes)
-    if mobility is not None:
-        readiness = fitted("mobility", mobility, "(N, n)", sizes)
-        positive_numbers("mobility", readiness.ravel(), readiness.size)
+    wanted = fitted("posture", posture, "(N, n)", sizes, np.zeros((1, sizes["n"])))
+    readiness = fitted("mobility", mobility, "(N, n)", sizes, np.ones((1, sizes["n"])))
+    positive_numbers("mobility", readiness.ravel(), readiness.size)
     constraint = Constraint(contiguous(contacts.jacobian), drift)
     command = PostureCommand(wanted, readiness)
     return map_torques(balancer, motion, own_body, constraint, command, RIDGE)

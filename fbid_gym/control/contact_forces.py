@@ -30,8 +30,9 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.checks import check_shape, fitted, positive_numbers
+from fbid_gym.checks import check_shape, positive_numbers
 from fbid_gym.compiled import compiled
+from fbid_gym.control.equations import fitted
 from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.quantities import Accuracy, PointLimits
 
@@ -90,12 +91,7 @@ def wrench_scale(length: float, wrench_cost: Sequence[float] | np.ndarray | None
     """
     arm = positive_numbers("length", length, 1)
     cost = positive_numbers("wrench_cost", (1.0,) * 6 if wrench_cost is None else wrench_cost, 6)
-    return _wrench_scale(float(arm[0]), tuple(cost.tolist()))
-
-
-@lru_cache(maxsize=256)
-def _wrench_scale(arm: float, cost: tuple[float, ...]) -> np.ndarray:
-    return np.sqrt(cost) / np.array([1.0, 1.0, 1.0, arm, arm, arm])
+    return np.sqrt(cost) / np.repeat([1.0, arm[0]], 3)
 
 
 def point_limits(
@@ -107,10 +103,10 @@ def point_limits(
         ShapeError: limits or active points do not fit (N, P).
     """
     _check_limits(limits, count, points)
-    if active is None:
-        return PointLimits(limit_rows(limits, points), _all_active(points))
-    check_shape("active", active, (count, points), "(N, P)")
-    return PointLimits(limit_rows(limits, points), np.ascontiguousarray(active, bool))
+    given = np.ones((1, points), bool) if active is None else active
+    if active is not None:
+        check_shape("active", given, (count, points), "(N, P)")
+    return PointLimits(limit_rows(limits, points), np.ascontiguousarray(given, bool))
 
 
 def fitted_point_map(point_map: np.ndarray, sizes: Mapping[str, int]) -> np.ndarray:
@@ -123,13 +119,6 @@ def fitted_point_map(point_map: np.ndarray, sizes: Mapping[str, int]) -> np.ndar
     if columns % 3:
         raise ShapeError("point_map", tuple(point_map.shape), "3 P columns")
     return fitted("point_map", point_map, "(N, k, 3 P)", {**sizes, "3 P": columns})
-
-
-def warm_start_of(given: np.ndarray | None, count: int) -> np.ndarray:
-    """Return where the iteration of N robots begins: (N, 6), zeros if not given."""
-    if given is None:
-        return np.zeros((count, 6))
-    return fitted("warm_start", given, "(N, 6)", {"N": count})
 
 
 @lru_cache(maxsize=256)
@@ -146,11 +135,6 @@ def limit_rows(limits: ContactLimits, points: int) -> np.ndarray:
     numbers = (limits.friction, limits.min_normal_force, limits.max_normal_force)
     rows = np.stack(np.broadcast_arrays(*numbers, np.empty((1, points)))[:3], axis=-1)
     return np.ascontiguousarray(rows)
-
-
-@lru_cache(maxsize=32)
-def _all_active(points: int) -> np.ndarray:
-    return np.ones((1, points), bool)
 
 
 @compiled

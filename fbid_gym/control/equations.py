@@ -1,17 +1,55 @@
 """What the laws start from, checked."""
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
-from fbid_gym.checks import contiguous, fitted, positive_numbers, real_numbers
+from fbid_gym.checks import check_shape, contiguous, positive_numbers, real_numbers
 from fbid_gym.compiled import compiled
 from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.quantities import Constraint, EquationOfMotion
 
+Arrays = TypeVar("Arrays", bound=Any)
+
 # Mobilities of the base beside one of the joints. Farther from it they would hardly change what
 # moves, but contacts that joints alone, or the base alone, can serve would be lost in rounding.
 _LEAST_MOBILITY, _MOST_MOBILITY = 1e-6, 1e6
+
+
+def fitted(
+    name: str,
+    array: np.ndarray | None,
+    axes: str,
+    sizes: Mapping[str, int],
+    default: np.ndarray | None = None,
+) -> np.ndarray:
+    """Return an array as compiled code takes it, see `contiguous`.
+
+    Args:
+        name: what errors call it.
+        array: of any layout; None for the default.
+        axes: its axes by name or by size, as "(N, 6, nv)".
+        sizes: of the axes that have a name.
+        default: what stands for None, of whatever shape.
+
+    Raises:
+        ShapeError: it has another shape.
+    """
+    if array is None and default is not None:
+        return default
+    words = filter(None, axes.strip("()").replace(", ", ",").split(","))
+    array = np.asarray(array)
+    check_shape(name, array, tuple(sizes[x] if x in sizes else int(x) for x in words), axes)
+    return contiguous(array)
+
+
+def fitted_all(
+    prefix: str, arrays: Arrays, axes: Sequence[str], sizes: Mapping[str, int]
+) -> Arrays:
+    """Return a named tuple of arrays, each `fitted`; errors call them by prefix and field."""
+    rows = zip(arrays._fields, arrays, axes, strict=True)
+    return type(arrays)(*(fitted(prefix + name, array, own, sizes) for name, array, own in rows))
 
 
 def contact_sizes(jacobian: np.ndarray) -> dict[str, int]:
@@ -32,8 +70,8 @@ def checked_equations(
     jacobian: np.ndarray,
     acceleration: np.ndarray,
     jacobian_bias: np.ndarray,
-) -> tuple[EquationOfMotion, Constraint, np.ndarray]:
-    """Return the equation of motion, the contacts' constraint, and the desired acceleration.
+) -> tuple[EquationOfMotion, Constraint, np.ndarray, dict[str, int]]:
+    """Return equation of motion, constraint of the contacts, desired acceleration, and sizes.
 
     Args:
         mass_matrix: (N, nv, nv) M.
@@ -52,7 +90,7 @@ def checked_equations(
     )
     desired = fitted("acceleration", acceleration, "(N, nv)", sizes)
     drift = fitted("jacobian_bias", jacobian_bias, "(N, k)", sizes)
-    return motion, Constraint(contiguous(jacobian), drift), desired
+    return motion, Constraint(contiguous(jacobian), drift), desired, sizes
 
 
 def numbers_of_robots(name: str, given: float | np.ndarray, count: int) -> np.ndarray:

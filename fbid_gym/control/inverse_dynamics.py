@@ -26,12 +26,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import fitted, positive_numbers
+from fbid_gym.checks import positive_numbers
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.equations import (
     bound_mobility,
     checked_equations,
-    contact_sizes,
+    fitted,
     mobility_of,
     radius_of_gyration,
 )
@@ -119,10 +119,9 @@ def orthogonal_inverse_dynamics(
         ShapeError: an array does not fit.
         InvalidValueError: `torque_cost` or `base_priority` is not positive and finite.
     """
-    motion, constraint, desired = checked_equations(
+    motion, constraint, desired, sizes = checked_equations(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
     )
-    sizes = contact_sizes(jacobian)
     cost = np.empty((0, sizes["n"]))
     if torque_cost is not None:
         axes = "(n,)" if torque_cost.shape == (sizes["n"],) else "(N, n)"

@@ -27,14 +27,13 @@ from fbid_gym.control.contact_forces import (
     fitted_point_map,
     limits_in_contact,
     point_limits,
-    warm_start_of,
     wrench_scale,
 )
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
 from fbid_gym.control.equations import (
     bound_mobility,
     checked_equations,
-    contact_sizes,
+    fitted,
     mobility_of,
     radius_of_gyration,
 )
@@ -48,7 +47,6 @@ from fbid_gym.quantities import (
     ReducedContacts,
 )
 from fbid_gym.small_matrices import (
-    add_transposed_times,
     copy,
     dot,
     factor,
@@ -141,11 +139,10 @@ def limited_inverse_dynamics(
         InvalidValueError: `base_priority`, `length`, `gravity` or `wrench_cost` is not positive and
             finite.
     """
-    motion, constraint, desired = checked_equations(
+    motion, constraint, desired, sizes = checked_equations(
         mass_matrix, bias, jacobian, acceleration, jacobian_bias
     )
     check_positive(gravity=gravity)
-    sizes = contact_sizes(jacobian)
     if point_map is None:
         if sizes["k"] % 3:
             raise ShapeError("jacobian", tuple(jacobian.shape), "k = 3 P rows without a point_map")
@@ -160,7 +157,7 @@ def limited_inverse_dynamics(
         Nearness(mobility_of(sizes["nv"], base_priority), wrench_scale(length, wrench_cost)),
         accuracy,
         gravity,
-        warm_start_of(warm_start, sizes["N"]),
+        fitted("warm_start", warm_start, "(N, 6)", sizes, np.zeros((sizes["N"], 6))),
     )
 
 
@@ -219,10 +216,8 @@ def limit_dynamics(
 
         times(own_map, point_force[i].reshape(columns), contact_force[i])
         for k in range(rows):
-            contact_force[i, k] *= -1.0
-        add_transposed_times(jacobian, contact_force[i], force)
-        for k in range(rows):
-            contact_force[i, k] *= -1.0
+            for j in range(velocities):
+                force[j] -= contact_force[i, k] * jacobian[k, j]
         copy(force[6:], torque[i])
     return LimitedInverseDynamics(
         torque, contact_force, acceleration, point_force, residual, iterations, warm_start

@@ -27,9 +27,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_positive, contiguous, fitted, positive_numbers
+from fbid_gym.checks import check_positive, contiguous, positive_numbers
 from fbid_gym.compiled import kernel
-from fbid_gym.control.equations import contact_sizes
+from fbid_gym.control.equations import contact_sizes, fitted
 from fbid_gym.control.held import Held, hold, make_consistent
 from fbid_gym.errors import ShapeError
 from fbid_gym.quantities import Constraint, TaskCommand
@@ -138,13 +138,11 @@ def operational_space_acceleration(
     robots = len(part) if task_jacobian.ndim == 2 else sizes["N"]
     part = fitted("task_jacobian", part, "(N, m, nv)", {**sizes, "N": robots})
     task = fitted("task", task, "(N, m)", sizes)
-    drift = np.zeros(task.shape) if task_bias is None else task_bias
-    command = TaskCommand(part, fitted("task_bias", drift, "(N, m)", sizes), task)
-    near = np.zeros((1, sizes["nv"]))
-    if reference is not None:
-        near = fitted("reference", reference, "(N, nv)", sizes)
-    cost = np.ones(sizes["nv"]) if motion_cost is None else motion_cost
-    cost = positive_numbers("motion_cost", fitted("motion_cost", cost, "(nv,)", sizes), len(cost))
+    bias = fitted("task_bias", task_bias, "(N, m)", sizes, np.zeros(task.shape))
+    command = TaskCommand(part, bias, task)
+    near = fitted("reference", reference, "(N, nv)", sizes, np.zeros((1, sizes["nv"])))
+    cost = fitted("motion_cost", motion_cost, "(nv,)", sizes, np.ones(sizes["nv"]))
+    positive_numbers("motion_cost", cost, len(cost))
     check_positive(least_gain=least_gain)
     own = fitted("jacobian_bias", jacobian_bias, "(N, k)", sizes)
     gains = np.full(sizes["m"], float(least_gain))

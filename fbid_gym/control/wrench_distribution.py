@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_shape, contiguous, fitted, fitted_all
+from fbid_gym.checks import check_shape, contiguous
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.contact_forces import (
     DEFAULT_ACCURACY,
@@ -27,11 +27,10 @@ from fbid_gym.control.contact_forces import (
     fitted_point_map,
     limits_in_contact,
     point_limits,
-    warm_start_of,
     wrench_scale,
 )
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
-from fbid_gym.control.equations import contact_sizes, numbers_of_robots
+from fbid_gym.control.equations import contact_sizes, fitted, fitted_all, numbers_of_robots
 from fbid_gym.control.point_forces import (
     com_wrench_of_points,
     torque_of_forces,
@@ -141,7 +140,7 @@ def distribute(
         wrench_scale(length, wrench_cost),
         weights,
         accuracy,
-        warm_start_of(warm_start, count),
+        fitted("warm_start", warm_start, "(N, 6)", {"N": count}, np.zeros((count, 6))),
     )
 
 
@@ -156,10 +155,8 @@ def _checked(
     sizes = contact_sizes(torque_map.jacobian)
     own_map = fitted_point_map(point_map, sizes)
     sizes |= {"P": own_map.shape[2] // 3}
-    if rotation is None:
-        rotation = np.empty((0, sizes["P"], 3, 3))
-    else:
-        rotation = fitted("contact_rotation", rotation, "(N, P, 3, 3)", sizes)
+    level = np.empty((0, sizes["P"], 3, 3))
+    rotation = fitted("contact_rotation", rotation, "(N, P, 3, 3)", sizes, level)
     return (
         fitted_all("", torque_map, ("(N, n)", "(N, k, nv)", "(N, n, 6)"), sizes),
         ForcePath(fitted("to_com", to_com, "(N, 6, 6)", sizes), own_map, rotation),

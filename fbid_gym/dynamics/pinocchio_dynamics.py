@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from fbid_gym.checks import is_number
+from fbid_gym.checks import is_number, real_numbers
 from fbid_gym.dynamics import frames
 from fbid_gym.dynamics.live_terms import zero_terms
 from fbid_gym.dynamics.mujoco_dynamics import check_states
@@ -176,10 +176,7 @@ def _positive(argument: str, value: Any) -> float:
 
 def _vector(argument: str, value: Sequence[float]) -> np.ndarray:
     """Three finite numbers, or the error that names them."""
-    try:
-        vector = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidValueError(argument, value, "three numbers (m, body frame)") from None
+    vector = real_numbers(argument, value, "three numbers (m, body frame)")
     if vector.shape != (3,):
         raise ShapeError(argument, vector.shape, "(3,): an offset in m, in the body's frame")
     if not np.isfinite(vector).all():

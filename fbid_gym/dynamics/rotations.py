@@ -7,22 +7,6 @@ from fbid_gym.dynamics.vectors import Rotation, Vector, add, cross, scale, trans
 
 
 @compiled
-def rotation_of(quaternion: np.ndarray, result: np.ndarray) -> None:
-    """Write to result (3, 3): the matrix of a quaternion (4,) w, x, y, z of any length but zero."""
-    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    double = 2.0 / (w * w + x * x + y * y + z * z)
-    result[0, 0] = 1.0 - double * (y * y + z * z)
-    result[0, 1] = double * (x * y - w * z)
-    result[0, 2] = double * (x * z + w * y)
-    result[1, 0] = double * (x * y + w * z)
-    result[1, 1] = 1.0 - double * (x * x + z * z)
-    result[1, 2] = double * (y * z - w * x)
-    result[2, 0] = double * (x * z - w * y)
-    result[2, 1] = double * (y * z + w * x)
-    result[2, 2] = 1.0 - double * (x * x + y * y)
-
-
-@compiled
 def rotation_at(quaternions: np.ndarray, i: int, first: int) -> Rotation:
     """Return the matrix of the quaternion quaternions[i, first : first + 4], w, x, y, z."""
     w, x = quaternions[i, first], quaternions[i, first + 1]

@@ -10,7 +10,6 @@ from fbid_gym.control.contact_forces import (
     DEFAULT_ACCURACY,
     limits_in_contact,
     point_limits,
-    warm_start_of,
     wrench_scale,
 )
 from fbid_gym.control.dual_newton import Forces, Problem, deliver
@@ -41,7 +40,8 @@ def contact_forces(
     """Forces within limits that best deliver wrenches (N, 6); wrench_map (N, 6, 3 P)."""
     count, points = len(wrench), wrench_map.shape[2] // 3
     own, scale = point_limits(limits, active, count, points), wrench_scale(length, wrench_cost)
-    start, values = warm_start_of(warm_start, count), np.empty((points, 3))
+    start = np.zeros((count, 6)) if warm_start is None else warm_start
+    values = np.empty((points, 3))
     force, missing = np.empty((count, points, 3)), np.empty((count, 6))
     iterations, dual = np.empty(count, int), np.empty((count, 6))
     # Points that are not in contact have zero columns, as in `ReducedContacts.point_map`.

@@ -443,7 +443,5 @@ def test_wrong_shapes_are_named(rng: np.random.Generator) -> None:
     case, limits = scene(rng, 0.0), ContactLimits(0.7)
     with pytest.raises(ShapeError, match="active has shape"):
         solve(case, limits, active=np.ones((12, 7), bool))
-    with pytest.raises(ShapeError, match="warm_start has shape"):
-        solve(case, limits, warm_start=np.zeros((11, 6)))
     with pytest.raises(ShapeError, match="friction has shape"):
         solve(case, ContactLimits(np.full(5, 0.7)))

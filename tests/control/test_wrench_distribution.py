@@ -355,6 +355,8 @@ def test_bad_shapes_and_options_are_refused(stance):
         stance.solve(to_com=stance.options["to_com"][:3])
     with pytest.raises(ShapeError, match="point_map has shape"):
         stance.solve(point_map=stance.options["point_map"][:, :, :-1])
+    with pytest.raises(ShapeError, match="warm_start has shape"):
+        stance.solve(warm_start=np.zeros((COUNT + 1, 6)))
     with pytest.raises(ShapeError, match="active has shape"):
         stance.solve(active=np.ones((COUNT, 1), bool))
     with pytest.raises(ShapeError, match="torque_limit has shape"):
