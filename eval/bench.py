@@ -13,7 +13,7 @@ from typing import Annotated, Literal, get_args
 
 import tyro
 
-from eval.benchmark import controllers, environments, first_use, laws, learning, memory
+from eval.benchmark import controllers, environments, first_use, laws, learning, memory, walking
 from eval.benchmark.figures import Section
 from eval.files import check_folder, to_json, write
 from eval.pages import BENCHMARK_PAGE, splice, spliced
@@ -25,7 +25,7 @@ from train.command import run_command
 from train.runs.versions import versions
 
 SectionName = Literal[
-    "laws", "controllers", "layers", "threads", "single", "ppo", "memory", "first_use"
+    "laws", "controllers", "walking", "layers", "threads", "single", "ppo", "memory", "first_use"
 ]
 
 
@@ -36,9 +36,9 @@ class BenchConfig:
     sections: Annotated[tuple[SectionName, ...], Each(Choice(get_args(SectionName)))] = get_args(
         SectionName
     )
-    """What to measure: the laws per control tick, layers on the tasks they are for, environment
-    steps by layer and by thread, a single robot, PPO beside Humanoid-v5, resident memory, a first
-    use with nothing compiled."""
+    """What to measure: the laws per control tick, layers on the tasks they are for, walking beside
+    its physics, environment steps by layer and by thread, a single robot, PPO beside Humanoid-v5,
+    resident memory, a first use with nothing compiled."""
     robots: Annotated[tuple[str, ...], Each(Choice(ROBOTS, "robot"))] = tuple(ROBOTS)
     """Built-in robots."""
     layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = tuple(LAYERS)
@@ -61,6 +61,7 @@ def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Sectio
     measures: dict[SectionName, Callable[[], Section]] = {
         "laws": lambda: laws.per_tick(robots, config.num_envs, rounds),
         "controllers": lambda: controllers.on_their_tasks(config.num_envs, rounds),
+        "walking": lambda: walking.beside_physics(config.num_envs, rounds),
         "layers": lambda: environments.by_layer(robots, layers, config.num_envs, rounds),
         "threads": lambda: environments.by_threads(robots, layers, config.num_envs, rounds),
         "single": lambda: environments.single(robots, layers, rounds),

@@ -28,7 +28,7 @@ BALANCE = "fbid_gym/BipedBalance-v0"
 
 RELATIVE_LIMIT = {("biped", "base_acceleration"): Limit(0.55, at_least=True)}
 THREAD_LIMIT = Limit(1.7, at_least=True)
-SINGLE_LIMIT = Limit(45.0)
+SINGLE_LIMIT = Limit(150.0)
 
 
 def zero_action(space: gym.Space) -> np.ndarray:

@@ -24,7 +24,7 @@ SETTLE, TICKS = 25, 50
 
 LIMITS = {
     ("biped", "terms + eq. 15"): Limit(0.15),
-    ("biped", "terms + friction-limited forces"): Limit(0.8),
+    ("biped", "terms + friction-limited forces"): Limit(0.15),
 }
 
 

@@ -20,10 +20,10 @@ from train.runs.config import TrainConfig
 
 WORKERS = 8
 LIMITS = {
-    ("fbid_gym/QuadrupedWalk-v0", "joint_position"): Limit(7.0, at_least=True),
-    ("fbid_gym/QuadrupedWalk-v0", "base_acceleration"): Limit(5.0, at_least=True),
-    ("fbid_gym/BipedWalk-v0", "joint_position"): Limit(5.0, at_least=True),
-    ("fbid_gym/BipedWalk-v0", "base_acceleration"): Limit(3.5, at_least=True),
+    ("fbid_gym/QuadrupedWalk-v0", "joint_position"): Limit(7.5, at_least=True),
+    ("fbid_gym/QuadrupedWalk-v0", "base_acceleration"): Limit(5.5, at_least=True),
+    ("fbid_gym/BipedWalk-v0", "joint_position"): Limit(6.0, at_least=True),
+    ("fbid_gym/BipedWalk-v0", "base_acceleration"): Limit(4.5, at_least=True),
 }
 """Environment and layer -> frames per second relative to Humanoid-v5."""
 
