@@ -183,13 +183,15 @@ def _turning_inertia(robot: Robot) -> np.ndarray:
     """What a moment has to overcome to turn the base: (3, 3) kg·m², ahead, to the left and up.
 
     In the home stance, the angular momentum per angular velocity of the base while the feet, the
-    centre of mass and the base's height stay and the joints move as little as this law lets them.
+    centre of mass and the base's height stay, as far as legs can, and the joints move little.
     """
     stance = Stance.of(robot)
     terms, body = stance.terms, centroidal_terms(stance.terms, np.zeros((1, robot.nv)))
-    rows = 6 if robot.has_soles else 3
-    feet = terms.foot_jacobian[0, :, :rows].reshape(-1, robot.nv)
-    held = np.concatenate([feet, terms.mass_matrix[0, :2] / robot.mass, np.eye(6, robot.nv)[2:]])
+    # Point feet turn freely: rows of zeros.
+    axes = robot.has_soles * stance.limbs.turns @ terms.world_from_foot[0].mT
+    places, turns = terms.foot_jacobian[0, :, :3], axes @ terms.foot_jacobian[0, :, 3:]
+    com = terms.mass_matrix[0, :2] / robot.mass
+    held = np.concatenate([*places, *turns, com, np.eye(6, robot.nv)[2:]])
     turn = np.zeros((len(held), 3))
     turn[-3:] = terms.world_from_base[0].T
     inertia = body.matrix[0, 3:] @ np.linalg.pinv(held, rcond=1e-6) @ turn
