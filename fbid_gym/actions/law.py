@@ -1,13 +1,4 @@
-"""The law that all model-based layers share: what a robot shall do now becomes joint torques.
-
-Feet go first: those that stand stay, those in the air go where the target has them (layers that
-command joints let them go). Then comes the body, in what the feet leave, then the joints, then the
-contact forces within the friction cones, then the torques: see `fbid_gym.control.whole_body`.
-Standing is this law with all feet planted.
-
-Layers differ in their `Command`. With `contact_limits="none"` the same accelerations become torques
-by [M10] eq. (15), whose contact forces can pull and never slip.
-"""
+"""The law that all model-based layers share, on a robot: see `fbid_gym.control.body_law`."""
 
 import math
 from dataclasses import dataclass

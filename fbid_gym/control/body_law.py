@@ -15,9 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fbid_gym.compiled import compiled, kernel
-from fbid_gym.control.contact_forces import (
-    DEFAULT_ACCURACY,
-)
+from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
 from fbid_gym.control.inverse_dynamics import invert_dynamics
 from fbid_gym.control.whole_body import (
     FREE,
@@ -85,7 +83,7 @@ class LawConstants(NamedTuple):
         nearness: (6,) turns errors of the wrench on the base into N whose squares are comparable.
         gravity: m/s^2.
         ahead: (3,) the trunk's forward direction in the base's axes.
-        turning_inertia: (3, 3) kg·m^2, see `_turning_inertia`.
+        turning_inertia: (3, 3) kg·m^2, what a moment has to overcome to turn the base.
         feet_first: whether feet in the air are moved as tasks; else they follow their joints.
         passive: what joints take of their torques, to be given back.
     """
