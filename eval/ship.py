@@ -18,6 +18,7 @@ from eval import statistics as st
 from eval.files import check_folder, read_json, to_json, write
 from eval.rollout import Player, play_player
 from eval.unseen import check_unseen
+from fbid_gym.bundles import present_bundle
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
@@ -122,10 +123,13 @@ def _best(run: Run) -> tuple[Policy, int]:
     """
     if run.config is None or run.curve is None:
         raise RunError(f"{run.path}: a policy alone. Expected a run folder, which knows its past.")
-    policy, evaluation = Policy.load(RunFolder.of(run.path).best_policy), run.curve.returns.argmax()
+    folder, evaluation = RunFolder.of(run.path), run.curve.returns.argmax()
+    kept = present_bundle(folder.best_policy).exists()  # archives hold the last policy alone
+    policy = Policy.load(folder.best_policy if kept else folder.policy)
     if policy.trained_steps != run.curve.steps[evaluation]:
         raise RunError(
-            f"{run.path}: its best policy is that of step {policy.trained_steps}. Expected "
+            f"{run.path}: its {'best' if kept else 'only'} policy is that of step "
+            f"{policy.trained_steps}. Expected "
             f"{run.curve.steps[evaluation]:.0f}, of the evaluation with the highest return."
         )
     return policy, int(evaluation)

@@ -95,7 +95,7 @@ def _room_for(path: Path) -> Iterator[None]:
     except BrokenPipeError:  # of who listens, not of the folder
         raise
     except OSError as error:
-        kept = present_bundle(RunFolder.of(path).checkpoint).exists()
+        kept = present_bundle(RunFolder.to_write(path).checkpoint).exists()
         raise RunError(
             f"{path}: cannot be written ({error.strerror or error}). "
             f"{'Its last checkpoint stands' if kept else 'It has no checkpoint yet'}; the same "

@@ -9,6 +9,7 @@ import numpy as np
 from eval.robustness.curves import digest
 from fbid_gym.errors import FbidError, RunError
 from fbid_gym.policy import Policy
+from train.runs.archive import found
 from train.runs.config import TrainConfig
 from train.runs.folder import RunFolder
 from train.runs.study import Arm, Study, environment_name
@@ -81,7 +82,7 @@ def exploring(run: TrainConfig) -> tuple[list[float], list[float]]:
 def policy_digest(folder: Path) -> str:
     """Return the digest of a run's policy; empty where there is none that can be read."""
     try:
-        return digest(Policy.load(folder))
+        return digest(Policy.load(found(folder)))
     except FbidError:
         return ""
 

@@ -91,7 +91,7 @@ def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, .
 
 def command_again(stored: Mapping[str, Any], path: Path) -> str:
     """Return the whole command that trains again what the `config.json` in a folder says."""
-    options = stored_options(stored, RunFolder.of(path))
+    options = stored_options(stored, RunFolder.to_write(path))
     return shlex.join(["python", "-m", f"train.{algorithm_of(stored)}", *options])
 
 

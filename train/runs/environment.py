@@ -10,6 +10,7 @@ from fbid_gym.errors import FbidError
 from fbid_gym.policy import Card, Policy
 from fbid_gym.policy.shipping import CARD
 from fbid_gym.robots import Robot
+from train.runs.archive import found
 from train.runs.differences import environment_differences, in_words
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
@@ -89,7 +90,7 @@ def load_policy(path: Path) -> Policy:
         RunError: a file of the run that is not JSON.
         PolicyFileError: the policy cannot be read, or the card of a shipped one.
     """
-    policy = Policy.load(path)
+    policy = Policy.load(found(path))
     return replace(policy, env_args=as_trained(path, policy.env_args))
 
 

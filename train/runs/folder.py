@@ -1,10 +1,11 @@
-"""Where things lie in a run folder."""
+"""Where things lie in a run folder, on the disk or in the archive of its study."""
 
 from pathlib import Path
 from typing import NamedTuple
 
 from fbid_gym.bundles import fresh_path, present_bundle, previous_path
 from fbid_gym.errors import RunError
+from train.runs.archive import found
 from train.runs.files import read_json
 
 
@@ -40,6 +41,15 @@ class RunFolder(NamedTuple):
 
     @classmethod
     def of(cls, path: Path) -> "RunFolder":
+        """Return the paths to read in a folder, there or not, or in a copy of a packed one.
+
+        Raises:
+            RunError: an archive that may hold it cannot be read.
+        """
+        return cls.to_write(found(path))._replace(path=path)
+
+    @classmethod
+    def to_write(cls, path: Path) -> "RunFolder":
         """Return the paths in a folder, there or not."""
         names = (
             *("config.json", "versions.json", "environment.json", "robot.zip", "progress.csv"),

@@ -12,6 +12,7 @@ from typing import Any
 from fbid_gym.bundles import load_bundle, present_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.robots import Robot
+from train.runs.archive import packed_in
 from train.runs.config import TrainConfig
 from train.runs.differences import (
     Difference,
@@ -85,10 +86,16 @@ def open_run(config: TrainConfig, robot: Robot | None = None) -> Iterator[OpenRu
     Raises:
         RunError: the folder holds another run (names what differs), or a longer one, or one whose
             checkpoint is gone, or no run but other files, or a checkpoint that cannot be read, or
-            is in use by another process.
+            is packed, or is in use by another process.
         FbidError: the arguments of the environment are not valid.
     """
-    folder, asked = RunFolder.of(config.folder), config.to_json()
+    folder, asked = RunFolder.to_write(config.folder), config.to_json()
+    archive = None if config.overwrite else packed_in(config.folder)
+    if archive is not None:
+        raise RunError(
+            f"{config.folder}: is packed in {archive}. Choose another --out, or --overwrite to "
+            "start anew beside it."
+        )
     means = meaning(asked, robot)
     _check_same_run(folder, config, asked)
     folder.path.mkdir(parents=True, exist_ok=True)

@@ -10,6 +10,7 @@ import numpy as np
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy, place_of
 from fbid_gym.robots import Robot
+from train.runs.archive import found
 from train.runs.environment import load_policy
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
@@ -68,7 +69,7 @@ def load(path: Path, robot: Robot | None = None) -> Run:
     """Load a run folder, or the folder of an exported policy.
 
     Args:
-        path: the folder; or `shipped:NAME`.
+        path: the folder, on the disk or packed; or `shipped:NAME`.
         robot: to be played on instead of the one that it was trained on.
 
     Raises:
@@ -78,7 +79,7 @@ def load(path: Path, robot: Robot | None = None) -> Run:
         UnknownOptionError: no policy of that name is shipped.
     """
     path = place_of(path)
-    if not path.is_dir():
+    if not found(path).is_dir():
         raise RunError(f"{path}: no such folder. Expected a run folder or an exported policy.")
     folder = RunFolder.of(path)
     if not folder.config.is_file():

@@ -13,6 +13,7 @@ from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.description import feet_in_words
 from fbid_gym.robots.source import PUBLISHED
+from train.runs.archive import found
 from train.runs.config import TrainConfig
 from train.runs.folder import RunFolder
 
@@ -35,8 +36,10 @@ def chosen(robot: str | None, feet: Sequence[str] = ()) -> Robot | None:
         if feet:
             raise InvalidValueError("--feet", " ".join(feet), f"none for {robot!r}, which has its")
         return load(robot)
-    if not (Path(robot).exists() or robot.endswith(PUBLISHED)):
-        raise UnknownOptionError("robot", robot, (*ROBOTS, "the path of a file"))
+    if not robot.endswith(PUBLISHED):
+        robot = str(found(Path(robot)))
+        if not Path(robot).exists():
+            raise UnknownOptionError("robot", robot, (*ROBOTS, "the path of a file"))
     return Robot.load(robot, feet_in_words(feet)).portable()
 
 
