@@ -61,16 +61,16 @@ format: setup  ## Format the code and sort its imports.
 	@$(BIN)/ruff format --quiet
 
 bench: setup  ## Measure the costs per robot and layer (ARGS="--help" for the choices).
-	@$(HEADLESS) $(BIN)/python -m eval.bench $(ARGS)
+	@$(HEADLESS) $(BIN)/python -m eval.tools.bench $(ARGS)
 
 papers: setup  ## Run the papers' experiments, write runs/papers/report.html (ARGS=--quick: in 2 minutes).
 	@$(HEADLESS) $(BIN)/python -m eval.papers $(ARGS)
 
 fuzz: setup  ## Search for inputs that break something (ARGS="--minutes 5").
-	@$(HEADLESS) $(BIN)/python -m eval.fuzz $(ARGS)
+	@$(HEADLESS) $(BIN)/python -m pytest -q -s tests/property --minutes 5 $(ARGS)
 
 soak: setup  ## Run every layer for long, see that nothing grows (ARGS="--steps 1e7").
-	@$(HEADLESS) $(BIN)/python -m eval.soak $(ARGS)
+	@$(HEADLESS) $(BIN)/python -m eval.tools.soak $(ARGS)
 
 dist: setup $(VENV)/.dist  ## Build wheel and source archive, use them in a fresh environment (PYTHON=python3.13).
 	@$(HEADLESS) $(BIN)/python -m eval.wheel --python "$(PYTHON)" $(ARGS)

@@ -4,6 +4,7 @@ import hashlib
 import importlib
 import importlib.util
 import io
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Union
 
 import mujoco
 
-from fbid_gym.errors import InvalidValueError, RobotError
+from fbid_gym.errors import InvalidValueError, RobotError, shown
 from fbid_gym.reading import read_file
 from fbid_gym.robots.archive import pack
 from fbid_gym.robots.bounds import MOST_TEXT, check_bounds
@@ -55,9 +56,10 @@ class Source:
         path = Path(source)
         if isinstance(source, str) and source.endswith(PUBLISHED) and not path.exists():
             path = _published(source)
-        if not path.is_file():
+        if not os.path.isfile(path):  # also where a path is too long for the system
             raise RobotError(
-                f"Robot file {str(path)!r} does not exist. Expected the path of an MJCF or URDF."
+                f"Robot file {shown(str(path))} does not exist. Expected the path of an MJCF or "
+                "URDF."
             )
         return cls.known(path.resolve())
 

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 import tyro
 
-from eval import bench, compare, demo, noise, rates, rollout, soak, terrain, walking
+from eval import compare, demo, noise, rates, rollout, terrain, walking
 from eval.papers.__main__ import main as papers
+from eval.tools import soak
+from eval.tools.bench import __main__ as bench
 from fbid_gym.exit_status import exit_status
 from train import ppo, sweep
 from train.runs.command_line import parse

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eval.policies import cards
-from eval.ship import ShipConfig, main, ship
 from eval.statistics import wilson_interval
+from eval.tools.policies import cards
+from eval.tools.ship import ShipConfig, main, ship
 from fbid_gym.errors import FbidError, PolicyFileError
 from fbid_gym.policy import Card, Policy
 from fbid_gym.policy import shipping as shelf

@@ -1,4 +1,4 @@
-"""Whether anything grows, or gets lost, while environments run for long: `python -m eval.soak`.
+"""Whether anything grows or gets lost as environments run for long: `python -m eval.tools.soak`.
 
 Every layer takes steps with random actions in a batch of robots whose episodes are short, so that
 resets are frequent. What comes out has to be numbers. Memory, file descriptors and threads are read
@@ -161,4 +161,4 @@ def main(config: SoakConfig) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(run_command("eval.soak", SoakConfig, main))
+    sys.exit(run_command("eval.tools.soak", SoakConfig, main))

@@ -7,7 +7,6 @@ import functools
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from multiprocessing import get_context
 from multiprocessing.context import ForkServerContext
@@ -15,6 +14,8 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import pytest
+from hypothesis import given
 from hypothesis import strategies as st
 
 from train.runs.folder import RunFolder
@@ -41,44 +42,25 @@ class _Straight(NamedTuple):
     numbers: dict[str, Any]
 
 
-UNIT = "kills at most"
-
-
-def cases() -> st.SearchStrategy[dict[str, Any]]:
-    """Return the choice of a training, and when it is killed: shares of the time that it takes."""
-    return st.fixed_dictionaries(
-        {
-            "seed": st.sampled_from(_SEEDS),
-            "kills": st.lists(st.floats(0.0, 1.0), min_size=1, max_size=3),
-        }
-    )
-
-
-def amount(case: dict[str, Any]) -> int:
-    """Return how often the training of a case is killed, unless it has ended by then."""
-    return len(case["kills"])
-
-
-def faults(case: dict[str, Any]) -> Iterator[str]:
-    """Yield what goes wrong in a case, one sentence each."""
-    straight = _straight(case["seed"])
+@pytest.mark.long_search
+@given(st.sampled_from(_SEEDS), st.lists(st.floats(0.0, 1.0), min_size=1, max_size=3))
+def test_kills(seed: int, kills: list[float]) -> None:
+    """Kills are shares of the time that the training takes."""
+    straight = _straight(seed)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place, "run")
-        for share in case["kills"]:
-            training = _begun(folder, case["seed"])
+        for share in kills:
+            training = _begun(folder, seed)
             training.join(share * straight.seconds)
             training.kill()
             training.join()
-        training = _begun(folder, case["seed"])
+        training = _begun(folder, seed)
         training.join(_MOST_SECONDS)
-        if training.exitcode != 0:
-            training.kill()
-            said = _said(folder).read_text().splitlines()
-            yield f"exit status {training.exitcode}: {' '.join(said[-1:])}"
-            return
-        for name, value in _numbers(folder).items():
-            if value != straight.numbers[name]:
-                yield f"{name} is another than without kills"
+        training.kill()
+        assert training.exitcode == 0, _said(folder).read_text()
+        numbers = _numbers(folder)
+        different = [name for name, value in numbers.items() if value != straight.numbers[name]]
+        assert different == []
 
 
 @functools.cache

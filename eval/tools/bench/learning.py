@@ -1,5 +1,6 @@
 """Speed of learning: PPO on walking robots, beside PPO on Gymnasium's Humanoid."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
@@ -11,7 +12,8 @@ from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 
 import fbid_gym
-from eval.benchmark.figures import Figure, Limit, Section, interleave
+from eval.tools.bench.figures import Figure, Limit, Section
+from eval.tools.bench.timing import in_turns, seconds_of
 from train.algorithms import ALGORITHMS
 from train.learner import build
 from train.learner import robots as robots_of
@@ -67,7 +69,8 @@ def frames(layers: list[str], rounds: int) -> Section:
     sizes = {name: its.config.iteration_steps for name, its in stretches.items()}
     sizes[USUAL] = usual.n_steps * usual.n_envs
     try:
-        seconds = interleave({**stretches, USUAL: lambda: _learn_more(usual)}, rounds)
+        work: dict[str, Callable[[], None]] = {**stretches, USUAL: lambda: _learn_more(usual)}
+        seconds = in_turns({name: seconds_of(its) for name, its in work.items()}, rounds)
     finally:
         for stretch in stretches.values():
             robots_of(stretch.learner).close()

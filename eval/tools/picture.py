@@ -1,8 +1,8 @@
 """The picture in the README, the same with what the layers see, and one of every kind of ground.
 
-python -m eval.picture docs/robots.jpg
-python -m eval.picture docs/overlays.jpg overlays
-python -m eval.picture docs/terrain.jpg terrain
+python -m eval.tools.picture docs/robots.jpg
+python -m eval.tools.picture docs/overlays.jpg overlays
+python -m eval.tools.picture docs/terrain.jpg terrain
 """
 
 import sys
@@ -107,4 +107,4 @@ def main(config: PictureConfig) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_command("eval.picture", PictureConfig, main, about=__doc__))
+    sys.exit(run_command("eval.tools.picture", PictureConfig, main, about=__doc__))

@@ -1,6 +1,6 @@
 """Ship the policy of a finished run: into `assets/policies`, with a card of what it does.
 
-python -m eval.ship runs/my_run --as QuadrupedWalk-v0/base_acceleration
+python -m eval.tools.ship runs/my_run --as QuadrupedWalk-v0/base_acceleration
 """
 
 import re
@@ -34,7 +34,7 @@ from train.runs.reading import Run, load
 from train.runs.study import environment_name
 from train.runs.versions import versions
 
-POLICIES = Path(__file__).resolve().parents[1] / "assets" / "policies"
+POLICIES = Path(__file__).resolve().parents[2] / "assets" / "policies"
 MOST_BYTES = 200_000
 """Of the files of a shipped policy."""
 
@@ -175,9 +175,9 @@ def main(arguments: list[str] | None = None) -> int:
     def work(config: ShipConfig) -> None:
         place = ship(config)
         print("\n".join([f"{PREFIX}{config.name}", *Card.read(place / CARD).lines()]))
-        print(f"wrote {place}; python -m eval.policies --write-docs tells its page")
+        print(f"wrote {place}; python -m eval.tools.policies --write-docs tells its page")
 
-    return run_command("eval.ship", ShipConfig, work, arguments, __doc__)
+    return run_command("eval.tools.ship", ShipConfig, work, arguments, __doc__)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the layers cost: `python -m eval.bench`.
+"""What the layers cost: `python -m eval.tools.bench`.
 
 Every figure is a ratio of two things measured in turns within one run, or comes with the yardstick
 it is compared to, because machines differ and the same machine differs from minute to minute.
@@ -13,10 +13,10 @@ from typing import Annotated, Literal, get_args
 
 import tyro
 
-from eval.benchmark import controllers, environments, first_use, laws, learning, memory, walking
-from eval.benchmark.figures import Section
 from eval.files import check_folder, to_json, write
 from eval.pages import BENCHMARK_PAGE, splice, spliced
+from eval.tools.bench import environments, laws, layers, learning, processes
+from eval.tools.bench.figures import Section
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.options import Choice, Each, Whole, check_fields
@@ -56,18 +56,18 @@ class BenchConfig:
 def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Section]:
     """Measure the chosen sections in order, showing each when it is done."""
     robots = list(config.robots)
-    layers = list(dict.fromkeys(["torque", *config.layers]))
+    chosen = list(dict.fromkeys(["torque", *config.layers]))
     rounds = config.rounds
     measures: dict[SectionName, Callable[[], Section]] = {
         "laws": lambda: laws.per_tick(robots, config.num_envs, rounds),
-        "controllers": lambda: controllers.on_their_tasks(config.num_envs, rounds),
-        "walking": lambda: walking.beside_physics(config.num_envs, rounds),
-        "layers": lambda: environments.by_layer(robots, layers, config.num_envs, rounds),
-        "threads": lambda: environments.by_threads(robots, layers, config.num_envs, rounds),
-        "single": lambda: environments.single(robots, layers, rounds),
-        "ppo": lambda: learning.frames(layers, rounds),
-        "memory": lambda: memory.resident(robots),
-        "first_use": first_use.by_environment,
+        "controllers": lambda: layers.on_their_tasks(config.num_envs, rounds),
+        "walking": lambda: layers.walking(config.num_envs, rounds),
+        "layers": lambda: environments.by_layer(robots, chosen, config.num_envs, rounds),
+        "threads": lambda: environments.by_threads(robots, chosen, config.num_envs, rounds),
+        "single": lambda: environments.single(robots, chosen, rounds),
+        "ppo": lambda: learning.frames(chosen, rounds),
+        "memory": lambda: processes.resident(robots),
+        "first_use": processes.first_use,
     }
     sections = []
     for name in config.sections:
@@ -102,4 +102,4 @@ def main(config: BenchConfig) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_command("eval.bench", BenchConfig, main))
+    sys.exit(run_command("eval.tools.bench", BenchConfig, main))

@@ -1,7 +1,5 @@
-"""Measured figures: interleaved timings, ratios with their spread, limits, tables."""
+"""Measured figures: ratios with their spread, limits, tables."""
 
-import time
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,33 +97,3 @@ def short(value: float) -> str:
     """Return a number with three significant digits, without an exponent."""
     decimals = max(0, 2 - int(np.floor(np.log10(abs(value))))) if value else 0
     return f"{value:.{min(decimals, 3)}f}"
-
-
-def interleave(
-    cases: Mapping[str, Callable[[], None]],
-    rounds: int,
-    before: Mapping[str, Callable[[], None]] | None = None,
-    clock: Callable[[], float] = time.perf_counter,
-) -> dict[str, np.ndarray]:
-    """Time every case once a round, so that a slow moment of the machine meets all of them.
-
-    Args:
-        cases: name -> what to time. Each is called once before the first round.
-        rounds: how often; every other round runs the cases in reverse.
-        before: name -> what to call ahead of the case, untimed.
-        clock: returns seconds: of the wall, or of this process (`time.process_time`) where all is
-            on one thread, so that what else the machine does counts less.
-
-    Returns:
-        name -> (rounds,) seconds.
-    """
-    seconds = {name: np.empty(rounds) for name in cases}
-    for index in range(-1, rounds):
-        for name in list(cases)[:: -1 if index % 2 else 1]:
-            if before and name in before:
-                before[name]()
-            start = clock()
-            cases[name]()
-            if index >= 0:
-                seconds[name][index] = clock() - start
-    return seconds

@@ -4,8 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from eval import soak
-from eval.soak import Reading, SoakConfig, Soaked, rows
+from eval.tools import soak
+from eval.tools.soak import Reading, SoakConfig, Soaked, rows
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
 HELD = Soaked("torque", 10, 50, 0, 1, Reading(100, 5, 2), Reading(100, 5, 2))

@@ -1,4 +1,4 @@
-"""The cards of the shipped policies as a table: `python -m eval.policies [--write-docs]`."""
+"""The cards of the shipped policies as a table: `python -m eval.tools.policies [--write-docs]`."""
 
 import sys
 from collections.abc import Sequence
@@ -80,4 +80,4 @@ def main(config: PoliciesConfig) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run_command("eval.policies", PoliciesConfig, main, about=__doc__))
+    sys.exit(run_command("eval.tools.policies", PoliciesConfig, main, about=__doc__))

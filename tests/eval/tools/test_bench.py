@@ -3,17 +3,28 @@
 import numpy as np
 import pytest
 
-from eval.benchmark.environments import by_layer
-from eval.benchmark.figures import Figure, Limit, Section, interleave, short
+from eval.tools.bench.environments import by_layer
+from eval.tools.bench.figures import Figure, Limit, Section, short
+from eval.tools.bench.timing import Timed, in_turns, seconds_of
 
 
 def test_cases_take_turns_in_alternating_order_after_one_warm_up() -> None:
     calls: list[str] = []
-    cases = {name: lambda name=name: calls.append(name) for name in "ab"}
-    seconds = interleave(cases, rounds=2, before={"b": lambda: calls.append("-")})
+    measures = {
+        "a": seconds_of(lambda: calls.append("a")),
+        "b": seconds_of(lambda: calls.append("b"), before=lambda: calls.append("-")),
+    }
+    seconds = in_turns(measures, rounds=2)
     assert "".join(calls) in ("a-ba-b-ba", "-baa-b-ba")
     assert {name: values.shape for name, values in seconds.items()} == {"a": (2,), "b": (2,)}
     assert all((values >= 0).all() for values in seconds.values())
+
+
+def test_what_is_timed_does_what_it_did() -> None:
+    times = iter([1.0, 4.0, 10.0, 12.0])
+    timed = Timed([1, 2], "index", lambda: next(times))
+    assert (timed.index(2), timed.index(1), timed.count(2)) == (1, 0, 1)
+    assert timed.seconds == 3.0 + 2.0
 
 
 def test_a_figure_is_a_median_between_quartiles() -> None:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from eval.benchmark.figures import Figure, Limit, Section
-from eval.benchmark.physics import TimedBatch
+from eval.tools.bench.figures import Figure, Limit, Section
+from eval.tools.bench.timing import timed_physics
 from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.control.body_law import desired_acceleration, stabilise
@@ -102,7 +102,7 @@ class _Stand:
         self.rng = np.random.default_rng(0)
         self.action = np.zeros((num_robots, 6))
         self.heading, self.home = Stance.of(robot).heading, home_target(robot)
-        self.physics = TimedBatch.inside(self.simulation)
+        self.physics = timed_physics(self.simulation)
 
     def round(self, watch: _Stopwatch) -> None:
         """Put the robots on their feet, moving a little, and stand."""

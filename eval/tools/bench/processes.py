@@ -1,20 +1,36 @@
-"""Resident memory: per robot, and over many steps."""
+"""What fresh processes say: resident memory, and the time of a first use, with nothing compiled."""
 
 import multiprocessing
+import os
+import resource
+import subprocess
+import sys
+import tempfile
 from multiprocessing.connection import Connection
 
 import gymnasium as gym
 import numpy as np
 import psutil
 
-from eval.benchmark.environments import BALANCE, zero_action
-from eval.benchmark.figures import Figure, Limit, Section
+from eval.tools.bench.environments import BALANCE, zero_action
+from eval.tools.bench.figures import Figure, Limit, Section
 
 FEW, MANY = 64, 320
 LONG = 10_000
 ROBOT_LIMIT = Limit(1.0)
 GROWTH_LIMIT = Limit(1.0)
 MEGABYTE = 2**20
+
+FIRST_USES = ("fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedBalance-v0")
+FIRST_USE_LIMIT = Limit(15.0)
+_PROGRAM = """
+import sys
+import gymnasium as gym
+import fbid_gym
+env = gym.make(sys.argv[1], action_layer=sys.argv[2])
+env.reset(seed=0)
+env.step(env.action_space.sample())
+"""
 
 
 def _measure(
@@ -72,5 +88,37 @@ def resident(robots: list[str], layer: str = "base_acceleration") -> Section:
         "Resident memory",
         f"`{layer}`, each in a fresh process. Figure: growth in MB.",
         "MB",
+        tuple(figures),
+    )
+
+
+def _seconds(env: str, layer: str, folder: str) -> float:
+    """CPU seconds of a process that takes one step, with compiled code in a folder."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(
+        [sys.executable, "-c", _PROGRAM, env, layer],
+        env=os.environ | {"NUMBA_CACHE_DIR": folder, "OMP_NUM_THREADS": "1"},
+        stderr=subprocess.DEVNULL,
+        check=True,
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def first_use(layer: str = "base_acceleration") -> Section:
+    """A first use and the next, each in a fresh process."""
+    figures = []
+    for env in FIRST_USES:
+        with tempfile.TemporaryDirectory() as folder:
+            first, again = (_seconds(env, layer, folder) for _ in range(2))
+        cost = f"{again:.1f} s once it is compiled"
+        figures.append(
+            Figure.of(env.removeprefix("fbid_gym/"), cost, np.array([first]), FIRST_USE_LIMIT)
+        )
+    return Section(
+        "First use",
+        f"From an empty cache: import, `gym.make` with `{layer}`, `reset`, one `step`."
+        " Figure: CPU seconds.",
+        "s",
         tuple(figures),
     )

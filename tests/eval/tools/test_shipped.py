@@ -12,9 +12,9 @@ import pytest
 from eval import compare, rollout
 from eval.pages import POLICIES_PAGE, spliced
 from eval.play import __main__ as play
-from eval.policies import cards
 from eval.robustness.__main__ import main as robustness_main
 from eval.rollout import load_player, play_player
+from eval.tools.policies import cards
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import PolicyFileError, UnknownOptionError
 from fbid_gym.policy import Policy, place_of, shipped
@@ -154,7 +154,7 @@ def test_ten_lines_play_a_policy_without_torch(own):
     script = [f"import sys; sys.modules.update(dict.fromkeys({banned}))", *lines]
     done = subprocess.run(
         [sys.executable, "-c", "\n".join(script)],
-        cwd=Path(__file__).parents[2],
+        cwd=Path(__file__).parents[3],
         capture_output=True,
         text=True,
     )

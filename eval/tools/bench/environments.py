@@ -1,15 +1,15 @@
 """Speed of whole environments: by layer, by thread, and of a single robot."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import VectorEnv
 
-from eval.benchmark.figures import Figure, Limit, Section, interleave
-from eval.benchmark.physics import TimedBatch
+from eval.tools.bench.figures import Figure, Limit, Section
+from eval.tools.bench.timing import Clock, in_turns, seconds_of, timed_physics
 from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.robot_env import RobotEnv
@@ -82,12 +82,11 @@ class PhysicsStretch:
 
 
 def _seconds(
-    stretches: Mapping[str, Stretch | PhysicsStretch], rounds: int, clock: Callable[[], float]
+    stretches: Mapping[str, Stretch | PhysicsStretch], rounds: int, clock: Clock
 ) -> dict[str, np.ndarray]:
     """Seconds per policy step: name -> (rounds,)."""
-    resets = {name: stretch.reset for name, stretch in stretches.items()}
-    seconds = interleave(dict(stretches), rounds, before=resets, clock=clock)
-    return {name: values / STEPS for name, values in seconds.items()}
+    measures = {name: seconds_of(its, clock, its.reset) for name, its in stretches.items()}
+    return {name: values / STEPS for name, values in in_turns(measures, rounds).items()}
 
 
 def by_layer(robots: list[str], layers: list[str], num_envs: int, rounds: int) -> Section:
@@ -160,14 +159,9 @@ def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int)
 
 def single(robots: list[str], layers: list[str], rounds: int) -> Section:
     """Microseconds beyond physics per control tick of a single robot, by layer."""
-    rounds *= ROUNDS
     singles = {(robot, layer): _Single(robot, layer) for robot in robots for layer in layers}
-    beyond = {case: np.empty(rounds) for case in singles}
-    for index in range(-1, rounds):
-        for case in list(singles)[:: -1 if index % 2 else 1]:
-            micros = singles[case].beyond()
-            if index >= 0:
-                beyond[case][index] = micros
+    measures = {case: its.beyond for case, its in singles.items()}
+    beyond = in_turns(measures, ROUNDS * rounds)
     figures = [
         Figure.of(
             f"{robot}, `{layer}`",
@@ -197,7 +191,7 @@ class _Single:
         env = gym.make(BALANCE, robot=robot, action_layer=layer).unwrapped
         assert isinstance(env, RobotEnv)
         self.env = env
-        self.timed = TimedBatch.inside(env.batch.simulation, time.perf_counter)
+        self.timed = timed_physics(env.batch.simulation, time.perf_counter)
         self.ticks = self.steps * env.config.rates().ticks
         self.action = zero_action(env.action_space)
         self.physics = 0.0

@@ -1,19 +1,18 @@
-"""What environments promise at every tick, and the search for robots on which one breaks it.
+"""What environments promise at every tick.
 
 What comes out is finite and within its space; and a batch is the same on any number of threads and
 as its robots one by one, to the bit, whatever the layer, its options and the actions.
 """
 
-from collections.abc import Iterator
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.robots import load
 
 _CONTACTS = ("planned", "all", "measured", "some feet")
@@ -33,56 +32,41 @@ _STEERING = ("footholds", "step_rate")
 _ALIKE = {"go1": "quadruped", "biped": "humanoid", "humanoid": "g1"}  # walk as well
 _FASTEST = 30.0  # rad/s and m/s, of a state that is put in
 
-UNIT = "control ticks"
+CASES = st.fixed_dictionaries(
+    {
+        "env": st.sampled_from(list(ENVIRONMENTS)),
+        "other_robot": st.booleans(),
+        "layer": st.sampled_from(list(LAYERS)),
+        "contacts": st.sampled_from(_CONTACTS),
+        "contact_limits": st.sampled_from(("friction", "none")),
+        "contact_ramp": st.sampled_from((0.0, 0.02)),
+        "moment_priority": st.sampled_from((None, 30.0, 0.01)),
+        "reference": st.sampled_from(("gait", "home")),
+        "footholds": st.booleans(),
+        "step_rate": st.booleans(),
+        "height_scan": st.booleans(),
+        "different": st.booleans(),
+        "push": st.sampled_from((0.0, 0.5, 5.0)),
+        "num_envs": st.integers(1, _MOST_ROBOTS),
+        "threads": st.integers(2, 3),
+        "steps": st.integers(1, 12),
+        "size": st.floats(0.0, 1.0),
+        "put_in": st.one_of(st.just(0.0), st.floats(0.0, _FASTEST)),
+        "seed": st.integers(0, 2**31),
+    }
+)
 
 
-def cases() -> st.SearchStrategy[dict[str, Any]]:
-    """Return the choice of an environment, its arguments, and how it is driven."""
-    return st.fixed_dictionaries(
-        {
-            "env": st.sampled_from(list(ENVIRONMENTS)),
-            "other_robot": st.booleans(),
-            "layer": st.sampled_from(list(LAYERS)),
-            "contacts": st.sampled_from(_CONTACTS),
-            "contact_limits": st.sampled_from(("friction", "none")),
-            "contact_ramp": st.sampled_from((0.0, 0.02)),
-            "moment_priority": st.sampled_from((None, 30.0, 0.01)),
-            "reference": st.sampled_from(("gait", "home")),
-            "footholds": st.booleans(),
-            "step_rate": st.booleans(),
-            "height_scan": st.booleans(),
-            "different": st.booleans(),
-            "push": st.sampled_from((0.0, 0.5, 5.0)),
-            "num_envs": st.integers(1, _MOST_ROBOTS),
-            "threads": st.integers(2, 3),
-            "steps": st.integers(1, 12),
-            "size": st.floats(0.0, 1.0),
-            "put_in": st.one_of(st.just(0.0), st.floats(0.0, _FASTEST)),
-            "seed": st.integers(0, 2**31),
-        }
-    )
-
-
-def faults(case: dict[str, Any]) -> Iterator[str]:
-    """Yield what goes wrong in a case, one sentence each."""
+@given(CASES)
+def test_ticks(case: dict[str, Any]) -> None:
     arguments = _arguments(case)
     one = _trajectory(case, arguments, case["num_envs"], 1)
-    for name, value in one.items():
-        if value.dtype.kind == "f" and not np.isfinite(value).all():
-            yield f"{name} is not finite"
     several = _trajectory(case, arguments, case["num_envs"], case["threads"])
     alone = _trajectory(case, arguments, 1, 1)
     for name, value in one.items():
-        if not np.array_equal(value, several[name], equal_nan=True):
-            yield f"{name} depends on the number of threads"
-        if not np.array_equal(value[:, :1], alone[name], equal_nan=True):
-            yield f"{name} of a robot depends on the others"
-
-
-def amount(case: dict[str, Any]) -> int:
-    """Return the control ticks of a case, over all robots of its three trajectories."""
-    ticks = EnvConfig.of(ENVIRONMENTS[case["env"]]).rates().ticks
-    return ticks * case["steps"] * (2 * case["num_envs"] + 1)
+        assert value.dtype.kind != "f" or np.isfinite(value).all(), name
+        np.testing.assert_array_equal(value, several[name], f"{name} depends on the threads")
+        np.testing.assert_array_equal(value[:, :1], alone[name], f"{name} depends on others")
 
 
 def _arguments(case: dict[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,139 @@
+"""Cost of action layers on the tasks they are for, and of walking, relative to the physics."""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+from eval.tools.bench.environments import zero_action
+from eval.tools.bench.figures import Figure, Limit, Section
+from eval.tools.bench.timing import Timed, in_turns, timed_physics
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.vector_env import RobotVectorEnv
+
+Cases = Mapping[tuple[str, str], Limit | None]
+"""Environment and layer -> what the ratio shall keep to."""
+
+ON_TASKS: Cases = {
+    ("BipedStep-v0", "joint_position_feedforward"): Limit(1.0),
+    ("BipedStep-v0", "base_acceleration"): None,
+    ("QuadrupedCrawl-v0", "joint_position_feedforward"): None,
+    ("QuadrupedCrawl-v0", "base_acceleration"): None,
+    ("HumanoidBalance-v0", "com_wrench"): Limit(1.0),
+    ("HumanoidBalance-v0", "base_acceleration"): None,
+}
+WALKING: Cases = {
+    ("QuadrupedWalk-v0", "torque"): None,
+    ("QuadrupedWalk-v0", "joint_position"): Limit(0.4),
+    ("QuadrupedWalk-v0", "base_acceleration"): Limit(0.8),
+    ("QuadrupedWalk-v0", "com_wrench"): Limit(1.0),
+    ("BipedWalk-v0", "base_acceleration"): Limit(0.5),
+    ("HumanoidWalk-v0", "base_acceleration"): Limit(0.4),
+}
+TASK_STEPS, WALKING_STEPS = 25, 60
+"""Policy steps of a round: from a reset on tasks; robots walk on from round to round."""
+
+
+class Seconds(NamedTuple):
+    """Of a round."""
+
+    cost: float
+    """Of what is measured."""
+    physics: float
+
+
+Round = Callable[[], Seconds]
+
+
+def on_their_tasks(num_envs: int, rounds: int) -> Section:
+    """Time layers, terms and reference included, in closed loop beside the physics."""
+    return Section(
+        f"Controllers on their tasks (N = {num_envs}, one thread)",
+        "CPU time of the layer with the terms it asks for, on zero action and the task's default "
+        "pushes, in half a second from a reset. Figure: relative to the physics steps it drives.",
+        "x physics",
+        _beside_physics(ON_TASKS, _task, TASK_STEPS, num_envs, rounds),
+    )
+
+
+def walking(num_envs: int, rounds: int) -> Section:
+    """Time steps of vector environments on one thread, and the physics in them."""
+    return Section(
+        f"Walking (N = {num_envs}, one thread)",
+        "CPU time of `gym.make_vec(...).step` on zero action: gait, layer, observation, reward, "
+        "`info`, resets. Figure: all but the physics, relative to it; cost per robot and control "
+        "tick.",
+        "x physics",
+        _beside_physics(WALKING, _walk, WALKING_STEPS, num_envs, rounds),
+    )
+
+
+def _beside_physics(
+    cases: Cases, begin: Callable[[str, str, int], Round], steps: int, num_envs: int, rounds: int
+) -> tuple[Figure, ...]:
+    physics = dict[tuple[str, str], float]()
+
+    def ratio(case: tuple[str, str]) -> Callable[[], float]:
+        run = begin(f"fbid_gym/{case[0]}", case[1], num_envs)
+        ticks = EnvConfig.of(ENVIRONMENTS[f"fbid_gym/{case[0]}"]).rates().ticks
+
+        def measure() -> float:
+            spent = run()
+            physics[case] = spent.physics / (steps * ticks * num_envs) * 1e6
+            return spent.cost / spent.physics
+
+        return measure
+
+    found = in_turns({case: ratio(case) for case in cases}, rounds)
+    return tuple(
+        Figure.of(
+            f"{case[0]}, `{case[1]}`",
+            f"beside {physics[case]:.1f} µs of physics",
+            found[case],
+            limit,
+        )
+        for case, limit in cases.items()
+    )
+
+
+def _task(env: str, layer: str, num_envs: int) -> Round:
+    """A layer and the physics, timed apart, from a reset."""
+    batch = EnvBatch(EnvConfig.of({**ENVIRONMENTS[env], "action_layer": layer}), num_envs)
+    physics, timed = timed_physics(batch.simulation), Timed(batch.layer, "torque")
+    batch.layer = timed
+    action = np.zeros((num_envs, len(batch.action_names)))
+
+    def run() -> Seconds:
+        for index in range(num_envs):
+            batch.seed(index, gym.utils.seeding.np_random(index)[0])
+        batch.reset(np.arange(num_envs))
+        physics.seconds = timed.seconds = 0.0
+        for _ in range(TASK_STEPS):
+            batch.step(action)
+        return Seconds(timed.seconds, physics.seconds)
+
+    return run
+
+
+def _walk(env: str, layer: str, num_envs: int) -> Round:
+    """All but the physics, and the physics, of robots that walk on."""
+    envs = gym.make_vec(env, num_envs=num_envs, action_layer=layer, num_threads=1).unwrapped
+    assert isinstance(envs, RobotVectorEnv)
+    parts = [timed_physics(its.simulation, time.thread_time) for its in envs.chunks.batches]
+    action = zero_action(envs.action_space)
+    envs.reset(seed=0)
+
+    def run() -> Seconds:
+        for part in parts:
+            part.seconds = 0.0
+        start = time.thread_time()
+        for _ in range(WALKING_STEPS):
+            envs.step(action)
+        total, physics = time.thread_time() - start, sum(part.seconds for part in parts)
+        return Seconds(total - physics, physics)
+
+    return run

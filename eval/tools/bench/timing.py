@@ -1,0 +1,76 @@
+"""Measuring in turns, so that a slow moment of the machine meets all, and what physics takes."""
+
+import time
+from collections.abc import Callable, Hashable, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fbid_gym.envs.simulation import Simulation
+
+Key = TypeVar("Key", bound=Hashable)
+Clock = Callable[[], float]
+"""Returns seconds: of the wall, or of this process (`time.process_time`) where all is on one
+thread, so that what else the machine does counts less."""
+
+
+def in_turns(measures: Mapping[Key, Callable[[], float]], rounds: int) -> dict[Key, np.ndarray]:
+    """Measure every case once a round; every other round runs the cases in reverse.
+
+    Args:
+        measures: name -> what returns a number. Each is called once before the first round.
+        rounds: how often.
+
+    Returns:
+        name -> (rounds,) numbers.
+    """
+    found = {name: np.empty(rounds) for name in measures}
+    for index in range(-1, rounds):
+        for name in list(measures)[:: -1 if index % 2 else 1]:
+            value = measures[name]()
+            if index >= 0:
+                found[name][index] = value
+    return found
+
+
+def seconds_of(
+    work: Callable[[], object],
+    clock: Clock = time.perf_counter,
+    before: Callable[[], object] = lambda: None,
+) -> Callable[[], float]:
+    """Return what does some work and returns its seconds; `before` is called ahead, untimed."""
+
+    def measure() -> float:
+        before()
+        start = clock()
+        work()
+        return clock() - start
+
+    return measure
+
+
+class Timed:
+    """Stands in for an object and adds up the seconds that one of its methods takes."""
+
+    def __init__(self, inner: Any, method: str, clock: Clock = time.process_time) -> None:
+        """Wrap `inner`."""
+        self._inner, self._call, self._clock = inner, getattr(inner, method), clock
+        self.seconds = 0.0
+        setattr(self, method, self._timed)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return whatever the object has."""
+        return getattr(self._inner, name)
+
+    def _timed(self, *args: Any, **kwargs: Any) -> Any:
+        start = self._clock()
+        result = self._call(*args, **kwargs)
+        self.seconds += self._clock() - start
+        return result
+
+
+def timed_physics(simulation: Simulation, clock: Clock = time.process_time) -> Timed:
+    """Time the physics steps of a simulation from now on."""
+    timed = Timed(simulation.batch, "step", clock)
+    simulation.batch = timed
+    return timed
