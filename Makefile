@@ -38,7 +38,7 @@ play: setup $(VENV)/.play  ## Push a walking robot in the browser (ARGS="--besid
 	@$(HEADLESS) $(BIN)/python -m eval.play $(ARGS)
 
 docs: setup $(VENV)/.docs  ## Build the documentation's site, to be opened at site/index.html.
-	@$(HEADLESS) $(BIN)/python -m eval.site.pictures
+	@$(HEADLESS) $(BIN)/python -m eval.tools.site.pictures
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
 
 study: setup  ## Train what a study names, write its page (STUDY=studies/survey.toml).
@@ -73,7 +73,9 @@ soak: setup  ## Run every layer for long, see that nothing grows (ARGS="--steps 
 	@$(HEADLESS) $(BIN)/python -m eval.tools.soak $(ARGS)
 
 dist: setup $(VENV)/.dist  ## Build wheel and source archive, use them in a fresh environment (PYTHON=python3.13).
-	@$(HEADLESS) $(BIN)/python -m eval.wheel --python "$(PYTHON)" $(ARGS)
+	@rm -f dist/fbid_gym-*
+	@$(BIN)/python -m build --no-isolation --outdir dist . > /dev/null
+	@$(HEADLESS) PYTHON="$(PYTHON)" $(BIN)/python -m pytest -v eval/tools/dist.py $(ARGS)
 
 clean:  ## Remove the environment and the caches; keep runs/.
 	rm -rf $(VENV) build dist site .pytest_cache .mypy_cache .ruff_cache

@@ -61,7 +61,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
     name, end = pyfuncitem.name, time.monotonic() + 60.0 * minutes * share
     inner, cases, failed = test.hypothesis.inner_test, config.stash[_cases], False
 
-    def tried(*args: Any, **kwargs: Any) -> None:
+    def tried(*args: Any, **kwargs: Any) -> None:  # and nothing once the time is over
         nonlocal failed
         if not failed:  # what fails is shrunk, for as long as that takes
             if name in cases and time.monotonic() > end:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from train.runs.folder import RunFolder
@@ -43,6 +43,7 @@ class _Straight(NamedTuple):
 
 
 @pytest.mark.long_search
+@settings(deadline=None)
 @given(st.sampled_from(_SEEDS), st.lists(st.floats(0.0, 1.0), min_size=1, max_size=3))
 def test_kills(seed: int, kills: list[float]) -> None:
     """Kills are shares of the time that the training takes."""

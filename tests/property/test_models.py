@@ -23,14 +23,14 @@ ELEMENTS = (
     "<worldbody/>",
 )
 KINDS = ("number", "cut", "repeat", "byte", "element")
-CHANGE = st.tuples(st.sampled_from(KINDS), st.randoms(use_true_random=False))
+CHANGE = st.tuples(st.sampled_from(KINDS), st.integers(0, 2**31))
 
 
 @given(st.sampled_from(["biped.xml", "quadruped.xml"]), st.lists(CHANGE, min_size=1, max_size=4))
-def test_models(robot: str, changes: list[tuple[str, random.Random]]) -> None:
+def test_models(robot: str, changes: list[tuple[str, int]]) -> None:
     text = asset_path(robot).read_text()
-    for kind, rng in changes:
-        text = _changed(text, kind, rng)
+    for kind, seed in changes:
+        text = _changed(text, kind, random.Random(seed))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # MuJoCo's, of models that it takes all the same
         with contextlib.suppress(FbidError):

@@ -1,4 +1,4 @@
-"""What the site shows of robots, drawn before it is built: `python -m eval.site.pictures`.
+"""What the site shows of robots, drawn before it is built: `python -m eval.tools.site.pictures`.
 
 A clip of each environment, of a policy that is shipped or of a zero action, and for each layer a
 chart of what its zero action makes of a push. What is there already stays; `--anew` draws it again.
@@ -14,7 +14,7 @@ import tyro
 from eval.colours import colours_of
 from eval.plots import Marks, Series, panel, sheet
 from eval.rollout import Player, filmed
-from eval.site.environments import Scene
+from eval.tools.site.environments import Scene
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.robot_env import RobotEnv
@@ -136,4 +136,4 @@ def main(anew: bool = False, clips: bool = True) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(exit_status(lambda: tyro.cli(main, prog="python -m eval.site.pictures")))
+    sys.exit(exit_status(lambda: tyro.cli(main, prog="python -m eval.tools.site.pictures")))

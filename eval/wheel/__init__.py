@@ -1,1 +1,0 @@
-"""The wheel and the source archive: built, and used as somebody would who has only these."""

@@ -1,1 +1,0 @@
-"""Scripts of somebody who has the wheel: run by the environment's interpreter, not imported."""
