@@ -7,8 +7,10 @@ printed. Hypothesis shrinks what fails and keeps it in runs/fuzz, from where it 
 next time; `--hypothesis-seed` repeats a round, also one that ended the process.
 """
 
+import functools
 import secrets
 import time
+from collections import Counter
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -31,7 +33,7 @@ settings.register_profile(
     suppress_health_check=list(HealthCheck),
 )
 
-_cases = pytest.StashKey[dict[str, int]]()
+_cases = pytest.StashKey[Counter[str]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -39,7 +41,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    config.stash[_cases] = {}
+    config.stash[_cases] = Counter()
     settings.load_profile("suite" if config.getoption("--minutes", None) is None else "search")
 
 
@@ -59,30 +61,36 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
     files = [item.path for item in pyfuncitem.session.items]
     share = 1.0 / (len(set(files)) * files.count(pyfuncitem.path))
     name, end = pyfuncitem.name, time.monotonic() + 60.0 * minutes * share
-    inner, cases, failed = test.hypothesis.inner_test, config.stash[_cases], False
+    inner, count, failed = test.hypothesis.inner_test, 0, False
 
+    @functools.wraps(inner)
     def tried(*args: Any, **kwargs: Any) -> None:  # and nothing once the time is over
-        nonlocal failed
+        nonlocal count, failed
         if not failed:  # what fails is shrunk, for as long as that takes
-            if name in cases and time.monotonic() > end:
+            if count and time.monotonic() > end:
                 return
-            cases[name] = cases.get(name, 0) + 1
+            count += 1
+            config.stash[_cases][pyfuncitem.path.stem] += 1
         try:
             inner(*args, **kwargs)
         except Exception:
             failed = True
             raise
 
+    print(f"\n{name} --hypothesis-seed", end="", flush=True)
     test.hypothesis.inner_test = tried
-    while name not in cases or time.monotonic() < end:
-        seed = config.getoption("--hypothesis-seed") or secrets.randbelow(2**32)
-        print(f"{name} --hypothesis-seed {seed}", flush=True)
-        hypothesis.seed(int(seed))(test)(**given)
+    try:
+        while not count or time.monotonic() < end:
+            seed = config.getoption("--hypothesis-seed") or secrets.randbelow(2**32)
+            print(f" {seed}", end="", flush=True)
+            hypothesis.seed(int(seed))(test)(**given)
+    finally:
+        test.hypothesis.inner_test = inner  # that is of all parameters of a test
     return True
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     if tried := config.stash[_cases]:
-        terminalreporter.write_line("\n| Promise | Cases |\n| --- | --- |")
+        terminalreporter.write_line("\n| Promises | Cases |\n| --- | --- |")
         for name, cases in tried.items():
-            terminalreporter.write_line(f"| {name} | {cases:,} |")
+            terminalreporter.write_line(f"| {name.removeprefix('test_')} | {cases:,} |")
