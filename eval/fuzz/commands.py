@@ -9,20 +9,21 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from eval import compare, rollout, terrain, walking
+from eval import compare, rollout
+from eval.zero_actions.__main__ import main as zero_actions
 
 _WALK = ["--zero-action", "--env", "fbid_gym/QuadrupedWalk-v0"]
 _MAINS: dict[str, tuple[Callable[[list[str]], int], list[str]]] = {
     "rollout": (rollout.main, _WALK),
-    "walking": (walking.main, []),
-    "terrain": (terrain.main, []),
+    "walking": (zero_actions, ["walking"]),
+    "terrain": (zero_actions, ["terrain"]),
     "compare": (compare.main, ["runs/that/do/not/exist"]),
 }
 # Of each command, what takes a number above zero, and what takes a name.
 _OPTIONS = {
     "rollout": (("--episodes",), ("--env", "--action-layer")),
     "walking": (("--episodes", "--seconds"), ("--robots", "--layers")),
-    "terrain": (("--robots", "--seconds"), ("--envs", "--layers", "--terrains")),
+    "terrain": (("--episodes", "--push"), ("--robots", "--only")),
     "compare": ((), ()),
 }
 _NUMBERS = ("-1", "nan", "-inf", "", "one", "1e999", "0x10", "\0")

@@ -1,0 +1,169 @@
+"""What robots do without a policy, in numbers: `python -m eval.zero_actions walking`.
+
+All layers meet the same starts, commands and pushes. Tables:
+"""
+
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from eval.files import check_output
+from eval.pages import DOCS, command_block, splice, spliced
+from eval.zero_actions.measures import Row
+from eval.zero_actions.tables import TABLES, Case, Table, ZeroActionConfig, cases
+from fbid_gym.errors import InvalidValueError, RunError
+from fbid_gym.options import check_fields
+from train.command import run_command
+from train.runs.tables import TableWriter, check_kept, read_rows, to_csv
+
+WITHIN = 0.1
+"""Share by which survival and error may differ from what they are compared with."""
+
+
+class Sum(NamedTuple):
+    """How many stayed up of how many, and the mean of their errors; NaN for none."""
+
+    up: int
+    of: int
+    error: float
+
+
+def run(config: ZeroActionConfig, command: Sequence[str]) -> None:
+    """Measure, print, write; what can be refused is refused before."""
+    check_fields(config)
+    table, file, page = TABLES[config.table], config.csv, DOCS / f"{config.table}.md"
+    if config.write_docs:
+        if file is not None:
+            raise InvalidValueError("csv", str(file), "none with --write-docs, which has its own")
+        file = DOCS / "data" / f"{config.table}.csv"
+    todo = cases(config)
+    if config.write_docs:
+        spliced(page, "")
+    if file is not None:
+        check_output(file, "csv", (".csv",))
+    rows = list(measured(todo, table, file, config.overwrite))
+    head, *lines = short(table, rows)
+    text = "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *lines))
+    print(f"\n{text}")
+    if config.write_docs:
+        splice(page, f"{said(table, rows, page)}\n\n{command_block(command)}\n\n{text}")
+
+
+def measured(
+    todo: Sequence[Case], table: Table, file: Path | None, overwrite: bool
+) -> Iterator[Row]:
+    """Measure rows, print each when it is there, and append it to a file unless it has it already.
+
+    Raises:
+        RunError: the file holds another table, or something else.
+    """
+    kept, size = list[Row](), None
+    if file is not None and file.exists() and not overwrite:
+        check_kept(file, table.columns, 0)
+        kept = [checked(row, table, file) for row in read_rows(file)]
+        # A row that was being written when all ended is cut off.
+        size = file.read_bytes().rfind(b"\n") + 1
+    with ExitStack() as files:
+        writer = None
+        if file is not None:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            writer = files.enter_context(closing(TableWriter(file, table.columns, size)))
+        print(to_csv(table.columns, []), end="")
+        for case in todo:
+            row = next((row for row in kept if case.cells.items() <= row.items()), None)
+            if row is None:
+                row = dict.fromkeys(table.columns, "") | case.cells | case.measure()
+                if writer is not None:
+                    writer.append(row)
+            print(to_csv(table.columns, [row]).splitlines()[1], flush=True)
+            yield row
+
+
+def checked(row: Row, table: Table, file: Path) -> Row:
+    """Return a row of a file; RunError for one that no table has."""
+    try:
+        numbers = {name: float(row[name] or "nan") for name in table.numbers}
+        if 0.0 <= numbers.get("up", 0.0) <= int(row["episodes"]):
+            return row
+    except (TypeError, ValueError):
+        pass
+    expected = f"numbers in {', '.join(table.numbers)}; --overwrite measures anew"
+    raise RunError(f"{file}: has a row {','.join(map(str, row.values()))!r}. Expected {expected}.")
+
+
+def said(table: Table, rows: Sequence[Row], page: Path) -> str:
+    """Say of what the short table of a page is, and where the rows are."""
+    episodes, seconds, push = (rows[0][name] for name in ("episodes", "seconds", "push"))
+    error = " and their mean velocity error in m/s" if table.error else ""
+    return (
+        f"{episodes} robots each, {seconds} s, pushes of {push} N: who stayed up{error}. "
+        "Every row, with all its numbers and the 95 % interval of the share that stayed up: "
+        f"[{page.stem}.csv](data/{page.stem}.csv). By"
+    )
+
+
+def short(table: Table, rows: Sequence[Row]) -> Iterator[Sequence[str]]:
+    """Yield the lines of the short table, the head first."""
+    across = list(dict.fromkeys(row[table.across] for row in rows))
+    yield *table.rows, *across
+    for line in dict.fromkeys(tuple(row[name] for name in table.rows) for row in rows):
+        its = [row for row in rows if tuple(row[name] for name in table.rows) == line]
+        by_value = [[row for row in its if row[table.across] == value] for value in across]
+        if "torque_nm" in table.numbers:
+            yield *line, *(matched(row, its[0]) for (row,) in by_value)
+        else:
+            sums = [summed(some, table.error) for some in by_value]
+            yield *line, *(words(one, sums[0] if table.compared else None) for one in sums)
+
+
+def matched(row: Row, first: Row) -> str:
+    """Say how much torque the noise of a layer is, and what noise makes it that of another one."""
+    torque, noise = float(row["torque_nm"]), float(row["log_std_init"])
+    said = f"{torque:.3g} N m at log_std_init {noise:g}"
+    share = float(first["torque_nm"]) / torque if torque else 0.0
+    return f"{said}; that of the first at {noise + math.log(share):.2f}" if share else said
+
+
+def summed(rows: Sequence[Row], error: str) -> Sum:
+    """Return the sum of some rows, `error` being the column of their errors."""
+    errors = [float(row[error]) for row in rows if row.get(error)]
+    mean = sum(errors) / len(errors) if errors else math.nan
+    up, of = (sum(int(row[name]) for row in rows) for name in ("up", "episodes"))
+    return Sum(up, of, mean)
+
+
+def words(one: Sum, other: Sum | None = None) -> str:
+    """Return a cell of a short table; `other` is what it is compared with."""
+    said = f"{one.up}/{one.of}" if one.of else "–"
+    if math.isfinite(one.error):
+        said += f", {one.error:.{2 if other is None else 3}f}"
+    if other is None or other is one or not (one.up or other.up):
+        return said  # the errors of robots that all fall say nothing
+    shares = apart(one, other)
+    bold = "**" if max(map(abs, shares)) > WITHIN else ""
+    return f"{said} ({bold}{100 * shares[1]:+.0f} %{bold})"
+
+
+def apart(one: Sum, other: Sum) -> tuple[float, float]:
+    """Return by which share of `other` survival and error are greater in `one`."""
+
+    def greater(one: float, other: float) -> float:
+        return 0.0 if one == other else one / other - 1.0 if other else math.inf
+
+    return greater(one.up / one.of, other.up / other.of), greater(one.error, other.error)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line."""
+    given = sys.argv[1:] if arguments is None else arguments
+    work = partial(run, command=["python", "-m", "eval.zero_actions", *given])
+    about = "\n".join(f"{name}: {table.about}." for name, table in TABLES.items())
+    return run_command("eval.zero_actions", ZeroActionConfig, work, given, f"{__doc__}\n{about}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
