@@ -98,11 +98,11 @@ def checked(row: Row, table: Table, file: Path) -> Row:
 def said(table: Table, rows: Sequence[Row], page: Path) -> str:
     """Say of what the short table of a page is, and where the rows are."""
     episodes, seconds, push = (rows[0][name] for name in ("episodes", "seconds", "push"))
-    error = " and their mean velocity error in m/s" if table.error else ""
+    error = ", and their mean velocity error in m/s" if table.error else ""
     return (
-        f"{episodes} robots each, {seconds} s, pushes of {push} N: who stayed up{error}. "
-        "Every row, with all its numbers and the 95 % interval of the share that stayed up: "
-        f"[{page.stem}.csv](data/{page.stem}.csv). By"
+        f"{episodes} robots each, {seconds} s, pushes of {push} N. Cells: how many of them stayed "
+        f"up{error}. [{page.stem}.csv](data/{page.stem}.csv) has every row, with all numbers and "
+        "the 95 % interval of the share that stayed up. By"
     )
 
 
@@ -161,7 +161,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line."""
     given = sys.argv[1:] if arguments is None else arguments
     work = partial(run, command=["python", "-m", "eval.zero_actions", *given])
-    about = "\n".join(f"{name}: {table.about}." for name, table in TABLES.items())
+    about = "\n\n".join(f"{name}: {table.about}." for name, table in TABLES.items())
     return run_command("eval.zero_actions", ZeroActionConfig, work, given, f"{__doc__}\n{about}")
 
 

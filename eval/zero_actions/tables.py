@@ -148,9 +148,11 @@ TABLES = {
 class ZeroActionConfig:
     """What is measured, and where it is written."""
 
-    table: Annotated[str, Choice(TABLES), tyro.conf.Positional]
+    table: Annotated[
+        str, Choice(TABLES), tyro.conf.Positional, tyro.conf.arg(metavar="|".join(TABLES))
+    ]
     """Which table, see above."""
-    robots: tuple[str, ...] | None = None
+    robots: Annotated[tuple[str, ...] | None, tyro.conf.arg(metavar="ROBOT [ROBOT ...]")] = None
     """Built-in robots or your own, as `--robot` of other commands takes them; of `zoo`, seeds to
     draw robots from; of `noise`, environment ids. Default: those of the table."""
     feet: tuple[str, ...] = ()
