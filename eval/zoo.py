@@ -31,37 +31,21 @@ _AXES = {"roll": "1 0 0", "pitch": "0 1 0", "knee": "0 1 0", "yaw": "0 0 1"}
 
 @dataclass(frozen=True)
 class Morphology:
-    """What a robot is; lengths in m.
+    """What a robot is; lengths in m."""
 
-    Attributes:
-        seed: what it was drawn from; its name.
-        mass: kg.
-        legs: 2, 4 or 6.
-        joints: of each leg, 3 to 7.
-        foot: one of FEET, or of SOLES.
-        actuators: one of ACTUATORS: torque motors, position servos, or none in the file.
-        ground: whether the file has a floor.
-        leg: length of a straight leg, hip to ankle.
-        upper: the upper leg's share of it.
-        bend: rad, by which upper and lower leg lean, one this way and one that, on average.
-        knees: sign of each pair's knees: 1 ahead of the leg, -1 behind it.
-        trunk: (3,) half sizes.
-        trunk_share: of the mass.
-    """
-
-    seed: int
-    mass: float
-    legs: int
-    joints: int
-    foot: str
-    actuators: str
-    ground: bool
-    leg: float
-    upper: float
-    bend: float
-    knees: tuple[int, ...]
-    trunk: tuple[float, float, float]
-    trunk_share: float
+    seed: int  # what it was drawn from; its name
+    mass: float  # kg
+    legs: int  # 2, 4 or 6
+    joints: int  # of each leg, 3 to 7
+    foot: str  # one of FEET, or of SOLES
+    actuators: str  # one of ACTUATORS: torque motors, position servos, or none in the file
+    ground: bool  # whether the file has a floor
+    leg: float  # length of a straight leg, hip to ankle
+    upper: float  # the upper leg's share of it
+    bend: float  # rad, by which upper and lower leg lean, one this way and one that, on average
+    knees: tuple[int, ...]  # sign of each pair's knees: 1 ahead of the leg, -1 behind it
+    trunk: tuple[float, float, float]  # half sizes
+    trunk_share: float  # of the mass
 
     @property
     def foot_names(self) -> tuple[str, ...]:

@@ -31,6 +31,35 @@ class Sum(NamedTuple):
     of: int
     error: float
 
+    @classmethod
+    def over(cls, rows: Sequence[Row], error: str) -> "Sum":
+        """Return the sum of some rows, `error` being the column of their errors."""
+        errors = [float(row[error]) for row in rows if row.get(error)]
+        up, of = (sum(int(row[name]) for row in rows) for name in ("up", "episodes"))
+        return cls(up, of, sum(errors) / len(errors) if errors else math.nan)
+
+    def apart(self, other: "Sum") -> tuple[float, float]:
+        """Return by which share of `other` survival and error are greater here."""
+        pairs = (self.up / self.of, other.up / other.of), (self.error, other.error)
+        up, error = (
+            0.0 if one == first else one / first - 1.0 if first else math.inf
+            for one, first in pairs
+        )
+        return up, error
+
+    def words(self, first: "Sum | None") -> str:
+        """Return the cell of a short table; `first` is what it is compared with."""
+        if not self.of:
+            return "–"
+        said = f"{self.up}/{self.of}"
+        if math.isfinite(self.error):
+            said += f", {self.error:.{3 if first else 2}f}"
+        if first is None or first is self or not (self.up or first.up):
+            return said  # the errors of robots that all fall say nothing
+        shares = self.apart(first)
+        bold = "**" if max(map(abs, shares)) > WITHIN else ""
+        return f"{said} ({bold}{100 * shares[1]:+.0f} %{bold})"
+
 
 def run(config: ZeroActionConfig, command: Sequence[str]) -> None:
     """Measure, print, write; what can be refused is refused before."""
@@ -114,10 +143,10 @@ def short(table: Table, rows: Sequence[Row]) -> Iterator[Sequence[str]]:
         its = [row for row in rows if tuple(row[name] for name in table.rows) == line]
         by_value = [[row for row in its if row[table.across] == value] for value in across]
         if "torque_nm" in table.numbers:
-            yield *line, *(matched(row, its[0]) for (row,) in by_value)
+            yield *line, *(matched(some[0], its[0]) for some in by_value)
         else:
-            sums = [summed(some, table.error) for some in by_value]
-            yield *line, *(words(one, sums[0] if table.compared else None) for one in sums)
+            sums = [Sum.over(some, table.error) for some in by_value]
+            yield *line, *(one.words(sums[0] if table.compared else None) for one in sums)
 
 
 def matched(row: Row, first: Row) -> str:
@@ -126,35 +155,6 @@ def matched(row: Row, first: Row) -> str:
     said = f"{torque:.3g} N m at log_std_init {noise:g}"
     share = float(first["torque_nm"]) / torque if torque else 0.0
     return f"{said}; that of the first at {noise + math.log(share):.2f}" if share else said
-
-
-def summed(rows: Sequence[Row], error: str) -> Sum:
-    """Return the sum of some rows, `error` being the column of their errors."""
-    errors = [float(row[error]) for row in rows if row.get(error)]
-    mean = sum(errors) / len(errors) if errors else math.nan
-    up, of = (sum(int(row[name]) for row in rows) for name in ("up", "episodes"))
-    return Sum(up, of, mean)
-
-
-def words(one: Sum, other: Sum | None = None) -> str:
-    """Return a cell of a short table; `other` is what it is compared with."""
-    said = f"{one.up}/{one.of}" if one.of else "–"
-    if math.isfinite(one.error):
-        said += f", {one.error:.{2 if other is None else 3}f}"
-    if other is None or other is one or not (one.up or other.up):
-        return said  # the errors of robots that all fall say nothing
-    shares = apart(one, other)
-    bold = "**" if max(map(abs, shares)) > WITHIN else ""
-    return f"{said} ({bold}{100 * shares[1]:+.0f} %{bold})"
-
-
-def apart(one: Sum, other: Sum) -> tuple[float, float]:
-    """Return by which share of `other` survival and error are greater in `one`."""
-
-    def greater(one: float, other: float) -> float:
-        return 0.0 if one == other else one / other - 1.0 if other else math.inf
-
-    return greater(one.up / one.of, other.up / other.of), greater(one.error, other.error)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -113,7 +113,7 @@ def noise_torque(env_id: str, layer: str, std: float, robots: int, seed: int) ->
 
     Two groups of the same robots go the same way by the zero action; in the last policy step the
     actions of one group have noise of standard deviation `std`. It has no mean, so the squares of
-    what it adds add up. Robots and noise come from the seed.
+    what it adds add up.
 
     Raises:
         InvalidValueError: the environment reports no torques.

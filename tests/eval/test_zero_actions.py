@@ -9,7 +9,7 @@ import pytest
 from eval.pages import END, START
 from eval.zero_actions import __main__ as command
 from eval.zero_actions import measures
-from eval.zero_actions.__main__ import Sum, apart, main
+from eval.zero_actions.__main__ import Sum, main
 from eval.zero_actions.measures import noise_torque, summarised, walk
 from eval.zero_actions.tables import EXACT, SETTINGS, ZeroActionConfig, cases, environment
 from fbid_gym import robots
@@ -51,10 +51,10 @@ def test_where_nobody_was_up_there_is_no_number() -> None:
 
 
 def test_differences_are_shares_of_the_exact_walk() -> None:
-    assert apart(Sum(9, 10, 0.11), Sum(10, 10, 0.1)) == pytest.approx((-0.1, 0.1))
-    assert apart(Sum(10, 10, 0.1), Sum(10, 10, 0.1)) == (0.0, 0.0)
-    assert apart(Sum(0, 10, 0.2), Sum(0, 10, 0.1)) == pytest.approx((0.0, 1.0))
-    assert apart(Sum(5, 10, 0.1), Sum(0, 10, 0.1))[0] == math.inf
+    assert Sum(9, 10, 0.11).apart(Sum(10, 10, 0.1)) == pytest.approx((-0.1, 0.1))
+    assert Sum(10, 10, 0.1).apart(Sum(10, 10, 0.1)) == (0.0, 0.0)
+    assert Sum(0, 10, 0.2).apart(Sum(0, 10, 0.1)) == pytest.approx((0.0, 1.0))
+    assert Sum(5, 10, 0.1).apart(Sum(0, 10, 0.1))[0] == math.inf
 
 
 def test_each_setting_is_cheaper_by_one_thing_than_the_one_before() -> None:
