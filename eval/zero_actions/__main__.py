@@ -6,19 +6,18 @@ All layers meet the same starts, commands and pushes. Tables:
 import math
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from eval.files import check_output
+from eval.files import check_output, write
 from eval.pages import DOCS, command_block, splice, spliced
 from eval.zero_actions.measures import Row
 from eval.zero_actions.tables import TABLES, Case, Table, ZeroActionConfig, cases
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.options import check_fields
 from train.command import run_command
-from train.runs.tables import TableWriter, check_kept, read_rows, to_csv
+from train.runs.tables import check_kept, read_rows, to_csv
 
 WITHIN = 0.1
 """Share by which survival and error may differ from what they are compared with."""
@@ -85,43 +84,36 @@ def run(config: ZeroActionConfig, command: Sequence[str]) -> None:
 def measured(
     todo: Sequence[Case], table: Table, file: Path | None, overwrite: bool
 ) -> Iterator[Row]:
-    """Measure rows, print each when it is there, and append it to a file unless it has it already.
+    """Measure rows, print each when it is there, and add it to a file unless it has it already."""
+    kept = [] if file is None or overwrite else kept_rows(file, table)
+    print(to_csv(table.columns, []), end="")
+    for case in todo:
+        row = next((row for row in kept if case.cells.items() <= row.items()), None)
+        if row is None:
+            row = dict.fromkeys(table.columns, "") | case.cells | case.measure()
+            kept.append(row)
+            if file is not None:
+                write(file, to_csv(table.columns, kept))
+        print(to_csv(table.columns, [row]).splitlines()[1], flush=True)
+        yield row
 
-    Raises:
-        RunError: the file holds another table, or something else.
-    """
-    kept, size = list[Row](), None
-    if file is not None and file.exists() and not overwrite:
+
+def kept_rows(file: Path, table: Table) -> list[Row]:
+    """Return the rows of a file, none before it is there; RunError where no such table wrote it."""
+    if file.exists():
         check_kept(file, table.columns, 0)
-        kept = [checked(row, table, file) for row in read_rows(file)]
-        # A row that was being written when all ended is cut off.
-        size = file.read_bytes().rfind(b"\n") + 1
-    with ExitStack() as files:
-        writer = None
-        if file is not None:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            writer = files.enter_context(closing(TableWriter(file, table.columns, size)))
-        print(to_csv(table.columns, []), end="")
-        for case in todo:
-            row = next((row for row in kept if case.cells.items() <= row.items()), None)
-            if row is None:
-                row = dict.fromkeys(table.columns, "") | case.cells | case.measure()
-                if writer is not None:
-                    writer.append(row)
-            print(to_csv(table.columns, [row]).splitlines()[1], flush=True)
-            yield row
-
-
-def checked(row: Row, table: Table, file: Path) -> Row:
-    """Return a row of a file; RunError for one that no table has."""
-    try:
-        numbers = {name: float(row[name] or "nan") for name in table.numbers}
-        if 0.0 <= numbers.get("up", 0.0) <= int(row["episodes"]):
-            return row
-    except (TypeError, ValueError):
-        pass
-    expected = f"numbers in {', '.join(table.numbers)}; --overwrite measures anew"
-    raise RunError(f"{file}: has a row {','.join(map(str, row.values()))!r}. Expected {expected}.")
+    rows = read_rows(file)
+    for row in rows:
+        try:
+            [float("nan" if row[name] == "" else row[name]) for name in table.numbers]
+            fits = 0 <= int(row.get("up", "0")) <= int(row["episodes"])
+        except (KeyError, TypeError, ValueError):
+            fits = False
+        if not fits or tuple(row) != table.columns:
+            words = ",".join(map(str, row.values()))
+            expected = f"{','.join(table.columns)}, the latter numbers; or --overwrite"
+            raise RunError(f"{file}: has a row {words!r}. Expected {expected}.")
+    return rows
 
 
 def said(table: Table, rows: Sequence[Row], page: Path) -> str:

@@ -113,7 +113,7 @@ def test_a_file_is_continued(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     head, first, second = whole.splitlines()
     assert len(read_rows(file)) == 2 and "| biped | walk | 2/2, 0." in capsys.readouterr().out
     kept = first.replace("0,0,2,", "0,0,1,")
-    file.write_text(f"{head}\n{kept}\n{second[:-3]}")
+    file.write_text(f"{head}\n{kept}\n")
     assert main([*SHORT, "--csv", str(file)]) == 0
     assert main([*SHORT, "--csv", str(file), "--seed", "5"]) == 0
     assert file.read_text().startswith(f"{head}\n{kept}\n{second}\n")
@@ -121,9 +121,10 @@ def test_a_file_is_continued(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert main([*SHORT, "--csv", str(file), "--overwrite"]) == 0
     assert file.read_text() == whole
     assert main(["zoo", "--csv", str(file)]) == 2 and file.read_text() == whole
-    file.write_text(broken := whole.replace("0,0,2,", "0,0,two,"))
-    assert main([*SHORT, "--csv", str(file)]) == 2 and file.read_text() == broken
-    assert "has a row 'biped,torque,walk,2,0.1,0,0,two" in capsys.readouterr().err
+    for broken in (whole.replace("0,0,2,", "0,0,two,"), whole.replace("0,0,2,", "0,0,"), "notes"):
+        file.write_text(broken)
+        assert main([*SHORT, "--csv", str(file)]) == 2 and file.read_text() == broken
+        assert "rows.csv: has " in capsys.readouterr().err
 
 
 def test_a_page_has_the_command_and_the_short_table(

@@ -97,7 +97,7 @@ class TableWriter:
         """Bytes in the file."""
         return self._file.tell()
 
-    def append(self, row: Mapping[str, float | str]) -> None:
+    def append(self, row: Mapping[str, float]) -> None:
         """Write one row; the keys are the columns."""
         _, line = to_csv(self._columns, [row]).splitlines(keepends=True)
         self._file.write(line.encode())
