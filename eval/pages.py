@@ -1,7 +1,7 @@
 """Pages of `docs/` whose tables a command writes, between two marks."""
 
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from eval.files import write
@@ -10,10 +10,6 @@ from fbid_gym.errors import RunError
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 BENCHMARK_PAGE = DOCS / "benchmark.md"
 PAPERS_PAGE = DOCS / "papers.md"
-TERRAIN_PAGE = DOCS / "terrain.md"
-WALKING_PAGE = DOCS / "walking.md"
-RATES_PAGE = DOCS / "rates.md"
-ZOO_PAGE = DOCS / "zoo.md"
 ROBUSTNESS_PAGE = DOCS / "robustness.md"
 RELIABILITY_PAGE = DOCS / "reliability.md"
 POLICIES_PAGE = DOCS / "policies.md"
@@ -58,19 +54,3 @@ def command_block(words: Sequence[str]) -> str:
             lines.append("   ")
         lines[-1] += f" {word}" if lines[-1] else word
     return "```\n" + " \\\n".join(lines) + "\n```"
-
-
-def tell_rows(rows: Iterable[str], said: str, page: Path | None) -> None:
-    """Print the rows of a table as they come, and write them into a page.
-
-    Args:
-        rows: its lines.
-        said: what it is of, above it.
-        page: None for none. It is written row by row: what is interrupted leaves what it has.
-    """
-    table = f"{said}\n"
-    for row in rows:
-        print(row, flush=True)
-        table += f"\n{row}"
-        if page is not None:
-            splice(page, table)

@@ -20,7 +20,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from eval.files import check_output, to_json, write
-from eval.progress import progress
 from eval.video import Clip, record
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import InvalidValueError
@@ -30,6 +29,7 @@ from fbid_gym.robots import Robot
 from train.command import run_command
 from train.environments import make_env, make_envs, register, step_seconds
 from train.episodes import METRICS, Actor, Episodes, play
+from train.progress import progress
 from train.runs.config import parse_object
 from train.runs.environment import changed_meaning, load_policy
 from train.runs.reading import Run

@@ -5,13 +5,15 @@ those of a training that was never interrupted.
 """
 
 import math
+import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import numpy as np
 from gymnasium.vector import VectorEnv
+from rich.console import Console
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -22,10 +24,10 @@ from fbid_gym.exit_status import exit_status
 from fbid_gym.policy import Policy
 from train import checkpoint, replay
 from train.algorithms import ALGORITHMS
-from train.display import Display
 from train.environments import make_envs
 from train.evaluation import evaluate
 from train.learner import MakeEnv, build, export, seeds
+from train.progress import progress, say
 from train.runs.command_line import parse
 from train.runs.config import TrainConfig
 from train.runs.files import check_folder
@@ -145,7 +147,9 @@ class _Training:
             for name, path in tables.items()
         )
         self.tensorboard = opened(closing(TensorBoardLog(folder.tensorboard, self.steps)))
-        self.display = opened(closing(Display(folder.path.name, config.total_steps, self.steps)))
+        self.console = Console(stderr=sys.stderr.isatty())
+        self.tell = opened(progress(self.console, folder.path.name, every=2.0, start=self.steps))
+        self.tell(self.steps, config.total_steps, "")
 
     @property
     def steps(self) -> int:
@@ -163,13 +167,13 @@ class _Training:
     def until_done(self, stop: Callable[[], bool]) -> None:
         config = self.config
         if self.run.resumes:
-            self.display.note(
+            self.note(
                 f"already trained for {self.steps} steps"
                 if self.done
                 else f"continues at step {self.steps}"
             )
             if self.run.changes and not self.done:
-                self.display.note(f"not to the bit: {', '.join(self.run.changes)}")
+                self.note(f"not to the bit: {', '.join(self.run.changes)}")
         elif config.eval.every:
             self.evaluate()
         while not self.done and not stop():
@@ -181,7 +185,7 @@ class _Training:
         if self.saved_steps != self.steps:
             self.checkpoint()
         if not self.done:
-            self.display.note(
+            self.note(
                 f"stopped at step {self.steps} of {config.total_steps}, saved in "
                 f"{self.folder.path}. The same command continues it."
             )
@@ -214,7 +218,8 @@ class _Training:
         }
         self.progress.append(row)
         self.tensorboard.append("train", row)
-        self.display.update(row)
+        told = f"{_episodes(row)}, {row['fps']:.0f} steps/s"
+        self.tell(self.steps, self.config.total_steps, told)
 
     def evaluate(self) -> None:
         """Evaluate the exported policy, not the learner: what is measured is what is kept."""
@@ -228,7 +233,7 @@ class _Training:
             policy.save(self.folder.best_policy)
         self.evaluations.append(row)
         self.tensorboard.append("eval", row)
-        self.display.note(
+        self.note(
             f"step {self.steps}: evaluation return {row['return_mean']:.1f} "
             f"± {row['return_std']:.1f}, survival {row['survival']:.0%}"
         )
@@ -264,8 +269,11 @@ class _Training:
             replay.forget(self.folder.replay, self.replay_files)
         self.saved_steps = self.steps
 
+    def note(self, text: str) -> None:
+        say(self.console, f"{self.folder.path.name}: {text}")
+
     def announce_stop(self) -> None:
-        self.display.note("stops after this iteration; once more to stop at once")
+        self.note("stops after this iteration; once more to stop at once")
 
     def _finite(self) -> bool:
         return all(bool(p.isfinite().all()) for p in self.learner.policy.parameters())
@@ -285,6 +293,13 @@ class _Training:
     def _crossed(self, every: int) -> bool:
         """Whether the last iteration passed a multiple of `every`."""
         return self.steps // every > (self.steps - self.config.iteration_steps) // every
+
+
+def _episodes(row: Mapping[str, float]) -> str:
+    """Describe the last episodes; where robots do not fall, the first end late."""
+    if math.isnan(row["return_mean"]):
+        return "no episode over yet"
+    return f"return {row['return_mean']:.1f}, length {row['length_mean']:.0f}"
 
 
 def _mean(values: list[float]) -> float:

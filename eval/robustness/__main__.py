@@ -16,7 +16,6 @@ from rich.console import Console
 
 from eval.files import check_output, to_json, write
 from eval.pages import ROBUSTNESS_PAGE, command_block, splice, spliced
-from eval.progress import progress
 from eval.robustness.arms import Arm, Wanted, load_arms, zero_action
 from eval.robustness.curves import Budget, Robustness, measure
 from eval.robustness.factors import FACTORS
@@ -29,6 +28,7 @@ from fbid_gym.checks import check_choices, check_positive, count, whole_number
 from fbid_gym.errors import InvalidValueError
 from train.command import run_command
 from train.environments import register
+from train.progress import progress
 from train.runs.reading import LAYER_ARGS
 from train.runs.robots import chosen
 from train.runs.versions import versions

@@ -11,7 +11,6 @@ import gymnasium as gym
 import numpy as np
 
 from eval import statistics as st
-from eval.progress import Tell
 from eval.results import Estimate
 from eval.robustness.arms import Arm, environment
 from eval.robustness.factors import FACTORS, Factor, changed
@@ -21,6 +20,7 @@ from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from fbid_gym.reading import read_object
 from train.episodes import METRICS, Episodes
+from train.progress import Tell
 
 CONFIDENCE, SAMPLES = 0.95, 2000
 """Of the intervals: percentiles of a stratified bootstrap of that many samples."""

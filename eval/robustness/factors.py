@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from eval.rates import EXACT
 from eval.wording import number, percent
+from eval.zero_actions.tables import EXACT
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.robots.terrain import hardest
 
 PAPERS_PHYSICS: dict[str, Any] = EXACT | {"solver_warm_start": True}
-"""Rates, cones and contact solver of the papers' experiments; see also `eval.rates`."""
+"""Rates, cones and contact solver of the papers' experiments; see also `eval.zero_actions`."""
 
 Changes = dict[str, Any]
 

@@ -19,7 +19,6 @@ from rich.console import Console
 from eval.clips import Shown, fate
 from eval.files import check_output, to_json, write
 from eval.pages import DOCS, splice, spliced
-from eval.progress import Tell, progress
 from eval.robustness.arms import Arm as Tried
 from eval.robustness.arms import arm_of_cells
 from eval.robustness.curves import Budget, Robustness, measure, read
@@ -35,6 +34,7 @@ from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError, InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
 from train.command import run_command
+from train.progress import Tell, progress
 from train.runs.reading import load
 from train.runs.study import Study, arms, check_cells, environment_name, read_study
 from train.runs.training import is_finished

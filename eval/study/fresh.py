@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from eval.files import check_folder, write
-from eval.progress import Tell
 from eval.rollout import Player
 from eval.study.cells import policy_digest
 from eval.unseen import check_unseen
 from fbid_gym.errors import RunError
 from train.environments import make_envs
 from train.evaluation import evaluate
+from train.progress import Tell
 from train.runs.reading import load
 from train.runs.study import Cell, Study
 from train.runs.tables import EVALUATIONS, read_rows, to_csv

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from eval.zoo import morphology as zoo
+from eval import zoo
 from fbid_gym.actions.joint_gains import sampled_growth
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError

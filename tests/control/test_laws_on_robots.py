@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from eval import zoo
 from eval.papers.mistry2010.force_feedback import (
     contact_force_of_torque,
     estimated_force_inverse_dynamics,
     force_feedback_inverse_dynamics,
     inertia_weighted_inverse_dynamics,
 )
-from eval.zoo import morphology as zoo
 from fbid_gym import robots
 from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics

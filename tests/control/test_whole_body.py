@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from eval.zoo import morphology as zoo
-from eval.zoo.__main__ import built
+from eval import zoo
 from fbid_gym import robots
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import default_gains
@@ -426,7 +425,7 @@ def test_torques_go_through_straight_knees(robot):
 
 def test_contacts_that_are_given_up_are_reported(rng):
     """Of a robot on soles with five joints a leg, which hold each other in a sixth direction."""
-    robot = built(zoo.draw(2))
+    robot = zoo.built(zoo.draw(2))
     law, count = law_of(robot, friction=10.0), 20
     qpos = np.tile(robot.home_qpos, (count, 1))
     qpos[:, 7:] += 0.05 * rng.normal(size=(count, robot.num_joints))

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from eval.zoo import morphology as zoo
-from eval.zoo.__main__ import built
+from eval import zoo
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch, Step
 
@@ -21,7 +20,12 @@ LIGHT_FEET = (1, 16, 22, 25, 26, 29, 30, 35)
 def stand(seed: int, layer: str, **options: str) -> tuple[EnvBatch, Step]:
     """Let four robots of the zoo stand for five seconds."""
     acting = {"action_layer": layer, "layer_options": options}
-    config = {"robot": built(zoo.draw(seed)), "task": "balance", "push_force": (0.0, 0.0), **acting}
+    config = {
+        "robot": zoo.built(zoo.draw(seed)),
+        "task": "balance",
+        "push_force": (0.0, 0.0),
+        **acting,
+    }
     batch = EnvBatch(EnvConfig.of(config), 4)
     for env in range(4):
         batch.seed(env, np.random.default_rng(env))

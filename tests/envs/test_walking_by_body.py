@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from eval.zoo import morphology as zoo
-from eval.zoo.__main__ import built
+from eval import zoo
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
@@ -98,7 +97,7 @@ def test_a_robot_has_fallen_where_it_is_much_lower_than_asked(share):
 @pytest.mark.parametrize("seed", SPARE_JOINTS)
 @pytest.mark.parametrize("layer", LAYERS)
 def test_legs_with_joints_to_spare_walk_and_keep_their_posture(seed, layer):
-    batch, zero = walking("go1", layer, 8, robot=built(zoo.draw(seed)))
+    batch, zero = walking("go1", layer, 8, robot=zoo.built(zoo.draw(seed)))
     home = batch.robot.home_qpos[7:]
     for _ in range(5 * batch.rates.policy):
         step = batch.step(zero)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from eval.zoo import morphology as zoo
-from eval.zoo.__main__ import built
+from eval import zoo
 from fbid_gym.dynamics import PinocchioDynamics
 from fbid_gym.dynamics.frames import rotation_vector
 from fbid_gym.dynamics.stance import Stance
@@ -24,7 +23,7 @@ def walk() -> Crawl:
 def any_walk(request: pytest.FixtureRequest) -> Crawl:
     if request.param in ROBOTS:
         return crawl(load(request.param))
-    return crawl(built(zoo.draw(request.param)))  # three and five joints a leg
+    return crawl(zoo.built(zoo.draw(request.param)))  # three and five joints a leg
 
 
 def feet_of(motion: MotionTable, rows: np.ndarray) -> np.ndarray:

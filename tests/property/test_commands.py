@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from eval import compare, rollout
 from eval.tools import ship
+from eval.zero_actions.__main__ import main as zero_actions
 
 NUMBERS = ("-1", "nan", "-inf", "", "one", "1e999", "0x10", "\0")
 NAMES = ("", "horse", "../..", "\n", "é", "fbid_gym/Nothing-v0", "os:system", "%s", "\0")
@@ -22,6 +23,7 @@ COMMANDS: dict[Command, tuple[list[str], tuple[str, ...], tuple[str, ...]]] = {
         ("--episodes",),
         ("--env", "--action-layer"),
     ),
+    zero_actions: (["terrain"], ("--episodes", "--push"), ("--robots", "--only")),
     compare.main: (["runs/that/do/not/exist"], ("--episodes", "--samples"), ()),
     ship.main: (["runs/none", "--as", "QuadrupedWalk-v0/x"], ("--episodes", "--seed"), ("--as",)),
 }

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from eval.zoo import morphology as zoo
+from eval import zoo
 from fbid_gym.errors import FbidError, InvalidValueError, RobotError, UnknownOptionError
 from fbid_gym.robots import ROBOTS, Robot, load
 from tests.robots.test_copies import same

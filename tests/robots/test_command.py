@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from eval.zoo import morphology as zoo
+from eval import zoo
 from fbid_gym.robots import load
 from fbid_gym.robots.__main__ import main
 from fbid_gym.robots.portrait import portrait, write_png

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from eval.zoo import morphology as zoo
+from eval import zoo
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.errors import RobotError

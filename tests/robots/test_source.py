@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from eval.zoo import morphology as zoo
+from eval import zoo
 from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.robots import Robot
 from tests.robots.test_source_urdf import urdf

@@ -12,8 +12,8 @@ import pytest
 
 import eval.rollout
 import train.ppo
+from eval import zoo
 from eval.compare import main as compare
-from eval.zoo import morphology as zoo
 from fbid_gym import make_sb3
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.policy import Policy

@@ -2,6 +2,7 @@ import importlib.util
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -24,14 +25,6 @@ def test_every_environment_has_a_recipe():
     assert sorted(named) == sorted(ENVIRONMENTS)
 
 
-def test_the_environment_chooses_and_the_command_line_overrides():
-    config = parse(["--env", WALK, "--ppo.gamma", "0.9", "--num-envs=64"])
-    usual = config_for(WALK, TrainConfig.action_layer)
-    assert (config.ppo.gamma, config.num_envs) == (0.9, 64)
-    assert config.ppo.hidden == usual.ppo.hidden != PPOConfig().hidden
-    assert config.total_steps == usual.total_steps != TrainConfig.total_steps
-
-
 def test_the_environment_chooses_and_others_are_trained_by_the_defaults():
     for env in ("mine/Own-v0", *ENVIRONMENTS):
         expected = config_for(env, TrainConfig.action_layer)
@@ -39,6 +32,11 @@ def test_the_environment_chooses_and_others_are_trained_by_the_defaults():
         assert (expected == TrainConfig(env=env)) == (env not in ENVIRONMENTS)
         assert parse(["--env", env, "--recipe", "none"]) == TrainConfig(env=env)
     assert parse([]) == config_for(TrainConfig.env, TrainConfig.action_layer)
+
+
+def test_the_command_line_goes_before_the_recipe():
+    config, usual = parse(["--env", WALK, "--ppo.gamma", "0.9"]), parse(["--env", WALK])
+    assert config == replace(usual, ppo=replace(usual.ppo, gamma=0.9))
 
 
 def test_a_recipe_may_be_asked_for_by_name():
@@ -80,21 +78,11 @@ def test_an_exception_may_be_for_some_of_the_environments(tmp_path):
     assert (robots(WALK, "sac"), robots("mine/One-v0", "sac")) == (10, 9)
 
 
-def test_parsing_does_not_change_the_recipe():
-    assert config_for(WALK, "torque") == config_for(WALK, "torque")
-    before = repr(recipes()["walk"])
-    config_for(WALK, "torque")
-    assert repr(recipes()["walk"]) == before
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            "colour = 'blue'",
-            "Unknown setting of recipe 'mine' 'colour'. Valid choices: total",
-        ),
-        ("[ppo]\nlr = 1.0", "Unknown setting of recipe 'mine' 'lr'. Valid choices: n_steps"),
+        ("colour = 'blue'", "Unknown setting of recipe 'mine' 'colour'. Valid choices: total"),
+        ("[ppo]\nlr = 1.0", "Unknown setting of recipe 'mine' 'lr'. Valid choices: learning_rate"),
         ("ppo = 3", "recipe 'mine': ppo is 3. Expected a table."),
         ("seed = 3", "Unknown setting of recipe 'mine' 'seed'"),
         ("[[exceptions]]\nnum_envs = 3", "an exception for layers None. Expected a list"),
@@ -107,7 +95,6 @@ def test_parsing_does_not_change_the_recipe():
             "a table of layer_options where it takes such",
         ),
         ("[[exceptions]]\nenvs = 3", "envs is 3. Expected a list of environment ids."),
-        ("[[exceptions]]\nnum_envs = 3", "an exception for layers None. Expected a list"),
         ("[[exceptions]]\nalgorithm = 'dqn'", "Unknown algorithm of recipe 'mine' 'dqn'"),
         ("[[exceptions]]\nalgorithm = 'sac'\nlayers = 3", "an exception for layers 3. Expected"),
     ],
@@ -121,11 +108,8 @@ def test_a_file_that_is_no_recipe_is_one_clear_error(tmp_path, text, message):
     ("settings", "message"),
     [
         ("num_envs = 0", "Invalid num_envs: 0"),
-        ("[ppo]\nlearning_rate = 'fast'", "Invalid ppo.learning_rate: 'fast'"),
         ("[ppo]\nhidden = ['wide']", "Invalid ppo.hidden: 'wide'. Expected a whole number"),
-        ("[ppo]\nhidden = 64", "Invalid ppo.hidden: 64. Expected none or more"),
         ("[ppo]\nactivation = 'gelu'", "Unknown ppo.activation 'gelu'. Valid choices: tanh"),
-        ("[ppo]\nlearning_rate_end = 2.0", "Invalid ppo.learning_rate_end: 2.0"),
     ],
 )
 def test_values_of_a_recipe_are_checked(tmp_path, settings, message):

@@ -34,17 +34,9 @@ def _build(config: TrainConfig, env: VecNormalize) -> PPO:
     learner = PPO(
         "MlpPolicy",
         env,
-        n_steps=own.n_steps,
+        **config.as_they_are,
         batch_size=config.batch_size,
-        n_epochs=own.n_epochs,
         learning_rate=learning_rate(own),
-        gamma=own.gamma,
-        gae_lambda=own.gae_lambda,
-        clip_range=own.clip_range,
-        ent_coef=own.ent_coef,
-        vf_coef=own.vf_coef,
-        max_grad_norm=own.max_grad_norm,
-        target_kl=own.target_kl,
         device="cpu",
         policy_kwargs={
             "net_arch": list(own.hidden),

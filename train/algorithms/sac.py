@@ -37,11 +37,8 @@ def _build(config: TrainConfig, env: VecNormalize) -> SAC:
     learner = SAC(
         "MlpPolicy",
         env,
-        buffer_size=own.buffer_size,
-        batch_size=own.batch_size,
+        **config.as_they_are,
         learning_rate=learning_rate(own),
-        gamma=own.gamma,
-        tau=own.tau,
         ent_coef=f"auto_{own.ent_coef}",
         target_entropy=own.target_entropy * actions,
         device="cpu",

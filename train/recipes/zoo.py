@@ -42,27 +42,17 @@ def entry(config: TrainConfig) -> str:
         "n_envs": config.num_envs,
         "n_timesteps": config.total_steps,
         "policy": "MlpPolicy",
-        **(_ppo(own, config) if isinstance(own, PPOConfig) else _sac(own)),
+        **{name: "null" if value is None else value for name, value in config.as_they_are.items()},
+        "batch_size": config.batch_size,
+        **(_ppo(own) if isinstance(own, PPOConfig) else _sac(own)),
         "learning_rate": rate,
-        "gamma": own.gamma,
         "env_kwargs": f"{{action_layer: {config.action_layer}}}",
     }
     return f"{config.env}:\n" + "".join(f"  {name}: {value}\n" for name, value in values.items())
 
 
-def _ppo(own: PPOConfig, config: TrainConfig) -> dict[str, Any]:
-    return {
-        "n_steps": own.n_steps,
-        "batch_size": config.batch_size,
-        "n_epochs": own.n_epochs,
-        "gae_lambda": own.gae_lambda,
-        "clip_range": own.clip_range,
-        "ent_coef": own.ent_coef,
-        "vf_coef": own.vf_coef,
-        "max_grad_norm": own.max_grad_norm,
-        "target_kl": "null" if own.target_kl is None else own.target_kl,
-        "policy_kwargs": f'"dict(log_std_init={own.log_std_init}, {_network(own)})"',
-    }
+def _ppo(own: PPOConfig) -> dict[str, Any]:
+    return {"policy_kwargs": f'"dict(log_std_init={own.log_std_init}, {_network(own)})"'}
 
 
 def _sac(own: SACConfig) -> dict[str, Any]:
@@ -71,10 +61,7 @@ def _sac(own: SACConfig) -> dict[str, Any]:
     return {
         "train_freq": 1,
         "gradient_steps": own.gradient_steps,
-        "batch_size": own.batch_size,
-        "buffer_size": own.buffer_size,
         "learning_starts": own.learning_starts,
-        "tau": own.tau,
         "ent_coef": f"auto_{own.ent_coef}",
         "policy_kwargs": f'"dict({_network(own)})"',
     }

@@ -55,7 +55,38 @@ Activation = Annotated[Literal["tanh", "relu", "elu"], Choice(("tanh", "relu", "
 
 
 @dataclass(frozen=True)
-class PPOConfig:
+class LearnerConfig:
+    """Hyperparameters of every algorithm."""
+
+    learning_rate: Share = 3e-4
+    """Of Adam, for all that is learnt, at the first step."""
+    learning_rate_end: Share | None = None
+    """Of Adam, at the last of `total_steps`; it changes evenly. None: constant. With it a run whose
+    `total_steps` are raised goes on with the rate of the longer run."""
+    gamma: Share = 0.99
+    """Discount per policy step."""
+    log_std_init: Annotated[float, Number(-10.0, 2.0)] = -2.0
+    """Logarithm of the initial standard deviation of the actions, whose range is [-1, 1]. Robots
+    that stand without a policy are shaken down by more noise than this before they learn."""
+    hidden: Widths = (64, 64)
+    """Widths of the hidden layers, of the policy and of the value networks."""
+    activation: Activation = "tanh"
+    """After each hidden layer."""
+    clip_observation: Annotated[float, Number(1e-3, 1e6)] = 10.0
+    """Observations are scaled to unit variance, then clipped to this."""
+    expected_reward: Share = 0.0
+    """Reward of a policy step that the value networks take for granted before they have learnt
+    anything: they begin with what that sums up to. Rewards lie in [0, 1]; robots that do well from
+    the start have returns that are large and hardly differ, and a network that begins at zero
+    takes long to come near them."""
+    normalise_reward: bool = False
+    """Divide rewards by the running standard deviation of their discounted sum. Rewards lie in
+    [0, 1] whatever the layer, so there is no scale to take out, and the running one would differ
+    from run to run."""
+
+
+@dataclass(frozen=True)
+class PPOConfig(LearnerConfig):
     """Hyperparameters of PPO, the same for every action layer."""
 
     n_steps: Count = 64
@@ -64,13 +95,6 @@ class PPOConfig:
     """Samples per gradient step, at most num_envs * n_steps and a divisor of that."""
     n_epochs: Annotated[int, Whole(1, 10_000)] = 5
     """Passes over the samples of an iteration."""
-    learning_rate: Share = 3e-4
-    """Of Adam, at the first step."""
-    learning_rate_end: Share | None = None
-    """Of Adam, at the last of `total_steps`; it changes evenly. None: constant. With it a run whose
-    `total_steps` are raised goes on with the rate of the longer run."""
-    gamma: Share = 0.99
-    """Discount per policy step."""
     gae_lambda: Share = 0.95
     """Of generalised advantage estimation."""
     clip_range: Annotated[float, Number(1e-6, 1.0)] = 0.2
@@ -84,24 +108,6 @@ class PPOConfig:
     target_kl: Annotated[float, Number(1e-12, 1e6)] | None = 0.02
     """Stop the passes of an iteration once the policy moved 1.5 times this far. None: never. With
     it the length of a step does not depend on how a layer scales its actions."""
-    log_std_init: Annotated[float, Number(-10.0, 2.0)] = -2.0
-    """Logarithm of the initial standard deviation of the actions, whose range is [-1, 1]. Robots
-    that stand without a policy are shaken down by more noise than this before they learn."""
-    hidden: Widths = (64, 64)
-    """Widths of the hidden layers, of the policy and of the value network."""
-    activation: Activation = "tanh"
-    """After each hidden layer."""
-    clip_observation: Annotated[float, Number(1e-3, 1e6)] = 10.0
-    """Observations are scaled to unit variance, then clipped to this."""
-    expected_reward: Share = 0.0
-    """Reward of a policy step that the value network takes for granted before it has learnt
-    anything: it begins with what that sums up to. Rewards lie in [0, 1]; robots that do well from
-    the start have returns that are large and hardly differ, and a network that begins at zero
-    takes long to come near them."""
-    normalise_reward: bool = False
-    """Divide rewards by the running standard deviation of their discounted sum. Rewards lie in
-    [0, 1] whatever the layer, so there is no scale to take out, and the running one would differ
-    from run to run."""
 
     def __post_init__(self) -> None:
         """Check every value by itself; `TrainConfig` checks them together."""
@@ -109,7 +115,7 @@ class PPOConfig:
 
 
 @dataclass(frozen=True)
-class SACConfig:
+class SACConfig(LearnerConfig):
     """Hyperparameters of SAC, the same for every action layer. Rewards and noise are as in PPO."""
 
     n_steps: Count = 16
@@ -128,12 +134,6 @@ class SACConfig:
     policy_starts: Steps = 10_000
     """Environment steps, over all robots, before the policy learns. Where it begins well, with the
     zero action, value networks that know little yet would lead it away at once."""
-    learning_rate: Share = 3e-4
-    """Of Adam, for the policy, the value networks and the temperature, at the first step."""
-    learning_rate_end: Share | None = None
-    """As for PPO."""
-    gamma: Share = 0.99
-    """Discount per policy step."""
     tau: Annotated[float, Number(1e-6, 1.0)] = 0.005
     """Share of the value networks that their slow copies take over in each gradient step."""
     ent_coef: Annotated[float, Number(1e-9, 1e3)] = 0.001
@@ -143,18 +143,10 @@ class SACConfig:
     before the value networks knew what it costs."""
     target_entropy: Annotated[float, Number(-10.0, 0.69)] = -1.0
     """Nats per action. -1: a standard deviation of about 0.09."""
-    log_std_init: Annotated[float, Number(-10.0, 2.0)] = -2.0
-    """Logarithm of the initial standard deviation of the actions, before they are squashed."""
     hidden: Widths = (128, 128)
     """Widths of the hidden layers, of the policy and of the value networks."""
     activation: Activation = "relu"
     """After each hidden layer."""
-    clip_observation: Annotated[float, Number(1e-3, 1e6)] = 10.0
-    """Observations are scaled to unit variance, then clipped to this."""
-    expected_reward: Share = 0.0
-    """As for PPO: the value networks begin with what that sums up to, for every action."""
-    normalise_reward: bool = False
-    """As for PPO, by what is known when a transition is drawn from the buffer."""
 
     def __post_init__(self) -> None:
         """Check every value by itself; `TrainConfig` checks them together."""
@@ -164,6 +156,12 @@ class SACConfig:
 Hyperparameters = PPOConfig | SACConfig
 ALGORITHMS: dict[str, type[PPOConfig] | type[SACConfig]] = {"ppo": PPOConfig, "sac": SACConfig}
 """What learns -> its hyperparameters: the field of `TrainConfig` of the same name."""
+SAME_NAMES = {
+    "ppo": ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "vf_coef",
+            "max_grad_norm", "target_kl"),
+    "sac": ("batch_size", "buffer_size", "gamma", "tau"),
+}  # fmt: skip
+"""What learns -> hyperparameters that stable-baselines3 calls so as well, and takes as they are."""
 
 
 @dataclass(frozen=True)
@@ -289,6 +287,11 @@ class TrainConfig:
         """Those of the algorithm."""
         found: Hyperparameters = getattr(self, self.algorithm)
         return found
+
+    @property
+    def as_they_are(self) -> dict[str, Any]:
+        """Those that stable-baselines3 takes as they are."""
+        return {name: getattr(self.hyperparameters, name) for name in SAME_NAMES[self.algorithm]}
 
     @property
     def folder(self) -> Path:

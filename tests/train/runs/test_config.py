@@ -1,15 +1,21 @@
 import dataclasses
+import inspect
 import json
 from pathlib import Path
 
 import pytest
 
-import train.runs.config
 from fbid_gym.actions.ranges import Falling
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from train.recipes import config_for
 from train.runs.command_line import parse
-from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
+from train.runs.config import (
+    EvaluationConfig,
+    LearnerConfig,
+    PPOConfig,
+    SACConfig,
+    TrainConfig,
+)
 
 
 def test_command_line_of_the_readme():
@@ -54,12 +60,11 @@ def test_command_line_refuses_what_is_not_a_json_object(text, capsys):
 
 def test_every_option_is_explained():
     """The docstring under each field is its help; without one tyro shows nothing."""
-    for kind in (TrainConfig, PPOConfig, SACConfig, EvaluationConfig):
-        source = Path(train.runs.config.__file__).read_text()
-        body = source.split(f"class {kind.__name__}:")[1].split("\n    def ")[0]
-        for field in dataclasses.fields(kind):
-            assert f"\n    {field.name}: " in body
-            assert '    """' in body.split(f"\n    {field.name}: ")[1].split("\n", 2)[1]
+    for kind in (TrainConfig, LearnerConfig, PPOConfig, SACConfig, EvaluationConfig):
+        lines = inspect.getsource(kind).splitlines()
+        for name in kind.__annotations__:
+            (at,) = (i for i, line in enumerate(lines) if line.startswith(f"    {name}: "))
+            assert lines[at + 1].startswith('    """')
 
 
 @pytest.mark.parametrize(

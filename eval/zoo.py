@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fbid_gym.robots import Robot
+
 JOINTS = {
     3: "hip_roll hip_pitch knee",
     4: "hip_roll hip_pitch knee ankle_pitch",
@@ -29,37 +31,21 @@ _AXES = {"roll": "1 0 0", "pitch": "0 1 0", "knee": "0 1 0", "yaw": "0 0 1"}
 
 @dataclass(frozen=True)
 class Morphology:
-    """What a robot is; lengths in m.
+    """What a robot is; lengths in m."""
 
-    Attributes:
-        seed: what it was drawn from; its name.
-        mass: kg.
-        legs: 2, 4 or 6.
-        joints: of each leg, 3 to 7.
-        foot: one of FEET, or of SOLES.
-        actuators: one of ACTUATORS: torque motors, position servos, or none in the file.
-        ground: whether the file has a floor.
-        leg: length of a straight leg, hip to ankle.
-        upper: the upper leg's share of it.
-        bend: rad, by which upper and lower leg lean, one this way and one that, on average.
-        knees: sign of each pair's knees: 1 ahead of the leg, -1 behind it.
-        trunk: (3,) half sizes.
-        trunk_share: of the mass.
-    """
-
-    seed: int
-    mass: float
-    legs: int
-    joints: int
-    foot: str
-    actuators: str
-    ground: bool
-    leg: float
-    upper: float
-    bend: float
-    knees: tuple[int, ...]
-    trunk: tuple[float, float, float]
-    trunk_share: float
+    seed: int  # what it was drawn from; its name
+    mass: float  # kg
+    legs: int  # 2, 4 or 6
+    joints: int  # of each leg, 3 to 7
+    foot: str  # one of FEET, or of SOLES
+    actuators: str  # one of ACTUATORS: torque motors, position servos, or none in the file
+    ground: bool  # whether the file has a floor
+    leg: float  # length of a straight leg, hip to ankle
+    upper: float  # the upper leg's share of it
+    bend: float  # rad, by which upper and lower leg lean, one this way and one that, on average
+    knees: tuple[int, ...]  # sign of each pair's knees: 1 ahead of the leg, -1 behind it
+    trunk: tuple[float, float, float]  # half sizes
+    trunk_share: float  # of the mass
 
     @property
     def foot_names(self) -> tuple[str, ...]:
@@ -93,19 +79,32 @@ def draw(seed: int) -> Morphology:
     )
 
 
+def built(animal: Morphology) -> Robot:
+    """Load a drawn robot as a user would."""
+    limit = torque_limit(animal) if animal.actuators == "none" else None
+    return Robot.from_mjcf(mjcf(animal), animal.foot_names, torque_limit=limit)
+
+
 def mjcf(robot: Morphology) -> str:
     """Write a robot's MJCF."""
-    leg_mass = robot.mass * (1.0 - robot.trunk_share) / robot.legs
-    trunk = _numbers(robot.trunk)
-    legs = [_leg(robot, number, leg_mass) for number in range(robot.legs)]
+    limit, legs = torque_limit(robot), range(robot.legs)
     floor = '<geom name="floor" type="plane" size="0 0 1" contype="1"/>' if robot.ground else ""
-    height = -_ankle(robot, 0)[2] + _sole(robot)
-    actuators = "".join(_actuator(robot, name) for name in _joint_names(robot))
+    height = -sum(part[2] for part in _leg_of(robot, 0)) + _sole(robot)
+    armature = 0.004 * robot.mass * robot.leg**2 / robot.legs
+    # 1 % of the torque limit at the rate that the leg swings like a pendulum.
+    damping = 0.01 * limit * np.sqrt(robot.leg / 9.81)
+    actuator = {
+        "motor": f'<motor joint="{{}}" ctrlrange="{-limit:.9g} {limit:.9g}"/>',
+        "servo": f'<position joint="{{}}" kp="{4 * limit:.9g}" '
+        f'forcerange="{-limit:.9g} {limit:.9g}" ctrlrange="-1.2 1.2"/>',
+        "none": "",
+    }[robot.actuators]
+    joints = [f"leg{leg}_{name}" for leg in legs for name in JOINTS[robot.joints].split()]
     return f"""
     <mujoco model="zoo{robot.seed}">
       <compiler angle="radian" autolimits="true"/>
       <default>
-        <joint armature="{_armature(robot):.9g}" damping="{_damping(robot):.9g}"/>
+        <joint armature="{armature:.9g}" damping="{damping:.9g}"/>
         <geom contype="0" conaffinity="1"/>
       </default>
       {_sole_mesh(robot)}
@@ -113,11 +112,12 @@ def mjcf(robot: Morphology) -> str:
         {floor}
         <body name="trunk" pos="0 0 {height:.17g}">
           <freejoint/>
-          <geom type="box" size="{trunk}" mass="{robot.mass * robot.trunk_share:.17g}"/>
-          {"".join(legs)}
+          <geom type="box" size="{_numbers(robot.trunk)}"
+            mass="{robot.mass * robot.trunk_share:.17g}"/>
+          {"".join(_leg(robot, leg) for leg in legs)}
         </body>
       </worldbody>
-      <actuator>{actuators}</actuator>
+      <actuator>{"".join(actuator.format(joint) for joint in joints)}</actuator>
     </mujoco>"""
 
 
@@ -131,64 +131,34 @@ def torque_limit(robot: Morphology) -> float:
     return 2.0 * robot.mass * 9.81 * robot.leg / robot.legs
 
 
-def _armature(robot: Morphology) -> float:
-    return 0.004 * robot.mass * robot.leg**2 / robot.legs
-
-
-def _damping(robot: Morphology) -> float:
-    """1 % of the torque limit at the rate that the leg swings like a pendulum."""
-    return 0.01 * torque_limit(robot) * np.sqrt(robot.leg / 9.81)
-
-
-def _hip(robot: Morphology, number: int) -> np.ndarray:
-    """(3,) m, in the trunk."""
-    pairs = robot.legs // 2
-    along = 1.0 - 2.0 * (number // 2) / (pairs - 1) if pairs > 1 else 0.0
-    side = 1.0 if number % 2 == 0 else -1.0
-    return np.array([0.9 * robot.trunk[0] * along, side * robot.trunk[1], -robot.trunk[2]])
-
-
-def _knee(robot: Morphology, number: int) -> np.ndarray:
-    """(3,) m, from the hip."""
-    lean = robot.knees[number // 2] * robot.bend
-    return robot.upper * robot.leg * np.array([np.sin(lean), 0.0, -np.cos(lean)])
-
-
-def _shank(robot: Morphology, number: int) -> np.ndarray:
-    """(3,) m, from the knee to the ankle, which lies below the hip."""
-    ahead, lower = _knee(robot, number)[0], (1.0 - robot.upper) * robot.leg
-    return np.array([-ahead, 0.0, -np.sqrt(lower**2 - ahead**2)])
-
-
-def _ankle(robot: Morphology, number: int) -> np.ndarray:
-    """(3,) m, in the trunk."""
-    return _hip(robot, number) + _knee(robot, number) + _shank(robot, number)
-
-
 def _sole(robot: Morphology) -> float:
     """m, from the ankle down to the ground."""
     return 0.1 * robot.leg
 
 
-def _joint_names(robot: Morphology) -> list[str]:
-    return [
-        f"leg{number}_{joint}"
-        for number in range(robot.legs)
-        for joint in JOINTS[robot.joints].split()
-    ]
+def _leg_of(robot: Morphology, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(3,) m each: trunk to hip, hip to knee, knee to the ankle, which lies below the hip."""
+    pairs = robot.legs // 2
+    along = 1.0 - 2.0 * (number // 2) / (pairs - 1) if pairs > 1 else 0.0
+    side = 1.0 if number % 2 == 0 else -1.0
+    hip = np.array([0.9 * robot.trunk[0] * along, side * robot.trunk[1], -robot.trunk[2]])
+    lean, lower = robot.knees[number // 2] * robot.bend, (1.0 - robot.upper) * robot.leg
+    knee = robot.upper * robot.leg * np.array([np.sin(lean), 0.0, -np.cos(lean)])
+    return hip, knee, np.array([-knee[0], 0.0, -np.sqrt(lower**2 - knee[0] ** 2)])
 
 
-def _leg(robot: Morphology, number: int, mass: float) -> str:
+def _leg(robot: Morphology, number: int) -> str:
     """A leg's bodies: hip, upper leg, shank and foot, each with the joints at its upper end."""
-    joints: dict[str, str] = {"hip": "", "knee": "", "ankle": ""}
+    joints = {"hip": "", "knee": "", "ankle": ""}
     for name in JOINTS[robot.joints].split():
         # A yawing shank turns what is below it, at its lower end.
         place = "ankle" if name == "shank_yaw" else name.split("_")[0]
         axis = _AXES[name.split("_")[-1]]
         joints[place] += f'<joint name="leg{number}_{name}" axis="{axis}" range="-1.2 1.2"/>'
-    knee, shank, thick = _knee(robot, number), _shank(robot, number), 0.04 * robot.leg
+    hip, knee, shank = _leg_of(robot, number)
+    thick, mass = 0.04 * robot.leg, robot.mass * (1.0 - robot.trunk_share) / robot.legs
     return f"""
-      <body name="leg{number}_upper" pos="{_numbers(_hip(robot, number))}">
+      <body name="leg{number}_upper" pos="{_numbers(hip)}">
         {joints["hip"]}
         {_link(knee, thick, 0.6 * mass)}
         <body name="leg{number}_lower" pos="{_numbers(knee)}">
@@ -247,16 +217,6 @@ def _sole_mesh(robot: Morphology) -> str:
         np.concatenate([np.ravel(bottom), np.column_stack([rim, 0 * angle - 0.5 * down]).ravel()])
     )
     return f'<asset><mesh name="sole" vertex="{vertices}"/></asset>'
-
-
-def _actuator(robot: Morphology, joint: str) -> str:
-    limit = torque_limit(robot)
-    if robot.actuators == "motor":
-        return f'<motor joint="{joint}" ctrlrange="{-limit:.9g} {limit:.9g}"/>'
-    if robot.actuators == "servo":
-        force = f'forcerange="{-limit:.9g} {limit:.9g}"'
-        return f'<position joint="{joint}" kp="{4 * limit:.9g}" {force} ctrlrange="-1.2 1.2"/>'
-    return ""
 
 
 def _numbers(values: np.ndarray | tuple[float, ...]) -> str:

@@ -6,7 +6,7 @@ import time
 import pytest
 from rich.console import Console
 
-from eval.progress import progress
+from train.progress import progress
 
 
 @pytest.fixture
@@ -25,6 +25,14 @@ def test_without_a_terminal_there_is_a_line_a_minute(clock):
     lines = text.getvalue().splitlines()
     assert len(lines) == 4
     assert lines[0] == "episodes: 2 of 1,200, of [b] and a long name; about 599.0 min left"
+
+
+def test_the_time_left_is_by_what_was_done_since_it_began(clock):
+    text = io.StringIO()
+    with progress(Console(file=text), "steps", every=2.0, start=900) as tell:
+        clock[0] += 60.0
+        tell(1000, 1200, "return 5")
+    assert text.getvalue() == "steps: 1,000 of 1,200, return 5; about 2.0 min left\n"
 
 
 def test_what_is_over_within_a_minute_says_nothing(clock):

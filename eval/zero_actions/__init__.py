@@ -1,0 +1,1 @@
+"""What robots do without a policy: zero actions x factor x layer -> a table."""

@@ -1,0 +1,161 @@
+"""What robots do without a policy, in numbers: `python -m eval.zero_actions walking`.
+
+All layers meet the same starts, commands and pushes. Tables:
+"""
+
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from eval.files import check_output, write
+from eval.pages import DOCS, command_block, splice, spliced
+from eval.zero_actions.measures import Row
+from eval.zero_actions.tables import TABLES, Case, Table, ZeroActionConfig, cases
+from fbid_gym.errors import InvalidValueError, RunError
+from fbid_gym.options import check_fields
+from train.command import run_command
+from train.runs.tables import check_kept, read_rows, to_csv
+
+WITHIN = 0.1
+"""Share by which survival and error may differ from what they are compared with."""
+
+
+class Sum(NamedTuple):
+    """How many stayed up of how many, and the mean of their errors; NaN for none."""
+
+    up: int
+    of: int
+    error: float
+
+    @classmethod
+    def over(cls, rows: Sequence[Row], error: str) -> "Sum":
+        """Return the sum of some rows, `error` being the column of their errors."""
+        errors = [float(row[error]) for row in rows if row.get(error)]
+        up, of = (sum(int(row[name]) for row in rows) for name in ("up", "episodes"))
+        return cls(up, of, sum(errors) / len(errors) if errors else math.nan)
+
+    def apart(self, other: "Sum") -> tuple[float, float]:
+        """Return by which share of `other` survival and error are greater here."""
+        pairs = (self.up / self.of, other.up / other.of), (self.error, other.error)
+        up, error = (
+            0.0 if one == first else one / first - 1.0 if first else math.inf
+            for one, first in pairs
+        )
+        return up, error
+
+    def words(self, first: "Sum | None") -> str:
+        """Return the cell of a short table; `first` is what it is compared with."""
+        if not self.of:
+            return "–"
+        said = f"{self.up}/{self.of}"
+        if math.isfinite(self.error):
+            said += f", {self.error:.{3 if first else 2}f}"
+        if first is None or first is self or not (self.up or first.up):
+            return said  # the errors of robots that all fall say nothing
+        shares = self.apart(first)
+        bold = "**" if max(map(abs, shares)) > WITHIN else ""
+        return f"{said} ({bold}{100 * shares[1]:+.0f} %{bold})"
+
+
+def run(config: ZeroActionConfig, command: Sequence[str]) -> None:
+    """Measure, print, write; what can be refused is refused before."""
+    check_fields(config)
+    table, file, page = TABLES[config.table], config.csv, DOCS / f"{config.table}.md"
+    if config.write_docs:
+        if file is not None:
+            raise InvalidValueError("csv", str(file), "none with --write-docs, which has its own")
+        file = DOCS / "data" / f"{config.table}.csv"
+    todo = cases(config)
+    if config.write_docs:
+        spliced(page, "")
+    if file is not None:
+        check_output(file, "csv", (".csv",))
+    rows = list(measured(todo, table, file, config.overwrite))
+    head, *lines = short(table, rows)
+    text = "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *lines))
+    print(f"\n{text}")
+    if config.write_docs:
+        splice(page, f"{said(table, rows, page)}\n\n{command_block(command)}\n\n{text}")
+
+
+def measured(
+    todo: Sequence[Case], table: Table, file: Path | None, overwrite: bool
+) -> Iterator[Row]:
+    """Measure rows, print each when it is there, and add it to a file unless it has it already."""
+    kept = [] if file is None or overwrite else kept_rows(file, table)
+    print(to_csv(table.columns, []), end="")
+    for case in todo:
+        row = next((row for row in kept if case.cells.items() <= row.items()), None)
+        if row is None:
+            row = dict.fromkeys(table.columns, "") | case.cells | case.measure()
+            kept.append(row)
+            if file is not None:
+                write(file, to_csv(table.columns, kept))
+        print(to_csv(table.columns, [row]).splitlines()[1], flush=True)
+        yield row
+
+
+def kept_rows(file: Path, table: Table) -> list[Row]:
+    """Return the rows of a file, none before it is there; RunError where no such table wrote it."""
+    if file.exists():
+        check_kept(file, table.columns, 0)
+    rows = read_rows(file)
+    for row in rows:
+        try:
+            [float("nan" if row[name] == "" else row[name]) for name in table.numbers]
+            fits = 0 <= int(row.get("up", "0")) <= int(row["episodes"])
+        except (KeyError, TypeError, ValueError):
+            fits = False
+        if not fits or tuple(row) != table.columns:
+            words = ",".join(map(str, row.values()))
+            expected = f"{','.join(table.columns)}, the latter numbers; or --overwrite"
+            raise RunError(f"{file}: has a row {words!r}. Expected {expected}.")
+    return rows
+
+
+def said(table: Table, rows: Sequence[Row], page: Path) -> str:
+    """Say of what the short table of a page is, and where the rows are."""
+    episodes, seconds, push = (rows[0][name] for name in ("episodes", "seconds", "push"))
+    error = ", and their mean velocity error in m/s" if table.error else ""
+    return (
+        f"{episodes} robots each, {seconds} s, pushes of {push} N. Cells: how many of them stayed "
+        f"up{error}. [{page.stem}.csv](data/{page.stem}.csv) has every row, with all numbers and "
+        "the 95 % interval of the share that stayed up. By"
+    )
+
+
+def short(table: Table, rows: Sequence[Row]) -> Iterator[Sequence[str]]:
+    """Yield the lines of the short table, the head first."""
+    across = list(dict.fromkeys(row[table.across] for row in rows))
+    yield *table.rows, *across
+    for line in dict.fromkeys(tuple(row[name] for name in table.rows) for row in rows):
+        its = [row for row in rows if tuple(row[name] for name in table.rows) == line]
+        by_value = [[row for row in its if row[table.across] == value] for value in across]
+        if "torque_nm" in table.numbers:
+            yield *line, *(matched(some[0], its[0]) for some in by_value)
+        else:
+            sums = [Sum.over(some, table.error) for some in by_value]
+            yield *line, *(one.words(sums[0] if table.compared else None) for one in sums)
+
+
+def matched(row: Row, first: Row) -> str:
+    """Say how much torque the noise of a layer is, and what noise makes it that of another one."""
+    torque, noise = float(row["torque_nm"]), float(row["log_std_init"])
+    said = f"{torque:.3g} N m at log_std_init {noise:g}"
+    share = float(first["torque_nm"]) / torque if torque else 0.0
+    return f"{said}; that of the first at {noise + math.log(share):.2f}" if share else said
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line."""
+    given = sys.argv[1:] if arguments is None else arguments
+    work = partial(run, command=["python", "-m", "eval.zero_actions", *given])
+    about = "\n\n".join(f"{name}: {table.about}." for name, table in TABLES.items())
+    return run_command("eval.zero_actions", ZeroActionConfig, work, given, f"{__doc__}\n{about}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

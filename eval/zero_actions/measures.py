@@ -1,0 +1,138 @@
+"""A zero action, played by robots side by side for one episode, in numbers."""
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.errors import InvalidValueError
+from train.environments import make_envs
+from train.recipes import config_for
+
+Row = dict[str, str]
+"""Column -> cell."""
+
+WARM_UP = (7, 18, 29, 40, 51)
+"""Policy steps by the zero action before the noisy one: different phases of a gait."""
+
+
+def walk(arguments: Mapping[str, Any], count: int, seed: int) -> Row:
+    """Return how many robots stay up, with Wilson's 95 % interval of the share, and other numbers.
+
+    Args:
+        arguments: of the environment.
+        count: of robots.
+        seed: robot i starts from seed + i.
+    """
+    batch = EnvBatch(EnvConfig.of(arguments), count)
+    told = play(batch, count, seed)
+    up = int(told["up"][-1].sum())
+    low, high = binomtest(up, count).proportion_ci(method="wilson")
+    numbers = summarised(told, batch.rates.policy, batch.robot.weight)
+    numbers |= {"share_low": low, "share_high": high}
+    cells = {name: f"{value:.4g}" for name, value in numbers.items() if math.isfinite(value)}
+    return cells | {"up": str(up)}
+
+
+def play(batch: EnvBatch, count: int, seed: int) -> dict[str, np.ndarray]:
+    """Play the zero action until all robots fell, and return what happened, see `summarised`."""
+    for env in range(count):
+        batch.seed(env, np.random.default_rng(seed + env))
+    batch.reset(np.arange(count))
+    zero, up = np.zeros((count, len(batch.action_names))), np.ones(count, bool)
+    found = defaultdict[str, list[np.ndarray]](list)
+    names = {name: column for column, name in enumerate(batch.observation_names)}
+    ways = ("ahead", "to the left")
+    for _ in range(batch.num_steps):
+        step = batch.step(zero)
+        up = up & ~step.terminated
+        found["up"].append(up)
+        found["reward"].append(step.reward)
+        if "commanded yaw rate (rad/s)" in names:
+            seen = [names[f"base velocity {way} (m/s, heading)"] for way in ways]
+            asked = [names[f"commanded velocity {way} (m/s)"] for way in ways]
+            turn = step.observation[:, names["commanded yaw rate (rad/s)"]]
+            vertical = batch.simulation.terms().world_from_base[:, 2]
+            spin = np.vecdot(vertical, batch.simulation.qvel[:, 3:6])
+            found["miss"].append(step.observation[:, seen] - step.observation[:, asked])
+            found["turn"].append(spin - turn)
+            for name in ("power", "speed", "velocity_error"):
+                found[name].append(step.info[name])
+        if not up.any():
+            break
+    return {name: np.array(values) for name, values in found.items()}
+
+
+def summarised(told: Mapping[str, np.ndarray], hz: int, weight: float) -> dict[str, float]:
+    """Return what T steps of N robots say: means until a robot falls, NaN where none was up.
+
+    Args:
+        told: "up" (T, N) bool, until a robot falls; "reward" (T, N). Of walks also "miss" (T, N, 2)
+            m/s, velocity beyond that commanded; "turn" (T, N) rad/s, likewise; "power" (T, N) W;
+            "speed" (T, N) m/s; "velocity_error" (T, N) m/s, that of the reward.
+        hz: steps per second.
+        weight: N, of a robot.
+    """
+    up, whole = told["up"], len(told["up"]) // hz
+    numbers = {"reward": _mean(told["reward"][up])}
+    if "miss" not in told:
+        return numbers
+    for name, values in (("velocity_error", told["miss"]), ("yaw_rate_error", told["turn"])):
+        values = values.reshape(*up.shape, -1)
+        seconds = values[: whole * hz].reshape(whole, hz, *values.shape[1:]).mean(axis=1)
+        numbers[name] = _mean(np.linalg.norm(values, axis=2)[up])
+        # A second counts if the robot is up at its end.
+        lasting = np.linalg.norm(seconds, axis=2)[up[hz - 1 :: hz][:whole]]
+        numbers[f"{name}_of_1_s_means"] = _mean(lasting)
+    way = told["speed"][up].sum()
+    numbers["cost_of_transport"] = told["power"][up].sum() / (weight * way) if way else math.nan
+    # Here the step of a fall counts.
+    stepped = np.vstack([np.ones_like(up[:1]), up[:-1]])
+    return numbers | {"velocity_error_of_the_reward": _mean(told["velocity_error"][stepped])}
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(values.mean()) if values.size else math.nan
+
+
+def noise(env_id: str, layer: str, robots: int, seed: int) -> Row:
+    """Return the usual noise of exploration through a layer, and the torque that it is."""
+    usual = config_for(env_id, layer).ppo
+    assert usual is not None
+    torque = noise_torque(env_id, layer, math.exp(usual.log_std_init), robots, seed)
+    return {"log_std_init": str(usual.log_std_init), "torque_nm": f"{torque:.4g}"}
+
+
+def noise_torque(env_id: str, layer: str, std: float, robots: int, seed: int) -> float:
+    """Return the torque, root mean square over joints, that noise on the actions adds, N m.
+
+    Two groups of the same robots go the same way by the zero action; in the last policy step the
+    actions of one group have noise of standard deviation `std`. It has no mean, so the squares of
+    what it adds add up.
+
+    Raises:
+        InvalidValueError: the environment reports no torques.
+    """
+    rng = np.random.default_rng(seed)
+    added = []
+    for steps in WARM_UP:
+        squares = []
+        for scale in (0.0, std):
+            envs = make_envs(env_id, {"action_layer": layer}, robots)
+            envs.reset(seed=seed)
+            still = np.zeros(envs.action_space.shape or (robots, 0), dtype=np.float32)
+            for _ in range(steps):
+                envs.step(still)
+            actions = np.clip(scale * rng.standard_normal(still.shape), -1.0, 1.0)
+            info = envs.step(actions.astype(np.float32))[4]
+            envs.close()
+            if "torque_rms" not in info:
+                raise InvalidValueError("env", env_id, "an environment that reports torque_rms")
+            squares.append(np.mean(np.square(info["torque_rms"])))
+        added.append(squares[1] - squares[0])
+    return math.sqrt(max(float(np.mean(added)), 0.0))

@@ -1,0 +1,272 @@
+"""The tables as data: of whom, through which layers, with which factors, and which numbers."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import tyro
+
+from eval import zoo
+from eval.zero_actions.measures import Row, noise, walk
+from fbid_gym.actions import LAYERS
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.chunks import NUM_ENVS
+from fbid_gym.errors import FbidError, InvalidValueError
+from fbid_gym.motions.gait.gait import gait_of
+from fbid_gym.motions.gait.schedule import PATTERNS
+from fbid_gym.options import Choice, Each, Number, Whole
+from fbid_gym.robots import Robot
+from fbid_gym.robots.terrain import LEVELLED
+from train.runs.robots import chosen, is_built_in
+
+EXACT: dict[str, Any] = {
+    "physics_hz": 1000,
+    "control_hz": 500,
+    "friction_cone": "elliptic",
+    "solver_iterations": None,
+}
+"""How the papers' experiments run."""
+
+SETTINGS: dict[str, dict[str, Any]] = {
+    "as in the papers": EXACT,
+    "law at 250 Hz": EXACT | {"control_hz": 250},
+    "law and physics at 250 Hz": EXACT | {"control_hz": 250, "physics_hz": 250},
+    "and pyramids": {"solver_iterations": None},
+    "and 20 iterations: the environment's own": {},
+}
+"""Name -> arguments that differ from the environment's, from the dearest to the cheapest."""
+
+
+class Table(NamedTuple):
+    """A table: the product of robots, layers and factors, which the command line can change."""
+
+    about: str
+    robots: tuple[str, ...]
+    layers: tuple[str, ...]
+    factors: Mapping[str, Mapping[str, Mapping[str, Any]]]
+    """Name of a factor -> its values, in words -> what they are for the environment."""
+    names: tuple[str, ...]
+    """Columns that say what is measured; those of SHARED follow."""
+    numbers: tuple[str, ...]
+    rows: tuple[str, ...]
+    """Of the short table: columns that make a line; it sums up all rows that agree in them."""
+    across: str
+    """Of the short table: the column whose cells are its columns."""
+    error: str = ""
+    """Column shown beside how many stayed up."""
+    compared: bool = False
+    """Whether the short table says by how much a cell differs from the first of its line."""
+    episodes: int = 32
+    seconds: float = 20.0
+    without: tuple[str, ...] = ()
+    """Options that it does not have."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """All columns of a row."""
+        return (*self.names, *SHARED, *self.numbers)
+
+
+SHARED = ("episodes", "seconds", "push", "first_seed")
+"""Columns of options that all rows of a run share."""
+_UP = ("up", "share_low", "share_high")
+_BODY = ("base_acceleration", "com_wrench")
+_ERRORS = tuple(f"{what}_error{of}" for what in ("velocity", "yaw_rate")
+                for of in ("", "_of_1_s_means"))  # fmt: skip
+
+TABLES = {
+    "walking": Table(
+        "every layer on every gait of every robot, on level ground",
+        ("go1", "quadruped", "biped", "humanoid", "g1"),
+        tuple(LAYERS),
+        {"gait": {gait: {"gait": gait} for gait in PATTERNS if gait != "stand"}},
+        ("robot", "layer", "gait"),
+        (*_UP, *_ERRORS, "cost_of_transport"),
+        rows=("robot", "gait"),
+        across="layer",
+        error="velocity_error",
+    ),
+    "terrain": Table(
+        "every kind of ground, blind and with a scan of the ground",
+        ("go1", "biped"),
+        (*_BODY, "joint_position"),
+        {
+            "ground": {"blind": {"height_scan": False}, "sees": {"height_scan": True}},
+            "terrain": {name: {"env": "Terrain", "terrain": name} for name in LEVELLED},
+            "difficulty": {f"{n / 4:g}": {"difficulty": n / 4} for n in range(5)},
+        },
+        ("robot", "layer", "ground", "terrain", "difficulty"),
+        (*_UP, "velocity_error_of_the_reward"),
+        rows=("robot", "layer", "ground"),
+        across="terrain",
+    ),
+    "rates": Table(
+        "the environments' rates of law and physics, which are cheap, beside the papers'",
+        ("go1", "biped", "humanoid"),
+        ("base_acceleration", "joint_position"),
+        {"setting": SETTINGS},
+        ("robot", "layer", "setting"),
+        (*_UP, "velocity_error"),
+        rows=("robot", "layer"),
+        across="setting",
+        error="velocity_error",
+        compared=True,
+    ),
+    "zoo": Table(
+        "robots that nobody has seen, drawn from seeds (`eval.zoo`), standing and walking",
+        tuple(map(str, range(24))),
+        tuple(LAYERS),
+        {"task": {"stand": {"env": None, "task": "balance"}, "walk": {}}},
+        ("robot_seed", "kg", "legs", "leg_m", "joints", "feet", "layer", "task"),
+        (*_UP, "reward", "velocity_error"),
+        rows=("legs", "task"),
+        across="layer",
+        episodes=8,
+        seconds=5.0,
+        without=("feet",),
+    ),
+    "noise": Table(
+        "the torque of exploration noise through a layer, and the noise that is that of the first",
+        ("fbid_gym/QuadrupedWalk-v0",),
+        ("base_acceleration", "joint_position"),
+        {},
+        ("env", "layer"),
+        ("log_std_init", "torque_nm"),
+        rows=("env",),
+        across="layer",
+        episodes=128,
+        without=("feet", "seconds", "push", "write_docs"),
+    ),
+}
+"""Name of a table, and of its page and file -> the table."""
+
+
+@dataclass(frozen=True)
+class ZeroActionConfig:
+    """What is measured, and where it is written."""
+
+    table: Annotated[
+        str, Choice(TABLES), tyro.conf.Positional, tyro.conf.arg(metavar="|".join(TABLES))
+    ]
+    """Which table, see above."""
+    robots: Annotated[tuple[str, ...] | None, tyro.conf.arg(metavar="ROBOT [ROBOT ...]")] = None
+    """Built-in robots or your own, as `--robot` of other commands takes them; of `zoo`, seeds to
+    draw robots from; of `noise`, environment ids. Default: those of the table."""
+    feet: tuple[str, ...] = ()
+    """Of your own robot, as `eval.rollout` takes them, where the file does not say."""
+    layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] | None = None
+    """Action layers. Default: those of the table."""
+    only: tuple[str, ...] = ()
+    """Only some rows, such as terrain=slopes,stairs difficulty=0.5. Default: all."""
+    episodes: Annotated[int, NUM_ENVS] | None = None
+    """Robots side by side, one episode each. Default: that of the table."""
+    seconds: Annotated[float, Number(0.02, 10_000.0, "s")] | None = None
+    """Length of an episode. Default: that of the table."""
+    push: Annotated[float, Number(0.0, 1e6, "N")] = 0.0
+    """N, of pushes of 0.15 s every 1.5 to 3 s in a random direction."""
+    seed: Annotated[int, Whole(0, 2**31)] = 0
+    """Robot i starts from seed + i."""
+    csv: Path | None = None
+    """Write the rows to this file, each when it is there. Rows that it has are not measured again:
+    the same command goes on after an interruption."""
+    overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Measure anew what the file has already."""
+    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Write the rows to docs/data/ and the short table into its page of docs/."""
+
+
+class Case(NamedTuple):
+    """A row to be: the cells that say what is measured, and what measures the others."""
+
+    cells: Row
+    measure: Callable[[], Row]
+
+
+def cases(config: ZeroActionConfig) -> list[Case]:
+    """Return the rows to be, in the order of the table.
+
+    Raises:
+        FbidError: there are none, or something that cannot be used.
+    """
+    table = TABLES[config.table]
+    for name in table.without:
+        if (value := getattr(config, name)) != getattr(ZeroActionConfig, name):
+            raise InvalidValueError(name, value, f"none for the table {config.table!r}")
+    if config.robots == ():
+        raise InvalidValueError("robots", [], "one or more")
+    found = [case for name in config.robots or table.robots for case in _of(name, config, table)]
+    for word in config.only:
+        name, _, text = word.partition("=")
+        Choice(table.names).check("column in --only", name)
+        values, known = text.split(","), dict.fromkeys(case.cells[name] for case in found)
+        for value in values:
+            Choice(known).check(name, value)
+        found = [case for case in found if case.cells[name] in values]
+    return found
+
+
+def _of(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]:
+    """Yield the rows of a robot."""
+    count, seconds = config.episodes or table.episodes, config.seconds or table.seconds
+    shared = (str(count), f"{seconds:g}", f"{config.push:g}", str(config.seed))
+    cells = dict(zip(SHARED, shared, strict=True))
+    layers = config.layers or table.layers
+    if config.table == "noise":
+        for layer in layers:
+            names = {"env": name, "layer": layer, **cells, "seconds": "", "push": ""}
+            yield Case(names, partial(noise, name, layer, count, config.seed))
+        return
+    its, robot = (_drawn if config.table == "zoo" else _named)(name, config.feet)
+    run = {"episode_seconds": seconds, "push_force": (config.push, config.push), "robot": robot}
+    walks, refused = [], None
+    for levels in product(*(values.items() for values in table.factors.values())):
+        own = {key: value for _, level in levels for key, value in level.items()}
+        names = dict(zip(table.factors, (value for value, _ in levels), strict=True))
+        try:
+            walks.append((names, environment(robot, own) | run))
+        except FbidError as error:  # its feet have not this gait, or none
+            refused = error
+    if refused and not walks:
+        raise refused
+    for layer, (names, arguments) in product(layers, walks):
+        measure = partial(walk, {**arguments, "action_layer": layer}, count, config.seed)
+        yield Case({**its, "layer": layer, **names, **cells}, measure)
+
+
+def environment(robot: Robot, own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of the environment of a robot: that of two feet, or of more.
+
+    Args:
+        robot: who walks.
+        own: arguments that differ; "env" is the name of a walking environment, None for none.
+
+    Raises:
+        FbidError: it has no such gait.
+    """
+    own = {"env": "Walk", **own}
+    ground = own.pop("env")
+    if ground is None:
+        return own
+    feet = "Biped" if robot.num_feet == 2 else "Quadruped"
+    arguments = ENVIRONMENTS[f"fbid_gym/{feet}{ground}-v0"] | own
+    gait_of(robot, arguments["control_hz"], arguments.get("gait"))
+    return arguments
+
+
+def _named(name: str, feet: Sequence[str]) -> tuple[Row, Robot]:
+    robot = chosen(name, feet)
+    assert robot is not None
+    # Two files may call their robots the same.
+    own = "" if is_built_in(robot) else f" {robot.digest[:8]}"
+    return {"robot": robot.name + own}, robot
+
+
+def _drawn(text: str, feet: Sequence[str]) -> tuple[Row, Robot]:
+    seed = int(text) if text.isascii() and text.isdecimal() else text
+    drawn = zoo.draw(Whole(0, 2**32 - 1).check("seed of a robot", seed))
+    robot = zoo.built(drawn)
+    words = (text, f"{robot.mass:.3g}", drawn.legs, f"{drawn.leg:.2g}", drawn.joints, drawn.foot)
+    return dict(zip(TABLES["zoo"].names, map(str, words), strict=False)), robot
