@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from eval.colours import colours_of_arms
-from eval.plots import Series, panel, sheet
+from eval.page.colours import colours_of_arms
+from eval.page.figures import Series, panel, sheet
 from eval.results import greatest_return
 from eval.study import fresh
 from eval.study.cells import curve, evaluations, exploring
