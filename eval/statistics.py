@@ -59,9 +59,12 @@ class Chance(NamedTuple):
         return np.array([low, np.quantile(drawn, 1.0 - tail, axis=-1, method="higher")])
 
     def estimate(self, data: Sequence[np.ndarray], statistic: Statistic) -> Estimate:
-        """Return a statistic of groups (R,), with its interval where each has two runs or more."""
+        """Return a statistic of groups (R,), with its interval where each has two runs or more.
+
+        What was not measured, NaN, has none.
+        """
         value = float(statistic(*data, axis=0))
-        if min(map(len, data)) < 2:
+        if min(map(len, data)) < 2 or math.isnan(value):
             return Estimate(value)
         return Estimate(value, *map(float, self.interval(data, statistic)))
 
@@ -180,7 +183,8 @@ def p_value(x: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> float:
     Its smallest possible value with n runs on each side, all of x above all of y, is 2 / C(2n, n):
     1/3 for two, 1/10 for three, 1/35 for four.
     """
-    method = stats.PermutationMethod(SPLITS, rng=rng)
+    several = min(len(x), len(y)) > 1  # of a single run scipy permutes nothing
+    method = stats.PermutationMethod(SPLITS, rng=rng) if several else "exact"
     return float(stats.mannwhitneyu(x, y, method=method).pvalue)
 
 

@@ -29,7 +29,7 @@ from eval.wording import number
 
 STYLE = (Path(__file__).parent / "style.css").read_text()
 WIDTH, HEIGHT = 400.0, 270.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 118.0, 26.0, 36.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 118.0, 30.0, 36.0
 _LINE, _GAP = 13.0, 24.0
 _NAMES = ("paper", "ink", "soft", "faint", "rule", "wash", *(f"c{k}" for k in range(10)))
 _COLOUR = {name: f"#0a0b{k:02x}" for k, name in enumerate(_NAMES)}
@@ -167,7 +167,7 @@ def _name_ends(axes: Axes, series: Sequence[Series], threshold: float | None) ->
     if threshold is not None:
         named.append((f"threshold {number(threshold)}", "faint", threshold))
     scale = axes.get_position().height * HEIGHT
-    wrapped = [textwrap.wrap(name, 17, break_long_words=False) or [""] for name, _, _ in named]
+    wrapped = [textwrap.wrap(name, 18, break_long_words=False) or [""] for name, _, _ in named]
     heights = [_LINE * len(lines) + 3.0 for lines in wrapped]
     at = axes.transAxes.inverted().transform(axes.transData.transform([(0, y) for *_, y in named]))
     centres = apart(scale * (1.0 - at[:, 1]), heights, -10.0, scale + _BOTTOM - 8.0)
@@ -283,7 +283,7 @@ def _strip(axes: Axes, row: Strip, at: int, form: Form) -> None:
     colour = _COLOUR[f"c{row.colour}"]
     beside: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points",
                    "va": "center_baseline", "weight": "bold"}  # fmt: skip
-    axes.annotate(row.name, (0.0, at), (-2.0, 15.0), color=colour, **beside)
+    axes.annotate(row.name.replace("_", " "), (0.0, at), (-2.0, 15.0), color=colour, **beside)
     ink = _COLOUR["ink"]
     axes.annotate(form(row.value), (1.0, at), (62.0, 0.0), color=ink, ha="right", **beside)
     if row.low is not None and row.high is not None:
@@ -315,7 +315,7 @@ def bars(
         form: of the values.
         top: end of the axis. None: what the longest bar needs.
     """
-    head = 26.0 + 14.0 * len(named)
+    head = 28.0 + 14.0 * len(named)
     step = 13.0 * len(named) + 12.0
     height = head + step * len(groups) + 18.0
     label = f"{title}: {', '.join(name for name, _, _ in named)}"
@@ -358,20 +358,27 @@ def polar(
         mark: (degrees, value, name) of one point to compare with.
     """
     label = f"{title}: {', '.join(name for name, _, _ in named)}"
-    with _axes(WIDTH, 330.0, label, (80.0, 80.0, 44.0, 46.0), "polar") as (axes, drawn):
-        axes.set_title(title, x=-80.0 / (WIDTH - 160.0), y=1.12, pad=0)
+    with _axes(WIDTH, 350.0, label, (80.0, 80.0, 48.0, 62.0), "polar") as (axes, drawn):
+        axes.set_title(title, x=-80.0 / (WIDTH - 160.0), y=1.14, pad=0)
         axes.set_theta_zero_location("N")  # type: ignore[attr-defined]
         around = np.radians([*degrees, degrees[0]])
         for name, colour, values in named:
             axes.plot(around, [*values, values[0]], "o-", color=_COLOUR[f"c{colour}"], label=name,
                       markersize=5, gid=_told(name), markeredgecolor=_COLOUR["paper"])  # fmt: skip
         axes.plot(np.radians(mark[0]), mark[1], "D", color=_COLOUR["c7"], label=mark[2])
-        axes.set_thetagrids(list(labels), list(labels.values()))  # type: ignore[attr-defined]
+        axes.set_xticks(np.radians(list(labels)), [""] * len(labels))
+        axes.set_ylim(0.0, 1.05 * max(max(values) for _, _, values in named))
+        for angle, words in labels.items():
+            across, up = -np.sin(np.radians(angle)), np.cos(np.radians(angle))
+            side = "center" if abs(across) < 0.3 else "left" if across > 0 else "right"
+            axes.annotate(words, (np.radians(angle), axes.get_ylim()[1]), (8 * across, 11 * up),
+                          textcoords="offset points", ha=side, va="center_baseline",
+                          annotation_clip=False)  # fmt: skip
         axes.set_rlabel_position(-22.5)  # type: ignore[attr-defined]
         axes.yaxis.set_major_locator(_round(4, prune="lower"))
         axes.yaxis.set_major_formatter(_ticks(lambda value: f"{number(value)} {unit}"))
         axes.spines["polar"].set_visible(False)
-        axes.legend(loc="upper left", bbox_to_anchor=(-0.35, -0.04), frameon=False, fontsize=10.5,
+        axes.legend(loc="upper left", bbox_to_anchor=(-0.35, -0.1), frameon=False, fontsize=10.5,
                     ncols=2, borderpad=0.0)  # fmt: skip
     return drawn[0]
 
@@ -449,4 +456,10 @@ def _round(most: int, **options: Any) -> MaxNLocator:
 
 
 def _ticks(form: Form) -> FuncFormatter:
-    return FuncFormatter(lambda value, _: form(value))
+    """Write ticks, without zeros at the end of decimals."""
+
+    def written(value: float, _: object) -> str:
+        text = form(value)
+        return text.rstrip("0").rstrip(".") if "." in text else text
+
+    return FuncFormatter(written)

@@ -161,8 +161,10 @@ def _panel(
             singles if len(singles) > 1 else (),
         )
         series.append(pace.scaled(own, measure.name, over_steps=over_steps))
-    title = capital(pace.titled(titled(measure), measure.name))
-    return panel(series, f"{title} over {'steps' if over_steps else 'time'}", x_title, form)
+    label = capital(pace.titled(measure.label, measure.name))
+    title = f"{label} over {'steps' if over_steps else 'time'}"
+    unit = f", {measure.unit}" if measure.unit else ""
+    return panel(series, title + unit, x_title, form)
 
 
 def _clock(arms: Sequence[ArmFound]) -> tuple[float, str, Form]:
@@ -250,7 +252,8 @@ def _came_to(name: str, arms: Sequence[ArmFound], reference: str) -> list[str]:
         return []
     order = sorted(known, key=lambda arm: -measure.better * arm.final[measure.name].value)
     parts = [f"{arm.name} {_value(arm, measure)}" for arm in order]
-    said = [f"{name}, {titled(measure)} at the end: {'; '.join(parts)}."]
+    unit = f" in {measure.unit}" if measure.unit else ""
+    said = [f"{name}, {measure.label}{unit} at the end: {'; '.join(parts)}."]
     versus = order[0].versus.get(measure.name)
     if versus is not None:
         better = f"A run of {order[0].name} does better than one of {reference} with probability"
