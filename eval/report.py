@@ -23,7 +23,6 @@ from eval.wording import (
     number,
     percent,
     steps,
-    titled,
 )
 from train.episodes import METRICS, Metric
 
@@ -95,19 +94,9 @@ def _curves(c: Comparison, colours: dict[str, int]) -> list[Markup]:
         for layer in drawn:
             band = layer.by_steps if axis == "steps" else layer.by_wall
             assert band is not None
-            singles = [([x / per for x in getattr(run, axis)], run.returns) for run in layer.runs]
-            series.append(
-                Series(
-                    layer.name,
-                    colours[layer.name],
-                    [x / per for x in band.grid],
-                    band.value,
-                    band.low,
-                    band.high,
-                    singles if layer.seeds > 1 else (),
-                    layer.zero_action["returned"],
-                )
-            )
+            singles = [(getattr(run, axis), run.returns) for run in layer.runs]
+            zero, colour = layer.zero_action["returned"], colours[layer.name]
+            series.append(Series.learnt(layer.name, colour, band, singles, per, zero))
         panels.append(panel(series, title, x_title, form, marks=Marks(threshold=c.threshold)))
     return panels
 
@@ -123,29 +112,17 @@ def _clips(clips: Clips, c: Comparison, colours: dict[str, int]) -> list[Shown]:
 
 
 def _strips(c: Comparison, metric: Metric, colours: dict[str, int]) -> Markup:
-    rows = []
-    for layer in c.layers:
-        found = layer.metrics[metric.name]
-        each, zero = layer.values(metric.name).tolist(), layer.zero_action[metric.name]
-        colour = colours[layer.name]
-        rows.append(Strip(layer.name, colour, each, found.value, found.low, found.high, zero))
-    arrow = {1: " (more is better)", -1: " (less is better)", 0: ""}[metric.better]
-    limits = (0.0, 1.0) if metric.unit == "share" else None
-    return strips(rows, capital(titled(metric)) + arrow, form_of(metric), limits)
+    name = metric.name
+    return strips([
+        Strip(layer.name, colours[layer.name], layer.values(name), layer.metrics[name],
+              layer.zero_action[name])
+        for layer in c.layers
+    ], metric)  # fmt: skip
 
 
 def _sweep(c: Comparison, colours: dict[str, int]) -> Markup:
     series = [
-        Series(
-            layer.name,
-            colours[layer.name],
-            c.sweep,
-            [point.value for point in layer.sweep],
-            [point.low for point in layer.sweep if point.low is not None] or None,
-            [point.high for point in layer.sweep if point.high is not None] or None,
-            dashed=layer.zero_sweep,
-            dots=True,
-        )
+        Series.through(layer.name, colours[layer.name], c.sweep, layer.sweep, layer.zero_sweep)
         for layer in c.layers
     ]
     title, below = "Episodes survived", "size of every push, N"

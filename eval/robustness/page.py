@@ -97,20 +97,10 @@ def _series(
     for arm, layer in found.arms.items():
         if not found.runs[arm] and layer in trained:
             continue
+        beside = layer in zeros and layer in trained
+        dashed = [point.value for point in curves[zeros[layer]].points] if beside else None
         points = curves[arm].points
-        beside = curves[zeros[layer]].points if layer in zeros and layer in trained else None
-        series.append(
-            Series(
-                arm,
-                colours[arm],
-                values,
-                [point.value for point in points],
-                [point.low for point in points if point.low is not None] or None,
-                [point.high for point in points if point.high is not None] or None,
-                dashed=None if beside is None else [point.value for point in beside],
-                dots=True,
-            )
-        )
+        series.append(Series.through(arm, colours[arm], values, points, dashed))
     return series
 
 

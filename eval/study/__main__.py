@@ -18,7 +18,7 @@ from rich.console import Console
 
 from eval.clips import Shown, fate
 from eval.files import check_output, to_json, write
-from eval.page.colours import colours_of_arms
+from eval.page.colours import colours_of
 from eval.pages import DOCS, splice, spliced
 from eval.progress import Tell, progress
 from eval.robustness.arms import Arm as Tried
@@ -127,7 +127,7 @@ def film(
     Returns:
         The clips by environment and arm; and why others are missing, a sentence each.
     """
-    colour = colours_of_arms(arm.name for arm in found.arms)
+    colour = colours_of(arm.name for arm in found.arms)
     cells = {cell.config.folder.name: cell for cell in study.cells}
     clips, missing = {}, []
     done = [arm for arm in found.arms if arm.done]

@@ -7,7 +7,7 @@ from typing import Any
 from markupsafe import Markup
 
 from eval.clips import STARTS, Shown, legend
-from eval.page.colours import colours_of_arms
+from eval.page.colours import colours_of
 from eval.page.figures import Series, Strip, panel, strips
 from eval.page.html import render
 from eval.results import Crossing
@@ -37,7 +37,6 @@ from eval.wording import (
     percent,
     span,
     steps,
-    titled,
 )
 from train.runs.study import environment_name
 
@@ -59,7 +58,7 @@ def page(
         robustness: by environment, where it was measured.
         command: the command line that made it, to be shown.
     """
-    colours = colours_of_arms(arm.name for arm in found.arms)
+    colours = colours_of(arm.name for arm in found.arms)
     clips, robustness = clips or {}, robustness or {}
     cells = [cell for arm in found.arms for cell in arm.cells]
     across = [m for m in JUDGED if any(m.name in arm.probability for arm in found.across)]
@@ -145,21 +144,10 @@ def _panel(
     scale, x_title, form = (1.0, pace.steps, steps) if over_steps else _clock(arms)
     series = []
     for arm in arms:
+        begun = [cell for cell in arm.cells if cell.begun]
+        singles = [(getattr(cell, axis), cell.curves[measure.name]) for cell in begun]
         band = getattr(arm, bands)[measure.name]
-        singles = [
-            ([x / scale for x in getattr(cell, axis)], cell.curves[measure.name])
-            for cell in arm.cells
-            if cell.begun
-        ]
-        own = Series(
-            arm.name,
-            colours[arm.name],
-            [x / scale for x in band.grid],
-            band.value,
-            band.low,
-            band.high,
-            singles if len(singles) > 1 else (),
-        )
+        own = Series.learnt(arm.name, colours[arm.name], band, singles, scale)
         series.append(pace.scaled(own, measure.name, over_steps=over_steps))
     label = capital(pace.titled(measure.label, measure.name))
     title = f"{label} over {'steps' if over_steps else 'time'}"
@@ -175,14 +163,11 @@ def _clock(arms: Sequence[ArmFound]) -> tuple[float, str, Form]:
 
 
 def _strips(arms: Sequence[ArmFound], measure: Measure, colours: Mapping[str, int]) -> Markup:
-    rows = []
-    for arm in (arm for arm in arms if arm.has(measure)):
-        final, before = arm.final[measure.name], arm.before[measure.name]
-        each, colour = arm.each[measure.name], colours[arm.name]
-        rows.append(Strip(arm.name, colour, each, final.value, final.low, final.high, before))
-    arrow = " (more is better)" if measure.better > 0 else " (less is better)"
-    limits = (0.0, 1.0) if measure.unit == "share" else None
-    return strips(rows, capital(titled(measure)) + arrow, form_of(measure), limits)
+    name = measure.name
+    return strips([
+        Strip(arm.name, colours[arm.name], arm.each[name], arm.final[name], arm.before[name])
+        for arm in arms if arm.has(measure)
+    ], measure)  # fmt: skip
 
 
 def _against(

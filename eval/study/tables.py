@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from eval.page.colours import colours_of_arms
+from eval.page.colours import colours_of
 from eval.page.figures import Series, panel, sheet
 from eval.results import greatest_return
 from eval.study import fresh
@@ -50,7 +50,7 @@ def drawn(study: Study) -> str:
     by_env: dict[str, list[Arm]] = {}
     for arm in arms(study):
         by_env.setdefault(arm.env, []).append(arm)
-    colour = colours_of_arms(arm.name for arm in arms(study))
+    colour = colours_of(arm.name for arm in arms(study))
     panels = []
     for env, its in by_env.items():
         pace = Pace.of((arm.name, _most(arm)) for arm in its)

@@ -19,7 +19,10 @@ from eval.page.figures import (
     sheet,
     strips,
 )
+from eval.results import Estimate
+from train.episodes import Metric
 
+METRIC = Metric("m", "metric", "unit", -1)
 X, Y = [0.0, 50.0, 100.0], [0.0, 30.0, 40.0]
 
 
@@ -68,7 +71,7 @@ def test_what_files_say_is_text(rng: np.random.Generator) -> None:
     shown = "&lt;b x=&quot;1&quot;&gt;$x$ &amp; co"
     drawn = [
         panel([Series(evil, 0, X, Y)], evil, evil),
-        strips([Strip(evil, 0, [1.0], 1.0, None, None, 0.0)], evil),
+        strips([Strip(evil, 0, [1.0], Estimate(1.0), 0.0)], Metric("a", evil, "", 0)),
         bars([evil], [(evil, 0, [1.0])], evil),
         polar([0.0, 90.0], [(evil, 0, [1.0, 2.0])], evil, evil, {0.0: evil}, (0.0, 1.0, evil)),
     ]
@@ -78,18 +81,20 @@ def test_what_files_say_is_text(rng: np.random.Generator) -> None:
 
 
 def test_marks_of_a_strip() -> None:
-    row = Strip("x", 0, [1.0, 2.0, 3.0], 2.0, 0.5, 3.5, 0.0)
-    svg = strips([row, row], "Metric, unit")
-    for told in ("1", "2", "3", "0.5 to 3.5", "zero action: 0"):
+    row = Strip("x", 0, [1.0, 2.0, 3.0], Estimate(2.0, 0.5, 3.5), 0.0)
+    svg = strips([row, row], METRIC)
+    for told in ("1", "2", "3", "0.5\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}3.5", "zero action: 0"):
         assert svg.count(f"<title>{told}</title>") == 2
-    single = strips([Strip("x", 0, [1.0], 1.0, None, None, float("nan"))], "Metric")
-    assert " to " not in single and "zero action" not in single and "nan" not in single
+    single = strips([Strip("x", 0, [1.0], Estimate(1.0), float("nan"))], METRIC)
+    assert "to\N{NO-BREAK SPACE}" not in single and "zero action" not in single
+    share = strips([Strip("x", 0, [0.9, 1.0], Estimate(1.0), 1.0)], Metric("s", "s", "share", 1))
+    assert "102" not in share and "(more is better)" in share
 
 
 @pytest.mark.parametrize("value", [0.0, 5.0, -3.0, 1e-9])
 def test_alike_values_still_make_a_figure(value: float) -> None:
     drawn = [
-        strips([Strip("x", 0, [value], value, None, None, value)], "Metric"),
+        strips([Strip("x", 0, [value], Estimate(value), value)], METRIC),
         panel([Series("x", 0, [0.0, 1.0], [value, value])], "Return", "steps"),
         panel([Series("x", 0, [0.0], [value])], "Return", "steps"),
         lines([1.0, 2.0], [("x", 0, [value, np.nan]), ("none", 1, [np.nan] * 2)], "A", "B"),
