@@ -182,7 +182,8 @@ def _name_ends(axes: Axes, series: Sequence[Series], threshold: float | None) ->
     wrapped = [textwrap.wrap(name, 18, break_long_words=False) or [""] for name, _, _ in named]
     heights = [_LINE * len(lines) + 3.0 for lines in wrapped]
     at = axes.transAxes.inverted().transform(axes.transData.transform([(0, y) for *_, y in named]))
-    centres = apart(scale * (1.0 - at[:, 1]), heights, -10.0, scale + _BOTTOM - 8.0)
+    low = scale + (4.0 if sum(heights) < scale + 14.0 else _BOTTOM - 8.0)  # clear of the ticks
+    centres = apart(scale * (1.0 - at[:, 1]), heights, -10.0, low)
     for (_, colour, _), lines, centre in zip(named, wrapped, centres, strict=True):
         for k, line in enumerate(lines):
             below = centre + _LINE * (k - 0.5 * (len(lines) - 1))

@@ -15,7 +15,7 @@ from eval.results import greatest_return
 from eval.study import fresh
 from eval.study.cells import curve, evaluations, exploring
 from eval.study.pace import Pace
-from eval.wording import number, percent
+from eval.wording import capital, number, percent
 from eval.wording import steps as steps_text
 from fbid_gym.errors import RunError
 from train.runs.study import Arm, Study, arms, environment_name
@@ -58,7 +58,7 @@ def drawn(study: Study) -> str:
             own = [item for arm in its for item in _series(arm, column, colour[arm.name])]
             if own:
                 series = [pace.scaled(item, column) for item in own]
-                what = f"{pace.titled(title, column)}, {environment_name(env)}"
+                what = capital(f"{pace.titled(title, column)}, {environment_name(env)}")
                 panels.append(panel(series, what, pace.steps, x_format=steps_text))
     if not panels:
         raise RunError(f"Study {study.name!r} has not been evaluated yet: python -m train.sweep.")
