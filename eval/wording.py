@@ -71,11 +71,11 @@ def form_of(metric: Metric) -> Form:
     if metric.unit == "share":
         return percent
     if metric.unit == "m/s":
-        return _to_mm
+        return _three_decimals
     return (lambda value: number(1e3 * value)) if _in_mm(metric) else number
 
 
-def _to_mm(value: float) -> str:
+def _three_decimals(value: float) -> str:
     """Write with three decimals, without a sign where these are zero."""
     text = f"{round(value, 3) + 0.0:.3f}".replace("-", "−")
     return text if math.isfinite(value) else "–"
