@@ -15,9 +15,8 @@ from rich.markup import escape
 
 from eval.comparison import compare, film
 from eval.files import check_output, to_json, write
-from eval.report import page
+from eval.report import headline, page
 from eval.results import Settings
-from eval.wording import headline
 from fbid_gym.options import check_fields
 from train.command import run_command
 from train.environments import register

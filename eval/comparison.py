@@ -9,11 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from eval import statistics as st
 from eval.comparable import check_comparable, group, shared_settings
-from eval.estimates import Chance, band, crossing, difference, estimate, improvement
 from eval.results import Band, Comparison, Crossing, Layer, Pair, RunResult, Settings
 from eval.rollout import Player, filmed, play_player
+from eval.statistics import (
+    Chance,
+    band,
+    crossing,
+    difference,
+    estimate,
+    first_crossing,
+    improvement,
+    interquartile_mean,
+    p_value,
+)
 from eval.video import Clip
 from eval.wording import number
 from train.episodes import METRICS, Episodes
@@ -145,7 +154,7 @@ def _default_threshold(groups: Mapping[str, Sequence[Run]], settings: Settings) 
     ]
     if not curves:
         return None
-    ends = [st.interquartile_mean(values) for values in curves]
+    ends = [interquartile_mean(values) for values in curves]
     start, finish = min(first for first, _ in ends), max(last for _, last in ends)
     return float(start + settings.threshold_share * (finish - start))
 
@@ -196,7 +205,7 @@ def _crossing(
     if threshold is None or not all(run.returns for run in runs):
         return None
     each = [
-        st.first_crossing(np.array(getattr(run, axis)), np.array(run.returns), threshold)
+        first_crossing(np.array(getattr(run, axis)), np.array(run.returns), threshold)
         for run in runs
     ]
     return crossing(np.array(each), chance)
@@ -204,10 +213,8 @@ def _crossing(
 
 def _pair(one: Layer, other: Layer, chance: Chance) -> Pair:
     x, y = one.values("returned"), other.values("returned")
-    apart = difference(x, y, chance)
-    probability = improvement([x], [y], chance)
-    p_value = st.permutation_p_value(x, y, chance.rng)
-    return Pair(one.name, other.name, probability, apart, p_value)
+    probability, apart = improvement([x], [y], chance), difference(x, y, chance)
+    return Pair(one.name, other.name, probability, apart, p_value(x, y, chance.rng))
 
 
 def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: None) -> Clips:
@@ -229,7 +236,7 @@ def film(runs: Sequence[Run], comparison: Comparison, say: Say = lambda text: No
         say(f"{layer.name}: clip of {chosen.name}")
         run = next(run for run in runs if str(run.path) == chosen.path)
         player = Player.of(run, **changes)
-        clip = filmed(player, settings.seed, settings.video_seconds, layer.name)
+        clip = filmed(player, settings.seed, settings.video_seconds, "")
         clips[layer.name], names[layer.name] = clip, chosen.name
         traces.append(clip.pushes)
     # An episode may reach its time limit before the clip is over; a fallen robot's clip never does.

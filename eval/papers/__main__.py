@@ -10,7 +10,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from html import escape
 from itertools import product
 from pathlib import Path
 from typing import Annotated
@@ -21,9 +20,8 @@ from rich.console import Console
 from eval.files import check_folder, read_json, write
 from eval.pages import PAPERS_PAGE, splice, spliced
 from eval.papers.experiment import OUT, Experiment, drawn, load
-from eval.papers.page import Paper, Section, page
+from eval.papers.page import Paper, Section, page, summary
 from eval.papers.registry import PAPERS, experiments
-from eval.papers.summary import summary
 from fbid_gym.errors import RunError
 from fbid_gym.options import Whole, check_fields
 from train.command import run_command
@@ -73,8 +71,7 @@ def _section(experiment: Experiment, config: PapersConfig) -> Section:
     about = experiment.name, experiment.title, experiment.about
     if not body.is_file():
         tail = log.read_text().splitlines()[-1:] if log.is_file() else ["not run"]
-        said = escape(f"This did not run to the end: {tail}.")
-        wrong = f'<div class="callout warning">{said}</div>'
+        wrong = f"This did not run to the end: {tail}."
         return Section(*about, (), wrong, experiment.command(config.quick), 0.0, failed=True)
     result, run = load(experiment, config.out)
     command = experiment.command(run.quick)

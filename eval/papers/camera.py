@@ -5,10 +5,12 @@ from types import TracebackType
 
 import mujoco
 import numpy as np
+from markupsafe import Markup
 from PIL import Image, ImageDraw, ImageFont
 
+from eval.page.figures import Series, panel
+from eval.page.html import frames, video
 from eval.papers.log import Log
-from eval.papers.parts import frames, video
 from eval.video import Clip
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.overlays import size_of
@@ -96,7 +98,7 @@ class Camera:
         caption: str,
         of: str,
         digits: int = 1,
-    ) -> str:
+    ) -> Markup:
         """Draw the first robot of a log at some moments (K,) s, side by side, as a figure.
 
         Args:
@@ -112,7 +114,7 @@ class Camera:
         ]
         return frames(images, caption, of)
 
-    def film(self, log: Log, fps: float, caption: str, seconds: float = np.inf) -> str:
+    def film(self, log: Log, fps: float, caption: str, seconds: float = np.inf) -> Markup:
         """Draw the motion of the first robot of a log, at `fps` pictures per second, as a video."""
         moments = np.arange(0.0, min(log.time[-1], seconds), 1.0 / fps)
         rows, pictures = log.at(moments), []
@@ -132,3 +134,27 @@ def _labelled(picture: np.ndarray, label: str) -> np.ndarray:
     draw.rounded_rectangle((8, 8, 20 + width, 31), radius=5, fill=(20, 24, 32, 170))
     draw.text((14, 19), label, font=font, fill=(255, 255, 255, 255), anchor="lm")
     return np.asarray(image)
+
+
+def logged(
+    curves: Sequence[tuple[str, int, Log, np.ndarray]],
+    title: str,
+    since: float = -np.inf,
+    until: float = np.inf,
+) -> Markup:
+    """Draw curves over time of the first robots of logs, each up to its robot's fall.
+
+    Args:
+        curves: (name, colour, log, (T,) values at the log's ticks) each.
+        title: what is shown, with its unit.
+        since: s, where the chart begins.
+        until: s, where it ends.
+    """
+    series = []
+    for name, colour, log, values in curves:
+        shown = log.up[:, 0] & (log.time > since) & (log.time < until)
+        if shown.any():
+            series.append(Series(name, colour, log.time[shown], values[shown]))
+    longest = max((log.time for _, _, log, _ in curves), key=len)
+    inside = longest[(longest > since) & (longest < until)]
+    return panel(series, title, "s", x_range=(float(inside[0]), float(inside[-1])))

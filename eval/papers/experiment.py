@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
+from markupsafe import Markup
 
 from eval.files import read_json, to_json, write
-from eval.papers.parts import Finding
+from eval.papers.page import Finding
 from fbid_gym.errors import RunError
 from fbid_gym.reading import MOST_DATA, read_file
 from train.command import run_command
@@ -108,7 +109,7 @@ class Experiment:
         title: what it shows.
         about: what was done, in one or two sentences.
         run: does it.
-        show: turns a result, as it was saved, into the pieces of its section, HTML.
+        show: turns a result, as it was saved, into the pieces of its section.
         minutes: that it takes, roughly; the longest are started first.
     """
 
@@ -183,14 +184,14 @@ def load(experiment: Experiment, out: Path) -> tuple[Result, Run]:
         raise RunError(f"{folder / 'numbers.json'}: not of this experiment ({error}).") from error
 
 
-def drawn(experiment: Experiment, result: Result) -> str:
-    """Return the section of a result, HTML.
+def drawn(experiment: Experiment, result: Result) -> Markup:
+    """Return the section of a result.
 
     Raises:
         RunError: numbers or arrays that the experiment needs are not there, or others.
     """
     try:
-        return "".join(experiment.show(result))
+        return Markup("").join(experiment.show(result))
     except _UNFIT as error:
         kind = type(error).__name__
         raise RunError(f"{experiment.name}: its data do not fit it ({kind}: {error}).") from error

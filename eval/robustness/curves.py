@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
+import msgspec
 import numpy as np
 
-from eval import statistics as st
 from eval.results import Estimate
 from eval.robustness.arms import Arm, environment
 from eval.robustness.factors import FACTORS, Factor, changed
 from eval.rollout import Player, play_player
+from eval.statistics import Chance, interquartile_mean
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
@@ -29,7 +30,8 @@ _METRICS = {metric.name: metric for metric in METRICS}
 _FACTORS = {factor.name for factor in FACTORS}
 
 
-class Budget(NamedTuple):
+@dataclass(frozen=True)
+class Budget:
     """How much is played.
 
     Attributes:
@@ -63,6 +65,15 @@ class Along:
     nominal: float | None = None
     """Value at which nothing differs from training; None: there is none, or it is not known."""
 
+    def __post_init__(self) -> None:
+        """Refuse a factor that there is not, and curves that are not of the values."""
+        for curve in (curve for its in self.curves.values() for curve in its.values()):
+            known = {point.low is None for point in curve.points}
+            if len(curve.points) != len(self.values) or len(known) > 1:
+                raise ValueError("points that are not those of the values")
+        if self.name not in _FACTORS:
+            raise ValueError(f"no factor {self.name!r}")
+
 
 @dataclass(frozen=True)
 class Robustness:
@@ -90,9 +101,19 @@ class Robustness:
     """Name of an arm -> digests of its policies, in the order of its runs; empty in files that were
     written before there were any."""
 
+    def __post_init__(self) -> None:
+        """Refuse measures that there are not, and a factor without one of the arms."""
+        for along in self.along:
+            for measure in self.measures:
+                if (
+                    measure not in _METRICS
+                    or along.curves.get(measure, {}).keys() != self.arms.keys()
+                ):
+                    raise ValueError(f"{measure} is not of the arms {', '.join(self.arms)}")
+
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data."""
-        return {**asdict(self), "budget": self.budget._asdict(), "confidence": CONFIDENCE}
+        return {**asdict(self), "confidence": CONFIDENCE}
 
 
 def digest(policy: Policy) -> str:
@@ -111,45 +132,10 @@ def read(path: Path) -> Robustness:
     """
     data = read_object(path, RunError)
     try:
-        return Robustness(
-            env_id=str(data["env_id"]),
-            env_args=dict(data["env_args"]),
-            budget=Budget(int(data["budget"]["episodes"]), int(data["budget"]["seed"])),
-            measures=(str(data["measures"][0]), str(data["measures"][1])),
-            arms={str(arm): str(layer) for arm, layer in data["arms"].items()},
-            runs={str(arm): tuple(map(str, runs)) for arm, runs in data["runs"].items()},
-            along=[_read_along(one, data["measures"], data["arms"]) for one in data["along"]],
-            left_out={str(name): str(reason) for name, reason in data["left_out"].items()},
-            warnings=list(map(str, data["warnings"])),
-            versions=dict(data["versions"]),
-            robot=str(data.get("robot", "")),
-            policies={
-                str(arm): tuple(map(str, its)) for arm, its in data.get("policies", {}).items()
-            },
-        )
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise RunError(f"{path}: not the numbers of eval.robustness, or corrupt.") from error
-
-
-def _read_along(data: dict[str, Any], measures: list[str], arms: dict[str, str]) -> Along:
-    values = list(map(float, data["values"]))
-    if data["name"] not in _FACTORS or not set(measures) <= _METRICS.keys():
-        raise ValueError("a factor or measure that there is not")
-    curves: dict[str, dict[str, Curve]] = {measure: {} for measure in measures}
-    for measure, its in curves.items():
-        for arm in arms:
-            found = data["curves"][measure][arm]
-            points, summary = list(map(_estimate, found["points"])), _estimate(found["summary"])
-            if len(points) != len(values) or len({point.low is None for point in points}) != 1:
-                raise ValueError("points that are not those of the values")
-            its[arm] = Curve(points, summary)
-    nominal = data.get("nominal")
-    return Along(str(data["name"]), values, curves, None if nominal is None else float(nominal))
-
-
-def _estimate(data: dict[str, Any]) -> Estimate:
-    low, high = (None if data[end] is None else float(data[end]) for end in ("low", "high"))
-    return Estimate(float("nan") if data["value"] is None else float(data["value"]), low, high)
+        return msgspec.convert(data, Robustness)
+    except msgspec.ValidationError as error:
+        wrong = f"{path}: not the numbers of eval.robustness, or corrupt ({error})."
+        raise RunError(wrong) from error
 
 
 def measure(
@@ -256,15 +242,15 @@ def estimated(
     units = (table.mean(axis=2) if several else table[:, 0]).T
     summary = units[:, -1] - units[:, 0] if staged else area(units, values)
     every = np.column_stack([units, summary])
-    statistic = st.interquartile_mean if several else np.mean
+    statistic = interquartile_mean if several else np.mean
     found = statistic(every, axis=0)
-    if len(every) < 2:
-        estimates = [Estimate(float(value)) for value in found]
-    else:
-        draws = st.bootstrap(every[:, None], rng, statistic, SAMPLES)
-        bounds = st.percentile_interval(draws, CONFIDENCE)
-        estimates = [Estimate(*map(float, each)) for each in zip(found, *bounds, strict=True)]
-    return Curve(estimates[:-1], estimates[-1])
+    bounds = [(None, None)] * len(found)
+    if len(every) > 1:
+        bounds = Chance(rng, SAMPLES, CONFIDENCE).interval([every], statistic).T.tolist()
+    *points, last = (
+        Estimate(float(value), *ends) for value, ends in zip(found, bounds, strict=True)
+    )
+    return Curve(points, last)
 
 
 def area(curves: np.ndarray, positions: Sequence[float]) -> np.ndarray:

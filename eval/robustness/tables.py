@@ -9,7 +9,7 @@ from rich.table import Table
 from eval.results import Estimate
 from eval.robustness.curves import Along, Robustness
 from eval.robustness.factors import FACTORS, Factor
-from eval.wording import capital, interval, number, percent
+from eval.wording import capital, form_of, interval, number, titled
 from train.episodes import METRICS
 from train.runs.tables import to_csv
 
@@ -20,17 +20,13 @@ _LABELS = {metric.name: metric for metric in METRICS}
 
 
 def heading(measure: str) -> str:
-    """Return what a measure is called, with its unit."""
-    metric = _LABELS[measure]
-    unit = f", {metric.unit}" if metric.unit not in ("", "share") else ""
-    return capital(metric.label) + unit
+    """Return the name of a measure, with its unit."""
+    return capital(titled(_LABELS[measure]))
 
 
 def written(measure: str, value: float) -> str:
     """Write a value of a measure."""
-    if _LABELS[measure].unit == "share":
-        return percent(value).replace("-", "−")
-    return number(value)
+    return form_of(_LABELS[measure])(value)
 
 
 def more_is_better(measure: str) -> bool:
@@ -71,7 +67,7 @@ def summary(found: Robustness, measure: str) -> tuple[list[str], list[list[str]]
         name = f"{along.name}, change" if staged else along.name
         curves = along.curves[measure].values()
         rows.append([name, *(cell(measure, curve.summary) for curve in curves)])
-    return ["along", *found.arms], rows
+    return ["along", *(arm.replace("_", " ") for arm in found.arms)], rows
 
 
 def shown(found: Robustness) -> Iterator[Table]:

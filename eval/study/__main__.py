@@ -18,6 +18,7 @@ from rich.console import Console
 
 from eval.clips import Shown, fate
 from eval.files import check_output, to_json, write
+from eval.page.colours import colours_of
 from eval.pages import DOCS, splice, spliced
 from eval.robustness.arms import Arm as Tried
 from eval.robustness.arms import arm_of_cells
@@ -28,7 +29,6 @@ from eval.study import fresh
 from eval.study.cells import policy_digest, robustness_file
 from eval.study.findings import checked_reference, findings
 from eval.study.page import page
-from eval.study.parts import colours
 from eval.study.results import RETURN, ArmFound, Findings, Settings
 from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError, InvalidValueError, RunError
@@ -127,7 +127,8 @@ def film(
     Returns:
         The clips by environment and arm; and why others are missing, a sentence each.
     """
-    colour, cells = colours(found), {cell.config.folder.name: cell for cell in study.cells}
+    colour = colours_of(arm.name for arm in found.arms)
+    cells = {cell.config.folder.name: cell for cell in study.cells}
     clips, missing = {}, []
     done = [arm for arm in found.arms if arm.done]
     for k, arm in enumerate(done):
@@ -135,7 +136,7 @@ def film(
         tell(k, len(done), name)
         try:
             run = load(cells[name].config.folder)
-            clip = filmed(Player.of(run), found.settings.seed, seconds, arm.name)
+            clip = filmed(Player.of(run), found.settings.seed, seconds, "")
         except FbidError as error:  # the numbers stand without it
             missing.append(f"There is no clip of {name}: {error}")
             continue

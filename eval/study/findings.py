@@ -10,11 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from eval import estimates
 from eval import statistics as st
 from eval.comparable import origin_warnings
-from eval.estimates import Chance
 from eval.results import Band, Crossing, Estimate, greatest_return
+from eval.statistics import Chance
 from eval.study import fresh
 from eval.study.cells import columns
 from eval.study.fresh import Falls
@@ -143,7 +142,7 @@ def _arm(arm: Arm, settings: Settings, chance: Chance) -> ArmFound:
 
 def _band(cells: Sequence[CellFound], axis: str, measure: Measure, chance: Chance) -> Band:
     x = [np.array(getattr(cell, axis)) for cell in cells]
-    return estimates.band(x, [np.array(cell.curves[measure.name]) for cell in cells], chance)
+    return st.band(x, [np.array(cell.curves[measure.name]) for cell in cells], chance)
 
 
 def _crossing(
@@ -158,7 +157,7 @@ def _crossing(
         upright = 1.0 - np.array(cell.curves[FALLS.name]) >= settings.survival
         errors = np.where(upright, np.array(cell.curves[ERROR.name]), np.inf)
         each.append(st.first_crossing(np.array(getattr(cell, axis)), -errors, -error))
-    return estimates.crossing(np.array(each), chance)
+    return st.crossing(np.array(each), chance)
 
 
 def _with_fresh(arm: ArmFound, played: Mapping[str, fresh.Columns], chance: Chance) -> ArmFound:
@@ -176,7 +175,7 @@ def _has(each: Values, measure: Measure) -> bool:
 
 
 def _final(each: Values, known: Sequence[Measure], chance: Chance) -> dict[str, Estimate]:
-    return {m.name: estimates.estimate(np.array(each[m.name]), chance) for m in known}
+    return {m.name: st.estimate(np.array(each[m.name]), chance) for m in known}
 
 
 def _scores(each: Values, measure: Measure, most: float) -> np.ndarray:
@@ -194,8 +193,8 @@ def _versus(
     found = {}
     for measure in (m for m in JUDGED if _has(each, m) and _has(others, m)):
         x, y = (_scores(*side) for side in ((each, measure, most[0]), (others, measure, most[1])))
-        p_value = st.permutation_p_value(x, y, chance.rng)
-        found[measure.name] = Versus(estimates.improvement([x], [y], chance), p_value)
+        p_value = st.p_value(x, y, chance.rng)
+        found[measure.name] = Versus(st.improvement([x], [y], chance), p_value)
     return found
 
 
@@ -219,9 +218,9 @@ def _across(
                 x, y = (
                     [_scores(arm.each, measure, arm.most) for arm in side] for side in (its, others)
                 )
-                probability[measure.name] = estimates.improvement(x, y, chance)
+                probability[measure.name] = st.improvement(x, y, chance)
         env_ids = [arm.env_id for arm in its]
-        across.append(Across(name, env_ids, estimates.over_tasks(shares, chance), probability))
+        across.append(Across(name, env_ids, st.over_tasks(shares, chance), probability))
     return across
 
 

@@ -1,12 +1,12 @@
 """Policies that decide at different rates, side by side: over the same time, of the same most."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from eval.plots import Series
+from eval.page.figures import Series
 from eval.study.results import RETURN
 from eval.wording import number
 
@@ -46,11 +46,11 @@ class Pace(NamedTuple):
         up = share if measure == RETURN.name else 1.0
         return replace(
             series,
-            x=_times(along, series.x),
-            value=_times(up, series.value),
-            low=None if series.low is None else _times(up, series.low),
-            high=None if series.high is None else _times(up, series.high),
-            singles=[(_times(along, x), _times(up, y)) for x, y in series.singles],
+            x=along * np.asarray(series.x),
+            value=up * np.asarray(series.value),
+            low=None if series.low is None else up * np.asarray(series.low),
+            high=None if series.high is None else up * np.asarray(series.high),
+            singles=[(along * np.asarray(x), up * np.asarray(y)) for x, y in series.singles],
         )
 
     def titled(self, title: str, measure: str) -> str:
@@ -62,7 +62,3 @@ class Pace(NamedTuple):
     def steps(self) -> str:
         """What the axis of the steps is called."""
         return "steps of the slowest in that time" if self.differs else "training steps"
-
-
-def _times(factor: float, values: Sequence[float]) -> list[float]:
-    return [factor * value for value in values]

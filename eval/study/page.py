@@ -1,31 +1,47 @@
 """The report of a study as one self-contained HTML page."""
 
-import json
-from collections.abc import Mapping
-from html import escape
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
-from eval.clips import STARTS
-from eval.document import document
-from eval.papers.parts import folded, table, text
-from eval.robustness.curves import Robustness
-from eval.study.parts import coloured, latest, named, probability, titled, told
-from eval.study.results import FALLS, JUDGED, MEASURES, Findings
-from eval.study.section import Clips, environment
-from eval.study.wording import lede, standing
-from eval.wording import capital, count, duration, interval, steps
+from markupsafe import Markup
+
+from eval.clips import STARTS, Shown, legend
+from eval.page.colours import colours_of
+from eval.page.figures import Series, Strip, panel, strips
+from eval.page.html import render
+from eval.results import Crossing
+from eval.robustness.curves import CONFIDENCE, Robustness
+from eval.robustness.page import areas, panels
+from eval.robustness.tables import BY_NAME
+from eval.study.pace import Pace
+from eval.study.results import (
+    CURVES,
+    ERROR,
+    FALLS,
+    JUDGED,
+    MEASURES,
+    RETURN,
+    ArmFound,
+    CellFound,
+    Findings,
+    Measure,
+    Versus,
+)
+from eval.wording import (
+    Form,
+    capital,
+    form_of,
+    interval,
+    number,
+    percent,
+    span,
+    steps,
+)
 from train.runs.study import environment_name
 
-_STYLE = """
-h3 { font: 600 .92rem system-ui, sans-serif; margin: 2.2rem 0 .4rem; }
-th:first-child { position: sticky; left: 0; background: var(--paper); padding-right: 1rem; }
-tbody th:first-child { white-space: normal; min-width: 8.2rem; max-width: 12rem; }
-td .low, td .state { display: block; }
-img { max-width: 100%; height: auto; }
-.state, .far { color: var(--soft); font-size: .92em; }
-.failed { color: var(--c5); }
-nav { font: .86rem/1.9 system-ui, sans-serif; margin-top: 1.2rem; }
-nav a { margin-right: 1.2rem; white-space: nowrap; }
-"""
+Clips = Mapping[tuple[str, str], Shown]
+"""Environment and arm -> its clip."""
 
 
 def page(
@@ -42,125 +58,199 @@ def page(
         robustness: by environment, where it was measured.
         command: the command line that made it, to be shown.
     """
+    colours = colours_of(arm.name for arm in found.arms)
     clips, robustness = clips or {}, robustness or {}
-    sections = [
-        environment(found, env_id, clips, robustness.get(env_id)) for env_id in found.environments()
-    ]
-    parts = [_opening(found), *sections, _across(found), _cells(found), _methods(found)]
-    body = "\n".join([*filter(None, parts), _reproduction(found, command)])
-    return document(found.title, body, style=_STYLE, script=STARTS if clips else "")
-
-
-def _opening(found: Findings) -> str:
     cells = [cell for arm in found.arms for cell in arm.cells]
-    environments = found.environments()
-    eyebrow = (
-        f"{count(len(environments), 'environment')} · "
-        f"{count(len({arm.name for arm in found.arms}), 'arm')} · {count(len(cells), 'training')}"
-    )
-    links = " ".join(
-        f'<a href="#{escape(environment_name(env_id))}">{escape(environment_name(env_id))}</a>'
-        for env_id in environments
-    )
-    parts = [
-        f'<p class="eyebrow">{escape(eyebrow)}</p>',
-        f"<h1>{escape(found.title)}</h1>",
-        f'<div class="lede">{text(*map(escape, [standing(found), *lede(found)]))}</div>',
-        f"<nav>{links}</nav>" if len(environments) > 1 else "",
-    ]
-    missing = [
-        f"<li>{escape(environment_name(arm.env_id))}, <b>{escape(arm.name)}</b>, seed "
-        f"{cell.seed}: {told(cell.state)}{escape(f', {cell.note}' if cell.note else '')}</li>"
-        for arm in found.arms
-        for cell in arm.cells
-        if cell.state != "done"
-    ]
-    if missing:
-        listed = f"<ul>{''.join(missing)}</ul>"
-        parts.append(
-            '<div class="callout"><b>Not finished.</b> Numbers of an arm are of its trainings that '
-            "are done; where none is, they are of those begun, as far as all of them are."
-            f"{folded(f'{len(missing)} of {len(cells)} trainings', listed)}"
-            "</div>"
-        )
-    if found.warnings:
-        items = "".join(f"<li>{escape(warning)}</li>" for warning in found.warnings)
-        warned = folded(count(len(found.warnings), "warning"), f"<ul>{items}</ul>")
-        parts.append(f'<div class="callout warning"><b>Before comparing.</b> {warned}</div>')
-    return "\n".join(parts)
-
-
-def _across(found: Findings) -> str:
-    if not found.across:
-        return ""
-    shown = [m for m in JUDGED if any(m.name in arm.probability for arm in found.across)]
-    rows = []
-    for arm in found.across:
-        named = coloured(found, arm.name)
-        where = ", ".join(environment_name(env_id) for env_id in arm.env_ids)
-        judged = [
-            probability(arm.probability[m.name]) if m.name in arm.probability else "–"
-            for m in shown
-        ]
-        share = interval(arm.share, lambda one: f"{one:.3f}")
-        rows.append([named, escape(where), escape(share), *judged])
-    heads = ["", "environments", "Share of the greatest return"]
-    heads += [f"{capital(measure.label)}: does better" for measure in shown]
-    return (
-        "<h2>Over all environments</h2>"
-        + text(
-            "Arms that stand beside the reference in more than one environment. The share is the "
-            "mean over environments of the interquartile means of return over the most that can be "
-            "earned; the probabilities of doing better than the reference are means over "
-            "environments. Runs are resampled within each environment."
-        )
-        + table(heads, rows)
+    across = [m for m in JUDGED if any(m.name in arm.probability for arm in found.across)]
+    return render(
+        "study.html",
+        title=found.title,
+        script=STARTS if clips else "",
+        found=found,
+        cells=cells,
+        lede=lede(found),
+        colours=colours,
+        environments=[
+            _environment(found, env_id, arms, clips, robustness.get(env_id), colours)
+            for env_id, arms in found.environments().items()
+        ],
+        across=across,
+        across_heads=[f"{capital(measure.label)}: does better" for measure in across],
+        thresholds=[f"{number(value)} m/s" for value in found.settings.thresholds],
+        measures=[m for m in MEASURES if any(arm.has(m) for arm in found.arms)],
+        latest=_latest,
+        trained=_trained,
+        reached=_reached,
+        to_two=lambda one: f"{one:.2f}",
+        to_three=lambda one: f"{one:.3f}",
+        commands="\n".join([*(cell.command for cell in cells), command]).strip(),
     )
 
 
-def _cells(found: Findings) -> str:
-    shown = [m for m in MEASURES if any(arm.has(m) for arm in found.arms)]
-    rows = []
-    for arm in found.arms:
-        for cell in arm.cells:
-            last = cell.steps[-1] if cell.begun else 0.0
-            values = [latest(cell, m) for m in shown]
-            rows.append(
-                [
-                    f"{escape(environment_name(arm.env_id))}, {named(found, arm)}",
-                    str(cell.seed),
-                    told(cell.state),
-                    steps(last) if cell.begun else "–",
-                    duration(cell.wall[-1]) if cell.begun else "–",
-                    *values,
-                ]
-            )
-    heads = ["", "seed", "state", "steps", "wall-clock", *(capital(titled(m)) for m in shown)]
-    return "<h2>Every training</h2>" + folded(f"{len(rows)} trainings", table(heads, rows))
-
-
-def _methods(found: Findings) -> str:
-    return "<h2>How it was measured</h2>" + text(
-        "Arms of an environment differ in what their names say, and in the settings at the end of "
-        "this page; reward, observation, resets, limits and rates are the same unless an arm says "
-        "otherwise. One training from one seed is one observation: the episodes of its latest "
-        "evaluation are averaged, and intervals are over trainings. These are the last policies, "
-        "not the best; evaluations play the same episodes for every training, on seeds that none "
-        "of them learns from, without noise.",
-        f"Intervals are percentiles of {found.settings.samples:,} stratified bootstrap resamples "
-        "of the interquartile mean; with fewer than four runs that is the mean. With five runs "
-        "such an interval holds the true median at most 94 % of the time, with three at most "
-        f"75 %. The permutation test is Mann and Whitney's. The first evaluation of a training is "
-        f"the zero action. {capital(FALLS.label)} are episodes that end before their time.",
-    )
-
-
-def _reproduction(found: Findings, command: str) -> str:
-    commands = [cell.command for arm in found.arms for cell in arm.cells]
-    blocks = {
-        "Commands": "\n".join([*commands, command]),
-        "Versions": json.dumps(found.versions, indent=1) if found.versions else "",
+def _environment(
+    found: Findings,
+    env_id: str,
+    arms: Sequence[ArmFound],
+    clips: Clips,
+    robustness: Robustness | None,
+    colours: Mapping[str, int],
+) -> dict[str, Any]:
+    """Return what the section of an environment is made of."""
+    measured = [arm for arm in arms if arm.counted]
+    known = [m for m in MEASURES if any(arm.has(m) for arm in arms)]
+    played = [arm for arm in arms if arm.fresh is not None]
+    stood = [] if robustness is None else [
+        (capital(BY_NAME[along.name].title), panels(robustness, along, colours))
+        for along in robustness.along
+    ]  # fmt: skip
+    return {
+        "id": env_id,
+        "arms": arms,
+        "measured": measured,
+        "curves": _curves(measured, colours),
+        "known": known,
+        "befores": [f"{capital(measure.label)} of the zero action" for measure in known[:2]],
+        "strips": [_strips(measured, measure, colours) for measure in known],
+        "timed": [arm for arm in measured if arm.steps_to],
+        "judged": _against(found, arms, lambda arm: arm.versus),
+        "played": played,
+        "fresh": [
+            m for m in MEASURES if any(m.name in arm.fresh.final for arm in played if arm.fresh)
+        ],
+        "fresh_judged": _against(found, played, lambda arm: arm.fresh.versus if arm.fresh else {}),
+        "clips": [shown for (env, _), shown in clips.items() if env == env_id],
+        "drawn": legend(env_id),
+        "robustness": robustness,
+        "areas": [] if robustness is None else areas(robustness),
+        "level": percent(CONFIDENCE),
+        "stood": stood,
     }
-    return "\n".join(
-        folded(name, f"<pre>{escape(content)}</pre>") for name, content in blocks.items() if content
-    )
+
+
+def _curves(arms: Sequence[ArmFound], colours: Mapping[str, int]) -> list[Markup]:
+    drawn = []
+    for measure in CURVES:
+        for axis, bands in (("steps", "by_steps"), ("wall", "by_wall")):
+            its = [arm for arm in arms if measure.name in getattr(arm, bands)]
+            if its:
+                drawn.append(_panel(its, measure, axis, bands, colours))
+    return drawn
+
+
+def _panel(
+    arms: Sequence[ArmFound], measure: Measure, axis: str, bands: str, colours: Mapping[str, int]
+) -> Markup:
+    pace, over_steps = Pace.of((arm.name, arm.most) for arm in arms), axis == "steps"
+    scale, x_title, form = (1.0, pace.steps, steps) if over_steps else _clock(arms)
+    series = []
+    for arm in arms:
+        begun = [cell for cell in arm.cells if cell.begun]
+        singles = [(getattr(cell, axis), cell.curves[measure.name]) for cell in begun]
+        band = getattr(arm, bands)[measure.name]
+        own = Series.learnt(arm.name, colours[arm.name], band, singles, scale)
+        series.append(pace.scaled(own, measure.name, over_steps=over_steps))
+    label = capital(pace.titled(measure.label, measure.name))
+    title = f"{label} over {'steps' if over_steps else 'time'}"
+    unit = f", {measure.unit}" if measure.unit else ""
+    return panel(series, title + unit, x_title, form)
+
+
+def _clock(arms: Sequence[ArmFound]) -> tuple[float, str, Form]:
+    longest = max(cell.wall[-1] for arm in arms for cell in arm.cells if cell.begun)
+    units = ((3600.0, "h"), (60.0, "min"), (1.0, "s"))
+    scale, unit = next((s, u) for s, u in units if longest >= 2.0 * s or u == "s")
+    return scale, f"wall-clock, {unit}", number
+
+
+def _strips(arms: Sequence[ArmFound], measure: Measure, colours: Mapping[str, int]) -> Markup:
+    name = measure.name
+    return strips([
+        Strip(arm.name, colours[arm.name], arm.each[name], arm.final[name], arm.before[name])
+        for arm in arms if arm.has(measure)
+    ], measure)  # fmt: skip
+
+
+def _against(
+    found: Findings,
+    arms: Sequence[ArmFound],
+    versus_of: Callable[[ArmFound], Mapping[str, Versus]],
+) -> dict[str, Any]:
+    """Return in what arms are set against the reference, and how; empty where none is."""
+    others = [(arm, versus_of(arm)) for arm in arms if arm.name != found.reference]
+    shown = [m for m in JUDGED if any(m.name in versus for _, versus in others)]
+    heads = [(f"{capital(measure.label)}: does better", "p") for measure in shown]
+    return {"measures": shown, "heads": ["", *sum(heads, ())], "rows": others} if shown else {}
+
+
+def _latest(cell: CellFound, measure: Measure) -> str:
+    """Write a measure of a training's latest evaluation; a dash where it has none."""
+    value = cell.curves[measure.name][-1] if cell.begun else math.nan
+    return form_of(measure)(value) if math.isfinite(value) else "–"
+
+
+def _trained(arm: ArmFound) -> str:
+    """Say after how many steps the numbers are, and how the unfinished trainings stand."""
+    if arm.complete:
+        return steps(arm.steps)
+    others: dict[str, int] = {}
+    for state in (cell.state for cell in arm.cells if cell.state != "done"):
+        kind = "unfinished" if state.endswith("%") else state
+        others[kind] = others.get(kind, 0) + 1
+    rest = ", ".join(f"{count} {state}" for state, count in others.items())
+    so_far = "" if arm.done else "so far "
+    return f"{so_far}{steps(arm.steps)}, {rest}" if arm.counted else rest
+
+
+def _reached(one: Crossing, form: Form, arm: ArmFound) -> tuple[str, ...]:
+    """Write when it was reached, and what belongs below, never hiding who did not get there."""
+    total, median = len(one.each), one.median
+    so_far = "" if arm.complete else " so far"
+    if one.reached == 0:
+        return "", f"not reached{so_far}"
+    if max(one.each) <= 0.0:
+        return "", "from the start"
+    few = f"{one.reached} of {total}{so_far}" if one.reached < total else ""
+    if not math.isfinite(median.value):
+        return few, f"first after {form(min(one.each))}"
+    if median.low is None:
+        return (form(median.value),)
+    return form(median.value), span(median, lambda x: form(x) if math.isfinite(x) else "never"), few
+
+
+def lede(found: Findings) -> list[str]:
+    """Say how much is done, and what each environment came to, of arms of which something is."""
+    states = [cell.state for arm in found.arms for cell in arm.cells]
+    done, failed = states.count("done"), states.count("failed")
+    sentences = [f"All {done} trainings have finished."]
+    if done < len(states):
+        rest = f"; {failed} failed" if failed else ""
+        sentences = [f"{done} of {len(states)} trainings have finished{rest}."]
+    for env_id, arms in found.environments().items():
+        sentences += _came_to(environment_name(env_id), arms, found.reference)
+    return sentences
+
+
+def _came_to(name: str, arms: Sequence[ArmFound], reference: str) -> list[str]:
+    measure = ERROR if any(arm.done and arm.has(ERROR) for arm in arms) else RETURN
+    known = [arm for arm in arms if arm.done and arm.has(measure)]
+    if not known:
+        return []
+    order = sorted(known, key=lambda arm: -measure.better * arm.final[measure.name].value)
+    parts = [f"{arm.name} {_value(arm, measure)}" for arm in order]
+    unit = f" in {measure.unit}" if measure.unit else ""
+    said = [f"{name}, {measure.label}{unit} at the end: {'; '.join(parts)}."]
+    versus = order[0].versus.get(measure.name)
+    if versus is not None:
+        better = f"A run of {order[0].name} does better than one of {reference} with probability"
+        said.append(f"{better} {interval(versus.probability, lambda one: f'{one:.2f}')}.")
+    return [" ".join(said)]
+
+
+def _value(arm: ArmFound, measure: Measure) -> str:
+    """Write a measure, and the falls: of fresh episodes where they were played, they are more."""
+    said = interval(arm.final[measure.name], form_of(measure))
+    if arm.fresh is not None:
+        return f"{said}, fell in {arm.fresh.falls} fresh episodes"
+    falls = arm.final.get(FALLS.name)
+    fallen = f", falling in {percent(falls.value)}" if falls and falls.value >= 0.005 else ""
+    return said + fallen

@@ -9,6 +9,7 @@ import numpy as np
 from eval.results import Band, Crossing, Estimate
 from eval.study.fresh import Falls
 from fbid_gym.options import Each, Number, Whole
+from train.episodes import Metric
 
 
 @dataclass(frozen=True)
@@ -30,15 +31,8 @@ class Settings:
     """Of the intervals."""
 
 
-@dataclass(frozen=True)
-class Measure:
-    """A number of an evaluation."""
-
-    name: str
-    label: str
-    unit: str
-    better: int
-    """1 if more is better, -1 if less is."""
+class Measure(Metric):
+    """A number of an evaluation, by its column or made of one."""
 
     def of(self, table: dict[str, np.ndarray]) -> np.ndarray:
         """Return it from the columns of evaluations, (K,); NaN where they do not have it."""

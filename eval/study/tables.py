@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from eval.colours import colours_of_arms
-from eval.plots import Series, panel, sheet
+from eval.page.colours import colours_of
+from eval.page.figures import Series, panel, sheet
 from eval.results import greatest_return
 from eval.study import fresh
 from eval.study.cells import curve, evaluations, exploring
 from eval.study.pace import Pace
-from eval.wording import number, percent
+from eval.wording import capital, number, percent
 from eval.wording import steps as steps_text
 from fbid_gym.errors import RunError
 from train.runs.study import Arm, Study, arms, environment_name
@@ -50,7 +50,7 @@ def drawn(study: Study) -> str:
     by_env: dict[str, list[Arm]] = {}
     for arm in arms(study):
         by_env.setdefault(arm.env, []).append(arm)
-    colour = colours_of_arms(arm.name for arm in arms(study))
+    colour = colours_of(arm.name for arm in arms(study))
     panels = []
     for env, its in by_env.items():
         pace = Pace.of((arm.name, _most(arm)) for arm in its)
@@ -58,7 +58,7 @@ def drawn(study: Study) -> str:
             own = [item for arm in its for item in _series(arm, column, colour[arm.name])]
             if own:
                 series = [pace.scaled(item, column) for item in own]
-                what = f"{pace.titled(title, column)}, {environment_name(env)}"
+                what = capital(f"{pace.titled(title, column)}, {environment_name(env)}")
                 panels.append(panel(series, what, pace.steps, x_format=steps_text))
     if not panels:
         raise RunError(f"Study {study.name!r} has not been evaluated yet: python -m train.sweep.")

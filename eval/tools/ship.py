@@ -13,10 +13,11 @@ from typing import Annotated
 
 import numpy as np
 import tyro
+from scipy import stats
 
-from eval import statistics as st
 from eval.files import check_folder, read_json, to_json, write
 from eval.rollout import Player, play_player
+from eval.statistics import Chance
 from eval.unseen import check_unseen
 from fbid_gym.bundles import present_bundle
 from fbid_gym.envs.config import resolved_arguments
@@ -158,13 +159,13 @@ def measured(episodes: Episodes, confidence: float) -> dict[str, Measured]:
         values = np.asarray(getattr(episodes, metric.name), dtype=float)
         if not np.isfinite(values).all():
             continue
-        mean = float(values.mean())
+        mean, count = float(values.mean()), len(values)
         if metric.unit == "share":
-            low, high = st.wilson_interval(mean, len(values), confidence)
+            test = stats.binomtest(round(mean * count), count)
+            low, high = test.proportion_ci(confidence, "wilson")
         else:
-            rng = np.random.default_rng(len(values))
-            draws = st.bootstrap(values[:, None], rng, np.mean, _BOOTSTRAP)
-            low, high = map(float, st.percentile_interval(draws, confidence))
+            chance = Chance(np.random.default_rng(count), _BOOTSTRAP, confidence)
+            low, high = map(float, chance.interval([values], np.mean))
         found[metric.name] = Measured(mean, low, high, metric.unit)
     return found
 

@@ -16,9 +16,6 @@ from eval.pages import (
     splice,
     spliced,
 )
-from eval.papers.page import Paper, Section
-from eval.papers.parts import Finding, judged
-from eval.papers.summary import summary
 from fbid_gym.errors import RunError
 
 
@@ -67,16 +64,3 @@ def test_tables_say_of_which_run_they_are() -> None:
     for command, page in [("robustness", ROBUSTNESS_PAGE), *zero_actions]:
         _, _, written = page.read_text().partition(START)
         assert f"\n```\npython -m eval.{command} " in written.partition(END)[0]
-
-
-def test_the_summary_holds_every_number_that_the_paper_has() -> None:
-    findings = [
-        judged("hip | knee", "0.1 rad", "0.2 rad", "at most 0.1 rad", False),
-        Finding("something of ours", "", "3"),
-    ]
-    section = Section("fig1", "Figure 1", "", findings, "", "python -m x", 75.0)
-    broken = Section("fig2", "Figure 2", "", (), "", "python -m y", 0.0, failed=True)
-    text = summary([Paper("A paper", "", [section, broken])])
-    assert "| Figure 1 | hip \\| knee | 0.1 rad | **0.2 rad** | at most 0.1 rad (missed) |" in text
-    assert "something of ours" not in text
-    assert "| Figure 2 | did not run to the end |" in text

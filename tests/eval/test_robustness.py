@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -71,9 +72,8 @@ def test_nothing_is_called_nominal_that_training_randomised(
         arm = zero_action(WALK, "joint_position", {"randomisation": ranges})
         found = measure([arm], factors, Budget(1, 5))
         assert [along.nominal for along in found.along] == nominal
-        html, marked = page(found), sum(value is not None for value in nominal)
-        assert html.count("Upright: nothing differs") == marked
-        assert html.count('class="threshold"') == 2 * marked
+        marked = sum(value is not None for value in nominal)
+        assert page(found).count("Upright: nothing differs") == marked
 
 
 def test_the_tables_of_docs_say_what_they_are_of() -> None:
@@ -241,7 +241,7 @@ def test_a_study_counts_its_finished_runs_and_a_policy_of_zeros_is_the_zero_acti
     rows = list(csv.DictReader(out.with_suffix(".csv").read_text().splitlines()))
     assert len(rows) == 2 * 2 * (2 + 1)
     html = out.read_text()
-    assert html.count("<svg") == 2 and 'class="dashed"' in html
+    assert html.count("<svg") == 2 and "zero action</title>" in html
 
 
 def test_arms_of_a_study_are_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -277,7 +277,7 @@ def test_what_an_environment_does_not_have_is_left_out_and_said() -> None:
     assert "does not leave level ground" in found.left_out["slope"]
     assert "a zero action is the same" in found.left_out["delay"]
     assert "papers' physics anyway" in found.left_out["physics"]
-    assert all(reason in page(found).replace("&#x27;", "'") for reason in found.left_out.values())
+    assert all(reason in unescape(page(found)) for reason in found.left_out.values())
     assert markdown(found).count("| mass |") == 2
 
 

@@ -1,11 +1,14 @@
 """How numbers are written, and which finding is claimed when."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from eval.report import caution, headline
 from eval.results import Comparison, Crossing, Estimate, Layer, Pair, RunResult, Settings
-from eval.wording import caution, count, crossing, duration, headline, number, percent, steps
+from eval.wording import count, crossing, duration, form_of, number, percent, steps, titled
+from train.episodes import Metric
 
 SPACE = "\N{NO-BREAK SPACE}"
 
@@ -44,7 +47,7 @@ def test_steps_shares_and_counts() -> None:
 @pytest.mark.parametrize(
     ("each", "median", "text"),
     [
-        ([10.0, 20.0], Estimate(15, 10, 20), "15 (10 to 20)"),
+        ([10.0, 20.0], Estimate(15, 10, 20), f"15 (10{SPACE}to{SPACE}20)"),
         ([10.0], Estimate(10), "10"),
         ([math.inf], Estimate(math.inf), "not reached"),
         ([0.0, 0.0], Estimate(0, 0, 0), "reached before training"),
@@ -54,7 +57,11 @@ def test_steps_shares_and_counts() -> None:
             Estimate(math.inf, 10, math.inf),
             "reached in 1 of 2 runs, first after 10",
         ),
-        ([10.0, 20.0, math.inf], Estimate(20, 10, math.inf), "20 (10 to –), not reached in 1 of 3"),
+        (
+            [10.0, 20.0, math.inf],
+            Estimate(20, 10, math.inf),
+            f"20 (10{SPACE}to{SPACE}–), not reached in 1 of 3",
+        ),
     ],
 )
 def test_runs_that_did_not_get_there_are_mentioned(
@@ -72,8 +79,8 @@ def comparison(
             for k, value in enumerate(values)
         ]
         mean = Estimate(sum(values) / len(values), min(values), max(values))
-        return Layer(name, {}, runs, {"returned": mean}, {"returned": 1.0}, None, None, None, None,
-                     [], [])  # fmt: skip
+        metrics = {"returned": mean, "velocity_error": Estimate(math.nan)}
+        return Layer(name, {}, runs, metrics, {"returned": 1.0}, None, None, None, None, [], [])
 
     return Comparison(
         "e", {}, Settings(), [layer("first", one), layer("second", other)],
@@ -82,25 +89,47 @@ def comparison(
     )  # fmt: skip
 
 
-def test_the_headline_claims_no_more_than_was_found() -> None:
+def test_the_headline_claims_no_more_than_was_found_and_tells_the_numbers() -> None:
     separated = comparison([400, 410], [300, 310], Estimate(100, 90, 110), 1.0, 1 / 3)
-    assert headline(separated) == (
-        "Every seed of first ended above every seed of second, by 100 points of return, but two "
-        "seeds against two cannot rule out chance."
-    )
+    assert headline(separated).startswith("Every seed of first beats every seed of second, but")
+    assert "two against" not in headline(separated) and "cannot rule out" in headline(separated)
+    assert headline(separated).endswith("return 405 against 305.")
     mixed = comparison([400, 290], [300, 310], Estimate(40, -20, 100), 0.5, 0.67)
-    assert headline(mixed).startswith("No clear difference: first and second end 40 points")
+    assert headline(mixed).startswith("No clear difference in return")
     clear = comparison([400.0] * 5, [300.0] * 5, Estimate(100, 90, 110), 1.0, 2 / 252)
-    assert headline(clear) == (
-        "First ends 100 points of return above second, more than chance explains "
-        f"(95{SPACE}% interval 90 to 110)."
-    )
+    assert headline(clear).startswith("First returns more than second (p = 0.0079)")
     single = comparison([400], [300], Estimate(100), 1.0, 1.0)
     assert "one run cannot say" in headline(single)
 
 
+def test_the_headline_shows_the_push_at_which_two_layers_differ_most() -> None:
+    found = comparison([400.0] * 5, [300.0] * 5, Estimate(100, 90, 110), 1.0, 2 / 252)
+    shares = ([1.0, 0.94, 0.5], [1.0, 0.22, 0.4])
+    layers = [
+        replace(layer, sweep=[Estimate(one) for one in its])
+        for layer, its in zip(found.layers, shares, strict=True)
+    ]
+    text = headline(replace(found, layers=layers, sweep=[50.0, 200.0, 400.0]))
+    assert f"94{SPACE}% against 22{SPACE}% stay up under pushes of 200 N" in text
+
+
+@pytest.mark.parametrize(
+    ("metric", "title", "text"),
+    [
+        (Metric("height_error", "height error", "m", -1), "height error, mm", "3.25"),
+        (Metric("distance", "distance", "m", 0), "distance, m", "0.00325"),
+        (Metric("velocity_error", "velocity error", "m/s", -1), "velocity error, m/s", "0.003"),
+        (Metric("survived", "survival", "share", 1), "survival", f"0{SPACE}%"),
+    ],
+)
+def test_errors_are_in_the_units_that_they_are_read_in(
+    metric: Metric, title: str, text: str
+) -> None:
+    assert (titled(metric), form_of(metric)(0.00325)) == (title, text)
+
+
 def test_caution_ends_at_five_seeds() -> None:
     nothing = Estimate(0, 0, 0)
-    assert caution(comparison([1.0] * 5, [1.0] * 5, nothing, 0.5, 1)) is None
+    assert caution(comparison([1.0] * 5, [1.0] * 5, nothing, 0.5, 1)) == ""
     text = caution(comparison([1.0] * 3, [1.0] * 5, nothing, 0.5, 1))
-    assert text is not None and f"75{SPACE}%" in text and "three seeds" in text
+    assert f"75{SPACE}%" in text and "three seeds" in text

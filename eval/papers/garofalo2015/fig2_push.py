@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from eval.papers.camera import Camera
-from eval.papers.charts import logged, traces
+from eval.page.figures import traces
+from eval.page.html import columns, figure, folded, heading, table, text
+from eval.papers.camera import Camera, logged
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.garofalo2015.balancer import (
     BALANCERS,
@@ -21,7 +22,7 @@ from eval.papers.garofalo2015.bout import Blow, bout
 from eval.papers.garofalo2015.measures import blow_numbers
 from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
 from eval.papers.log import Log
-from eval.papers.parts import Finding, columns, fate, figure, folded, heading, judged, table, text
+from eval.papers.page import Finding, fate, judged
 from eval.papers.trial import simulate
 from eval.wording import number
 from fbid_gym.robots import load

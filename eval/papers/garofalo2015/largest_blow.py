@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from eval.page.figures import polar
+from eval.page.html import figure, table, text
 from eval.papers.experiment import Experiment, Progress, Result, Setting, main
 from eval.papers.garofalo2015.balancer import BALANCERS, GAROFALO, Balancer, balancer
 from eval.papers.garofalo2015.bout import Blow, bout
 from eval.papers.garofalo2015.fig2_push import COLOUR
 from eval.papers.garofalo2015.pendulum import Pendulum
-from eval.papers.garofalo2015.polar import Ring, polar
-from eval.papers.parts import Finding, figure, judged, table, text
+from eval.papers.page import Finding, judged
 from eval.papers.trial import simulate
 from eval.wording import number
 from fbid_gym.robots import load
@@ -128,7 +129,7 @@ def show(result: Result) -> list[str]:
     rings = []
     for row in numbers["rows"]:
         values = [*row["survived"], *reversed(row["survived"][1:-1])]
-        rings.append(Ring(row["name"], COLOUR[row["name"]], values))
+        rings.append((row["name"], COLOUR[row["name"]], values))
     rows = [
         [
             row["name"],

@@ -4,14 +4,15 @@ from typing import Any
 
 import numpy as np
 
-from eval.papers.charts import lines
+from eval.page.figures import lines
+from eval.page.html import figure, text
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.garofalo2015.balancer import BALANCERS, GAROFALO, balancer
 from eval.papers.garofalo2015.bout import Blow, bout
 from eval.papers.garofalo2015.fig2_push import COLOUR, SIDEWAYS
 from eval.papers.garofalo2015.pendulum import Pendulum
 from eval.papers.log import Log
-from eval.papers.parts import Finding, figure, judged, text
+from eval.papers.page import Finding, judged
 from eval.papers.trial import simulate
 from eval.papers.wrong_models import believing, wrong_model
 from eval.wording import percent

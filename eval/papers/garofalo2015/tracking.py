@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from eval.papers.charts import lines
+from eval.page.figures import lines
+from eval.page.html import figure, heading, text
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.garofalo2015.balancer import (
     BALANCERS,
@@ -18,7 +19,7 @@ from eval.papers.garofalo2015.balancer import (
 from eval.papers.garofalo2015.bout import Goal, GoalAt, balancing
 from eval.papers.garofalo2015.fig2_push import COLOUR
 from eval.papers.log import Log
-from eval.papers.parts import Finding, figure, heading, judged, text
+from eval.papers.page import Finding, judged
 from eval.papers.trial import Trial, simulate
 from eval.wording import number
 from fbid_gym.control import BalanceTarget

@@ -6,6 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from eval.page.html import frames, table, text
 from eval.papers.camera import Camera
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.garofalo2015.balancer import BALANCERS, balancer
@@ -13,7 +14,7 @@ from eval.papers.garofalo2015.bout import Blow, balancing, stay, struck
 from eval.papers.garofalo2015.measures import blow_numbers
 from eval.papers.garofalo2015.pendulum import Pendulum, add_pendulum
 from eval.papers.log import Log
-from eval.papers.parts import Finding, frames, judged, table, text
+from eval.papers.page import Finding, judged
 from eval.papers.trial import Trial, simulate
 from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics
 from fbid_gym.dynamics.frames import rotation_vector, skew

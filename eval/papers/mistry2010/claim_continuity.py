@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from eval.papers.charts import lines, traces
+from eval.page.figures import lines, traces
+from eval.page.html import figure, text
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.mistry2010.laws import equation
-from eval.papers.parts import Finding, figure, judged, text
+from eval.papers.page import Finding, judged
 from eval.wording import number
 from fbid_gym.control import orthogonal_inverse_dynamics
 from fbid_gym.dynamics import MuJoCoDynamics

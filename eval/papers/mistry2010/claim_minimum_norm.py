@@ -5,13 +5,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
-from eval.papers.charts import lines, traces
+from eval.page.figures import lines, traces
+from eval.page.html import figure, text
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.inertial_parameters import free_motions
 from eval.papers.mistry2010.controllers import contact_points
 from eval.papers.mistry2010.force_feedback import inertia_weighted_inverse_dynamics
 from eval.papers.mistry2010.laws import Equation, equation
-from eval.papers.parts import Finding, figure, judged, text
+from eval.papers.page import Finding, judged
 from eval.wording import number, percent
 from fbid_gym.control import (
     ContactLimits,

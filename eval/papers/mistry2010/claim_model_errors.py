@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from eval.papers.charts import lines
+from eval.page.figures import lines
+from eval.page.html import figure, folded, table, text
 from eval.papers.experiment import Experiment, Result, Setting, main, row
 from eval.papers.mistry2010.controllers import JointController, PdGains
 from eval.papers.mistry2010.following import following
@@ -16,7 +17,7 @@ from eval.papers.mistry2010.laws import (
     inertia_weighted,
     orthogonal,
 )
-from eval.papers.parts import Finding, figure, folded, table, text
+from eval.papers.page import Finding
 from eval.papers.trial import Trial, simulate
 from eval.papers.wrong_models import believing_in
 from eval.wording import number, percent

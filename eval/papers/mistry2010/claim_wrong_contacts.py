@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from eval.papers.charts import lines
+from eval.page.figures import lines
+from eval.page.html import figure, folded, table, text
 from eval.papers.experiment import Experiment, Result, Setting, main, row
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import (
@@ -24,7 +25,7 @@ from eval.papers.mistry2010.laws import (
     equation,
     orthogonal,
 )
-from eval.papers.parts import Finding, figure, folded, judged, table, text
+from eval.papers.page import Finding, judged
 from eval.papers.trial import RATES, Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.control import orthogonal_inverse_dynamics

@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from eval.page.figures import bars, lines, traces
+from eval.page.html import columns, figure, heading, text
 from eval.papers.camera import Camera
-from eval.papers.charts import Bars, bars, lines, traces
 from eval.papers.experiment import Experiment, Progress, Result, Setting, main, row
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, measured_contacts
 from eval.papers.mistry2010.following import following
 from eval.papers.mistry2010.laws import Limited, orthogonal
 from eval.papers.mistry2010.laws import rivals as rival_laws
-from eval.papers.parts import Finding, columns, figure, heading, judged, text
+from eval.papers.page import Finding, judged
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.motions import Crawl, crawl
@@ -237,7 +238,7 @@ def show(result: Result) -> list[str]:
                 bars(
                     grounds,
                     [
-                        Bars(n, COLOURS[n], [cell(ground=g, name=n)["success"] for g in grounds])
+                        (n, COLOURS[n], [cell(ground=g, name=n)["success"] for g in grounds])
                         for n in names
                     ],
                     "Success", percent, 1.0,

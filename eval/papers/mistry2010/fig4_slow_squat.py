@@ -2,9 +2,10 @@
 
 from typing import Any
 
+from eval.page.html import figure, text
 from eval.papers.experiment import Experiment, Result, Setting, main, row
 from eval.papers.mistry2010 import joint_tracking as jt
-from eval.papers.parts import Finding, fate, figure, judged, text
+from eval.papers.page import Finding, fate, judged
 
 PAPER_BOTH = (0.001, 0.011, 0.005)
 PAPER_ALONE = (0.008, 0.076, 0.021)

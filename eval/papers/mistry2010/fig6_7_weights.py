@@ -1,17 +1,17 @@
 """[M10] figures 6 and 7: weights that spare the left knee, eq. (16), in a squat at 2 Hz."""
 
-from html import escape
 from typing import Any
 
 import numpy as np
 
-from eval.papers.charts import Bars, bars, lines
+from eval.page.figures import bars, lines
+from eval.page.html import columns, figure, text
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains
 from eval.papers.mistry2010.following import following
 from eval.papers.mistry2010.laws import Law, orthogonal, rivals
-from eval.papers.parts import Finding, columns, fate, figure, judged, text
+from eval.papers.page import Finding, fate, judged
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.dynamics import MuJoCoDynamics
@@ -117,20 +117,21 @@ def show(result: Result) -> list[str]:
     shown = ((1, "left knee", 0), (0, "left hip", 4), (3, "right hip", 3), (4, "right knee", 2),
              (2, "left ankle", 1))  # fmt: skip
     errors = [1e3 * float(np.linalg.norm(rows[f"cost {c:g}"]["error"])) for c in costs]
+    still = 1e3 * float(np.linalg.norm(alone["error"]))
     return [
         figure(
             [
                 bars(
                     names(),
-                    [Bars("W = I", 1, free["torque"]), Bars("weighted", 0, spared["torque"])],
+                    [("W = I", 1, free["torque"]), ("weighted", 0, spared["torque"])],
                     "RMS torque, N·m",
                 ),
                 bars(
                     names(),
                     [
-                        Bars("W = I", 1, [1e3 * e for e in free["error"]]),
-                        Bars("weighted", 0, [1e3 * e for e in spared["error"]]),
-                        Bars("PD alone", 5, [1e3 * e for e in alone["error"]]),
+                        ("W = I", 1, [1e3 * e for e in free["error"]]),
+                        ("weighted", 0, [1e3 * e for e in spared["error"]]),
+                        ("PD alone", 5, [1e3 * e for e in alone["error"]]),
                     ],
                     "RMS tracking error, mrad",
                 ),
@@ -147,16 +148,15 @@ def show(result: Result) -> list[str]:
                 ),
                 lines(
                     decades,
-                    [("weighted", 0, errors)],
+                    [("weighted", 0, errors), ("PD alone", 5, [still] * len(costs))],
                     "RMS tracking error, mrad",
                     "cost of the left knee, log10",
-                    threshold=1e3 * float(np.linalg.norm(alone["error"])),
                 ),
             ],
             "How the choice of the weight matters. From 100 on the knee is spared as far as it "
             "can be. What is left is feedback: eq. (16) presses the feet against each other "
             "through forces that the ground cannot all give, corners of the soles lift and "
-            "slip, and the joints stray. Dotted: PD alone.",
+            "slip, and the joints stray.",
         ),
         text(
             "The paper's rivals have no choice among torques to make: the measured or the "
@@ -169,7 +169,7 @@ def show(result: Result) -> list[str]:
 def _table(rows: dict[str, Any]) -> str:
     def title(name: str) -> str:
         name = name.replace("cost 1e+05", f"cost {COST:,.0f}").replace("cost", "eq. (16), cost")
-        return escape("eq. (15)" if name == "eq. (16), cost 1" else name)
+        return "eq. (15)" if name == "eq. (16), cost 1" else name
 
     cells = (
         ("", lambda row: title(row["name"])),

@@ -10,7 +10,7 @@ from eval.papers.mistry2010 import stepping_cases as cases
 from eval.papers.mistry2010.following import following
 from eval.papers.mistry2010.stepping_cases import EVERY, FORCE, LIMITED, OURS, PAPER, UNPUSHED
 from eval.papers.mistry2010.stepping_section import show
-from eval.papers.parts import Finding, judged
+from eval.papers.page import Finding, judged
 from eval.papers.trial import Push, Trial, pushed, simulate
 from fbid_gym.motions import stepping
 from fbid_gym.robots import Robot, load

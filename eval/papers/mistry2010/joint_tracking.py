@@ -2,19 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from html import escape
 from typing import Any
 
 import numpy as np
 
-from eval.papers.camera import Camera
-from eval.papers.charts import lines, logged
+from eval.page.figures import lines
+from eval.page.html import columns, folded
+from eval.papers.camera import Camera, logged
 from eval.papers.experiment import Progress, Result, Setting
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains
 from eval.papers.mistry2010.following import following
 from eval.papers.mistry2010.laws import Law, Limited, MeasuredForce, orthogonal, rivals
-from eval.papers.parts import columns, fate, folded
+from eval.papers.page import fate
 from eval.papers.trial import Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.motions import squat_bow
@@ -145,7 +145,7 @@ def error(value: float) -> str:
 def controllers_table(numbers: dict[str, Any]) -> str:
     """All controllers: errors, effort, fate."""
     cells = (
-        ("", lambda row: escape(row["name"])),
+        ("", lambda row: row["name"]),
         ("hip, rad", lambda row: error(row["rms"][0])),
         ("knee, rad", lambda row: error(row["rms"][1])),
         ("ankle, rad", lambda row: error(row["rms"][2])),

@@ -1,13 +1,13 @@
 """What figures 8-9 look like on the page."""
 
 from collections.abc import Callable
-from html import escape
 from typing import Any
 
 import numpy as np
 
-from eval.papers.camera import Camera
-from eval.papers.charts import lines, logged
+from eval.page.figures import lines
+from eval.page.html import columns, figure, heading, text
+from eval.papers.camera import Camera, logged
 from eval.papers.experiment import Result, row
 from eval.papers.log import Log
 from eval.papers.mistry2010.joint_tracking import JOINTS, LABELS
@@ -19,7 +19,6 @@ from eval.papers.mistry2010.stepping_cases import (
     UPRIGHT,
     first_fall,
 )
-from eval.papers.parts import columns, figure, heading, text
 from eval.wording import number, percent
 from fbid_gym.robots import load
 
@@ -46,14 +45,14 @@ def show(result: Result) -> list[str]:
             "edge. Limited forces help, but do not suffice.",
             "What ours does instead: 200 N for 150 ms give this robot of 55 kg 0.54 m/s. If "
             "the centre of pressure goes to the far edge of the soles at once, a distance "
-            "<i>d</i> away, the point where the robot falls, ξ = c + ċ/ω, is "
-            "(e<sup>ωT</sup> − 1)(F/mω² − d) farther out after the push: "
+            "d away, the point where the robot falls, ξ = c + ċ/ω, is "
+            "(exp(ωT) − 1)(F/mω² − d) farther out after the push: "
             f"{_cm(numbers['carried']['upright'])} in the upright motion and "
             f"{_cm(numbers['carried']['crouched'])} in the crouched one, of the "
             f"{_cm(numbers['half_sole'])} that half a sole has. So our motion is low (knees at "
             "1.6 rad), the feet stand 28 cm apart and each is up for 0.15 s only. The paper "
             "does not give its robot's mass or stance.",
-            "Our controller (<code>stepper.py</code>) is the walk of this package on flat feet, "
+            "Our controller (stepper.py) is the walk of this package on flat feet, "
             "eq. (19) with another task: the centre of mass follows a law for ξ, with the centre "
             "of pressure within the soles, the base the height of the squat, the trunk upright. "
             "Forces are limited to the friction cones, the trunk's moment gives way first, and a "
@@ -105,7 +104,7 @@ def _film(result: Result, motion: str, name: str) -> str:
     log = Log.from_arrays(result.arrays, f"{motion}.{name}.")
     seconds, every = min(_FILMED, result.numbers["seconds"]), result.numbers["every"]
     caption = (
-        f"{escape(name.capitalize())}, {motion}: the first {seconds:g} s, "
+        f"{name.capitalize()}, {motion}: the first {seconds:g} s, "
         f"a push of {FORCE:.0f} N every {every:g} s."
     )
     with Camera(load("biped"), 640, 480, azimuth=155.0, nearer=1.3) as camera:
@@ -162,7 +161,7 @@ _HOLDS = (
 def _table(numbers: dict[str, Any]) -> str:
     head = f"{FORCE:.0f} N every {numbers['every']:g} s"
     cells = (
-        (head, lambda r: f"{r['motion']}: {escape(r['name'])}"),
+        (head, lambda r: f"{r['motion']}: {r['name']}"),
         ("stay up", lambda r: percent(r["up"])),
         ("first fall", first_fall),
         *_HOLDS,
@@ -172,7 +171,7 @@ def _table(numbers: dict[str, Any]) -> str:
 
 def _rivals_table(numbers: dict[str, Any]) -> str:
     cells = (
-        ("", lambda r: escape(r["name"])),
+        ("", lambda r: r["name"]),
         ("pushes", lambda r: f"{r['force']:.0f} N"),
         ("stay up", lambda r: percent(r["up"])),
         *_HOLDS,

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import tyro
 
-from eval.colours import colours_of
-from eval.plots import Marks, Series, panel, sheet
+from eval.page.colours import colours_of
+from eval.page.figures import Marks, Series, panel, sheet
 from eval.rollout import Player, filmed
 from eval.tools.site.environments import Scene
 from fbid_gym.actions import LAYERS

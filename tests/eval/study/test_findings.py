@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eval.estimates import Chance, improvement, over_tasks
 from eval.results import Estimate
+from eval.statistics import Chance, improvement, over_tasks
 from eval.study.findings import findings
 from fbid_gym.errors import FbidError
 from tests.eval.study.small import FEW, STUDY, fill

@@ -113,7 +113,7 @@ def test_fresh_episodes_are_on_the_page_and_in_the_table(played, tmp_path):
     out = tmp_path / "page.html"
     config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", out, video_seconds=0.0)
     assert main(replace(config, fresh_episodes=3)) == 0
-    assert "QuadrupedWalk-v0, falls in fresh episodes: one 3 of 6." in out.read_text()
+    assert "fell in 3 of 6 fresh episodes" in out.read_text()
     assert "<h3>In fresh episodes</h3>" in out.read_text()
     first, second = table(played).splitlines()[2:]
     assert first.endswith("| 3 of 6 |") and second.endswith("| – |")

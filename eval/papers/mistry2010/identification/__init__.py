@@ -21,7 +21,7 @@ from eval.papers.mistry2010.identification.judging import (
 )
 from eval.papers.mistry2010.identification.section import average, improvements, show
 from eval.papers.mistry2010.laws import Limited, orthogonal
-from eval.papers.parts import Finding, judged
+from eval.papers.page import Finding, judged
 from eval.papers.trial import Trial, simulate
 from eval.papers.wrong_models import believing, wrong_model
 from eval.wording import number

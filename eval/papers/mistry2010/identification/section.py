@@ -4,14 +4,15 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
-from eval.papers.charts import lines, traces
+from eval.page.figures import Marks, Series, lines, panel, traces
+from eval.page.html import columns, figure, folded, table, text
 from eval.papers.experiment import Result
 from eval.papers.mistry2010.identification.judging import rms
 from eval.papers.mistry2010.identification.measuring import Noise
-from eval.papers.parts import columns, fate, figure, folded, table, text
+from eval.papers.page import fate
 from eval.papers.trial import RATES
-from eval.plots import Series, panel
 from eval.wording import number
 from fbid_gym.robots import load
 
@@ -56,8 +57,8 @@ def show(result: Result) -> list[str]:
             3,
         ),
         text(
-            "Nominal masses are off by up to 30&nbsp;%, and with them the inertias; the "
-            "centres of mass by up to 30&nbsp;% of the link's half-length along every axis. "
+            "Nominal masses are off by up to 30 %, and with them the inertias; the "
+            "centres of mass by up to 30 % of the link's half-length along every axis. "
             "The robot moves under the wrong model: sums of sinusoids at all joints, "
             f"{number(numbers['seconds'], 2)} s each on both feet, on the left and on the "
             "right one. No contact force is measured. Accelerations are derivatives of the "
@@ -86,33 +87,28 @@ def show(result: Result) -> list[str]:
     ]
 
 
-def noise_chart(numbers: dict[str, Any]) -> str:
-    """Torque error, on a logarithmic axis, against noise."""
+def noise_chart(numbers: dict[str, Any]) -> Markup:
+    """Torque error against noise."""
     curves = [
-        (name, colour, [float(np.log10(average(numbers, x, method))) for x in numbers["levels"]])
+        (name, colour, [average(numbers, x, method) for x in numbers["levels"]])
         for method, name, colour in (
             ("nominal", "nominal", 1),
             ("plain", "least squares", 5),
             ("identified", "identified", 0),
         )
     ]
-    return lines(numbers["levels"], curves, "Torque error, N·m", "sensor noise", y_format=_power)
+    marks = Marks(logarithmic=True)
+    return lines(numbers["levels"], curves, "Torque error, N·m", "sensor noise", marks=marks)
 
 
-def spectrum(numbers: dict[str, Any]) -> str:
+def spectrum(numbers: dict[str, Any]) -> Markup:
     """Singular values of the projected regressor, by stance."""
     series = []
     for colour, row in zip((1, 2, 3, 0), numbers["told"], strict=True):
-        values = np.array(row["singular_values"])
-        values = np.log10(values[values > 1e-8])
-        directions = list(range(1, len(values) + 1))
-        series.append(Series(row["stance"], colour, directions, values.tolist()))
-    return panel(series, "Share of the torque", "direction of the parameters", y_format=_power)
-
-
-def _power(exponent: float) -> str:
-    """Label of a logarithmic axis: whole powers of ten alone."""
-    return f"{10.0 ** round(exponent):g}" if abs(exponent - round(exponent)) < 1e-9 else ""
+        values = [value for value in row["singular_values"] if value > 1e-8]
+        series.append(Series(row["stance"], colour, range(1, len(values) + 1), values))
+    title, below = "Share of the torque", "direction of the parameters"
+    return panel(series, title, below, y_format="{:.0e}".format, marks=Marks(logarithmic=True))
 
 
 def sweep_table(numbers: dict[str, Any]) -> str:

@@ -17,17 +17,10 @@ COLOURS = (
 
 
 def colours_of(names: Iterable[str]) -> dict[str, int]:
-    """Return the number of the colour of each name: of a layer, or of one with options."""
-    names = list(names)
-    chosen = {name: COLOURS.index(name) for name in names if name in COLOURS}
+    """Return the number of the colour of each name: of a layer, of one with options, of an arm."""
+    words = {name: name.replace("_", " ") for name in names}
+    chosen = {name: COLOURS.index(its) for name, its in words.items() if its in COLOURS}
     free = [k for k in range(NUM_COLOURS) if k not in chosen.values()]
-    for k, name in enumerate(sorted(set(names) - set(chosen))):
+    for k, name in enumerate(sorted(words.keys() - chosen.keys())):
         chosen[name] = free[k % len(free)]
     return chosen
-
-
-def colours_of_arms(names: Iterable[str]) -> dict[str, int]:
-    """Return the number of the colour of each arm of a study, in whatever environment it is."""
-    words = {name: name.replace("_", " ") for name in names}
-    by_words = colours_of(words.values())
-    return {name: by_words[its] for name, its in words.items()}

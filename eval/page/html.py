@@ -1,0 +1,111 @@
+"""Pages from Jinja2 templates: what is not HTML of ours is escaped, wherever it comes from.
+
+A page is self-contained: it takes nothing from elsewhere, and runs its own script alone. The parts
+that sections of several pages are made of are macros of `templates/parts.html`; those that Python
+puts together stand here by name.
+"""
+
+import base64
+import hashlib
+import io
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+from PIL import Image
+
+from eval import wording
+from eval.page.figures import STYLE
+from train.runs.study import environment_name
+
+Row = TypeVar("Row")
+
+
+def _environment() -> jinja2.Environment:
+    made = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    names = "capital count crossing duration form_of interval number percent span steps titled"
+    known: dict[str, Callable[..., Any]] = {name: getattr(wording, name) for name in names.split()}
+    known |= {"environment_name": environment_name, "data": data, "digest": digest}
+    known["json"] = lambda content: json.dumps(content, indent=1)
+    made.filters.update(known)
+    made.globals.update(known, style=Markup(STYLE))
+    return made
+
+
+def data(content: bytes, kind: str) -> str:
+    """Return content as an address that holds it, of a kind such as "image/jpeg"."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def digest(script: str) -> str:
+    """Return the hash by which the policy of a page names its script."""
+    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+
+
+def jpeg(image: np.ndarray) -> bytes:
+    """Encode a picture, (H, W, 3) uint8."""
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "JPEG", quality=80)
+    return buffer.getvalue()
+
+
+_TEMPLATES = _environment()
+_PARTS: Any = _TEMPLATES.get_template("parts.html").module
+
+
+def render(template: str, **content: Any) -> str:
+    """Fill a template of `templates/`."""
+    return _TEMPLATES.get_template(template).render(content)
+
+
+def text(*paragraphs: str) -> Markup:
+    """Paragraphs; HTML where they are Markup."""
+    return Markup("").join(Markup("<p>{}</p>").format(each) for each in paragraphs)
+
+
+def heading(words: str) -> Markup:
+    """A heading within a section."""
+    return Markup("<h3>{}</h3>").format(words)
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]], wrap: bool = False) -> Markup:
+    """A table; the first cell of a row is its heading, and `wrap` lets long cells break."""
+    return Markup(_PARTS.table(heads, rows, wrap))
+
+
+def columns(
+    rows: Iterable[Row], cells: Sequence[tuple[str, Callable[[Row], str]]], wrap: bool = False
+) -> Markup:
+    """A table of rows, from the heading of each column and what stands in it."""
+    return table([head for head, _ in cells], ([of(row) for _, of in cells] for row in rows), wrap)
+
+
+def figure(charts: Sequence[str], caption: str, columns: int = 2) -> Markup:
+    """Charts side by side, with what they show below."""
+    return Markup(_PARTS.figure(charts, caption, columns))
+
+
+def frames(images: Sequence[np.ndarray], caption: str, alternative: str) -> Markup:
+    """Pictures (H, W, 3) uint8 of one size side by side; in words for who does not see them."""
+    strip = data(jpeg(np.concatenate(list(images), axis=1)), "image/jpeg")
+    return Markup(_PARTS.frames(strip, 11 * len(images), caption, alternative))
+
+
+def video(mp4: bytes, caption: str) -> Markup:
+    """A clip that plays when asked to."""
+    return Markup(_PARTS.video(data(mp4, "video/mp4"), caption))
+
+
+def folded(summary: str, content: str) -> Markup:
+    """Content that is hidden until asked for."""
+    return Markup(_PARTS.folded(summary, content))
