@@ -140,7 +140,7 @@ def test_a_link_carries_the_settings_from_one_viewer_to_another(live: Live) -> N
     live.until(page, lambda: session.settings["ahead"] == 0.5)
     assert session.settings["layer"] == session.lanes[0].player.layer == "com_wrench"
     assert float(number(page, "forward (m/s)").input_value()) == 0.5
-    box = number(page, "to the left (m/s)")
+    box = number(page, "left (m/s)")
     box.fill("-0.1", force=True)
     box.press("Enter")
     link = page.get_by_text("Link to these settings")
