@@ -17,7 +17,7 @@ from fbid_gym.errors import FbidError
 
 _HEAD = (
     b"<title>fbid_gym: push the robot</title>"
-    b"<style>label { color: inherit !important; letter-spacing: normal !important }</style>"
+    b"<style>label { color: var(--mantine-color-text) !important; letter-spacing: normal !important }</style>"
 )
 
 Answer = Callable[[ServerConnection, Request], Response | None]
@@ -63,6 +63,7 @@ def titled(page: Response | None) -> Response | None:
         html = gzip.decompress(page.body) if packed else page.body
         html = html.replace(b"<title>Viser</title>", _HEAD, 1)
         page.body = gzip.compress(html) if packed else html
+        del page.headers["Content-Length"]  # of several fields of one name all are sent
         page.headers["Content-Length"] = str(len(page.body))
     return page
 

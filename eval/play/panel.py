@@ -69,7 +69,7 @@ class Panel:
 
     def _add(self, name: str, control: Control) -> Any:
         gui, value = self._gui, self._session.settings[name]
-        label = f"{control.label}, restarts" if control.resets else control.label
+        label = f"{control.label} (restarts)" if control.resets else control.label
         if isinstance(control, Menu):
             widget: Any = gui.add_dropdown(label, control.choices, initial_value=value)
         elif isinstance(control, Slider) and control.whole:
