@@ -17,7 +17,8 @@ from fbid_gym.errors import FbidError
 
 _HEAD = (
     b"<title>fbid_gym: push the robot</title>"
-    b"<style>label { color: var(--mantine-color-text) !important; letter-spacing: normal !important }</style>"
+    b"<style>label { color: var(--mantine-color-text) !important;"
+    b" letter-spacing: normal !important }</style>"
 )
 
 Answer = Callable[[ServerConnection, Request], Response | None]

@@ -36,10 +36,10 @@ def from_query(offered: Mapping[str, Control], query: str) -> Settings:
     expected = "a link as the page shows it, with each setting once"
     if len(query) > _LONGEST:
         raise InvalidValueError("link", query[:40], expected)
+    if not query:
+        return {}
     try:
-        pairs = query and parse_qsl(
-            query, keep_blank_values=True, strict_parsing=True, errors="strict"
-        )
+        pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True, errors="strict")
     except ValueError:
         raise InvalidValueError("link", query[:80], expected) from None
     if len(dict(pairs)) < len(pairs):

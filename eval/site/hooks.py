@@ -1,6 +1,7 @@
-"""What MkDocs calls as it builds the site, see mkdocs.yml."""
+"""Hooks that MkDocs calls as it builds the site, see mkdocs.yml."""
 
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
@@ -15,6 +16,12 @@ from fbid_gym.envs import ENVIRONMENTS
 
 OUTSIDE = {"../SECURITY.md": "security.md", "../CHANGELOG.md": "changelog.md"}
 """Files of the repository that are pages, too: as pages under docs/ link to them -> their names."""
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Tell the theme the version."""
+    config.extra["version"] = version("fbid_gym")
+    return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

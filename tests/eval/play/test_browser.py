@@ -67,7 +67,7 @@ def live() -> Iterator[Live]:
 
     stage = Stage.of("fbid_gym/QuadrupedWalk-v0", {"action_layer": "base_acceleration"}, {})
     # Paused, so that a slow browser has nothing to draw but what the test does.
-    session = Session(stage, {"paused": True})
+    session = Session(stage, {"paused": True, "ahead": 0.0})
     server = open_server(session, "127.0.0.1", 0)
     page = Page(server, session)
     loop = threading.Thread(target=page.run)
