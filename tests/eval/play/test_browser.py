@@ -99,7 +99,9 @@ def test_a_viewer_pushes_steers_and_switches_and_another_sees_it(live: Live) -> 
     first = session.lanes[0].qpos
 
     # A push moves the robot.
+    version = session.version
     press(page, "left")
+    live.until(page, lambda: session.version > version)
     press(page, "one step")
     live.until(page, lambda: session.steps == 1)
     force = session.lanes[0].push_force.copy()
