@@ -121,6 +121,7 @@ def test_a_viewer_pushes_steers_and_switches_and_another_sees_it(live: Live) -> 
     # Another layer gives other torques, from the same state.
     state = session.lanes[0].state()
     menu = page.locator("xpath=//label[normalize-space()='action layer']/following::input[1]")
+    menu.scroll_into_view_if_needed()  # its choices open only where it is seen
     menu.dispatch_event("click")
     page.get_by_role("option", name="torque", exact=True).dispatch_event("click")
     live.until(page, lambda: session.settings["layer"] == "torque")
