@@ -14,18 +14,12 @@ from fbid_gym.errors import FbidError
 if TYPE_CHECKING:
     from fbid_gym.envs.sb3 import make_sb3
 
-    __version__: str
-
-__all__ = ["FbidError", "__version__", "make_sb3"]
+__all__ = ["FbidError", "make_sb3"]
 
 register()
 
 
 def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from importlib.metadata import version
-
-        return version("fbid_gym")
     # stable-baselines3 brings torch: seconds that only those who train with it should wait for.
     if name == "make_sb3":
         try:
@@ -35,7 +29,7 @@ def __getattr__(name: str) -> Any:
                 raise
             raise FbidError(
                 f"make_sb3 needs {error.name}, which is not installed. It comes with the extra "
-                "'train': pip install '.[train]' in a checkout."
+                "'train': pip install 'fbid_gym[train]'."
             ) from error
         return make_sb3
     raise AttributeError(f"module 'fbid_gym' has no attribute {name!r}")

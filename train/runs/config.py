@@ -1,4 +1,4 @@
-"""What a training run is: one frozen dataclass, and its JSON."""
+"""The configuration of a training run: one frozen dataclass, and its JSON."""
 
 import json
 import os
@@ -163,7 +163,7 @@ class SACConfig:
 
 Hyperparameters = PPOConfig | SACConfig
 ALGORITHMS: dict[str, type[PPOConfig] | type[SACConfig]] = {"ppo": PPOConfig, "sac": SACConfig}
-"""What learns -> its hyperparameters: the field of `TrainConfig` of the same name."""
+"""Algorithm -> its hyperparameters: the field of `TrainConfig` of the same name."""
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ class TrainConfig:
     """One training run. A run with an equal configuration is the same run, and is continued."""
 
     algorithm: Annotated[str, tyro.conf.Suppress] = "ppo"
-    """What learns, one of `ALGORITHMS`. On the command line it is the program that is run."""
+    """Algorithm, one of `ALGORITHMS`. On the command line it is the program that is run."""
     env: str = "fbid_gym/BipedBalance-v0"
     """Environment id."""
     action_layer: str = "base_acceleration"
@@ -262,7 +262,7 @@ class TrainConfig:
             )
 
     def _check_together(self) -> None:
-        """Check what depends on more than one value."""
+        """Check conditions on several values."""
         own = self.hyperparameters
         if isinstance(own, SACConfig):
             least, most = self.iteration_steps, MOST_TRANSITIONS
@@ -342,12 +342,12 @@ _BEFORE: dict[str, Any] = {"algorithm": "ppo", "stagger": False}
 
 
 def completed(stored: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a `config.json` with what its run did before there was a choice, if that is older."""
+    """Return a `config.json` with entries that older ones lack, as their runs had them."""
     return {**_BEFORE, **stored}
 
 
 def algorithm_of(stored: Mapping[str, Any]) -> str:
-    """Return what learns as a `config.json` or a checkpoint says."""
+    """Return the algorithm that a `config.json` or a checkpoint names."""
     return str(completed(stored)["algorithm"])
 
 
