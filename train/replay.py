@@ -3,9 +3,9 @@
 A buffer of a million transitions has half a gigabyte, of which little is new since the last
 checkpoint. So new transitions are written to files of their own, and the checkpoint names those
 that make up the buffer, each with its digest. Files that the buffer no longer needs are deleted
-once the checkpoint stands: a process killed at any moment leaves all that the last checkpoint names, and
-perhaps a file that the next one replaces or deletes. On the disk there is never more than the
-buffer and what was added since the checkpoint before.
+once the checkpoint stands: a process killed at any moment leaves all files of the last checkpoint,
+and perhaps one that the next checkpoint replaces or deletes. The disk never holds more than the
+buffer and the transitions since the previous checkpoint.
 
 A *row* is one step of all robots; rows are counted from the beginning of the training.
 """

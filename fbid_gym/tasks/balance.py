@@ -1,9 +1,8 @@
 """Task `balance`: stand on all feet, follow a commanded base height, survive random pushes.
 
 ## Description
-The robot stands on all its feet. It shall keep its base above them, upright and at a commanded
-height, while random horizontal forces push the base. Height and distance count in the support
-frame.
+The robot stands on all its feet and keeps its base above them, upright and at a commanded height,
+while random horizontal forces push the base. Height and distance are those in the support frame.
 
 ## Starting State
 The home stance. A commanded height is constant for a time uniform in `height_interval`; each value
@@ -98,7 +97,7 @@ class Balance(PlannedEpisode):
         """Build the task.
 
         Args:
-            episode: the robot, and what every task has.
+            episode: robot, length, pushes and start.
             height_range: (least, most) commanded base height, as shares of the robot's size: of the
                 height of its hips or of its centre of mass above the feet, whichever is higher.
             height_interval: (least, most) s from one command to the next.

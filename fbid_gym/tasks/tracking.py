@@ -1,12 +1,11 @@
 """Tracking: follow a reference motion, at a commanded speed where it has one, despite pushes.
 
 ## Description
-A motion says at every control tick where the joints and the base shall be, how fast, with what
-acceleration, and which feet stand ([M10] section IV). The robot shall follow it.
+The robot follows a motion. At every control tick this gives place, velocity and acceleration of
+joints and base, and the feet that stand ([M10] section IV).
 
 ## Starting State
-Anywhere in the motion, all moments equally likely, in the posture and with the velocity that it has
-there. A motion that ends holds its last posture.
+A random moment of the motion, with its posture and velocity. A motion that ends holds its last posture.
 """
 
 from collections.abc import Mapping

@@ -102,7 +102,7 @@ class Walk(Episode):
         """Build the task.
 
         Args:
-            episode: the robot, on four point feet or on two flat ones, and what every task has.
+            episode: of a robot on four point feet or on two flat ones.
             forward_range: (least, most) commanded velocity ahead, in units of sqrt(g h), h the
                 height of the centre of mass at home.
             sideways_range: (least, most) commanded velocity to the left, in the same units.
