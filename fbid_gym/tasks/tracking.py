@@ -5,7 +5,8 @@ The robot follows a motion. At every control tick this gives place, velocity and
 joints and base, and the feet that stand ([M10] section IV).
 
 ## Starting State
-A random moment of the motion, with its posture and velocity. A motion that ends holds its last posture.
+A random moment of the motion, with its posture and velocity. A motion that ends holds its last
+posture.
 """
 
 from collections.abc import Mapping
