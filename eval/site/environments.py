@@ -1,4 +1,4 @@
-"""A page for each environment: that of the package, with a clip and the policies for it."""
+"""A page for each environment: the package's own, with a clip and the policies for it."""
 
 from collections.abc import Collection
 from functools import cache
@@ -13,11 +13,11 @@ _FIRST = "base_acceleration"
 """Whose clip is shown: of the layers the one that stands and walks in all of them."""
 
 described = cache(page)
-"""Id of an environment -> what the package says of it."""
+"""Id of an environment -> the package's page of it."""
 
 
 class Scene(NamedTuple):
-    """What the clip of an environment shows.
+    """The clip of an environment.
 
     Attributes:
         env_id: of the environment.
@@ -90,9 +90,9 @@ def _index() -> str:
 
 
 def _page(env_id: str, clip: bool) -> str:
-    """What the package says of an environment, below its title a clip and the policies for it."""
-    title, about, rest = described(env_id).split("\n\n", 2)
-    parts = [title, about]
+    """Return the package's page of an environment with a clip and the policies for it."""
+    beginning, rest = described(env_id).split("\n\n## ", 1)
+    parts = [beginning]
     if clip:
         scene = Scene.of(env_id)
         parts.append(
@@ -103,4 +103,4 @@ def _page(env_id: str, clip: bool) -> str:
         names = ", ".join(f"`shipped:{each.name}`" for each in policies)
         parts.append(f"Policies that come with the package ([cards](../policies.md)): {names}.")
         parts.append(f"```\npython -m eval.rollout shipped:{policies[0].name} --video out.mp4\n```")
-    return "\n\n".join([*parts, rest])
+    return "\n\n".join([*parts, f"## {rest}"])
