@@ -1,6 +1,6 @@
 """The exact state of a training run between two iterations, as arrays and JSON.
 
-What the next iteration depends on: the network and its optimisers, the normalisation statistics,
+The next iteration depends on: the network and its optimisers, the normalisation statistics,
 the last observation, the robots, and three global random generators (torch draws the actions,
 NumPy shuffles the samples), and what `Algorithm.arrays` adds. What its log depends on: the last
 episodes and the counters. A replay buffer is kept by `train.replay`.
@@ -31,7 +31,7 @@ _MISFIT = (KeyError, ValueError, RuntimeError, TypeError, IndexError, AttributeE
 
 
 class Resumable(Protocol):
-    """What a VecEnv must offer for its training to be resumed."""
+    """Methods that a VecEnv needs for exact resume."""
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return the exact state of the batch: physics, task, layer, random generators."""
@@ -45,7 +45,7 @@ def save(folder: Path, algorithm: str, learner: BaseAlgorithm, counters: Mapping
 
     Args:
         folder: the checkpoint folder.
-        algorithm: name of what learns.
+        algorithm: its name.
         learner: between two iterations.
         counters: JSON values to store along.
     """
@@ -59,7 +59,7 @@ def restore(folder: Path, algorithm: str, learner: BaseAlgorithm) -> dict[str, A
 
     Args:
         folder: given to `save`.
-        algorithm: name of what learns.
+        algorithm: its name.
         learner: to put it into.
 
     Returns:

@@ -17,10 +17,10 @@ def run_command(
     given: Sequence[str] | None = None,
     about: str | None = None,
 ) -> int:
-    """Do what a command line asks for, and return the exit status.
+    """Run a command line, and return the exit status.
 
     Args:
-        module: what is run, as `python -m` takes it.
+        module: to run, as `python -m` takes it.
         options: their dataclass.
         work: what to do with them; returns the exit status, None for 0.
         given: the command line after the module. Default: that of this process.

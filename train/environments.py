@@ -25,7 +25,7 @@ def register(modules: Iterable[str]) -> None:
 
 
 def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> VectorEnv:
-    """Make a vector environment; what Gymnasium objects to becomes one `FbidError`.
+    """Make a vector environment; Gymnasium's own errors become one `FbidError`.
 
     Raises:
         UnknownOptionError: no such id.
@@ -39,7 +39,7 @@ def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> Vector
 
 
 def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
-    """Make one environment that draws itself, what its layer sees and decides over it.
+    """Make one environment that renders, with the layer's forces and plans drawn over it.
 
     `render_options` among the arguments say otherwise. Raises as `make_envs`.
     """

@@ -1,4 +1,4 @@
-"""Many episodes in parallel, and what the robot did in each.
+"""Many episodes in parallel, with measurements of each.
 
 A batch that stops as soon as enough episodes have ended favours short ones: while one environment
 falls ten times, its neighbours are still upright in their first. So each environment is given its
@@ -51,7 +51,7 @@ class Episodes:
     distance: np.ndarray
     """(E,) horizontal way of the base, m."""
     cost_of_transport: np.ndarray
-    """(E,) energy over weight times distance, 1; bounded for who stands, as the task says."""
+    """(E,) energy over weight times distance, 1; bounded for standing robots, as the task says."""
     foothold_error: np.ndarray
     """(E,) mean distance of the feet that came down from where they were planned to, m."""
     pushes: np.ndarray
@@ -108,7 +108,7 @@ METRICS = (
     Metric("pushes_survived", "pushes survived", "", 0),
     Metric("strongest_push", "strongest push", "N", 0),
 )
-"""What is measured, in the order it is printed."""
+"""Measurements in the order in which they are printed."""
 
 _MEAN_KEYS = ("power", "slip", "velocity_error", "turning_error")
 _SQUARE_KEYS = ("height_error", "torque_rms")

@@ -80,7 +80,7 @@ def export(learner: BaseAlgorithm, config: TrainConfig, versions: dict[str, Any]
     layers = algorithm.layers(learner)
     observation, _ = moments(learner)
     return Policy(
-        env_id=config.env.rpartition(":")[2],  # a policy says where, not what to import for it
+        env_id=config.env.rpartition(":")[2],  # a policy names no module to import
         env_args=config.make_args(),
         mean=observation.mean,
         variance=observation.var,

@@ -1,11 +1,11 @@
 """A replay buffer on disk, beside the checkpoint that needs it.
 
 A buffer of a million transitions has half a gigabyte, of which little is new since the last
-checkpoint. So what is new is written to files of its own, and the checkpoint names those that make
-up the buffer, each with its digest. Files that hold nothing of it any more are deleted once the
-checkpoint stands: a process killed at any moment leaves all that the last checkpoint names, and
-perhaps a file that the next one replaces or deletes. On the disk there is never more than the
-buffer and what was added since the checkpoint before.
+checkpoint. So new transitions are written to files of their own, and the checkpoint names those
+that make up the buffer, each with its digest. Files that the buffer no longer needs are deleted
+once the checkpoint stands: a process killed at any moment leaves all files of the last checkpoint,
+and perhaps one that the next checkpoint replaces or deletes. The disk never holds more than the
+buffer and the transitions since the previous checkpoint.
 
 A *row* is one step of all robots; rows are counted from the beginning of the training.
 """
@@ -28,7 +28,7 @@ _FIELDS = ("observations", "next_observations", "actions", "rewards", "dones", "
 _FILE_BYTES = 2**26
 
 File = dict[str, Any]
-"""What a checkpoint says of a file: "first" and "last", its rows, without the last; "sha256"."""
+"""A checkpoint's entry for a file: rows "first" to "last", without the last; "sha256"."""
 
 
 def append(folder: Path, buffer: ReplayBuffer, rows: int, files: Sequence[File]) -> list[File]:
@@ -62,7 +62,7 @@ def append(folder: Path, buffer: ReplayBuffer, rows: int, files: Sequence[File])
 
 
 def forget(folder: Path, files: Sequence[File]) -> None:
-    """Delete what is none of the files, once a checkpoint says which they are."""
+    """Delete all other files, once a checkpoint names those of the buffer."""
     kept = {_name(file["first"], file["last"]) for file in files}
     for path in folder.iterdir():
         if path.name not in kept:

@@ -1,7 +1,7 @@
 """Run every training of a study: `python -m train.sweep studies/survey.toml`.
 
-Each is a `python -m train.ppo` of its own, one core each. What has finished is left alone, what has
-begun is continued: the same command goes on after an interruption, whatever it was. `--ray` runs
+Each is a `python -m train.ppo` of its own, one core each. Finished trainings are left alone and
+begun ones continue, so the same command goes on after any interruption. `--ray` runs
 them on the machines of a cluster, in the same folders (`train.runs.cluster`).
 """
 
@@ -28,7 +28,7 @@ from train.runs.training import standing as state_of
 
 @dataclass(frozen=True)
 class SweepConfig:
-    """Run what a study has not finished yet, and show where it stands."""
+    """Run the unfinished trainings of a study, and show its state."""
 
     study: tyro.conf.Positional[Path]
     """TOML file, see `train.runs.study`."""
@@ -85,7 +85,7 @@ def main(config: SweepConfig) -> int:
 
 
 def _machines(address: str | None, folder: Path) -> AbstractContextManager[tuple[Start, int]]:
-    """What begins jobs, and how many cores there are for them: here, or on a cluster."""
+    """Return the function that starts jobs, and the number of cores: here, or on a cluster."""
     return nullcontext((start_here, cores())) if address is None else cluster(address, folder)
 
 

@@ -91,7 +91,7 @@ def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
 
 @contextmanager
 def _room_for(path: Path) -> Iterator[None]:
-    """Say in one line that a run could not be written, as on a full disk, and what is left."""
+    """Report in one line that a run could not be written, as on a full disk, and what is left."""
     try:
         yield
     except BrokenPipeError:  # of who listens, not of the folder
@@ -222,12 +222,12 @@ class _Training:
         self.tell(self.steps, self.config.total_steps, told)
 
     def evaluate(self) -> None:
-        """Evaluate the exported policy, not the learner: what is measured is what is kept."""
+        """Evaluate the exported policy, not the learner, so that the stored policy is measured."""
         assert self.evaluated is not None
         policy = self.export_policy()
         result = evaluate(policy, self.evaluated, self.config.eval.seed)
         row = {"steps": self.steps, "wall_seconds": round(self.seconds, 3), **result}
-        # First what the row tells of: whoever reads that a training is at its end finds it.
+        # Write the policy before its row, so that readers of the last row find it.
         if row["return_mean"] > self.best_return:
             self.best_return = row["return_mean"]
             policy.save(self.folder.best_policy)

@@ -17,7 +17,7 @@ from eval.play.controls import ALONE, controls
 from eval.play.serving import close_server, measured, open_server, show
 from eval.play.session import Session
 from eval.play.stage import NO_POLICY, OWNED, Stage, check_stage
-from eval.play.texts import from_text
+from eval.play.texts import from_query
 from eval.rollout import parse_env_args
 from fbid_gym.checks import check_positive
 from fbid_gym.envs import ENVIRONMENTS
@@ -50,8 +50,8 @@ class PlayConfig:
     """Of your own robot: names of bodies, sites or spheres, or '{"left": ["heel", "toe"]}'."""
     env_args: str = "{}"
     """Further environment arguments as a JSON object, instead of the policies'."""
-    settings: str = "{}"
-    """Settings as text, as the page shows them."""
+    settings: str = ""
+    """Settings as in the address of a link: "ahead=0.5&layer=com_wrench"."""
     host: str = "127.0.0.1"
     """Address to listen on. Anybody who reaches it can push the robot."""
     port: int = 8080
@@ -93,7 +93,7 @@ def stage_of(config: PlayConfig) -> Stage:
 def session_of(config: PlayConfig) -> Session:
     """Build the session."""
     stage = stage_of(config)
-    settings: dict[str, Any] = from_text(controls(stage), config.settings)
+    settings: dict[str, Any] = from_query(controls(stage), config.settings)
     if config.action_layer is not None:
         settings["layer"] = config.action_layer
     if config.beside is not None:

@@ -1,7 +1,7 @@
 """What can be set while a session runs: each with its range, checked before anything changes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -27,11 +27,11 @@ LONGEST_DELAY = 0.1
 """s, of an action on its way."""
 MOST_PUSH = 2.0
 """Weights of the robot."""
-PUSH, TIME, WHO, COMMAND, WORLD, OVERLAYS = GROUPS = (
-    "Push (or drag the robot)",
-    "Time",
-    "Who acts",
+COMMAND, PUSH, WHO, TIME, WORLD, OVERLAYS = GROUPS = (
     "Command",
+    "Push (or drag the robot)",
+    "Who acts",
+    "Time",
     "World",
     "Overlays",
 )
@@ -117,25 +117,21 @@ def controls(stage: Stage) -> dict[str, Control]:
         ),
         "push_seconds": Slider(PUSH, "time (s)", 0.02, MOST_PUSH_SECONDS, _USUAL_SECONDS),
         "paused": Switch(TIME, "paused", False),
-        "speed": Slider(TIME, "speed, share of real time", 0.05, 1.0, 1.0),
-        "get_up": Switch(TIME, "start anew 1.5 s after a fall", True),
-        "seed": Slider(TIME, "seed of the start", 0, 2**31 - 1, 0, whole=True, resets=True),
+        "speed": Slider(TIME, "speed (x real time)", 0.05, 1.0, 1.0),
+        "get_up": Switch(TIME, "restart after a fall", True),
+        "seed": Slider(TIME, "seed", 0, 2**31 - 1, 0, whole=True, resets=True),
         "layer": Menu(WHO, "action layer", tuple(LAYERS), config.action_layer),
         "policy": Menu(WHO, "policy", (NO_POLICY, *stage.policies), stage.first),
         "contact_limits": Menu(WHO, "contact limits", CONTACT_LIMITS, stage.contact_limits),
-        "beside": Menu(WHO, "beside it", (ALONE, *LAYERS, *stage.policies), ALONE),
+        "beside": Menu(WHO, "second robot", (ALONE, *LAYERS, *stage.policies), ALONE),
         **_commands(stage),
-        "friction": Slider(WORLD, "friction of the ground, factor", 0.1, 1.5, 1.0),
-        "added_mass": Slider(
-            WORLD, "mass added to the trunk (kg)", 0.0, round(0.5 * robot.mass, 1), 0.0
-        ),
-        "motors": Slider(WORLD, "strength of the motors, factor", 0.3, 1.2, 1.0),
-        "action_delay": Slider(WORLD, "delay of actions (s)", 0.0, LONGEST_DELAY, 0.0),
-        "model_mass": Slider(WORLD, "masses in the law's model, factor", 0.5, 1.5, 1.0),
+        "friction": Slider(WORLD, "friction (x)", 0.1, 1.5, 1.0),
+        "added_mass": Slider(WORLD, "added mass (kg)", 0.0, round(0.5 * robot.mass, 1), 0.0),
+        "motors": Slider(WORLD, "motor torque (x)", 0.3, 1.2, 1.0),
+        "action_delay": Slider(WORLD, "action delay (s)", 0.0, LONGEST_DELAY, 0.0),
+        "model_mass": Slider(WORLD, "model's masses (x)", 0.5, 1.5, 1.0),
         "terrain": Menu(WORLD, "terrain", TERRAINS, config.terrain, resets=True),
-        "difficulty": Slider(
-            WORLD, "difficulty of the terrain", 0.0, 1.0, config.difficulty, resets=True
-        ),
+        "difficulty": Slider(WORLD, "difficulty", 0.0, 1.0, config.difficulty, resets=True),
         **{
             _switch(kind): Switch(OVERLAYS, label.partition(" (")[0], kind in _SHOWN_FIRST)
             for kind, label in LABELS.items()
@@ -158,21 +154,23 @@ def _commands(stage: Stage) -> dict[str, Control]:
     task = stage.task()
     if task.kind.gait:
         task = cast(Walk, task)
-        words = ("ahead", "forward (m/s)"), ("left", "to the left (m/s)"), ("turn", "turn (rad/s)")
-        found: dict[str, Control] = {
+        words = ("ahead", "forward (m/s)"), ("left", "left (m/s)"), ("turn", "turn (rad/s)")
+        found: dict[str, Any] = {
             name: Slider(COMMAND, label, *_rounded(ends), 0.0)
             for (name, label), ends in zip(words, task.most, strict=True)
             if ends[0] <= 0.0 <= ends[1]
         }
+        if ahead := found.get("ahead"):  # the page opens on a robot that walks
+            found["ahead"] = replace(ahead, default=round(0.5 * ahead.most, 3))
         lowest, _ = _rounded((-MOST_LOWERED * float(task.body.stance.home_com[2]), 0.0))
-        found["height"] = Slider(COMMAND, "height, from the gait's (m)", lowest, 0.0, 0.0)
+        found["height"] = Slider(COMMAND, "height change (m)", lowest, 0.0, 0.0)
         if len(task.body.robot.feet) == 4:
             names = tuple(PATTERNS)
             found["gait"] = Menu(COMMAND, "gait", names, task.derived["gait"], resets=True)
         return found
     if isinstance(task, Balance):
         least, most = _rounded(task.body.height(np.array(task.height_range)))
-        return {"height": Slider(COMMAND, "height (m), a policy's to follow", least, most, most)}
+        return {"height": Slider(COMMAND, "height (m)", least, most, most)}
     if isinstance(task, Tracking) and task.speed_range[0] < task.speed_range[1]:
         least, most = _rounded(task.speed_range)
         middle = round(0.5 * (least + most), 3)

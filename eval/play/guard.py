@@ -1,11 +1,11 @@
-"""What reaches viser from viewers: what the page itself sends, in small messages, and no more."""
+"""Let through to viser only the small messages that the page itself sends."""
 
 from typing import Any
 
 from websockets.http11 import Request
 
 MOST_BYTES = 2**16
-"""Of a message from a viewer: settings as text are the longest, of at most 10,000 characters."""
+"""Largest message from a viewer; a control's value needs far less."""
 
 
 def foreign(request: Request) -> bool:

@@ -54,6 +54,7 @@ class Lane:
         last: what its last policy step returned; None before the first.
         action: (A,) of that step.
         fallen: s since its fall; None while it is up.
+        falls: how often it has fallen since the session was last restarted.
     """
 
     def __init__(self, stage: Stage, player: Player, settings: Settings) -> None:
@@ -78,6 +79,7 @@ class Lane:
         self.last: Step | None = None
         self.action = np.zeros(len(self.batch.action_names))
         self.fallen: float | None = None
+        self.falls = 0
 
     def reset(self, settings: Settings) -> None:
         """Start an episode from the seed of the settings."""
@@ -89,7 +91,7 @@ class Lane:
     def take_over(self, other: "Lane") -> None:
         """Go on where another robot is, with a fresh memory of the layer."""
         self.batch.load_state_dict(carried(other.state(), self.state()))
-        self.last, self.fallen = other.last, other.fallen
+        self.last, self.fallen, self.falls = other.last, other.fallen, other.falls
 
     def apply(self, settings: Settings) -> None:
         """Let settings that need no reset act from now on."""
@@ -108,6 +110,7 @@ class Lane:
             self.fallen += 1.0 / self.batch.rates.policy
         elif ended:
             self.fallen = 0.0
+            self.falls += 1
 
     def state(self) -> State:
         """Return copies of all that the future depends on."""
@@ -117,6 +120,16 @@ class Lane:
     def qpos(self) -> np.ndarray:
         """(nq,) of the robot, a copy."""
         return self.batch.simulation.qpos[0].copy()
+
+    @property
+    def word(self) -> str:
+        """How well it follows its command, and its falls."""
+        info = {} if self.last is None else self.last.info
+        for name, unit in (("speed", "m/s"), ("height", "m")):
+            if f"{name}_command" in info:
+                now, wanted = info[name][0], info[f"{name}_command"][0]
+                return f"**{now:.2f} {unit}**, command {wanted:.2f} {unit}, falls: {self.falls}"
+        return f"falls: {self.falls}"
 
     @property
     def push_force(self) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Addresses that carry settings: who opens one sets them for everybody, as by the panel."""
 
+import gzip
 import http
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,6 +14,12 @@ from eval.play.guard import MOST_BYTES, foreign
 from eval.play.session import ChangeAll, Session
 from eval.play.texts import from_query
 from fbid_gym.errors import FbidError
+
+_HEAD = (
+    b"<title>fbid_gym: push the robot</title>"
+    b"<style>label { color: var(--mantine-color-text) !important;"
+    b" letter-spacing: normal !important }</style>"
+)
 
 Answer = Callable[[ServerConnection, Request], Response | None]
 """What is answered to a request; None leaves that to the page's server."""
@@ -50,6 +57,18 @@ def _opened(request: Request) -> bool:
     )
 
 
+def titled(page: Response | None) -> Response | None:
+    """Give viser's page our title, and labels in the colour and spacing of other text."""
+    if page is not None and page.headers.get("Content-Type") == "text/html":
+        packed = page.headers.get("Content-Encoding") == "gzip"
+        html = gzip.decompress(page.body) if packed else page.body
+        html = html.replace(b"<title>Viser</title>", _HEAD, 1)
+        page.body = gzip.compress(html) if packed else html
+        del page.headers["Content-Length"]  # of several fields of one name all are sent
+        page.headers["Content-Length"] = str(len(page.body))
+    return page
+
+
 @contextmanager
 def answering(answer: Answer) -> Iterator[None]:
     """Ask this first where a server is opened meanwhile: viser itself has no place for it.
@@ -60,7 +79,7 @@ def answering(answer: Answer) -> Iterator[None]:
 
     def asking(*arguments: Any, process_request: Any, **options: Any) -> Any:
         def process(connection: ServerConnection, request: Request) -> Any:
-            return answer(connection, request) or process_request(connection, request)
+            return answer(connection, request) or titled(process_request(connection, request))
 
         options |= {"process_request": process, "max_size": MOST_BYTES}
         return serve(*arguments, **options)

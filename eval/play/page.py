@@ -167,12 +167,10 @@ class Page:
 
     def _status(self) -> str:
         session = self._session
-        words = [f"**{session.steps / session.hz:.1f} s**"]
-        if session.settings["paused"]:
-            words.append("paused")
-        for place, lane in enumerate(session.lanes):
-            if lane.fallen is not None:
-                words.append(f"robot {place + 1} is down")
+        two = len(session.lanes) > 1
+        lines = [f"{lane.player.word}: {lane.word}" if two else lane.word for lane in session.lanes]
+        paused = ", paused" if session.settings["paused"] else ""
+        lines.append(f"{session.steps / session.hz:.1f} s{paused}")
         if session.refused:
-            words.append(f"refused: {session.refused}")
-        return ", ".join(words)
+            lines.append(f"refused: {session.refused}")
+        return "\n\n".join(lines)

@@ -7,8 +7,8 @@ import numpy as np
 import viser
 
 from eval.play.controls import GROUPS, OVERLAYS, PUSH, TIME, WORLD, Control, Menu, Slider
-from eval.play.session import Change, ChangeAll, OneStep, Push, Request, Reset, Session
-from eval.play.texts import from_text, to_query, to_text
+from eval.play.session import Change, OneStep, Push, Request, Reset, Session
+from eval.play.texts import to_query
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.envs.overlays import LABELS
@@ -31,11 +31,11 @@ class Panel:
         self._widgets: dict[str, Any] = {}
         # What the widgets were last told, by a viewer or from here.
         self._known: dict[str, Any] = dict(session.settings)
-        self._text_version = -1
+        self._linked_version = -1
         self._status = server.gui.add_markdown("")
         for group in GROUPS:
             self._add_group(group, {n: c for n, c in session.offered.items() if c.group == group})
-        self._add_text()
+        self._link = server.gui.add_markdown("")
 
     def _add_group(self, group: str, offered: dict[str, Control]) -> None:
         if not offered:
@@ -47,7 +47,7 @@ class Panel:
                 self._add_ways()
             elif group == TIME:
                 self._button("one step", OneStep)
-                self._button("reset", Reset)
+                self._button("restart", Reset)
             elif group == OVERLAYS:
                 self._gui.add_markdown(f"*{'; '.join(LABELS.values())}*")
 
@@ -69,7 +69,7 @@ class Panel:
 
     def _add(self, name: str, control: Control) -> Any:
         gui, value = self._gui, self._session.settings[name]
-        label = f"{control.label}, resets" if control.resets else control.label
+        label = f"{control.label} (restarts)" if control.resets else control.label
         if isinstance(control, Menu):
             widget: Any = gui.add_dropdown(label, control.choices, initial_value=value)
         elif isinstance(control, Slider) and control.whole:
@@ -90,18 +90,6 @@ class Panel:
                 self._submit(event, lambda: Change(name, widget.value))
 
         return widget
-
-    def _add_text(self) -> None:
-        """Settings to send to somebody: they see them, change them here, or paste theirs."""
-        with self._gui.add_folder("Settings as text and link", expand_by_default=False):
-            self._text = self._gui.add_text("settings", "", multiline=True)
-            apply = self._gui.add_button("apply text")
-            self._link = self._gui.add_markdown("")
-
-        @apply.on_click
-        def _(event: viser.GuiEvent) -> None:
-            offered, text = self._session.offered, self._text.value
-            self._submit(event, lambda: ChangeAll(from_text(offered, text)))
 
     def _button(self, label: str, request: Callable[[], Request]) -> None:
         button = self._gui.add_button(label)
@@ -131,9 +119,8 @@ class Panel:
         for name, value in session.settings.items():
             if self._known[name] != value:
                 self._known[name] = self._widgets[name].value = value
-        if self._text_version != session.version:
-            self._text_version = session.version
-            self._text.value = to_text(session.offered, session.settings)
+        if self._linked_version != session.version:
+            self._linked_version = session.version
             query = to_query(session.offered, session.settings)
             # Without a host: it is that of the viewer's own address, through whatever tunnel.
             self._link.content = f"[Link to these settings](?{query})"

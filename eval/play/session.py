@@ -213,3 +213,4 @@ class Session:
     def _restart(self) -> None:
         for lane in self.lanes:
             lane.reset(self.settings)
+            lane.falls = 0

@@ -1,4 +1,4 @@
-"""Motions: what a robot's joints, base and feet shall do over time."""
+"""Motions: desired joints, base and feet over time."""
 
 from fbid_gym.motions.crawl import Crawl, crawl
 from fbid_gym.motions.crawl_gait import CrawlGait, gait_for

@@ -72,7 +72,7 @@ class Crawl:
         return self.tables[0].hz
 
     def reference(self, tick: np.ndarray, speed: np.ndarray) -> Target:
-        """Return what N robots shall do, interpolated between the planned speeds.
+        """Return the desired motion of N robots, interpolated between the planned speeds.
 
         Args:
             tick: (N,) int control ticks since the motion began, not negative.
@@ -226,7 +226,7 @@ def _table(
 
 
 def _check_over_feet(robot: Robot, states: States, planted: np.ndarray) -> None:
-    """Check that the centre of mass stays above what the planted feet (T, F) span."""
+    """Check that the centre of mass stays above the hull of the planted feet (T, F)."""
     least = np.inf
     for rows, terms in Chunked(robot).terms(states.qpos, states.qvel):
         for feet, down, com in zip(terms.foot_position, planted[rows], terms.com, strict=True):

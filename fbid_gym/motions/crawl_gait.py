@@ -1,4 +1,4 @@
-"""The numbers of a crawl, and what they are for a robot of another size."""
+"""The numbers of a crawl, and their scaling to robots of other sizes."""
 
 from typing import NamedTuple
 
@@ -78,7 +78,7 @@ def gait_for(
     Raises:
         RobotError: the robot has not one foot at each corner, or cannot crawl.
     """
-    stepping_joints(robot)  # refuses who cannot crawl
+    stepping_joints(robot)  # refuses robots that cannot crawl
     corners, stance = corners_of(robot), Stance.of(robot)
     feet = stance.terms.foot_position[0, np.argsort(corners), :2]
     front, hind, left, right = (

@@ -70,7 +70,7 @@ def legs_in_plane(robot: Robot, knee: Curve, pitch: Curve) -> Curve:
 
 
 def check_over_feet(robot: Robot, rows: Target) -> None:
-    """Check that the centre of mass stays above what the feet span.
+    """Check that the centre of mass stays above the hull of the feet.
 
     Raises:
         InvalidValueError: it does not.

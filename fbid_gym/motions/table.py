@@ -80,7 +80,7 @@ class MotionTable:
         return self.period / self.hz
 
     def reference(self, tick: np.ndarray, speed: np.ndarray | None = None) -> Target:
-        """Return what N robots shall do, seen from the support frame of their feet.
+        """Return the desired motion of N robots, in the support frame of their feet.
 
         Args:
             tick: (N,) int control ticks since the motion began, not negative.

@@ -13,7 +13,7 @@ from fbid_gym.robots import Robot
 
 
 class MotionKind(NamedTuple):
-    """What kind of motion a task asks for: what the defaults of layers depend on.
+    """The kind of motion of a task; defaults of layers depend on it.
 
     Attributes:
         gait: whether a gait makes the target online, from where the robot is; else it is planned.
@@ -104,7 +104,7 @@ def standing_target(terms: DynamicsTerms, home_qpos: np.ndarray) -> Target:
 
 @compiled
 def stand_where_it_is(target: Target, terms: DynamicsTerms, i: int, foot: int) -> None:
-    """Have a foot of robot i stand where it is, at rest."""
+    """Let a foot of robot i stand where it is, at rest."""
     target.planted[i, foot], target.clipped[i, foot] = True, False
     for axis in range(3):
         place = terms.foot_position[i, foot, axis]
@@ -147,7 +147,7 @@ def _turn_quaternion(quaternion: np.ndarray, cosine: float, sine: float, qpos: n
 
 @kernel
 def in_world(heading: Heading, planned: Target, terms: DynamicsTerms) -> Target:
-    """Place what is planned where the feet of N robots are.
+    """Place planned targets where the feet of N robots are.
 
     Args:
         heading: finds the support frame of the feet.

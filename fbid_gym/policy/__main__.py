@@ -1,4 +1,4 @@
-"""List the policies that come with the package, or say what is known of some.
+"""List the policies that come with the package, or print the cards of some.
 
 python -m fbid_gym.policy
 python -m fbid_gym.policy QuadrupedWalk-v0/base_acceleration

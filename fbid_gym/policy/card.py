@@ -1,4 +1,4 @@
-"""What is known of a policy that is shipped: how it was trained, and what it does."""
+"""Card of a shipped policy: its training and its measured performance."""
 
 import math
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ class Measured(NamedTuple):
         mean: over the episodes.
         low: lower end of its interval.
         high: upper end.
-        unit: such as "m/s"; "share" of what is one.
+        unit: such as "m/s"; "share" of shares.
     """
 
     mean: float
@@ -31,16 +31,16 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True)
 class Card:
-    """What is known of a shipped policy."""
+    """Training and measured performance of a shipped policy."""
 
     env_id: str
-    """What it was trained in, with `env_args`."""
+    """Environment of its training, with `env_args`."""
     env_args: Mapping[str, Any]
     """The action layer and its options among them."""
     environment: Mapping[str, Any]
-    """What these arguments meant when it was shipped."""
+    """Meaning of these arguments when it was shipped."""
     algorithm: str
-    """What learnt."""
+    """Algorithm of the training."""
     seed: int
     """Of the training."""
     steps: int
@@ -50,15 +50,15 @@ class Card:
     evaluations: int
     """Of the training: it is the one that returned most in one of them."""
     best_return: float
-    """What it returned there."""
+    """Its return there."""
     command: str
     """Command line that trains it again."""
     wall_seconds: float
-    """What the training took up to there, s."""
+    """Duration of the training up to there, s."""
     trained_with: Mapping[str, Any]
     """The commit, and versions of Python and packages."""
     measured_with: Mapping[str, Any]
-    """The same of what measured it."""
+    """The same of the code that measured it."""
     episodes: int
     """That were played for `metrics`, in an environment of each, on seeds of their own."""
     first_seed: int
@@ -70,7 +70,7 @@ class Card:
     sha256: str
     """Digest of the policy, which is in its `policy.json`."""
     note: str = ""
-    """What has changed since it was measured."""
+    """Changes since it was measured."""
 
     def to_json(self) -> dict[str, Any]:
         """Return it as `card.json` holds it."""

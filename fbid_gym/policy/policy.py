@@ -47,7 +47,7 @@ OUTPUTS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
     "clip": lambda x: np.clip(x, -1.0, 1.0),
     "tanh": np.tanh,
 }
-"""What keeps actions within [-1, 1]: PPO's are cut off there, SAC's squashed."""
+"""Outputs that keep actions within [-1, 1]: PPO's are cut off, SAC's squashed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class Policy:
     env_args: Mapping[str, Any]
     """Arguments it was made with: `gym.make(env_id, **env_args)`."""
     mean: np.ndarray
-    """(O,) float64: what is subtracted from an observation."""
+    """(O,) float64, subtracted from an observation."""
     variance: np.ndarray
     """(O,) float64: an observation is divided by sqrt(variance + epsilon)."""
     weights: tuple[np.ndarray, ...]
@@ -81,9 +81,9 @@ class Policy:
     trained_steps: int = 0
     """Environment steps of training, over all robots."""
     algorithm: str = "ppo"
-    """What trained it; no number depends on it."""
+    """Algorithm that trained it; no number depends on it."""
     versions: Mapping[str, Any] = field(default_factory=dict)
-    """Versions of what trained it."""
+    """Versions of the software that trained it."""
     source: str = "policy"
     """Where it came from, for error messages."""
 

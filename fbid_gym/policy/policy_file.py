@@ -1,4 +1,4 @@
-"""The file of a policy: where it lies, and what its JSON may say."""
+"""The file of a policy: its place, and the entries of its JSON."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +21,7 @@ _NETWORK = ("activation", "hidden", "output")  # in the JSON; the last since for
 
 
 def read_policy(data: Mapping[str, Any], file: Path) -> tuple[dict[str, Any], tuple[int, ...]]:
-    """Take what `policy.json` says.
+    """Read the entries of `policy.json`.
 
     Returns:
         Arguments of `Policy`, all but its arrays; and widths, from observations to actions.

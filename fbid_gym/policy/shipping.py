@@ -3,7 +3,7 @@
     assets/policies/QuadrupedWalk-v0/base_acceleration/card.json
     assets/policies/QuadrupedWalk-v0/base_acceleration/policy/
 
-What stands for a path of a policy may be `shipped:` and the name of one of them.
+Instead of a path, commands also take `shipped:` and the name of one of them.
 """
 
 from pathlib import Path
@@ -29,7 +29,7 @@ class Shipped(NamedTuple):
     path: Path
     """Its folder, which `Policy.load` takes."""
     card: Card
-    """How it was trained, and what it does."""
+    """Its training and its measured performance."""
 
 
 def shipped() -> tuple[Shipped, ...]:
@@ -56,7 +56,7 @@ def shelved(folder: Path) -> tuple[Shipped, ...]:
 
 
 def place_of(source: str | Path) -> Path:
-    """Return the folder of a policy: that of a shipped one for its name, else what is given.
+    """Return the folder of a policy: of a shipped one by its name, else the path itself.
 
     Raises:
         UnknownOptionError: no policy of that name is shipped.

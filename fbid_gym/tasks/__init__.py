@@ -1,4 +1,4 @@
-"""What a robot is asked to do: initial state, commands, disturbances, observation, reward."""
+"""Tasks: initial state, commands, disturbances, observation, reward."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -80,7 +80,7 @@ TASKS: dict[str, TaskKind] = {
     "crawl": TaskKind(crawl, (0.0, 0.0), Tracking.reward_terms, {}),
     "walk": TaskKind(Walk.of, (0.0, 0.4), Walk.reward_terms, {}),
 }
-"""Name of a task -> what it is."""
+"""Name of a task -> its kind."""
 
 _BUILT_IN = tuple(TASKS)
 
@@ -189,7 +189,7 @@ def make_task(
 
     Args:
         name: one of `TASKS`.
-        robot: who shall do it.
+        robot: the robot of the task.
         seconds: length of an episode.
         hz: control ticks per second.
         pushes: the disturbances.
@@ -208,5 +208,5 @@ def make_task(
 
 
 def task_kind(name: str) -> TaskKind:
-    """Return what a task is."""
+    """Return the kind of a task."""
     return TASKS[Choice(TASKS).check("task", name)]

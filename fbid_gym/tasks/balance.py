@@ -1,9 +1,8 @@
 """Task `balance`: stand on all feet, follow a commanded base height, survive random pushes.
 
 ## Description
-The robot stands on all its feet. It shall keep its base above them, upright and at a commanded
-height, while random horizontal forces push the base. Height and distance count in the support
-frame.
+The robot stands on all its feet and keeps its base above them, upright and at a commanded height,
+while random horizontal forces push the base. Height and distance are those in the support frame.
 
 ## Starting State
 The home stance. A commanded height is constant for a time uniform in `height_interval`; each value
@@ -27,10 +26,10 @@ from fbid_gym.tasks.task import Episode, Now, PlannedEpisode
 
 
 class BalanceMeasures(NamedTuple):
-    """What is measured of N robots that stand."""
+    """Measurements of N robots that stand."""
 
     outcome: Outcome  # of the step
-    units: Units  # what errors are measured by
+    units: Units  # of lengths, speeds and rates
     command: np.ndarray  # (N,) m, commanded height of the base
     from_home: np.ndarray  # (N,) m, commanded height less that at home
     height_error: np.ndarray  # (N,) m, height less the commanded one
@@ -64,7 +63,7 @@ class Balance(PlannedEpisode):
     """The task, for one robot; a `Task`.
 
     Attributes:
-        home: the home stance, what the action layers follow.
+        home: the home stance, which the action layers follow.
         height_range: (least, most) commanded base height, see `Body.height`.
         height_interval: (least, most) s from one command to the next.
     """
@@ -98,7 +97,7 @@ class Balance(PlannedEpisode):
         """Build the task.
 
         Args:
-            episode: the robot, and what every task has.
+            episode: robot, length, pushes and start.
             height_range: (least, most) commanded base height, as shares of the robot's size: of the
                 height of its hips or of its centre of mass above the feet, whichever is higher.
             height_interval: (least, most) s from one command to the next.
@@ -118,7 +117,7 @@ class Balance(PlannedEpisode):
         return {"command": Group(asked, 10.0, lambda m: m.from_home[:, None]), **self.body.groups}
 
     def draw(self, rng: np.random.Generator) -> Plan:
-        """Draw all that chance decides about one episode."""
+        """Draw all random parts of one episode."""
         begun = self.begin_at_home(rng)
         count, asked = drawn_commands(rng, self.height_interval, self.seconds, self.hz)
         return begun | asked | {"command": self.body.height(rng.uniform(*self.height_range, count))}
@@ -135,7 +134,7 @@ class Balance(PlannedEpisode):
         return command_at(plan["command_start"], plan["command"][:, :, None], tick)[:, 0]
 
     def measure(self, outcome: Outcome, plan: Plan, memory: Memory) -> BalanceMeasures:
-        """Return what observation, reward and metrics are made of."""
+        """Return the measurements from which observation, reward and metrics are computed."""
         body, units, base = self.body, self.body.units, outcome.posture.base
         qvel, command = outcome.state.qvel, self.command(plan, outcome.state.tick)
         away = base[:, :2] - body.stance.home_base[:2]

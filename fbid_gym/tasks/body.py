@@ -1,4 +1,4 @@
-"""What every task sees of a robot, and when it takes it for fallen."""
+"""Observations that all tasks share, and the test for a fall."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,8 +17,8 @@ from fbid_gym.tasks.observation import Group
 from fbid_gym.tasks.outcome import Posture
 
 FALLEN_HEIGHT = 0.6
-"""Share of how tall its task has it stand, `Body.size` less `Body.lowered`, below which what is as
-high at home counts as fallen."""
+"""Share of the robot's height in its task, `Body.size` less `Body.lowered`, below which it counts
+as fallen."""
 
 FALLEN_TILT = 60.0
 """Tilt of the base (degrees) beyond which the robot counts as fallen."""
@@ -30,7 +30,7 @@ _LEAST_UPRIGHT = float(np.cos(np.radians(FALLEN_TILT)))
 
 
 class Units(NamedTuple):
-    """What makes robots of all sizes comparable.
+    """Units in which robots of all sizes are comparable.
 
     Attributes:
         length: m.
@@ -80,12 +80,12 @@ class Body:
 
     @property
     def size(self) -> float:
-        """How tall the robot stands, m: `Stance.size`, what lengths are measured by."""
+        """Size of the robot, m, the unit of lengths: `Stance.size`."""
         return self.stance.size
 
     @cached_property
     def units(self) -> Units:
-        """What errors of a robot that stands are measured by: its size."""
+        """Units for the errors of a standing robot, from its size."""
         return Units.of(self.robot, self.size)
 
     def height(self, share: np.ndarray) -> np.ndarray:
@@ -149,7 +149,7 @@ class Body:
         return self.frame_groups | self.limb_groups
 
     def posture(self, state: RobotState, terms: DynamicsTerms) -> Posture:
-        """Return how robots stand."""
+        """Return the posture of robots."""
         return _measure(self._standing, self.stance.geometry, self.stance.heading, state, terms)
 
     @cached_property
@@ -176,11 +176,11 @@ ANGULAR_VELOCITY = Group.of(
 
 
 class _Standing(NamedTuple):
-    """When a robot stands."""
+    """Limits within which a robot counts as standing."""
 
     touching_force: float  # N, of a point that counts as in contact
-    above: float  # m, from the base to what is as high as the robot's size, at home
-    low: float  # m, below which that has fallen
+    above: float  # m, from the base up to the robot's size, at home
+    low: float  # m, height of that point below which the robot has fallen
 
 
 @kernel
@@ -191,7 +191,7 @@ def _measure(
     state: RobotState,
     terms: DynamicsTerms,
 ) -> Posture:
-    """Return how robots stand."""
+    """Return the posture of robots."""
     frame, (count, points) = support_frame(heading, terms), state.contact_force.shape[:2]
     point_velocity = point_velocities(geometry, terms)
     base, velocity, upright = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
@@ -211,7 +211,7 @@ def _judge(
     terms: DynamicsTerms,
     posture: Posture,
 ) -> None:
-    """Write how robots stand."""
+    """Write the posture of robots."""
     base, velocity, upright, touching, grounded, slip, fallen = posture
     count, points = touching.shape
     for i in range(count):

@@ -1,7 +1,7 @@
 """Task `crawl`: walk at a commanded speed, three feet on the ground at a time, [M10] IV.E.
 
 ## Description
-The motion knows nothing of the ground: where `terrain` is "obstacles", feet meet planks.
+The motion ignores the ground: with `terrain="obstacles"` the feet hit planks.
 
 ## Action Space
 The default gains of `joint_position` are for standing. Without a policy they are too soft here,
@@ -29,10 +29,9 @@ def crawl(
     """Build the task.
 
     Args:
-        episode: the robot, a quadruped on point feet with three joints a leg, and what every
-            task has.
+        episode: of a quadruped on point feet with three joints a leg.
         speed_range: (least, most) m/s, commanded forward speed, constant in an episode. None, as
-            for the others: what a robot of this size can do, see `motions.gait_for`.
+            for the others: derived from the robot's size, see `motions.gait_for`.
         step_seconds: s, period of the walk: each foot steps once.
         swing_height: m, how high a swinging foot is lifted.
     """

@@ -1,4 +1,4 @@
-"""What a robot that is not blind sees of the ground around it."""
+"""Height scan: the ground around a robot as it observes it."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The observation: a table of groups, one beside the other, each of what was measured."""
+"""The observation: a table of groups, each a function of the task's measurements."""
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple

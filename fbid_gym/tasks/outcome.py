@@ -1,4 +1,4 @@
-"""What a policy step did, for observation and reward."""
+"""The outcome of a policy step, for observation and reward."""
 
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ class Posture(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What one policy step did to N robots.
+    """Outcome of one policy step of N robots.
 
     Attributes:
         state: at the end of the step.

@@ -1,4 +1,4 @@
-"""All that chance decides about an episode."""
+"""The plan: all random parts of an episode."""
 
 import numpy as np
 

@@ -38,7 +38,7 @@ class Pushes:
     velocity: Jump = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        """Reject what cannot be scheduled."""
+        """Refuse pushes that cannot be scheduled."""
         check_fields(self, "push_{}")
         if self.interval[0] < self.duration:
             raise InvalidValueError(
@@ -64,7 +64,7 @@ class Pushes:
         }
 
     def during(self, plan: Plan, tick: np.ndarray, count: int, hz: int) -> "Disturbances":
-        """Return what is done to each base at `count` control ticks.
+        """Return force and velocity jump of each base at `count` control ticks.
 
         Args:
             plan: of N robots, as drawn.
@@ -77,7 +77,7 @@ class Pushes:
 
 
 class Disturbances(NamedTuple):
-    """What is done to the bases of N robots at T control ticks.
+    """Pushes on the bases of N robots at T control ticks.
 
     Attributes:
         force: (T, N, 3) N, world.
@@ -103,7 +103,7 @@ def _during(
     count: int,
     duration: int,
 ) -> Disturbances:
-    """What `Pushes.during` returns: of pushes (N, K) that each last `duration` ticks."""
+    """Compute the result of `Pushes.during`, of pushes (N, K) that each last `duration` ticks."""
     shape = count, len(tick), 3
     done = Disturbances(np.zeros(shape), np.zeros(shape), np.zeros(count, np.bool_))
     for i in range(len(tick)):

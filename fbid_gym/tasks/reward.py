@@ -1,4 +1,4 @@
-"""The reward: a table of terms, each a small function of what was measured, with a weight."""
+"""The reward: a table of weighted terms, each a small function of the measurements."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -14,7 +14,7 @@ class Term(NamedTuple):
     Attributes:
         function: takes what the task measured of N robots, see `Task.measure`, and the scale where
             there is one. Returns (N,) from 0, worst, to 1, best. It changes nothing.
-        weight: what the best is worth.
+        weight: greatest value of the term in the reward.
         scale: width of the term's bell, the error at which it has fallen to 1/e. None: it has none.
         unit: of the scale.
     """
@@ -25,7 +25,7 @@ class Term(NamedTuple):
     unit: str = ""
 
     def share(self, measured: Any) -> np.ndarray:
-        """Return what of its weight the term is, of N robots: (N,)."""
+        """Return the term's value before its weight, of N robots: (N,)."""
         if self.scale is None:
             return self.function(measured)
         return self.function(measured, self.scale)

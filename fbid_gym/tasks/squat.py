@@ -19,10 +19,9 @@ def squat(
     """Build the task.
 
     Args:
-        episode: the robot, one on two soles, with hips, knees and ankles that pitch, and what every
-            task has.
+        episode: of a robot on two soles, with hips, knees and ankles that pitch.
         speed: of the motion; 1 is the slow one of [M10] figure 4, 5 the fast one of figure 5.
-        depth: rad, of the squat at the knee. None: what the robot can, see `squat_depth`.
+        depth: rad, of the squat at the knee. None: as deep as the robot can, see `squat_depth`.
     """
     robot = episode.body.robot
     depth = squat_depth(robot) if depth is None else depth

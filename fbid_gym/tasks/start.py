@@ -1,4 +1,4 @@
-"""How an episode begins: a posture, shaken a little, facing anywhere."""
+"""Start of an episode: a posture with small random offsets, facing anywhere."""
 
 from dataclasses import dataclass
 from typing import Annotated

@@ -19,10 +19,9 @@ def step(
     """Build the task.
 
     Args:
-        episode: the robot, one on two soles, with hips, knees and ankles that pitch, and what every
-            task has.
-        step_seconds: s, period of the stepping: each foot steps once. None, as for the other: what
-            suits a robot of this size, see `motions.steps_for`.
+        episode: of a robot on two soles, with hips, knees and ankles that pitch.
+        step_seconds: s, period of the stepping: each foot steps once. None, as for the
+            other: derived from the robot's size, see `motions.steps_for`.
         lift_seconds: s it takes a foot to rise, and to come down again; 0 is the instant change of
             the paper.
     """

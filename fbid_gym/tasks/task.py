@@ -1,4 +1,4 @@
-"""What every task is: what chance decides, what is asked, what is observed and rewarded."""
+"""The interface of a task: random draws, targets, measurements, observation, reward."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -20,13 +20,13 @@ from fbid_gym.tasks.start import Start
 
 
 class Now(NamedTuple):
-    """What a target may depend on at a control tick, beside the plan.
+    """Inputs of a target at a control tick, beside the plan.
 
     Attributes:
         state: of the robots.
         terms: returns the dynamics at this state.
-        steering: what the policy changes of a gait.
-        memory: of the robots, what `Task.memory` began; updated.
+        steering: the policy's changes to a gait.
+        memory: of the robots, begun by `Task.memory`; updated.
     """
 
     state: RobotState
@@ -44,7 +44,7 @@ class Task(Protocol):
 
     @property
     def body(self) -> Body:
-        """The robot, and what every task sees of it."""
+        """The robot, with the observations that all tasks share."""
         ...
 
     @property
@@ -59,17 +59,17 @@ class Task(Protocol):
 
     @property
     def kind(self) -> MotionKind:
-        """What kind of motion it asks for."""
+        """The kind of motion of the task."""
         ...
 
     @property
     def derived(self) -> Mapping[str, Any]:
-        """What the options mean that a robot decides where the user does not."""
+        """Values of the options that derive from the robot where the user gives none."""
         ...
 
     @property
     def observation_groups(self) -> Groups:
-        """The table of the observation: what the policy sees, a group beside the other."""
+        """The table of the observation, group after group."""
         ...
 
     @property
@@ -91,7 +91,7 @@ class Task(Protocol):
         ...
 
     def memory(self, terms: DynamicsTerms) -> Memory:
-        """Return what is remembered of robots that begin an episode where they are."""
+        """Return the memory of robots that begin an episode where they are."""
         ...
 
     def advance(self, plan: Plan, now: Now) -> None:
@@ -99,33 +99,33 @@ class Task(Protocol):
         ...
 
     def target(self, plan: Plan, now: Now) -> Target:
-        """Return what the robots shall do at this control tick, once it has begun."""
+        """Return the desired motion at this control tick."""
         ...
 
     def measure(self, outcome: Outcome, plan: Plan, memory: Memory) -> Any:
-        """Return what observation, reward and metrics are made of, at the end of a policy step.
+        """Return the measurements for observation, reward and metrics, at the end of a policy step.
 
         Nothing changes by it: the same arguments give the same measures.
 
         Args:
-            outcome: what the step did.
+            outcome: of the step.
             plan: of the robots.
             memory: of the robots.
 
         Returns:
             A named tuple of arrays with a row for each robot. Those of this package have the
-            `outcome`, and what lengths, speeds and torques are measured by, as `units`.
+            `outcome`, and as `units` those of lengths, speeds and torques.
         """
         ...
 
     def metrics(self, measured: Any) -> dict[str, np.ndarray]:
-        """Return physical quantities for evaluation, name -> (N,), of what was measured."""
+        """Return physical quantities for evaluation from the measurements, name -> (N,)."""
         ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Episode:
-    """What tasks have in common: a robot, how long it is at it, and what happens to it.
+    """The part that all tasks share: robot, length, start and pushes.
 
     Attributes:
         body: the robot.
@@ -133,7 +133,7 @@ class Episode:
         hz: control ticks per second.
         pushes: the disturbances.
         start: how an episode begins.
-        derived: what the options mean that a robot decides where the user does not.
+        derived: values of the options that derive from the robot where the user gives none.
     """
 
     body: Body
@@ -167,7 +167,7 @@ class Episode:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlannedEpisode(Episode):
-    """What tasks have in common whose motion is planned beforehand, standing among them."""
+    """The part that tasks with a planned motion share; standing is one."""
 
     @property
     def kind(self) -> MotionKind:
@@ -184,8 +184,8 @@ class PlannedEpisode(Episode):
         return self
 
     def memory(self, terms: DynamicsTerms) -> Memory:
-        """Nothing is remembered."""
+        """Return an empty memory."""
         return {}
 
     def advance(self, plan: Plan, now: Now) -> None:
-        """Nothing goes on."""
+        """Do nothing: planned motions have no state."""

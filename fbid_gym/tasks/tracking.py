@@ -1,12 +1,12 @@
 """Tracking: follow a reference motion, at a commanded speed where it has one, despite pushes.
 
 ## Description
-A motion says at every control tick where the joints and the base shall be, how fast, with what
-acceleration, and which feet stand ([M10] section IV). The robot shall follow it.
+The robot follows a motion. At every control tick this gives place, velocity and acceleration of
+joints and base, and the feet that stand ([M10] section IV).
 
 ## Starting State
-Anywhere in the motion, all moments equally likely, in the posture and with the velocity that it has
-there. A motion that ends holds its last posture.
+A random moment of the motion, with its posture and velocity. A motion that ends holds its last
+posture.
 """
 
 from collections.abc import Mapping
@@ -28,11 +28,11 @@ from fbid_gym.tasks.task import Episode, Now, PlannedEpisode
 
 
 class TrackingMeasures(NamedTuple):
-    """What is measured of N robots that follow a motion."""
+    """Measurements of N robots that follow a motion."""
 
     outcome: Outcome  # of the step
-    units: Units  # what errors are measured by
-    reference: Target  # what the motion asks for, a row for each robot
+    units: Units  # of lengths, speeds and rates
+    reference: Target  # the desired motion, a row for each robot
     phase: np.ndarray  # (N,) rad, where in the motion each robot is
     speed: np.ndarray  # (N,) m/s, commanded
     joint_error: np.ndarray  # (N,) rad, root mean square over the joints
@@ -76,7 +76,7 @@ class Motion(Protocol):
         ...
 
     def reference(self, tick: np.ndarray, speed: np.ndarray) -> Target:
-        """Return what N robots shall do at ticks (N,), moving at speeds (N,) m/s."""
+        """Return the desired motion of N robots at ticks (N,) and speeds (N,) m/s."""
         ...
 
 
@@ -85,7 +85,7 @@ class Tracking(PlannedEpisode):
     """The task, for one robot and one motion; a `Task`. Episodes begin anywhere in the motion.
 
     Attributes:
-        motion: what to follow.
+        motion: to be followed.
         speed_range: (least, most) m/s, commanded forward speed, constant in an episode.
     """
 
@@ -146,7 +146,7 @@ class Tracking(PlannedEpisode):
         }
 
     def draw(self, rng: np.random.Generator) -> Plan:
-        """Draw all that chance decides about one episode."""
+        """Draw all random parts of one episode."""
         phase, speed = rng.integers(self.motion.period), rng.uniform(*self.speed_range)
         reference = self.motion.reference(np.array([phase]), np.array([speed]))
         plan = self.begin(rng, reference.qpos[0], reference.qvel[0])
@@ -160,7 +160,7 @@ class Tracking(PlannedEpisode):
         return in_world(self.body.stance.heading, planned, now.terms())
 
     def measure(self, outcome: Outcome, plan: Plan, memory: Memory) -> TrackingMeasures:
-        """Return what observation, reward and metrics are made of."""
+        """Return the measurements from which observation, reward and metrics are computed."""
         posture, tick = outcome.posture, outcome.state.tick
         asked = self._planned(plan, tick)
         joint_error = asked.qpos[:, 7:] - outcome.state.qpos[:, 7:]

@@ -1,31 +1,30 @@
-"""Task `walk`: walk as fast, and where, as told, despite pushes.
+"""Task `walk`: follow velocity commands despite pushes.
 
 ## Description
-A command says how fast to go ahead and to the left and how fast to turn. An online gait makes of
-clock, command and state, at every control tick, which feet stand, where those in the air go, and
-how the body moves; its numbers are derived from what is measured on the robot's model. Any robot
-with four point feet or with two flat ones walks: `robot="quadruped"`, "g1" or one of the user's.
+A command gives the velocity ahead and to the left and the yaw rate. At every control tick an online
+gait computes from clock, command and state which feet stand, where the feet in the air go, and how
+the body moves. Its numbers derive from measurements of the robot's model. Any robot with four point
+feet or with two flat ones can walk: `robot="quadruped"`, "g1" or one of the user's.
 
 ## Action Space
-The zero action follows the gait; with `layer_options={"reference": "home"}` that of
-`joint_position` holds the home posture, and the action is all there is. After the entries of the
-layer come, with its option `footholds`, two for each foot; with `step_rate` one for the gait's
-frequency.
+The zero action follows the gait. With `layer_options={"reference": "home"}` the zero action of
+`joint_position` holds the home posture, and the policy has to learn walking by itself. The option
+`footholds` adds two entries for each foot after those of the layer, and `step_rate` one for the
+gait's frequency.
 
 ## Observation Space
-The heading is that of the base, the ground that under the feet that are planned to stand.
+The heading is that of the base. The ground is that under the feet that are planned to stand.
 `height_scan=True` adds the height of the ground at 35 places: from 1 h behind to 2 h ahead of the
-base and up to 0.8 h beside it, in the frame of its heading. Then the gait knows the ground as well:
-it sets feet down at its height. Otherwise it takes the ground to be the plane on which its feet
-stood.
+base and up to 0.8 h beside it, in the frame of its heading. Then the gait knows the ground, too,
+and sets feet down at its height. Otherwise it assumes the plane on which its feet last stood.
 
 ## Starting State
 The home stance. A command is uniform in its ranges and holds for a time uniform in
 `command_interval`; one in ten is to stand.
 
 ## Episode End
-Where gait and `lowered_range` have a robot lower than it stands at home, the height of a fall is as
-much lower: H is then that of the walk.
+If gait and `lowered_range` make a robot walk lower than it stands at home, the height of a fall is
+lower by as much: H is then that of the walk.
 """
 
 from dataclasses import dataclass, replace
@@ -103,7 +102,7 @@ class Walk(Episode):
         """Build the task.
 
         Args:
-            episode: the robot, on four point feet or on two flat ones, and what every task has.
+            episode: of a robot on four point feet or on two flat ones.
             forward_range: (least, most) commanded velocity ahead, in units of sqrt(g h), h the
                 height of the centre of mass at home.
             sideways_range: (least, most) commanded velocity to the left, in the same units.
@@ -187,13 +186,13 @@ class Walk(Episode):
         return {"scan": Group(names, 10.0, seen)}
 
     def draw(self, rng: np.random.Generator) -> Plan:
-        """Draw all that chance decides about one episode."""
+        """Draw all random parts of one episode."""
         begun = self.begin_at_home(rng)
         count, asked = drawn_commands(rng, self.interval, self.seconds, self.hz)
         command = rng.uniform(self.most[:, 0], self.most[:, 1], size=(count, 3))
         command[rng.random(count) < _STANDS] = 0.0
         least, most = self.lowered
-        # Where nothing is to be drawn, nothing is: what is drawn next stays as it is.
+        # An empty range draws nothing, so that later draws stay the same.
         lowered = np.array(rng.uniform(least, most) if least < most else most)
         return begun | asked | {"command": command, "lowered": lowered}
 
@@ -202,7 +201,7 @@ class Walk(Episode):
         return command_at(plan["command_start"], plan["command"], tick)
 
     def memory(self, terms: DynamicsTerms) -> Memory:
-        """Of the gait, and what is noted for observation, reward and metrics."""
+        """Return the memory of the gait, and the notes for observation, reward and metrics."""
         return self.gait.memory(terms) | Notes.standing(terms).memory()
 
     @property
@@ -211,7 +210,7 @@ class Walk(Episode):
         return MotionKind(True, self.gait.omega)
 
     def advance(self, plan: Plan, now: Now) -> None:
-        """Have the gait go on by a tick, and note what feet do."""
+        """Advance the gait by a tick, and note the motion of the feet."""
         terms, notes = now.terms(), Notes.of(now.memory)
         command = GaitCommand(
             velocity=self.command(plan, now.state.tick),
@@ -224,11 +223,11 @@ class Walk(Episode):
         note(self.gait.target(now.memory), terms.foot_position, notes)
 
     def target(self, plan: Plan, now: Now) -> Target:
-        """Return what the gait asks for."""
+        """Return the gait's target."""
         return self.gait.target(now.memory)
 
     def measure(self, outcome: Outcome, plan: Plan, memory: Memory) -> WalkMeasures:
-        """Return what observation, reward and metrics are made of."""
+        """Return the measurements from which observation, reward and metrics are computed."""
         notes = Notes.of(memory)
         motion = measure_motion(
             self._units,
@@ -246,7 +245,7 @@ class Walk(Episode):
     def metrics(self, measured: WalkMeasures) -> dict[str, np.ndarray]:
         """Return physical quantities for evaluation, name -> (N,)."""
         outcome, motion, units = measured.outcome, measured.motion, measured.units
-        # Bounded: who stands on the spot has not walked for nothing.
+        # Bounded, because a robot that stands on the spot covers no distance.
         way = np.maximum(outcome.distance, units.length)
         return {
             "velocity_error": motion.velocity_error,

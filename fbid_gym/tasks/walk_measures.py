@@ -1,4 +1,4 @@
-"""What is measured of a robot that walks, and how that is rewarded."""
+"""Measurements of walking robots, and their reward."""
 
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ _PREFIX = "seen_"
 
 
 class Notes(NamedTuple):
-    """What is noted of N robots: of the gait's last target, and of the episode so far."""
+    """Notes on N robots: the gait's last target, and sums over the episode so far."""
 
     planted: np.ndarray  # (N, F) bool, feet that shall stand
     foothold: np.ndarray  # (N, F, 3) m, where the others shall land
@@ -58,7 +58,7 @@ _NOTED = [_PREFIX + name for name in Notes._fields]
 
 
 class Motion(NamedTuple):
-    """How N robots move, and what that lacks of what they shall do."""
+    """Motion of N robots and its difference from the desired motion."""
 
     command: np.ndarray  # (N, 3) m/s ahead, m/s and rad/s to the left
     clock: np.ndarray  # (N, 2) sine and cosine of the gait's cycle
@@ -76,10 +76,10 @@ class Motion(NamedTuple):
 
 
 class WalkMeasures(NamedTuple):
-    """What is measured of N robots that walk."""
+    """Measurements of N robots that walk."""
 
     outcome: Outcome  # of the step
-    units: Units  # what errors are measured by: the height of the centre of mass at home, h
+    units: Units  # from the height of the centre of mass at home, h
     notes: Notes  # of the gait
     motion: Motion  # how they move
 
@@ -119,7 +119,7 @@ REWARD_TERMS: Terms = {
 
 @kernel
 def note(target: Target, foot_position: np.ndarray, notes: Notes) -> None:
-    """Note what the gait asks for at a control tick, and how far from its foothold a foot landed.
+    """Note the gait's target at a control tick, and the distance of a landing from its foothold.
 
     Args:
         target: of the gait.
@@ -162,7 +162,7 @@ def measure_motion(
     """Return how robots move.
 
     Args:
-        units: what speeds and rates are measured by.
+        units: of speeds and rates.
         foot_of_point: (P,) int64.
         qvel: (N, nv) m/s, rad/s.
         terms: where the robots are.

@@ -1,4 +1,4 @@
-"""What learns: stable-baselines3's algorithms as this package sets them up, one module each.
+"""Algorithms: stable-baselines3's as this package sets them up, one module each.
 
 All that differs between them is in an `Algorithm`; whoever trains, saves and exports asks that, and
 never which one it is.

@@ -1,4 +1,4 @@
-"""What a training has to know of the algorithm that learns, and what all of them have in common."""
+"""The interface of an algorithm to a training, and code that all algorithms share."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,25 +19,25 @@ _FORESIGHT = 1000
 
 
 class Algorithm(NamedTuple):
-    """Functions of a learner, each of which takes what `build` has made."""
+    """Functions of a learner, each of which takes the result of `build`."""
 
     build: Callable[[TrainConfig, VecNormalize], Any]
     """Return the learner before its first step; draws from torch's generator."""
     iterate: Callable[[Any, TrainConfig, BaseCallback], dict[str, float]]
     """Act for `TrainConfig.iteration_steps`, learn, and return the metrics."""
     metrics: tuple[str, ...]
-    """Columns of `progress.csv` that are its own; what `iterate` leaves out is not known yet."""
+    """Its own columns of `progress.csv`; those that `iterate` leaves out are not known yet."""
     layers: Callable[[Any], list[torch.nn.Linear]]
     """From the normalised observation to the action."""
     output: str
-    """What keeps that within its limits, one of `fbid_gym.policy.OUTPUTS`."""
+    """Its output, one of `fbid_gym.policy.OUTPUTS`, which keeps actions within limits."""
     optimisers: Callable[[Any], dict[str, torch.optim.Optimizer]]
     """By the name that they have in a checkpoint."""
     arrays: Callable[[Any], Tensors]
     """The learner's own arrays, beside its network, that its next iteration depends on; writing
     into them changes the learner."""
     replay: Callable[[Any], ReplayBuffer | None]
-    """What it learns from for longer than an iteration."""
+    """Its replay buffer, if it has one."""
 
 
 def learning_rate(own: Hyperparameters) -> float | Callable[[float], float]:
@@ -49,7 +49,7 @@ def learning_rate(own: Hyperparameters) -> float | Callable[[float], float]:
 
 
 def expected_return(own: Hyperparameters) -> float:
-    """Return what a value network begins at."""
+    """Return the initial output of a value network."""
     return own.expected_reward / max(1.0 - own.gamma, 1.0 / _FORESIGHT)
 
 

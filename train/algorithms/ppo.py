@@ -1,4 +1,4 @@
-"""PPO: learns from what the robots have just done, and forgets it."""
+"""PPO: learns from the latest rollouts, then discards them."""
 
 from typing import cast
 

@@ -1,7 +1,7 @@
 """How to train in an environment: the TOML files beside this one, chosen by environment id.
 
 A recipe gives other defaults to `train.ppo` and `train.sac` where those of `TrainConfig` do not do;
-what the command line says goes before both. Environments that no recipe names are trained by the
+the command line has priority over both. Environments that no recipe names are trained by the
 defaults.
 
     envs = ["fbid_gym/QuadrupedWalk-v0"]     # which it is for

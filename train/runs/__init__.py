@@ -1,4 +1,4 @@
-"""Training runs: the folder of a run, what makes two runs different, and running several at once.
+"""Training runs: the folder of a run, differences of runs, and running several at once.
 
 `folder` says where things lie in a run folder, `opening` writes what a run is, `tables` its curve,
 `reading` reads them, `differences` compares runs, `jobs` runs programs side by side. Nothing here

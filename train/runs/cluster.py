@@ -29,7 +29,7 @@ _STOPPED = 128 + signal.SIGINT
 
 @contextmanager
 def cluster(address: str, folder: Path) -> Iterator[tuple[Start, int]]:
-    """Yield what starts jobs on a cluster, and how many cores it has.
+    """Yield a function that starts jobs on a cluster, and its number of cores.
 
     Args:
         address: of its head, such as "10.0.0.1:6379", or `AUTO`.
@@ -72,7 +72,7 @@ def _check_answer(address: str) -> None:
 
 
 class _Remote:
-    """A job on some machine of a cluster: what `run_jobs` asks of a process."""
+    """A job on some machine of a cluster, with the methods that `run_jobs` needs of a process."""
 
     def __init__(self, ray: Any, submit: Callable[[float], Any]) -> None:
         """Submit it; `submit` takes how long to wait for a folder that is in use, s."""
@@ -122,9 +122,9 @@ def _start_on(ray: Any) -> Start:
         import time
 
         def begin() -> None:
-            # A worker that is killed cannot stop what it has begun.
+            # A killed worker cannot stop the processes that it has started.
             ctypes.CDLL(None).prctl(1, signal.SIGKILL)
-            # Workers block it, and so would what they begin.
+            # Workers block it, and processes that they start would inherit that.
             signal.pthread_sigmask(signal.SIG_SETMASK, ())
             signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -19,7 +19,7 @@ from train.runs.reading import LAYER_ARGS
 
 
 def parse(arguments: Sequence[str] | None = None, algorithm: str = "ppo") -> TrainConfig:
-    """Read the command line: what it does not say is as the environment's recipe has it.
+    """Read the command line; other settings are those of the environment's recipe.
 
     Args:
         arguments: without the program name; None for those of this process.
@@ -63,7 +63,7 @@ def command(config: TrainConfig) -> str:
 
 
 def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, ...]:
-    """Return the command line that trains again what a `config.json` says, in the usual folder.
+    """Return the command line that repeats the training of a `config.json`, in the usual folder.
 
     It is that of the algorithm's own program.
 
@@ -75,10 +75,10 @@ def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, .
     layer, layer_options = stored.get("action_layer", ""), stored.get("layer_options", {})
     learns = algorithm_of(stored)
     usual = _plain(config_for(env, layer, layer_options, algorithm=learns)).to_json()
-    # How many threads and checkpoints there were is no part of what was trained.
+    # Numbers of threads and checkpoints are no part of the training.
     for name in ("num_threads", "torch_threads", "checkpoint_every", "env_id", "algorithm"):
         del usual[name]
-    # What is of the layer is said twice in the JSON, for readers of these arguments alone.
+    # Layer options are twice in the JSON, for readers of these arguments alone.
     arguments = {k: v for k, v in stored.get("env_args", {}).items() if k not in LAYER_ARGS}
     usual |= {"env": TrainConfig.env, "env_args": {}, "robot": None}
     robot = arguments.get("robot")
@@ -90,13 +90,13 @@ def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, .
 
 
 def command_again(stored: Mapping[str, Any], path: Path) -> str:
-    """Return the whole command that trains again what the `config.json` in a folder says."""
+    """Return the whole command that repeats the training of the `config.json` in a folder."""
     options = stored_options(stored, RunFolder.to_write(path))
     return shlex.join(["python", "-m", f"train.{algorithm_of(stored)}", *options])
 
 
 def _chosen(given: list[str]) -> tuple[argparse.Namespace, list[str]]:
-    """What decides about the recipe, and the command line without the recipe's name."""
+    """Return the settings that choose the recipe, and the command line without its name."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     parser.add_argument("--env", default=TrainConfig.env)
     parser.add_argument("--action-layer", "--action_layer", default=TrainConfig.action_layer)
@@ -106,7 +106,7 @@ def _chosen(given: list[str]) -> tuple[argparse.Namespace, list[str]]:
         chosen, _ = parser.parse_known_args(given)
         chosen.layer_options = parse_object(chosen.layer_options)
     except (argparse.ArgumentError, ValueError):
-        # The full command line says better what is wrong with it.
+        # The full command line has the better error message.
         return parser.parse_args([], argparse.Namespace(layer_options={})), given
     only = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     only.add_argument("--recipe")
@@ -114,14 +114,14 @@ def _chosen(given: list[str]) -> tuple[argparse.Namespace, list[str]]:
 
 
 def _plain(config: TrainConfig) -> TrainConfig:
-    """What the recipe changed, but in the environment and through the layer of no recipe."""
+    """Return the recipe's changes, on the environment and layer of no recipe."""
     return replace(
         config, env=TrainConfig.env, action_layer=TrainConfig.action_layer, layer_options={}
     )
 
 
 def _options(data: Mapping[str, Any], usual: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """Yield what differs from the usual, of what there usually is."""
+    """Yield the entries that differ from the defaults."""
     for name, value in data.items():
         if name in (*ALGORITHMS, "eval") and value is not None:
             yield from _options(value, usual[name], f"{name}.")

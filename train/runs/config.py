@@ -1,4 +1,4 @@
-"""What a training run is: one frozen dataclass, and its JSON."""
+"""The configuration of a training run: one frozen dataclass, and its JSON."""
 
 import json
 import os
@@ -155,13 +155,13 @@ class SACConfig(LearnerConfig):
 
 Hyperparameters = PPOConfig | SACConfig
 ALGORITHMS: dict[str, type[PPOConfig] | type[SACConfig]] = {"ppo": PPOConfig, "sac": SACConfig}
-"""What learns -> its hyperparameters: the field of `TrainConfig` of the same name."""
+"""Algorithm -> its hyperparameters: the field of `TrainConfig` of the same name."""
 SAME_NAMES = {
     "ppo": ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "vf_coef",
             "max_grad_norm", "target_kl"),
     "sac": ("batch_size", "buffer_size", "gamma", "tau"),
 }  # fmt: skip
-"""What learns -> hyperparameters that stable-baselines3 calls so as well, and takes as they are."""
+"""Algorithm -> hyperparameters that stable-baselines3 calls so as well, and takes as they are."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class TrainConfig:
     """One training run. A run with an equal configuration is the same run, and is continued."""
 
     algorithm: Annotated[str, tyro.conf.Suppress] = "ppo"
-    """What learns, one of `ALGORITHMS`. On the command line it is the program that is run."""
+    """Algorithm, one of `ALGORITHMS`. On the command line it is the program that is run."""
     env: str = "fbid_gym/BipedBalance-v0"
     """Environment id."""
     action_layer: str = "base_acceleration"
@@ -260,7 +260,7 @@ class TrainConfig:
             )
 
     def _check_together(self) -> None:
-        """Check what depends on more than one value."""
+        """Check conditions on several values."""
         own = self.hyperparameters
         if isinstance(own, SACConfig):
             least, most = self.iteration_steps, MOST_TRANSITIONS
@@ -345,12 +345,12 @@ _BEFORE: dict[str, Any] = {"algorithm": "ppo", "stagger": False}
 
 
 def completed(stored: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a `config.json` with what its run did before there was a choice, if that is older."""
+    """Return a `config.json` with entries that older ones lack, as their runs had them."""
     return {**_BEFORE, **stored}
 
 
 def algorithm_of(stored: Mapping[str, Any]) -> str:
-    """Return what learns as a `config.json` or a checkpoint says."""
+    """Return the algorithm that a `config.json` or a checkpoint names."""
     return str(completed(stored)["algorithm"])
 
 

@@ -1,4 +1,4 @@
-"""What makes two runs different, for a resume and for a comparison alike."""
+"""Differences between two runs, for resumes and for comparisons."""
 
 import json
 from collections.abc import Mapping
@@ -16,8 +16,8 @@ _OUTSIDE_THE_CURVE = ("num_threads", "checkpoint_every")
 _FREE_TO_RESUME = (
     *_OUTSIDE_THE_CURVE, "total_steps", "env_args.action_layer", "env_args.layer_options",
 )  # fmt: skip
-# What a comparison is about, or checks by itself; evaluations do not disturb the training, and the
-# threads of torch change what is rounded.
+# Subjects of a comparison, or checked by it; evaluations do not disturb the training, and the
+# threads of torch only change rounding.
 _FREE_TO_COMPARE = (
     *_OUTSIDE_THE_CURVE, "env_id", "env_args", "action_layer", "layer_options", "seed", "eval",
     "torch_threads",
@@ -41,7 +41,7 @@ class Difference(NamedTuple):
 
 
 def differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Difference]:
-    """Return what differs between two nested dictionaries, or is on one side alone, by name."""
+    """Return the entries of two nested dictionaries that differ or are on one side, by name."""
     one, other = flat(one), flat(other)
     return [
         Difference(name, one.get(name, _UNSET), other.get(name, _UNSET))
@@ -53,7 +53,7 @@ def differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Differ
 def environment_differences(
     stored: Mapping[str, Any], today: Mapping[str, Any]
 ) -> list[Difference]:
-    """Return what differs between environments, each as its `environment.json` has it.
+    """Return the differences between environments, each as its `environment.json` has it.
 
     An argument, or an option of the layer or of the randomisation, that is not stored is younger
     than that file: it was at its default, as it is today where nobody gives it. Options that the
@@ -75,7 +75,7 @@ def in_words(found: list[Difference]) -> str:
 
 
 def run_differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list[Difference]:
-    """Return what makes two configurations different runs; nothing where one continues the other.
+    """Return the differences that make two configurations different runs; none for a resume.
 
     Args:
         stored: the `config.json` of a run folder.
@@ -85,7 +85,7 @@ def run_differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list
 
 
 def training_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Difference]:
-    """Return what differs between the `training_settings` of two runs."""
+    """Return the differences between the `training_settings` of two runs."""
     return _of_runs(training_settings(one), training_settings(other))
 
 
@@ -116,7 +116,7 @@ def _settings(config: Mapping[str, Any], free: tuple[str, ...]) -> dict[str, Any
 
 
 def _of_runs(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Difference]:
-    """Return what differs; hyperparameters of two algorithms cannot be set against each other."""
+    """Return the differences; hyperparameters of two algorithms are not compared."""
     found = differences(one, other)
     if one["algorithm"] == other["algorithm"]:
         return found
@@ -124,7 +124,7 @@ def _of_runs(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[Differenc
 
 
 def _without(data: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
-    """Return the flat data without these names and what lies below them."""
+    """Return the flat data without these names and the names below them."""
     below = tuple(f"{name}." for name in names)
     return {
         name: value

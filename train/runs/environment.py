@@ -1,4 +1,4 @@
-"""What the arguments of a run's environment mean: defaults may change after a run began."""
+"""Meaning of the arguments of a run's environment: defaults may change after a run began."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,7 +18,7 @@ from train.runs.robots import of_policy
 
 
 def meaning(config: Mapping[str, Any], robot: Robot | None = None) -> dict[str, Any] | None:
-    """Return what the environment's arguments in a `config.json` mean today.
+    """Return today's meaning of the environment's arguments in a `config.json`.
 
     Args:
         config: as `TrainConfig.to_json` gives it.
@@ -37,7 +37,7 @@ def meaning(config: Mapping[str, Any], robot: Robot | None = None) -> dict[str, 
 
 
 def _trained(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Any]] | None:
-    """Return in what a policy was trained, as `config.json` and `environment.json` have it.
+    """Return the environment of a policy's training, from `config.json` and `environment.json`.
 
     They are read in the folder of a run or of a shipped policy; None where there is neither.
     """
@@ -95,7 +95,7 @@ def load_policy(path: Path) -> Policy:
 
 
 def changed_meaning(path: Path) -> str | None:
-    """Compare what a run's arguments meant when it began with what they mean as it is played.
+    """Compare the meaning of a run's arguments when it began with their meaning today.
 
     Args:
         path: folder of a run, or of a shipped policy. Another exported policy and a run of

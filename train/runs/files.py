@@ -21,9 +21,9 @@ def check_folder(folder: Path, name: str, given: str | None = None) -> None:
     """Refuse a folder that cannot be made or written, before any work is done for it.
 
     Args:
-        folder: that will hold what is written.
+        folder: that will hold the file.
         name: of the option.
-        given: what was said. Default: the folder.
+        given: the user's path. Default: the folder.
 
     Raises:
         InvalidValueError: a part of its path is no folder, it is read-only, or the disk is full.

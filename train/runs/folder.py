@@ -19,7 +19,7 @@ class RunFolder(NamedTuple):
     versions: Path
     """Of Python, packages, this repository and the platform, when the run began: JSON."""
     environment: Path
-    """What the arguments of an environment of ours meant when the run began: JSON."""
+    """Meaning of the arguments of an environment of ours when the run began: JSON."""
     robot: Path
     """The robot, where it is none of the built-in ones: as `Robot.save` writes it."""
     progress: Path
@@ -29,7 +29,7 @@ class RunFolder(NamedTuple):
     checkpoint: Path
     """The latest exact state: a bundle of `fbid_gym.bundles`."""
     replay: Path
-    """The replay buffer, of what learns from one: files of `train.replay`."""
+    """The replay buffer, of algorithms that have one: files of `train.replay`."""
     policy: Path
     """The policy at the latest evaluation or checkpoint, whichever is later: a bundle."""
     best_policy: Path
@@ -73,7 +73,7 @@ class RunFolder(NamedTuple):
 
     @property
     def results(self) -> set[Path]:
-        """All that a run writes beside its configuration, with what a killed write may leave."""
+        """All files of a run beside its configuration, with leftovers of killed writes."""
         bundles = {self.checkpoint, self.policy, self.best_policy}
         replaced = {self.config, self.versions, self.environment, self.robot, *bundles}
         return {

@@ -13,10 +13,10 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 @contextmanager
 def stop_requests(announce: Callable[[], None]) -> Iterator[Callable[[], bool]]:
-    """Yield what says whether a SIGINT, SIGTERM or SIGHUP came.
+    """Yield a function that tells whether a SIGINT, SIGTERM or SIGHUP came.
 
     The second one raises KeyboardInterrupt, also a SIGTERM, which would have ended the process at
-    once: what has been started is then cleaned up as after Ctrl-C.
+    once: started work is then cleaned up as after Ctrl-C.
 
     Only the main thread of a process can do so; elsewhere it stays False.
 

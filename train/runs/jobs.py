@@ -24,7 +24,7 @@ from train.runs.interrupt import stop_requests
 ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Environment of a program that is to use one core."""
 
-_DEATH_SIGNAL = 1  # of prctl: what a process gets when that which began it is gone
+_DEATH_SIGNAL = 1  # of prctl: the signal of a process whose parent is gone
 _LIBC = ctypes.CDLL(None)
 _POLL_SECONDS = 0.3
 _LINE_SECONDS = 15.0
@@ -37,7 +37,7 @@ class Progress(NamedTuple):
     share: float
     """From 0 to 1."""
     note: str = ""
-    """What it is doing or came to, in words."""
+    """Its state or result, in words."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ def run_jobs(
     to end.
 
     Args:
-        jobs: what to run.
+        jobs: to run.
         at_once: how many at a time, at least one.
         console: shows how far they are, and how the log of a failed one ends.
         keep_going: run the others although one has failed; otherwise they are stopped.
@@ -175,7 +175,7 @@ _Show = Callable[[Sequence[Job], Sequence[Job]], None]
 
 @contextmanager
 def _watching(jobs: Sequence[Job], console: Console) -> Iterator[_Show]:
-    """Yield what shows the jobs that run and have finished: bars, or lines without a terminal."""
+    """Yield a display of running and finished jobs: bars, or lines without a terminal."""
     if console.is_terminal:
         with _bars(jobs, console) as show:
             yield show

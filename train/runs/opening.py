@@ -1,4 +1,4 @@
-"""Opening a run folder for training: what was asked for and with what, one process per run."""
+"""Opening a run folder for training: configuration and versions, one process per run."""
 
 import fcntl
 import os
@@ -36,9 +36,9 @@ class OpenRun:
     folder: RunFolder
     """Where it is."""
     config: dict[str, Any]
-    """What was asked for."""
+    """The configuration."""
     meaning: dict[str, Any] | None
-    """What the arguments of its environment mean; None where that is not known."""
+    """Meaning of its environment's arguments; None where that is not known."""
     resumes: bool
     """There is a checkpoint to continue from."""
     robot: Robot | None
@@ -48,7 +48,7 @@ class OpenRun:
     so that it may round differently or learn something else."""
 
     def begin(self) -> None:
-        """Write what the run is. Where it does not go on from a checkpoint, the rest is removed."""
+        """Write the run's configuration. Unless it resumes from a checkpoint, remove the rest."""
         folder = self.folder
         if not self.resumes:
             for path in folder.results:
@@ -63,7 +63,7 @@ class OpenRun:
 
 
 def continued(config: TrainConfig) -> TrainConfig:
-    """Return a configuration with what the run that it continues, if there is one, has chosen."""
+    """Return a configuration with the choices of the run that it continues, if there is one."""
     folder = RunFolder.of(config.folder)
     if config.torch_threads or config.overwrite or not folder.config.is_file():
         return config
@@ -160,7 +160,7 @@ def _had_checkpoint(folder: RunFolder, config: TrainConfig, stored: Mapping[str,
 
 
 def _changes(folder: RunFolder, means: Mapping[str, Any] | None) -> tuple[str, ...]:
-    """Say what is not as it was when the run began."""
+    """Return the differences from the beginning of the run, in words."""
     found: list[Difference] = []
     try:
         found += differences(made_with(read_json(folder.versions)), made_with(versions()))

@@ -22,7 +22,7 @@ def chosen(robot: str | None, feet: Sequence[str] = ()) -> Robot | None:
     """Return the robot that a command line names; None where it names none.
 
     Args:
-        robot: the name of a built-in robot, or what `Robot.load` takes.
+        robot: the name of a built-in robot, or an argument of `Robot.load`.
         feet: the words of `--feet`.
 
     Raises:
@@ -44,7 +44,7 @@ def chosen(robot: str | None, feet: Sequence[str] = ()) -> Robot | None:
 
 
 def named(robot: Robot) -> str | dict[str, str]:
-    """Return what `config.json` and policies call a robot."""
+    """Return the name of a robot in `config.json` and policies."""
     if is_built_in(robot):
         return robot.name
     return {"name": robot.name, "sha256": robot.digest}

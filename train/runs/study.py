@@ -67,7 +67,7 @@ class Arm(NamedTuple):
 
 @dataclass(frozen=True)
 class Study:
-    """What a file says.
+    """The content of a study's file.
 
     Attributes:
         name: of the file.

@@ -29,7 +29,7 @@ class Standing(NamedTuple):
     state: str
     """"done", "failed", "not begun", or the share of its steps, such as "40%"."""
     note: str
-    """What it came to so far; of a failed one, the last line of its log."""
+    """Its result so far; of a failed one, the last line of its log."""
 
 
 _ALMOST = 0.99

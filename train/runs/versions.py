@@ -1,4 +1,4 @@
-"""What a run was made with."""
+"""Versions of the software behind a run."""
 
 import importlib.metadata
 import os
@@ -18,7 +18,7 @@ def versions() -> dict[str, Any]:
         "python": platform.python_version(),
         "packages": package_versions(),
         **_git(Path(__file__).resolve().parent),
-        # What results may depend on, and no more: not the build of the kernel.
+        # Only parts that results may depend on: not the build of the kernel.
         "platform": f"{platform.system()}-{platform.machine()}-{''.join(platform.libc_ver())}",
         "cpu_count": os.cpu_count(),
     }

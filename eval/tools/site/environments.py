@@ -1,4 +1,4 @@
-"""A page for each environment: that of the package, with a clip and the policies for it."""
+"""A page for each environment: the package's own, with a clip and the policies for it."""
 
 from collections.abc import Collection
 from functools import cache
@@ -13,11 +13,11 @@ _FIRST = "base_acceleration"
 """Whose clip is shown: of the layers the one that stands and walks in all of them."""
 
 described = cache(page)
-"""Id of an environment -> what the package says of it."""
+"""Id of an environment -> the package's page of it."""
 
 
 class Scene(NamedTuple):
-    """What the clip of an environment shows.
+    """The clip of an environment.
 
     Attributes:
         env_id: of the environment.
@@ -48,8 +48,10 @@ class Scene(NamedTuple):
     def caption(self) -> str:
         """Who acts, in words."""
         if self.shipped is None:
-            return f"The zero action of `{_FIRST}`, seed 0; no policy is shipped for it."
-        return f"The policy `shipped:{self.shipped.name}`, seed 0."
+            acts = f"The zero action of `{_FIRST}`; no policy is shipped for this environment."
+        else:
+            acts = f"The policy `shipped:{self.shipped.name}`."
+        return f"{acts} Commands and pushes (arrows) are those of the environment, seed 0."
 
 
 def shipped_for(env_id: str) -> list[Shipped]:
@@ -78,19 +80,19 @@ def _index() -> str:
         about = described(env_id).split("\n\n")[1].partition(". ")[2]
         rows.append([f"[{short(env_id)}]({short(env_id)}.md)", size, config.terrain, about])
     return (
-        "# Environments\n\nEvery environment takes every action layer, and any robot with the feet "
-        'for it: `gym.make("fbid_gym/BipedWalk-v0", robot="g1", action_layer="com_wrench")`. The '
-        "tables of these pages are made of the code as the site is built.\n\n"
+        "# Environments\n\nEvery environment takes every action layer, and any robot with suitable "
+        'feet: `gym.make("fbid_gym/BipedWalk-v0", robot="g1", action_layer="com_wrench")`. The '
+        "tables of these pages are generated from the code.\n\n"
         + table(["Environment", "Robot", "Ground", "In one line"], rows)
         + "\n\nEvery argument with its default and its range: [arguments](../arguments.md). "
-        "What a policy's action becomes: [action layers](../layers/index.md).\n"
+        "From action to torque: [action layers](../layers/index.md).\n"
     )
 
 
 def _page(env_id: str, clip: bool) -> str:
-    """What the package says of an environment, below its title a clip and the policies for it."""
-    title, about, rest = described(env_id).split("\n\n", 2)
-    parts = [title, about]
+    """Return the package's page of an environment with a clip and the policies for it."""
+    beginning, rest = described(env_id).split("\n\n## ", 1)
+    parts = [beginning]
     if clip:
         scene = Scene.of(env_id)
         parts.append(
@@ -100,4 +102,5 @@ def _page(env_id: str, clip: bool) -> str:
     if policies := shipped_for(env_id):
         names = ", ".join(f"`shipped:{each.name}`" for each in policies)
         parts.append(f"Policies that come with the package ([cards](../policies.md)): {names}.")
-    return "\n\n".join([*parts, rest])
+        parts.append(f"```\npython -m eval.rollout shipped:{policies[0].name} --video out.mp4\n```")
+    return "\n\n".join([*parts, f"## {rest}"])

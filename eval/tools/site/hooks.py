@@ -1,4 +1,4 @@
-r"""What MkDocs calls as it builds the site: it adds pages that are made of the code, and formulas.
+r"""Hooks that MkDocs calls as it builds the site: the version, pages made of the code, formulas.
 
 Browsers draw MathML without a script or a font. Pages write it as code hosts read it: `$x$` in a
 line, `$$ ... $$` between lines. Arithmatex finds that; what it leaves, `\(x\)` in a `span` and
@@ -7,6 +7,7 @@ line, `$$ ... $$` between lines. Arithmatex finds that; what it leaves, `\(x\)` 
 
 import html
 import re
+from importlib.metadata import version
 from typing import Any
 
 from latex2mathml.converter import convert
@@ -19,6 +20,12 @@ from eval.tools.site.pictures import FOLDER
 from fbid_gym.envs import ENVIRONMENTS
 
 _FOUND = re.compile(r'<(span|div) class="arithmatex">\s*\\[(\[](.*?)\\[)\]]\s*</\1>', re.DOTALL)
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Tell the theme the version."""
+    config.extra["version"] = version("fbid_gym")
+    return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

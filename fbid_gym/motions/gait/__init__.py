@@ -1,1 +1,1 @@
-"""Gaits: at every control tick, from clock, command and state, what the feet and the body do."""
+"""Gaits: desired feet and body at every control tick, from clock, command and state."""

@@ -1,4 +1,4 @@
-"""The walking gait of a biped, from what is measured on its model."""
+"""The walking gait of a biped, from measurements of its model."""
 
 import math
 

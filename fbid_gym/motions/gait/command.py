@@ -1,4 +1,4 @@
-"""Where walking robots shall go: what task and policy tell a gait."""
+"""Commands to a gait, by task and policy."""
 
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ from fbid_gym.quantities import DynamicsTerms
 
 
 class Steering(NamedTuple):
-    """What a policy changes of a gait."""
+    """The policy's changes to a gait."""
 
     shift: np.ndarray  # (N, F, 2) m ahead and to the left, by which each next foothold is moved
     rate: np.ndarray  # (N,) positive, cycles of the gait per planned cycle
@@ -30,7 +30,7 @@ class GaitCommand(NamedTuple):
 
 @compiled
 def approached(now: float, asked: float, most: float) -> float:
-    """Return a number that has come nearer to what is asked, by no more than `most`."""
+    """Return a number moved towards another one, by no more than `most`."""
     return now + min(max(asked - now, -most), most)
 
 

@@ -25,7 +25,7 @@ class StepTiming(NamedTuple):
 
 @compiled
 def _spread(timing: StepTiming) -> float:
-    """How much a double support lengthens what a stride does to xi; 1 for none."""
+    """Factor by which a double support lengthens a stride's effect on xi; 1 for none."""
     return math.expm1(timing.omega * timing.double) / (timing.omega * timing.double)
 
 
@@ -66,7 +66,7 @@ def stride_to_catch(timing: StepTiming, landing: float, offset: float) -> float:
 
 @compiled
 def error_to_come(omega: float, gain: float, error: float, reach: float, left: float) -> float:
-    """Return what remains of an error of xi (m) after `left` s of p = p_plan + (1 + gain) error.
+    """Return the rest of an error of xi (m) after `left` s of p = p_plan + (1 + gain) error.
 
     Args:
         omega: 1/s.

@@ -4,10 +4,10 @@ Three phases: standing on both feet, double support on the way to the foot that 
 swing of the other one. A step begins when the foot in the air touches the ground; in it the centre
 of pressure goes to that foot. Balance is a law for the divergent component of motion xi
 (`divergent`): the centre of pressure departs from its plan by (1 + gain) times the error of xi, as
-far as the soles reach, and the next foothold takes up what is then left. So the robot does not
+far as the soles reach, and the next foothold corrects the rest. So the robot does not
 follow planned footprints: it steps where it must to go on with the commanded velocity.
 
-What is planned goes on from what is: each double support takes xi and the centre of pressure as it
+Plans start from the present state: each double support takes xi and the centre of pressure as it
 finds them, so that starting, stepping and stopping are without jumps. A new velocity is approached
 at a limited rate, and with it the foothold of the foot in the air.
 """
@@ -60,7 +60,7 @@ def walk(
     memory: FlatGaitMemory,
     target: Target,
 ) -> None:
-    """Go on by one control tick, and say what the robots shall do.
+    """Advance by one control tick, and write the robots' target.
 
     Args:
         gait: of the robot.
@@ -88,7 +88,7 @@ def _go_on(
     target: Target,
     i: int,
 ) -> None:
-    """Have one robot go on; `points` (P, 2) is a buffer."""
+    """Advance one robot; `points` (P, 2) is a buffer."""
     follow(gait.agility, command, terms, tick, memory, i)
     for foot in range(2):
         stand_where_it_is(target, terms, i, foot)
@@ -98,7 +98,7 @@ def _go_on(
         terms.com[i, 1] + terms.com_velocity[i, 1] / gait.omega,
     )
     if memory.clock[i] == LONG_AGO:
-        # Its first tick: what it stands on is taken to be below its capture point, at rest.
+        # First tick: its support is taken to be below its capture point, at rest.
         memory.pressure[i, 0], memory.pressure[i, 1] = xi[0], xi[1]
     memory.clock[i] += tick
     memory.progress[i] += tick * memory.hurry[i]
@@ -126,7 +126,7 @@ def _go_on(
 
 
 class _Now(NamedTuple):
-    """What is known of one robot."""
+    """State of one robot."""
 
     robot: int
     timing: StepTiming
@@ -172,7 +172,7 @@ def _change_phase(
             side = y if falls else -velocity[1] if velocity[1] != 0.0 else -velocity[2]
             memory.carrier[i] = 0 if side * gait.left[0] > 0.0 else 1
             span = 0.5 * timing.double if falls else gait.settle
-            # No foot is in the air: the first step is planned for what is asked.
+            # No foot is in the air: the first step is planned for the command.
             _set_out(span, DOUBLE, velocity, command, xi, memory, i)
     elif memory.phase[i] == DOUBLE and memory.clock[i] >= memory.span[i]:
         foot = 1 - memory.carrier[i]
@@ -205,7 +205,7 @@ def _set_out(
     memory: FlatGaitMemory,
     i: int,
 ) -> None:
-    """Begin a double support, or to stand, from what is."""
+    """Begin a double support, or standing, from the present state."""
     memory.phase[i], memory.clock[i], memory.span[i] = phase, 0.0, span
     memory.rate[i] = command.rate[i]
     for axis in range(2):

@@ -1,4 +1,4 @@
-"""What a gait on two flat feet is made of, and what it remembers."""
+"""Constants and memory of a gait on two flat feet."""
 
 from typing import NamedTuple
 
@@ -43,7 +43,7 @@ class FlatFootGait(NamedTuple):
 
 
 class FlatGaitMemory(NamedTuple):
-    """What gaits remember from tick to tick, see `standing`."""
+    """Memory of gaits from tick to tick, see `standing`."""
 
     phase: np.ndarray  # (N,) int64
     carrier: np.ndarray  # (N,) int64, the foot that stands in the swing, or will

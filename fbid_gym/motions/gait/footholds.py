@@ -1,4 +1,4 @@
-"""Where point feet come down, so that the robot goes on with the commanded velocity.
+"""Footholds of point feet that keep the commanded velocity.
 
 A robot over a point foot falls like a linear inverted pendulum: with the centre of mass c at height
 h and the foot at p, cdd = omega^2 (c - p), omega = sqrt(g / h), and c + cd / omega, the capture
@@ -20,7 +20,7 @@ from fbid_gym.motions.gait.heading import Pair
 
 
 class Leap(NamedTuple):
-    """What a foothold is planned with."""
+    """Constants of the planning of footholds."""
 
     omega: float  # 1/s, rate at which the robot falls
     stance: float  # s that the foot will stand

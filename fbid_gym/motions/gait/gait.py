@@ -1,4 +1,4 @@
-"""Online gaits of any robot: what walking on point feet and on flat feet have in common."""
+"""Online gaits of any robot: the interface of gaits on point feet and on flat feet."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Gait:
     # Of the gait, on point feet or on flat ones.
     constants: point_gait.PointFootGait | flat_gait.FlatFootGait
     tick: float  # s, of the control
-    # Type of what it remembers, a named tuple of arrays.
+    # Type of its memory, a named tuple of arrays.
     remembered: type[point_gait.PointGaitMemory] | type[flat_gait.FlatGaitMemory]
     # From headings (N,) rad and places of the feet (N, F, 3) m to the memory of robots that stand.
     begin: Callable[[np.ndarray, np.ndarray], Any]
@@ -35,16 +35,16 @@ class Gait:
 
     @property
     def omega(self) -> float:
-        """Rate at which the robot falls, 1/s: what its gains and times are derived from."""
+        """Rate at which the robot falls, 1/s; gains and times derive from it."""
         return self.constants.omega
 
     @property
     def height(self) -> float:
-        """Of the base above level ground, m, unless it is told to be lower."""
+        """Height of the base above level ground, m, unless it is lowered."""
         return self.constants.height
 
     def memory(self, terms: DynamicsTerms) -> Memory:
-        """Return what is remembered of robots that stand where they are, their target included."""
+        """Return the memory of robots that stand where they are, their target included."""
         rotation = terms.world_from_trunk
         heading = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
         target = standing_target(terms, self.constants.home)._asdict()
@@ -58,7 +58,7 @@ class Gait:
         contact_force: np.ndarray,
         memory: Memory,
     ) -> None:
-        """Go on by one control tick, and write down what the robots shall do.
+        """Advance by one control tick, and write the robots' target to the memory.
 
         Args:
             command: where to go.
@@ -72,7 +72,7 @@ class Gait:
         )
 
     def target(self, memory: Memory) -> Target:
-        """Return what the robots shall do, in the arrays of their memory."""
+        """Return the robots' target, in the arrays of their memory."""
         return Target(*map(memory.__getitem__, _ASKED))
 
 
@@ -80,7 +80,7 @@ def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
     """Return the gait of a robot: on four point feet, or on two flat ones.
 
     Args:
-        robot: who walks.
+        robot: that walks.
         hz: control ticks per second.
         name: of a quadruped's gait; a trot by default. A biped has one gait only, "walk".
 

@@ -1,4 +1,4 @@
-"""Where a point foot lands, and how it gets there."""
+"""Landing place of a point foot, and its motion to it."""
 
 import math
 

@@ -15,7 +15,7 @@ from fbid_gym.quantities import DynamicsTerms
 
 
 class Step(NamedTuple):
-    """What one foot of one robot does."""
+    """State of one foot of one robot."""
 
     robot: int  # which
     foot: int  # which
@@ -92,7 +92,7 @@ def lift_or_land(
     i: int,
     foot: int,
 ) -> Step:
-    """Decide what a foot does, and how much it may carry."""
+    """Decide the mode of a foot, and the load that it may carry."""
     schedule, walking = gait.schedule, memory.walking[i]
     period, swing = schedule.period / command.rate[i], 1.0 - schedule.duty
     passed = since_lift(schedule, memory.phase[i], foot)

@@ -32,7 +32,7 @@ def walk(
     memory: PointGaitMemory,
     target: Target,
 ) -> None:
-    """Go on by one control tick, and say what the robots shall do.
+    """Advance by one control tick, and write the robots' target.
 
     Args:
         gait: of the robot.
@@ -61,7 +61,7 @@ def _go_on(
     target: Target,
     i: int,
 ) -> None:
-    """Have one robot go on; `touches` (F,) and `middle` (2,) are buffers."""
+    """Advance one robot; `touches` (F,) and `middle` (2,) are buffers."""
     feet = len(touches)
     for foot in range(feet):
         load = load_on(foot, gait.foot_of_point, contact_force[i])

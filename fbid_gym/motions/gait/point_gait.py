@@ -1,4 +1,4 @@
-"""What a gait on point feet is made of, and what it remembers."""
+"""Constants and memory of a gait on point feet."""
 
 from typing import NamedTuple
 
@@ -38,7 +38,7 @@ class PointFootGait(NamedTuple):
 
 
 class PointGaitMemory(NamedTuple):
-    """What gaits remember from tick to tick, see `standing`."""
+    """Memory of gaits from tick to tick, see `standing`."""
 
     phase: np.ndarray  # (N,) of the schedule
     walking: np.ndarray  # (N,) bool, whether feet may lift
@@ -47,7 +47,7 @@ class PointGaitMemory(NamedTuple):
     heading: np.ndarray  # (N,) rad, integral of the rate that is followed
     touched: np.ndarray  # (N, F, 3) m, where each foot stands or last stood
     moments: np.ndarray  # (N, 5) m^2, of these places, see `slope.feel_ground`
-    mode: np.ndarray  # (N, F) int64, what each foot is doing: `STANCE`, `SWING` or `REACH`
+    mode: np.ndarray  # (N, F) int64, of each foot: `STANCE`, `SWING` or `REACH`
     clock: np.ndarray  # (N, F) s since a foot has begun to reach
     begun: np.ndarray  # (N, F, 3) m, where a foot lifted, or began to reach
     load: np.ndarray  # (N, F) share of its greatest force that a foot may take

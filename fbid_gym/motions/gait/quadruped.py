@@ -1,4 +1,4 @@
-"""The gaits of four point feet, from what is measured on the robot's model."""
+"""The gaits of four point feet, from measurements of the robot's model."""
 
 import math
 

@@ -1,7 +1,7 @@
 """When feet leave the ground and when they come back: the clock of a gait on four feet.
 
 All feet step once in a cycle, whose phase goes from 0 to 1, and stand for the same share of it, the
-duty factor. What tells the gaits apart is when each foot lifts.
+duty factor. Gaits differ by the time at which each foot lifts.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""How a foot moves through the air: to its foothold, and on if there is nothing.
+"""Motion of a foot through the air: to its foothold, and below it if there is no ground.
 
 Level it goes by a quintic; up, to a height above the higher one of both ends, and down by two of
 them. So position, velocity and acceleration are continuous, and at rest with respect to the ground

@@ -1,4 +1,4 @@
-"""What a foot is doing: it stands, swings, or reaches for ground that was not where it should be.
+"""Modes of a foot: it stands, swings, or reaches for ground that is lower than planned.
 
 The schedule says when a foot lifts. When it stands again the ground decides: a foot that meets it
 late in its swing stands from then on, whatever was planned, and one that has come to the end of its
@@ -20,10 +20,10 @@ _LAND = 0.5
 
 @compiled
 def next_mode(mode: int, touches: bool, lifts: bool, share: float) -> int:
-    """Return what a foot does from now on.
+    """Return the next mode of a foot.
 
     Args:
-        mode: what it did until now.
+        mode: its present mode.
         touches: whether it carries weight.
         lifts: whether it may leave the ground.
         share: of the planned swing that has passed; 1 or more in the planned stance.
@@ -39,7 +39,7 @@ def next_mode(mode: int, touches: bool, lifts: bool, share: float) -> int:
 
 @compiled
 def load_on(foot: int, foot_of_point: np.ndarray, contact_force: np.ndarray) -> float:
-    """Return what a foot carries, N, of the forces (P, 3) on the contact points."""
+    """Return the load of a foot, N, from the forces (P, 3) on the contact points."""
     load = 0.0
     for point in range(len(foot_of_point)):
         if foot_of_point[point] == foot:

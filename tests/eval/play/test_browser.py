@@ -67,7 +67,7 @@ def live() -> Iterator[Live]:
 
     stage = Stage.of("fbid_gym/QuadrupedWalk-v0", {"action_layer": "base_acceleration"}, {})
     # Paused, so that a slow browser has nothing to draw but what the test does.
-    session = Session(stage, {"paused": True})
+    session = Session(stage, {"paused": True, "ahead": 0.0})
     server = open_server(session, "127.0.0.1", 0)
     page = Page(server, session)
     loop = threading.Thread(target=page.run)
@@ -99,7 +99,9 @@ def test_a_viewer_pushes_steers_and_switches_and_another_sees_it(live: Live) -> 
     first = session.lanes[0].qpos
 
     # A push moves the robot.
+    version = session.version
     press(page, "left")
+    live.until(page, lambda: session.version > version)
     press(page, "one step")
     live.until(page, lambda: session.steps == 1)
     force = session.lanes[0].push_force.copy()
@@ -119,6 +121,7 @@ def test_a_viewer_pushes_steers_and_switches_and_another_sees_it(live: Live) -> 
     # Another layer gives other torques, from the same state.
     state = session.lanes[0].state()
     menu = page.locator("xpath=//label[normalize-space()='action layer']/following::input[1]")
+    menu.scroll_into_view_if_needed()  # its choices open only where it is seen
     menu.dispatch_event("click")
     page.get_by_role("option", name="torque", exact=True).dispatch_event("click")
     live.until(page, lambda: session.settings["layer"] == "torque")
@@ -140,7 +143,7 @@ def test_a_link_carries_the_settings_from_one_viewer_to_another(live: Live) -> N
     live.until(page, lambda: session.settings["ahead"] == 0.5)
     assert session.settings["layer"] == session.lanes[0].player.layer == "com_wrench"
     assert float(number(page, "forward (m/s)").input_value()) == 0.5
-    box = number(page, "to the left (m/s)")
+    box = number(page, "left (m/s)")
     box.fill("-0.1", force=True)
     box.press("Enter")
     link = page.get_by_text("Link to these settings")

@@ -1,5 +1,6 @@
 """An address carries settings: asked for without a browser."""
 
+import gzip
 import http.client
 from collections.abc import Iterator
 from contextlib import closing
@@ -29,7 +30,10 @@ class Served:
             named = {name.replace("_", "-"): value for name, value in headers.items()}
             asked.request("GET", address, headers=named)
             answer = asked.getresponse()
-            return answer.status, answer.read().decode()
+            assert len(answer.headers.get_all("Content-Length", [])) <= 1
+            said = answer.read()
+            packed = answer.headers["Content-Encoding"] == "gzip"
+            return answer.status, (gzip.decompress(said) if packed else said).decode()
 
 
 @pytest.fixture(scope="module")
@@ -106,3 +110,9 @@ def test_only_the_page_itself_is_a_link_and_no_file_is_read(served: Served) -> N
     ):
         assert served.get(address)[0] == 404
     assert not served.session.waiting
+
+
+@pytest.mark.parametrize("encoding", ["identity", "gzip"])
+def test_the_page_has_a_title_of_its_own(served: Served, encoding: str) -> None:
+    status, page = served.get("/", Accept_Encoding=encoding)
+    assert status == 200 and "<title>fbid_gym" in page and "<title>Viser" not in page

@@ -8,7 +8,7 @@ import pytest
 from eval.play.controls import ASIDE, Menu, Slider, Switch, controls
 from eval.play.session import Change, ChangeAll, OneStep, Push, Request, Reset, Session
 from eval.play.stage import Stage
-from eval.play.texts import from_query, from_text, to_query, to_text
+from eval.play.texts import from_query, to_query
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
@@ -199,15 +199,17 @@ def test_a_policy_brings_its_layer_and_leaves_with_it(session_: Session) -> None
     ]
 
 
-def test_settings_travel_as_text() -> None:
-    offered = controls(STAGE)
-    settings = from_text(offered, '{"ahead": 0.25, "layer": "com_wrench", "beside": "torque"}')
-    session = walking(**settings)
-    text = to_text(offered, session.settings)
-    assert from_text(offered, text).items() >= settings.items() and "motors" not in text
-    for bad in ("", "[1]", '{"ahead": 9}', '{"x": 1}', "[" * 9000, "{" * 20_000, None):
-        with pytest.raises(FbidError):
-            from_text(offered, bad)
+def test_it_opens_on_a_robot_that_walks_and_says_how_fast() -> None:
+    session = Session(STAGE)
+    session.play([], 100)
+    lane = session.lanes[0]
+    wanted, speed = session.settings["ahead"], lane.last.info["speed"][0]
+    assert 0.4 < wanted < 0.5 and abs(speed - wanted) < 0.2 * wanted
+    assert lane.word == f"**{speed:.2f} m/s**, command {wanted:.2f} m/s, falls: 0"
+    session.play([(0, Change("layer", "torque"))], 100)
+    assert session.lanes[0].word.endswith("falls: 1")
+    session.play([(0, Reset())], 1)
+    assert session.lanes[0].word.endswith("falls: 0")
 
 
 def other(control: Any) -> Any:
@@ -220,7 +222,7 @@ def other(control: Any) -> Any:
     return control.most if control.default == control.least else control.least
 
 
-def test_every_setting_travels_by_link_and_by_text_and_acts_elsewhere() -> None:
+def test_every_setting_travels_by_link_and_acts_elsewhere() -> None:
     """Also on a page that has begun with other ones."""
     policies = {"good": Policy.load("shipped:QuadrupedWalk-v0/joint_position_gait")}
     here = Stage.of(WALK, {"action_layer": "base_acceleration"}, policies)
@@ -233,11 +235,8 @@ def test_every_setting_travels_by_link_and_by_text_and_acts_elsewhere() -> None:
     assert all(session.settings[n] != each.default for n, each in session.offered.items())
     for there in (here, elsewhere):
         offered = controls(there)
-        for given in (
-            from_query(offered, to_query(session.offered, session.settings)),
-            from_text(offered, to_text(session.offered, session.settings)),
-        ):
-            assert Session(there, given).settings == session.settings
+        given = from_query(offered, to_query(session.offered, session.settings))
+        assert Session(there, given).settings == session.settings
     untouched = Session(here)
     given = from_query(controls(elsewhere), to_query(untouched.offered, untouched.settings))
     assert Session(elsewhere, given).settings == untouched.settings
