@@ -1,68 +1,57 @@
 """The stable-baselines3 vector environment: `fbid_gym.make_sb3`."""
 
+import copy
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from gymnasium.utils import seeding
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
+from fbid_gym.checks import by_name
 from fbid_gym.envs.chunks import Chunks, checked_array
-from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer
-from fbid_gym.envs.vector_env import checked_seed, spaces
+from fbid_gym.envs.config import Drawing, EnvConfig, registered
+from fbid_gym.envs.interface import Interface, checked_seed
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
-from fbid_gym.options import Choice
 from fbid_gym.robots import Robot
 
 
-class SB3VecEnv(VecEnv):
+class SB3VecEnv(Interface, VecEnv):
     """N environments for stable-baselines3, which resets them itself.
 
     At the end of an episode the info holds `terminal_observation`, `TimeLimit.truncated` and
     `episode` (return r, length l, seconds since the start t; not of episodes that `stagger` cuts
-    short), as SB3's own wrappers give them.
-    Per-step quantities of all environments are in `last_info`; they enter the infos' dictionaries
-    only when an episode ends, because building N dictionaries of twenty entries on every step would
-    cost as much as the control law.
+    short), as SB3's own `Monitor` gives it, and all that `last_info` has. On other steps it has the
+    numbers among that: terms of the reward, metrics, levels.
 
     Attributes:
         last_info: name -> (N, ...) arrays of the last step, named as in `gym.make_vec`.
-        observation_names: what each entry of an environment's observation is, with its unit.
-        action_names: what each entry of its action commands, with its scale and unit.
+        robot: the robot.
     """
 
     def __init__(
         self,
         config: EnvConfig,
+        drawing: Drawing,
         num_envs: int,
-        num_threads: int,
+        num_threads: int = 1,
+        max_episode_steps: int | None = None,
         stagger: bool = False,
-        render_mode: str | None = None,
-        render_options: dict[str, Any] | None = None,
     ) -> None:
         """Build the environments; see `make_sb3`."""
-        self._renderer = RobotRenderer(render_mode, render_options)
-        self.chunks = Chunks(config, num_envs, num_threads)
-        self.render_mode, num_envs = render_mode, self.chunks.num_envs
-        self.metadata: dict[str, Any] = {
-            "render_modes": list(RENDER_MODES),
-            "render_fps": config.rates().policy,
-        }
-        first = self.chunks.batches[0]
-        super().__init__(num_envs, *spaces(first))
-        self.observation_names, self.action_names = first.observation_names, first.action_names
+        self.chunks = Chunks(config, num_envs, num_threads, max_episode_steps, stagger)
+        first, most = self.chunks.batches[0], self.chunks.num_steps
+        made = {"config": config, "drawing": drawing, **self.chunks.made}
+        spaces = self._present(config, drawing, first, most, made)
+        num_envs = self.chunks.num_envs
+        metadata = self.metadata
+        super().__init__(num_envs, *spaces)
+        self.metadata = metadata | self.metadata
         self.robot: Robot = first.robot
         self.last_info: dict[str, np.ndarray] = {}
-        self._seeded = False
-        self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
-        # Steps after which the episode ends at the latest: of the first, and of all others.
-        self._whole = first.num_steps
-        parts = np.arange(1, num_envs + 1) if stagger else np.full(num_envs, num_envs)
-        self._first = -(-self._whole * parts // num_envs)
-        self._limits = self._first.copy()
+        self._seeded, self._returns = False, np.zeros(num_envs)
         self._started = time.monotonic()
         self._actions: np.ndarray | None = None
 
@@ -73,13 +62,27 @@ class SB3VecEnv(VecEnv):
                 self.chunks.seed(env, seeding.np_random(seed)[0])
         self._seeded = True
         self._reset_seeds()
-        self.chunks.reset(np.ones(self.num_envs, bool))
-        self._returns[:], self._lengths[:], self._limits[:] = 0.0, 0, self._first
+        self.chunks.reset(command=self._commands())
+        self._returns[:] = 0.0
         return self.chunks.observation()
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed environment i with seed + i from the next reset on; None draws a seed."""
         return super().seed(checked_seed("seed", seed))
+
+    def _commands(self) -> np.ndarray | None:
+        """Those of `set_options`, one for each environment; they hold for one reset."""
+        found = [by_name("options", each, ("command",)).get("command") for each in self._options]
+        self._reset_options()
+        if all(command is None for command in found):
+            return None
+        if any(command is None for command in found):
+            raise InvalidValueError("options", found, "a command for each environment, or for none")
+        return np.array(found)
+
+    def set_command(self, command: Any) -> None:
+        """Have the robots follow a command until their episodes end, see `Chunks.set_command`."""
+        self.chunks.set_command(command)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take note of the actions (N, A)."""
@@ -91,41 +94,36 @@ class SB3VecEnv(VecEnv):
             raise FbidError("step_wait() without step_async(actions).")
         if not self._seeded:
             raise FbidError("There is no episode to step: call reset().")
-        step = self.chunks.step(self._actions)
+        chunks, step = self.chunks, self.chunks.step(self._actions)
         self.last_info = step.info
         self._returns += step.reward
-        self._lengths += 1
-        ended = step.terminated | step.truncated
-        cut = (self._lengths >= self._limits) & ~ended
-        done = ended | cut
-        observation = step.observation
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        done, observation = step.terminated | step.truncated, step.observation
+        infos = _rows({name: value for name, value in step.info.items() if value.ndim == 1})
         if done.any():
             elapsed = time.monotonic() - self._started
+            lengths, limits = chunks.every("lengths"), chunks.every("limits")
             for env in np.flatnonzero(done):
-                infos[env] = {name: value[env] for name, value in step.info.items()} | {
+                infos[env] |= {name: value[env] for name, value in step.info.items()} | {
                     "terminal_observation": observation[env],
-                    "TimeLimit.truncated": bool(step.truncated[env] or cut[env]),
+                    "TimeLimit.truncated": bool(step.truncated[env]),
                 }
                 # What an episode earns that is cut short says nothing of one that is not.
-                if not cut[env]:
+                if step.terminated[env] or limits[env] == chunks.num_steps:
                     infos[env]["episode"] = {
                         "r": float(self._returns[env]),
-                        "l": int(self._lengths[env]),
+                        "l": int(lengths[env]),
                         "t": round(elapsed, 6),
                     }
-            self.chunks.reset(done)
-            self._returns[done], self._lengths[done] = 0.0, 0
-            self._limits[done] = self._whole
-            observation = self.chunks.observation()
+            chunks.reset(done)
+            self._returns[done] = 0.0
+            observation = chunks.observation()
+        if self.render_mode == "human":
+            self.render()
         return observation, step.reward.astype(np.float32), done, infos
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return the exact state of all environments as named arrays."""
-        return self.chunks.state_dict() | {name: v.copy() for name, v in self._own().items()}
-
-    def _own(self) -> dict[str, np.ndarray]:
-        return {"returns": self._returns, "lengths": self._lengths, "limits": self._limits}
+        return self.chunks.state_dict() | {"returns": self._returns.copy()}
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` of as many environments of the same kind.
@@ -133,11 +131,10 @@ class SB3VecEnv(VecEnv):
         Raises:
             FbidError: the state is of other environments. Nothing was loaded.
         """
-        own = self._own()
-        if isinstance(state, Mapping):
-            own = {name: checked_array(name, value, state) for name, value in own.items()}
+        given = isinstance(state, Mapping)
+        returns = checked_array("returns", self._returns, state) if given else self._returns
         self.chunks.load_state_dict(state)
-        self._returns, self._lengths, self._limits = (value.copy() for value in own.values())
+        self._returns = returns.copy()
         self._seeded = True
         self._reset_seeds()
 
@@ -149,7 +146,7 @@ class SB3VecEnv(VecEnv):
     def get_images(self) -> Sequence[np.ndarray | None]:
         """Draw every environment: (H, W, 3) uint8 each."""
         self.chunks.check_open()
-        return self._renderer.frames(self.chunks.batches, "rgb_array")
+        return self._renderer.frames(self.chunks.batches)
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Return an attribute; all environments share it."""
@@ -157,17 +154,35 @@ class SB3VecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Set an attribute of all environments; they share it."""
-        if len(list(self._get_indices(indices))) != self.num_envs:
-            raise InvalidValueError("indices", indices, "all environments: they share attributes")
+        self._check_all(indices)
         setattr(self, attr_name, value)
 
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list:
-        """Not supported: the environments are rows of a batch and have no methods of their own."""
-        raise UnknownOptionError("method of a single environment", method_name, ["none"])
+    def env_method(
+        self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call `set_command` or `render` of all environments; rows of a batch have no others."""
+        if method_name == "render":
+            return self._renderer.frames(self.chunks.batches)
+        if method_name != "set_command":
+            choices = ("set_command", "render")
+            raise UnknownOptionError("method of a single environment", method_name, choices)
+        self._check_all(indices)
+        self.set_command(*args, **kwargs)
+        return [None] * self.num_envs
+
+    def _check_all(self, indices: Any) -> None:
+        if len(list(self._get_indices(indices))) != self.num_envs:
+            raise InvalidValueError("indices", indices, "all environments: they share it")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Return False for each: wrap the whole batch instead."""
-        return [False for _ in self._get_indices(indices)]
+        """Return True for SB3's `Monitor`, whose `episode` is in the infos, else False."""
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
+
+
+def _rows(columns: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    """Return a dictionary for each environment, of columns (N,) by name."""
+    each = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in each]
 
 
 def make_sb3(
@@ -176,15 +191,15 @@ def make_sb3(
     *,
     seed: int | None = None,
     num_threads: int = 1,
+    max_episode_steps: int | None = None,
     stagger: bool = False,
-    render_mode: str | None = None,
-    render_options: dict[str, Any] | None = None,
     **arguments: Any,
 ) -> SB3VecEnv:
     """Build N environments for stable-baselines3.
 
     Args:
-        env_id: one of this package's ids, such as "fbid_gym/BipedBalance-v0".
+        env_id: one of this package's ids, such as "fbid_gym/BipedBalance-v0", or one that a user
+            registered with its entry points.
         num_envs: how many.
         seed: environment i starts from seed + i.
         num_threads: threads that step them.
@@ -192,17 +207,18 @@ def make_sb3(
             that those to come do not begin and end together. Else whole episodes are reported all
             at once, and in between only those that end early. What is cut short has no `episode` in
             its info.
-        render_mode: None or "rgb_array".
-        render_options: what is drawn over the robots, see `RenderOptions`.
-        **arguments: of the environment, as for `gym.make`.
+        max_episode_steps: after which episodes are truncated at the latest.
+        **arguments: of the environment, as for `gym.make`; those of how it is drawn among them.
 
     Raises:
         FbidError: an id that is not one of ours, or an argument that is not valid.
     """
-    ours = [name for name in gym.registry if name.startswith("fbid_gym/")]
-    Choice(ours).check("environment id", env_id)
-    seed = checked_seed("seed", seed)
-    config = EnvConfig.of({**gym.registry[env_id].kwargs, **arguments})
-    envs = SB3VecEnv(config, num_envs, num_threads, stagger, render_mode, render_options)
+    spec, seed = copy.deepcopy(registered(env_id)), checked_seed("seed", seed)
+    spec.kwargs |= arguments
+    drawing, rest = Drawing.of(spec.kwargs)
+    limit = max_episode_steps or spec.max_episode_steps
+    envs = SB3VecEnv(drawing=drawing, config=EnvConfig.of(rest), num_envs=num_envs,
+                     num_threads=num_threads, max_episode_steps=limit, stagger=stagger)  # fmt: skip
+    envs.spec = spec
     envs.seed(seed)
     return envs

@@ -35,8 +35,11 @@ ARGUMENTS = [
     ({"action_layer": "force"}, f"Unknown action layer 'force'. Valid choices: {ALL_LAYERS}."),
     ({"action_layer": None}, f"Unknown action layer None. Valid choices: {ALL_LAYERS}."),
     ({"action_layer": ["torque"]}, r"Unknown action layer \['torque'\]. Valid choices: torque,"),
-    ({"action_layr": "torque"}, r"\(did you mean 'action_layer'\?\) 'action_layr'. Valid.*push_f"),
-    ({"zzz": 1}, "Unknown environment argument 'zzz'. Valid choices: robot, task, action_l"),
+    (
+        {"action_layr": "torque"},
+        "unexpected keyword argument 'action_layr'. Did you mean 'action_layer'",
+    ),
+    ({"zzz": 1}, "The environment got an unexpected keyword argument 'zzz'. Nearest of .. choices"),
     ({"robot": "horse"}, f"Unknown robot 'horse'. Valid choices: {ALL_ROBOTS}, a Robot such"),
     (
         {"robot": "dog.xml"},
@@ -44,8 +47,11 @@ ARGUMENTS = [
     ),
     ({"robot": 3}, f"Invalid robot: 3. Expected a Robot or one of {ALL_ROBOTS}."),
     # Options of the layers.
-    (options("torque", gain=1.0), "layer 'torque' 'gain'. Valid choices: footholds, step_rate."),
-    (options(gain=1.0), "option of action layer 'base_acceleration' 'gain'. .* contact_limits"),
+    (
+        options("torque", gain=1.0),
+        "option 'gain' of action layer 'torque'. Valid choices: footholds, step_rate.",
+    ),
+    (options(gain=1.0), "option 'gain' of action layer 'base_acceleration'. Nearest of .. choices"),
     ({"layer_options": "none"}, "Invalid layer_options: 'none'. Expected a dictionary"),
     ({"layer_options": {1: 2}}, "Invalid layer_options: {1: 2}. Expected a dictionary"),
     (
@@ -70,7 +76,7 @@ ARGUMENTS = [
     (options(rotation_frequency=0), "Invalid rotation_frequency: 0. Expected a number"),
     (options(contact_limits="cone"), "contact_limits 'cone'. Valid choices: friction, none."),
     (options(contacts="some"), "Unknown contacts 'some'. Valid choices: planned, all, measured"),
-    (options(contacts=[(1.0, ["arm"])]), "foot in contacts 'arm'. Valid choices: left, right."),
+    (options(contacts=[(1.0, ["arm"])]), "foot 'arm' in contacts. Valid choices: left, right."),
     (options(contacts=[(1.0, "left")]), "Invalid contacts: .*'left'.*Expected phases .seconds >="),
     (options(contacts=[(0.0, ["left"])]), "Invalid contacts: .*Expected phases"),
     (options(contacts=[("long", ["left"])]), "Invalid contacts: .*'long'.*Expected phases"),
@@ -191,7 +197,7 @@ def test_the_list_of_layers_above_is_complete():
 
 
 def test_bad_render_modes():
-    message = "Unknown render_mode 'ascii'. Valid choices: human, rgb_array, None."
+    message = "Unknown render_mode 'ascii'. Valid choices: human, rgb_array."
     # gymnasium warns first, and goes on.
     with pytest.raises(FbidError, match=message), pytest.warns(UserWarning, match="ascii"):
         gym.make(BIPED, render_mode="ascii")
@@ -216,7 +222,6 @@ def test_bad_vector_arguments():
 BAD_ACTIONS = [
     (lambda a: np.where(np.arange(a.size).reshape(a.shape) == 3, np.nan, a), NonFiniteError, "NaN"),
     (lambda a: a + np.inf, NonFiniteError, "action is not finite"),
-    (lambda a: a + 1.01, InvalidValueError, r"action at index .*: 1.01. Expected .* in \[-1, 1\]"),
     (lambda a: a[..., 1:], ShapeError, r"action has shape .*5,?\). Expected .*6,?\)"),
     (lambda a: a[None], ShapeError, "action has shape"),
     (lambda a: 0.0, ShapeError, r"action has shape \(\)"),
@@ -245,7 +250,6 @@ def test_bad_actions_step_nothing(spoil, error, message):
             env.step(spoil(np.zeros((*count, 6))))
         for key, value in state_of().items():
             np.testing.assert_array_equal(value, before[key], err_msg=key)
-    vector.step(np.ones((3, 6)) + 5e-7)  # rounding is forgiven
 
 
 def test_bad_actions_through_gymnasiums_checker():
@@ -257,8 +261,6 @@ def test_bad_actions_through_gymnasiums_checker():
         env.step(np.array([0, 0, np.nan, 0, 0, 0], np.float32))
     with pytest.raises(ShapeError, match=r"action has shape \(7,\). Expected \(6,\)"):
         env.step(np.zeros(7, np.float32))
-    with pytest.raises(InvalidValueError, match=r"action at index \(5,\): -1.5"):
-        env.step(np.array([0, 0, 0, 0, 0, -1.5], np.float32))
 
 
 def test_a_robot_without_joints_has_nothing_to_act_with():

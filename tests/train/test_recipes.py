@@ -92,11 +92,11 @@ def test_parsing_does_not_change_the_recipe():
     [
         (
             "colour = 'blue'",
-            "Unknown setting of recipe 'mine' 'colour'. Valid choices: total",
+            "Unknown setting 'colour' of recipe 'mine'. Valid choices: total",
         ),
-        ("[ppo]\nlr = 1.0", "Unknown setting of recipe 'mine' 'lr'. Valid choices: n_steps"),
+        ("[ppo]\nlr = 1.0", "Unknown setting 'lr' of recipe 'mine'. Valid choices: n_steps"),
         ("ppo = 3", "recipe 'mine': ppo is 3. Expected a table."),
-        ("seed = 3", "Unknown setting of recipe 'mine' 'seed'"),
+        ("seed = 3", "Unknown setting 'seed' of recipe 'mine'"),
         ("[[exceptions]]\nnum_envs = 3", "an exception for layers None. Expected a list"),
         ("num_envs = [", "is no TOML"),
         ("envs = 3", "envs is 3. Expected a list of environment ids."),
@@ -108,7 +108,7 @@ def test_parsing_does_not_change_the_recipe():
         ),
         ("[[exceptions]]\nenvs = 3", "envs is 3. Expected a list of environment ids."),
         ("[[exceptions]]\nnum_envs = 3", "an exception for layers None. Expected a list"),
-        ("[[exceptions]]\nalgorithm = 'dqn'", "Unknown algorithm of recipe 'mine' 'dqn'"),
+        ("[[exceptions]]\nalgorithm = 'dqn'", "Unknown algorithm 'dqn' of recipe 'mine'"),
         ("[[exceptions]]\nalgorithm = 'sac'\nlayers = 3", "an exception for layers 3. Expected"),
     ],
 )
