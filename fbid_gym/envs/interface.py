@@ -1,5 +1,6 @@
 """What every environment of ours shows the world, of one robot or of many."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -71,7 +72,7 @@ class Interface:
         self._spec = given and Spec(given.id)
         if given is not None and self._spec is not None:
             vars(self._spec).update(vars(given))
-            self._spec.max_episode_steps = given.max_episode_steps or self._most_steps
+            self._spec.max_episode_steps = self._most_steps
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copied and pickled as it was made, without its episode, as Gymnasium's own are."""
@@ -90,8 +91,15 @@ class Spec(EnvSpec):
         own = {name: value for name, value in self.kwargs.items() if name not in AROUND}
         own.pop("vectorization_mode", None)
         meant = EnvConfig.of(own).resolved()
-        written = plain(self.kwargs | {name: meant[name] for name in own})
+        written = plain(self.kwargs) | {name: _told(own[name], meant[name]) for name in own}
         return EnvSpec.to_json(replace(self, kwargs=written))
+
+
+def _told(given: Any, meant: Any) -> Any:
+    """What a given argument means, as JSON holds it and `gym.make` takes it; infinity stays."""
+    if isinstance(given, Mapping):
+        return {name: _told(value, meant[name]) for name, value in given.items()}
+    return given if isinstance(given, float) and np.isinf(given) else meant
 
 
 def checked_seed(name: str, value: Any) -> int | None:

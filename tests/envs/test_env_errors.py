@@ -37,7 +37,7 @@ ARGUMENTS = [
     ({"action_layer": ["torque"]}, r"Unknown action layer \['torque'\]. Valid choices: torque,"),
     (
         {"action_layr": "torque"},
-        "unexpected keyword argument 'action_layr'. Did you mean 'action_layer'",
+        "argument 'action_layr'. Did you mean 'action_layer'",
     ),
     ({"zzz": 1}, "The environment got an unexpected keyword argument 'zzz'. Nearest of .. choices"),
     ({"robot": "horse"}, f"Unknown robot 'horse'. Valid choices: {ALL_ROBOTS}, a Robot such"),
@@ -49,7 +49,7 @@ ARGUMENTS = [
     # Options of the layers.
     (
         options("torque", gain=1.0),
-        "option 'gain' of action layer 'torque'. Valid choices: footholds, step_rate.",
+        "'gain' of action layer 'torque'. Valid choices: footholds, step",
     ),
     (options(gain=1.0), "option 'gain' of action layer 'base_acceleration'. Nearest of .. choices"),
     ({"layer_options": "none"}, "Invalid layer_options: 'none'. Expected a dictionary"),
