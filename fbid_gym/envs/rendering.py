@@ -38,16 +38,20 @@ class RobotRenderer:
         """Open nothing yet: the window or the context appears with the first picture.
 
         Raises:
-            FbidError: options or a camera that do not exist, or no display for a window.
+            FbidError: options or a camera that do not exist.
         """
         self.shown = RenderOptions.of(by_name("render_options", drawing.render_options))
         self.mode, self._drawing = drawing.render_mode, drawing
         self._fixed = _camera(drawing, robot.model)
-        if self.mode == "human" and not _has_display():
-            raise FbidError("render_mode 'human' needs a display. Use 'rgb_array' instead.")
         self._size = 0.0  # m, of the robot, once there is one to draw
         self._renderer: mujoco.Renderer | None = None
         self._viewer: mujoco.viewer.Handle | None = None
+
+    def check_display(self) -> None:
+        """Raise FbidError where there shall be a window and cannot."""
+        shown = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+        if self.mode == "human" and sys.platform == "linux" and not shown:
+            raise FbidError("render_mode 'human' needs a display. Use 'rgb_array' instead.")
 
     def frames(self, batches: Sequence[EnvBatch]) -> list[np.ndarray]:
         """Draw all environments of some batches, see `render`; in a window the first one alone."""
@@ -90,6 +94,7 @@ class RobotRenderer:
 
     def _show(self, env: int) -> None:
         if self._viewer is None:
+            self.check_display()
             self._viewer = mujoco.viewer.launch_passive(
                 self._model, self._data, show_left_ui=False, show_right_ui=False
             )
@@ -171,8 +176,3 @@ def _camera(drawing: Drawing, model: mujoco.MjModel) -> int:
         expected = f"one of the robot's cameras, of which there are {model.ncam}"
         raise InvalidValueError("camera_id", drawing.camera_id, expected)
     return -1 if drawing.camera_id is None else drawing.camera_id
-
-
-def _has_display() -> bool:
-    given = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    return sys.platform != "linux" or bool(given)

@@ -46,6 +46,7 @@ class SB3VecEnv(Interface, VecEnv):
         made = {"config": config, "drawing": drawing, **self.chunks.made}
         spaces = self._present(config, drawing, first, most, made)
         num_envs = self.chunks.num_envs
+        self._renderer.check_display()
         metadata = self.metadata
         super().__init__(num_envs, *spaces)
         self.metadata = metadata | self.metadata
