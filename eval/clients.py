@@ -58,8 +58,11 @@ def clients() -> list[Client]:
     """Return those of the page."""
     text = CLIENTS_PAGE.read_text()
     found = re.findall(r"^## (\S+)\n.*?^```python\n(.*?)^```", text, re.M | re.S)
-    return [Client(name, *_NEEDS.get(name, (name, name.replace("-", "_"))), code)
-            for name, code in found]  # fmt: skip
+    made = []
+    for name, code in found:
+        distribution, module = _NEEDS.get(name, (name, name.replace("-", "_")))
+        made.append(Client(name, distribution, module, code))
+    return made
 
 
 def timed(code: str) -> None:

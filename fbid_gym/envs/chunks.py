@@ -35,7 +35,6 @@ class Chunks:
 
     Attributes:
         num_steps: of a whole episode.
-        made: the arguments that they were made with, beside what they are.
     """
 
     def __init__(
@@ -56,12 +55,6 @@ class Chunks:
             stagger: whether the first episode of each is truncated, evenly spread over its
                 duration, so that those to come do not begin and end together.
         """
-        self.made = {
-            "num_envs": num_envs,
-            "num_threads": num_threads,
-            "max_episode_steps": max_episode_steps,
-            "stagger": stagger,
-        }
         num_envs = NUM_ENVS.check("num_envs", num_envs)
         num_threads = NUM_THREADS.check("num_threads", num_threads)
         most = None

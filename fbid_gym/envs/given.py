@@ -38,11 +38,13 @@ def checked_action(action: Any, shape: tuple[int, ...], *, refuse: bool) -> np.n
 @kernel
 def clip(action: np.ndarray) -> np.ndarray:
     """Clip actions (N, A) to [-1, 1], in place; return the shares (N,) of those that were not."""
-    share = np.zeros(len(action))
+    share = np.empty(len(action))
     for i in range(len(action)):
+        beyond = 0
         for k in range(action.shape[1]):
-            share[i] += (abs(action[i, k]) > 1.0 + _TOLERANCE) / action.shape[1]
+            beyond += abs(action[i, k]) > 1.0 + _TOLERANCE
             action[i, k] = min(max(action[i, k], -1.0), 1.0)
+        share[i] = beyond / action.shape[1]
     return share
 
 

@@ -88,7 +88,7 @@ def make_rsl_rl(
     Raises:
         FbidError: an id that is not one of ours, or an argument that is not valid.
     """
-    registered(env_id)
-    envs = gym.make_vec(env_id, num_envs=num_envs, autoreset_mode="SAME_STEP", **arguments)
+    spec = registered(env_id)
+    envs = gym.make_vec(spec, num_envs=num_envs, autoreset_mode="SAME_STEP", **arguments)
     assert isinstance(envs, RobotVectorEnv)
     return RslRlVecEnv(envs, seed, device)

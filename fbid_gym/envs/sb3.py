@@ -1,24 +1,23 @@
 """The stable-baselines3 vector environment: `fbid_gym.make_sb3`."""
 
-import copy
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
-from gymnasium.utils import seeding
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
 from fbid_gym.checks import by_name
-from fbid_gym.envs.chunks import Chunks, checked_array
-from fbid_gym.envs.config import Drawing, EnvConfig, registered
-from fbid_gym.envs.interface import Interface, checked_seed
+from fbid_gym.envs.chunks import checked_array
+from fbid_gym.envs.config import registered
+from fbid_gym.envs.interface import checked_seed
+from fbid_gym.envs.vector_env import RobotVectorEnv
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
-from fbid_gym.robots import Robot
 
 
-class SB3VecEnv(Interface, VecEnv):
+class SB3VecEnv(VecEnv):
     """N environments for stable-baselines3, which resets them itself.
 
     At the end of an episode the info holds `terminal_observation`, `TimeLimit.truncated` and
@@ -27,63 +26,36 @@ class SB3VecEnv(Interface, VecEnv):
     numbers among that: terms of the reward, metrics, levels.
 
     Attributes:
+        envs: what `gym.make_vec` makes, with attributes that `get_attr` finds, too.
+        chunks: of these.
         last_info: name -> (N, ...) arrays of the last step, named as in `gym.make_vec`.
-        robot: the robot.
     """
 
-    def __init__(
-        self,
-        config: EnvConfig,
-        drawing: Drawing,
-        num_envs: int,
-        num_threads: int = 1,
-        max_episode_steps: int | None = None,
-        stagger: bool = False,
-    ) -> None:
-        """Build the environments; see `make_sb3`."""
-        self.chunks = Chunks(config, num_envs, num_threads, max_episode_steps, stagger)
-        first, most = self.chunks.batches[0], self.chunks.num_steps
-        made = {"config": config, "drawing": drawing, **self.chunks.made}
-        spaces = self._present(config, drawing, first, most, made)
-        num_envs = self.chunks.num_envs
-        self._renderer.check_display()
-        metadata = self.metadata
-        super().__init__(num_envs, *spaces)
-        self.metadata = metadata | self.metadata
-        self.robot: Robot = first.robot
+    def __init__(self, envs: RobotVectorEnv) -> None:
+        """Wrap environments that reset in the step that ends an episode."""
+        self.envs, self.chunks, num_envs = envs, envs.chunks, envs.num_envs
+        super().__init__(num_envs, envs.single_observation_space, envs.single_action_space)
+        self.metadata |= envs.metadata
         self.last_info: dict[str, np.ndarray] = {}
-        self._seeded, self._returns = False, np.zeros(num_envs)
+        self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
         self._started = time.monotonic()
         self._actions: np.ndarray | None = None
 
     def reset(self) -> np.ndarray:
         """Start new episodes everywhere: (N, O) float32."""
-        for env, seed in enumerate(self._seeds):
-            if seed is not None or not self._seeded:
-                self.chunks.seed(env, seeding.np_random(seed)[0])
-        self._seeded = True
+        given = [by_name("options", each, ("command",)) for each in self._options]
+        if any(each.keys() != given[0].keys() for each in given):
+            raise InvalidValueError("options", given, "a command for each environment, or for none")
+        options = {name: np.array([each[name] for each in given]) for name in given[0]}
+        observation, _ = self.envs.reset(seed=list(self._seeds), options=options)
         self._reset_seeds()
-        self.chunks.reset(command=self._commands())
-        self._returns[:] = 0.0
-        return self.chunks.observation()
+        self._reset_options()
+        self._returns[:], self._lengths[:] = 0.0, 0
+        return observation
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed environment i with seed + i from the next reset on; None draws a seed."""
         return super().seed(checked_seed("seed", seed))
-
-    def _commands(self) -> np.ndarray | None:
-        """Those of `set_options`, one for each environment; they hold for one reset."""
-        found = [by_name("options", each, ("command",)).get("command") for each in self._options]
-        self._reset_options()
-        if all(command is None for command in found):
-            return None
-        if any(command is None for command in found):
-            raise InvalidValueError("options", found, "a command for each environment, or for none")
-        return np.array(found)
-
-    def set_command(self, command: Any) -> None:
-        """Have the robots follow a command until their episodes end, see `Chunks.set_command`."""
-        self.chunks.set_command(command)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take note of the actions (N, A)."""
@@ -93,38 +65,34 @@ class SB3VecEnv(Interface, VecEnv):
         """Step, and reset the environments whose episode ended."""
         if self._actions is None:
             raise FbidError("step_wait() without step_async(actions).")
-        if not self._seeded:
-            raise FbidError("There is no episode to step: call reset().")
-        chunks, step = self.chunks, self.chunks.step(self._actions)
-        self.last_info = step.info
-        self._returns += step.reward
-        done, observation = step.terminated | step.truncated, step.observation
-        infos = _rows({name: value for name, value in step.info.items() if value.ndim == 1})
-        if done.any():
-            elapsed = time.monotonic() - self._started
-            lengths, limits = chunks.every("lengths"), chunks.every("limits")
-            for env in np.flatnonzero(done):
-                infos[env] |= {name: value[env] for name, value in step.info.items()} | {
-                    "terminal_observation": observation[env],
-                    "TimeLimit.truncated": bool(step.truncated[env]),
-                }
-                # What an episode earns that is cut short says nothing of one that is not.
-                if step.terminated[env] or limits[env] == chunks.num_steps:
-                    infos[env]["episode"] = {
-                        "r": float(self._returns[env]),
-                        "l": int(lengths[env]),
-                        "t": round(elapsed, 6),
-                    }
-            chunks.reset(done)
-            self._returns[done] = 0.0
-            observation = chunks.observation()
-        if self.render_mode == "human":
-            self.render()
-        return observation, step.reward.astype(np.float32), done, infos
+        whole = self.chunks.every("limits") == self.chunks.num_steps
+        observation, reward, terminated, truncated, told = self.envs.step(self._actions)
+        final, done = told.pop("final_obs", None), terminated | truncated
+        told.pop("final_info", None)
+        self.last_info = {name: value for name, value in told.items() if name[0] != "_"}
+        self._returns += reward
+        self._lengths += 1
+        infos = _rows({name: v for name, v in self.last_info.items() if v.ndim == 1})
+        elapsed = round(time.monotonic() - self._started, 6)
+        for env in np.flatnonzero(done):
+            infos[env] |= {name: value[env] for name, value in self.last_info.items()}
+            infos[env] |= {
+                "terminal_observation": final[env],
+                "TimeLimit.truncated": bool(truncated[env]),
+            }
+            # What an episode earns that is cut short says nothing of one that is not.
+            if terminated[env] or whole[env]:
+                earned, length = float(self._returns[env]), int(self._lengths[env])
+                infos[env]["episode"] = {"r": earned, "l": length, "t": elapsed}
+        self._returns[done], self._lengths[done] = 0.0, 0
+        return observation, reward.astype(np.float32), done, infos
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return the exact state of all environments as named arrays."""
-        return self.chunks.state_dict() | {"returns": self._returns.copy()}
+        return self.chunks.state_dict() | {name: v.copy() for name, v in self._own().items()}
+
+    def _own(self) -> dict[str, np.ndarray]:
+        return {"returns": self._returns, "lengths": self._lengths}
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` of as many environments of the same kind.
@@ -132,44 +100,40 @@ class SB3VecEnv(Interface, VecEnv):
         Raises:
             FbidError: the state is of other environments. Nothing was loaded.
         """
-        given = isinstance(state, Mapping)
-        returns = checked_array("returns", self._returns, state) if given else self._returns
-        self.chunks.load_state_dict(state)
-        self._returns = returns.copy()
-        self._seeded = True
+        own = self._own()
+        if isinstance(state, Mapping):
+            own = {name: checked_array(name, value, state) for name, value in own.items()}
+        self.envs.load_state_dict(state)
+        self._returns, self._lengths = (value.copy() for value in own.values())
         self._reset_seeds()
 
     def close(self) -> None:
         """Stop the threads, close the windows."""
-        self.chunks.close()
-        self._renderer.close()
+        self.envs.close()
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """Draw every environment: (H, W, 3) uint8 each."""
-        self.chunks.check_open()
-        return self._renderer.frames(self.chunks.batches)
+        return self.envs.call("render")
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Return an attribute; all environments share it."""
-        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
+        whose = self.envs if hasattr(self.envs, attr_name) else self
+        return [getattr(whose, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Set an attribute of all environments; they share it."""
         self._check_all(indices)
-        setattr(self, attr_name, value)
+        setattr(self.envs, attr_name, value)
 
     def env_method(
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
         """Call `set_command` or `render` of all environments; rows of a batch have no others."""
-        if method_name == "render":
-            return self._renderer.frames(self.chunks.batches)
-        if method_name != "set_command":
-            choices = ("set_command", "render")
+        choices = ("set_command", "render")
+        if method_name not in choices:
             raise UnknownOptionError("method of a single environment", method_name, choices)
         self._check_all(indices)
-        self.set_command(*args, **kwargs)
-        return [None] * self.num_envs
+        return list(self.envs.call(method_name, *args, **kwargs))
 
     def _check_all(self, indices: Any) -> None:
         if len(list(self._get_indices(indices))) != self.num_envs:
@@ -187,39 +151,25 @@ def _rows(columns: dict[str, np.ndarray]) -> list[dict[str, Any]]:
 
 
 def make_sb3(
-    env_id: str,
-    num_envs: int = 1,
-    *,
-    seed: int | None = None,
-    num_threads: int = 1,
-    max_episode_steps: int | None = None,
-    stagger: bool = False,
-    **arguments: Any,
+    env_id: str, num_envs: int = 1, *, seed: int | None = None, **arguments: Any
 ) -> SB3VecEnv:
     """Build N environments for stable-baselines3.
 
     Args:
         env_id: one of this package's ids, such as "fbid_gym/BipedBalance-v0", or one that a user
-            registered with its entry points.
+            registered with its entry point.
         num_envs: how many.
         seed: environment i starts from seed + i.
-        num_threads: threads that step them.
-        stagger: truncate the first episode of each environment, evenly spread over its duration, so
-            that those to come do not begin and end together. Else whole episodes are reported all
-            at once, and in between only those that end early. What is cut short has no `episode` in
-            its info.
-        max_episode_steps: after which episodes are truncated at the latest.
-        **arguments: of the environment, as for `gym.make`; those of how it is drawn among them.
+        **arguments: as for `gym.make_vec`, see `RobotVectorEnv`: `num_threads`, `stagger`,
+            `max_episode_steps`, how they are drawn and what they are. How they reset is SB3's.
 
     Raises:
         FbidError: an id that is not one of ours, or an argument that is not valid.
     """
-    spec, seed = copy.deepcopy(registered(env_id)), checked_seed("seed", seed)
-    spec.kwargs |= arguments
-    drawing, rest = Drawing.of(spec.kwargs)
-    limit = max_episode_steps or spec.max_episode_steps
-    envs = SB3VecEnv(drawing=drawing, config=EnvConfig.of(rest), num_envs=num_envs,
-                     num_threads=num_threads, max_episode_steps=limit, stagger=stagger)  # fmt: skip
-    envs.spec = spec
+    spec, seed = registered(env_id), checked_seed("seed", seed)
+    made = gym.make_vec(spec, num_envs=num_envs, autoreset_mode="SAME_STEP", **arguments)
+    assert isinstance(made, RobotVectorEnv)
+    made.check_display()
+    envs = SB3VecEnv(made)
     envs.seed(seed)
     return envs

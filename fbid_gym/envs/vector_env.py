@@ -1,6 +1,6 @@
 """The Gymnasium vector environment: `gym.make_vec`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -49,7 +49,8 @@ class RobotVectorEnv(Interface, VectorEnv):
         drawing, rest = Drawing.of(made)
         config, self.autoreset_mode = EnvConfig.of(rest), _autoreset_mode(autoreset_mode)
         self.chunks = Chunks(config, num_envs, num_threads, max_episode_steps, stagger)
-        made |= self.chunks.made | {"autoreset_mode": self.autoreset_mode}
+        made |= {"num_envs": num_envs, "num_threads": num_threads, "stagger": stagger}
+        made |= {"max_episode_steps": max_episode_steps, "autoreset_mode": self.autoreset_mode}
         first, most = self.chunks.batches[0], self.chunks.num_steps
         spaces = self._present(config, drawing, first, most, made)
         self.single_observation_space, self.single_action_space = spaces
@@ -97,6 +98,16 @@ class RobotVectorEnv(Interface, VectorEnv):
     def set_command(self, command: Any) -> None:
         """Have the robots follow a command until their episodes end, see `Chunks.set_command`."""
         self.chunks.set_command(command)
+
+    def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
+        """Continue from a `state_dict` of the `chunks`; raises as theirs does."""
+        self.chunks.load_state_dict(state)
+        self._seeded = True
+        self._done[:] = False
+
+    def check_display(self) -> None:
+        """Raise FbidError where there shall be a window and cannot."""
+        self._renderer.check_display()
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method of all environments, or get an attribute that they share.

@@ -51,7 +51,7 @@ ARGUMENTS = [
         options("torque", gain=1.0),
         "'gain' of action layer 'torque'. Valid choices: footholds, step",
     ),
-    (options(gain=1.0), "option 'gain' of action layer 'base_acceleration'. Nearest of .. choices"),
+    (options(gain=1.0), "option 'gain' of action layer 'base_acceleration'. Valid choices: "),
     ({"layer_options": "none"}, "Invalid layer_options: 'none'. Expected a dictionary"),
     ({"layer_options": {1: 2}}, "Invalid layer_options: {1: 2}. Expected a dictionary"),
     (
@@ -86,7 +86,7 @@ ARGUMENTS = [
     (options(contact_ramp=-0.01), "Invalid contact_ramp: -0.01. Expected a number from 0 to 10 s"),
     (options(contact_ramp=np.inf), "Invalid contact_ramp: inf. Expected a number"),
     (options(contact_ramp="slow"), "Invalid contact_ramp: 'slow'"),
-    (options("joint_position", contact_ramp=0.1), "option of action layer 'joint_position' 'conta"),
+    (options("joint_position", contact_ramp=0.1), "option 'contact_ramp' of action layer 'joint_p"),
     (options(friction=-0.1), "Invalid friction: -0.1. Expected a number from 0 to 10"),
     (options(friction="ice"), "Invalid friction: 'ice'"),
     (options(min_normal_force="low"), "Invalid min_normal_force: 'low'. Expected a number"),
@@ -98,7 +98,7 @@ ARGUMENTS = [
     ({"task": None}, "Unknown task None. Valid choices: balance, squat"),
     (
         {"task": "squat", "height_range": (0.9, 1.0)},
-        "argument 'height_range'. Valid.*speed",
+        "unexpected keyword argument 'height_range'",
     ),
     ({"task": "squat", "speed": -1.0}, "Invalid speed: -1.0. Expected a number from 0.01 to 20"),
     ({"task": "squat", "speed": "fast"}, "Invalid speed: 'fast'. Expected a number"),
@@ -110,7 +110,7 @@ ARGUMENTS = [
     ({"terrain": "stairs", "difficulty": "hard"}, "Invalid difficulty: 'hard'. Expected a number"),
     ({"curriculum": 1}, "Invalid curriculum: 1. Expected True or False"),
     ({"terrain": "mixed", "curriculum": True}, r"\('balance', 'mixed'\). Expected task 'walk' on"),
-    ({"height_scan": True}, "'height_scan'. Valid choices: "),
+    ({"height_scan": True}, "unexpected keyword argument 'height_scan'"),
     ({"terrain": "rocks", "terrain_height": 5.0}, "terrain height: 5.0. Expected metres from 0 to"),
     (
         {"terrain": "rocks", "terrain_height": -0.1},

@@ -34,7 +34,7 @@ def test_like_same_step_autoreset(name, num_threads, rng):
         returns, lengths = returns + value, lengths + 1
         for env in range(4):
             numbers = {key for key, value in envs.last_info.items() if value.ndim == 1}
-            assert numbers <= infos[env].keys() and "velocity_error" in numbers
+            assert numbers <= infos[env].keys() and "torque_rms" in numbers
             assert all(infos[env][key] == envs.last_info[key][env] for key in numbers)
             if not done[env]:
                 assert infos[env].keys() == numbers
