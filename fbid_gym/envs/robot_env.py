@@ -35,7 +35,8 @@ class RobotEnv(Interface, gym.Env):
     ## Action Space
     A `Box(-1, 1, (A,), float32)`, held for one policy step. In every layer the zero action follows
     what the task asks for (the home stance, a motion, a gait) as well as this layer can, and
-    torques are cut off at the same limits. `env.unwrapped.action_names` names each entry with its
+    torques are cut off at the same limits. Entries outside [-1, 1] are clipped, and the info tells
+    their share; with `actions="refuse"` they are errors, as NaN always is. `env.unwrapped.action_names` names each entry with its
     scale and unit.
 
     ## Observation Space
@@ -68,6 +69,10 @@ class RobotEnv(Interface, gym.Env):
     jumps the same way by as large a share of `push_velocity`. The time from one push to the next
     (and from the start to the first) is uniform in `push_interval`.
 
+    `reset(options={"command": ...})` and `env.unwrapped.set_command(...)` give a command instead of
+    those drawn, until the episode ends: what the observation shows as commanded, on a gait m/s
+    ahead, m/s and rad/s to the left.
+
     ## Episode End
     Termination by a *fall*, the base lower than 0.6 H above the contact points or tilted by more
     than 60 degrees; or *diverged*, the simulation unstable (a velocity above 500 m/s or rad/s, or
@@ -76,11 +81,11 @@ class RobotEnv(Interface, gym.Env):
 
     ## Arguments
     Those of `EnvConfig` and of the task; docs/arguments.md, or `python -m fbid_gym.envs`, has also
-    those of layers and what `randomisation` and `render_options` take. `render_mode` is "rgb_array"
-    or "human", an arrow is a push. `gym.make_vec` adds `num_envs`, `num_threads` and
-    `autoreset_mode`, see `RobotVectorEnv`; environment i of a batch with seed s is this environment
-    with seed s + i, to the bit. `FbidError` is raised for an argument or an action that is not
-    valid, naming the value and the choices; a bad action steps nothing.
+    those of layers, what `randomisation` takes, and how environments are drawn: an arrow is a push.
+    `gym.make_vec` adds those of `RobotVectorEnv`; environment i of a batch with seed s is this
+    environment with seed s + i, to the bit. `FbidError` is raised for an argument or an action that
+    is not valid, naming the value and the choices; a bad action steps nothing. It is also Python's
+    `TypeError` for an unknown keyword, `ValueError` for a bad value.
 
     ## Info
     `reset` returns an empty dictionary.
