@@ -95,16 +95,11 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 		--constraint constraints.txt --editable ".[dev]"
 	@touch $@
 
-# The page's server asks for older versions of rich and websockets than are pinned, and runs with
-# these; so it is installed beside them, without being asked what else it would have. Playwright
-# drives a browser in the page's tests.
-PLAY := viser msgspec trimesh zstandard requests urllib3 certifi idna charset-normalizer \
-	playwright pyee greenlet
-
+# Playwright drives a browser in the page's tests.
 $(VENV)/.play: $(VENV)/.installed
 	@echo "Installing the live page ..."
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		--constraint constraints.txt --no-deps $(PLAY)
+		--constraint constraints.txt --editable ".[play]" playwright
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.installed

@@ -1,5 +1,7 @@
 """Gymnasium environments for floating-base robots with exchangeable action layers."""
 
+import importlib
+import importlib.metadata
 import os
 import sys
 from typing import TYPE_CHECKING, Any
@@ -12,24 +14,33 @@ from fbid_gym.envs import register
 from fbid_gym.errors import FbidError
 
 if TYPE_CHECKING:
+    from fbid_gym.envs.rsl_rl import make_rsl_rl
     from fbid_gym.envs.sb3 import make_sb3
 
-__all__ = ["FbidError", "make_sb3"]
+__all__ = ["FbidError", "__version__", "make_rsl_rl", "make_sb3"]
+
+__version__: str
+
+_EXTRAS = {"make_rsl_rl": ("rsl_rl", "clients"), "make_sb3": ("sb3", "train")}
+"""Public name -> module in `envs`, and the extra of what that needs."""
 
 register()
 
 
 def __getattr__(name: str) -> Any:
-    # stable-baselines3 brings torch: seconds that only those who train with it should wait for.
-    if name == "make_sb3":
+    # These bring torch: seconds that only those who train with it should wait for.
+    if name in _EXTRAS:
+        module, extra = _EXTRAS[name]
         try:
-            from fbid_gym.envs.sb3 import make_sb3
+            return getattr(importlib.import_module(f"fbid_gym.envs.{module}"), name)
         except ModuleNotFoundError as error:
-            if (error.name or "").partition(".")[0] not in ("stable_baselines3", "torch"):
+            missing = (error.name or "").partition(".")[0]
+            if missing not in ("stable_baselines3", "torch", "rsl_rl", "tensordict"):
                 raise
             raise FbidError(
-                f"make_sb3 needs {error.name}, which is not installed. It comes with the extra "
-                "'train': pip install 'fbid_gym[train]'."
+                f"{name} needs {missing}, which is not installed. It comes with the extra "
+                f"{extra!r}: pip install 'fbid_gym[{extra}]'."
             ) from error
-        return make_sb3
+    if name == "__version__":
+        return importlib.metadata.version("fbid_gym")
     raise AttributeError(f"module 'fbid_gym' has no attribute {name!r}")

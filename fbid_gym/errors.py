@@ -2,9 +2,12 @@
 
 Everything raised on purpose by fbid_gym derives from `FbidError`, so one `except` catches all of
 it. Errors are raised at the boundary, before any state changes or any file is written, and carry
-the data they talk about.
+the data they talk about. Those about values and keywords are also Python's own `ValueError` and
+`TypeError`, which other libraries catch. These raise them anew with a text of theirs, as
+`type(error)(text)`: each error can be made of its message alone.
 """
 
+import difflib
 import re
 import reprlib
 from collections.abc import Iterable
@@ -13,6 +16,9 @@ _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlong = 6, 60
 _SHORT.maxstring = _SHORT.maxother = 400
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = _SHORT.maxset = _SHORT.maxfrozenset = 40
+
+_MOST_LISTED = 20  # choices
+_SLIP = 0.85  # least likeness of what may be a slip of the keyboard, as difflib has it
 
 
 def shown(value: object) -> str:
@@ -27,24 +33,47 @@ class FbidError(Exception):
     """Root of all errors raised by fbid_gym."""
 
 
-class UnknownOptionError(FbidError):
+class UnknownOptionError(FbidError, ValueError):
     """A name that is not among the valid choices.
 
     Attributes:
-        kind: what the name stands for, such as "action layer".
+        kind: what the name stands for, such as "action layer" or "option of task 'walk'".
         value: the name that was given.
         choices: the valid names.
     """
 
-    def __init__(self, kind: str, value: object, choices: Iterable[str]) -> None:
-        """Store the data and build the message."""
-        self.kind, self.value, self.choices = kind, value, tuple(choices)
-        super().__init__(
-            f"Unknown {kind} {shown(value)}. Valid choices: {', '.join(self.choices)}."
+    def __init__(
+        self, kind: str, value: object = None, choices: Iterable[str] | None = None
+    ) -> None:
+        """Store the data and build the message; without choices, `kind` is the message."""
+        self.kind, self.value, self.choices = kind, value, tuple(choices or ())
+        super().__init__(kind if choices is None else self._message())
+
+    def _message(self) -> str:
+        what = re.split(" of | in ", self.kind, maxsplit=1)[0]
+        return f"Unknown {what} {shown(self.value)}{self.kind[len(what) :]}. {self._hint()}"
+
+    def _hint(self) -> str:
+        """The choices in words; of many those most like the value."""
+        value = self.value if type(self.value) is str else ""
+        hint = "".join(
+            f"Did you mean {name!r}? "
+            for name in difflib.get_close_matches(value, self.choices, 1, _SLIP)
         )
+        if not value or len(self.choices) <= _MOST_LISTED:
+            return f"{hint}Valid choices: {', '.join(self.choices)}."
+        like = difflib.get_close_matches(value, self.choices, 5, 0.0)
+        return f"{hint}Nearest of {len(self.choices)} choices: {', '.join(like)}."
 
 
-class InvalidValueError(FbidError):
+class UnknownArgumentError(UnknownOptionError, TypeError):
+    """A keyword argument that there is not; `kind` is what does not take it."""
+
+    def _message(self) -> str:
+        return f"{self.kind} got an unexpected keyword argument {shown(self.value)}. {self._hint()}"
+
+
+class InvalidValueError(FbidError, ValueError):
     """A value outside what an argument accepts.
 
     Attributes:
@@ -53,13 +82,14 @@ class InvalidValueError(FbidError):
         expected: what is valid, in words.
     """
 
-    def __init__(self, name: str, value: object, expected: str) -> None:
-        """Store the data and build the message."""
+    def __init__(self, name: str, value: object = None, expected: str | None = None) -> None:
+        """Store the data and build the message; without `expected`, `name` is the message."""
         self.name, self.value, self.expected = name, value, expected
-        super().__init__(f"Invalid {name}: {shown(value)}. Expected {expected}.")
+        invalid = f"Invalid {name}: {shown(value)}. Expected {expected}."
+        super().__init__(name if expected is None else invalid)
 
 
-class ShapeError(FbidError):
+class ShapeError(FbidError, ValueError):
     """An array whose shape does not fit.
 
     Attributes:
@@ -68,13 +98,14 @@ class ShapeError(FbidError):
         expected: the shape it should have, in words.
     """
 
-    def __init__(self, name: str, shape: tuple[int, ...], expected: str) -> None:
-        """Store the data and build the message."""
+    def __init__(self, name: str, shape: tuple[int, ...] = (), expected: str | None = None) -> None:
+        """Store the data and build the message; without `expected`, `name` is the message."""
         self.name, self.shape, self.expected = name, shape, expected
-        super().__init__(f"{name} has shape {shape}. Expected {expected}.")
+        misfit = f"{name} has shape {shape}. Expected {expected}."
+        super().__init__(name if expected is None else misfit)
 
 
-class NonFiniteError(FbidError):
+class NonFiniteError(FbidError, ValueError):
     """An array that holds NaN or infinity.
 
     Attributes:
@@ -82,10 +113,11 @@ class NonFiniteError(FbidError):
         where: indices of the first offending entry.
     """
 
-    def __init__(self, name: str, where: tuple[int, ...]) -> None:
-        """Store the data and build the message."""
+    def __init__(self, name: str, where: tuple[int, ...] | None = None) -> None:
+        """Store the data and build the message; without `where`, `name` is the message."""
         self.name, self.where = name, where
-        super().__init__(f"{name} is not finite: first NaN or infinity at index {where}.")
+        infinite = f"{name} is not finite: first NaN or infinity at index {where}."
+        super().__init__(name if where is None else infinite)
 
 
 class RobotError(FbidError):

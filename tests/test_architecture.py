@@ -60,7 +60,8 @@ ONLY_IN = {
     "numba": {"compiled", "compile_cache", "compile_parts"},
     "filelock": {"compile_cache"},
     "ray": {"train.runs.cluster"},
-    "torch": {"train", "eval", "fbid_gym.envs.sb3"},
+    "torch": {"train", "eval", "fbid_gym.envs.sb3", "fbid_gym.envs.rsl_rl"},
+    "rsl_rl": {"fbid_gym.envs.rsl_rl"},
     "stable_baselines3": {"train", "eval", "fbid_gym.envs.sb3"},
 }
 NOT_IN = {

@@ -222,9 +222,9 @@ def play(
         ended = (terminated | truncated) & playing
         step_info = _of_the_step(info, ended)
         tally.add(np.asarray(reward, dtype=float), step_info, playing)
-        reasons = step_info.get("termination")
+        reasons = step_info.get("termination", np.zeros(len(ended), int))
         for i in np.flatnonzero(ended):
-            reason = str(reasons[i]) if reasons is not None and reasons[i] is not None else ""
+            reason = envs.metadata.get("terminations", ("",))[reasons[i]]
             finished.append(tally.take(int(i), not terminated[i], reason, step_seconds))
             left[i] -= 1
             on_episode(len(finished))

@@ -53,13 +53,16 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 """Registered id -> arguments that define it."""
 
 
+ENTRY_POINT = "fbid_gym.envs.robot_env:RobotEnv"
+
+
 def register() -> None:
     """Register the environments with Gymnasium; done by `import fbid_gym`."""
     for name, arguments in ENVIRONMENTS.items():
         if name not in gym.registry:
             gym.register(
                 id=name,
-                entry_point="fbid_gym.envs.robot_env:RobotEnv",
+                entry_point=ENTRY_POINT,
                 vector_entry_point="fbid_gym.envs.vector_env:RobotVectorEnv",
                 kwargs=arguments,
             )

@@ -13,14 +13,14 @@ from fbid_gym.actions import LAYERS, Footholds
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import BodyOptions, default_gains, default_moment_priority
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.chunks import NUM_ENVS, NUM_THREADS
-from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.chunks import MOST_STEPS, NUM_ENVS, NUM_THREADS
+from fbid_gym.envs.config import Drawing, EnvConfig
 from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.page import code, meanings, option_table, page, sections, table, term_rows
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.motions.target import MotionKind
-from fbid_gym.options import Option, options_of
+from fbid_gym.options import Flag, Option, options_of
 from fbid_gym.robots import load
 from fbid_gym.tasks import TASKS
 
@@ -68,14 +68,21 @@ _SPARE = """\
 On a gait joints that neither feet nor body need are held as firmly as a foot in the air. Of
 `footholds` the default is True on a gait, of `base_acceleration` and `com_wrench`, else False."""
 _SB3 = """\
-`make_sb3` also takes `seed` (environment i starts from seed + i) and `stagger` (False; truncates
-first episodes, evenly spread, so that robots do not end together, as trainings of this repository
-do)."""
+`gym.make_vec` also takes `autoreset_mode`, `make_sb3` takes `seed` (environment i starts from
+seed + i)."""
 _VECTOR = {
     "num_envs": Option("num_envs", 1, NUM_ENVS, False),
     "num_threads": Option("num_threads", 1, NUM_THREADS, False),
+    "max_episode_steps": Option("max_episode_steps", None, MOST_STEPS, True),
+    "stagger": Option("stagger", False, Flag(), False),
 }
-_OF_VECTOR = {"num_envs": "Number of environments.", "num_threads": "Threads that step them."}
+_OF_VECTOR = {
+    "num_envs": "Number of environments.",
+    "num_threads": "Threads that step them.",
+    "max_episode_steps": "Steps after which episodes are truncated, if they have not ended before.",
+    "stagger": "Whether first episodes are truncated, evenly spread, so that robots do not end "
+    "together, as trainings of this repository do.",
+}
 
 
 def settings() -> str:
@@ -148,7 +155,8 @@ def arguments_page() -> str:
     section("### Steering a gait, of every layer", options_of(Footholds.of), meanings(Footholds.of))
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
     parts.extend([getdoc(Randomisation) or "", _RANDOMISED])
-    section("## `render_options`", options_of(RenderOptions), meanings(RenderOptions))
+    section("## How environments are drawn", options_of(Drawing), meanings(Drawing))
+    section("### `render_options`", options_of(RenderOptions), meanings(RenderOptions))
     return "\n\n".join(parts) + "\n"
 
 

@@ -14,12 +14,13 @@ from fbid_gym.checks import check_finite, real_numbers
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch, Step
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
-from fbid_gym.options import Whole
+from fbid_gym.options import Flag, Whole, options_of
 
 NUM_ENVS = Whole(1, 65_536)
 """So many of the humanoid take some 20 GiB."""
 
 NUM_THREADS = Whole(1, 1024)
+MOST_STEPS = Whole(1, 2**31)
 
 _MOST_TOGETHER = 64
 """Environments of a chunk: what these simulate stays in the caches from tick to tick. Fewer pay for
@@ -31,18 +32,43 @@ class Chunks:
 
     Physics and compiled laws leave Python's lock, so the threads overlap. What an environment
     computes does not depend on the chunk it is in.
+
+    Attributes:
+        num_steps: of a whole episode.
     """
 
-    def __init__(self, config: EnvConfig, num_envs: int, num_threads: int) -> None:
-        """Build the chunks."""
+    def __init__(
+        self,
+        config: EnvConfig,
+        num_envs: int,
+        num_threads: int = 1,
+        max_episode_steps: int | None = None,
+        stagger: bool = False,
+    ) -> None:
+        """Build the chunks.
+
+        Args:
+            config: what the environments are.
+            num_envs: N.
+            num_threads: threads that step them.
+            max_episode_steps: after which episodes are truncated if they have not ended.
+            stagger: whether the first episode of each is truncated, evenly spread over its
+                duration, so that those to come do not begin and end together.
+        """
         num_envs = NUM_ENVS.check("num_envs", num_envs)
         num_threads = NUM_THREADS.check("num_threads", num_threads)
+        most = None
+        if max_episode_steps is not None:
+            most = MOST_STEPS.check("max_episode_steps", max_episode_steps)
         threads = min(num_threads, num_envs)
         count = threads * math.ceil(num_envs / threads / _MOST_TOGETHER)
         bounds = np.linspace(0, num_envs, count + 1).astype(int)
         self.slices = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
-        self.batches = [EnvBatch(config, s.stop - s.start, num_envs) for s in self.slices]
+        self.batches = [EnvBatch(config, s.stop - s.start, num_envs, most) for s in self.slices]
         self.num_envs = num_envs
+        self.num_steps = self.batches[0].num_steps
+        parts = np.arange(1, num_envs + 1) if Flag().check("stagger", stagger) else num_envs
+        self._first = np.broadcast_to(-(-self.num_steps * parts // num_envs), num_envs)
         self._closed = False
         self._helpers = threads - 1
         self._pool = ThreadPoolExecutor(self._helpers) if self._helpers else None
@@ -60,18 +86,49 @@ class Chunks:
         chunk = bisect_right(self.slices, env, key=lambda part: part.start) - 1
         return self.batches[chunk], env - self.slices[chunk].start
 
-    def reset(self, chosen: np.ndarray) -> None:
-        """Start new episodes where `chosen` (N,) is true."""
+    def reset(self, chosen: np.ndarray | None = None, command: Any = None) -> None:
+        """Start new episodes where `chosen` (N,) is true; by default first ones, everywhere.
+
+        Args:
+            chosen: (N,) bool.
+            command: of all, or one for each, see `set_command`. Default: what is drawn.
+        """
         self.check_open()
+        asked = None if command is None else self.check_command(command)
+        steps = self._first if chosen is None else np.full(self.num_envs, self.num_steps)
+        everyone = np.ones(self.num_envs, bool)
         for batch, part in zip(self.batches, self.slices, strict=True):
-            ids = np.flatnonzero(chosen[part])
+            ids = np.flatnonzero((everyone if chosen is None else chosen)[part])
             if len(ids):
-                batch.reset(ids)
+                batch.reset(ids, None if asked is None else asked[part][ids], steps[part][ids])
+
+    def set_command(self, command: Any) -> None:
+        """Have the environments follow a command until their episodes end, and not those drawn.
+
+        Args:
+            command: as it is observed: on a gait m/s ahead, m/s and rad/s to the left; to balance
+                the height of the base, m. One of all, or a row for each.
+
+        Raises:
+            FbidError: no such command, or a task without. Nothing was changed.
+        """
+        self.check_open()
+        asked = self.check_command(command)
+        for batch, part in zip(self.batches, self.slices, strict=True):
+            batch.set_command(np.arange(batch.num_envs), asked[part])
+
+    def check_command(self, command: Any) -> np.ndarray:
+        """Return the command of each environment, or raise an FbidError, see `set_command`."""
+        return self.batches[0].check_command(command, self.num_envs)
 
     def observation(self) -> np.ndarray:
         """Return the current observations, (N, O) float32."""
         self.check_open()
         return np.concatenate([batch.observation() for batch in self.batches])
+
+    def every(self, name: str) -> np.ndarray:
+        """Return an attribute of `EnvBatch` of all environments, (N, ...)."""
+        return np.concatenate([getattr(batch, name) for batch in self.batches])
 
     def step(self, action: np.ndarray) -> Step:
         """Check the actions (N, A), then hold them for one policy step."""
@@ -172,8 +229,9 @@ def checked_array(name: str, own: np.ndarray, state: Mapping[str, Any]) -> np.nd
 
 
 def _check_same(given: dict[str, Any], own: dict[str, Any]) -> None:
+    younger = {name: option.default for name, option in options_of(EnvConfig).items()}
     for name, value in own.items():
-        if given.get(name) != value:
+        if (younger | given).get(name) != value:
             raise InvalidValueError(f"state of environments with {name}", given.get(name), value)
 
 

@@ -1,7 +1,6 @@
 """The arguments of the environments, checked before anything is built."""
 
 import copy
-import difflib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Annotated, Any
@@ -9,6 +8,7 @@ from typing import Annotated, Any
 import gymnasium as gym
 import mujoco
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 
 from fbid_gym.actions import (
     LAYERS,
@@ -18,12 +18,13 @@ from fbid_gym.actions import (
 )
 from fbid_gym.actions.footholds import Footholds
 from fbid_gym.actions.ranges import Falling, in_hertz
-from fbid_gym.checks import by_name
+from fbid_gym.checks import by_name, check_choices
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.envs import ENTRY_POINT
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rate, Rates
-from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from fbid_gym.options import Choice, Named, Number, Whole, check_fields
+from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOptionError
+from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.contact_pairs import compile_paired
 from fbid_gym.robots.measured import once_for_robot
@@ -55,6 +56,43 @@ _CONES = {
     "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC,
     "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL,
 }
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How environments are drawn: what Gymnasium's own of MuJoCo take, and what is drawn over."""
+
+    render_mode: Annotated[str, Choice(("human", "rgb_array"))] | None = None
+    """"rgb_array", "human" for a window on the first robot, or None."""
+    render_options: dict[str, Any] | None = None
+    """What is drawn over the robots."""
+    width: Annotated[int, Whole(1, 10_000, "pixels")] = 640
+    """Of pictures."""
+    height: Annotated[int, Whole(1, 10_000, "pixels")] = 480
+    """Of pictures."""
+    camera_id: Annotated[int, Whole(0, 10_000)] | None = None
+    """Which camera of the robot's MJCF; or its name. Default: one that follows the base."""
+    camera_name: str | None = None
+    """Its name."""
+    default_camera_config: Annotated[dict[str, float], Named(Number(-1e6, 1e6))] | None = None
+    """"distance" (m), "azimuth" and "elevation" (degrees) of the camera that follows."""
+
+    def __post_init__(self) -> None:
+        """Check each value."""
+        check_fields(self)
+        by_name("render_options", self.render_options)
+        check_choices("default_camera_config", self.default_camera_config or {}, CAMERA)
+
+    @classmethod
+    def of(cls, arguments: Mapping[str, Any]) -> tuple["Drawing", dict[str, Any]]:
+        """Build it of its own among the arguments of an environment; return the others, too."""
+        rest = dict(arguments)
+        own = {name: rest.pop(name) for name in options_of(cls) if name in rest}
+        return cls(**own), rest
+
+
+CAMERA = ("distance", "azimuth", "elevation")
+"""What `default_camera_config` may set."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +136,11 @@ class EnvConfig:
     """From 0 to 1: heights, angles and gaps of the terrains that have one, `LEVELLED`."""
     curriculum: bool = False
     """Whether a robot that walks moves on to harder ground, and back; begins at `difficulty`."""
+    command_curriculum: bool = False
+    """Whether commands of robots that walk begin at `difficulty`'s share of what is drawn, and
+    grow, and shrink back."""
+    actions: Annotated[str, Choice(("clip", "refuse"))] = "clip"
+    """What becomes of actions outside [-1, 1]: "clip", or "refuse" for an error."""
     joint_noise: Noise = 0.02
     """rad, largest offset of a joint from its posture at the start."""
     velocity_noise: Noise = 0.05
@@ -139,9 +182,7 @@ class EnvConfig:
         names = [*own, *options]
         for name in arguments:
             if name not in names:
-                close = difflib.get_close_matches(name, names, n=1)
-                hint = f" (did you mean {close[0]!r}?)" if close else ""
-                raise UnknownOptionError(f"environment argument{hint}", name, names)
+                raise UnknownArgumentError("The environment", name, [*names, *AROUND])
         given = {name: value for name, value in arguments.items() if name in own}
         return cls(
             **given, task_options={name: arguments[name] for name in options if name in arguments}
@@ -176,7 +217,7 @@ class EnvConfig:
     def make_task(self, robot: Robot) -> Task:
         """Return the task."""
         rates = self.rates()
-        return make_task(
+        task = make_task(
             self.task,
             robot,
             _at_least(1.0 / rates.policy, "episode_seconds", self.episode_seconds),
@@ -190,6 +231,10 @@ class EnvConfig:
             Start(self.joint_noise, self.velocity_noise),
             self.task_options,
         )
+        if self.command_curriculum and not np.isfinite(task.tolerance):
+            expected = "one with commands, such as 'walk'"
+            raise InvalidValueError("task of a command_curriculum", self.task, expected)
+        return task
 
     def reward_terms(self, task: Task) -> dict[str, Term]:
         """Return the terms of the reward, with the weights and scales that were asked for."""
@@ -259,7 +304,7 @@ class EnvConfig:
             "terrain_height": _derived(self._terrain_height(robot)),
         }
         filled |= {name: _derived(value) for name, value in task.derived.items()}
-        return _plain(self.as_dict() | filled)
+        return plain(self.as_dict() | filled)
 
     def _terrain_height(self, robot: Robot) -> float | None:
         if self.terrain_height is None and self.terrain not in LEVELLED:
@@ -285,8 +330,18 @@ def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, A
     """
     if not env_id.startswith("fbid_gym/") or env_id not in gym.registry:
         return None
-    given = {name: value for name, value in arguments.items() if name not in _NOT_ITSELF}
+    given = {name: value for name, value in arguments.items() if name not in AROUND}
     return EnvConfig.of({**gym.registry[env_id].kwargs, **given}).resolved()
+
+
+def registered(env_id: Any) -> EnvSpec:
+    """Return what is registered under an id of this package, or of a user with its environments.
+
+    Raises:
+        UnknownOptionError: there is no such id.
+    """
+    ours = {name: spec for name, spec in gym.registry.items() if spec.entry_point == ENTRY_POINT}
+    return ours[Choice(ours, "environment id").check("env_id", env_id)]
 
 
 # Every chunk of a batch asks for the same.
@@ -300,7 +355,11 @@ def _ground(
 
 _TERRAIN_HEIGHT = 0.191  # 3 cm for the 16 cm of `quadruped`, as in [M10] IV.E
 
-_NOT_ITSELF = ("render_mode", "render_options", "num_threads")
+AROUND = (
+    *options_of(Drawing),
+    *("num_envs", "num_threads", "max_episode_steps", "stagger", "autoreset_mode"),
+)
+"""Arguments about how environments are drawn and stepped."""
 
 
 def _derived(value: Any) -> Any:
@@ -310,14 +369,14 @@ def _derived(value: Any) -> Any:
     return value if isinstance(value, str | None) else float(f"{value:.9g}")
 
 
-def _plain(value: Any) -> Any:
-    """Nested dictionaries and lists of what JSON can hold."""
+def plain(value: Any) -> Any:
+    """Return a value as nested dictionaries and lists of what JSON can hold."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not np.isfinite(value):
         return str(value)
     return value

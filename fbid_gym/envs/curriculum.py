@@ -1,18 +1,22 @@
-"""Which level of its terrain each robot walks on: up after success, down after a fall.
+"""Which level of its terrain, and of its commands, each robot is at: up after success, else down.
 
 ## Arguments
 With `curriculum=True` robots move through eleven levels, difficulty 0 to 1, and begin at that
 nearest to `difficulty`. One that gets to the end of its episode or of its ground with a mean error
 of velocity of at most 0.12 sqrt(g h) starts its next episode a level higher; one that falls, a
-level lower. `reset(seed=...)` takes it back to the first; `state_dict` keeps it. `info` has
-`terrain_level`, 0 to 10, of the present episode.
+level lower. With `command_curriculum=True` the same levels are those of the commands, on any
+ground: at level k of 10 they are k tenths of what is drawn from their ranges. `reset(seed=...)`
+takes a robot back to the first level; `state_dict` keeps it. `info` has `terrain_level` and
+`command_level`, 0 to 10, of the present episode.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from fbid_gym.robots.terrain import Tiles
+from fbid_gym.envs.config import EnvConfig
+from fbid_gym.robots.terrain import NUM_LEVELS, Tiles
+from fbid_gym.tasks import Plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +24,8 @@ class Climb:
     """Of N robots."""
 
     tiles: Tiles  # of the terrain
+    names: tuple[str, ...]  # of what has levels: "terrain", "command"
+    levels: int
     first: int  # level at which they begin
     # All that changes, by name: "level" (N,) int64, of the next or present episode; "error" (N,)
     # m/s, sum of the errors of velocity; "steps" (N,) int64, how many these are; "ended" (N,) bool,
@@ -27,11 +33,15 @@ class Climb:
     arrays: dict[str, np.ndarray]
 
     @classmethod
-    def of(cls, num_robots: int, tiles: Tiles, difficulty: float) -> "Climb":
-        """Return robots at the level of a difficulty, from 0 to 1."""
-        first = round(difficulty * (tiles.number - 1))
+    def of(cls, num_robots: int, tiles: Tiles, config: EnvConfig) -> "Climb":
+        """Return robots of an environment at the level of its difficulty."""
+        asked = {"terrain": config.curriculum, "command": config.command_curriculum}
+        levels = NUM_LEVELS if config.command_curriculum else tiles.number
+        first = round(config.difficulty * (levels - 1))
         return cls(
             tiles,
+            tuple(name for name, given in asked.items() if given),
+            levels,
             first,
             {
                 "level": np.full(num_robots, first, np.int64),
@@ -50,9 +60,17 @@ class Climb:
         """Take a robot back to the first level."""
         self.arrays["level"][robot] = self.first
 
-    def starts(self, places: np.ndarray, robot: int) -> np.ndarray:
-        """Return those of the places (K, 2) that lie on a robot's tile."""
-        return places.reshape(self.tiles.number, -1, 2)[self.level[robot]]
+    def place(self, starts: np.ndarray, robot: int, rng: np.random.Generator) -> np.ndarray:
+        """Draw from the places (K, 2) m that of a robot, on its tile: (2,) m."""
+        tile = min(self.level[robot], self.tiles.number - 1)
+        places = starts.reshape(self.tiles.number, -1, 2)[tile]
+        # Level ground is the same everywhere.
+        return places[0] if len(places) == 1 else places[rng.integers(len(places))]
+
+    def tame(self, plan: Plan, robot: int) -> None:
+        """Make the commands that were drawn for a robot those of its level, if they have some."""
+        if "command" in self.names:
+            plan["command"][robot] *= self.level[robot] / (self.levels - 1)
 
     def set_out(self, ids: np.ndarray) -> None:
         """Begin episodes of robots (K,)."""
@@ -61,7 +79,7 @@ class Climb:
 
     def advance(
         self, error: np.ndarray, tolerance: float, fell: np.ndarray, lasted: np.ndarray
-    ) -> None:
+    ) -> dict[str, np.ndarray]:
         """Count a step; an episode that ends with it decides on the level of the next.
 
         Args:
@@ -69,12 +87,17 @@ class Climb:
             tolerance: m/s, mean error up to which a robot follows its commands.
             fell: (N,) bool, whose episode ends so.
             lasted: (N,) bool, whose episode ends otherwise.
+
+        Returns:
+            What the info says: the levels (N,) of the step.
         """
+        told = {f"{name}_level": self.level.copy() for name in self.names}
         level, total, steps, ended = self.arrays.values()
         total += error
         steps += 1
         # A robot whose episode has ended may be stepped on, before it is reset.
         up = lasted & ~ended & (total <= tolerance * steps)
         down = fell & ~ended
-        level[:] = np.clip(level + up - down, 0, self.tiles.number - 1)
+        level[:] = np.clip(level + up - down, 0, self.levels - 1)
         ended |= fell | lasted
+        return told

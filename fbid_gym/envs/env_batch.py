@@ -5,23 +5,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fbid_gym.envs import answers
 from fbid_gym.envs.action_delay import ActionDelay
-from fbid_gym.envs.answers import (
-    Parts,
-    as_numbers,
-    check_drawn,
-    check_layer,
-    check_memory,
-    check_plan,
-    check_size,
-    checked_groups,
-    metric_names,
-    summed,
-)
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
-from fbid_gym.envs.given_actions import checked_action
+from fbid_gym.envs.given import checked_action, checked_command, clip
 from fbid_gym.envs.moment import Moment
 from fbid_gym.envs.plant import Plant
 from fbid_gym.envs.simulation import Simulation
@@ -32,6 +21,9 @@ from fbid_gym.robots.undrawn import alone, undrawn
 from fbid_gym.tasks.observation import columns, entry_bounds, entry_names
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
+
+TERMINATIONS = ("", "fall", "diverged")
+"""How an episode ended; its place here is `termination` in the info."""
 
 
 class Step(NamedTuple):
@@ -58,16 +50,21 @@ class EnvBatch:
         reward_terms: the table of the reward, as it was asked for.
         observation_groups: the table of the observation.
         observation_columns: name of a group -> where in an observation it is.
+        num_steps: of a whole episode.
+        limits: (N,) steps after which the present episodes are truncated; those of `stagger` fewer.
         observation_bound: (O,) largest size of each entry; observations are clipped to it.
     """
 
-    def __init__(self, config: EnvConfig, num_envs: int, of: int | None = None) -> None:
+    def __init__(
+        self, config: EnvConfig, num_envs: int, of: int | None = None, most: int | None = None
+    ) -> None:
         """Build the environments; reset them all before the first step.
 
         Args:
             config: what they are.
             num_envs: how many.
             of: how many they are together with those of other batches; None: there are no others.
+            most: steps of an episode, if they are fewer than fit in its seconds.
 
         Raises:
             FbidError: arguments that no environment has, or episodes that take more memory, all
@@ -80,25 +77,27 @@ class EnvBatch:
         self.task = config.make_task(self.robot).on(self.terrain.grid)
         self.reward_terms = config.reward_terms(self.task)
         self._reward_names = [f"reward_{name}" for name in self.reward_terms]
-        self._reward_parts = Parts.of_rows("reward term", self.reward_terms, num_envs)
+        self._reward_parts = answers.Parts.of_rows("reward term", self.reward_terms, num_envs)
         self._weights = np.repeat([term.weight for term in self.reward_terms.values()], num_envs)
-        self.observation_groups = checked_groups(self.task)
+        self.observation_groups = answers.checked_groups(self.task)
         self.layer, self.footholds = config.layer(self.robot, self.task)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
         randomisation = config.randomisations()
         self.plant = Plant(self.simulation, randomisation)
         self.num_envs = num_envs
         self.num_steps = round(self.task.seconds * self.rates.policy)
+        self.num_steps = min(self.num_steps, most or self.num_steps)
+        self.limits = np.full(num_envs, self.num_steps)
 
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         drawn = self.task.draw(np.random.default_rng(0))
-        check_plan(self.task, drawn)
-        check_size(drawn, num_envs if of is None else of, self.task.seconds)
+        answers.check_plan(self.task, drawn)
+        answers.check_size(drawn, num_envs if of is None else of, self.task.seconds)
         self._plan = {
             name: np.repeat(value[None], num_envs, axis=0) for name, value in drawn.items()
         }
         self._memory = self.layer.memory(num_envs)
-        check_layer(self.layer, self._memory, num_envs)
+        answers.check_layer(self.layer, self._memory, num_envs)
         self._fresh_memory = self.layer.memory(num_envs)
         self._tick = np.zeros(num_envs, np.int64)
         simulation = self.simulation
@@ -110,26 +109,25 @@ class EnvBatch:
         self._most = np.tile(self.observation_bound, (num_envs, 1))
         self._least = -self._most
         self.observation_columns = columns(self.observation_groups)
-        self._seen_parts = Parts.of_observation(self.observation_groups, num_envs)
+        self._seen_parts = answers.Parts.of_observation(self.observation_groups, num_envs)
         self._observation = np.zeros((num_envs, len(self.observation_bound)), np.float32)
         self._num_own = len(self.layer.action_names)
         self._num_actions = len(self.action_names)
         longest = randomisation.action_delay[1]
         self._delay = ActionDelay.of(num_envs, self._num_actions, self.rates, longest)
         planned = self.task.memory(simulation.terms())
-        check_memory(planned, num_envs, self.task)
+        answers.check_memory(planned, num_envs, self.task)
         self._planned = {name: value.copy() for name, value in planned.items()}
         # What the episodes have come to so far.
         self._sums = {"distance": np.zeros(num_envs), "energy": np.zeros(num_envs)}
-        self._progress = Climb.of(num_envs, self.terrain.tiles, config.difficulty)
-        self._going_on = np.full(num_envs, "", object)
+        self._progress = Climb.of(num_envs, self.terrain.tiles, config)
         # At the beginning of the last policy step; only for those who look.
         self._com_velocity = np.full((num_envs, 3), np.nan)
         # Of the last policy step.
         outcome = self._outcome(Effort.none(num_envs, self.robot.num_joints))
         measured = self._measure(outcome)
-        self._metric_names = metric_names(self.task.metrics(measured), self.task)
-        self._metric_parts = Parts.of_rows("metric", self._metric_names, num_envs)
+        self._metric_names = answers.metric_names(self.task.metrics(measured), self.task)
+        self._metric_parts = answers.Parts.of_rows("metric", self._metric_names, num_envs)
         self._metrics = self._evaluate(measured)
 
     @property
@@ -151,16 +149,28 @@ class EnvBatch:
         """Give one environment a random generator of its own; its curriculum goes on."""
         self._rngs[env] = rng
 
-    def reset(self, ids: np.ndarray) -> None:
-        """Start new episodes in the environments `ids` (K,)."""
+    def reset(
+        self,
+        ids: np.ndarray,
+        command: np.ndarray | None = None,
+        steps: np.ndarray | int | None = None,
+    ) -> None:
+        """Start new episodes in the environments `ids` (K,).
+
+        They have checked commands (K, ...) or what is drawn, and steps (K,) or all of them.
+        """
         for env in ids:
             drawn = self.task.draw(self._rngs[env])
-            check_drawn(self.task, drawn, self._plan)
+            answers.check_drawn(self.task, drawn, self._plan)
             for name, value in drawn.items():
                 self._plan[name][env] = value
-            places = self._progress.starts(self.terrain.starts, env)
-            self._plan["qpos"][env, :2] += _drawn_place(places, self._rngs[env])
+            self._progress.tame(self._plan, env)
+            self._plan["qpos"][env, :2] += self._progress.place(
+                self.terrain.starts, env, self._rngs[env]
+            )
             self.plant.draw(env, self._rngs[env])
+        if command is not None:
+            self.set_command(ids, command)
         self.plant.apply(ids)
         self._delay.begin(ids, self.plant.action_delay[ids])
         self._progress.set_out(ids)
@@ -168,6 +178,7 @@ class EnvBatch:
         ground = self.terrain.height(qpos[:, 0], qpos[:, 1])
         self.simulation.place(ids, qpos, self._plan["qvel"][ids], ground)
         self._tick[ids], self._effort.torque[ids] = 0, 0.0
+        self.limits[ids] = self.num_steps if steps is None else steps
         self._com_velocity[ids] = np.nan
         for total in self._sums.values():
             total[ids] = 0.0
@@ -177,16 +188,35 @@ class EnvBatch:
         outcome = self._outcome(rest._replace(torque=self._effort.torque))
         self._observation[ids] = self._observe(self._measure(outcome))[ids]
 
+    @property
+    def lengths(self) -> np.ndarray:
+        """Steps that the present episodes have lasted, (N,)."""
+        return self._tick // self.rates.ticks
+
     def observation(self) -> np.ndarray:
         """Return the current observations, (N, O) float32."""
         return self._observation.copy()
 
+    def check_command(self, command: Any, num_envs: int) -> np.ndarray:
+        """Return commands for `num_envs` robots, or raise one error before anything is lost."""
+        group = self.observation_groups.get("command")
+        if group is None or "command" not in self._plan:
+            raise InvalidValueError("command", command, f"none in task {self.config.task!r}")
+        return checked_command(command, self._plan["command"].shape[2:], group.bound, num_envs)
+
+    def set_command(self, ids: np.ndarray, command: np.ndarray) -> None:
+        """Have `ids` (K,) follow checked commands (K, ...) until their episodes end."""
+        self._plan["command"][ids] = command[:, None]
+
     def check_action(self, action: np.ndarray, *num_envs: int) -> np.ndarray:
         """Return actions (*num_envs, A) as floats, or raise one error before anything is lost."""
-        return checked_action(action, (*num_envs, self._num_actions))
+        shape = *num_envs, self._num_actions
+        return checked_action(action, shape, refuse=self.config.actions == "refuse")
 
     def step(self, action: np.ndarray) -> Step:
-        """Hold the checked actions (N, A) for one policy step."""
+        """Hold the checked actions (N, A) for one policy step, clipped to [-1, 1]."""
+        action = np.array(action, float, order="C")
+        clipped = clip(action)
         pushed = self._act(action)
         lost = self._effort.lost | self.simulation.diverged()
         self._retire(np.flatnonzero(lost))
@@ -197,7 +227,7 @@ class EnvBatch:
         seen = self._observe(measured)
         if np.count_nonzero(lost):
             self._show_last_seen(lost, shares, metrics, seen)
-        reward = summed(shares, self.reward_terms, self.task)
+        reward = answers.summed(shares, self.reward_terms, self.task)
         self._metrics, self._observation = metrics, seen
         fallen = outcome.posture.fallen
         terminated = fallen | lost
@@ -205,6 +235,7 @@ class EnvBatch:
         info = dict(zip(self._reward_names, shares, strict=True))
         info |= zip(self._metric_names, metrics.copy(), strict=True)
         info |= pushed | self._report(fallen, lost) | self._climb(terminated, truncated)
+        info["clipped_actions"] = clipped
         return Step(self.observation(), reward, terminated, truncated, info)
 
     def _show_last_seen(
@@ -218,16 +249,15 @@ class EnvBatch:
     def _over(self) -> np.ndarray:
         """Which episodes have lasted their time or left their ground: (N,) bool."""
         strayed = self.terrain.tiles.left(self._progress.level, self._state.qpos[:, :2])
-        return strayed | (self._tick >= self.num_steps * self.rates.ticks)
+        return strayed | (self._tick >= self.limits * self.rates.ticks)
 
     def _climb(self, terminated: np.ndarray, truncated: np.ndarray) -> dict[str, np.ndarray]:
         """Let a curriculum, if there is one, take note of the step; the levels it was made on."""
-        if not self.config.curriculum:
+        if not self._progress.names:
             return {}
-        level = self._progress.level.copy()
         error = self._metrics[self._metric_names.index("velocity_error")]
-        self._progress.advance(error, self.task.tolerance, terminated, truncated)
-        return {"terrain_level": level}
+        lasted = truncated & (self.limits == self.num_steps)
+        return self._progress.advance(error, self.task.tolerance, terminated, lasted)
 
     def _measure(self, outcome: Outcome) -> Any:
         """What observation, reward and metrics are made of."""
@@ -267,20 +297,18 @@ class EnvBatch:
             self.task.advance(self._plan, now)
             target = self.task.target(self._plan, now)
             torque = self.layer.torque(own, state, target, terms, self._memory)
-            torque = as_numbers(torque, shape, self.layer, "torque")
+            torque = answers.as_numbers(torque, shape, self.layer, "torque")
             self.simulation.tick(torque, push, self._effort, self._state)
         return {"push": pushed.force[-1], "push_velocity": pushed.jump.sum(axis=0)}
 
     def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:
         """What a step's info says of robots and layer, beside rewards and metrics."""
-        termination = self._going_on.copy()
-        termination[fallen], termination[lost] = "fall", "diverged"
         return {
             "torque": self._effort.torque.copy(),
             "contact_force": self._state.contact_force.copy(),
             "layer_saturation": self._effort.saturation.copy(),
             **{f"layer_{name}": self._memory[name].copy() for name in self.layer.diagnostics},
-            "termination": termination,
+            "termination": np.where(lost, 2, 1 * fallen),
         }
 
     def _look(self) -> RobotState:
@@ -363,6 +391,7 @@ class EnvBatch:
         for part, arrays in self._remembered().items():
             state |= {f"{part}.{name}": value.copy() for name, value in arrays.items()}
         state |= {"tick": self._tick.copy(), "torque": self._effort.torque.copy()}
+        state["limits"] = self.limits.copy()
         state["observation"] = self.observation()
         state["generator"] = np.array([packed(rng) for rng in self._rngs], np.uint64)
         return state
@@ -384,8 +413,9 @@ class EnvBatch:
         history = self._delay.arrays["action"].shape[1] - 1
         most = {
             "tick": self.num_steps * self.rates.ticks + 2**32,  # some step on after the end
+            "limits": self.num_steps,
             "delay.ticks": history * self.rates.ticks,
-            "progress.level": self.terrain.tiles.number - 1,
+            "progress.level": self._progress.levels - 1,
             "planned.carrier": self.robot.num_feet - 1,
             "generator": MOST_NUMBERS,
         }
@@ -402,16 +432,10 @@ class EnvBatch:
             for name, value in arrays.items():
                 value[:] = state[f"{part}.{name}"]
         self._tick[:], self._effort.torque[:] = state["tick"], state["torque"]
+        self.limits[:] = state["limits"]
         self._observation = state["observation"].copy()
         self._com_velocity[:] = np.nan
         self._rngs = [unpacked(row) for row in state["generator"]]
-
-
-def _drawn_place(starts: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Which of the places (K, 2) m an episode starts from. Level ground is the same everywhere."""
-    if len(starts) == 1:
-        return starts[0]
-    return starts[rng.integers(len(starts))]
 
 
 def _rows(arrays: Mapping[str, np.ndarray], ids: np.ndarray) -> dict[str, np.ndarray]:

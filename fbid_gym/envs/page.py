@@ -62,7 +62,10 @@ INFO = {
     "layer_residual": "Share of the weight by which the base wrench misses the commanded one; "
     "model-based layers tell it (without limits on contact forces only `com_wrench`)",
     "layer_underactuation": "Base directions that the assumed contacts cannot push; likewise",
-    "termination": '"", "fall" or "diverged"',
+    "termination": "0, 1 after a fall, 2 where the simulation diverged: places in "
+    '`env.metadata["terminations"]`',
+    "clipped_actions": "Share of the action's entries outside [-1, 1], which were clipped",
+    "terrain_level": "With a curriculum: of the present episode, 0 to 10",
 }
 """What the entries of `info` are, beside the terms of the reward."""
 

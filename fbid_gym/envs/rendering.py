@@ -3,21 +3,19 @@
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import mujoco.viewer
 import numpy as np
 
 from fbid_gym.checks import by_name
+from fbid_gym.envs.config import Drawing
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
 from fbid_gym.envs.overlays import Mark, RenderOptions, marks, size_of
-from fbid_gym.errors import FbidError, UnknownOptionError
+from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
+from fbid_gym.robots import Robot
 from fbid_gym.robots.geoms import Colour, add_arrow, add_ball, add_thread, offscreen
-
-RENDER_MODES = ("human", "rgb_array")
-WIDTH, HEIGHT = 640, 480
 
 _ARROW_COLOUR = (0.9, 0.25, 0.1, 1.0)
 DISTANCE = 2.5
@@ -31,35 +29,46 @@ _PIXELS = 230.0  # in the size of the robot, where it is
 
 
 class RobotRenderer:
-    """Draws environments of one kind from a camera that follows the base; an arrow is a push.
+    """Draws environments of one kind, unless told otherwise from a camera that follows the base.
 
-    Nothing that is drawn changes a robot.
+    An arrow is a push. Nothing that is drawn changes a robot.
     """
 
-    def __init__(self, mode: str | None, options: Any) -> None:
+    def __init__(self, drawing: Drawing, robot: Robot) -> None:
         """Open nothing yet: the window or the context appears with the first picture.
 
-        Args:
-            mode: of rendering, and
-            options: what is drawn over the robot, see `check_rendering`.
+        Raises:
+            FbidError: options or a camera that do not exist.
         """
-        self.shown = check_rendering(mode, options)
+        self.shown = RenderOptions.of(by_name("render_options", drawing.render_options))
+        self.mode, self._drawing = drawing.render_mode, drawing
+        self._fixed = _camera(drawing, robot.model)
         self._size = 0.0  # m, of the robot, once there is one to draw
         self._renderer: mujoco.Renderer | None = None
         self._viewer: mujoco.viewer.Handle | None = None
 
-    def frames(self, batches: Sequence[EnvBatch], mode: str) -> list[np.ndarray | None]:
-        """Draw all environments of some batches, see `render`."""
-        return [self.render(batch, env, mode) for batch in batches for env in range(batch.num_envs)]
+    def check_display(self) -> None:
+        """Raise FbidError where there shall be a window and cannot."""
+        shown = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+        if self.mode == "human" and sys.platform == "linux" and not shown:
+            raise FbidError("render_mode 'human' needs a display. Use 'rgb_array' instead.")
 
-    def render(self, batch: EnvBatch, env: int, mode: str) -> np.ndarray | None:
-        """Draw environment `env` of a batch: (H, W, 3) uint8 for "rgb_array", None for "human"."""
+    def frames(self, batches: Sequence[EnvBatch]) -> list[np.ndarray]:
+        """Draw all environments of some batches, see `render`; in a window the first one alone."""
+        if self.mode == "human":
+            self.render(batches[0], 0)
+            return []
+        return [frame for b in batches for e in range(b.num_envs) if (frame := self.render(b, e))
+                is not None]  # fmt: skip
+
+    def render(self, batch: EnvBatch, env: int) -> np.ndarray | None:
+        """Draw environment `env` of a batch: (H, W, 3) uint8, or None where it is in a window."""
         if self._size == 0.0:
             self._begin(batch)
         self._batch, simulation = batch, batch.simulation
         self._data.qpos[:], self._data.qvel[:] = simulation.qpos[env], simulation.qvel[env]
         mujoco.mj_forward(self._model, self._data)
-        if mode == "human":
+        if self.mode == "human":
             self._show(env)
             return None
         return self._frame(env)
@@ -70,10 +79,13 @@ class RobotRenderer:
         self._data, self._option = mujoco.MjData(self._model), mujoco.MjvOption()
         self._option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = self.shown.any
         self._size = size_of(batch.task.body.stance)
+        shape = self._drawing.height, self._drawing.width
+        buffer = self._model.vis.global_
+        buffer.offheight, buffer.offwidth = np.maximum(shape, (buffer.offheight, buffer.offwidth))
 
     def _frame(self, env: int) -> np.ndarray:
         if self._renderer is None:
-            self._renderer = offscreen(self._model, HEIGHT, WIDTH)
+            self._renderer = offscreen(self._model, self._drawing.height, self._drawing.width)
             self._camera = mujoco.MjvCamera()
             self._aim(self._camera)
         self._renderer.update_scene(self._data, self._camera, self._option)
@@ -82,10 +94,7 @@ class RobotRenderer:
 
     def _show(self, env: int) -> None:
         if self._viewer is None:
-            if sys.platform == "linux" and not (
-                os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-            ):
-                raise FbidError("render_mode 'human' needs a display. Use 'rgb_array' instead.")
+            self.check_display()
             self._viewer = mujoco.viewer.launch_passive(
                 self._model, self._data, show_left_ui=False, show_right_ui=False
             )
@@ -97,10 +106,14 @@ class RobotRenderer:
         self._viewer.sync()
 
     def _aim(self, camera: mujoco.MjvCamera) -> None:
+        if self._fixed >= 0:
+            camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._fixed
+            return
         camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
         camera.trackbodyid = self._batch.robot.base_body
-        camera.distance = DISTANCE * self._size
-        camera.azimuth, camera.elevation = 140.0, -12.0
+        aim = {"distance": DISTANCE * self._size, "azimuth": 140.0, "elevation": -12.0}
+        for name, value in (aim | (self._drawing.default_camera_config or {})).items():
+            setattr(camera, name, value)
 
     def _add_to(self, scene: mujoco.MjvScene, env: int) -> None:
         """Add what the model does not hold: a push, and what shall be seen beside."""
@@ -152,16 +165,14 @@ def _add(scene: mujoco.MjvScene, mark: Mark, pixels: float) -> None:
             add_thread(scene, start, end, 2.0 * pixels * mark.radius, colour)
 
 
-def check_rendering(mode: str | None, options: Any) -> RenderOptions:
-    """Return what is drawn over a robot.
-
-    Args:
-        mode: of rendering.
-        options: by name, see `RenderOptions`, or None.
-
-    Raises:
-        FbidError: neither a render mode nor None, or options that do not exist.
-    """
-    if mode is not None and not (isinstance(mode, str) and mode in RENDER_MODES):
-        raise UnknownOptionError("render_mode", mode, (*RENDER_MODES, "None"))
-    return RenderOptions.of(by_name("render_options", options))
+def _camera(drawing: Drawing, model: mujoco.MjModel) -> int:
+    """The camera of the robot's that is asked for; -1 for the one that follows."""
+    names = [model.camera(k).name for k in range(model.ncam)]
+    if drawing.camera_name is not None:
+        if drawing.camera_name not in names:
+            raise UnknownOptionError("camera_name", drawing.camera_name, names or ("none",))
+        return names.index(drawing.camera_name)
+    if drawing.camera_id is not None and drawing.camera_id >= model.ncam:
+        expected = f"one of the robot's cameras, of which there are {model.ncam}"
+        raise InvalidValueError("camera_id", drawing.camera_id, expected)
+    return -1 if drawing.camera_id is None else drawing.camera_id

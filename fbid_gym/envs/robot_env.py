@@ -1,21 +1,18 @@
 """The Gymnasium environment: `gym.make`."""
 
-from dataclasses import asdict
-from functools import partial
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from fbid_gym.checks import by_name
-from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.config import Drawing, EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer
-from fbid_gym.envs.vector_env import checked_seed, spaces
+from fbid_gym.envs.interface import METADATA, Interface, checked_seed
 from fbid_gym.errors import FbidError
 
 
-class RobotEnv(gym.Env):
+class RobotEnv(Interface, gym.Env):
     """One robot with one task, driven through one action layer.
 
     The page of an environment, with all its tables: `python -m fbid_gym.envs ID`, such as
@@ -38,7 +35,8 @@ class RobotEnv(gym.Env):
     ## Action Space
     A `Box(-1, 1, (A,), float32)`, held for one policy step. In every layer the zero action follows
     what the task asks for (the home stance, a motion, a gait) as well as this layer can, and
-    torques are cut off at the same limits. `env.unwrapped.action_names` names each entry with its
+    torques are cut off at the same limits. Entries outside [-1, 1] are clipped, and the info tells
+    their share; with `actions="refuse"` they are errors, as NaN always is. `env.unwrapped.action_names` names each entry with its
     scale and unit.
 
     ## Observation Space
@@ -71,6 +69,10 @@ class RobotEnv(gym.Env):
     jumps the same way by as large a share of `push_velocity`. The time from one push to the next
     (and from the start to the first) is uniform in `push_interval`.
 
+    `reset(options={"command": ...})` and `env.unwrapped.set_command(...)` give a command instead of
+    those drawn, until the episode ends: what the observation shows as commanded, on a gait m/s
+    ahead, m/s and rad/s to the left.
+
     ## Episode End
     Termination by a *fall*, the base lower than 0.6 H above the contact points or tilted by more
     than 60 degrees; or *diverged*, the simulation unstable (a velocity above 500 m/s or rad/s, or
@@ -79,11 +81,11 @@ class RobotEnv(gym.Env):
 
     ## Arguments
     Those of `EnvConfig` and of the task; docs/arguments.md, or `python -m fbid_gym.envs`, has also
-    those of layers and what `randomisation` and `render_options` take. `render_mode` is "rgb_array"
-    or "human", an arrow is a push. `gym.make_vec` adds `num_envs`, `num_threads` and
-    `autoreset_mode`, see `RobotVectorEnv`; environment i of a batch with seed s is this environment
-    with seed s + i, to the bit. `FbidError` is raised for an argument or an action that is not
-    valid, naming the value and the choices; a bad action steps nothing.
+    those of layers, what `randomisation` takes, and how environments are drawn: an arrow is a push.
+    `gym.make_vec` adds those of `RobotVectorEnv`; environment i of a batch with seed s is this
+    environment with seed s + i, to the bit. `FbidError` is raised for an argument or an action that
+    is not valid, naming the value and the choices; a bad action steps nothing. It is also Python's
+    `TypeError` for an unknown keyword, `ValueError` for a bad value.
 
     ## Info
     `reset` returns an empty dictionary.
@@ -92,56 +94,47 @@ class RobotEnv(gym.Env):
     * v0: Initial version.
     """
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
+    metadata: dict[str, Any] = METADATA
 
-    def __init__(
-        self,
-        robot: Any = "biped",
-        *,
-        render_mode: str | None = None,
-        render_options: dict[str, Any] | None = None,
-        **arguments: Any,
-    ) -> None:
+    def __init__(self, robot: Any = "biped", **arguments: Any) -> None:
         """Build the environment."""
-        self._renderer = RobotRenderer(render_mode, render_options)
-        self.drawn_over = self._renderer.shown
-        self.config = EnvConfig.of({"robot": robot} | arguments)
-        self.batch = EnvBatch(self.config, 1)
-        self.metadata = self.metadata | {"render_fps": self.config.rates().policy}
-        self.observation_space, self.action_space = spaces(self.batch)
-        self.observation_names = self.batch.observation_names
-        self.action_names = self.batch.action_names
-        self.render_mode = render_mode
+        made = {"robot": robot} | arguments
+        drawing, rest = Drawing.of(made)
+        config = EnvConfig.of(rest)
+        self.batch = EnvBatch(config, 1)
+        spaces = self._present(config, drawing, self.batch, self.batch.num_steps, made)
+        self.observation_space, self.action_space = spaces
         self._only = np.zeros(1, int)
         self._begun, self._closed = False, False
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Copied and pickled as it was made, without its episode, as Gymnasium's own are."""
-        made = partial(
-            type(self),
-            render_mode=self.render_mode,
-            render_options=asdict(self.drawn_over),
-            **self.config.arguments,
-        )
-        return made, (), {"spec": self.spec}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start a new episode; there are no options. Only a seed begins a curriculum anew."""
+        """Start a new episode. Only a seed begins a curriculum anew.
+
+        Args:
+            seed: of all that is random from now on.
+            options: {"command": ...}, see `set_command`; else commands are drawn.
+        """
         self._check_open()
-        by_name("options", options, ())
+        command = by_name("options", options, ("command",)).get("command")
+        asked = None if command is None else self.batch.check_command(command, 1)
         seed = checked_seed("seed", seed)
         super().reset(seed=seed)
         if seed is None:
             self.batch.draw_from(0, self.np_random)
         else:
             self.batch.seed(0, self.np_random)
-        self.batch.reset(self._only)
+        self.batch.reset(self._only, asked)
         self._begun = True
         if self.render_mode == "human":
             self.render()
         return self.batch.observation()[0], {}
+
+    def set_command(self, command: Any) -> None:
+        """Have the robot follow a command until its episode ends, see `Chunks.set_command`."""
+        self._check_open()
+        self.batch.set_command(self._only, self.batch.check_command(command, 1))
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Hold the action (A,) for one policy step."""
@@ -166,7 +159,7 @@ class RobotEnv(gym.Env):
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
         self._check_open()
-        return self._renderer.render(self.batch, 0, self.render_mode)
+        return self._renderer.render(self.batch, 0)
 
     def close(self) -> None:
         """Close the window and give back the memory; nothing steps any more."""

@@ -6,16 +6,15 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.utils import seeding
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
-from fbid_gym.envs.chunks import Chunks, checked_array
-from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer
-from fbid_gym.envs.vector_env import checked_seed, spaces
+from fbid_gym.checks import by_name
+from fbid_gym.envs.chunks import checked_array
+from fbid_gym.envs.config import registered
+from fbid_gym.envs.interface import checked_seed
+from fbid_gym.envs.vector_env import RobotVectorEnv
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
-from fbid_gym.options import Choice
-from fbid_gym.robots import Robot
 
 
 class SB3VecEnv(VecEnv):
@@ -23,59 +22,36 @@ class SB3VecEnv(VecEnv):
 
     At the end of an episode the info holds `terminal_observation`, `TimeLimit.truncated` and
     `episode` (return r, length l, seconds since the start t; not of episodes that `stagger` cuts
-    short), as SB3's own wrappers give them.
-    Per-step quantities of all environments are in `last_info`; they enter the infos' dictionaries
-    only when an episode ends, because building N dictionaries of twenty entries on every step would
-    cost as much as the control law.
+    short), as SB3's own `Monitor` gives it, and all that `last_info` has. On other steps it has the
+    numbers among that: terms of the reward, metrics, levels.
 
     Attributes:
+        envs: what `gym.make_vec` makes, with attributes that `get_attr` finds, too.
+        chunks: of these.
         last_info: name -> (N, ...) arrays of the last step, named as in `gym.make_vec`.
-        observation_names: what each entry of an environment's observation is, with its unit.
-        action_names: what each entry of its action commands, with its scale and unit.
     """
 
-    def __init__(
-        self,
-        config: EnvConfig,
-        num_envs: int,
-        num_threads: int,
-        stagger: bool = False,
-        render_mode: str | None = None,
-        render_options: dict[str, Any] | None = None,
-    ) -> None:
-        """Build the environments; see `make_sb3`."""
-        self._renderer = RobotRenderer(render_mode, render_options)
-        self.chunks = Chunks(config, num_envs, num_threads)
-        self.render_mode, num_envs = render_mode, self.chunks.num_envs
-        self.metadata: dict[str, Any] = {
-            "render_modes": list(RENDER_MODES),
-            "render_fps": config.rates().policy,
-        }
-        first = self.chunks.batches[0]
-        super().__init__(num_envs, *spaces(first))
-        self.observation_names, self.action_names = first.observation_names, first.action_names
-        self.robot: Robot = first.robot
+    def __init__(self, envs: RobotVectorEnv) -> None:
+        """Wrap environments that reset in the step that ends an episode."""
+        self.envs, self.chunks, num_envs = envs, envs.chunks, envs.num_envs
+        super().__init__(num_envs, envs.single_observation_space, envs.single_action_space)
+        self.metadata |= envs.metadata
         self.last_info: dict[str, np.ndarray] = {}
-        self._seeded = False
         self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
-        # Steps after which the episode ends at the latest: of the first, and of all others.
-        self._whole = first.num_steps
-        parts = np.arange(1, num_envs + 1) if stagger else np.full(num_envs, num_envs)
-        self._first = -(-self._whole * parts // num_envs)
-        self._limits = self._first.copy()
         self._started = time.monotonic()
         self._actions: np.ndarray | None = None
 
     def reset(self) -> np.ndarray:
         """Start new episodes everywhere: (N, O) float32."""
-        for env, seed in enumerate(self._seeds):
-            if seed is not None or not self._seeded:
-                self.chunks.seed(env, seeding.np_random(seed)[0])
-        self._seeded = True
+        given = [by_name("options", each, ("command",)) for each in self._options]
+        if any(each.keys() != given[0].keys() for each in given):
+            raise InvalidValueError("options", given, "a command for each environment, or for none")
+        options = {name: np.array([each[name] for each in given]) for name in given[0]}
+        observation, _ = self.envs.reset(seed=list(self._seeds), options=options)
         self._reset_seeds()
-        self.chunks.reset(np.ones(self.num_envs, bool))
-        self._returns[:], self._lengths[:], self._limits[:] = 0.0, 0, self._first
-        return self.chunks.observation()
+        self._reset_options()
+        self._returns[:], self._lengths[:] = 0.0, 0
+        return observation
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed environment i with seed + i from the next reset on; None draws a seed."""
@@ -89,43 +65,34 @@ class SB3VecEnv(VecEnv):
         """Step, and reset the environments whose episode ended."""
         if self._actions is None:
             raise FbidError("step_wait() without step_async(actions).")
-        if not self._seeded:
-            raise FbidError("There is no episode to step: call reset().")
-        step = self.chunks.step(self._actions)
-        self.last_info = step.info
-        self._returns += step.reward
+        whole = self.chunks.every("limits") == self.chunks.num_steps
+        observation, reward, terminated, truncated, told = self.envs.step(self._actions)
+        final, done = told.pop("final_obs", None), terminated | truncated
+        told.pop("final_info", None)
+        self.last_info = {name: value for name, value in told.items() if name[0] != "_"}
+        self._returns += reward
         self._lengths += 1
-        ended = step.terminated | step.truncated
-        cut = (self._lengths >= self._limits) & ~ended
-        done = ended | cut
-        observation = step.observation
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        if done.any():
-            elapsed = time.monotonic() - self._started
-            for env in np.flatnonzero(done):
-                infos[env] = {name: value[env] for name, value in step.info.items()} | {
-                    "terminal_observation": observation[env],
-                    "TimeLimit.truncated": bool(step.truncated[env] or cut[env]),
-                }
-                # What an episode earns that is cut short says nothing of one that is not.
-                if not cut[env]:
-                    infos[env]["episode"] = {
-                        "r": float(self._returns[env]),
-                        "l": int(self._lengths[env]),
-                        "t": round(elapsed, 6),
-                    }
-            self.chunks.reset(done)
-            self._returns[done], self._lengths[done] = 0.0, 0
-            self._limits[done] = self._whole
-            observation = self.chunks.observation()
-        return observation, step.reward.astype(np.float32), done, infos
+        infos = _rows({name: v for name, v in self.last_info.items() if v.ndim == 1})
+        elapsed = round(time.monotonic() - self._started, 6)
+        for env in np.flatnonzero(done):
+            infos[env] |= {name: value[env] for name, value in self.last_info.items()}
+            infos[env] |= {
+                "terminal_observation": final[env],
+                "TimeLimit.truncated": bool(truncated[env]),
+            }
+            # What an episode earns that is cut short says nothing of one that is not.
+            if terminated[env] or whole[env]:
+                earned, length = float(self._returns[env]), int(self._lengths[env])
+                infos[env]["episode"] = {"r": earned, "l": length, "t": elapsed}
+        self._returns[done], self._lengths[done] = 0.0, 0
+        return observation, reward.astype(np.float32), done, infos
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return the exact state of all environments as named arrays."""
         return self.chunks.state_dict() | {name: v.copy() for name, v in self._own().items()}
 
     def _own(self) -> dict[str, np.ndarray]:
-        return {"returns": self._returns, "lengths": self._lengths, "limits": self._limits}
+        return {"returns": self._returns, "lengths": self._lengths}
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` of as many environments of the same kind.
@@ -136,73 +103,73 @@ class SB3VecEnv(VecEnv):
         own = self._own()
         if isinstance(state, Mapping):
             own = {name: checked_array(name, value, state) for name, value in own.items()}
-        self.chunks.load_state_dict(state)
-        self._returns, self._lengths, self._limits = (value.copy() for value in own.values())
-        self._seeded = True
+        self.envs.load_state_dict(state)
+        self._returns, self._lengths = (value.copy() for value in own.values())
         self._reset_seeds()
 
     def close(self) -> None:
         """Stop the threads, close the windows."""
-        self.chunks.close()
-        self._renderer.close()
+        self.envs.close()
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """Draw every environment: (H, W, 3) uint8 each."""
-        self.chunks.check_open()
-        return self._renderer.frames(self.chunks.batches, "rgb_array")
+        return self.envs.call("render")
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Return an attribute; all environments share it."""
-        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
+        whose = self.envs if hasattr(self.envs, attr_name) else self
+        return [getattr(whose, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Set an attribute of all environments; they share it."""
-        if len(list(self._get_indices(indices))) != self.num_envs:
-            raise InvalidValueError("indices", indices, "all environments: they share attributes")
-        setattr(self, attr_name, value)
+        self._check_all(indices)
+        setattr(self.envs, attr_name, value)
 
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list:
-        """Not supported: the environments are rows of a batch and have no methods of their own."""
-        raise UnknownOptionError("method of a single environment", method_name, ["none"])
+    def env_method(
+        self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call `set_command` or `render` of all environments; rows of a batch have no others."""
+        choices = ("set_command", "render")
+        if method_name not in choices:
+            raise UnknownOptionError("method of a single environment", method_name, choices)
+        self._check_all(indices)
+        return list(self.envs.call(method_name, *args, **kwargs))
+
+    def _check_all(self, indices: Any) -> None:
+        if len(list(self._get_indices(indices))) != self.num_envs:
+            raise InvalidValueError("indices", indices, "all environments: they share it")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Return False for each: wrap the whole batch instead."""
-        return [False for _ in self._get_indices(indices)]
+        """Return True for SB3's `Monitor`, whose `episode` is in the infos, else False."""
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
+
+
+def _rows(columns: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    """Return a dictionary for each environment, of columns (N,) by name."""
+    each = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in each]
 
 
 def make_sb3(
-    env_id: str,
-    num_envs: int = 1,
-    *,
-    seed: int | None = None,
-    num_threads: int = 1,
-    stagger: bool = False,
-    render_mode: str | None = None,
-    render_options: dict[str, Any] | None = None,
-    **arguments: Any,
+    env_id: str, num_envs: int = 1, *, seed: int | None = None, **arguments: Any
 ) -> SB3VecEnv:
     """Build N environments for stable-baselines3.
 
     Args:
-        env_id: one of this package's ids, such as "fbid_gym/BipedBalance-v0".
+        env_id: one of this package's ids, such as "fbid_gym/BipedBalance-v0", or one that a user
+            registered with its entry point.
         num_envs: how many.
         seed: environment i starts from seed + i.
-        num_threads: threads that step them.
-        stagger: truncate the first episode of each environment, evenly spread over its duration, so
-            that those to come do not begin and end together. Else whole episodes are reported all
-            at once, and in between only those that end early. What is cut short has no `episode` in
-            its info.
-        render_mode: None or "rgb_array".
-        render_options: what is drawn over the robots, see `RenderOptions`.
-        **arguments: of the environment, as for `gym.make`.
+        **arguments: as for `gym.make_vec`, see `RobotVectorEnv`: `num_threads`, `stagger`,
+            `max_episode_steps`, how they are drawn and what they are. How they reset is SB3's.
 
     Raises:
         FbidError: an id that is not one of ours, or an argument that is not valid.
     """
-    ours = [name for name in gym.registry if name.startswith("fbid_gym/")]
-    Choice(ours).check("environment id", env_id)
-    seed = checked_seed("seed", seed)
-    config = EnvConfig.of({**gym.registry[env_id].kwargs, **arguments})
-    envs = SB3VecEnv(config, num_envs, num_threads, stagger, render_mode, render_options)
+    spec, seed = registered(env_id), checked_seed("seed", seed)
+    made = gym.make_vec(spec, num_envs=num_envs, autoreset_mode="SAME_STEP", **arguments)
+    assert isinstance(made, RobotVectorEnv)
+    made.check_display()
+    envs = SB3VecEnv(made)
     envs.seed(seed)
     return envs

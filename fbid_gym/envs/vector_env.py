@@ -1,6 +1,6 @@
 """The Gymnasium vector environment: `gym.make_vec`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -9,15 +9,14 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from fbid_gym.checks import by_name, count, real_numbers
+from fbid_gym.checks import by_name, real_numbers
 from fbid_gym.envs.chunks import Chunks
-from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.rendering import RENDER_MODES, RobotRenderer
+from fbid_gym.envs.config import Drawing, EnvConfig
+from fbid_gym.envs.interface import Interface, checked_seed
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
 
 
-class RobotVectorEnv(VectorEnv):
+class RobotVectorEnv(Interface, VectorEnv):
     """N environments stepped together, see `RobotEnv` for what each of them is.
 
     Environment i of `reset(seed=s)` gives the same numbers as `RobotEnv` with seed s + i.
@@ -29,41 +28,36 @@ class RobotVectorEnv(VectorEnv):
     | `num_envs`       |             | Number of environments.                              |
     | `num_threads`    | 1           | Threads that step them.                              |
     | `autoreset_mode` | `NEXT_STEP` | `gymnasium.vector.AutoresetMode`, or its name.       |
-
-    Attributes:
-        observation_names: what each entry of an environment's observation is, with its unit.
-        action_names: what each entry of its action commands, with its scale and unit.
+    | `max_episode_steps` | None     | Steps after which episodes are truncated at the latest. |
+    | `stagger`        | False       | Truncates first episodes, evenly spread, so that robots |
+    |                  |             | do not end together; those of `reset()` without a mask. |
     """
-
-    metadata: dict[str, Any]
 
     def __init__(
         self,
         num_envs: int = 1,
         robot: Any = "biped",
         *,
-        render_mode: str | None = None,
-        render_options: dict[str, Any] | None = None,
         num_threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        stagger: bool = False,
         **arguments: Any,
     ) -> None:
         """Build the environments."""
-        self._renderer = RobotRenderer(render_mode, render_options)
-        self.config = EnvConfig.of({"robot": robot} | arguments)
-        self.chunks = Chunks(self.config, num_envs, num_threads)
-        first = self.chunks.batches[0]
-        num_envs = self.chunks.num_envs
-        self.num_envs, self.render_mode = num_envs, render_mode
-        self.single_observation_space, self.single_action_space = spaces(first)
-        self.observation_names, self.action_names = first.observation_names, first.action_names
+        made = {"robot": robot} | arguments
+        drawing, rest = Drawing.of(made)
+        config, self.autoreset_mode = EnvConfig.of(rest), _autoreset_mode(autoreset_mode)
+        self.chunks = Chunks(config, num_envs, num_threads, max_episode_steps, stagger)
+        made |= {"num_envs": num_envs, "num_threads": num_threads, "stagger": stagger}
+        made |= {"max_episode_steps": max_episode_steps, "autoreset_mode": self.autoreset_mode}
+        first, most = self.chunks.batches[0], self.chunks.num_steps
+        spaces = self._present(config, drawing, first, most, made)
+        self.single_observation_space, self.single_action_space = spaces
+        self.num_envs = num_envs = self.chunks.num_envs
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.metadata = {
-            "render_modes": list(RENDER_MODES),
-            "render_fps": self.config.rates().policy,
-            "autoreset_mode": _autoreset_mode(autoreset_mode),
-        }
+        self.metadata["autoreset_mode"] = self.autoreset_mode
         self._seeded = False
         self._done = np.ones(num_envs, bool)
 
@@ -77,23 +71,65 @@ class RobotVectorEnv(VectorEnv):
 
         Args:
             seed: environment i gets seed + i; or one seed (or None) each, in a list or an array.
-            options: {"reset_mask": (N,) bool} resets only those environments.
+            options: {"reset_mask": (N,) bool} resets only those environments; {"command": ...}
+                has them follow a command, see `set_command`.
 
         Raises:
             FbidError: seeds, options or a mask that are none. Nothing was seeded or reset.
         """
-        everyone = np.ones(self.num_envs, bool)
-        given = by_name("options", options, ("reset_mask",)).get("reset_mask", everyone)
-        chosen = real_numbers("reset_mask", given, f"({self.num_envs},) bool")
-        if chosen.shape != (self.num_envs,) or chosen.dtype != bool:
-            raise ShapeError("reset_mask", chosen.shape, f"({self.num_envs},) bool")
+        given = by_name("options", options, ("reset_mask", "command"))
+        chosen = np.ones(self.num_envs, bool)
+        if "reset_mask" in given:
+            words = f"({self.num_envs},) bool"
+            chosen = real_numbers("reset_mask", given["reset_mask"], words)
+            if chosen.shape != (self.num_envs,) or chosen.dtype != bool:
+                raise ShapeError("reset_mask", chosen.shape, words)
+        if (command := given.get("command")) is not None:
+            self.chunks.check_command(command)
         for env, one in enumerate(self._seeds(seed)):
             if chosen[env] and (one is not None or not self._seeded):
                 self.chunks.seed(env, seeding.np_random(one)[0])
         self._seeded = True
-        self.chunks.reset(chosen)
+        self.chunks.reset(chosen if "reset_mask" in given else None, command)
         self._done[chosen] = False
+        self._show()
         return self.chunks.observation(), {}
+
+    def set_command(self, command: Any) -> None:
+        """Have the robots follow a command until their episodes end, see `Chunks.set_command`."""
+        self.chunks.set_command(command)
+
+    def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
+        """Continue from a `state_dict` of the `chunks`; raises as theirs does."""
+        self.chunks.load_state_dict(state)
+        self._seeded = True
+        self._done[:] = False
+
+    def check_display(self) -> None:
+        """Raise FbidError where there shall be a window and cannot."""
+        self._renderer.check_display()
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Call a method of all environments, or get an attribute that they share.
+
+        Returns:
+            What it gives for each; `render` gives each its own.
+        """
+        if name == "render":
+            return self.render() or (None,) * self.num_envs
+        found = getattr(self, name)
+        return (found(*args, **kwargs) if callable(found) else found,) * self.num_envs
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Return an attribute that the environments share, once for each."""
+        return (getattr(self, name),) * self.num_envs
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute that the environments share: to one value, or to the same of each."""
+        each = list(values) if isinstance(values, list | tuple) else [values] * self.num_envs
+        if len(each) != self.num_envs or not all(np.array_equal(each[0], one) for one in each):
+            raise InvalidValueError(name, values, "one value: the environments share it")
+        setattr(self, name, each[0])
 
     def _seeds(self, seed: Any) -> list[int | None]:
         """Return one for each environment, as Gymnasium takes them: ints of Python, or None."""
@@ -109,7 +145,7 @@ class RobotVectorEnv(VectorEnv):
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Hold the actions (N, A) for one policy step."""
-        mode = self.metadata["autoreset_mode"]
+        mode = self.autoreset_mode
         if not self._seeded or (mode != AutoresetMode.NEXT_STEP and self._done.any()):
             ended = np.flatnonzero(self._done).tolist()
             raise FbidError(
@@ -142,6 +178,7 @@ class RobotVectorEnv(VectorEnv):
             self.chunks.reset(done)
             observation = self.chunks.observation()
         self._done = done if mode != AutoresetMode.SAME_STEP else np.zeros_like(done)
+        self._show()
         return observation, reward, terminated, truncated, info
 
     def render(self) -> tuple[np.ndarray, ...] | None:
@@ -150,26 +187,16 @@ class RobotVectorEnv(VectorEnv):
             gym.logger.warn("render() without a render_mode draws nothing")
             return None
         self.chunks.check_open()
-        frames = self._renderer.frames(self.chunks.batches, self.render_mode)
-        return tuple(frame for frame in frames if frame is not None) or None
+        return tuple(self._renderer.frames(self.chunks.batches)) or None
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self.render()
 
     def close_extras(self, **kwargs: Any) -> None:
         """Stop the threads, close the windows."""
         self.chunks.close()
         self._renderer.close()
-
-
-def spaces(batch: EnvBatch) -> tuple[gym.spaces.Box, gym.spaces.Box]:
-    """Return the observation and the action space of one environment."""
-    bound = batch.observation_bound.astype(np.float32)
-    observation = gym.spaces.Box(-bound, bound, dtype=np.float32)
-    action = gym.spaces.Box(-1.0, 1.0, (len(batch.action_names),), dtype=np.float32)
-    return observation, action
-
-
-def checked_seed(name: str, value: Any) -> int | None:
-    """Return a seed as Gymnasium takes it: an int of Python, or None."""
-    return None if value is None else count(name, value)
 
 
 def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:

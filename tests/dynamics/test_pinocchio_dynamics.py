@@ -212,7 +212,7 @@ def test_unknown_body_is_named_with_the_choices(biped):
     body = biped.model.body(biped.base_body).name
     for options in ({"mass_scale": {"wing": 2.0}}, {"com_offset": {"wing": (0, 0, 0)}}):
         argument = next(iter(options))
-        message = f"Unknown body in {argument} 'wing'. Valid choices: .*{body}"
+        message = f"Unknown body 'wing' in {argument}. Valid choices: .*{body}"
         with pytest.raises(UnknownOptionError, match=message):
             PinocchioDynamics(biped, **options)
 

@@ -18,10 +18,10 @@ import fbid_gym
 from fbid_gym.actions import LAYERS, layer_choices, make_layer
 from fbid_gym.envs.__main__ import arguments_page
 from fbid_gym.envs.chunks import Chunks
-from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.config import Drawing, EnvConfig
 from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.randomisation import Randomisation
-from fbid_gym.envs.rendering import check_rendering
+from fbid_gym.envs.rendering import RobotRenderer
 from fbid_gym.errors import FbidError, shown
 from fbid_gym.motions.target import MotionKind, planned_kind
 from fbid_gym.options import Choice, Flag, Named, Pair, options_of
@@ -99,8 +99,12 @@ def tried():
     for option in options_of(Randomisation).values():
         yield f"randomisation-{option.name}", option, randomised
 
+    for option in options_of(Drawing).values():
+        if option.kind is not None:
+            yield f"drawing-{option.name}", option, lambda name, value: Drawing(**{name: value})
+
     def drawn(name, value):
-        check_rendering("rgb_array", {name: value})
+        RobotRenderer(Drawing(render_options={name: value}), load("biped"))
 
     for option in options_of(RenderOptions).values():
         yield f"render-{option.name}", option, drawn

@@ -35,8 +35,11 @@ ARGUMENTS = [
     ({"action_layer": "force"}, f"Unknown action layer 'force'. Valid choices: {ALL_LAYERS}."),
     ({"action_layer": None}, f"Unknown action layer None. Valid choices: {ALL_LAYERS}."),
     ({"action_layer": ["torque"]}, r"Unknown action layer \['torque'\]. Valid choices: torque,"),
-    ({"action_layr": "torque"}, r"\(did you mean 'action_layer'\?\) 'action_layr'. Valid.*push_f"),
-    ({"zzz": 1}, "Unknown environment argument 'zzz'. Valid choices: robot, task, action_l"),
+    (
+        {"action_layr": "torque"},
+        "argument 'action_layr'. Did you mean 'action_layer'",
+    ),
+    ({"zzz": 1}, "The environment got an unexpected keyword argument 'zzz'. Nearest of .. choices"),
     ({"robot": "horse"}, f"Unknown robot 'horse'. Valid choices: {ALL_ROBOTS}, a Robot such"),
     (
         {"robot": "dog.xml"},
@@ -44,8 +47,11 @@ ARGUMENTS = [
     ),
     ({"robot": 3}, f"Invalid robot: 3. Expected a Robot or one of {ALL_ROBOTS}."),
     # Options of the layers.
-    (options("torque", gain=1.0), "layer 'torque' 'gain'. Valid choices: footholds, step_rate."),
-    (options(gain=1.0), "option of action layer 'base_acceleration' 'gain'. .* contact_limits"),
+    (
+        options("torque", gain=1.0),
+        "'gain' of action layer 'torque'. Valid choices: footholds, step",
+    ),
+    (options(gain=1.0), "option 'gain' of action layer 'base_acceleration'. Valid choices: "),
     ({"layer_options": "none"}, "Invalid layer_options: 'none'. Expected a dictionary"),
     ({"layer_options": {1: 2}}, "Invalid layer_options: {1: 2}. Expected a dictionary"),
     (
@@ -70,7 +76,7 @@ ARGUMENTS = [
     (options(rotation_frequency=0), "Invalid rotation_frequency: 0. Expected a number"),
     (options(contact_limits="cone"), "contact_limits 'cone'. Valid choices: friction, none."),
     (options(contacts="some"), "Unknown contacts 'some'. Valid choices: planned, all, measured"),
-    (options(contacts=[(1.0, ["arm"])]), "foot in contacts 'arm'. Valid choices: left, right."),
+    (options(contacts=[(1.0, ["arm"])]), "foot 'arm' in contacts. Valid choices: left, right."),
     (options(contacts=[(1.0, "left")]), "Invalid contacts: .*'left'.*Expected phases .seconds >="),
     (options(contacts=[(0.0, ["left"])]), "Invalid contacts: .*Expected phases"),
     (options(contacts=[("long", ["left"])]), "Invalid contacts: .*'long'.*Expected phases"),
@@ -80,7 +86,7 @@ ARGUMENTS = [
     (options(contact_ramp=-0.01), "Invalid contact_ramp: -0.01. Expected a number from 0 to 10 s"),
     (options(contact_ramp=np.inf), "Invalid contact_ramp: inf. Expected a number"),
     (options(contact_ramp="slow"), "Invalid contact_ramp: 'slow'"),
-    (options("joint_position", contact_ramp=0.1), "option of action layer 'joint_position' 'conta"),
+    (options("joint_position", contact_ramp=0.1), "option 'contact_ramp' of action layer 'joint_p"),
     (options(friction=-0.1), "Invalid friction: -0.1. Expected a number from 0 to 10"),
     (options(friction="ice"), "Invalid friction: 'ice'"),
     (options(min_normal_force="low"), "Invalid min_normal_force: 'low'. Expected a number"),
@@ -92,7 +98,7 @@ ARGUMENTS = [
     ({"task": None}, "Unknown task None. Valid choices: balance, squat"),
     (
         {"task": "squat", "height_range": (0.9, 1.0)},
-        "argument 'height_range'. Valid.*speed",
+        "unexpected keyword argument 'height_range'",
     ),
     ({"task": "squat", "speed": -1.0}, "Invalid speed: -1.0. Expected a number from 0.01 to 20"),
     ({"task": "squat", "speed": "fast"}, "Invalid speed: 'fast'. Expected a number"),
@@ -104,7 +110,7 @@ ARGUMENTS = [
     ({"terrain": "stairs", "difficulty": "hard"}, "Invalid difficulty: 'hard'. Expected a number"),
     ({"curriculum": 1}, "Invalid curriculum: 1. Expected True or False"),
     ({"terrain": "mixed", "curriculum": True}, r"\('balance', 'mixed'\). Expected task 'walk' on"),
-    ({"height_scan": True}, "'height_scan'. Valid choices: "),
+    ({"height_scan": True}, "unexpected keyword argument 'height_scan'"),
     ({"terrain": "rocks", "terrain_height": 5.0}, "terrain height: 5.0. Expected metres from 0 to"),
     (
         {"terrain": "rocks", "terrain_height": -0.1},
@@ -191,7 +197,7 @@ def test_the_list_of_layers_above_is_complete():
 
 
 def test_bad_render_modes():
-    message = "Unknown render_mode 'ascii'. Valid choices: human, rgb_array, None."
+    message = "Unknown render_mode 'ascii'. Valid choices: human, rgb_array."
     # gymnasium warns first, and goes on.
     with pytest.raises(FbidError, match=message), pytest.warns(UserWarning, match="ascii"):
         gym.make(BIPED, render_mode="ascii")
@@ -216,7 +222,6 @@ def test_bad_vector_arguments():
 BAD_ACTIONS = [
     (lambda a: np.where(np.arange(a.size).reshape(a.shape) == 3, np.nan, a), NonFiniteError, "NaN"),
     (lambda a: a + np.inf, NonFiniteError, "action is not finite"),
-    (lambda a: a + 1.01, InvalidValueError, r"action at index .*: 1.01. Expected .* in \[-1, 1\]"),
     (lambda a: a[..., 1:], ShapeError, r"action has shape .*5,?\). Expected .*6,?\)"),
     (lambda a: a[None], ShapeError, "action has shape"),
     (lambda a: 0.0, ShapeError, r"action has shape \(\)"),
@@ -245,7 +250,6 @@ def test_bad_actions_step_nothing(spoil, error, message):
             env.step(spoil(np.zeros((*count, 6))))
         for key, value in state_of().items():
             np.testing.assert_array_equal(value, before[key], err_msg=key)
-    vector.step(np.ones((3, 6)) + 5e-7)  # rounding is forgiven
 
 
 def test_bad_actions_through_gymnasiums_checker():
@@ -257,8 +261,6 @@ def test_bad_actions_through_gymnasiums_checker():
         env.step(np.array([0, 0, np.nan, 0, 0, 0], np.float32))
     with pytest.raises(ShapeError, match=r"action has shape \(7,\). Expected \(6,\)"):
         env.step(np.zeros(7, np.float32))
-    with pytest.raises(InvalidValueError, match=r"action at index \(5,\): -1.5"):
-        env.step(np.array([0, 0, 0, 0, 0, -1.5], np.float32))
 
 
 def test_a_robot_without_joints_has_nothing_to_act_with():

@@ -122,7 +122,7 @@ def test_a_layer_goes_wherever_those_of_the_package_go() -> None:
     resolved = resolved_arguments(ENV, {"action_layer": "limp"})
     steering = {"footholds": False, "step_rate": False}
     assert resolved is not None and resolved["layer_options"] == {"answer": None} | steering
-    with pytest.raises(UnknownOptionError, match="option of action layer 'limp'.*answer"):
+    with pytest.raises(UnknownOptionError, match="of action layer 'limp'.*answer"):
         gym.make(ENV, action_layer="limp", layer_options={"scale": 1.0})
     gym.make("fbid_gym/QuadrupedWalk-v0", action_layer="limp", layer_options={"footholds": True})
 
@@ -135,7 +135,7 @@ def test_a_task_goes_wherever_those_of_the_package_go() -> None:
     env = gym.make(ENV, task="rest").unwrapped
     weight = env.batch.robot.weight
     assert env.batch.task.pushes.force == pytest.approx((0.1 * weight, 0.2 * weight))
-    with pytest.raises(UnknownOptionError, match="environment argument.*height_range.*answers"):
+    with pytest.raises(UnknownOptionError, match="unexpected keyword argument 'height_range'"):
         gym.make(ENV, task="rest", height_range=(0.9, 1.0))
 
 
@@ -313,7 +313,7 @@ def test_options_of_a_users_layer_and_task_may_stand_together() -> None:
     gym.make(ENV, action_layer="soft")
     gym.make(ENV, task="mine", give=0.75)
     assert built == [(False, 0.25), (True, 0.5), 0.75]
-    with pytest.raises(UnknownOptionError, match="option of action layer 'soft' 'own'.*give"):
+    with pytest.raises(UnknownOptionError, match="option 'own' of action layer 'soft'.*give"):
         gym.make(ENV, action_layer="soft", layer_options={"own": Softness()})
 
 

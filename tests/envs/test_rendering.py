@@ -1,5 +1,8 @@
 """Pictures and videos, and a clear word where there is no display."""
 
+import itertools
+from pathlib import Path
+
 import gymnasium as gym
 import imageio_ffmpeg
 import mujoco
@@ -13,10 +16,13 @@ import fbid_gym
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.insight import insight
 from fbid_gym.envs.overlays import LABELS, RenderOptions, marks, size_of
+from fbid_gym.envs.rendering import RobotRenderer
 from fbid_gym.errors import FbidError
 from fbid_gym.options import options_of
+from fbid_gym.robots import Robot
 from fbid_gym.robots.geoms import add_arrow, add_ball, add_thread
 
+BIPED = "fbid_gym/BipedBalance-v0"
 SHAPE = (480, 640, 3)
 ARGUMENTS = {"action_layer": "joint_position", "render_mode": "rgb_array"}
 EVERYTHING = dict.fromkeys(LABELS, True)
@@ -286,13 +292,67 @@ def test_stable_baselines3_records_too(tmp_path):
 def test_human_mode_needs_a_display(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    env = gym.make("fbid_gym/BipedBalance-v0", render_mode="human")
-    with pytest.raises(FbidError, match="'human' needs a display. Use 'rgb_array' instead"):
+    message = "'human' needs a display. Use 'rgb_array' instead"
+    for make in (gym.make, gym.make_vec):  # some make one that they never draw
+        env = make(BIPED, render_mode="human")
+        with pytest.raises(FbidError, match=message):
+            env.reset(seed=0)
+    with pytest.raises(FbidError, match=message):
+        fbid_gym.make_sb3(BIPED, render_mode="human")
+
+
+def test_in_a_window_is_the_first_robot_at_every_step(monkeypatch):
+    """No display here: what would be shown is counted."""
+    monkeypatch.setenv("DISPLAY", ":0")
+    shown = []
+    monkeypatch.setattr(RobotRenderer, "_show", lambda self, env: shown.append(env))
+    arguments = {"action_layer": "torque", "render_mode": "human"}
+    for make in (
+        lambda: gym.make(BIPED, **arguments),
+        lambda: gym.make_vec(BIPED, num_envs=2, **arguments),
+        lambda: fbid_gym.make_sb3(BIPED, 2, **arguments),
+    ):
+        env = make()
+        env.reset()
+        env.step(np.zeros(env.action_space.shape if len(shown) < 2 else (2, 16)))
+        env.render()
+        assert set(shown) == {0} and len(shown) >= 2
+        shown.clear()
+        env.close()
+
+
+def test_size_and_camera_of_a_picture():
+    small = {**ARGUMENTS, "width": 96, "height": 1200}
+    env = gym.make(BIPED, **small)
+    env.reset(seed=0)
+    assert env.render().shape == (1200, 96, 3)
+    env.close()
+    frames = []
+    for aim in ({}, {"azimuth": 0.0}, {"distance": 9.0, "elevation": -60.0}):
+        env = gym.make(BIPED, **ARGUMENTS, default_camera_config=aim)
         env.reset(seed=0)
-    envs = gym.make_vec("fbid_gym/BipedBalance-v0", num_envs=2, render_mode="human")
-    envs.reset(seed=0)
-    with pytest.raises(FbidError, match="'human' needs a display"):
-        envs.render()
+        frames.append(env.render().astype(int))
+        env.close()
+    for one, other in itertools.pairwise(frames):
+        assert np.abs(one - other).mean() > 3.0
+    path = Path(gym.__file__).parent / "envs" / "mujoco" / "assets" / "humanoid.xml"
+    robot = Robot.from_mjcf(path, ["left_foot", "right_foot"])
+    pictures = []
+    for camera in ({}, {"camera_name": "track"}, {"camera_id": 0}):
+        env = gym.make(BIPED, robot=robot, **ARGUMENTS, **camera)
+        env.reset(seed=0)
+        pictures.append(env.render())
+        env.close()
+    assert_same_picture(*pictures[1:])
+    assert np.abs(pictures[0].astype(int) - pictures[1]).mean() > 3.0
+    for bad, message in (
+        ({"width": 0}, "Invalid width: 0. Expected a whole number from 1"),
+        ({"camera_name": "left"}, "Unknown camera_name 'left'. Valid choices: "),
+        ({"camera_id": 7}, "Invalid camera_id: 7. Expected one of the robot's cameras, of which"),
+        ({"default_camera_config": {"zoom": 1.0}}, "Unknown default_camera_config 'zoom'. Valid"),
+    ):
+        with pytest.raises(FbidError, match=message):
+            gym.make(BIPED, **ARGUMENTS, **bad)
 
 
 def test_without_a_render_mode_nothing_is_drawn():

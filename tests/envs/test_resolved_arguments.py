@@ -96,5 +96,5 @@ def test_how_it_is_drawn_or_stepped_is_not_what_it_is():
 def test_other_environments_are_unknown_and_wrong_arguments_are_named():
     assert resolved_arguments("CartPole-v1", {}) is None
     assert resolved_arguments("fbid_gym/Nothing-v0", {}) is None
-    with pytest.raises(UnknownOptionError, match="did you mean 'push_force'"):
+    with pytest.raises(UnknownOptionError, match="Did you mean 'push_force'"):
         resolved_arguments("fbid_gym/BipedBalance-v0", {"push_forces": [1, 2]})

@@ -4,7 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import VecNormalize
 
 import fbid_gym
 from fbid_gym.envs import ENVIRONMENTS
@@ -32,8 +33,11 @@ def test_like_same_step_autoreset(name, num_threads, rng):
         np.testing.assert_array_equal(done, terminated | truncated)
         returns, lengths = returns + value, lengths + 1
         for env in range(4):
+            numbers = {key for key, value in envs.last_info.items() if value.ndim == 1}
+            assert numbers <= infos[env].keys() and "torque_rms" in numbers
+            assert all(infos[env][key] == envs.last_info[key][env] for key in numbers)
             if not done[env]:
-                assert infos[env] == {}
+                assert infos[env].keys() == numbers
                 continue
             last = infos[env]
             np.testing.assert_array_equal(last["terminal_observation"], info["final_obs"][env])
@@ -41,7 +45,7 @@ def test_like_same_step_autoreset(name, num_threads, rng):
             assert last["episode"]["r"] == pytest.approx(returns[env])
             assert last["episode"]["l"] == lengths[env] <= 22
             assert (lengths[env] == 22) or not truncated[env]
-            assert last["termination"] == ("" if truncated[env] else "fall")
+            assert last["termination"] == (0 if truncated[env] else 1)
             np.testing.assert_array_equal(last["torque"], info["final_info"]["torque"][env])
             returns[env] = lengths[env] = 0
         for key, entry in envs.last_info.items():
@@ -68,7 +72,7 @@ def test_seeding():
 def test_ppo_learns_from_it(name):
     """A few steps of the real thing, with the wrappers that one puts around it."""
     envs = fbid_gym.make_sb3(name, 4, seed=0, action_layer="joint_position", episode_seconds=0.4)
-    envs = VecNormalize(VecMonitor(envs), norm_reward=False)
+    envs = VecNormalize(envs, norm_reward=False)
     model = PPO("MlpPolicy", envs, n_steps=32, batch_size=64, n_epochs=1, seed=0, device="cpu")
     before = [p.detach().clone() for p in model.policy.parameters()]
     model.learn(256)
@@ -87,16 +91,18 @@ def test_attributes_are_shared():
     envs.set_attr("note", "same for all")
     assert envs.get_attr("note", 1) == ["same for all"]
     assert envs.env_is_wrapped(gym.Wrapper) == [False] * 3
+    assert envs.env_is_wrapped(Monitor) == [True] * 3  # its `episode` is in the infos
+    assert [spec.id for spec in envs.get_attr("spec")] == [BIPED] * 3
     with pytest.raises(InvalidValueError, match=r"indices: \[1\]. Expected all environments"):
         envs.set_attr("note", "other", indices=[1])
-    with pytest.raises(UnknownOptionError, match="method of a single environment 'reset'"):
+    with pytest.raises(UnknownOptionError, match="method 'reset' of a single environment"):
         envs.env_method("reset")
 
 
 def test_unknown_ids_and_arguments():
     with pytest.raises(UnknownOptionError, match=r"environment id 'Ant-v5'.*BipedBalance-v0, fbid"):
         fbid_gym.make_sb3("Ant-v5", 2)
-    with pytest.raises(UnknownOptionError, match=r"did you mean 'action_layer'"):
+    with pytest.raises(UnknownOptionError, match="Did you mean 'action_layer'"):
         fbid_gym.make_sb3(BIPED, 2, action_layr="torque")
     with pytest.raises(InvalidValueError, match="Invalid num_envs: 0. Expected a whole number"):
         fbid_gym.make_sb3(BIPED, 0)
@@ -119,7 +125,7 @@ def test_staggered_environments_begin_and_end_apart():
         seen, value, _, _ = twin.step(action)
         for env in np.flatnonzero(done):
             ends[env].append(step)
-            assert infos[env]["TimeLimit.truncated"] and infos[env]["termination"] == ""
+            assert infos[env]["TimeLimit.truncated"] and infos[env]["termination"] == 0
             whole = len(ends[env]) > 1 or step == 12
             assert infos[env].get("episode", {"l": None})["l"] == (12 if whole else None)
         first = [env for env in range(5) if not ends[env]]
@@ -140,7 +146,7 @@ def test_a_fall_is_reported_whenever_it_happens():
     while len(fell) < 8:
         _, _, done, infos = envs.step(action)
         for env in np.flatnonzero(done):
-            if infos[env]["termination"] == "fall":
+            if infos[env]["termination"] == 1:
                 fell.add(env)
                 assert "episode" in infos[env] and not infos[env]["TimeLimit.truncated"]
     envs.close()

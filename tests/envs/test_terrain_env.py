@@ -46,7 +46,7 @@ def test_feet_stand_on_the_terrain_not_in_it(terrain):
     points = point_positions(contact_geometry(batch.robot), simulation.terms())
     ground = batch.terrain.height(points[..., 0], points[..., 1])
     # A sphere that leans on an edge touches beside its lowest point.
-    assert (points[..., 2] > ground - 0.012)[step.info["termination"] == ""].all()
+    assert (points[..., 2] > ground - 0.012)[step.info["termination"] == 0].all()
     assert ground.max() > 0.5 * batch.config.resolved()["terrain_height"]
     loaded = step.info["contact_force"][..., 2].sum(axis=1)
     np.testing.assert_allclose(np.median(loaded), batch.robot.weight, rtol=0.3)

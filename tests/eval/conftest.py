@@ -25,7 +25,11 @@ class StandIn(gym.Env[np.ndarray, np.ndarray]):
     the hardest push survived. Everything random is drawn at reset.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata = {
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
+        "terminations": ("", "fall"),
+    }
 
     def __init__(
         self,
@@ -68,7 +72,7 @@ class StandIn(gym.Env[np.ndarray, np.ndarray]):
             "power": 20.0 + push,
             "slip": 0.001 * self.step_count,
             "distance": 0.1 * self.step_count,
-            "termination": "fall" if fell else "",
+            "termination": int(fell),
         }
         observation = np.array([push, self.step_count, error], dtype=np.float32)
         reward = 1.0 - 0.5 * (1.0 - strength) ** 2

@@ -81,10 +81,10 @@ def test_an_exception_may_be_for_some_of_the_environments(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("colour = 'blue'", "Unknown setting of recipe 'mine' 'colour'. Valid choices: total"),
-        ("[ppo]\nlr = 1.0", "Unknown setting of recipe 'mine' 'lr'. Valid choices: learning_rate"),
+        ("colour = 'blue'", "Unknown setting 'colour' of recipe 'mine'. Valid choices: total"),
+        ("[ppo]\nlr = 1.0", "Unknown setting 'lr' of recipe 'mine'. Valid choices: learning_rate"),
         ("ppo = 3", "recipe 'mine': ppo is 3. Expected a table."),
-        ("seed = 3", "Unknown setting of recipe 'mine' 'seed'"),
+        ("seed = 3", "Unknown setting 'seed' of recipe 'mine'"),
         ("[[exceptions]]\nnum_envs = 3", "an exception for layers None. Expected a list"),
         ("num_envs = [", "is no TOML"),
         ("envs = 3", "envs is 3. Expected a list of environment ids."),
@@ -95,7 +95,7 @@ def test_an_exception_may_be_for_some_of_the_environments(tmp_path):
             "a table of layer_options where it takes such",
         ),
         ("[[exceptions]]\nenvs = 3", "envs is 3. Expected a list of environment ids."),
-        ("[[exceptions]]\nalgorithm = 'dqn'", "Unknown algorithm of recipe 'mine' 'dqn'"),
+        ("[[exceptions]]\nalgorithm = 'dqn'", "Unknown algorithm 'dqn' of recipe 'mine'"),
         ("[[exceptions]]\nalgorithm = 'sac'\nlayers = 3", "an exception for layers 3. Expected"),
     ],
 )

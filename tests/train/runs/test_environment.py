@@ -75,7 +75,9 @@ def test_options_of_the_layer_are_those_of_the_training(began: Path) -> None:
 def test_arguments_that_are_no_longer_valid_are_named(began: Path) -> None:
     arguments = read_json(began / "config.json")["env_args"]
     rewrite(began / "config.json", env_args=arguments | {"layer_options": {"softness": 1}})
-    assert "not valid today: Unknown option of action layer" in (changed_meaning(began) or "")
+    assert "not valid today: Unknown option 'softness' of action layer" in (
+        changed_meaning(began) or ""
+    )
 
 
 @pytest.mark.parametrize("name", ["config.json", "environment.json"])

@@ -1,0 +1,107 @@
+"""What every environment of ours shows the world, of one robot or of many."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+
+from fbid_gym.checks import count
+from fbid_gym.envs.config import AROUND, Drawing, EnvConfig, plain
+from fbid_gym.envs.env_batch import TERMINATIONS, EnvBatch
+from fbid_gym.envs.rendering import RobotRenderer
+
+METADATA: dict[str, Any] = {
+    "render_modes": ["human", "rgb_array"],
+    "render_fps": 50,
+    "terminations": TERMINATIONS,
+}
+
+
+class Interface:
+    """What they have in common.
+
+    Attributes:
+        config: what they are.
+        observation_names: what each entry of an environment's observation is, with its unit.
+        action_names: what each entry of its action commands, with its scale and unit.
+        drawn_over: what is drawn over the robots.
+    """
+
+    config: EnvConfig
+    metadata: dict[str, Any]
+    _spec: EnvSpec | None
+
+    def _present(
+        self,
+        config: EnvConfig,
+        drawing: Drawing,
+        batch: EnvBatch,
+        most_steps: int,
+        made: dict[str, Any],
+    ) -> tuple[gym.spaces.Box, gym.spaces.Box]:
+        """Set all of them; return the spaces of observations and of actions of one environment.
+
+        Args:
+            config: what they are.
+            drawing: how they are drawn.
+            batch: some of them.
+            most_steps: of an episode.
+            made: arguments of the constructor.
+        """
+        self._renderer = RobotRenderer(drawing, batch.robot)
+        self.drawn_over, self.render_mode = self._renderer.shown, drawing.render_mode
+        self.config, self._made = config, made
+        self._most_steps, self._spec = most_steps, None
+        self.metadata = METADATA | {"render_fps": config.rates().policy}
+        self.observation_names, self.action_names = batch.observation_names, batch.action_names
+        bound = batch.observation_bound.astype(np.float32)
+        action = gym.spaces.Box(-1.0, 1.0, (len(batch.action_names),), dtype=np.float32)
+        return gym.spaces.Box(-bound, bound, dtype=np.float32), action
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium makes it of, with the steps of an episode."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, given: EnvSpec | None) -> None:
+        self._spec = given and Spec(given.id)
+        if given is not None and self._spec is not None:
+            vars(self._spec).update(vars(given))
+            self._spec.max_episode_steps = self._most_steps
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copied and pickled as it was made, without its episode, as Gymnasium's own are."""
+        return partial(type(self), **self._made), (), {"_spec": self._spec}
+
+
+class Spec(EnvSpec):
+    """A spec whose JSON holds what JSON can.
+
+    A robot of the user's is there by its name: who makes an environment of it gives the robot, as
+    in `gym.make(EnvSpec.from_json(text), robot=mine)`.
+    """
+
+    def to_json(self) -> str:
+        """Return it as JSON; numbers of NumPy are numbers, a `Falling` is in hertz."""
+        own = {name: value for name, value in self.kwargs.items() if name not in AROUND}
+        own.pop("vectorization_mode", None)
+        meant = EnvConfig.of(own).resolved()
+        written = plain(self.kwargs) | {name: _told(own[name], meant[name]) for name in own}
+        return EnvSpec.to_json(replace(self, kwargs=written))
+
+
+def _told(given: Any, meant: Any) -> Any:
+    """What a given argument means, as JSON holds it and `gym.make` takes it; infinity stays."""
+    if isinstance(given, Mapping):
+        return {name: _told(value, meant[name]) for name, value in given.items()}
+    return given if isinstance(given, float) and np.isinf(given) else meant
+
+
+def checked_seed(name: str, value: Any) -> int | None:
+    """Return a seed as Gymnasium takes it: an int of Python, or None."""
+    return None if value is None else count(name, value)
