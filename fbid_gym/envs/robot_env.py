@@ -36,8 +36,8 @@ class RobotEnv(Interface, gym.Env):
     A `Box(-1, 1, (A,), float32)`, held for one policy step. In every layer the zero action follows
     what the task asks for (the home stance, a motion, a gait) as well as this layer can, and
     torques are cut off at the same limits. Entries outside [-1, 1] are clipped, and the info tells
-    their share; with `actions="refuse"` they are errors, as NaN always is. `env.unwrapped.action_names` names each entry with its
-    scale and unit.
+    their share; with `actions="refuse"` they are errors, as NaN always is.
+    `env.unwrapped.action_names` names each entry with its scale and unit.
 
     ## Observation Space
     A `Box` of float32, the same for every layer. Values are clipped to their ranges.
