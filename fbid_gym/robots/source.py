@@ -57,10 +57,8 @@ class Source:
         if isinstance(source, str) and source.endswith(PUBLISHED) and not path.exists():
             path = _published(source)
         if not os.path.isfile(path):  # also where a path is too long for the system
-            raise RobotError(
-                f"Robot file {shown(str(path))} does not exist. Expected the path of an MJCF or "
-                "URDF."
-            )
+            given = f"Robot file {shown(str(path))}"
+            raise RobotError(f"{given} does not exist. Expected the path of an MJCF or URDF.")
         return cls.known(path.resolve())
 
     @classmethod

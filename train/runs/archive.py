@@ -41,7 +41,8 @@ def found(path: Path) -> Path:
     """Return where a run folder, or something in it, is read.
 
     Args:
-        path: the folder `walking/RUN` is sought in `walking.zip` where it is not on the disk.
+        path: where it is not on the disk, `walking/RUN` is sought in `walking.zip`, and so is
+            `walking.zip/RUN`.
 
     Returns:
         The path itself, or that of a copy of what an archive holds; the path, too, where neither
@@ -53,7 +54,7 @@ def found(path: Path) -> Path:
     archive = packed_in(path)
     if archive is None:
         return path
-    run, *inside = path.relative_to(archive.with_suffix("")).parts
+    run, *inside = _inside(path, archive)
     return _copy(archive.absolute(), _stamp(archive), run).joinpath(*inside)
 
 
@@ -66,14 +67,20 @@ def packed_in(path: Path) -> Path | None:
     if path.exists():
         return None
     for folder in path.parents:
-        archive = folder.with_name(folder.name + SUFFIX) if folder.name else folder
-        if archive.is_file():
-            name = path.relative_to(folder).as_posix()
-            run = name.partition("/")[0]
-            held = (f"{run}/{file}/" for file in _entries(archive, run))
-            if any(file.startswith(f"{name}/") for file in held):
-                return archive
+        beside = (
+            folder.with_name(folder.name.removesuffix(SUFFIX) + SUFFIX) if folder.name else folder
+        )
+        if beside.is_file():
+            run, *inside = _inside(path, beside)
+            held = (PurePosixPath(file).parts for file in _entries(beside, run))
+            if any(parts[: len(inside)] == tuple(inside) for parts in held):
+                return beside
     return None
+
+
+def _inside(path: Path, archive: Path) -> tuple[str, ...]:
+    """The parts of a path below the folder that an archive is of."""
+    return path.parts[len(archive.parts) :]
 
 
 def read_archive(archive: Path) -> dict[str, Files]:
@@ -82,7 +89,7 @@ def read_archive(archive: Path) -> dict[str, Files]:
     Raises:
         RunError: it cannot be read, or is too large.
     """
-    names = map(PurePosixPath, _opened(archive.absolute(), _stamp(archive)).namelist())
+    names = map(PurePosixPath, _opened(archive).namelist())
     runs = sorted({name.parts[0] for name in names if name.parts[1:] == ("config.json",)})
     return {run: _files(archive, run) for run in runs}
 
@@ -105,12 +112,21 @@ def as_archive(runs: Mapping[str, Mapping[str, bytes]]) -> bytes:
     return content.getvalue()
 
 
-def _stamp(archive: Path) -> int:
-    return archive.stat().st_mtime_ns
+Stamp = tuple[int, int]
+"""Time of a file and its number on the disk: another one where it was replaced."""
+
+
+def _stamp(archive: Path) -> Stamp:
+    status = archive.stat()
+    return status.st_mtime_ns, status.st_ino
+
+
+def _opened(archive: Path) -> zipfile.ZipFile:
+    return _held(archive.absolute(), _stamp(archive))
 
 
 @cache
-def _opened(archive: Path, stamp: int) -> zipfile.ZipFile:
+def _held(archive: Path, stamp: Stamp) -> zipfile.ZipFile:
     """An archive as it was at a time, in memory."""
     try:
         return zipfile.ZipFile(io.BytesIO(read_file(archive, MOST_BYTES, RunError)))
@@ -119,12 +135,12 @@ def _opened(archive: Path, stamp: int) -> zipfile.ZipFile:
 
 
 def _entries(archive: Path, run: str) -> dict[str, zipfile.ZipInfo]:
-    held = _opened(archive.absolute(), _stamp(archive)).NameToInfo
+    held = _opened(archive).NameToInfo
     return {name: held[f"{run}/{name}"] for name in KEPT if f"{run}/{name}" in held}
 
 
 def _files(archive: Path, run: str) -> Files:
-    opened, entries = _opened(archive.absolute(), _stamp(archive)), _entries(archive, run)
+    opened, entries = _opened(archive), _entries(archive, run)
     if sum(entry.file_size for entry in entries.values()) > MOST_BYTES:
         raise RunError(f"{archive}: {run} unpacks to more than {MOST_BYTES >> 20} MB.")
     try:
@@ -136,7 +152,7 @@ def _files(archive: Path, run: str) -> Files:
 
 
 @cache
-def _copy(archive: Path, stamp: int, run: str) -> Path:
+def _copy(archive: Path, stamp: Stamp, run: str) -> Path:
     """The folder of a run, written once in a process and removed as it ends."""
     place = Path(tempfile.mkdtemp(prefix="fbid-runs-"))
     atexit.register(shutil.rmtree, place, ignore_errors=True)

@@ -64,7 +64,7 @@ def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Sectio
         "walking": lambda: layers.walking(config.num_envs, rounds),
         "layers": lambda: environments.by_layer(robots, chosen, config.num_envs, rounds),
         "threads": lambda: environments.by_threads(robots, chosen, config.num_envs, rounds),
-        "single": lambda: environments.single(robots, chosen, rounds),
+        "single": lambda: layers.single(robots, chosen, rounds),
         "ppo": lambda: learning.frames(chosen, rounds),
         "memory": lambda: processes.resident(robots),
         "first_use": processes.first_use,

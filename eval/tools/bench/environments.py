@@ -1,4 +1,4 @@
-"""Speed of whole environments: by layer, by thread, and of a single robot."""
+"""Speed of whole environments, by layer and by thread."""
 
 import time
 from collections.abc import Mapping
@@ -9,16 +9,12 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 
 from eval.tools.bench.figures import Figure, Limit, Section
-from eval.tools.bench.timing import Clock, in_turns, seconds_of, timed_physics
+from eval.tools.bench.timing import Clock, in_turns, seconds_of
 from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.envs.rates import Rates
-from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import load
 
-ROUNDS = 10
-"""How much oftener a single robot is timed: its rounds are short, and noise does not average out
-over a batch."""
 STEPS = 25
 """Policy steps timed at a stretch. Each stretch starts from a reset, so that all layers are
 compared on robots that stand."""
@@ -28,7 +24,6 @@ BALANCE = "fbid_gym/BipedBalance-v0"
 
 RELATIVE_LIMIT = {("biped", "base_acceleration"): Limit(0.55, at_least=True)}
 THREAD_LIMIT = Limit(1.7, at_least=True)
-SINGLE_LIMIT = Limit(150.0)
 
 
 def zero_action(space: gym.Space) -> np.ndarray:
@@ -155,54 +150,3 @@ def by_threads(robots: list[str], layers: list[str], num_envs: int, rounds: int)
         "x one thread",
         tuple(figures),
     )
-
-
-def single(robots: list[str], layers: list[str], rounds: int) -> Section:
-    """Microseconds beyond physics per control tick of a single robot, by layer."""
-    singles = {(robot, layer): _Single(robot, layer) for robot in robots for layer in layers}
-    measures = {case: its.beyond for case, its in singles.items()}
-    beyond = in_turns(measures, ROUNDS * rounds)
-    figures = [
-        Figure.of(
-            f"{robot}, `{layer}`",
-            f"beside {singles[robot, layer].physics:.0f} µs of physics",
-            beyond[robot, layer],
-            SINGLE_LIMIT,
-        )
-        for robot, layer in singles
-    ]
-    return Section(
-        "One robot",
-        "`gym.make(...).unwrapped`, 20 policy steps from a reset. Figure: time of everything "
-        "beyond the physics (layer, observation, reward, `info`), per control tick, median over "
-        f"{ROUNDS} times as many rounds as elsewhere. By the clock on the wall: to ask for CPU "
-        "time twice a tick would be measured, too.",
-        "µs",
-        tuple(figures),
-    )
-
-
-class _Single:
-    """One robot, with its physics timed apart."""
-
-    steps = 20
-
-    def __init__(self, robot: str, layer: str) -> None:
-        env = gym.make(BALANCE, robot=robot, action_layer=layer).unwrapped
-        assert isinstance(env, RobotEnv)
-        self.env = env
-        self.timed = timed_physics(env.batch.simulation, time.perf_counter)
-        self.ticks = self.steps * env.config.rates().ticks
-        self.action = zero_action(env.action_space)
-        self.physics = 0.0
-
-    def beyond(self) -> float:
-        """Microseconds beyond physics per control tick."""
-        self.env.reset(seed=0)
-        self.timed.seconds = 0.0
-        start = time.perf_counter()
-        for _ in range(self.steps):
-            self.env.step(self.action)
-        total = time.perf_counter() - start
-        self.physics = self.timed.seconds / self.ticks * 1e6
-        return (total - self.timed.seconds) / self.ticks * 1e6

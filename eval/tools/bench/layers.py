@@ -1,4 +1,4 @@
-"""Cost of action layers on the tasks they are for, and of walking, relative to the physics."""
+"""What all but the physics costs: of layers on their tasks, of walking, of a single robot."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -7,12 +7,14 @@ from typing import NamedTuple
 import gymnasium as gym
 import numpy as np
 
-from eval.tools.bench.environments import zero_action
+from eval.tools.bench.environments import BALANCE, zero_action
 from eval.tools.bench.figures import Figure, Limit, Section
 from eval.tools.bench.timing import Timed, in_turns, timed_physics
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.rates import Rates
+from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.envs.vector_env import RobotVectorEnv
 
 Cases = Mapping[tuple[str, str], Limit | None]
@@ -34,8 +36,12 @@ WALKING: Cases = {
     ("BipedWalk-v0", "base_acceleration"): Limit(0.5),
     ("HumanoidWalk-v0", "base_acceleration"): Limit(0.4),
 }
-TASK_STEPS, WALKING_STEPS = 25, 60
-"""Policy steps of a round: from a reset on tasks; robots walk on from round to round."""
+SINGLE_LIMIT = Limit(150.0)
+TASK_STEPS, WALKING_STEPS, SINGLE_STEPS = 25, 60, 20
+"""Policy steps of a round: from a reset but for robots that walk on from round to round."""
+SINGLE_ROUNDS = 10
+"""How much oftener a single robot is timed: its rounds are short, and noise does not average out
+over a batch."""
 
 
 class Seconds(NamedTuple):
@@ -72,32 +78,61 @@ def walking(num_envs: int, rounds: int) -> Section:
     )
 
 
+def single(robots: list[str], layers: list[str], rounds: int) -> Section:
+    """Microseconds beyond physics per control tick of a single robot, by layer."""
+    cases = [(robot, layer) for robot in robots for layer in layers]
+    found = in_turns({case: _one(*case) for case in cases}, SINGLE_ROUNDS * rounds)
+    micros = {case: values / (SINGLE_STEPS * Rates().ticks) * 1e6 for case, values in found.items()}
+    return Section(
+        "One robot",
+        f"`gym.make(...).unwrapped`, {SINGLE_STEPS} policy steps from a reset. Figure: time of "
+        "everything beyond the physics (layer, observation, reward, `info`), per control tick, "
+        f"median over {SINGLE_ROUNDS} times as many rounds as elsewhere. By the clock on the wall: "
+        "to ask for CPU time twice a tick would be measured, too.",
+        "µs",
+        tuple(
+            Figure.of(
+                f"{robot}, `{layer}`",
+                f"beside {np.median(micros[robot, layer][:, 1]):.0f} µs of physics",
+                micros[robot, layer][:, 0],
+                SINGLE_LIMIT,
+            )
+            for robot, layer in cases
+        ),
+    )
+
+
 def _beside_physics(
     cases: Cases, begin: Callable[[str, str, int], Round], steps: int, num_envs: int, rounds: int
 ) -> tuple[Figure, ...]:
-    physics = dict[tuple[str, str], float]()
+    """Cost relative to the physics; beside it what that takes per robot and control tick."""
+    running = {case: begin(f"fbid_gym/{case[0]}", case[1], num_envs) for case in cases}
+    found = in_turns(running, rounds)
+    figures = []
+    for (env, layer), limit in cases.items():
+        cost, physics = found[env, layer].T
+        ticks = steps * num_envs * EnvConfig.of(ENVIRONMENTS[f"fbid_gym/{env}"]).rates().ticks
+        beside = f"beside {np.median(physics) / ticks * 1e6:.1f} µs of physics"
+        figures.append(Figure.of(f"{env}, `{layer}`", beside, cost / physics, limit))
+    return tuple(figures)
 
-    def ratio(case: tuple[str, str]) -> Callable[[], float]:
-        run = begin(f"fbid_gym/{case[0]}", case[1], num_envs)
-        ticks = EnvConfig.of(ENVIRONMENTS[f"fbid_gym/{case[0]}"]).rates().ticks
 
-        def measure() -> float:
-            spent = run()
-            physics[case] = spent.physics / (steps * ticks * num_envs) * 1e6
-            return spent.cost / spent.physics
+def _one(robot: str, layer: str) -> Round:
+    """All but the physics, and the physics, of one robot from a reset."""
+    env = gym.make(BALANCE, robot=robot, action_layer=layer).unwrapped
+    assert isinstance(env, RobotEnv)
+    physics = timed_physics(env.batch.simulation, time.perf_counter)
+    action = zero_action(env.action_space)
 
-        return measure
+    def run() -> Seconds:
+        env.reset(seed=0)
+        physics.seconds = 0.0
+        start = time.perf_counter()
+        for _ in range(SINGLE_STEPS):
+            env.step(action)
+        return Seconds(time.perf_counter() - start - physics.seconds, physics.seconds)
 
-    found = in_turns({case: ratio(case) for case in cases}, rounds)
-    return tuple(
-        Figure.of(
-            f"{case[0]}, `{case[1]}`",
-            f"beside {physics[case]:.1f} µs of physics",
-            found[case],
-            limit,
-        )
-        for case, limit in cases.items()
-    )
+    return run
 
 
 def _task(env: str, layer: str, num_envs: int) -> Round:

@@ -14,23 +14,23 @@ Clock = Callable[[], float]
 thread, so that what else the machine does counts less."""
 
 
-def in_turns(measures: Mapping[Key, Callable[[], float]], rounds: int) -> dict[Key, np.ndarray]:
+def in_turns(
+    measures: Mapping[Key, Callable[[], float | tuple[float, ...]]], rounds: int
+) -> dict[Key, np.ndarray]:
     """Measure every case once a round; every other round runs the cases in reverse.
 
     Args:
-        measures: name -> what returns a number. Each is called once before the first round.
+        measures: name -> what returns a number, or k. Each is called once before the first round.
         rounds: how often.
 
     Returns:
-        name -> (rounds,) numbers.
+        name -> (rounds,) numbers, or (rounds, k).
     """
-    found = {name: np.empty(rounds) for name in measures}
+    found: dict[Key, list[float | tuple[float, ...]]] = {name: [] for name in measures}
     for index in range(-1, rounds):
         for name in list(measures)[:: -1 if index % 2 else 1]:
-            value = measures[name]()
-            if index >= 0:
-                found[name][index] = value
-    return found
+            found[name].append(measures[name]())
+    return {name: np.array(values[1:]) for name, values in found.items()}
 
 
 def seconds_of(
