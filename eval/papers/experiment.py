@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
+import msgspec
 import numpy as np
 from markupsafe import Markup
 
@@ -162,6 +163,14 @@ class Run:
     seconds: float
 
 
+class _Saved(msgspec.Struct):
+    """What stands in `numbers.json`."""
+
+    findings: list[Finding]
+    numbers: dict[str, Any]
+    run: Run
+
+
 _UNFIT = (KeyError, ValueError, IndexError, TypeError, AttributeError, StopIteration)
 
 
@@ -177,11 +186,10 @@ def load(experiment: Experiment, out: Path) -> tuple[Result, Run]:
             raise RunError(f"{folder} holds no {name}. Run: {experiment.command(False)}")
     arrays, saved = _arrays(folder / "data.npz"), read_json(folder / "numbers.json")
     try:
-        findings = [Finding(**found) for found in saved["findings"]]
-        run = Run(bool(saved["run"]["quick"]), float(saved["run"]["seconds"]))
-        return Result(findings, dict(saved["numbers"]), arrays), run
-    except _UNFIT as error:
+        read = msgspec.convert(saved, _Saved)
+    except msgspec.ValidationError as error:
         raise RunError(f"{folder / 'numbers.json'}: not of this experiment ({error}).") from error
+    return Result(read.findings, read.numbers, arrays), read.run
 
 
 def drawn(experiment: Experiment, result: Result) -> Markup:

@@ -80,6 +80,19 @@ def test_what_files_say_is_text(rng: np.random.Generator) -> None:
         ElementTree.fromstring(sheet([svg]))
 
 
+def test_directions_are_named_and_closed_all_the_way_round() -> None:
+    degrees = np.arange(0.0, 360.0, 45.0)
+    named = [("one", 0, degrees + 1.0), ("two", 1, 0 * degrees + 90.0)]
+    svg = polar(degrees, named, "Limits", "J", {0.0: "front"}, (90.0, 17.4, "paper"))
+    for part in ("one", "two", "Limits", "front", "paper"):
+        assert f">{part}</text>" in svg, part
+    (circle,) = [its for its in curves_of(svg, 1) if len(its) > 4]
+    middle = circle[:8].mean(axis=0)
+    radius = np.linalg.norm(circle - middle, axis=1)
+    np.testing.assert_allclose(radius, radius[0], atol=0.2)
+    np.testing.assert_allclose(circle[0], circle[-1])
+
+
 def test_marks_of_a_strip() -> None:
     row = Strip("x", 0, [1.0, 2.0, 3.0], Estimate(2.0, 0.5, 3.5), 0.0)
     svg = strips([row, row], METRIC)

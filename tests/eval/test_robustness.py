@@ -77,14 +77,8 @@ def test_nothing_is_called_nominal_that_training_randomised(
 
 
 def test_the_tables_of_docs_say_what_they_are_of() -> None:
-    found = replace(
-        made({"a": flat(0.5, 0.4, 0.6)}), env_args={"episode_seconds": 3.0}, robot="go1"
-    )
-    assert said(found) == (
-        f"`{WALK}`, robot go1: 4 episodes of 3 s at every value, from seed 5 on, by"
-    )
-    more = replace(found, env_args={**found.env_args, "action_layer": "torque", "gait": "pace"})
-    assert f'`{WALK}` with `{{"gait": "pace"}}`, robot' in said(more)
+    found = replace(made({"a": flat(0.5, 0.4, 0.6)}), env_args={"gait": "pace"}, robot="go1")
+    assert all(part in said(found) for part in (WALK, "go1", "4 episodes", '"gait": "pace"'))
 
 
 def test_what_a_policy_was_trained_with_stays_but_for_the_factor() -> None:
@@ -163,12 +157,8 @@ def test_an_arm_is_ahead_if_its_interval_lies_beyond_all_others() -> None:
     behind = {"a": good, "b": flat(0.5, 0.4, 0.79)}
     assert leader(made(behind).along[0], "survived") == "a"
     assert leader(made(behind | {"c": close}).along[0], "survived") == ""
-    assert "a stays up more often" in headline(made({"b": behind["b"], "a": good})).replace(
-        "A", "a"
-    )
-    assert "none is clearly" in headline(made({"a": good, "b": close})) or "no arm" in headline(
-        made({"a": good, "b": close})
-    )
+    assert headline(made({"b": behind["b"], "a": good})).startswith("A stays up more often")
+    assert "no arm clearly" in headline(made({"a": good, "b": close}))
 
 
 def test_text_is_escaped() -> None:

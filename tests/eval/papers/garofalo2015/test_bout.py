@@ -14,7 +14,6 @@ from eval.papers.garofalo2015.bout import Blow, bout
 from eval.papers.garofalo2015.largest_blow import FIRST, largest
 from eval.papers.garofalo2015.measures import settling_time, unrealised
 from eval.papers.garofalo2015.pendulum import Pendulum
-from eval.papers.garofalo2015.polar import Ring, polar
 from eval.papers.garofalo2015.tracking import goals, swaying
 from eval.papers.garofalo2015.uneven import BLOCKS, stance
 from eval.papers.log import Log
@@ -129,17 +128,6 @@ def test_a_stand_above_a_fall_does_not_count():
 
     low, high = largest(test, np.zeros(1), refined=3)
     assert FIRST[1] <= low[0] < high[0] <= FIRST[2]
-
-
-def test_a_polar_chart_names_what_it_shows():
-    degrees = np.arange(0.0, 360.0, 45.0)
-    chart = polar(
-        degrees, [Ring("one & all", 0, degrees + 1.0), Ring("two", 1, 0 * degrees + 90.0)],
-        "Limits", "J", {0.0: "front"}, (90.0, 17.4, "paper"),
-    )  # fmt: skip
-    for part in ("one &amp; all", "two", "Limits", "front", "paper", "316 J"):
-        assert part in chart, part
-    assert chart.count('class="dot"') == 17
 
 
 def test_the_moving_goal_has_its_own_rates():
