@@ -130,7 +130,7 @@ def said(table: Table, rows: Sequence[Row], page: Path) -> str:
 def short(table: Table, rows: Sequence[Row]) -> Iterator[Sequence[str]]:
     """Yield the lines of the short table, the head first."""
     across = list(dict.fromkeys(row[table.across] for row in rows))
-    yield *table.rows, *across
+    yield [name.replace("_", " ") for name in (*table.rows, *across)]  # so that pages can wrap it
     for line in dict.fromkeys(tuple(row[name] for name in table.rows) for row in rows):
         its = [row for row in rows if tuple(row[name] for name in table.rows) == line]
         by_value = [[row for row in its if row[table.across] == value] for value in across]

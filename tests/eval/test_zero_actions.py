@@ -137,7 +137,7 @@ def test_a_page_has_the_command_and_the_short_table(
     _, _, written = page.read_text().partition(START)
     assert "\n```\npython -m eval.zero_actions walking --robots biped " in written
     assert "2 robots each, 0.1 s, pushes of 0 N" in written and "[walking.csv](data/" in written
-    assert "| robot | gait | torque | base_acceleration |" in written
+    assert "| robot | gait | torque | base acceleration |" in written
     assert len(read_rows(tmp_path / "data" / "walking.csv")) == 2
 
 

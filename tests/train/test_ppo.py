@@ -14,7 +14,7 @@ import train.training
 from fbid_gym.bundles import load_bundle, save_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
-from train.runs.config import EvaluationConfig, PPOConfig
+from train.runs.config import ALGORITHMS, EvaluationConfig, PPOConfig
 
 
 @pytest.fixture(scope="module")
@@ -112,11 +112,11 @@ def test_finished_run_is_left_as_it_is(straight, capsys):
     assert "already trained for 768 steps" in capsys.readouterr().out
 
 
-def test_longer_run_continues_a_finished_one(straight, tmp_path):
-    quiet = EvaluationConfig(every=0)
-    stand_in.train(tmp_path / "a", total_steps=384, eval=quiet)
-    stand_in.train(tmp_path / "a", total_steps=768, eval=quiet)
-    stand_in.train(tmp_path / "b", total_steps=768, eval=quiet)
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_longer_run_continues_a_finished_one(tmp_path, algorithm):
+    for name, steps in (("a", 384), ("a", 768), ("b", 768)):
+        quiet = {"total_steps": steps, "eval": EvaluationConfig(every=0)}
+        stand_in.train(tmp_path / name, algorithm=algorithm, **quiet)
     a, b = stand_in.state(tmp_path / "a"), stand_in.state(tmp_path / "b")
     for name in a:
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
@@ -158,21 +158,6 @@ def test_training_learns(tmp_path):
     assert float(first["survival"]) < 0.5 and float(last["survival"]) > 0.85
 
 
-DAMAGE = {
-    "checkpoint.json": (b"{", r"checkpoint\.json: not JSON"),
-    "checkpoint.safetensors": (b"x" * 20, r"checkpoint\.safetensors: not safetensors"),
-}
-
-
-@pytest.mark.parametrize("name", DAMAGE)
-def test_damaged_checkpoint(tmp_path, name):
-    content, message = DAMAGE[name]
-    stand_in.train(tmp_path, total_steps=128, eval=EvaluationConfig(every=0))
-    (tmp_path / "checkpoint" / name).write_bytes(content)
-    with pytest.raises(RunError, match=message):
-        stand_in.train(tmp_path, eval=EvaluationConfig(every=0))
-
-
 @pytest.mark.parametrize(
     ("path", "value"),
     [
@@ -209,17 +194,6 @@ def test_forged_numbers_are_refused(straight, tmp_path, path, value):
     with pytest.raises(RunError, match=r"checkpoint\.safetensors: does not fit this run"):
         stand_in.train(tmp_path / "run", total_steps=1024)
     assert {file: file.read_bytes() for file in before} == before
-
-
-def test_checkpoint_of_another_network(tmp_path):
-    """Put there by hand: the configuration of the folder would have been refused."""
-    quiet = EvaluationConfig(every=0)
-    stand_in.train(tmp_path / "a", total_steps=128, eval=quiet)
-    stand_in.train(tmp_path / "b", total_steps=128, eval=quiet, num_envs=4)
-    (tmp_path / "a" / "checkpoint").rename(tmp_path / "away")
-    (tmp_path / "b" / "checkpoint").rename(tmp_path / "a" / "checkpoint")
-    with pytest.raises(RunError, match="does not fit this run.*Expected a checkpoint of the same"):
-        stand_in.train(tmp_path / "a", eval=quiet)
 
 
 def test_diverged_training_says_so_and_keeps_its_checkpoint(tmp_path):

@@ -75,14 +75,6 @@ def test_killed_twice_and_resumed_is_the_same_run(straight, tmp_path):
     assert files == {path.name for path in (straight / "replay").iterdir()}
 
 
-def test_a_longer_run_continues_a_finished_one(straight, tmp_path):
-    _train(tmp_path, total_steps=384, eval=QUIET)
-    _train(tmp_path, total_steps=768, eval=QUIET)
-    one, other = stand_in.state(straight), stand_in.state(tmp_path)
-    for name in one:
-        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
-
-
 def test_training_learns(tmp_path):
     sac = SACConfig(
         n_steps=16, gradient_steps=2, batch_size=64, learning_starts=256, policy_starts=512,
