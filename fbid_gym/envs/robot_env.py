@@ -36,8 +36,8 @@ class RobotEnv(Interface, gym.Env):
     A `Box(-1, 1, (A,), float32)`, held for one policy step. In every layer the zero action follows
     what the task asks for (the home stance, a motion, a gait) as well as this layer can, and
     torques are cut off at the same limits. Entries outside [-1, 1] are clipped, and the info tells
-    their share; with `actions="refuse"` they are errors, as NaN always is. `env.unwrapped.action_names` names each entry with its
-    scale and unit.
+    their share; with `actions="refuse"` they are errors, as NaN always is.
+    `env.unwrapped.action_names` names each entry with its scale and unit.
 
     ## Observation Space
     A `Box` of float32, the same for every layer. Values are clipped to their ranges.
@@ -98,12 +98,10 @@ class RobotEnv(Interface, gym.Env):
 
     def __init__(self, robot: Any = "biped", **arguments: Any) -> None:
         """Build the environment."""
-        made = {"robot": robot} | arguments
-        drawing, rest = Drawing.of(made)
+        drawing, rest = Drawing.of({"robot": robot} | arguments)
         config = EnvConfig.of(rest)
         self.batch = EnvBatch(config, 1)
-        spaces = self._present(config, drawing, self.batch, self.batch.num_steps, made)
-        self.observation_space, self.action_space = spaces
+        self.observation_space, self.action_space = self._present(config, drawing, self.batch)
         self._only = np.zeros(1, int)
         self._begun, self._closed = False, False
 
