@@ -96,10 +96,9 @@ class Chunks:
         self.check_open()
         asked = None if command is None else self.check_command(command)
         steps = self._first if chosen is None else np.full(self.num_envs, self.num_steps)
-        everyone = np.ones(self.num_envs, bool)
+        chosen = np.ones(self.num_envs, bool) if chosen is None else chosen
         for batch, part in zip(self.batches, self.slices, strict=True):
-            ids = np.flatnonzero((everyone if chosen is None else chosen)[part])
-            if len(ids):
+            if len(ids := np.flatnonzero(chosen[part])):
                 batch.reset(ids, None if asked is None else asked[part][ids], steps[part][ids])
 
     def set_command(self, command: Any) -> None:

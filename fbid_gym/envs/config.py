@@ -358,6 +358,7 @@ _TERRAIN_HEIGHT = 0.191  # 3 cm for the 16 cm of `quadruped`, as in [M10] IV.E
 AROUND = (
     *options_of(Drawing),
     *("num_envs", "num_threads", "max_episode_steps", "stagger", "autoreset_mode"),
+    "vectorization_mode",
 )
 """Arguments about how environments are drawn and stepped."""
 

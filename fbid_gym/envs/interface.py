@@ -36,12 +36,7 @@ class Interface:
     _spec: EnvSpec | None
 
     def _present(
-        self,
-        config: EnvConfig,
-        drawing: Drawing,
-        batch: EnvBatch,
-        most_steps: int,
-        made: dict[str, Any],
+        self, config: EnvConfig, drawing: Drawing, batch: EnvBatch, **around: Any
     ) -> tuple[gym.spaces.Box, gym.spaces.Box]:
         """Set all of them; return the spaces of observations and of actions of one environment.
 
@@ -49,13 +44,12 @@ class Interface:
             config: what they are.
             drawing: how they are drawn.
             batch: some of them.
-            most_steps: of an episode.
-            made: arguments of the constructor.
+            **around: other arguments of the constructor.
         """
         self._renderer = RobotRenderer(drawing, batch.robot)
         self.drawn_over, self.render_mode = self._renderer.shown, drawing.render_mode
-        self.config, self._made = config, made
-        self._most_steps, self._spec = most_steps, None
+        self.config, self._made = config, vars(drawing) | config.arguments | around
+        self._num_steps, self._spec = batch.num_steps, None
         self.metadata = METADATA | {"render_fps": config.rates().policy}
         self.observation_names, self.action_names = batch.observation_names, batch.action_names
         bound = batch.observation_bound.astype(np.float32)
@@ -69,10 +63,10 @@ class Interface:
 
     @spec.setter
     def spec(self, given: EnvSpec | None) -> None:
-        self._spec = given and Spec(given.id)
-        if given is not None and self._spec is not None:
-            vars(self._spec).update(vars(given))
-            self._spec.max_episode_steps = self._most_steps
+        self._spec = None
+        if given is not None:
+            self._spec = Spec(given.id)
+            vars(self._spec).update(vars(given), max_episode_steps=self._num_steps)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copied and pickled as it was made, without its episode, as Gymnasium's own are."""
@@ -89,7 +83,6 @@ class Spec(EnvSpec):
     def to_json(self) -> str:
         """Return it as JSON; numbers of NumPy are numbers, a `Falling` is in hertz."""
         own = {name: value for name, value in self.kwargs.items() if name not in AROUND}
-        own.pop("vectorization_mode", None)
         meant = EnvConfig.of(own).resolved()
         written = plain(self.kwargs) | {name: _told(own[name], meant[name]) for name in own}
         return EnvSpec.to_json(replace(self, kwargs=written))

@@ -98,12 +98,10 @@ class RobotEnv(Interface, gym.Env):
 
     def __init__(self, robot: Any = "biped", **arguments: Any) -> None:
         """Build the environment."""
-        made = {"robot": robot} | arguments
-        drawing, rest = Drawing.of(made)
+        drawing, rest = Drawing.of({"robot": robot} | arguments)
         config = EnvConfig.of(rest)
         self.batch = EnvBatch(config, 1)
-        spaces = self._present(config, drawing, self.batch, self.batch.num_steps, made)
-        self.observation_space, self.action_space = spaces
+        self.observation_space, self.action_space = self._present(config, drawing, self.batch)
         self._only = np.zeros(1, int)
         self._begun, self._closed = False, False
 

@@ -45,15 +45,19 @@ class RobotVectorEnv(Interface, VectorEnv):
         **arguments: Any,
     ) -> None:
         """Build the environments."""
-        made = {"robot": robot} | arguments
-        drawing, rest = Drawing.of(made)
+        drawing, rest = Drawing.of({"robot": robot} | arguments)
         config, self.autoreset_mode = EnvConfig.of(rest), _autoreset_mode(autoreset_mode)
         self.chunks = Chunks(config, num_envs, num_threads, max_episode_steps, stagger)
-        made |= {"num_envs": num_envs, "num_threads": num_threads, "stagger": stagger}
-        made |= {"max_episode_steps": max_episode_steps, "autoreset_mode": self.autoreset_mode}
-        first, most = self.chunks.batches[0], self.chunks.num_steps
-        spaces = self._present(config, drawing, first, most, made)
-        self.single_observation_space, self.single_action_space = spaces
+        self.single_observation_space, self.single_action_space = self._present(
+            config,
+            drawing,
+            self.chunks.batches[0],
+            num_envs=num_envs,
+            num_threads=num_threads,
+            autoreset_mode=self.autoreset_mode,
+            max_episode_steps=max_episode_steps,
+            stagger=stagger,
+        )
         self.num_envs = num_envs = self.chunks.num_envs
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
