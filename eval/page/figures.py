@@ -149,7 +149,8 @@ def panel(
         if marks.shaded_to is not None:
             end = min(marks.shaded_to, axes.get_xlim()[1])
             axes.axvspan(axes.get_xlim()[0], end, color=COLOUR["wash"], zorder=0, linewidth=0)
-        _name_ends(axes, series, marks.threshold)
+        if series:
+            _name_ends(axes, series, marks.threshold)
     return drawn[0]
 
 

@@ -90,10 +90,13 @@ def round_ticks(most: int, **options: Any) -> MaxNLocator:
 
 
 def tick_labels(form: Form) -> FuncFormatter:
-    """Write ticks, without zeros at the end of decimals."""
+    """Write ticks without zeros at the end of decimals, with more digits where two look alike."""
 
     def written(value: float, _: object) -> str:
+        if len(set(map(form, made.locs))) < len(made.locs):
+            return f"{value:.8g}"
         text = form(value)
         return text.rstrip("0").rstrip(".") if "." in text else text
 
-    return FuncFormatter(written)
+    made = FuncFormatter(written)
+    return made
