@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 from scipy.optimize import isotonic_regression
 
-from eval.page.svg import COLOUR, axes_of, round_ticks, tick_labels, tooltip
+from eval.page.svg import COLOUR, TickLabels, axes_of, round_ticks, tooltip
 from eval.results import Band, Estimate
 from eval.wording import Form, capital, form_of, number, span, titled
 from train.episodes import Metric
@@ -144,12 +144,13 @@ def panel(
         least = min((float(np.min(line.get_ydata())) for line in axes.lines), default=0.0)
         axes.set_ylim(y_range or (0.0 if low < 0.0 <= least else low, high))
         axes.xaxis.set_major_locator(round_ticks(4))
-        axes.xaxis.set_major_formatter(tick_labels(x_format))
-        axes.yaxis.set_major_formatter(tick_labels(y_format))
+        axes.xaxis.set_major_formatter(TickLabels(x_format))
+        axes.yaxis.set_major_formatter(TickLabels(y_format))
         if marks.shaded_to is not None:
             end = min(marks.shaded_to, axes.get_xlim()[1])
             axes.axvspan(axes.get_xlim()[0], end, color=COLOUR["wash"], zorder=0, linewidth=0)
-        _name_ends(axes, series, marks.threshold)
+        if series:
+            _name_ends(axes, series, marks.threshold)
     return drawn[0]
 
 
@@ -263,7 +264,7 @@ def strips(rows: Sequence[Strip], metric: Metric) -> Markup:
         ticks = round_ticks(4).tick_values(low, high)
         axes.set_xticks([tick for tick in ticks if low <= tick <= high])
         axes.tick_params(bottom=False)
-        axes.xaxis.set_major_formatter(tick_labels(form))
+        axes.xaxis.set_major_formatter(TickLabels(form))
     return drawn[0]
 
 
@@ -319,7 +320,7 @@ def bars(
         axes.set(ylim=(len(groups) - 0.5, -0.5), xlim=(0.0, top))
         axes.set_yticks(range(len(groups)), groups)
         axes.xaxis.set_major_locator(round_ticks(4))
-        axes.xaxis.set_major_formatter(tick_labels(form))
+        axes.xaxis.set_major_formatter(TickLabels(form))
         axes.legend(loc="lower left", bbox_to_anchor=(-0.02, 1.0), frameon=False, borderpad=0.0,
                     labelspacing=0.2, handlelength=1.2, borderaxespad=0.3)  # fmt: skip
     return drawn[0]
@@ -361,7 +362,7 @@ def polar(
                           annotation_clip=False)  # fmt: skip
         axes.set_rlabel_position(-22.5)  # type: ignore[attr-defined]
         axes.yaxis.set_major_locator(round_ticks(4, prune="lower"))
-        axes.yaxis.set_major_formatter(tick_labels(lambda value: f"{number(value)} {unit}"))
+        axes.yaxis.set_major_formatter(TickLabels(lambda value: f"{number(value)} {unit}"))
         axes.spines["polar"].set_visible(False)
         axes.legend(loc="upper left", bbox_to_anchor=(-0.35, -0.1), frameon=False, fontsize=10.5,
                     ncols=2, borderpad=0.0)  # fmt: skip

@@ -12,7 +12,7 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import Formatter, MaxNLocator
 
 from eval.wording import Form
 
@@ -89,11 +89,19 @@ def round_ticks(most: int, **options: Any) -> MaxNLocator:
     return MaxNLocator(most, steps=[1, 2, 2.5, 5, 10], **options)
 
 
-def tick_labels(form: Form) -> FuncFormatter:
-    """Write ticks, without zeros at the end of decimals."""
+class TickLabels(Formatter):
+    """Ticks without zeros at the end of decimals, with more digits where two look alike."""
 
-    def written(value: float, _: object) -> str:
-        text = form(value)
+    def __init__(self, form: Form) -> None:
+        """Write values by a function."""
+        self._form = form
+
+    def __call__(self, value: float, pos: int | None = None) -> str:
+        """Write one."""
+        text = self._form(value)
         return text.rstrip("0").rstrip(".") if "." in text else text
 
-    return FuncFormatter(written)
+    def format_ticks(self, values: Sequence[float]) -> list[str]:
+        """Write all of an axis."""
+        texts = [self(value) for value in values]
+        return texts if len(set(texts)) == len(texts) else [f"{value:.8g}" for value in values]

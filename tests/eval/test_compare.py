@@ -277,12 +277,6 @@ def test_the_page_says_how_each_run_is_trained_again(run_folder: Build) -> None:
     assert parse(shlex.split(unescape(command))) == config
 
 
-def test_names_from_files_are_escaped(run_folder: Build) -> None:
-    folder = run_folder(name="a<b>&c")
-    html = page(compare([load(folder), load(run_folder("joint_position"))], QUICK), None)
-    assert "a<b>" not in html and "a&lt;b&gt;&amp;c" in html
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -66,6 +66,12 @@ def test_no_name_stands_in_the_axes() -> None:
         assert float(x) > end and 0.0 < float(y) < HEIGHT
 
 
+def test_ticks_are_told_apart() -> None:
+    svg = panel([Series("x", 0, X, [6.1201, 6.1204, 6.1209])], "Return", "steps")
+    ticks = re.findall(r">(6\.12\d*)</text>", svg)
+    assert len(ticks) > 2 and len(set(ticks)) == len(ticks)
+
+
 def test_what_files_say_is_text(rng: np.random.Generator) -> None:
     evil = '<b x="1">$x$ & co'
     shown = "&lt;b x=&quot;1&quot;&gt;$x$ &amp; co"
@@ -111,6 +117,7 @@ def test_alike_values_still_make_a_figure(value: float) -> None:
         panel([Series("x", 0, [0.0, 1.0], [value, value])], "Return", "steps"),
         panel([Series("x", 0, [0.0], [value])], "Return", "steps"),
         lines([1.0, 2.0], [("x", 0, [value, np.nan]), ("none", 1, [np.nan] * 2)], "A", "B"),
+        lines([1.0, 2.0], [("none", 1, [np.nan] * 2)], "A", "B"),
     ]
     for svg in drawn:
         assert not re.search(r"\bnan\b|\binf\b", svg) and "none</text>" not in svg

@@ -38,7 +38,7 @@ def test_what_is_not_html_of_ours_is_escaped() -> None:
 
 
 def test_words_of_run_folders_are_words(run_folder: Callable[..., Path], tmp_path: Path) -> None:
-    run = run_folder()
+    run = run_folder(name="a<b>&c")
     versions = json.loads((run / "versions.json").read_text())
     forged = versions | {"cpu_count": EVIL, "platform": EVIL, "packages": {EVIL: EVIL}}
     (run / "versions.json").write_text(json.dumps(forged))
@@ -46,4 +46,4 @@ def test_words_of_run_folders_are_words(run_folder: Callable[..., Path], tmp_pat
     assert main([str(run), "--out", str(tmp_path / "report.html"), *few]) == 0
     html = (tmp_path / "report.html").read_text()
     assert "&lt;script&gt;alert(1)" in html
-    assert "<script" not in html and "<img" not in html
+    assert "<script" not in html and "<img" not in html and "a<b>" not in html

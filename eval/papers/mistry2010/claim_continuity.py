@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from eval.page.figures import lines, traces
+from eval.page.figures import Marks, lines, traces
 from eval.page.html import figure, text
 from eval.papers.experiment import Experiment, Result, Setting, main
 from eval.papers.mistry2010.laws import equation
@@ -154,9 +154,11 @@ def show(result: Result) -> list[str]:
                 lines(fewer, [("Q", 1, arrays["zoom_q"])], "Change of Q", "halvings of the step"),
                 lines(
                     fewer,
-                    [("torque", 0, np.log10(np.maximum(arrays["zoom_torque"], 1e-14)))],
-                    "Change of the torque, log10 of N·m",
+                    [("torque", 0, np.maximum(arrays["zoom_torque"], 1e-14))],
+                    "Change of the torque, N·m",
                     "halvings of the step",
+                    y_format="{:.0e}".format,
+                    marks=Marks(logarithmic=True),
                 ),
             ],
             "Above: along one path. Q comes from Householder reflections, as the paper's, and "
