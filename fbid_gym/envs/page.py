@@ -21,19 +21,13 @@ from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.options import Option, options_of
 from fbid_gym.robots import terrain
-from fbid_gym.tasks import TASKS, Task, Walk
-from fbid_gym.tasks.balance import Balance
+from fbid_gym.tasks import TASKS
 from fbid_gym.tasks.reward import Terms
-from fbid_gym.tasks.tracking import Tracking
 
-_MAKE = """\
-```python
-import gymnasium as gym
-
-import fbid_gym
-
-env = gym.make("{}", action_layer="base_acceleration")
-```"""
+_MAKE = (
+    "```python\nimport gymnasium as gym, fbid_gym\n\n"
+    'env = gym.make("{}", action_layer="base_acceleration")\n```'
+)
 
 INFO = {
     "height": "m, of the base above the contact points; on a gait above the ground",
@@ -113,6 +107,7 @@ def _facts(env_id: str, env: RobotEnv) -> str:
     kind = "flat" if robot.has_soles else "point"
     shares = [force / robot.weight for force in push]
     pushes = "{:.3g} to {:.3g} N, {:.2g} to {:.2g} of the weight".format(*push, *shares)
+    said = (f"{a:.3g} to {b:.3g} {unit}" for unit, (a, b) in task.commands.items())
     rows = [
         ["Robot", f"`{robot.name}`: {robot.mass:.3g} kg, {robot.num_joints} joints, "
                   f"{robot.num_feet} {kind} feet, {robot.num_points} contact points"],
@@ -121,25 +116,11 @@ def _facts(env_id: str, env: RobotEnv) -> str:
         ["Episode", f"{config.episode_seconds:g} s, {round(config.episode_seconds * rates.policy)} "
                     "policy steps"],
         ["Pushes", pushes if push[1] > 0 else "none by default"],
-        ["Commands", _commands(task)],
+        ["Commands", ", ".join(said) or "none"],
         ["Ground", f"`{config.terrain}`"],
         ["Lengths", f"H {task.body.size:.3g} m, h {task.body.stance.home_com[2]:.3g} m"],
     ]  # fmt: skip
     return table(["", f"`{env_id}`"], rows)
-
-
-def _commands(task: Task) -> str:
-    """Return the ranges of the commands, in the units of this robot."""
-    if isinstance(task, Walk):
-        words = ("m/s ahead", "m/s to the left", "rad/s to the left")
-        ranges = zip(task.most, words, strict=True)
-    elif isinstance(task, Balance):
-        ranges = zip([task.body.height(np.array(task.height_range))], ["m of height"], strict=True)
-    elif isinstance(task, Tracking) and task.speed_range[0] < task.speed_range[1]:
-        ranges = zip([task.speed_range], ["m/s ahead"], strict=True)
-    else:
-        return "none"
-    return ", ".join(f"{least:.3g} to {most:.3g} {unit}" for (least, most), unit in ranges)
 
 
 def _actions(env: RobotEnv) -> str:

@@ -105,6 +105,7 @@ class Balance(PlannedEpisode):
         check_schedule("height_interval", height_interval, episode.seconds)
         return cls.from_episode(
             episode,
+            commands={"m of height": episode.body.height(np.array(height_range))},
             home=home_target(episode.body.robot),
             height_range=height_range,
             height_interval=height_interval,

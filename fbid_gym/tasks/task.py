@@ -38,8 +38,7 @@ class Now(NamedTuple):
 class Task(Protocol):
     """A task for one kind of robot.
 
-    A task is immutable and serves any number of robots: what differs between them lies in a `Plan`
-    that the caller keeps.
+    A task is immutable and serves any number of robots; the caller keeps a `Plan` of each.
     """
 
     @property
@@ -65,6 +64,11 @@ class Task(Protocol):
     @property
     def derived(self) -> Mapping[str, Any]:
         """Values of the options that derive from the robot where the user gives none."""
+        ...
+
+    @property
+    def commands(self) -> Mapping[str, Any]:
+        """Ranges of the commands: unit with direction -> (least, most)."""
         ...
 
     @property
@@ -134,6 +138,7 @@ class Episode:
         pushes: the disturbances.
         start: how an episode begins.
         derived: values of the options that derive from the robot where the user gives none.
+        commands: see `Task.commands`.
     """
 
     body: Body
@@ -142,6 +147,7 @@ class Episode:
     pushes: Pushes
     start: Start
     derived: Mapping[str, Any] = field(default_factory=dict)
+    commands: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def from_episode(cls, episode: "Episode", **own: Any) -> Self:

@@ -5,8 +5,7 @@ The robot follows a motion. At every control tick this gives place, velocity and
 joints and base, and the feet that stand ([M10] section IV).
 
 ## Starting State
-A random moment of the motion, with its posture and velocity. A motion that ends holds its last
-posture.
+A random moment of the motion. A motion that ends holds its last posture.
 """
 
 from collections.abc import Mapping
@@ -113,7 +112,9 @@ class Tracking(PlannedEpisode):
         """Build the task; the other arguments are its attributes."""
         if not -np.inf < speed_range[0] <= speed_range[1] < np.inf:
             raise InvalidValueError("speed_range", speed_range, "a pair least <= most of m/s")
-        return cls.from_episode(episode, motion=motion, speed_range=speed_range, derived=derived)
+        told = {"m/s ahead": speed_range} if any(speed_range) else {}
+        own = {"motion": motion, "speed_range": speed_range, "derived": derived, "commands": told}
+        return cls.from_episode(episode, **own)
 
     @property
     def observation_groups(self) -> Groups:

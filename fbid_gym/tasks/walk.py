@@ -123,13 +123,15 @@ class Walk(Episode):
         height = float(stance.home_com[2])
         units = Units.of(robot, height)
         lowered = height * lowered_range[0], height * lowered_range[1]
+        most = np.array(ranges) * np.array([[units.speed], [units.speed], [units.rate]])
         return cls.from_episode(
             episode,
             # A gait may have a robot whose legs are straight at home a good deal lower.
             body=Body.of(robot, float(stance.home_base[2]) - walks.height + lowered[1]),
             derived={"gait": gait or default_gait(robot)},
             gait=walks,
-            most=np.array(ranges) * np.array([[units.speed], [units.speed], [units.rate]]),
+            commands=dict(zip(("m/s ahead", "m/s to the left", "rad/s"), most, strict=True)),
+            most=most,
             interval=command_interval,
             lowered=lowered,
             scan=SCAN * height if height_scan else np.zeros((0, 2)),
