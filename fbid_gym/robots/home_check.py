@@ -128,8 +128,8 @@ def _uneven(home: _Home) -> Iterator[str]:
 
 def _on_edges(home: _Home) -> Iterator[str]:
     for foot in home.feet:
-        if is_point(home.pose.model, foot.point_names[0]):  # as somebody wants it
-            continue
+        if foot.radius > 0.0 or is_point(home.pose.model, foot.point_names[0]):
+            continue  # round, or as somebody wants it
         tilt = tilt_of(home.pose, foot.body)
         if tilt is not None and tilt > TILTED:
             yield (

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots.mjcf import listed, object_names, refuse
+from fbid_gym.robots.mjcf import listed, object_name, object_names, refuse
 
 _JOINT = mujoco.mjtJoint
 _OBJ = mujoco.mjtObj
@@ -84,11 +84,24 @@ def _base_of_tree(model: mujoco.MjModel) -> int:
             f"Joints {listed(names)} do not belong to the floating tree of {bases[0]!r}. "
             "Expected one robot and a static world."
         )
-    refuse(
-        *(model, _OBJ.mjOBJ_EQUALITY, np.flatnonzero(model.eq_active0)),
-        "Equality constraints are not supported: {}. Expected a tree without closed loops.",
-    )
+    ties = [_tie(model, tie) for tie in np.flatnonzero(model.eq_active0)]
+    if ties:
+        raise RobotError(
+            f"Equality constraints are not supported: {listed(ties)}. "
+            "Expected a tree without closed loops, whose legs' joints move by themselves."
+        )
     return base
+
+
+def _tie(model: mujoco.MjModel, tie: int) -> str:
+    """Name of an equality constraint, with that of the parts it ties."""
+    kind = mujoco.mjtEq(model.eq_type[tie]).name.removeprefix("mjEQ_").lower()
+    parts = _OBJ(model.eq_objtype[tie])
+    if kind in ("joint", "tendon"):
+        parts = _OBJ.mjOBJ_JOINT if kind == "joint" else _OBJ.mjOBJ_TENDON
+    ends = [end for end in (model.eq_obj1id[tie], model.eq_obj2id[tie]) if end >= 0]
+    name = object_name(model, _OBJ.mjOBJ_EQUALITY, int(tie))
+    return f"{name} ({kind} of {listed(object_names(model, parts, ends))})"
 
 
 def _acts(model: mujoco.MjModel, tendon: int) -> bool:
