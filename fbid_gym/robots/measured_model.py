@@ -140,6 +140,14 @@ class MeasuredModel:
         hinge = _JOINT.mjJNT_HINGE
         return [j for j in self.joints_above(body) if self.model.jnt_type[j] == hinge]
 
+    def falling_stiffness(self, feet: Sequence[int]) -> np.ndarray:
+        """(n,) N·m/rad that a joint needs to carry the weight; 0 for those that bear no foot."""
+        needed = np.zeros(self.model.nv - 6)
+        for joint in {joint for foot in feet for joint in self.hinges_above(foot)}:
+            lever = float(self.com[2] - self.data.xanchor[joint][2])
+            needed[int(self.model.jnt_dofadr[joint]) - 6] = self.weight * max(lever, 0.0)
+        return needed
+
     def lowest(self, geoms: Sequence[int] | np.ndarray) -> float:
         """World height of the lowest point of some geoms, m; infinite for none."""
         ends = [self.ends_of(int(geom)) for geom in geoms]

@@ -55,8 +55,6 @@ def read_plain(source: Source, base: str | None) -> tuple[mujoco.MjSpec, list[st
         told = _limits(source.text)
         locked = {joint: told[joint.name] for joint in spec.joints if joint.name in told}
         notes += _lock(spec, locked, "whose limits are equal")
-    screen = spec.visual.global_
-    screen.offwidth, screen.offheight = max(screen.offwidth, 1920), max(screen.offheight, 1080)
     notes += _free_root(spec) if source.is_urdf and base is None else []
     if base is None and source.is_urdf and not _floats(spec):
         base = _root_link(spec)
@@ -89,6 +87,32 @@ def compile_plain(spec: mujoco.MjSpec, label: str) -> tuple[mujoco.MjModel, list
         if changed:
             model, notes = mjcf.compile_spec(spec, label), notes + changed
     return model, notes
+
+
+def exclude_overlaps(
+    spec: mujoco.MjSpec, home: MeasuredModel, bodies: Mapping[int, mujoco.MjsBody]
+) -> list[str]:
+    """Let bodies of the robot that lie in one another at home touch no more; returns notes."""
+    model, data = home.model, mujoco.MjData(home.model)
+    data.qpos[:] = home.qpos
+    mujoco.mj_fwdPosition(model, data)
+    deepest = dict[tuple[int, int], float]()
+    for contact in data.contact:
+        first, second = sorted(int(body) for body in model.geom_bodyid[contact.geom])
+        if contact.dist < 0.0 and model.body_weldid[first] and model.body_weldid[second]:
+            pair = first, second
+            deepest[pair] = min(deepest.get(pair, 0.0), float(contact.dist))
+    told = []
+    for pair, depth in deepest.items():
+        first, second = (_named(bodies[body]) for body in pair)
+        spec.add_exclude(bodyname1=first, bodyname2=second)
+        told.append(f"{first} and {second} ({-1e3 * depth:.2g} mm)")
+    return [f"Lie in one another at home, and touch no more: {listed(told)}."] if told else []
+
+
+def _named(body: mujoco.MjsBody) -> str:
+    body.name = body.name or f"fbid_body_{body.id}"
+    return str(body.name)
 
 
 def _floats(spec: mujoco.MjSpec) -> bool:
@@ -310,5 +334,3 @@ def _clip_keyframes(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
             key.qpos = qpos
             names.append(key.name or "(unnamed)")
     return [f"Keyframes clipped to the joints' ranges: {listed(names)}."] if names else []
-
-

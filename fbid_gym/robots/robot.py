@@ -21,7 +21,7 @@ from fbid_gym.robots.feet import Foot, contacts, find_feet, group_points
 from fbid_gym.robots.home import home_pose, on_the_ground, stands_up
 from fbid_gym.robots.measured_model import LEGS, MeasuredModel
 from fbid_gym.robots.motors import ServoGains, motor_of_each_joint, servo_gains, use_motors
-from fbid_gym.robots.normalise import compile_plain, read_plain
+from fbid_gym.robots.normalise import compile_plain, exclude_overlaps, read_plain
 from fbid_gym.robots.scene import add_ground
 from fbid_gym.robots.soles import stand_up
 from fbid_gym.robots.source import RobotSource, Source
@@ -203,7 +203,9 @@ class Robot:
     def _archive(self) -> bytes:
         source, feet, _, home, base, torque_limit, armature = self.__reduce__()[1]
         content = source.content
-        packed = content if isinstance(content, bytes) else archive.pack(read_plain(source, base)[0])
+        packed = (
+            content if isinstance(content, bytes) else archive.pack(read_plain(source, base)[0])
+        )
         options = {"home": home, "base": base, "torque_limit": torque_limit, "armature": armature}
         return archive.with_arguments(packed, {"feet": feet, "name": self.name, **options})
 
@@ -328,6 +330,7 @@ def _build(
 
     # Bodies, joints and actuators keep their ids: only geoms, sites, lights and sensors join.
     bodies = {body.id: body for body in spec.bodies}  # ids are gone once something is added
+    notes += exclude_overlaps(spec, at_home, bodies)
     add_ground(spec, at_home, bodies[base_body], found)
     sensors = add_contact_sensors(spec, at_home, bodies, found)
     model = mjcf.compile_spec(spec, source.label)

@@ -1,7 +1,8 @@
 """Where bodies touch level ground: the feet that nobody named, and points where none are named."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
+import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
@@ -9,12 +10,18 @@ from fbid_gym.robots.measured_model import LEGS, MeasuredModel
 from fbid_gym.robots.mjcf import listed
 from fbid_gym.robots.polygon import few_corners
 
+_GEOM = mujoco.mjtGeom
 _UP = np.array([0.0, 0.0, 1.0])
 
 _FINGER = 0.005
 """Share of the robot's mass below which a limb is a finger."""
 _SMALL = 0.15
 """Width of a round foot, in heights of the centre of mass, above which it is a sole."""
+_TIPS = np.radians(45.0)
+"""A body tips by no more than this: farther, and it is not its sole that comes down."""
+_SIDE = 0.1
+"""Share of all its surface that a side of a body must have to stand on it."""
+_SAME = 1e-3  # of normals that are one side's
 _SHALLOW = 1.0 / 16.0
 _TURNS = (0.0, -1.0, -0.5, 0.5, 1.0)  # rad
 _ROUND = 0.05  # of a wheel's radius
@@ -50,9 +57,7 @@ def bodies_of_feet(home: MeasuredModel) -> list[int]:
     return [int(home.model.geom_bodyid[geom]) for geom in lowest]
 
 
-def _ball(
-    points: np.ndarray, height: np.ndarray, above: float
-) -> tuple[np.ndarray, float] | None:
+def _ball(points: np.ndarray, height: np.ndarray, above: float) -> tuple[np.ndarray, float] | None:
     """Find whether a foot is round and small, so that it rolls on one point.
 
     What is round has ever less of it near the ground: a quarter of the width at a sixteenth of the
@@ -82,6 +87,41 @@ def _ball(
     return np.append(middle, low), (half**2 + depth**2) / (2.0 * depth)
 
 
+def _is_flat(home: MeasuredModel, body: int, geoms: np.ndarray, low: float) -> bool:
+    """Whether boxes and meshes that touch have a flat side, on whose edge they may be."""
+    flat = np.isin(home.model.geom_type[geoms], (int(_GEOM.mjGEOM_BOX), int(_GEOM.mjGEOM_MESH)))
+    depth = _LEVEL * (home.com[2] - low)
+    touch = [int(geom) for geom in geoms[flat] if home.lowest([geom]) <= low + depth]
+    return bool(touch) and side_below(home, body, touch) is not None
+
+
+def side_below(
+    pose: MeasuredModel, body: int, geoms: Sequence[int] | np.ndarray
+) -> np.ndarray | None:
+    """Outward normal (3,), world, of the flat side of geoms of a body that faces down the most.
+
+    None where no side of some size does by `_TIPS`.
+    """
+    # Half a second that only those who ask should wait for.
+    from scipy.spatial import ConvexHull, QhullError
+
+    places = [pose.ends_of(int(geom))[0] for geom in geoms]
+    # Flat ones have a volume with the joint that they hang from.
+    moving = pose.model.body_weldid[body]
+    places += [pose.data.xanchor[j][None] for j in np.flatnonzero(pose.model.jnt_bodyid == moving)]
+    try:
+        hull = ConvexHull(np.concatenate(places))
+    except (QhullError, ValueError):
+        return None
+    normals, corners = hull.equations[:, :3], hull.points[hull.simplices]
+    edges = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.linalg.norm(edges, axis=1)
+    _, side = np.unique(np.round(normals / _SAME), axis=0, return_inverse=True)
+    normals = normals[np.bincount(side, areas)[side] > _SIDE * areas.sum()]
+    lowest = normals[np.argmin(normals[:, 2])] if len(normals) else _UP
+    return lowest if -lowest[2] > np.cos(_TIPS) else None
+
+
 def refuse_wheels(home: MeasuredModel, bodies: Iterable[int]) -> None:
     """Refuse feet that turn about themselves: turned by their last hinge they touch as before.
 
@@ -99,6 +139,7 @@ def refuse_wheels(home: MeasuredModel, bodies: Iterable[int]) -> None:
 def _is_wheel(home: MeasuredModel, body: int) -> bool:
     model, geoms = home.model, home.welded_geoms(body)
     hinges = [j for j in home.hinges_above(body) if model.jnt_bodyid[j] == model.body_weldid[body]]
+    hinges = [j for j in hinges if not model.jnt_limited[j]]
     if not geoms.size or not hinges or abs(home.data.xaxis[hinges[-1]][2]) > 0.5:
         return False
     drops = []
@@ -135,7 +176,7 @@ def touching_points(home: MeasuredModel, body: int) -> tuple[np.ndarray, float]:
     radius = np.concatenate([np.full(len(found), size) for found, size in ends])
     height = points[:, 2] - radius
     ball = _ball(points, height, home.com[2])
-    if ball is not None:
+    if ball is not None and not _is_flat(home, body, geoms, float(height.min())):
         size = max(ball[1], float(radius[height.argmin()]), home.roundness(geoms))
         return (ball[0] + size * _UP - home.data.xpos[body])[None] @ home.rotation(body), size
     touching = height <= height.min() + _LEVEL * max(home.com[2] - height.min(), 0.0)
