@@ -1,5 +1,6 @@
 """An MJCF's spec and model: compiled, made to float, their joints and the names of their parts."""
 
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
@@ -30,7 +31,10 @@ def warnings_heard() -> Iterator[list[str]]:
     heard, before = list[str](), mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda text: heard.append(text.strip().rstrip(".")))
     try:
-        yield heard
+        with warnings.catch_warnings(record=True) as others:  # of its bindings
+            warnings.simplefilter("always")
+            yield heard
+            heard += [str(other.message) for other in others]
     finally:
         mujoco.set_mju_user_warning(before)
 

@@ -1,7 +1,8 @@
 """Strangers' files set right where it is plain what is meant, with a note of each change.
 
-This is the first of two phases: here a spec is changed, and nothing is measured. What a robot can do
-without is left out, what hinders MuJoCo is mended, what no law knows of is refused by `unmodelled`.
+This is the first of two phases: a spec is changed, then the robot is measured, see `MeasuredModel`.
+What a robot can do without is left out, what hinders MuJoCo is mended; what no law knows of is
+refused by `unmodelled`.
 """
 
 from collections.abc import Mapping
@@ -271,7 +272,7 @@ def _mend_shells(spec: mujoco.MjSpec, error: str) -> list[str]:
 
 
 def _mend_inertias(spec: mujoco.MjSpec, error: str) -> list[str]:
-    """Give links without mass a millionth of the robot's; balance inertias that no body can have."""
+    """Give links without mass a millionth of the robot's; balance impossible inertias."""
     if "inertia" not in error and "mass" not in error:
         return []
     total = sum(float(body.mass) for body in spec.bodies) or 1.0

@@ -26,7 +26,7 @@ from fbid_gym.robots.scene import add_ground
 from fbid_gym.robots.soles import stand_up
 from fbid_gym.robots.source import RobotSource, Source
 from fbid_gym.robots.touching import refuse_wheels
-from fbid_gym.robots.unmodelled import refuse_unmodelled
+from fbid_gym.robots.unmodelled import refuse_diverging, refuse_unmodelled
 
 _LOG = logging.getLogger("fbid_gym")
 
@@ -335,6 +335,7 @@ def _build(
     sensors = add_contact_sensors(spec, at_home, bodies, found)
     model = mjcf.compile_spec(spec, source.label)
 
+    refuse_diverging(MeasuredModel(model, at_home.qpos), source.label)
     own_name = "" if spec.modelname == _UNNAMED else str(spec.modelname)
     columns = [model.sensor_adr[model.sensor(s).id] + np.arange(3) for s in sensors]
     robot = Robot(
@@ -373,7 +374,7 @@ def _refuse_bare(start: MeasuredModel, feet: tuple[Foot, ...], bare: list[str]) 
     ]
     if lost:
         raise RobotError(
-            f"Meshes of the bodies {mjcf.listed(lost)}, which they may stand on, are not found, or of no "
-            "kind that can be read (install trimesh and pycollada for .dae). Expected them beside the "
-            "file, or feet with other geometry."
+            f"Meshes of the bodies {mjcf.listed(lost)}, which they may stand on, are not found, or "
+            "of no kind that can be read (install trimesh and pycollada for .dae). Expected them "
+            "beside the file, or feet with other geometry."
         )

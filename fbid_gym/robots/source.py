@@ -61,7 +61,8 @@ class Source:
             path = _published(source)
         if not is_file(path):
             raise RobotError(
-                f"Robot file {str(path)[:_LONGEST]!r} does not exist. Expected the path of an MJCF or URDF."
+                f"Robot file {str(path)[:_LONGEST]!r} does not exist. "
+                "Expected the path of an MJCF or URDF."
             )
         return cls.known(path.resolve())
 

@@ -22,6 +22,7 @@ _TIPS = np.radians(45.0)
 _SIDE = 0.1
 """Share of all its surface that a side of a body must have to stand on it."""
 _SAME = 1e-3  # of normals that are one side's
+_DEPTHS = (1.0, 2.0, 4.0)
 _SHALLOW = 1.0 / 16.0
 _TURNS = (0.0, -1.0, -0.5, 0.5, 1.0)  # rad
 _ROUND = 0.05  # of a wheel's radius
@@ -82,9 +83,13 @@ def _ball(points: np.ndarray, height: np.ndarray, above: float) -> tuple[np.ndar
     round_ones |= wide < 0.1 * wide.max()  # a line
     if wide.max() > _SMALL * (above - low) or not round_ones.any():
         return None
-    half = 0.5 * float(wide[round_ones].max())
     middle = 0.5 * (nearest.min(axis=0) + nearest.max(axis=0))
-    return np.append(middle, low), (half**2 + depth**2) / (2.0 * depth)
+    size = 0.0
+    for down in depth * np.array(_DEPTHS):  # few vertices lie at each
+        part = points[height <= low + down][:, :2] @ axes.T[:, round_ones]
+        half = 0.5 * float(np.ptp(part, axis=0).max())
+        size = max(size, (half**2 + down**2) / (2.0 * down))
+    return np.append(middle, low), size
 
 
 def _is_flat(home: MeasuredModel, body: int, geoms: np.ndarray, low: float) -> bool:
