@@ -105,9 +105,9 @@ def exclude_overlaps(
             deepest[pair] = min(deepest.get(pair, 0.0), float(contact.dist))
     told = []
     for pair, depth in deepest.items():
-        first, second = (_named(bodies[body]) for body in pair)
-        spec.add_exclude(bodyname1=first, bodyname2=second)
-        told.append(f"{first} and {second} ({-1e3 * depth:.2g} mm)")
+        one, other = (_named(bodies[body]) for body in pair)
+        spec.add_exclude(bodyname1=one, bodyname2=other)
+        told.append(f"{one} and {other} ({-1e3 * depth:.2g} mm)")
     return [f"Lie in one another at home, and touch no more: {listed(told)}."] if told else []
 
 
@@ -184,7 +184,7 @@ def _lock_tied(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
 def _joints_of_legs(model: mujoco.MjModel) -> set[str]:
     """Names of the joints that feet hang from, as far as they are found; else of all joints."""
     drawn = MeasuredModel(model, model.qpos0)
-    every = range(model.njnt)
+    every = set(range(model.njnt))
     with suppress(RobotError):
         every = {joint for foot in bodies_of_feet(drawn) for joint in drawn.joints_above(foot)}
     return {model.joint(int(joint)).name for joint in every}

@@ -203,9 +203,11 @@ class Robot:
     def _archive(self) -> bytes:
         source, feet, _, home, base, torque_limit, armature = self.__reduce__()[1]
         content = source.content
-        packed = (
-            content if isinstance(content, bytes) else archive.pack(read_plain(source, base)[0])
-        )
+        packed = content
+        if not isinstance(content, bytes):
+            spec, *_ = read_plain(source, base)
+            compile_plain(spec, source.label)
+            packed = archive.pack(spec)
         options = {"home": home, "base": base, "torque_limit": torque_limit, "armature": armature}
         return archive.with_arguments(packed, {"feet": feet, "name": self.name, **options})
 

@@ -92,7 +92,7 @@ def _base_of_tree(model: mujoco.MjModel) -> int:
             f"Joints {listed(names)} do not belong to the floating tree of {bases[0]!r}. "
             "Expected one robot and a static world."
         )
-    ties = [_tie(model, tie) for tie in np.flatnonzero(model.eq_active0)]
+    ties = [_tie(model, int(tie)) for tie in np.flatnonzero(model.eq_active0)]
     if ties:
         raise RobotError(
             f"Equality constraints are not supported: {listed(ties)}. "
@@ -108,7 +108,7 @@ def _tie(model: mujoco.MjModel, tie: int) -> str:
     if kind in ("joint", "tendon"):
         parts = _OBJ.mjOBJ_JOINT if kind == "joint" else _OBJ.mjOBJ_TENDON
     ends = [end for end in (model.eq_obj1id[tie], model.eq_obj2id[tie]) if end >= 0]
-    name = object_name(model, _OBJ.mjOBJ_EQUALITY, int(tie))
+    name = object_name(model, _OBJ.mjOBJ_EQUALITY, tie)
     return f"{name} ({kind} of {listed(object_names(model, parts, ends))})"
 
 

@@ -45,6 +45,8 @@ def test_inertias_that_no_body_has_are_mended(inertia: dict[str, float]) -> None
     assert noted(robot, "Masses and inertias that no body has")
     assert robot.mass == pytest.approx(Robot.from_mjcf(urdf()).mass, abs=0.11)
     assert np.linalg.eigvalsh(mass_matrix(robot)).min() > 0.0
+    again = robot.portable()
+    assert again.digest == robot.portable().digest and again.mass == pytest.approx(robot.mass)
 
 
 def mass_matrix(robot: Robot) -> np.ndarray:
