@@ -18,6 +18,7 @@ SERVO = "servo"
 """In place of a natural frequency: the gains of the file's servos."""
 
 _NEAR_GROWTH = 0.75
+_MOSTLY, _CALMED = 0.5, 0.4
 _FELT = 0.1  # of the controller's damping
 
 
@@ -147,6 +148,18 @@ def drag_to_feed(robot: Robot, gains: JointGains) -> np.ndarray:
     """
     damping = robot.joint_damping * (not robot.has_soles)
     return np.where(damping > _FELT * gains.damping, damping, 0.0)
+
+
+def missing_damping(gains: JointGains) -> float:
+    """Return two fifths of what damping lacks to be critical, as a time beside stiffness, s.
+
+    Light legs, that is, joints without armature, can be damped by little at the rate of control.
+    Where that is most of it, the base, which is heavy, can be damped instead.
+    """
+    omega = 2.0 * np.pi * gains.natural_frequency
+    wanted = 2.0 / omega
+    lacking = float(np.median(wanted - gains.damping / gains.stiffness))
+    return _CALMED * lacking if lacking > _MOSTLY * wanted else 0.0
 
 
 def _steady(robot: Robot, control_hz: int, wanted: JointGains) -> JointGains:

@@ -13,6 +13,7 @@ from fbid_gym.actions.joint_gains import (
     drag_to_feed,
     feedback,
     holding_torque,
+    missing_damping,
     servo_fault,
     servos_carry,
 )
@@ -85,7 +86,9 @@ class JointPosition:
         gains = _gains(robot, control_hz, natural_frequency, damping_ratio)
         at_home = reference == "home"
         followed = kind._replace(gait=kind.gait and not at_home)
-        motion = JointMotion.of(robot, followed, default_gains(robot, kind), aware=False)
+        motion = JointMotion.of(
+            robot, followed, default_gains(robot, kind), aware=False, calm=missing_damping(gains)
+        )
         home = home_target(robot) if at_home else None
         drag = drag_to_feed(robot, gains)
         return cls(robot, motion, home, holding_torque(robot), gains, scale, drag)
