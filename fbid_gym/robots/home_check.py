@@ -112,12 +112,11 @@ def _ground(home: _Home) -> Iterator[str]:
         names = itertools.compress(home.point_names, bare)
         yield f"There is nothing below the points {listed(names)} at home."
         return
-    gaps = home.points[:, 2] - heights
-    farthest = gaps[np.argmax(np.abs(gaps))]
-    if abs(farthest) > max(_SUNK, _UNEVEN) * home.height:
-        side = "below" if farthest > 0.0 else "above"
+    gap = float((home.points[:, 2] - heights).min())  # uneven feet are told of by themselves
+    if abs(gap) > max(_SUNK, _UNEVEN) * home.height:
+        side = "below" if gap > 0.0 else "above"
         yield (
-            f"The file's ground is {1e3 * abs(farthest):.3g} mm {side} the feet at home, "
+            f"The file's ground is {1e3 * abs(gap):.3g} mm {side} the feet at home, "
             "which begin at z = 0."
         )
 

@@ -1,6 +1,6 @@
 """What is added to a robot's MJCF: something to stand on, and light."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import mujoco
@@ -34,11 +34,8 @@ def add_ground(
     screen.offwidth, screen.offheight = max(screen.offwidth, 1920), max(screen.offheight, 1080)
     if not np.isnan(heights_below(home, feet)).all():
         return
-    taken = {
-        part.name
-        for part in (*spec.textures, *spec.materials, *spec.geoms, *spec.lights, *spec.bodies)
-    }
-    ground, sun, sky = (unused(name, taken) for name in ("fbid_ground", "fbid_sun", "fbid_sky"))
+    sky, sun = unused("fbid_sky", spec.textures), unused("fbid_sun", spec.lights)
+    ground = unused("fbid_ground", (*spec.textures, *spec.materials, *spec.geoms))
     spec.add_texture(
         name=sky,
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -88,8 +85,9 @@ def add_ground(
     )
 
 
-def unused(name: str, taken: Collection[str]) -> str:
-    """Return a name of ours, longer if a file has it already."""
+def unused(name: str, parts: Iterable[Any]) -> str:
+    """Return a name of ours, longer if one of these parts of a file has it already."""
+    taken = {part.name for part in parts}
     while name in taken:
         name += "_"
     return name

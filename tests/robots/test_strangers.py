@@ -9,6 +9,8 @@ import pytest
 
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot, load
+from fbid_gym.robots.terrain.obstacles import random_obstacles
+from fbid_gym.robots.terrain.rocks import random_rocks
 from tests.robots.test_source_urdf import LEGS, MESH, urdf
 from tests.robots.test_touching import FOOT
 
@@ -290,6 +292,22 @@ def test_names_of_ours_may_be_in_a_file() -> None:
     own += '<material name="fbid_ground"/></asset><worldbody>'
     robot = changed("<worldbody>", own)
     assert robot.model.nmat == load("go1").model.nmat + 1
+    for terrain in (random_obstacles, random_rocks):
+        spec = robot.spec.copy()
+        for name in ("fbid_plank", "fbid_field"):
+            spec.add_material(name=name)
+        terrain(0.5, 0.05, np.zeros((1, 2)), np.random.default_rng(0)).add_to(spec)
+        spec.compile()
+
+
+def test_a_small_framebuffer_is_enlarged_and_a_name_may_have_brackets() -> None:
+    small = '<visual><global offwidth="64" offheight="64"/></visual><worldbody>'
+    joint = 'name="front_left_knee"'
+    text = BIPED.replace("<worldbody>", small, 1).replace(joint, 'name="knee[0]"', 1)
+    text = text.replace('joint="front_left_knee"', 'joint="knee[0]"')
+    robot = Robot.from_mjcf(text, armature={"knee[0]": 0.5})
+    assert robot.model.vis.global_.offwidth >= 1920
+    assert robot.model.joint("knee[0]").armature[0] == 0.5
 
 
 @pytest.mark.parametrize(
