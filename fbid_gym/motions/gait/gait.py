@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.gait import flat_feet, flat_gait, point_feet, point_gait
 from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import GaitCommand
@@ -33,7 +32,6 @@ class Gait:
     # From headings (N,) rad and places of the feet (N, F, 3) m to the memory of robots that stand.
     begin: Callable[[np.ndarray, np.ndarray], Any]
     walk: Callable[..., None]  # the kernel, see `point_feet.walk`
-    lowered: float = 0.0  # m by which robots that begin are lower than they walk, at most 0
 
     @property
     def omega(self) -> float:
@@ -51,7 +49,6 @@ class Gait:
         heading = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
         target = standing_target(terms, self.constants.home)._asdict()
         own: Memory = self.begin(heading, terms.foot_position)._asdict()
-        own["lowered"][:] = self.lowered
         return own | {_PREFIX + name: value for name, value in target.items()}
 
     def advance(
@@ -100,10 +97,7 @@ def gait_of(robot: Robot, hz: int, name: str | None = None) -> Gait:
         on_soles = biped_gait(robot)
         return Gait(on_soles, tick, flat_gait.FlatGaitMemory, flat_gait.standing, flat_feet.walk)
     on_points = quadruped_gait(robot, name or default_gait(robot))
-    # From home it sinks to where it walks: joints that are told so at once kick off the ground.
-    lowered = on_points.height - float(Stance.of(robot).home_base[2])
-    kinds = point_gait.PointGaitMemory, point_gait.standing, point_feet.walk
-    return Gait(on_points, tick, *kinds, lowered)
+    return Gait(on_points, tick, point_gait.PointGaitMemory, point_gait.standing, point_feet.walk)
 
 
 def default_gait(robot: Robot) -> str:
