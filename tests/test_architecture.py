@@ -43,6 +43,7 @@ RANK = {
     "actions": 7,
     "tasks": 7,
     "envs": 8,
+    "robots.__main__": 9,
     "compile_all": 9,
     "fbid_gym": 9,
     "train.runs": 10,
@@ -147,6 +148,8 @@ def unit_of(module: str) -> str:
     first, *rest = module.split(".")
     if first == "train" and rest[:1] in (["runs"], ["recipes"]):
         return "train.runs"
+    if module == "fbid_gym.robots.__main__":  # a command, which lets a robot stand and walk
+        return "robots.__main__"
     return rest[0] if first == "fbid_gym" and rest else first
 
 
