@@ -184,7 +184,8 @@ class EnvConfig:
         names = [*own, *options]
         for name in arguments:
             if name not in names:
-                raise UnknownArgumentError("The environment", name, [*names, *AROUND])
+                choices = [*names, *options_of(Drawing)]
+                raise UnknownArgumentError("The environment", name, choices)
         given = {name: value for name, value in arguments.items() if name in own}
         return cls(
             **given, task_options={name: arguments[name] for name in options if name in arguments}

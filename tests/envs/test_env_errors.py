@@ -39,7 +39,10 @@ ARGUMENTS = [
         {"action_layr": "torque"},
         "argument 'action_layr'. Did you mean 'action_layer'",
     ),
-    ({"zzz": 1}, "The environment got an unexpected keyword argument 'zzz'. Nearest of .. choices"),
+    (
+        {"zzz": 1},
+        "The environment got an unexpected keyword argument 'zzz'. Valid choices: robot, t",
+    ),
     ({"robot": "horse"}, f"Unknown robot 'horse'. Valid choices: {ALL_ROBOTS}, a Robot such"),
     (
         {"robot": "dog.xml"},
