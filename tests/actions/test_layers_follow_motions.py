@@ -7,7 +7,9 @@ import pytest
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions import in_world
+from fbid_gym.robots import ROBOTS
 from tests.actions.cases import layer_of, planned, torque_of
+from tests.pairs import pairs
 
 FOLLOWING = [
     ("joint_position", {}),
@@ -36,7 +38,7 @@ def turned(state, angle):
     return state._replace(qpos=qpos, qvel=qvel)
 
 
-@pytest.mark.parametrize(("name", "options"), FOLLOWING)
+@pytest.mark.parametrize(("name", "options", "robot"), pairs(FOLLOWING, ROBOTS), indirect=["robot"])
 def test_which_way_a_robot_faces_does_not_matter(robot, states, name, options, rng):
     layer = layer_of(name, robot, **options)
     state, terms = states(6)

@@ -56,8 +56,7 @@ def reduced(system: Any) -> tuple[Any, np.ndarray]:
     return compressed, basis.mT
 
 
-@pytest.mark.parametrize("base_priority", [1.0, 100.0])
-@pytest.mark.parametrize("push", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize(("push", "base_priority"), [(0.1, 100.0), (1.0, 1.0), (10.0, 100.0)])
 def test_dynamics_contacts_and_limits_hold(
     make_system: Callable[..., Any], contacts: str, push: float, base_priority: float
 ) -> None:

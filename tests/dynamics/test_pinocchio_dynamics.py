@@ -30,7 +30,7 @@ def random_robot(tmp_path_factory, random_mjcf):
     return load
 
 
-@pytest.fixture(scope="module", params=[*robots.ROBOTS, *GYMNASIUM, *range(30)])
+@pytest.fixture(scope="module", params=[*robots.ROBOTS, *GYMNASIUM, *range(12)])
 def robot(request, random_robot, gymnasium_assets):
     if isinstance(request.param, int):
         return random_robot(request.param)

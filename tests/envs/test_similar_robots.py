@@ -16,6 +16,7 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot, load
 from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.outcome import Outcome
+from tests.pairs import pairs
 from tests.robots.similar import moved, similar, turned
 
 CASES = [
@@ -57,8 +58,7 @@ def rollout(name: str, size: float, env: str, commands: str, layer: str) -> list
     return [np.array(values) for values in zip(*seen, strict=True)]
 
 
-@pytest.mark.parametrize("layer", LAYERS)
-@pytest.mark.parametrize(("name", "env", "commands"), CASES)
+@pytest.mark.parametrize(("layer", "name", "env", "commands"), pairs(LAYERS, CASES))
 def test_size_is_unknown(name, env, commands, layer):
     own = rollout(name, 1.0, env, commands, layer)
     for size in (0.25, 4.0):
@@ -113,6 +113,7 @@ def test_the_base_may_have_its_origin_anywhere(name: str, up: float) -> None:
     assert 0.05 < lies[~tilted].mean() < 0.95
 
 
+FOLLOWING = ("joint_position", "base_acceleration", "com_wrench")
 # Y up and x ahead, as computer graphics has it; x up, as some makers have it; pitched.
 AXES = [
     ((1.0, 0.0, 0.0), -np.pi / 2),
@@ -139,9 +140,10 @@ def moves(robot: Robot, env: str, layer: str) -> list[tuple[np.ndarray, ...]]:
     return said
 
 
-@pytest.mark.parametrize(("axis", "angle"), AXES)
-@pytest.mark.parametrize("layer", ["joint_position", "base_acceleration", "com_wrench"])
-@pytest.mark.parametrize(("name", "env"), [case[:2] for case in CASES])
+@pytest.mark.parametrize(
+    ("name", "env", "layer", "axis", "angle"),
+    pairs([case[:2] for case in CASES], pairs(FOLLOWING, AXES, 3), 3),
+)
 def test_the_axes_of_the_base_may_lie_as_they_like(name, env, layer, axis, angle):
     own, other = (moves(robot, env, layer) for robot in (load(name), turned(name, axis, angle)))
     for step, expected in zip(other, own, strict=True):
