@@ -28,6 +28,7 @@ from fbid_gym.motions import squat_bow
 from fbid_gym.motions.target import planned_kind, standing_target
 from fbid_gym.quantities import DynamicsTerms, RobotState, Target, some_of
 from fbid_gym.robots import Robot, quadruped
+from tests.pairs import pairs
 
 FRICTION, HZ = 0.6, 500
 SPARE = ("biped",)  # legs of seven joints: see `whole_body`, they move by themselves for no task
@@ -350,7 +351,12 @@ def turned(scene: Scene, angle: float, shift: np.ndarray) -> Scene:
     return Scene(scene.robot, state, terms, target, command)
 
 
-@pytest.mark.parametrize("limits", ["friction", "none"])
+either_limits = pytest.mark.parametrize(
+    ("robot", "limits"), pairs(robots.ROBOTS, ["friction", "none"], 1), indirect=["robot"]
+)
+
+
+@either_limits
 def test_where_a_robot_is_and_which_way_it_faces_does_not_matter(robot, rng, limits):
     scene, law = scene_of(robot, rng), law_of(robot, contact_limits=limits)
     here, there = (
@@ -376,7 +382,7 @@ def test_the_order_of_the_feet_does_not_matter(rng):
     np.testing.assert_allclose(there, here, atol=1e-3 * one.weight * Stance.of(one).size)
 
 
-@pytest.mark.parametrize("limits", ["friction", "none"])
+@either_limits
 def test_robots_are_each_on_their_own(robot, rng, limits):
     """To the bit, also beside one that is not finite."""
     scene, law = scene_of(robot, rng, each=1), law_of(robot, contact_limits=limits)

@@ -24,7 +24,7 @@ from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rendering import RobotRenderer
 from fbid_gym.errors import FbidError, shown
 from fbid_gym.motions.target import MotionKind, planned_kind
-from fbid_gym.options import Choice, Flag, Named, Pair, options_of
+from fbid_gym.options import Choice, Flag, Named, Number, Pair, Whole, options_of
 from fbid_gym.robots import load
 from fbid_gym.tasks import TASKS, Pushes, Start, make_task
 
@@ -73,6 +73,13 @@ def bad_values(option):
             yield from (*HUGE, np.inf)
     if isinstance(option.kind, Flag):
         yield from (0, 1.0)
+    if isinstance(option.kind, Whole):
+        yield from (option.kind.least - 1, option.kind.most + 1)
+    elif isinstance(option.kind, Number | Pair):
+        low, high = np.nextafter([option.kind.least, option.kind.most], [-np.inf, np.inf]).tolist()
+        outside = [low] if np.isinf(high) else [low, high]
+        pair = isinstance(option.kind, Pair)
+        yield from ((min(value, option.kind.most), value) if pair else value for value in outside)
 
 
 def test_values_by_name_refuse_nonsense_by_name():
