@@ -1,6 +1,5 @@
 """Which way a robot faces does not matter to layers, nor where it is."""
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -8,6 +7,7 @@ from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions import in_world
 from fbid_gym.robots import ROBOTS
+from tests import postures
 from tests.actions.cases import layer_of, planned, torque_of
 from tests.pairs import pairs
 
@@ -25,15 +25,8 @@ FOLLOWING = [
 
 def turned(state, angle):
     """The same robots elsewhere, turned about the vertical by `angle`."""
-    quaternion, rotation = np.empty(4), np.empty(9)
-    mujoco.mju_axisAngle2Quat(quaternion, np.array([0.0, 0.0, 1.0]), angle)
-    mujoco.mju_quat2Mat(rotation, quaternion)
-    rotation = rotation.reshape(3, 3)
-    qpos, qvel = state.qpos.copy(), state.qvel.copy()
-    for row in qpos:
-        before = row[3:7].copy()
-        mujoco.mju_mulQuat(row[3:7], quaternion, before)
-    qpos[:, :3] = qpos[:, :3] @ rotation.T + [3.0, -2.0, 0.0]
+    qpos, rotation = postures.turned(state.qpos, angle, np.array([3.0, -2.0, 0.0]))
+    qvel = state.qvel.copy()
     qvel[:, :3] = qvel[:, :3] @ rotation.T
     return state._replace(qpos=qpos, qvel=qvel)
 

@@ -1,7 +1,6 @@
 """Same seed, same numbers: alone, in a batch of any size, on any number of threads."""
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 import pytest
 
@@ -9,6 +8,7 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import load
 from tests.pairs import pairs
+from tests.postures import turned
 
 BIPED, QUADRUPED, *_ = ENVIRONMENTS
 MEASURED = {"contacts": "measured"}
@@ -118,20 +118,15 @@ def test_one_of_many_is_the_same_as_one_of_few(name, layer):
 
 def turned_state(state, heading):
     """The state of environments turned about the world's vertical, with the pushes to come."""
-    cosine, sine = np.cos(heading), np.sin(heading)
-    rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     result = {name: value.copy() for name, value in state.items()}
+    result["simulation.qpos"], rotation = turned(state["simulation.qpos"], heading)
     for name, part in (
-        ("simulation.qpos", slice(0, 3)),
         ("simulation.qvel", slice(0, 3)),
         ("simulation.qacc_warmstart", slice(0, 3)),
         ("simulation.contact_force", slice(None)),
         ("plan.push_force", slice(None)),
     ):
         result[name][..., part] = state[name][..., part] @ rotation.T
-    quaternion = np.array([np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)])
-    for row, old in zip(result["simulation.qpos"], state["simulation.qpos"], strict=True):
-        mujoco.mju_mulQuat(row[3:7], quaternion, old[3:7])
     return result
 
 

@@ -12,6 +12,7 @@ from fbid_gym.quantities import RobotState
 from fbid_gym.tasks import Balance, Body, Episode, Pushes, Start
 from fbid_gym.tasks.observation import entry_bounds, entry_names
 from fbid_gym.tasks.outcome import Outcome
+from tests import postures
 
 HZ = 500
 
@@ -176,14 +177,8 @@ def test_heading_does_not_matter(task, rng):
     robot, plan = task.body.robot, plans(task, 8)
     qpos, qvel, rest = at_random(task, rng, 8)
     outcome = outcome_at(task, qpos, qvel, **rest)
-    angle = 2.1
-    turn = np.array([np.cos(angle / 2), 0, 0, np.sin(angle / 2)])
-    cosine, sine = np.cos(angle), np.sin(angle)
-    rotation = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
-    turned_qpos, turned_qvel = qpos.copy(), qvel.copy()
-    turned_qpos[:, :3], turned_qvel[:, :3] = qpos[:, :3] @ rotation.T, qvel[:, :3] @ rotation.T
-    for row, old in zip(turned_qpos, qpos, strict=True):
-        mujoco.mju_mulQuat(row[3:7], turn, old[3:7])
+    (turned_qpos, rotation), turned_qvel = postures.turned(qpos, 2.1), qvel.copy()
+    turned_qvel[:, :3] = qvel[:, :3] @ rotation.T
     rest["contact"] = rest["contact"] @ rotation.T
     turned = outcome_at(task, turned_qpos, turned_qvel, **rest)
     seen = observed(task, outcome, plan)
