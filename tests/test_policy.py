@@ -121,7 +121,11 @@ def test_wrong_observation_shape(shape):
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
-        ({"activation": "gelu"}, UnknownOptionError, "'gelu'. Valid choices: tanh, relu, elu"),
+        (
+            {"activation": "gelu"},
+            UnknownOptionError,
+            "'gelu'. Did you mean 'elu'. Valid choices: tanh, relu",
+        ),
         ({"output": "softmax"}, UnknownOptionError, "'softmax'. Valid choices: clip, tanh"),
         ({"activation": ["tanh"]}, UnknownOptionError, "Valid choices: tanh, relu, elu"),
         ({"clip": -1.0}, InvalidValueError, "Invalid clip: -1.0. Expected a positive"),
@@ -180,24 +184,38 @@ def test_what_json_would_hold_as_something_else_is_refused(tmp_path):
     assert not (tmp_path / "policy").exists()
 
 
-def _edit_json(folder, **changes):
-    file = folder / "policy.json"
-    data = json.loads(file.read_text())
-    for key, value in changes.items():
-        data[key] = value
-    file.write_text(json.dumps(data))
+def _json(edit):
+    """Damage that edits what policy.json holds."""
+
+    def harm(folder):
+        file = folder / "policy.json"
+        data = json.loads(file.read_text())
+        edit(data)
+        file.write_text(json.dumps(data))
+
+    return harm
 
 
-def _edit_network(folder, **changes):
-    network = json.loads((folder / "policy.json").read_text())["network"]
-    _edit_json(folder, network={**network, **changes})
+def _says(**changes):
+    return _json(lambda data: data.update(changes))
 
 
-def _edit_tensors(folder, edit):
-    file = folder / "policy.safetensors"
-    tensors = safetensors.numpy.load_file(file)
-    edit(tensors)
-    safetensors.numpy.save_file(tensors, file)
+def _network(**changes):
+    return _json(lambda data: data["network"].update(changes))
+
+
+def _tensors(edit):
+    def harm(folder):
+        file = folder / "policy.safetensors"
+        tensors = safetensors.numpy.load_file(file)
+        edit(tensors)
+        safetensors.numpy.save_file(tensors, file)
+
+    return harm
+
+
+def _holds(name, content):
+    return lambda folder: (folder / name).write_bytes(content)
 
 
 def _flip_a_bit(folder):
@@ -207,91 +225,57 @@ def _flip_a_bit(folder):
     file.write_bytes(content)
 
 
-def _truncate(folder, name, share):
-    file = folder / name
-    file.write_bytes(file.read_bytes()[: int(share * file.stat().st_size)])
-
-
-def _header(folder, content):
-    (folder / "policy.safetensors").write_bytes(content)
-
-
-DAMAGE = {
-    "empty json": (lambda f: _truncate(f, "policy.json", 0.0), "policy.json: not JSON"),
-    "half json": (lambda f: _truncate(f, "policy.json", 0.5), "policy.json: not JSON"),
-    "binary json": (lambda f: (f / "policy.json").write_bytes(b"\xff\xfe\x00"), "not JSON"),
-    "json list": (lambda f: (f / "policy.json").write_text("[1]"), "holds list. Expected a JSON"),
+FOREIGN = "friend.evil:fbid_gym/BipedBalance-v0"
+DAMAGE = {  # truncated files are tried below, at any length
+    "binary json": (_holds("policy.json", b"\xff\xfe\x00"), "policy.json: not JSON"),
+    "json list": (_holds("policy.json", b"[1]"), "holds list. Expected a JSON"),
     "no json": (lambda f: (f / "policy.json").unlink(), "no policy here. Expected policy.json"),
     "no tensors": (lambda f: (f / "policy.safetensors").unlink(), "policy.safetensors: cannot be"),
-    "empty tensors": (lambda f: _truncate(f, "policy.safetensors", 0.0), "not safetensors"),
-    "half tensors": (lambda f: _truncate(f, "policy.safetensors", 0.5), "not safetensors"),
-    "tail lost": (lambda f: _truncate(f, "policy.safetensors", 0.999), "not safetensors"),
-    "bad header": (lambda f: _header(f, b"\x08" + 7 * b"\0" + b"{notjson"), "not safetensors"),
-    "huge header": (lambda f: _header(f, 8 * b"\xff" + b"{}"), "not safetensors"),
+    "header": (_holds("policy.safetensors", b"\x08" + 7 * b"\0" + b"{notjson"), "not safetensors"),
+    "huge header": (_holds("policy.safetensors", 8 * b"\xff" + b"{}"), "not safetensors"),
     "bit flip": (_flip_a_bit, "corrupt, or from another save"),
-    "format": (lambda f: _edit_json(f, format=3), "format is 3. Expected 1 or 2"),
-    "no format": (lambda f: _edit_json(f, format=None), "format is None. Expected 1 or 2"),
-    "true format": (lambda f: _edit_json(f, format=True), "format is True. Expected 1 or 2"),
-    "older format": (
-        lambda f: _edit_json(f, format=1),
-        "network has 'output'. Expected activation",
-    ),
+    "format": (_says(format=3), "format is 3. Expected 1 or 2"),
+    "true format": (_says(format=True), "format is True. Expected 1 or 2"),
+    "older format": (_says(format=1), "network has 'output'. Expected activation"),
     "output": (
-        lambda f: _edit_network(f, output="softmax"),
-        "policy.json: Unknown output 'softmax'. Valid choices: clip, tanh",
+        _network(output="softmax"),
+        "Unknown output 'softmax'. Valid choices: clip",
     ),
-    "clip beyond a float": (
-        lambda f: _edit_json(f, normalisation={"clip": 10**400, "epsilon": 1e-8}),
-        "0. Expected a positive number.",
-    ),
-    "no output": (lambda f: _edit_network(f, output=None), "network.output is None. Expected"),
-    "network of more": (
-        lambda f: _edit_network(f, norm="layer"),
-        "network has 'norm'. Expected activation, hidden, output alone",
-    ),
-    "algorithm": (lambda f: _edit_json(f, algorithm=3), "algorithm is 3. Expected a value of"),
-    "activation": (
-        lambda f: _edit_network(f, activation="gelu"),
-        "policy.json: Unknown activation 'gelu'. Valid choices: tanh",
-    ),
-    "hidden": (
-        lambda f: _edit_network(f, hidden=[7, "6"]),
-        "network.hidden is '6'. Expected a positive integer",
-    ),
-    "network": (lambda f: _edit_json(f, network=None), "network.hidden is None"),
-    "env id": (lambda f: _edit_json(f, env_id=3), "env_id is 3. Expected a value of type str"),
-    "module": (
-        lambda f: _edit_json(f, env_id="friend.evil:fbid_gym/BipedBalance-v0"),
-        "env_id is 'friend.evil:fbid_gym/BipedBalance-v0', which names a module to import",
-    ),
+    "no output": (_network(output=None), "network.output is None. Expected"),
+    "activation": (_network(activation="gelu"), "Unknown activation 'gelu'. Did you mean 'elu'"),
+    "hidden": (_network(hidden=[7, "6"]), "network.hidden is '6'. Expected a positive integer"),
+    "more": (_network(norm="layer"), "'norm'. Expected activation, hidden, output alone"),
+    "network": (_says(network=None), "network.hidden is None"),
+    "algorithm": (_says(algorithm=3), "algorithm is 3. Expected a value of"),
+    "env id": (_says(env_id=3), "env_id is 3. Expected a value of type str"),
+    "module": (_says(env_id=FOREIGN), f"env_id is '{FOREIGN}', which names a module to import"),
     "clip": (
-        lambda f: _edit_json(f, normalisation={"clip": -1, "epsilon": 1e-8}),
+        _says(normalisation={"clip": -1, "epsilon": 1e-8}),
         "normalisation.clip is -1. Expected a positive number",
     ),
+    "clip beyond a float": (
+        _says(normalisation={"clip": 10**400, "epsilon": 1e-8}),
+        "0. Expected a positive number.",
+    ),
     "size": (
-        lambda f: _edit_json(f, observation_size=6),
+        _says(observation_size=6),
         "tensor 'normalisation.mean' is float64 (5,). Expected floats of shape (6,)",
     ),
-    "size type": (
-        lambda f: _edit_json(f, action_size=True),
-        "action_size is True. Expected a positive integer",
-    ),
+    "size type": (_says(action_size=True), "action_size is True. Expected a positive integer"),
     "missing tensor": (
-        lambda f: _edit_tensors(f, lambda t: t.pop("layers.1.bias")),
+        _tensors(lambda t: t.pop("layers.1.bias")),
         "tensor 'layers.1.bias' is missing. Expected normalisation.mean",
     ),
     "wrong shape": (
-        lambda f: _edit_tensors(f, lambda t: t.update({"layers.1.weight": np.zeros((6, 8))})),
+        _tensors(lambda t: t.update({"layers.1.weight": np.zeros((6, 8))})),
         "tensor 'layers.1.weight' is float64 (6, 8). Expected floats of shape (6, 7)",
     ),
     "integers": (
-        lambda f: _edit_tensors(f, lambda t: t.update({"layers.2.bias": np.zeros(3, int)})),
+        _tensors(lambda t: t.update({"layers.2.bias": np.zeros(3, int)})),
         "tensor 'layers.2.bias' is int64 (3,). Expected floats",
     ),
     "nan weight": (
-        lambda f: _edit_tensors(
-            f, lambda t: t.update({"layers.2.bias": np.array([0.0, np.nan, 0.0], np.float32)})
-        ),
+        _tensors(lambda t: t.update({"layers.2.bias": np.float32([0.0, np.nan, 0.0])})),
         "layers.2.bias is not finite: first NaN or infinity at index (1,)",
     ),
 }

@@ -5,7 +5,6 @@ import hashlib
 import importlib
 import importlib.util
 import io
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
