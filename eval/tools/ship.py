@@ -149,7 +149,7 @@ def measured(episodes: Episodes, confidence: float) -> dict[str, Measured]:
         mean, count = float(values.mean()), len(values)
         if metric.unit == "share":
             test = stats.binomtest(round(mean * count), count)
-            low, high = test.proportion_ci(confidence, "wilson")
+            low, high = map(float, test.proportion_ci(confidence, "wilson"))
         else:
             chance = Chance(np.random.default_rng(count), _BOOTSTRAP, confidence)
             low, high = map(float, chance.interval([values], np.mean))
