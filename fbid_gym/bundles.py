@@ -27,15 +27,12 @@ _DIGEST = "sha256"
 
 
 class Bundle(NamedTuple):
-    """What a file holds.
-
-    Attributes:
-        data: its JSON.
-        tensors: its arrays.
-    """
+    """What a file holds."""
 
     data: dict[str, Any]
+    """Its JSON."""
     tensors: Tensors
+    """Its arrays."""
 
 
 def save_bundle(file: Path, data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> None:
@@ -103,16 +100,7 @@ def load_bundle(file: Path, error: type[FbidError]) -> Bundle:
 
 
 def read_tensors(packed: bytes, file: Path, error: type[FbidError]) -> Tensors:
-    """Return the arrays of a safetensors file.
-
-    Args:
-        packed: what the file holds.
-        file: for the message.
-        error: the error to raise.
-
-    Raises:
-        FbidError: as the type `error`, naming the file: truncated or corrupt.
-    """
+    """Return the arrays of a safetensors file, of which `packed` are the bytes, or raise `error`."""
     try:
         return safetensors.numpy.load(packed)
     except (safetensors.SafetensorError, ValueError, KeyError, TypeError) as reason:

@@ -58,16 +58,7 @@ def read_object(path: Path, error: type[FbidError]) -> dict[str, Any]:
 
 
 def parse_object(text: str | bytes, path: Path, error: type[FbidError]) -> dict[str, Any]:
-    """Return the JSON object in a text.
-
-    Args:
-        text: what the file holds, or a part of it.
-        path: the file.
-        error: the error to raise.
-
-    Raises:
-        FbidError: as the type `error`, naming the file.
-    """
+    """Return the JSON object in what a file holds, or raise `error` as `read_object` does."""
     try:
         value = json.loads(text, parse_constant=_no_number, parse_float=_finite)
     except (ValueError, RecursionError) as reason:

@@ -145,11 +145,6 @@ class Policy:
         """A, the number of actions it gives."""
         return self.biases[-1].shape[0]
 
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Widths of the hidden layers."""
-        return tuple(bias.shape[0] for bias in self.biases[:-1])
-
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Return the action for each observation.
 

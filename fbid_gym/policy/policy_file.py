@@ -62,21 +62,16 @@ def read_policy(path: Path) -> tuple[Path, Bundle]:
         PolicyFileError: there is none, or it is truncated, corrupt or of an unknown format; names
             the file.
     """
-    if not path.exists():
-        raise PolicyFileError(
-            f"{path}: no such file or folder. Expected the file of a policy, or a run folder with "
-            f"{NAME}."
-        )
     for folder in (path, path / "policy"):
         # First, as arrays of before have the name that policies have now.
         if (folder / _OLDER).exists():
             return folder / _OLDER, _read_older(folder)
     file = path / NAME if path.is_dir() else path
     if not file.exists():
-        expected = f"{NAME} in it"
-        if (path / "config.json").exists():
-            expected += ", which training writes at every evaluation and checkpoint"
-        raise PolicyFileError(f"{path}: no policy here. Expected {expected}.")
+        raise PolicyFileError(
+            f"{path}: no policy here. Expected a policy's file, or a run folder with {NAME}, which "
+            "training writes at every evaluation and checkpoint."
+        )
     bundle = load_bundle(file, PolicyFileError)
     _check_format(file, bundle.data.pop("format", None), FORMAT)
     return file, bundle
@@ -96,12 +91,11 @@ def _read_older(folder: Path) -> Bundle:
             f"{found}. Expected {expected!r}."
         )
     _check_format(file, data.pop("format", None), 1, 2)
-    try:
-        data |= data.pop("network") | data.pop("normalisation")
-        for told in ("hidden", "observation_size", "action_size"):  # by the arrays as well
-            del data[told]
-    except (KeyError, TypeError) as reason:
-        raise PolicyFileError(f"{file}: not that of a policy ({reason!r}).") from reason
+    for nested in ("network", "normalisation"):
+        if isinstance(data.get(nested), dict):
+            data |= data.pop(nested)
+    for told in ("hidden", "observation_size", "action_size"):  # by the arrays as well
+        data.pop(told, None)
     usual = {"output": "clip", "algorithm": "ppo", "card": None}
     return Bundle(usual | data, read_tensors(packed, arrays, PolicyFileError))
 
