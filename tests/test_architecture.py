@@ -78,13 +78,13 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2180,
+    ".": 2165,
     "actions": 2500,
     "control": 4490,
     "dynamics": 1650,
     "envs": 3410,
     "motions": 3690,
-    "policy": 710,
+    "policy": 574,
     "robots": 4570,
     "tasks": 2120,
 }

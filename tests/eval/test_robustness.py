@@ -293,7 +293,7 @@ ZERO = ["--env", WALK, "--zero-action", "torque"]
         (["--zero-action", "torque"], "Invalid --env: None. Expected an environment id"),
         (["--zero-action", "magic"], "Unknown action layer 'magic'"),
         (["--env", "Moon-v0", "--zero-action", "torque"], "Unknown environment 'Moon-v0'."),
-        (["nowhere"], "nowhere: no such folder"),
+        (["nowhere"], "nowhere: no policy here"),
         (["mine.toml"], "no run of the study has finished"),
         (["walk", "balance"], "Compare runs of one environment at a time"),
         (["walk", "walk"], "given twice"),
