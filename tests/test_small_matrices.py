@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fbid_gym import small_matrices as small
+from tests.pairs import pairs
 
 SIZES = (0, 1, 3, 12, 33)
 
@@ -13,8 +14,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(0)
 
 
-@pytest.mark.parametrize("inner", SIZES)
-@pytest.mark.parametrize("rows", SIZES)
+@pytest.mark.parametrize(("rows", "inner"), pairs(SIZES, SIZES))
 def test_products(rng: np.random.Generator, rows: int, inner: int) -> None:
     left, right = rng.normal(size=(rows, inner)), rng.normal(size=(inner, 6))
     vector, result = rng.normal(size=inner), rng.normal(size=(rows, 6))
@@ -66,18 +66,58 @@ def test_what_cannot_be_factored_is_nan_and_raises_nothing() -> None:
         assert np.isnan(vector).all()
 
 
-@pytest.mark.parametrize("size", SIZES[1:])
-@pytest.mark.parametrize("lost", [0, 1, 2])
-def test_pseudo_inverse(rng: np.random.Generator, size: int, lost: int) -> None:
-    rank = max(size - lost, 0)
-    root = rng.normal(size=(size, rank))
-    matrix, inverse = root @ root.T, np.empty((size, size))
+def inverted(matrix: np.ndarray, rtol: float = 1e-10) -> tuple[np.ndarray, np.ndarray]:
+    """The pseudo-inverses (N, k, k) and ranks (N,) of matrices (N, k, k)."""
+    inverse = np.empty(matrix.shape)
+    found = [small.pseudo_inverse(own, rtol, inverse[i]) for i, own in enumerate(matrix.copy())]
+    return inverse, np.array(found)
+
+
+def of_all_ranks(rng: np.random.Generator) -> np.ndarray:
+    """(6, 6, 6): full rank, deficient, duplicated rows, zero rows, both, and all zero."""
+    full, low, twice = (rng.normal(size=shape) for shape in ((6, 9), (6, 3), (3, 5)))
+    twice = np.tile(twice, (2, 1))
+    holes, both = full.copy(), twice.copy()
+    holes[[1, 4]], both[2] = 0.0, 0.0
+    return np.array([root @ root.T for root in (full, low, twice, holes, both, np.zeros((6, 1)))])
+
+
+def test_pseudo_inverse_is_numpys_in_any_unit(rng: np.random.Generator) -> None:
+    matrix = of_all_ranks(rng)
     expected = np.linalg.pinv(matrix, rcond=1e-10, hermitian=True)
-    assert small.pseudo_inverse(np.tril(matrix), 1e-10, inverse) == rank
-    np.testing.assert_allclose(inverse, expected, rtol=1e-6, atol=1e-8)
-    matrix[0, 0] = np.nan
-    assert small.pseudo_inverse(matrix, 1e-10, inverse) == 0
-    assert np.isnan(inverse).all()
+    for unit in (1.0, 1e-9, 1e9):
+        inverse, rank = inverted(unit * matrix)
+        np.testing.assert_array_equal(rank, [6, 3, 3, 4, 3, 0])
+        np.testing.assert_allclose(unit * inverse, expected, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("size", [*SIZES, 24])
+def test_pseudo_inverse_of_any_size_and_rank(rng: np.random.Generator, size: int) -> None:
+    """Against NumPy, and by Penrose's conditions; of what is no number it is none."""
+    for lost in (0, 1, 2, 5):
+        root = rng.normal(size=(size, max(size - lost, 0)))
+        matrix = root @ root.T
+        (inverse,), (rank,) = inverted(matrix[None])
+        assert rank == root.shape[1]
+        expected = np.linalg.pinv(matrix, rcond=1e-10, hermitian=True)
+        np.testing.assert_allclose(inverse, expected, rtol=1e-6, atol=1e-8)
+        largest = [np.abs(values).max(initial=0.0) for values in (matrix, inverse)]
+        np.testing.assert_allclose(matrix @ inverse @ matrix, matrix, atol=1e-8 * largest[0])
+        np.testing.assert_allclose(inverse @ matrix @ inverse, inverse, atol=1e-8 * largest[1])
+        np.testing.assert_allclose(matrix @ inverse, (matrix @ inverse).T, atol=1e-7)
+        if size:
+            matrix[0, 0] = np.nan
+            (inverse,), (rank,) = inverted(matrix[None])
+            assert rank == 0 and np.isnan(inverse).all()
+
+
+def test_rank_follows_the_tolerance() -> None:
+    matrix = np.diag([1.0, 1e-4, 1e-8])[None]
+    for rtol, rank in ((1e-10, 3), (1e-6, 2), (1e-2, 1)):
+        (inverse,), found = inverted(matrix, rtol)
+        assert found == rank
+        kept = np.diag([1.0, 1e4, 1e8] * (np.arange(3) < rank))
+        np.testing.assert_allclose(inverse, kept, rtol=1e-7)
 
 
 @pytest.mark.parametrize(("size", "lost"), [(1, 0), (6, 0), (6, 1), (6, 3), (9, 2), (6, 6)])

@@ -15,10 +15,15 @@ from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.quantities import RobotState
+from fbid_gym.robots import ROBOTS
 from tests.actions.cases import home_of, layer_of, moving, torque_of
+from tests.pairs import pairs
 
 ENV = "fbid_gym/BipedBalance-v0"
 LIMITS = ("friction", "none")
+either_limits = pytest.mark.parametrize(
+    ("robot", "limits"), pairs(ROBOTS, LIMITS, 1), indirect=["robot"]
+)
 
 
 def settled(robot, count, seconds=4.0, **options):
@@ -84,7 +89,7 @@ def wrenches(geometry, terms, forces):
     return found
 
 
-@pytest.mark.parametrize("limits", LIMITS)
+@either_limits
 def test_predicted_contact_forces_are_measured_in_stance(robot, limits):
     """Foot by foot, to 1e-8 of the weight with limits and 1e-4 without (its feet creep)."""
     batch = settled(robot, 2, contact_limits=limits)
@@ -220,7 +225,9 @@ def test_joint_accelerations_are_springs_to_their_target(robot, states, rng):
 
 
 @pytest.mark.parametrize(
-    ("name", "limits"), [("joint_acceleration", "friction"), ("base_acceleration", "none")]
+    ("robot", "name", "limits"),
+    pairs(ROBOTS, [("joint_acceleration", "friction"), ("base_acceleration", "none")], 1),
+    indirect=["robot"],
 )
 def test_damping_is_compensated_exactly(robot, states, name, limits):
     """On the robot as it is, the layer does what it does without compensation on one undamped."""

@@ -6,7 +6,9 @@ import pytest
 from fbid_gym.actions.contact_ramp import ContactRamp
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.quantities import RobotState
+from fbid_gym.robots import ROBOTS
 from tests.actions.cases import home_of, layer_of
+from tests.pairs import pairs
 
 RAMPED = ("joint_acceleration", "base_acceleration")
 TICKS = 10
@@ -74,8 +76,11 @@ def sequence(layer, state, terms, reference, ticks):
     return np.array(torques)
 
 
-@pytest.mark.parametrize("name", RAMPED)
-@pytest.mark.parametrize("limits", ["friction", "none"])
+@pytest.mark.parametrize(
+    ("robot", "name", "limits"),
+    pairs(ROBOTS, pairs(RAMPED, ["friction", "none"])),
+    indirect=["robot"],
+)
 def test_layers_lead_from_one_law_to_the_other(robot, states, name, limits):
     """At the switch the torque of the old contacts, after the ramp that of the new ones."""
     feet = list(robot.foot_names)
@@ -101,7 +106,7 @@ def test_layers_lead_from_one_law_to_the_other(robot, states, name, limits):
     assert np.abs(np.diff(ramp[11:21], axis=0)).max() > 0.9 * step / TICKS
 
 
-@pytest.mark.parametrize("name", RAMPED)
+@pytest.mark.parametrize(("robot", "name"), pairs(ROBOTS, RAMPED, 1), indirect=["robot"])
 def test_a_ramp_is_each_robots_own(robot, states, name):
     """Robots whose contacts switch at different ticks, together and one by one: the same bits."""
     feet = list(robot.foot_names)

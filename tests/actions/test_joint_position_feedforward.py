@@ -17,6 +17,7 @@ from fbid_gym.motions import in_world, periodic_squat
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
 from tests.actions.cases import home_of, layer_of, moving, without_self_motion
+from tests.postures import turned
 
 NAME = "joint_position_feedforward"
 UNLIMITED = {"contact_limits": "none"}
@@ -149,14 +150,9 @@ def test_feedback_is_as_soft_as_the_robot_falls(robot):
 def on_the_motion(motion, ticks, angle=1.1):
     """Robots that are where the motion has them, facing elsewhere; the feet's frame turns along."""
     reference = motion.reference(ticks)
-    quaternion, rotation = np.empty(4), np.empty(9)
-    mujoco.mju_axisAngle2Quat(quaternion, np.array([0.0, 0.0, 1.0]), angle)
-    mujoco.mju_quat2Mat(rotation, quaternion)
-    rotation = rotation.reshape(3, 3)
     qpos, qvel, qacc = (part.copy() for part in reference[-4:-1])
-    for row in qpos:
-        mujoco.mju_mulQuat(row[3:7], quaternion, row[3:7].copy())
-    for part in (qpos, qvel, qacc):
+    qpos, rotation = turned(qpos, angle)
+    for part in (qvel, qacc):
         part[:, :3] = part[:, :3] @ rotation.T
     return RobotState(qpos, qvel, np.zeros((len(ticks), motion.robot.num_points, 3)), ticks), qacc
 

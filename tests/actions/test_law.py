@@ -13,12 +13,12 @@ from fbid_gym.control import operational_space_acceleration
 from fbid_gym.control.body_law import Command, desired_acceleration
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.motions import squat_bow
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.target import MotionKind, standing_target
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots.assets import asset_path
 from tests.actions.cases import without_self_motion
+from tests.postures import bent, turned
 
 HZ = 250
 
@@ -36,15 +36,6 @@ def law_of(robot):
     gains = default_gains(robot, kind_of(robot))
     contact = ContactOptions(friction=0.6, compensate_damping=False)
     return Law.of(robot, HZ, contact, gains, 1.0)
-
-
-def bent(robot):
-    """(nq,) a posture on bent legs, on soles half-way down a squat."""
-    if not robot.has_soles:
-        return robot.home_qpos
-    squat = squat_bow(robot, speed=20).rows.qpos
-    height = squat[:, 2]
-    return squat[np.abs(height - 0.5 * (height.min() + height.max())).argmin()]
 
 
 def crouched(robot, rng, noise):
@@ -154,10 +145,9 @@ def test_a_moment_turns_the_base_back_and_a_force_lifts_it(robot, rng):
     state, terms = crouched(robot, rng, 0.0)
     law, target = law_of(robot), target_of(robot, terms, rng)
     rise, angle = 0.02, 0.3
-    moved = target._replace(qpos=target.qpos.copy())
-    moved.qpos[0, 2] += rise
-    turn = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
-    mujoco.mju_mulQuat(moved.qpos[0, 3:7], turn, target.qpos[0, 3:7])
+    qpos = turned(target.qpos, angle)[0]
+    qpos[0, :3] = target.qpos[0, :3] + [0.0, 0.0, rise]
+    moved = target._replace(qpos=qpos)
     command = command_of(robot, rng, np.zeros(6))
     there, here = (
         momentum_rate(robot, state, acceleration_of(law, command, state, aimed, terms))

@@ -7,7 +7,9 @@ from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian
 from fbid_gym.quantities import some_of
+from fbid_gym.robots import ROBOTS
 from tests.actions.cases import at_rest, home_of, layer_of, torque_of
+from tests.pairs import pairs
 
 OPTIONS = [
     *((layer, {}) for layer in LAYERS),
@@ -19,7 +21,11 @@ OPTIONS = [
     ("com_wrench", {"balancer": "garofalo2015", "contacts": "measured"}),
     ("com_wrench", {"balancer": "ott2011", "contact_limits": "none"}),
 ]
-every_layer = pytest.mark.parametrize(("name", "options"), OPTIONS)
+every_layer = pytest.mark.parametrize(
+    ("name", "options", "robot"), pairs(OPTIONS, ROBOTS), indirect=["robot"]
+)
+FREE = {"contact_limits": "none"}
+FREELY = [(name, {} if name in ("torque", "joint_position") else FREE) for name in LAYERS]
 
 
 def holding_torque(robot):
@@ -80,17 +86,7 @@ def test_names_and_memory(robot, name, options):
     assert all(default is not ... for default in layer_options(name).values())
 
 
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [
-        ("torque", {}),
-        ("joint_position", {}),
-        ("joint_position_feedforward", {"contact_limits": "none"}),
-        ("joint_acceleration", {"contact_limits": "none"}),
-        ("base_acceleration", {"contact_limits": "none"}),
-        ("com_wrench", {"contact_limits": "none"}),
-    ],
-)
+@pytest.mark.parametrize(("name", "options", "robot"), pairs(FREELY, ROBOTS), indirect=["robot"])
 def test_the_zero_action_at_home_is_the_least_torque_that_holds_it(robot, name, options):
     layer = layer_of(name, robot, **options)
     state, terms = at_rest(robot)
@@ -100,10 +96,7 @@ def test_the_zero_action_at_home_is_the_least_torque_that_holds_it(robot, name, 
     assert np.abs(expected).max() > 1e-3 * robot.weight
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["joint_position_feedforward", "joint_acceleration", "base_acceleration", "com_wrench"],
-)
+@pytest.mark.parametrize(("name", "robot"), pairs([*LAYERS][2:], ROBOTS), indirect=["robot"])
 def test_with_limited_forces_the_zero_action_at_home_holds_it_too(robot, name):
     """Other torques than the least, because the contact forces are the least: same equilibrium."""
     layer = layer_of(name, robot)
@@ -161,36 +154,29 @@ def test_joint_position_gains_follow_from_the_inertia_a_joint_moves_in_stance(ro
         assert layer.gains.damping[joint] == pytest.approx(2 * ratio * omega * inertia)
 
 
-@pytest.mark.parametrize("control_hz", [50, 250, 1000])
-def test_a_light_joint_does_not_soften_the_others(robot, control_hz):
+def test_a_light_joint_does_not_soften_the_others(robot):
     """A joint has the stiffness that is asked for, or a share of its own dead-beat gains."""
-    layer = layer_of("joint_position", robot, control_hz)
     fast = layer_of("joint_position", robot, 100_000, natural_frequency=1.0)
-    wanted = fast.gains.stiffness * layer.natural_frequency**2
     _, terms = at_rest(robot)
     inertia = 1.0 / np.diag(np.linalg.inv(terms.mass_matrix[0]))[6:]
-    share = layer.gains.stiffness / (inertia * control_hz**2)
-    soft = layer.gains.stiffness < 0.999 * wanted
-    np.testing.assert_allclose(layer.gains.stiffness[~soft], wanted[~soft], rtol=1e-3)
-    assert share.max() <= 1.0
-    np.testing.assert_allclose(share[soft], share.max(), rtol=1e-6)
-    np.testing.assert_allclose(
-        layer.gains.damping[soft] * control_hz, 1.5 * layer.gains.stiffness[soft], rtol=1e-6
-    )
+    for control_hz in (50, 250, 1000):
+        layer = layer_of("joint_position", robot, control_hz)
+        stiffness, damping = layer.gains.stiffness, layer.gains.damping
+        wanted = fast.gains.stiffness * layer.natural_frequency**2
+        share, soft = stiffness / (inertia * control_hz**2), stiffness < 0.999 * wanted
+        np.testing.assert_allclose(stiffness[~soft], wanted[~soft], rtol=1e-3)
+        assert share.max() <= 1.0
+        np.testing.assert_allclose(share[soft], share.max(), rtol=1e-6)
+        np.testing.assert_allclose(damping[soft] * control_hz, 1.5 * stiffness[soft], rtol=1e-6)
 
 
-@pytest.mark.parametrize("control_hz", [50, 100, 250, 500, 1000])
-def test_joint_position_does_not_oscillate_in_the_air(robot, control_hz):
+def test_joint_position_does_not_oscillate_in_the_air(robot):
     """Sampled and held over a tick, on all joints at once: every mode decays."""
-    layer = layer_of("joint_position", robot, control_hz)
     _, terms = at_rest(robot)
-    mobility = np.linalg.inv(terms.mass_matrix[0])[6:, 6:]
-    tick, one = 1.0 / control_hz, np.eye(robot.num_joints)
-    stiff, damp = mobility * layer.gains.stiffness, mobility * layer.gains.damping
-    step = np.block(
-        [
-            [one - tick**2 / 2 * stiff, tick * one - tick**2 / 2 * damp],
-            [-tick * stiff, one - tick * damp],
-        ]
-    )
-    assert np.abs(np.linalg.eigvals(step)).max() < 1.0
+    mobility, one = np.linalg.inv(terms.mass_matrix[0])[6:, 6:], np.eye(robot.num_joints)
+    for control_hz in (50, 100, 250, 500, 1000):
+        layer, tick = layer_of("joint_position", robot, control_hz), 1.0 / control_hz
+        stiff, damp = mobility * layer.gains.stiffness, mobility * layer.gains.damping
+        here = [one - tick**2 / 2 * stiff, tick * one - tick**2 / 2 * damp]
+        step = np.block([here, [-tick * stiff, one - tick * damp]])
+        assert np.abs(np.linalg.eigvals(step)).max() < 1.0, control_hz

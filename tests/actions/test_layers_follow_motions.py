@@ -1,13 +1,15 @@
 """Which way a robot faces does not matter to layers, nor where it is."""
 
-import mujoco
 import numpy as np
 import pytest
 
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions import in_world
+from fbid_gym.robots import ROBOTS
+from tests import postures
 from tests.actions.cases import layer_of, planned, torque_of
+from tests.pairs import pairs
 
 FOLLOWING = [
     ("joint_position", {}),
@@ -23,20 +25,13 @@ FOLLOWING = [
 
 def turned(state, angle):
     """The same robots elsewhere, turned about the vertical by `angle`."""
-    quaternion, rotation = np.empty(4), np.empty(9)
-    mujoco.mju_axisAngle2Quat(quaternion, np.array([0.0, 0.0, 1.0]), angle)
-    mujoco.mju_quat2Mat(rotation, quaternion)
-    rotation = rotation.reshape(3, 3)
-    qpos, qvel = state.qpos.copy(), state.qvel.copy()
-    for row in qpos:
-        before = row[3:7].copy()
-        mujoco.mju_mulQuat(row[3:7], quaternion, before)
-    qpos[:, :3] = qpos[:, :3] @ rotation.T + [3.0, -2.0, 0.0]
+    qpos, rotation = postures.turned(state.qpos, angle, np.array([3.0, -2.0, 0.0]))
+    qvel = state.qvel.copy()
     qvel[:, :3] = qvel[:, :3] @ rotation.T
     return state._replace(qpos=qpos, qvel=qvel)
 
 
-@pytest.mark.parametrize(("name", "options"), FOLLOWING)
+@pytest.mark.parametrize(("name", "options", "robot"), pairs(FOLLOWING, ROBOTS), indirect=["robot"])
 def test_which_way_a_robot_faces_does_not_matter(robot, states, name, options, rng):
     layer = layer_of(name, robot, **options)
     state, terms = states(6)

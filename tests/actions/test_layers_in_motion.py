@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from fbid_gym.actions import LAYERS
+from fbid_gym.robots import ROBOTS
+from tests.pairs import pairs
 
 ENV = "fbid_gym/BipedBalance-v0"
 CASES = [
@@ -16,7 +18,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("layer", "options"), CASES)
+@pytest.mark.parametrize(("layer", "options", "robot"), pairs(CASES, ROBOTS), indirect=["robot"])
 def test_thrown_half_a_metre_up(robot, layer, options):
     """Everything stays finite, in the air, at touchdown, and lying about."""
     env = gym.make_vec(
@@ -49,7 +51,7 @@ def test_thrown_half_a_metre_up(robot, layer, options):
     assert airborne.all() and (touched.all() or layer == "torque")
 
 
-@pytest.mark.parametrize("layer", LAYERS)
+@pytest.mark.parametrize(("layer", "robot"), pairs(LAYERS, ROBOTS, 1), indirect=["robot"])
 def test_info_tells_what_the_layer_did(robot, layer):
     env = gym.make(ENV, robot=robot.name, action_layer=layer)
     env.reset(seed=0)

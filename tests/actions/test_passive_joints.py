@@ -10,13 +10,13 @@ from eval import zoo
 from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.passive_joints import PassiveJoints, give_back
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 from tests.actions.cases import at_rest, home_of, layer_of, torque_of
+from tests.batches import started
 
 ANIMAL = zoo.draw(22)
 MODEL_BASED = (
@@ -121,10 +121,7 @@ def played(robot: Robot, task: str, name: str, seconds: float, **options: Any) -
     """Some robots under the zero action, none of which has fallen."""
     arguments = {"robot": robot, "task": task, "action_layer": name, "push_force": (0.0, 0.0)}
     arguments |= {"episode_seconds": seconds + 1.0, "layer_options": options}
-    batch = EnvBatch(EnvConfig.of(arguments), 4)
-    for env in range(4):
-        batch.seed(env, np.random.default_rng(env))
-    batch.reset(np.arange(4))
+    batch = started(arguments, 4)
     for _ in range(round(50 * seconds)):
         step = batch.step(np.zeros((4, len(batch.action_names))))
         assert not step.terminated.any()
@@ -158,12 +155,15 @@ def test_nonsense_is_refused(option: str) -> None:
 def test_what_is_asked_of_contacts_is_what_springs_leave() -> None:
     """Of a robot at rest, the ground gives just that."""
     sprung = animal(stiffness=[0.2 * pull(animal())], damping=[0.01], springref=0.2)
-    config = EnvConfig(
-        robot=sprung, action_layer="base_acceleration", push_force=(0.0, 0.0),
-        task_options={"height_range": (1.0, 1.0)},
-    )  # fmt: skip
-    batch = EnvBatch(config, 1)
-    batch.reset(np.zeros(1, int))
+    batch = started(
+        {
+            "robot": sprung,
+            "action_layer": "base_acceleration",
+            "push_force": (0.0, 0.0),
+            "height_range": (1.0, 1.0),
+        },
+        1,
+    )
     for _ in range(100):
         batch.step(np.zeros((1, len(batch.action_names))))
     seen = insight(batch)

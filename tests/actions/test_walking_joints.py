@@ -7,9 +7,8 @@ from fbid_gym import robots
 from fbid_gym.actions import make_layer
 from fbid_gym.actions.gains import default_gains
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.motions.target import MotionKind, planned_kind
+from tests.batches import started
 
 HZ = 250
 
@@ -17,10 +16,7 @@ HZ = 250
 def walking(robot, layer, count):
     """Robots that walk for five seconds, each to its own commands."""
     arguments = {"robot": robot, "action_layer": layer, "episode_seconds": 5.0}
-    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"] | arguments), count)
-    for env in range(count):
-        batch.seed(env, np.random.default_rng(env))
-    batch.reset(np.arange(count))
+    batch = started(ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"] | arguments, count)
     return batch, np.zeros((count, len(batch.action_names)))
 
 

@@ -1,9 +1,11 @@
-"""Contact forces of many robots by the solver that the laws share, and nothing around it."""
+"""Contact forces by the solver that the laws share, nothing around it; and by Clarabel."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import clarabel
 import numpy as np
+from scipy import sparse
 
 from fbid_gym.control import Accuracy, ContactLimits
 from fbid_gym.control.contact_forces import (
@@ -53,3 +55,32 @@ def contact_forces(
         iterations[i] = deliver(problem, accuracy, weight, start[i], found)
     residual = np.linalg.norm(missing, axis=1) / weight
     return ContactForces(force, wrench + missing / scale, residual, iterations, dual)
+
+
+def solved_by_clarabel(
+    maps: np.ndarray,
+    target: np.ndarray,
+    rows: np.ndarray,
+    bounds: np.ndarray,
+    cones: Sequence[Any],
+    *,
+    tolerance: float = 1e-12,
+) -> np.ndarray | None:
+    """The x that minimises |maps x - target|^2 + regularisation |x|^2, bounds - rows x in cones.
+
+    None where there is no such x.
+    """
+    size = maps.shape[1]
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    solution = clarabel.DefaultSolver(
+        sparse.csc_matrix(np.triu(maps.T @ maps + DEFAULT_ACCURACY.regularisation * np.eye(size))),
+        -maps.T @ target,
+        sparse.csc_matrix(rows),
+        bounds,
+        cones,
+        settings,
+    ).solve()
+    solved = str(solution.status) in ("Solved", "AlmostSolved")
+    return np.array(solution.x) if solved else None

@@ -102,8 +102,11 @@ def _system(
     )
 
 
+MakeSystem = Callable[..., System]
+
+
 @pytest.fixture
-def make_system(rng: np.random.Generator) -> Callable[..., System]:
+def make_system(rng: np.random.Generator) -> MakeSystem:
     """`make_system(contacts, count, drop_rows)`: see `CONTACTS` for the names."""
 
     def make(contacts: str = "two flat feet", count: int = 4, drop_rows: bool = False) -> System:

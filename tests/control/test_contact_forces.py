@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 import clarabel
 import numpy as np
 import pytest
-import scipy.sparse as sparse
 
 from fbid_gym.control import Accuracy, ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, wrench_scale
 from fbid_gym.control.dual_newton import Point, Points, Step, evaluate, jacobian_at, nearest_force
 from fbid_gym.errors import InvalidValueError, ShapeError
-from tests.control.cones import ContactForces, contact_forces
+from tests.control.cones import ContactForces, contact_forces, solved_by_clarabel
+from tests.pairs import pairs
 
 WEIGHT, LENGTH = 540.0, 0.3
 EXACT = {"accuracy": DEFAULT_ACCURACY._replace(tolerance=1e-11, max_iterations=100)}
@@ -78,13 +78,11 @@ def reference(
     friction: np.ndarray,
     lowest: np.ndarray,
     highest: np.ndarray,
-    regularisation: float = REGULARISATION,
 ) -> tuple[np.ndarray, Callable[[np.ndarray], float]]:
     """Forces (P, 3) of one robot by Clarabel, and the cost it minimises; limits (P,)."""
     points = len(friction)
     scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
     maps, target = wrench_map * scale[:, None], wrench * scale / WEIGHT
-    quadratic = sparse.triu(maps.T @ maps + regularisation * np.eye(3 * points), format="csc")
     rows, offsets, cones = [], [], []
     for i in range(points):
         normal = np.zeros(3 * points)
@@ -100,24 +98,14 @@ def reference(
         rows += [-friction[i] * normal, *-tangents]
         offsets += [0.0, 0.0, 0.0]
         cones.append(clarabel.SecondOrderConeT(3))
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-12
-    solution = clarabel.DefaultSolver(
-        quadratic,
-        -maps.T @ target,
-        sparse.csc_matrix(np.array(rows)),
-        np.array(offsets, dtype=float),
-        cones,
-        settings,
-    ).solve()
-    assert str(solution.status) in ("Solved", "AlmostSolved")
+    found = solved_by_clarabel(maps, target, np.array(rows), np.array(offsets, float), cones)
+    assert found is not None
 
     def cost(force: np.ndarray) -> float:
         error = maps @ force.ravel() / WEIGHT - target
-        return 0.5 * float(error @ error + regularisation * np.sum((force / WEIGHT) ** 2))
+        return 0.5 * float(error @ error + REGULARISATION * np.sum((force / WEIGHT) ** 2))
 
-    return np.array(solution.x).reshape(points, 3) * WEIGHT, cost
+    return found.reshape(points, 3) * WEIGHT, cost
 
 
 def assert_feasible(
@@ -146,8 +134,7 @@ LIMITS = {
 }
 
 
-@pytest.mark.parametrize("push", [0.0, 0.1, 0.5, 2.0])
-@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize(("limits", "push"), pairs(LIMITS, [0.0, 0.5, 0.1, 2.0]))
 def test_equals_clarabel(rng: np.random.Generator, limits: str, push: float) -> None:
     case = scene(rng, push)
     active = rng.random((12, 8)) < 0.8
@@ -190,8 +177,7 @@ def test_error_with_the_default_options(rng: np.random.Generator, push: float) -
     assert np.linalg.norm(error, axis=1).max() < TOLERANCE
 
 
-@pytest.mark.parametrize("push", [0.1, 0.5, 2.0, 5.0])
-@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize(("limits", "push"), pairs(LIMITS, [0.1, 2.0, 0.5, 5.0]))
 def test_every_problem_is_solved(rng: np.random.Generator, limits: str, push: float) -> None:
     """By its optimality condition, S^-1 y = w - G f with f the projection of G^T y / eps."""
     case = scene(rng, push, count=1000)
@@ -325,13 +311,8 @@ def test_wrench_cost_decides_what_gives_way(rng: np.random.Generator) -> None:
 def test_inputs_are_left_alone(rng: np.random.Generator) -> None:
     case, warm = scene(rng, 0.5), rng.normal(size=(12, 6))
     copies = [x.copy() for x in (*case, warm)]
-    solve(
-        case,
-        ContactLimits(0.7),
-        warm_start=warm,
-        accuracy=within(2),
-    )
-    solve(case, ContactLimits(0.7), warm_start=warm)
+    for accuracy in (within(2), DEFAULT_ACCURACY):
+        solve(case, ContactLimits(0.7), warm_start=warm, accuracy=accuracy)
     for before, after in zip(copies, (*case, warm), strict=True):
         np.testing.assert_array_equal(before, after)
 
@@ -386,24 +367,15 @@ def test_jacobian_equals_finite_differences(rng: np.random.Generator, limits: st
             np.testing.assert_allclose(jacobian[:, axis], slope, atol=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "name"),
-    [
-        ((-0.1,), "friction"),
-        ((np.inf,), "friction"),
-        ((np.nan,), "friction"),
-        (("rough",), "friction"),
-        ((0.7, -1.0), "min_normal_force"),
-        ((0.7, 0.0, -1.0), "max_normal_force"),
-        ((0.7, 0.0, np.nan), "max_normal_force"),
-        ((0.7, 10.0, 5.0), "min_normal_force"),
-        ((0.7, np.zeros(3), np.ones(4)), "min_normal_force"),
-        ((np.array([0.5, -0.5]),), "friction"),
-    ],
-)
-def test_limits_name_what_is_wrong(arguments: tuple[Any, ...], name: str) -> None:
-    with pytest.raises(InvalidValueError, match=f"Invalid {name}.*Expected"):
-        ContactLimits(*arguments)
+def test_limits_name_what_is_wrong() -> None:
+    for name, wrong in {
+        "friction": [(bad,) for bad in (-0.1, np.inf, np.nan, "rough", np.array([0.5, -0.5]))],
+        "min_normal_force": [(0.7, -1.0), (0.7, 10.0, 5.0), (0.7, np.zeros(3), np.ones(4))],
+        "max_normal_force": [(0.7, 0.0, -1.0), (0.7, 0.0, np.nan)],
+    }.items():
+        for given in wrong:
+            with pytest.raises(InvalidValueError, match=f"Invalid {name}.*Expected"):
+                ContactLimits(*given)
 
 
 def test_limits_are_those_they_were_made_of(rng: np.random.Generator) -> None:
@@ -424,19 +396,12 @@ def test_numbers_may_come_in_any_kind_of_sequence() -> None:
         np.testing.assert_array_equal(wrench_scale(length, same), expected)
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("length", [LENGTH, LENGTH]),
-        ("wrench_cost", [1.0, 1.0]),
-        ("wrench_cost", [[1.0] * 6]),
-        ("wrench_cost", [1.0, 1.0, 1.0, 1.0, 1.0, 0.0]),
-    ],
-)
-def test_numbers_that_are_not_positive_are_named(name: str, value: Any) -> None:
-    options = {"length": LENGTH, "wrench_cost": None} | {name: value}
-    with pytest.raises(InvalidValueError, match=f"Invalid {name}: .*positive"):
-        wrench_scale(**options)
+def test_numbers_that_are_not_positive_are_named() -> None:
+    with pytest.raises(InvalidValueError, match=r"Invalid length: .*positive"):
+        wrench_scale([LENGTH, LENGTH], None)  # type: ignore[arg-type]
+    for cost in ([1.0, 1.0], [[1.0] * 6], [1.0, 1.0, 1.0, 1.0, 1.0, 0.0]):
+        with pytest.raises(InvalidValueError, match=r"Invalid wrench_cost: .*positive"):
+            wrench_scale(LENGTH, cost)  # type: ignore[arg-type]
 
 
 def test_wrong_shapes_are_named(rng: np.random.Generator) -> None:

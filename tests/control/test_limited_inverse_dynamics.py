@@ -1,6 +1,5 @@
 """The friction-limited law: dynamics, limits, and its agreement with eq. (15) where both apply."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from fbid_gym.control import (
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
 from fbid_gym.errors import InvalidValueError, ShapeError
 from tests.control.cones import contact_forces
+from tests.control.systems import MakeSystem
 
 LENGTH, GRAVITY = 0.3, 9.81
 EXACT = DEFAULT_ACCURACY._replace(tolerance=1e-9, max_iterations=50)
@@ -56,10 +56,9 @@ def reduced(system: Any) -> tuple[Any, np.ndarray]:
     return compressed, basis.mT
 
 
-@pytest.mark.parametrize("base_priority", [1.0, 100.0])
-@pytest.mark.parametrize("push", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize(("push", "base_priority"), [(0.1, 100.0), (1.0, 1.0), (10.0, 100.0)])
 def test_dynamics_contacts_and_limits_hold(
-    make_system: Callable[..., Any], contacts: str, push: float, base_priority: float
+    make_system: MakeSystem, contacts: str, push: float, base_priority: float
 ) -> None:
     system = make_system(contacts)
     system = system._replace(acceleration=push * system.acceleration)
@@ -81,7 +80,7 @@ def test_dynamics_contacts_and_limits_hold(
 
 @pytest.mark.parametrize("push", [0.1, 3.0])
 def test_forward_dynamics_give_the_limited_acceleration_back(
-    make_system: Callable[..., Any], contacts: str, push: float
+    make_system: MakeSystem, contacts: str, push: float
 ) -> None:
     system = make_system(contacts)
     system = system._replace(acceleration=push * system.acceleration)
@@ -98,7 +97,7 @@ def test_forward_dynamics_give_the_limited_acceleration_back(
         )
 
 
-def test_where_limits_do_not_bind_it_is_eq_15(make_system: Callable[..., Any]) -> None:
+def test_where_limits_do_not_bind_it_is_eq_15(make_system: MakeSystem) -> None:
     """Same acceleration; the torque may differ by internal forces only."""
     system = gentle(make_system("two flat feet", count=60))
     limited = solve(system, base_priority=10.0)
@@ -113,7 +112,7 @@ def test_where_limits_do_not_bind_it_is_eq_15(make_system: Callable[..., Any]) -
     assert (cost[0] <= cost[1] + 1e-6).all()
 
 
-def test_the_base_wrench_is_the_nearest_the_limits_allow(make_system: Callable[..., Any]) -> None:
+def test_the_base_wrench_is_the_nearest_the_limits_allow(make_system: MakeSystem) -> None:
     system = make_system("two flat feet", count=20)
     consistent = orthogonal_inverse_dynamics(*system.law).acceleration
     wanted = (np.matvec(system.mass_matrix, consistent) + system.bias)[:, :6]
@@ -131,7 +130,7 @@ def test_the_base_wrench_is_the_nearest_the_limits_allow(make_system: Callable[.
     np.testing.assert_allclose(solution.residual, missed, atol=1e-4)
 
 
-def test_rows_may_be_compressed(make_system: Callable[..., Any], contacts: str) -> None:
+def test_rows_may_be_compressed(make_system: MakeSystem, contacts: str) -> None:
     """J in independent rows with a point map: the same forces and torques."""
     system = make_system(contacts)
     active = active_points(system)
@@ -156,14 +155,14 @@ def test_rows_may_be_compressed(make_system: Callable[..., Any], contacts: str) 
     )
 
 
-def test_a_base_first_by_any_weight_is_first_in_effect(make_system: Callable[..., Any]) -> None:
+def test_a_base_first_by_any_weight_is_first_in_effect(make_system: MakeSystem) -> None:
     system = make_system("two flat feet")
     one, other = (solve(system, base_priority=priority) for priority in (1e9, 1e12))
     for a, b in zip(one, other, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
-def test_without_contacts_the_base_falls_freely(make_system: Callable[..., Any]) -> None:
+def test_without_contacts_the_base_falls_freely(make_system: MakeSystem) -> None:
     system = make_system("flight")
     solution = solve(system)
     wrench = np.matvec(system.mass_matrix, solution.acceleration)[:, :6] + system.bias[:, :6]
@@ -179,7 +178,7 @@ def test_without_contacts_the_base_falls_freely(make_system: Callable[..., Any])
 
 @pytest.mark.parametrize("command", [1e3, 1e6])
 def test_absurd_commands_stay_within_limits(
-    make_system: Callable[..., Any], contacts: str, command: float
+    make_system: MakeSystem, contacts: str, command: float
 ) -> None:
     system = make_system(contacts)
     solution = solve(system._replace(acceleration=command * system.acceleration))
@@ -190,7 +189,7 @@ def test_absurd_commands_stay_within_limits(
     assert (np.linalg.norm(force[..., :2], axis=-1) <= 0.7 * force[..., 2] + slack).all()
 
 
-def test_neighbours_change_no_bit_of_the_limited_law(make_system: Callable[..., Any]) -> None:
+def test_neighbours_change_no_bit_of_the_limited_law(make_system: MakeSystem) -> None:
     """Standing, pushed, on one foot, on two points and flying side by side."""
     system = make_system("two flat feet", count=6)
     jacobian, bias = system.jacobian.copy(), system.jacobian_bias.copy()
@@ -216,16 +215,7 @@ def test_neighbours_change_no_bit_of_the_limited_law(make_system: Callable[..., 
             np.testing.assert_array_equal(one[0], all_[i])
 
 
-def test_a_robot_gone_wrong_harms_no_other_under_limits(make_system: Callable[..., Any]) -> None:
-    system = make_system("two flat feet")
-    healthy = solve(system)
-    sick = system._replace(mass_matrix=system.mass_matrix.copy(), bias=system.bias.copy())
-    sick.mass_matrix[2], sick.bias[2] = np.nan, np.nan
-    for before, after in zip(healthy, solve(sick), strict=True):
-        np.testing.assert_array_equal(np.delete(before, 2, 0), np.delete(after, 2, 0))
-
-
-def test_inputs_of_the_law_are_left_alone(make_system: Callable[..., Any]) -> None:
+def test_inputs_of_the_law_are_left_alone(make_system: MakeSystem) -> None:
     system, warm = make_system("two flat feet"), np.ones((4, 6))
     before = [x.copy() for x in system.law]
     solve(system, warm_start=warm, base_priority=10.0)
@@ -235,7 +225,7 @@ def test_inputs_of_the_law_are_left_alone(make_system: Callable[..., Any]) -> No
     np.testing.assert_array_equal(warm, 1.0)
 
 
-def test_the_limited_law_names_what_is_wrong(make_system: Callable[..., Any]) -> None:
+def test_the_limited_law_names_what_is_wrong(make_system: MakeSystem) -> None:
     system = make_system("two flat feet")
     with pytest.raises(ShapeError, match="bias has shape"):
         limited_inverse_dynamics(*system._replace(bias=system.bias[:, 1:]).law, LIMITS)

@@ -22,12 +22,13 @@ from fbid_gym.control import (
 from fbid_gym.control.body_law import Command, desired_acceleration
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import reduced_contacts
-from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.motions import squat_bow
 from fbid_gym.motions.target import planned_kind, standing_target
 from fbid_gym.quantities import DynamicsTerms, RobotState, Target, some_of
 from fbid_gym.robots import Robot, quadruped
+from tests import postures
+from tests.pairs import pairs
+from tests.postures import bent
 
 FRICTION, HZ = 0.6, 500
 SPARE = ("biped",)  # legs of seven joints: see `whole_body`, they move by themselves for no task
@@ -59,15 +60,6 @@ def planted_sets(robot: Robot) -> np.ndarray:
     feet = range(robot.num_feet)
     sets = [chosen for size in range(len(feet) + 1) for chosen in combinations(feet, size)]
     return np.array([[foot in chosen for foot in feet] for chosen in sets])
-
-
-def bent(robot: Robot) -> np.ndarray:
-    """(nq,) a posture on bent legs, on soles half-way down a squat."""
-    if not robot.has_soles:
-        return robot.home_qpos
-    squat = squat_bow(robot, speed=20).rows.qpos
-    height = squat[:, 2]
-    return squat[np.abs(height - 0.5 * (height.min() + height.max())).argmin()]
 
 
 def scene_of(robot: Robot, rng: np.random.Generator, size: float = 3.0, each: int = 2) -> Scene:
@@ -317,32 +309,24 @@ def some_of_scene(scene: Scene, rows: np.ndarray) -> Scene:
 
 def turned(scene: Scene, angle: float, shift: np.ndarray) -> Scene:
     """The same, elsewhere in the world."""
-    quaternion = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
-    turn = quaternion_to_matrix(quaternion[None])[0]
+    target, state = scene.target, scene.state
+    qpos, turn = postures.turned(state.qpos, angle, shift)
 
     def both(values: np.ndarray) -> np.ndarray:
         return np.concatenate([values[..., :3] @ turn.T, values[..., 3:] @ turn.T], axis=-1)
 
-    def coordinates(qpos: np.ndarray) -> np.ndarray:
-        moved = qpos.copy()
-        for before, after in zip(qpos, moved, strict=True):
-            mujoco.mju_mulQuat(after[3:7], quaternion, before[3:7])
-        moved[:, :3] = qpos[:, :3] @ turn.T + shift
-        return moved
-
     def rates(qvel: np.ndarray) -> np.ndarray:
         return np.concatenate([qvel[:, :3] @ turn.T, qvel[:, 3:]], axis=1)
 
-    target, state = scene.target, scene.state
     target = target._replace(
         foot_position=target.foot_position @ turn.T + shift,
         world_from_foot=turn @ target.world_from_foot,
         foot_velocity=both(target.foot_velocity),
         foot_acceleration=both(target.foot_acceleration),
         com=target.com @ turn.T + shift,
-        qpos=coordinates(target.qpos),
+        qpos=postures.turned(target.qpos, angle, shift)[0],
     )
-    state = state._replace(qpos=coordinates(state.qpos), qvel=rates(state.qvel))
+    state = state._replace(qpos=qpos, qvel=rates(state.qvel))
     body = scene.command.body.copy()
     body[:, :2] = body[:, :2] @ turn[:2, :2].T
     command = scene.command._replace(reference=rates(scene.command.reference), body=body)
@@ -350,7 +334,12 @@ def turned(scene: Scene, angle: float, shift: np.ndarray) -> Scene:
     return Scene(scene.robot, state, terms, target, command)
 
 
-@pytest.mark.parametrize("limits", ["friction", "none"])
+either_limits = pytest.mark.parametrize(
+    ("robot", "limits"), pairs(robots.ROBOTS, ["friction", "none"], 1), indirect=["robot"]
+)
+
+
+@either_limits
 def test_where_a_robot_is_and_which_way_it_faces_does_not_matter(robot, rng, limits):
     scene, law = scene_of(robot, rng), law_of(robot, contact_limits=limits)
     here, there = (
@@ -376,7 +365,7 @@ def test_the_order_of_the_feet_does_not_matter(rng):
     np.testing.assert_allclose(there, here, atol=1e-3 * one.weight * Stance.of(one).size)
 
 
-@pytest.mark.parametrize("limits", ["friction", "none"])
+@either_limits
 def test_robots_are_each_on_their_own(robot, rng, limits):
     """To the bit, also beside one that is not finite."""
     scene, law = scene_of(robot, rng, each=1), law_of(robot, contact_limits=limits)

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 import clarabel
 import numpy as np
 import pytest
-from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from fbid_gym import robots
@@ -14,13 +13,13 @@ from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, wrench_scale
 from fbid_gym.dynamics import MuJoCoDynamics, centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry, point_positions, reduced_contacts
 from fbid_gym.errors import InvalidValueError, ShapeError
+from tests.control.cones import solved_by_clarabel
 
 EXACT = DEFAULT_ACCURACY._replace(tolerance=1e-9, max_iterations=50)
 STEPS = DEFAULT_ACCURACY.torque_steps
 COUNT = 16
 FRICTION = 0.6
 LIMITS = ContactLimits(FRICTION)
-SOLVED = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
 
 
 class Scene(NamedTuple):
@@ -98,7 +97,6 @@ def exact(stance, row, *, cost=None, torque_limit=None, active=None):
     weight = stance.robot.weight
     maps = stance.wrench_map[row] * scale[:, None]
     columns = maps.shape[1]
-    quadratic = np.triu(maps.T @ maps + DEFAULT_ACCURACY.regularisation * np.eye(columns))
     rows, bounds, cones = [], [], []
     for point in range(columns // 3):
         cone = np.zeros((3, columns))
@@ -115,20 +113,10 @@ def exact(stance, row, *, cost=None, torque_limit=None, active=None):
         rows += [slope, -slope]
         bounds += [(torque_limit - offset) / weight, (torque_limit + offset) / weight]
         cones.append(clarabel.NonnegativeConeT(2 * len(offset)))
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
-    solution = clarabel.DefaultSolver(
-        sparse.csc_matrix(quadratic),
-        -maps.T @ (stance.wrench[row] * scale / weight),
-        sparse.csc_matrix(np.concatenate(rows)),
-        np.concatenate(bounds),
-        cones,
-        settings,
-    ).solve()
-    if solution.status not in SOLVED:
-        return None
-    return weight * np.array(solution.x)
+    target = stance.wrench[row] * scale / weight
+    rows, bounds = np.concatenate(rows), np.concatenate(bounds)
+    found = solved_by_clarabel(maps, target, rows, bounds, cones, tolerance=1e-11)
+    return None if found is None else weight * found
 
 
 def assert_within_friction(force, friction=FRICTION):
@@ -165,10 +153,7 @@ def test_forces_under_torque_limits_are_clarabels(stance, steps, wrench_error, e
     """By default roughly, with enough steps exactly."""
     limit = tight_limits(stance)
     accuracy = DEFAULT_ACCURACY._replace(torque_steps=steps)
-    free, result = (
-        stance.solve(),
-        stance.solve(torque_limit=limit, accuracy=accuracy),
-    )
+    free, result = stance.solve(), stance.solve(torque_limit=limit, accuracy=accuracy)
     beyond = (np.abs(free.torque) > limit).any(axis=1)
     assert COUNT / 2 < beyond.sum()
     scale = stance.robot.weight * np.array([1.0] * 3 + [stance.options["length"]] * 3)
@@ -242,10 +227,7 @@ def test_what_costs_more_goes_first(hard):
         cost = [1.0] * 6
         for factor in (0.01, 1.0, 100.0):
             cost[axis] = factor
-            result = hard.solve(
-                wrench_cost=tuple(cost),
-                accuracy=EXACT,
-            )
+            result = hard.solve(wrench_cost=tuple(cost), accuracy=EXACT)
             errors[factor] = np.abs(result.wrench - hard.wrench)[:, axis]
         tolerance = 1e-4 * hard.robot.weight
         assert (errors[100.0] <= errors[1.0] + tolerance).all()
@@ -348,26 +330,21 @@ def test_torque_limits_that_contradict_the_weight_stay_finite(stance):
     assert_within_friction(result.point_force)
 
 
-def test_bad_shapes_and_options_are_refused(stance):
-    with pytest.raises(ShapeError, match="wrench has shape"):
-        stance.solve(wrench=stance.wrench[:, :5])
-    with pytest.raises(ShapeError, match="to_com has shape"):
-        stance.solve(to_com=stance.options["to_com"][:3])
-    with pytest.raises(ShapeError, match="point_map has shape"):
-        stance.solve(point_map=stance.options["point_map"][:, :, :-1])
-    with pytest.raises(ShapeError, match="warm_start has shape"):
-        stance.solve(warm_start=np.zeros((COUNT + 1, 6)))
-    with pytest.raises(ShapeError, match="active has shape"):
-        stance.solve(active=np.ones((COUNT, 1), bool))
-    with pytest.raises(ShapeError, match="torque_limit has shape"):
-        stance.solve(torque_limit=np.ones(3))
-    with pytest.raises(ShapeError, match="weight has shape"):
-        stance.solve(weight=np.ones(COUNT + 1))
-    with pytest.raises(InvalidValueError, match="Invalid weight: .*positive"):
-        stance.solve(weight=0.0)
-    with pytest.raises(InvalidValueError, match="Invalid weight: .*positive"):
-        stance.solve(weight="heavy")
-    with pytest.raises(InvalidValueError, match="Invalid length"):
-        stance.solve(length=0.0)
+def test_bad_shapes_and_options_are_refused(rng):
+    stance = scene("quadruped", rng)
+    for name, wrong in {
+        "wrench": stance.wrench[:, :5],
+        "to_com": stance.options["to_com"][:3],
+        "point_map": stance.options["point_map"][:, :, :-1],
+        "warm_start": np.zeros((COUNT + 1, 6)),
+        "active": np.ones((COUNT, 1), bool),
+        "torque_limit": np.ones(3),
+        "weight": np.ones(COUNT + 1),
+    }.items():
+        with pytest.raises(ShapeError, match=f"{name} has shape"):
+            stance.solve(**{name: wrong})
+    for name, bad in (("weight", 0.0), ("weight", "heavy"), ("length", 0.0)):
+        with pytest.raises(InvalidValueError, match=f"Invalid {name}: .*positive"):
+            stance.solve(**{name: bad})
     with pytest.raises(InvalidValueError, match="Invalid wrench_cost"):
         stance.solve(wrench_cost=(1.0, 1.0))

@@ -19,12 +19,10 @@ RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"
 
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, *RANDOM])
-def robot(request, tmp_path_factory, random_mjcf):
+def robot(request, random_mjcf):
     if isinstance(request.param, str):
         return robots.load(request.param)
-    path = tmp_path_factory.mktemp("robots") / "random.xml"
-    path.write_text(random_mjcf(request.param))
-    return robots.Robot.from_mjcf(path, RANDOM_FEET)
+    return robots.Robot.from_mjcf(random_mjcf(request.param), RANDOM_FEET)
 
 
 def assert_close(actual, expected):

@@ -21,13 +21,11 @@ LINE_FEET = {"edge": ["corner0", "corner1"], "ball": ["ball"]}
 
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, "unequal", "line"])
-def robot(request, tmp_path_factory, random_mjcf):
+def robot(request, random_mjcf):
     if request.param in robots.ROBOTS:
         return robots.load(request.param)
-    path = tmp_path_factory.mktemp("robots") / "random.xml"
-    path.write_text(random_mjcf(3))
     feet = {"unequal": UNEQUAL_FEET, "line": LINE_FEET}[request.param]
-    return robots.Robot.from_mjcf(path, feet)
+    return robots.Robot.from_mjcf(random_mjcf(3), feet)
 
 
 @pytest.fixture(scope="module")

@@ -14,13 +14,11 @@ EXACT = 1e-9
 
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, 0, 1, 2, 3])
-def robot(request, tmp_path_factory, random_mjcf):
+def robot(request, random_mjcf):
     """Robots and random trees; odd seeds have armature on the free joint."""
     if isinstance(request.param, str):
         return robots.load(request.param)
-    path = tmp_path_factory.mktemp("robots") / "random.xml"
-    path.write_text(random_mjcf(request.param))
-    return robots.Robot.from_mjcf(path, ["ball"])
+    return robots.Robot.from_mjcf(random_mjcf(request.param), ["ball"])
 
 
 def forwarded(model, qpos, qvel):

@@ -9,7 +9,7 @@ from fbid_gym.dynamics import frames
 from fbid_gym.dynamics.pinocchio_model import pinocchio_model
 from fbid_gym.errors import RobotError
 
-MODELS = [*range(30), "humanoid.xml", "humanoidstandup.xml", "ant.xml"]
+MODELS = [*range(12), "humanoid.xml", "humanoidstandup.xml", "ant.xml"]
 AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 

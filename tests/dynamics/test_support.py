@@ -9,32 +9,19 @@ from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_positions
 from fbid_gym.dynamics.stance import Stance
+from tests.postures import turned
 
 
 @pytest.fixture(scope="module", params=[*robots.ROBOTS, "one point"])
-def robot(request, tmp_path_factory, random_mjcf):
+def robot(request, random_mjcf):
     if request.param in robots.ROBOTS:
         return robots.load(request.param)
-    path = tmp_path_factory.mktemp("robots") / "random.xml"
-    path.write_text(random_mjcf(3))
-    return robots.Robot.from_mjcf(path, ["ball"])
+    return robots.Robot.from_mjcf(random_mjcf(3), ["ball"])
 
 
 @pytest.fixture(scope="module")
 def support(robot):
     return Stance.of(robot)
-
-
-def turned(qpos, heading, shift):
-    """The same configurations (N, nq) turned about the world's vertical, then moved."""
-    cosine, sine = np.cos(heading), np.sin(heading)
-    rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    result = qpos.copy()
-    result[:, :3] = qpos[:, :3] @ rotation.T + shift
-    turn = np.array([np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)])
-    for row, old in zip(result, qpos, strict=True):
-        mujoco.mju_mulQuat(row[3:7], turn, old[3:7])
-    return result, rotation
 
 
 def near_home(robot, rng, count, size=0.15):

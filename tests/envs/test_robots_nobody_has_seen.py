@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from eval import zoo
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch, Step
+from tests.batches import started
 
 # On soles with five joints a leg, two, four and six of them, 1.3 to 4.4 kg: closed chains that can
 # hardly move in some directions, and not at all in others.
@@ -19,17 +19,8 @@ LIGHT_FEET = (1, 16, 22, 25, 26, 29, 30, 35)
 
 def stand(seed: int, layer: str, **options: str) -> tuple[EnvBatch, Step]:
     """Let four robots of the zoo stand for five seconds."""
-    acting = {"action_layer": layer, "layer_options": options}
-    config = {
-        "robot": zoo.built(zoo.draw(seed)),
-        "task": "balance",
-        "push_force": (0.0, 0.0),
-        **acting,
-    }
-    batch = EnvBatch(EnvConfig.of(config), 4)
-    for env in range(4):
-        batch.seed(env, np.random.default_rng(env))
-    batch.reset(np.arange(4))
+    given = {"robot": zoo.built(zoo.draw(seed)), "task": "balance", "push_force": (0.0, 0.0)}
+    batch = started(given | {"action_layer": layer, "layer_options": options}, 4)
     zero = np.zeros((4, len(batch.action_names)))
     for _ in range(5 * batch.rates.policy):
         step = batch.step(zero)

@@ -9,13 +9,13 @@ import pytest
 from fbid_gym.actions import LAYERS
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot, load
 from fbid_gym.tasks.body import Body
 from fbid_gym.tasks.outcome import Outcome
+from tests.batches import started
+from tests.pairs import pairs
 from tests.robots.similar import moved, similar, turned
 
 CASES = [
@@ -43,10 +43,7 @@ def rollout(name: str, size: float, env: str, commands: str, layer: str) -> list
         "push_duration": 0.02 * time,
         commands: (2.0 * time, 4.0 * time),
     }
-    batch = EnvBatch(EnvConfig.of(base | own), 2)
-    for env_id in range(2):
-        batch.seed(env_id, np.random.default_rng(env_id))
-    batch.reset(np.arange(2))
+    batch = started(base | own, 2)
     rng, seen = np.random.default_rng(7), []
     for _ in range(STEPS):
         step = batch.step(rng.uniform(-0.2, 0.2, (2, len(batch.action_names))))
@@ -57,8 +54,7 @@ def rollout(name: str, size: float, env: str, commands: str, layer: str) -> list
     return [np.array(values) for values in zip(*seen, strict=True)]
 
 
-@pytest.mark.parametrize("layer", LAYERS)
-@pytest.mark.parametrize(("name", "env", "commands"), CASES)
+@pytest.mark.parametrize(("layer", "name", "env", "commands"), pairs(LAYERS, CASES))
 def test_size_is_unknown(name, env, commands, layer):
     own = rollout(name, 1.0, env, commands, layer)
     for size in (0.25, 4.0):
@@ -113,6 +109,7 @@ def test_the_base_may_have_its_origin_anywhere(name: str, up: float) -> None:
     assert 0.05 < lies[~tilted].mean() < 0.95
 
 
+FOLLOWING = ("joint_position", "base_acceleration", "com_wrench")
 # Y up and x ahead, as computer graphics has it; x up, as some makers have it; pitched.
 AXES = [
     ((1.0, 0.0, 0.0), -np.pi / 2),
@@ -125,10 +122,7 @@ def moves(robot: Robot, env: str, layer: str) -> list[tuple[np.ndarray, ...]]:
     """Joints, torques and rewards of two robots that follow commands by a zero action."""
     # What is drawn at the begin is about the base's axes.
     own = {"robot": robot, "action_layer": layer, "velocity_noise": 0.0}
-    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[f"fbid_gym/{env}-v0"] | own), 2)
-    for env_id in range(2):
-        batch.seed(env_id, np.random.default_rng(env_id))
-    batch.reset(np.arange(2))
+    batch = started(ENVIRONMENTS[f"fbid_gym/{env}-v0"] | own, 2)
     # Feet that just touch would do so or not by the last bit.
     batch.simulation.qpos[:, 2] += 1e-4 * robot.home_qpos[2]
     zero, said = np.zeros((2, len(batch.action_names))), []
@@ -139,9 +133,10 @@ def moves(robot: Robot, env: str, layer: str) -> list[tuple[np.ndarray, ...]]:
     return said
 
 
-@pytest.mark.parametrize(("axis", "angle"), AXES)
-@pytest.mark.parametrize("layer", ["joint_position", "base_acceleration", "com_wrench"])
-@pytest.mark.parametrize(("name", "env"), [case[:2] for case in CASES])
+@pytest.mark.parametrize(
+    ("name", "env", "layer", "axis", "angle"),
+    pairs([case[:2] for case in CASES], pairs(FOLLOWING, AXES, 3), 3),
+)
 def test_the_axes_of_the_base_may_lie_as_they_like(name, env, layer, axis, angle):
     own, other = (moves(robot, env, layer) for robot in (load(name), turned(name, axis, angle)))
     for step, expected in zip(other, own, strict=True):

@@ -5,11 +5,10 @@ import pytest
 
 from eval import zoo
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.tick import Effort
 from fbid_gym.tasks.body import FALLEN_HEIGHT
 from fbid_gym.tasks.walk import MOST_LOWERED
+from tests.batches import started
 
 LAYERS = ("base_acceleration", "com_wrench")
 WALKS = {
@@ -25,10 +24,7 @@ SPARE_JOINTS = (42, 47)
 def walking(like, layer, count, **arguments):
     """Robots that walk as one of WALKS does, each to its own commands, without pushes."""
     known = {"robot": like, "action_layer": layer, "push_force": (0.0, 0.0)} | arguments
-    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[WALKS[like]] | known), count)
-    for env in range(count):
-        batch.seed(env, np.random.default_rng(env))
-    batch.reset(np.arange(count))
+    batch = started(ENVIRONMENTS[WALKS[like]] | known, count)
     return batch, np.zeros((count, len(batch.action_names)))
 
 

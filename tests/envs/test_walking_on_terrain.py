@@ -14,17 +14,13 @@ from fbid_gym.errors import FbidError
 from fbid_gym.robots.terrain import LEVELLED, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid
 from fbid_gym.tasks.height_scan import SCAN, scan_heights
+from tests.batches import started
 
 QUADRUPED, BIPED = "fbid_gym/QuadrupedTerrain-v0", "fbid_gym/BipedTerrain-v0"
 
 
 def batch_of(env: str = QUADRUPED, count: int = 8, **arguments: object) -> EnvBatch:
-    given = ENVIRONMENTS[env] | {"action_layer": "torque"} | arguments
-    batch = EnvBatch(EnvConfig.of(given), count)
-    for i in range(count):
-        batch.seed(i, np.random.default_rng(i))
-    batch.reset(np.arange(count))
-    return batch
+    return started(ENVIRONMENTS[env] | {"action_layer": "torque"} | arguments, count)
 
 
 def still(batch: EnvBatch) -> np.ndarray:

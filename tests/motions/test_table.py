@@ -100,21 +100,9 @@ def test_a_seam_that_does_not_close_is_refused(finite: MotionTable) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        (
-            "qvel",
-            np.zeros((250, 3)),
-            r"qvel of the motion has shape \(250, 3\). Expected \(250, 22",
-        ),
-        (
-            "com",
-            np.zeros((3, 3)),
-            r"com of the motion has shape \(3, 3\). Expected \(250, 3\)",
-        ),
-        (
-            "planted",
-            np.ones((250, 4), bool),
-            r"planted of the motion has shape \(250, 4\). Expected \(250, 2\)",
-        ),
+        ("qvel", np.zeros((250, 3)), r"qvel of the motion has shape \(250, 3\).*\(250, 22"),
+        ("com", np.zeros((3, 3)), r"com of the motion has shape \(3, 3\). Expected \(250, 3\)"),
+        ("planted", np.ones((250, 4), bool), r"planted of the motion has .*Expected \(250, 2\)"),
         ("jumps", np.ones(3, bool), r"jumps has shape \(3,\). Expected \(250,\)"),
         ("qacc", np.full((250, 22), np.nan), "qacc of the motion is not finite"),
     ],

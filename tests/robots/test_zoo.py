@@ -9,8 +9,9 @@ import pytest
 
 from eval import zoo
 from fbid_gym.robots import Robot
+from tests.pairs import pairs
 
-SEEDS = range(40)
+SEEDS = range(26, 38)  # of every kind, as a test below says
 
 
 @pytest.fixture(params=SEEDS)
@@ -146,8 +147,7 @@ def test_a_standing_pose_is_found(animal: zoo.Morphology) -> None:
     assert robot.check() == []
 
 
-@pytest.mark.parametrize("sole", zoo.SOLES)
-@pytest.mark.parametrize("seed", range(0, 40, 4))
+@pytest.mark.parametrize(("seed", "sole"), pairs(SEEDS[::2], zoo.SOLES, 1))
 def test_soles_of_other_shapes_stand_like_boxes(seed: int, sole: str) -> None:
     """On the same four corners, and so in the same pose."""
     drawn = zoo.draw(seed)

@@ -7,6 +7,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.tasks import Walk
+from tests.batches import started
 
 NUM_ENVS = 3
 WALK = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"]
@@ -16,11 +17,7 @@ WALK = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"]
 def batch() -> EnvBatch:
     """Robots on their way, with a random action: nothing is zero."""
     arguments = {"action_layer": "torque", "command_interval": (0.1, 0.1)}
-    made = EnvBatch(EnvConfig.of(WALK | arguments), NUM_ENVS)
-    for env in range(NUM_ENVS):
-        made.seed(env, np.random.default_rng(env))
-    made.reset(np.arange(NUM_ENVS))
-    return made
+    return started(WALK | arguments, NUM_ENVS)
 
 
 @pytest.fixture(scope="module")
@@ -146,10 +143,7 @@ def test_rewards_are_their_formulas(batch, step):
 def walking(**arguments):
     """Robots that walk by the zero action, and that action."""
     given = {"action_layer": "base_acceleration", "forward_range": (0.3, 0.3)}
-    made = EnvBatch(EnvConfig.of(WALK | given | arguments), NUM_ENVS)
-    for env in range(NUM_ENVS):
-        made.seed(env, np.random.default_rng(env))
-    made.reset(np.arange(NUM_ENVS))
+    made = started(WALK | given | arguments, NUM_ENVS)
     return made, np.zeros((NUM_ENVS, len(made.action_names)))
 
 

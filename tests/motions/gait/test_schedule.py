@@ -1,14 +1,14 @@
 """Schedules: every foot stands its share, feet lift in the order that names the gait."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from fbid_gym.errors import RobotError, UnknownOptionError
 from fbid_gym.motions.gait.schedule import PATTERNS, Schedule, schedule_of, since_lift
-from fbid_gym.robots import Robot, load
+from fbid_gym.robots import load
+from tests.dogs import dog
 
 PHASES = (np.arange(10000) + 0.5) / 10000.0
 
@@ -53,7 +53,7 @@ def test_a_walk_keeps_three_feet_on_the_ground() -> None:
     assert planted.sum(axis=1).min() == 3
 
 
-def test_the_order_of_the_feet_in_the_file_does_not_matter(dog: Callable[..., Robot]) -> None:
+def test_the_order_of_the_feet_in_the_file_does_not_matter() -> None:
     robot = dog()
     names = dict(zip(robot.foot_names, schedule_of(robot, "walk").lift, strict=True))
     same = dict(
@@ -62,7 +62,7 @@ def test_the_order_of_the_feet_in_the_file_does_not_matter(dog: Callable[..., Ro
     assert names == same
 
 
-def test_the_period_is_that_of_the_pendulum(dog: Callable[..., Robot]) -> None:
+def test_the_period_is_that_of_the_pendulum() -> None:
     small, large = schedule_of(dog(1.0)), schedule_of(dog(4.0))
     assert large.period == pytest.approx(2.0 * small.period)
     assert large.duty == small.duty

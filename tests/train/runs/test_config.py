@@ -97,13 +97,7 @@ def test_invalid_values_are_named(changes, message):
     [
         (EvaluationConfig, {"episodes": 0}, r"Invalid eval\.episodes: 0"),
         (PPOConfig, {"gamma": 1.5}, r"Invalid ppo\.gamma: 1\.5. Expected a number from 0 to 1"),
-        (PPOConfig, {"learning_rate": float("nan")}, r"Invalid ppo\.learning_rate: nan"),
-        (PPOConfig, {"target_kl": 0.0}, r"Invalid ppo\.target_kl: 0\.0"),
-        (PPOConfig, {"n_epochs": True}, r"Invalid ppo\.n_epochs: True"),
-        (PPOConfig, {"n_steps": 1.5}, r"Invalid ppo\.n_steps: 1\.5"),
         (PPOConfig, {"hidden": (64, 0)}, r"Invalid ppo\.hidden: 0"),
-        (SACConfig, {"hidden": (64.5,)}, r"Invalid sac\.hidden: 64\.5"),
-        (SACConfig, {"tau": 0.0}, r"Invalid sac\.tau: 0\.0"),
         (SACConfig, {"buffer_size": 10**9}, "from 1 to 10,000,000"),
         (SACConfig, {"learning_rate_end": 2.0}, r"Invalid sac\.learning_rate_end: 2\.0"),
     ],

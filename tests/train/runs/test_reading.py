@@ -49,6 +49,9 @@ def test_an_exported_policy_is_read(trained: Path) -> None:
     assert run.seed is None and run.curve is None and run.config is None
 
 
+COLUMNS = "steps,wall_seconds,return_mean,return_std,episodes\n"
+
+
 def damage(name: str, content: str | None) -> Callable[[Path], None]:
     def apply(folder: Path) -> None:
         if content is None:
@@ -88,21 +91,9 @@ def renamed(folder: Path) -> None:
         (damage("config.json", "{"), "config.json: not JSON, truncated or corrupt"),
         (damage("config.json", "[]"), "config.json: holds list. Expected a JSON object"),
         (damage("evaluations.csv", "steps,wall_seconds\n"), "evaluations.csv: holds no evaluation"),
-        (
-            damage("evaluations.csv", "steps\n1\n"),
-            "evaluations.csv: column 'wall_seconds' is missing",
-        ),
-        (
-            damage("evaluations.csv", "steps,wall_seconds,return_mean,episodes\n1,2,x,8\n"),
-            "evaluations.csv: column 'return_mean' holds more than numbers",
-        ),
-        (
-            damage(
-                "evaluations.csv",
-                "steps,wall_seconds,return_mean,return_std,episodes\n2,2,2,1,8\n1,3,3,1,8\n",
-            ),
-            "the steps do not increase",
-        ),
+        (damage("evaluations.csv", "steps\n1\n"), "csv: column 'wall_seconds' is missing"),
+        (damage("evaluations.csv", f"{COLUMNS}1,2,x,1,8\n"), "'return_mean' holds more than numbe"),
+        (damage("evaluations.csv", f"{COLUMNS}2,2,2,1,8\n1,3,3,1,8\n"), "steps do not increase"),
         (without("seed"), "config.json: seed is None. Expected int."),
         (unfinished, "trained for 384 of 768 steps. Resume it, or leave it out."),
         (renamed, "config.json says other/Env-v0, the policy in it was trained in stand-in/"),

@@ -1,0 +1,56 @@
+"""A four-legged robot of any size, with or without joints that move its legs sideways."""
+
+from collections.abc import Sequence
+
+from fbid_gym.robots import Robot
+
+CORNERS = {
+    "front_left": (1, 1),
+    "front_right": (1, -1),
+    "hind_left": (-1, 1),
+    "hind_right": (-1, -1),
+}
+LEG = """
+<body name="{name}_hip" pos="{x} {y} 0">
+  <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
+  {roll}
+  <body name="{name}_upper">
+    <inertial pos="0 0 -{half}" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
+    <joint name="{name}_pitch" axis="0 1 0" range="-2 3"/>
+    <body name="{name}_lower" pos="0 0 -{link}">
+      <inertial pos="0 0 -{half}" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
+      <joint name="{name}_knee" axis="0 1 0" range="-2.5 -0.1"/>
+      <geom name="{name}" size="{radius}" pos="0 0 -{link}" mass="0"/>
+    </body>
+  </body>
+</body>
+"""
+ROLL = '<joint name="{name}_roll" axis="1 0 0" range="-0.8 0.8"/>'
+
+
+def dog(scale: float = 1.0, feet: Sequence[str] = tuple(CORNERS), *, rolls: bool = True) -> Robot:
+    """Legs of 2 × 0.2 m times a scale, with whose cube masses grow."""
+    numbers = {
+        "mass": 0.5 * scale**3,
+        "inertia": 0.002 * scale**5,
+        "half": 0.1 * scale,
+        "link": 0.2 * scale,
+        "radius": 0.02 * scale,
+    }
+    legs, motors = "", ""
+    for name, (x, y) in CORNERS.items():
+        roll = ROLL.format(name=name) if rolls else ""
+        legs += LEG.format(name=name, x=0.2 * scale * x, y=0.13 * scale * y, roll=roll, **numbers)
+        for joint in ("roll", "pitch", "knee")[0 if rolls else 1 :]:
+            joint = f"{name}_{joint}"
+            motors += f'<motor name="{joint}" joint="{joint}" ctrlrange="-30 30"/>'
+    inertia = f"{0.05 * scale**5} {0.1 * scale**5} {0.1 * scale**5}"
+    text = (
+        f'<mujoco model="dog"><compiler angle="radian"/><worldbody><body name="trunk">'
+        f'<freejoint/><inertial pos="0 0 0" mass="{6.0 * scale**3}" diaginertia="{inertia}"/>'
+        f"{legs}</body></worldbody><actuator>{motors}</actuator></mujoco>"
+    )
+    home = {
+        f"{name}_{joint}": a for name in CORNERS for joint, a in (("pitch", 0.8), ("knee", -1.6))
+    }
+    return Robot.from_mjcf(text, list(feet), home=home)

@@ -1,0 +1,27 @@
+"""Robots on bent legs, and turned about the vertical."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fbid_gym.motions import squat_bow
+from fbid_gym.robots import Robot
+
+
+def bent(robot: Robot) -> np.ndarray:
+    """(nq,) a posture on bent legs, on soles half-way down a squat."""
+    if not robot.has_soles:
+        return robot.home_qpos
+    squat = squat_bow(robot, speed=20).rows.qpos
+    height = squat[:, 2]
+    return squat[np.abs(height - 0.5 * (height.min() + height.max())).argmin()]
+
+
+def turned(
+    qpos: np.ndarray, angle: float, shift: np.ndarray | float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Configurations (..., nq) turned about the vertical, then moved; and the rotation (3, 3)."""
+    turn, found = Rotation.from_rotvec([0.0, 0.0, angle]), qpos.copy()
+    found[..., :3] = qpos[..., :3] @ turn.as_matrix().T + shift
+    base = turn * Rotation.from_quat(qpos[..., 3:7], scalar_first=True)
+    found[..., 3:7] = base.as_quat(scalar_first=True)
+    return found, turn.as_matrix()
