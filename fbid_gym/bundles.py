@@ -100,7 +100,7 @@ def load_bundle(file: Path, error: type[FbidError]) -> Bundle:
 
 
 def read_tensors(packed: bytes, file: Path, error: type[FbidError]) -> Tensors:
-    """Return the arrays in the bytes of a safetensors file, or raise `error`."""
+    """Return the arrays of a safetensors file whose bytes are `packed`, or raise `error`."""
     try:
         return safetensors.numpy.load(packed)
     except (safetensors.SafetensorError, ValueError, KeyError, TypeError) as reason:
