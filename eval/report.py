@@ -146,7 +146,7 @@ def headline(c: Comparison) -> str:
     else:
         all_of = pair.probability.value == 1
         said = (
-            f"Every seed of {first.name} beats every seed of {other}"
+            f"Every seed of {first.name} returns more than every seed of {other}"
             if all_of
             else (f"{one} returned more than {other}")
         )

@@ -18,7 +18,7 @@ _SHORT.maxstring = _SHORT.maxother = 400
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = _SHORT.maxset = _SHORT.maxfrozenset = 40
 
 _MOST_LISTED = 20  # choices
-_SLIP = 0.85  # least likeness of what may be a slip of the keyboard, as difflib has it
+_SLIP = 0.86  # least likeness of what may be a slip of the keyboard, as difflib has it
 
 
 def shown(value: object) -> str:

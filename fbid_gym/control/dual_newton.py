@@ -4,9 +4,8 @@ Solves eps u + G Pi_C(G^T u) = w, see `contact_forces`. The left side is the gra
 convex function of u, its generalised Jacobian is a sum over contact points, and the projection Pi_C
 onto each point's limits is exact.
 
-Mostly no force is at a limit. Then the problem is linear, so the forces of that case are tried
-first: where points can deliver any w, the smallest that do. All here is of one robot: robots need
-very different numbers of steps.
+Mostly no force is at a limit, and the problem is linear: where points can deliver any w, the
+smallest forces that do. Robots need very different numbers of steps, so all here is of one robot.
 """
 
 import math
@@ -18,13 +17,7 @@ from fbid_gym.compiled import compiled
 from fbid_gym.dynamics.vectors import Vector, add, scale, store, subtract, vector
 from fbid_gym.dynamics.vectors import dot as inner
 from fbid_gym.quantities import Accuracy
-from fbid_gym.small_matrices import (
-    copy,
-    dot,
-    factor,
-    lift,
-    solve_factored,
-)
+from fbid_gym.small_matrices import copy, dot, factor, lift, solve_factored
 
 _SLOPE_REDUCTION = 0.5
 _STEPS = (0.004, 0.016, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 6.0)
@@ -319,16 +312,25 @@ def _room_for_point(points: int) -> Point:
 
 
 @compiled
-def _stick(problem: Points, ridge: float, point: Point, gram: np.ndarray) -> bool:
-    """Write the forces that solve the problem if none is at a limit; whether none is.
+def _are_inside(problem: Points, dual: np.ndarray, force: np.ndarray) -> bool:
+    """Write the forces G^T dual (P, 3) up to the first that is not within its limits."""
+    for i in range(problem.number[0]):
+        for axis in range(3):
+            force[i, axis] = dot(problem.wrenches[i, axis], dual)
+        x, y, normal = vector(force, (i,))
+        friction, lowest, highest = vector(problem.limits, (i,))
+        if not (lowest <= normal <= highest and x * x + y * y <= (friction * normal) ** 2):
+            return False
+    return True
 
-    Args:
-        problem: of one robot.
-        ridge: eps.
-        point: its dual, force and missing are written.
-        gram: (6, 6), a buffer.
+
+@compiled
+def _stick(problem: Points, ridge: float, point: Point, gram: np.ndarray) -> bool:
+    """Write dual, force and missing wrench of a point if no force is at a limit; whether none is.
+
+    The regularisation is `ridge`; `gram` (6, 6) is a buffer.
     """
-    wrenches, dual, force = problem.wrenches, point.dual, point.force
+    wrenches, dual = problem.wrenches, point.dual
     for row in range(6):
         for column in range(row + 1):
             total = ridge if row == column else 0.0
@@ -339,14 +341,8 @@ def _stick(problem: Points, ridge: float, point: Point, gram: np.ndarray) -> boo
     factor(gram)
     copy(problem.wrench, dual)
     solve_factored(gram, dual)
-    for i in range(problem.number[0]):
-        for axis in range(3):
-            force[i, axis] = dot(wrenches[i, axis], dual)
-        friction, lowest, highest = vector(problem.limits, (i,))
-        normal = force[i, 2]
-        sticks = np.hypot(force[i, 0], force[i, 1]) <= friction * normal
-        if not (sticks and lowest <= normal <= highest):
-            return False
+    if not _are_inside(problem, dual, point.force):
+        return False
     for row in range(6):
         point.missing[row] = -ridge * dual[row]
     return True
@@ -380,9 +376,8 @@ def deliver_by_points(
 ) -> int:
     """Solve the problem of one robot.
 
-    Forces of which none is at a limit are tried first. Where one is, Newton's method follows, and
-    after `max_iterations` steps a cold start by way of stronger regularisations, in three rounds of
-    at most twice as many steps and a last one of twelve times as many. What that leaves unsolved
+    Forces of which none is at a limit are tried first, or last where one of more than two was at a
+    limit at `start`. In between is Newton's method, see `_in_rounds`. What that leaves unsolved
     gets the better of its last forces and those at `start`.
 
     Args:
@@ -399,36 +394,51 @@ def deliver_by_points(
     eps, tolerance = accuracy.regularisation, accuracy.tolerance * weight
     # A wrench has six numbers, and two points can deliver five of them.
     spans = problem.number[0] > 2
-    if _stick(problem, _FAINT if spans else eps, point, newton.jacobian):
-        square, missing = dot(problem.wrench, problem.wrench), point.missing
-        if not spans or dot(missing, missing) <= _DELIVERED**2 * square:
-            for row in range(6):
-                missing[row] *= 0.0 if spans else 1.0
-                next_start[row] = point.dual[row]
-            return 0
+    error, taken, free = 0.0, 0, not spans or _are_inside(problem, start, trial.force)
     copy(start, point.dual)
+    while True:
+        if free and _stick(problem, _FAINT if spans else eps, trial, newton.jacobian):
+            wrench, missing = problem.wrench, trial.missing
+            if not spans or dot(missing, missing) <= _DELIVERED**2 * dot(wrench, wrench):
+                for row in range(6):
+                    missing[row] *= 0.0 if spans else 1.0
+                _copy(trial, point, problem.number[0])
+                break
+        error, steps = _in_rounds(room, accuracy, tolerance)
+        taken += steps
+        if free or error > tolerance or not _are_inside(problem, point.dual, trial.force):
+            break
+        free = True
+    copy(point.dual, next_start)
+    if error > tolerance:
+        copy(start, trial.dual)
+        evaluate(problem, eps, trial)
+        if dot(trial.missing, trial.missing) < dot(point.missing, point.missing):
+            _copy(trial, point, problem.number[0])
+    return taken
+
+
+@compiled
+def _in_rounds(room: Room, accuracy: Accuracy, tolerance: float) -> tuple[float, int]:
+    """Improve `room.point` by Newton's method; returns its error, and the steps taken.
+
+    After `max_iterations` steps comes a cold start by way of stronger regularisations, in three
+    rounds of at most twice as many steps and a last one of twelve times as many.
+    """
+    problem, eps = room.problem, accuracy.regularisation
     rough = max(tolerance, _ROUGH * np.sqrt(dot(problem.wrench, problem.wrench)))
     error, taken = np.inf, 0
     for k in range(len(_ROUNDS)):
         own = _ROUNDS[k] == 0.0
         if k == 1:
             for row in range(6):
-                point.dual[row] = 0.0
+                room.point.dual[row] = 0.0
         if not own and _ROUNDS[k] <= eps:
             continue
         stage, goal = (eps, tolerance) if own else (_ROUNDS[k], rough)
         budget = _BUDGETS[k] * accuracy.max_iterations
-        error, steps = _newton(problem, stage, goal, budget, point, trial, newton)
+        error, steps = _newton(problem, stage, goal, budget, room.point, room.trial, room.newton)
         taken += steps
         if own and not error > tolerance:
             break
-    copy(point.dual, next_start)
-    if error > tolerance:
-        # The better of the last forces and those of the warm start.
-        copy(start, trial.dual)
-        evaluate(problem, eps, trial)
-        if dot(trial.missing, trial.missing) < dot(point.missing, point.missing):
-            copy(trial.missing, point.missing)
-            for i in range(problem.number[0]):
-                copy(trial.force[i], point.force[i])
-    return taken
+    return error, taken

@@ -51,13 +51,7 @@ from fbid_gym.dynamics.vectors import (
 )
 from fbid_gym.dynamics.vectors import dot as inner
 from fbid_gym.quantities import Accuracy, ContactGeometry, DynamicsTerms
-from fbid_gym.small_matrices import (
-    copy,
-    dot,
-    factor,
-    solve_factored,
-    trace_of_inverse,
-)
+from fbid_gym.small_matrices import copy, dot, factor, solve_factored, trace_of_inverse
 
 FREE, MOVES, STANDS = 0, 1, 2
 """What is asked of a foot: nothing, to move as told, or that its contact does not move."""

@@ -21,17 +21,17 @@ class PassiveJoints(NamedTuple):
 
     Attributes:
         rest: (n,) where springs do not pull.
-        spring: (n, 3) N·m/rad, N·m/rad², N·m/rad³ of its polynomial.
-        damping: (n, 3) N·m·s/rad, of the velocity, and of its square and cube.
+        spring: (3, n) N·m/rad, N·m/rad², N·m/rad³ of its polynomial.
+        damping: (3, n) N·m·s/rad, of the velocity, and of its square and cube.
         friction: (n,) N·m of dry friction.
-        slow: (n,) rad/s below which dry friction is given back in part.
+        steepness: (n,) s/rad; times the velocity the share of it that is given back, up to one.
     """
 
     rest: np.ndarray
     spring: np.ndarray
     damping: np.ndarray
     friction: np.ndarray
-    slow: np.ndarray
+    steepness: np.ndarray
 
     @classmethod
     def of(cls, robot: Robot, *, damping: bool = True, friction: bool = False) -> "PassiveJoints":
@@ -39,13 +39,14 @@ class PassiveJoints(NamedTuple):
         model = robot.model
         joints = model.dof_jntid[6:]
         stance = Stance.of(robot)
-        slides = model.jnt_type[joints] == _SLIDE
+        springs = np.vstack([model.jnt_stiffness, model.jnt_stiffnesspoly.T])[:, joints]
+        lever = np.where(model.jnt_type[joints] == _SLIDE, stance.home_com[2], 1.0)
         return cls(
             rest=model.qpos_spring[7:].copy(),
-            spring=np.column_stack([model.jnt_stiffness, model.jnt_stiffnesspoly])[joints],
-            damping=np.column_stack([model.dof_damping, model.dof_dampingpoly])[6:] * damping,
+            spring=np.ascontiguousarray(springs),
+            damping=np.vstack([model.dof_damping, model.dof_dampingpoly.T])[:, 6:] * damping,
             friction=model.dof_frictionloss[6:] * friction,
-            slow=_SLOW * stance.falling_rate * np.where(slides, stance.home_com[2], 1.0),
+            steepness=1.0 / (_SLOW * stance.falling_rate * lever),
         )
 
 
@@ -61,14 +62,14 @@ def give_back(
         qpos: (N, nq) of the robots.
         qvel: (N, nv) likewise.
     """
+    spring, damping = passive.spring, passive.damping
     for i in range(len(torque)):
         for j in range(torque.shape[1]):
             place, velocity = qpos[i, 7 + j] - passive.rest[j], qvel[i, 6 + j]
-            speed, spring, damping = abs(velocity), passive.spring[j], passive.damping[j]
-            sliding = min(max(velocity / passive.slow[j], -1.0), 1.0)
+            speed, sliding = abs(velocity), velocity * passive.steepness[j]
             torque[i, j] += (
-                place * (spring[0] + place * (spring[1] + place * spring[2]))
-                + velocity * (damping[0] + speed * (damping[1] + speed * damping[2]))
-                + passive.friction[j] * sliding
+                place * (spring[0, j] + place * (spring[1, j] + place * spring[2, j]))
+                + velocity * (damping[0, j] + speed * (damping[1, j] + speed * damping[2, j]))
+                + passive.friction[j] * min(max(sliding, -1.0), 1.0)
             )
     return torque

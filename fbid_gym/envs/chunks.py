@@ -127,6 +127,7 @@ class Chunks:
 
     def every(self, name: str) -> np.ndarray:
         """Return an attribute of `EnvBatch` of all environments, (N, ...)."""
+        self.check_open()
         return np.concatenate([getattr(batch, name) for batch in self.batches])
 
     def step(self, action: np.ndarray) -> Step:

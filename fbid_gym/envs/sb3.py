@@ -27,6 +27,8 @@ class SB3VecEnv(VecEnv):
 
     Attributes:
         envs: what `gym.make_vec` makes, with attributes that `get_attr` finds, too.
+        observation_names: what each entry of an observation is, with its unit.
+        action_names: what each entry of an action commands, with its scale and unit.
         chunks: of these.
         last_info: name -> (N, ...) arrays of the last step, named as in `gym.make_vec`.
     """
@@ -36,6 +38,7 @@ class SB3VecEnv(VecEnv):
         self.envs, self.chunks, num_envs = envs, envs.chunks, envs.num_envs
         super().__init__(num_envs, envs.single_observation_space, envs.single_action_space)
         self.metadata |= envs.metadata
+        self.observation_names, self.action_names = envs.observation_names, envs.action_names
         self.last_info: dict[str, np.ndarray] = {}
         self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
         self._started = time.monotonic()

@@ -162,7 +162,7 @@ def reward_table(
     table = {**terms, **task_kind(name).own_terms}
     scaled = [known for known, term in table.items() if term.scale is not None]
     check_choices(f"reward term of task {name!r}", weights, table)
-    check_choices(f"reward term with a scale, of task {name!r},", scales, scaled)
+    check_choices(f"reward term with a scale of task {name!r}", scales, scaled)
     for term, weight in ({k: t.weight for k, t in table.items()} | dict(weights)).items():
         weight = WEIGHT.check(f"weight of reward term {term!r}", weight)
         table[term] = table[term]._replace(weight=weight)

@@ -72,7 +72,7 @@ def test_friction_given_back_never_drives(rng: np.random.Generator) -> None:
     )
     speed = qvel[:, 6:]
     assert (found * speed >= 0.0).all() and (np.abs(found) <= 3.0 * (1 + 1e-12)).all()
-    fast = np.abs(speed) >= passive.slow
+    fast = np.abs(speed) >= (1.0 / passive.steepness)
     assert fast.any() and not fast.all()
     np.testing.assert_allclose(found[fast], 3.0 * np.sign(speed[fast]))
 

@@ -129,8 +129,11 @@ def test_a_scale_is_given_in_its_unit() -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"reward_weights": {"torqe": 0.1}}, "reward term of task 'walk' 'torqe'.*steady, torque"),
-        ({"reward_scales": {"speed": 0.1}}, "with a scale, of task 'walk', 'speed'.*velocity"),
+        (
+            {"reward_weights": {"torqe": 0.1}},
+            "reward term 'torqe' of task 'walk'. Did you mean 'torque'",
+        ),
+        ({"reward_scales": {"speed": 0.1}}, "with a scale 'speed' of task 'walk'.*velocity"),
         ({"reward_weights": {"torque": -1.0}}, r"reward_weights\['torque'\]: -1.0.*number from 0"),
         ({"reward_weights": {"torque": np.nan}}, r"reward_weights\['torque'\]: nan"),
         ({"reward_weights": {"torque": np.inf}}, r"reward_weights\['torque'\]: inf"),
