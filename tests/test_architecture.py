@@ -79,13 +79,13 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 LONGER = {"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
     ".": 2165,
-    "actions": 2500,
+    "actions": 2560,
     "control": 4490,
     "dynamics": 1650,
-    "envs": 3410,
+    "envs": 3905,
     "motions": 3690,
     "policy": 574,
-    "robots": 4570,
+    "robots": 5210,
     "tasks": 2120,
 }
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
