@@ -59,7 +59,7 @@ def load_arms(
     """Load run folders and exported policies, an arm a layer; and studies, with their own arms.
 
     Args:
-        paths: folders; a file is a study.
+        paths: run folders and policies; a `.toml` is a study.
         wanted: of studies.
         robot: to be played on instead of the one that they were trained on.
         env_args: replace those that they were trained with.
@@ -72,8 +72,9 @@ def load_arms(
             that cannot be compared.
         UnknownOptionError: no study has an arm of that name.
     """
-    found, warnings = _arms_of_runs([load(p, robot) for p in paths if not p.is_file()], env_args)
-    studies = [(path, read_study(path)) for path in paths if path.is_file()]
+    studies = [(path, read_study(path)) for path in paths if path.suffix == ".toml"]
+    runs = [load(path, robot) for path in paths if path.suffix != ".toml"]
+    found, warnings = _arms_of_runs(runs, env_args)
     known = dict.fromkeys(arm.name for _, study in studies for arm in arms(study))
     check_choices("arm", wanted.arms, known or ("none: there is no study",))
     for path, study in studies:
