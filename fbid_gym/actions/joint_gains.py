@@ -19,6 +19,7 @@ SERVO = "servo"
 
 _NEAR_GROWTH = 0.75
 _MOSTLY, _CALMED = 0.5, 0.4
+_FIRM = 2.5
 _FELT = 0.1  # of the controller's damping
 
 
@@ -131,13 +132,13 @@ def servo_fault(robot: Robot, control_hz: int) -> str:
 def servos_carry(robot: Robot) -> bool:
     """Whether the file's servos are stiff enough to carry the robot through a gait.
 
-    That is, on half of its feet: softer than the weight's own pull, a leg folds.
+    That is, on half of its feet, and firmly: by twice the weight's own pull a Go1 falls.
     """
     if robot.servo_gains is None:
         return False
     needed = robot.at_home.falling_stiffness([foot.body for foot in robot.feet])
     standing = max(robot.num_feet // 2, 1)
-    return bool(np.all(robot.servo_gains.stiffness >= needed / standing))
+    return bool(np.all(robot.servo_gains.stiffness >= _FIRM * needed / standing))
 
 
 def drag_to_feed(robot: Robot, gains: JointGains) -> np.ndarray:

@@ -21,7 +21,7 @@ ANIMAL = next(
     for animal in map(zoo.draw, range(100))
     if (animal.legs, animal.actuators) == (4, "servo")
 )
-STIFF = 2.0 * ANIMAL.mass * 9.81 * ANIMAL.leg / ANIMAL.legs
+STIFF = 5.0 * ANIMAL.mass * 9.81 * ANIMAL.leg / ANIMAL.legs
 
 
 def with_servos(stiffness: float, damping: float) -> Robot:
