@@ -4,7 +4,6 @@ import csv
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -13,8 +12,9 @@ import pytest
 
 from eval.clips import legend
 from eval.rollout import main
+from fbid_gym.bundles import load_bundle, save_bundle
 from fbid_gym.envs.overlays import EVERYTHING, LABELS, RenderOptions
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.errors import FbidError, InvalidValueError
 from fbid_gym.policy import Policy
 from train.environments import make_env, make_envs
 
@@ -155,11 +155,13 @@ def test_a_module_is_imported_only_where_the_user_names_it(
         "gym.register('own_robots/Mine-v0', entry_point=StandIn)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
+    policy(0.5).save(exported)
+    data, tensors = load_bundle(Path(exported), FbidError)
     for env_id, message in (
-        ("own_robots:own_robots/Mine-v0", "which names a module to import"),
+        ("own_robots:own_robots/Mine-v0", "Expected the id alone of a registered environment"),
         ("own_robots/Mine-v0", "Unknown environment 'own_robots/Mine-v0'"),
     ):
-        replace(policy(0.5), env_id=env_id).save(exported)
+        save_bundle(Path(exported), data | {"env_id": env_id}, tensors)
         assert main([exported, "--episodes", "1"]) == 2
         assert message in capsys.readouterr().err
         assert "own_robots" not in sys.modules

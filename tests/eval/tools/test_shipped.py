@@ -32,7 +32,6 @@ def test_a_shipped_policy_is_small_and_of_an_environment_of_today(policy):
     loaded = Policy.load(f"shipped:{policy.name}")
     assert loaded.env_id in ENVIRONMENTS
     assert loaded.env_id.endswith(policy.name.partition("/")[0])
-    assert loaded.trained_steps <= policy.card.total_steps
     assert changed_meaning(policy.path) is None
 
 
