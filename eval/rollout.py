@@ -21,6 +21,7 @@ from rich.table import Table
 
 from eval.files import check_output, to_json, write
 from eval.video import Clip, record
+from fbid_gym.bundles import SUFFIX
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Number, Whole, check_fields
@@ -133,14 +134,15 @@ def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None =
     """Load a run folder or an exported policy.
 
     Args:
-        source: the folder, or `shipped:NAME`.
+        source: the folder, the file of a policy, or `shipped:NAME`.
         env_args: replace those the policy was trained with.
         robot: instead of the one that it was trained on.
     """
     source = place_of(source)
     policy = load_policy(source)
     robot = of_policy(source, policy.env_args, robot)
-    return Player(source.name, policy.env_id, {**policy.env_args, **env_args}, policy, robot)
+    name = source.name.removesuffix(SUFFIX)
+    return Player(name, policy.env_id, {**policy.env_args, **env_args}, policy, robot)
 
 
 def parse_env_args(text: str) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Gymnasium environments for floating-base robots with exchangeable action layers."""
 
 import importlib
-import importlib.metadata
 import os
 import sys
 from typing import TYPE_CHECKING, Any
@@ -14,10 +13,10 @@ from fbid_gym.envs import register
 from fbid_gym.errors import FbidError
 
 if TYPE_CHECKING:
-    from fbid_gym.envs.rsl_rl import make_rsl_rl
+    from fbid_gym.envs.rsl_rl import make_rsl_rl as make_rsl_rl
     from fbid_gym.envs.sb3 import make_sb3
 
-__all__ = ["FbidError", "__version__", "make_rsl_rl", "make_sb3"]
+__all__ = ["FbidError", "make_sb3"]  # those that others bring are found by name
 
 __version__: str
 
@@ -42,5 +41,7 @@ def __getattr__(name: str) -> Any:
                 f"{extra!r}: pip install 'fbid_gym[{extra}]'."
             ) from error
     if name == "__version__":
-        return importlib.metadata.version("fbid_gym")
+        from importlib.metadata import version
+
+        return version("fbid_gym")
     raise AttributeError(f"module 'fbid_gym' has no attribute {name!r}")

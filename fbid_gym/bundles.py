@@ -1,197 +1,140 @@
-"""A folder holding one JSON file and one safetensors file, replaced as a whole or not at all.
+"""One safetensors file with JSON in its metadata: an exported policy, or a training's checkpoint.
 
-Exported policies and training checkpoints are both such bundles. Reading needs neither pickle nor
-torch, so a file from a stranger can at worst be refused.
-
-Replacing `folder` goes: fill `.folder.new`, rename `folder` to `.folder.old`, rename `.folder.new`
-to `folder`, delete `.folder.old`. A process killed anywhere in between leaves at least one complete
-bundle under `folder` or `.folder.old`, and `load_bundle` reads whichever is there. These names are
-hidden, so that no copy that somebody keeps beside the folder is in the way.
+A SHA-256 covers the JSON and the arrays. Reading needs neither pickle nor torch, so a file from a
+stranger can at worst be refused. A file is replaced as a whole: a process killed at any moment
+leaves the one before or the new one.
 """
 
 import hashlib
 import json
 import os
-import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import safetensors
 import safetensors.numpy
 
 from fbid_gym.errors import FbidError, InvalidValueError
-from fbid_gym.reading import MOST_DATA, MOST_JSON, read_file, read_object
+from fbid_gym.reading import MOST_DATA, MOST_JSON, parse_object, read_file
 
+SUFFIX = ".safetensors"
 Tensors = dict[str, np.ndarray]
 
+_JSON = "fbid_gym"  # alone in the metadata: safetensors writes several keys in any order
 _DIGEST = "sha256"
 
 
-@dataclass(frozen=True, eq=False)
-class Bundle:
-    """What `load_bundle` read."""
+class Bundle(NamedTuple):
+    """What a file holds."""
 
-    data_file: Path
-    """The JSON file."""
-    tensor_file: Path
-    """The safetensors file."""
     data: dict[str, Any]
-    """What the JSON file holds."""
+    """Its JSON."""
     tensors: Tensors
-    """What the safetensors file holds."""
-    digest: str
-    """SHA-256 of what both files hold."""
-
-    def check_digest(self, error: type[FbidError]) -> None:
-        """Raise `error` when the files are not those that were written, together.
-
-        Not part of `load_bundle`, so that checks which can say more (a missing tensor, a wrong
-        shape) come first.
-        """
-        expected = self.data.get(_DIGEST)
-        if expected != self.digest:
-            raise error(
-                f"{self.tensor_file}: corrupt, or from another save than {self.data_file.name} "
-                f"beside it: their SHA-256 is {self.digest}. Expected {expected!r}."
-            )
+    """Its arrays."""
 
 
-def save_bundle(
-    folder: Path, name: str, data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]
-) -> None:
-    """Write `folder/name.json` and `folder/name.safetensors`, replacing an earlier bundle.
+def save_bundle(file: Path, data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> None:
+    """Write a file, replacing an earlier one; missing folders are made.
 
     Args:
-        folder: where the bundle goes; created if missing.
-        name: stem of both files.
-        data: what JSON can hold. A digest of all that is in the bundle is added.
+        file: its place.
+        data: JSON values.
         tensors: arrays of booleans, integers or floats, by name.
 
     Raises:
-        InvalidValueError: `folder` holds anything that is not an earlier bundle of this name, or
-            a tensor or a value has a type that the files cannot hold, or there are more of them
-            than `load_bundle` reads. Nothing is written then.
+        InvalidValueError: `file` is a folder, or a tensor or a value has a type that the file
+            cannot hold, or there are more of them than `load_bundle` reads. Nothing is written
+            then.
     """
-    folder = Path(folder).resolve()
-    fresh, previous = fresh_path(folder), previous_path(folder)
-    for own in (folder, fresh, previous):
-        _refuse_foreign(own, name)
+    if file.is_dir():
+        raise InvalidValueError("file", str(file), "a file, not a folder")
     for key, tensor in tensors.items():
         if tensor.dtype.kind not in "biuf":
             raise InvalidValueError(
                 f"tensor {key!r}", str(tensor.dtype), "booleans, integers or floats"
             )
     # safetensors writes the raw buffer, so the array must be contiguous; copy() keeps 0-d shapes.
-    packed = safetensors.numpy.save({k: t.copy(order="C") for k, t in tensors.items()})
+    arrays = {key: tensor.copy(order="C") for key, tensor in tensors.items()}
     try:
         # Keys of other types than str would be read back as such, with another digest.
         data = json.loads(json.dumps(dict(data), allow_nan=False))
     except (TypeError, ValueError) as error:
-        raise InvalidValueError(f"{name}.json", data, f"values JSON can hold ({error})") from error
-
-    text = json.dumps({**data, _DIGEST: _digest(data, packed)}, indent=2)
-    for file, size, most in (
-        ("json", len(text), MOST_JSON),
-        ("safetensors", len(packed), MOST_DATA),
+        raise InvalidValueError(file.name, data, f"values JSON can hold ({error})") from error
+    text = json.dumps({**data, _DIGEST: _digest(data, arrays)})
+    packed = safetensors.numpy.save(arrays, {_JSON: text})
+    for name, size, most in (
+        (f"JSON in {file.name}", len(_header(packed)), MOST_JSON),
+        (file.name, len(packed), MOST_DATA),
     ):
         if size > most:
-            raise InvalidValueError(f"size of {name}.{file}", size, f"at most {most:,} bytes")
-    shutil.rmtree(fresh, ignore_errors=True)
-    fresh.mkdir(parents=True)
-    _write_through(fresh / f"{name}.safetensors", packed)
-    _write_through(fresh / f"{name}.json", (text + "\n").encode())
-    sync_folder(fresh)
-    if folder.exists():
-        shutil.rmtree(previous, ignore_errors=True)
-        os.rename(folder, previous)
-    os.rename(fresh, folder)
-    sync_folder(folder.parent)
-    shutil.rmtree(previous, ignore_errors=True)
+            raise InvalidValueError(f"size of {name}", size, f"at most {most:,} bytes")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_file(file, packed)
 
 
-def load_bundle(folder: Path, name: str, error: type[FbidError]) -> Bundle:
-    """Read what `save_bundle` wrote to `folder`, or to `.folder.old` after an interrupted save.
+def load_bundle(file: Path, error: type[FbidError]) -> Bundle:
+    """Read what `save_bundle` wrote.
 
     Args:
-        folder: the folder given to `save_bundle`.
-        name: stem of both files.
+        file: its place.
         error: the error to raise.
 
     Raises:
         FbidError: as the type `error`, naming the file: missing, truncated or corrupt.
     """
-    folder = present_bundle(Path(folder))
-    data_file, tensor_file = folder / f"{name}.json", folder / f"{name}.safetensors"
-    data, packed = read_object(data_file, error), read_file(tensor_file, MOST_DATA, error)
+    packed = read_file(file, MOST_DATA, error)
+    tensors = read_tensors(packed, file, error)
+    header = _header(packed)
+    if len(header) > MOST_JSON:
+        raise error(f"{file}: its JSON has more than {MOST_JSON >> 20} MB, the most that is read.")
+    text = (parse_object(header, file, error).get("__metadata__") or {}).get(_JSON)
+    if text is None:
+        raise error(f"{file}: not of this package. Expected JSON as {_JSON!r} in its metadata.")
+    data = parse_object(text, file, error)
+    expected, found = data.pop(_DIGEST, None), _digest(data, tensors)
+    if expected != found:
+        raise error(f"{file}: corrupt: its SHA-256 is {found}. Expected {expected!r}.")
+    return Bundle(data, tensors)
+
+
+def read_tensors(packed: bytes, file: Path, error: type[FbidError]) -> Tensors:
+    """Return the arrays of a safetensors file whose bytes are `packed`, or raise `error`."""
     try:
-        tensors = safetensors.numpy.load(packed)
+        return safetensors.numpy.load(packed)
     except (safetensors.SafetensorError, ValueError, KeyError, TypeError) as reason:
-        raise error(f"{tensor_file}: not safetensors, truncated or corrupt ({reason}).") from reason
-    return Bundle(data_file, tensor_file, data, tensors, _digest(data, packed))
+        raise error(f"{file}: not safetensors, truncated or corrupt ({reason}).") from reason
 
 
-def _digest(data: Mapping[str, Any], packed: bytes) -> str:
-    """SHA-256 of a bundle, of its JSON however it is laid out."""
-    plain = {name: value for name, value in data.items() if name != _DIGEST}
-    text = json.dumps(plain, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(hashlib.sha256(packed).digest() + text.encode()).hexdigest()
+def _header(packed: bytes) -> bytes:
+    """The JSON at the beginning of a file, of which safetensors keeps the metadata to itself."""
+    return packed[8 : 8 + int.from_bytes(packed[:8], "little")]
 
 
-def present_bundle(folder: Path) -> Path:
-    """Return `folder`, or `.folder.old` where only that survived an interrupted save."""
-    previous = previous_path(folder)
-    return previous if previous.exists() and not folder.exists() else folder
+def _digest(data: Mapping[str, Any], tensors: Tensors) -> str:
+    digest = hashlib.sha256(json.dumps(data, sort_keys=True).encode())
+    for name, tensor in sorted(tensors.items()):
+        digest.update(f"\n{name} {tensor.dtype.name} {tensor.shape}\n".encode())
+        digest.update(tensor.tobytes())
+    return digest.hexdigest()
 
 
 def write_file(path: Path, content: bytes) -> None:
     """Write a file beside its place, then rename it there, so that it is never half-written."""
     fresh = fresh_path(path)
-    _write_through(fresh, content)
+    with fresh.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())  # a rename must not overtake what is in the file
     os.replace(fresh, path)
-
-
-def sync_folder(folder: Path) -> None:
-    """Wait until what was renamed in a folder is on the disk."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    folder = os.open(path.parent, os.O_RDONLY)
     try:
-        os.fsync(descriptor)
+        os.fsync(folder)  # nor the deletion of what is replaced the rename
     finally:
-        os.close(descriptor)
-
-
-def _refuse_foreign(folder: Path, name: str) -> None:
-    """Refuse to replace a folder somebody keeps other things in: replacing deletes it."""
-    if not folder.exists():
-        return
-    if not folder.is_dir():
-        raise InvalidValueError("folder", str(folder), "a folder, found a file")
-    own = {f"{name}.json", f"{name}.safetensors"}
-    foreign = sorted(entry.name for entry in folder.iterdir() if entry.name not in own)
-    if foreign:
-        raise InvalidValueError(
-            "folder",
-            str(folder),
-            f"a new folder or one with nothing but {' and '.join(sorted(own))}, "
-            f"found {', '.join(foreign[:3])}",
-        )
+        os.close(folder)
 
 
 def fresh_path(path: Path) -> Path:
-    """Return where what replaces a file or folder is made."""
+    """Return where what replaces a file is made; hidden, so that nobody's copy is in the way."""
     return path.with_name(f".{path.name}.new")
-
-
-def previous_path(path: Path) -> Path:
-    """Return where what is replaced lies until it is deleted."""
-    return path.with_name(f".{path.name}.old")
-
-
-def _write_through(path: Path, content: bytes) -> None:
-    """Write and wait until it is on the disk: a rename must not overtake its contents."""
-    with path.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())

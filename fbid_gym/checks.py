@@ -21,20 +21,6 @@ def number(name: str, value: Any, expected: str = "a number") -> float:
     raise InvalidValueError(name, value, expected)
 
 
-def whole_number(name: str, value: Any) -> int:
-    """Return a positive whole number, which may be given as a float."""
-    if _is_finite(value) and value > 0 and float(value).is_integer():
-        return int(value)
-    raise InvalidValueError(name, value, "a positive whole number")
-
-
-def count(name: str, value: Any) -> int:
-    """Return a whole number of at least 0, which may be given as a float."""
-    if _is_finite(value) and value >= 0 and float(value).is_integer():
-        return int(value)
-    raise InvalidValueError(name, value, "a whole number of at least 0")
-
-
 def by_name(name: str, value: Any, known: Iterable[str] | None = None) -> dict[str, Any]:
     """Return arguments given by name, `known` ones where these are told; none for None."""
     if value is None:

@@ -18,7 +18,7 @@ _SHORT.maxstring = _SHORT.maxother = 400
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = _SHORT.maxset = _SHORT.maxfrozenset = 40
 
 _MOST_LISTED = 20  # choices
-_SLIP = 0.86  # least likeness of what may be a slip of the keyboard, as difflib has it
+_LIKE, _SLIP = 0.5, 0.86  # least likeness of names, and of slips, as difflib measures it
 
 
 def shown(value: object) -> str:
@@ -60,9 +60,9 @@ class UnknownOptionError(FbidError, ValueError):
             f"Did you mean {name!r}? "
             for name in difflib.get_close_matches(value, self.choices, 1, _SLIP)
         )
-        if not value or len(self.choices) <= _MOST_LISTED:
+        like = difflib.get_close_matches(value, self.choices, 5, _LIKE)
+        if not like or len(self.choices) <= _MOST_LISTED:
             return f"{hint}Valid choices: {', '.join(self.choices)}."
-        like = difflib.get_close_matches(value, self.choices, 5, 0.0)
         return f"{hint}Nearest of {len(self.choices)} choices: {', '.join(like)}."
 
 

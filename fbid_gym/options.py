@@ -90,8 +90,7 @@ class Whole(Number):
     @property
     def words(self) -> str:
         """See `Kind`."""
-        unit = f" {self.unit}" if self.unit else ""
-        return f"a whole number from {self.least:,} to {self.most:,}{unit}"
+        return f"a whole number {self.span}"
 
     def check(self, name: str, value: Any) -> int:
         """See `Kind`."""
@@ -319,4 +318,6 @@ def _option(name: str, default: Any, annotation: Any) -> Option:
 
 
 def _text(bound: float) -> str:
+    if isinstance(bound, int):
+        return f"{bound:,}"
     return f"{bound:,.0f}" if abs(bound) >= 1000 else np.format_float_positional(bound, trim="-")

@@ -54,7 +54,11 @@ def read_object(path: Path, error: type[FbidError]) -> dict[str, Any]:
         FbidError: as the type `error`, naming the file: it cannot be read, is too large, truncated
             or corrupt, or holds anything else, such as NaN.
     """
-    text = read_file(path, MOST_JSON, error)
+    return parse_object(read_file(path, MOST_JSON, error), path, error)
+
+
+def parse_object(text: str | bytes, path: Path, error: type[FbidError]) -> dict[str, Any]:
+    """Return the JSON object in what a file holds, or raise `error` as `read_object` does."""
     try:
         value = json.loads(text, parse_constant=_no_number, parse_float=_finite)
     except (ValueError, RecursionError) as reason:

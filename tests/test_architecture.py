@@ -43,6 +43,7 @@ RANK = {
     "actions": 7,
     "tasks": 7,
     "envs": 8,
+    "robots.__main__": 9,
     "compile_all": 9,
     "fbid_gym": 9,
     "train.runs": 10,
@@ -77,14 +78,14 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2180,
-    "actions": 2500,
+    ".": 2165,
+    "actions": 2560,
     "control": 4490,
     "dynamics": 1650,
-    "envs": 3410,
+    "envs": 3905,
     "motions": 3690,
-    "policy": 710,
-    "robots": 4570,
+    "policy": 574,
+    "robots": 5210,
     "tasks": 2120,
 }
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
@@ -147,6 +148,8 @@ def unit_of(module: str) -> str:
     first, *rest = module.split(".")
     if first == "train" and rest[:1] in (["runs"], ["recipes"]):
         return "train.runs"
+    if module == "fbid_gym.robots.__main__":  # a command, which lets a robot stand and walk
+        return "robots.__main__"
     return rest[0] if first == "fbid_gym" and rest else first
 
 

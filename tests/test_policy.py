@@ -1,6 +1,8 @@
 import dataclasses
+import hashlib
 import json
-import shutil
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from fbid_gym.errors import (
     UnknownOptionError,
 )
 from fbid_gym.policy import Policy
+from train.runs.archive import found
 
 
 def make_policy(seed=0, widths=(5, 7, 6, 3), **changes) -> Policy:
@@ -48,7 +51,6 @@ def test_save_and_load_keep_every_bit(tmp_path, activation, widths):
                  "algorithm", "trained_steps"):  # fmt: skip
         assert getattr(loaded, name) == getattr(policy, name)
     assert (loaded.observation_size, loaded.action_size) == (widths[0], widths[-1])
-    assert loaded.hidden == widths[1:-1]
 
 
 def test_forward_is_the_formula():
@@ -86,19 +88,81 @@ def test_squashed_actions_are_the_tanh_of_the_same_network():
     np.testing.assert_allclose(free[inside], clipped(observation)[inside], atol=1e-5)
 
 
-def test_a_policy_of_the_first_format_is_clipped_and_of_ppo(tmp_path):
-    """As PPO's were written before there was another: without an output and an algorithm."""
-    policy = make_policy()
-    policy.save(tmp_path / "p")
-    bundle = load_bundle(tmp_path / "p", "policy", PolicyFileError)
-    data = {k: v for k, v in bundle.data.items() if k not in ("algorithm", "sha256")}
-    network = {k: v for k, v in data["network"].items() if k != "output"}
-    older = {**data, "format": 1, "network": network}
-    save_bundle(tmp_path / "p", "policy", older, bundle.tensors)
-    loaded = Policy.load(tmp_path / "p")
-    assert (loaded.output, loaded.algorithm) == ("clip", "ppo")
+def save_older(policy, folder, form=2, **changes):
+    """As policies were written before: JSON and arrays in two files, with a digest of both."""
+    network = {
+        "activation": policy.activation,
+        "hidden": [len(bias) for bias in policy.biases[:-1]],
+    }
+    data = {
+        "format": form, "env_id": policy.env_id, "env_args": policy.env_args,
+        "observation_size": policy.observation_size, "action_size": policy.action_size,
+        "network": network | ({"output": policy.output} if form == 2 else {}),
+        "normalisation": {"clip": policy.clip, "epsilon": policy.epsilon},
+        "trained_steps": policy.trained_steps, "versions": policy.versions,
+    } | ({"algorithm": policy.algorithm} if form == 2 else {}) | changes  # fmt: skip
+    policy.save(folder.with_name("new"))
+    packed = safetensors.numpy.save(load_bundle(folder.with_name("new"), FbidError).tensors)
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"))
+    digest = hashlib.sha256(hashlib.sha256(packed).digest() + text.encode()).hexdigest()
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "policy.json").write_text(json.dumps(data | {"sha256": digest}, indent=2))
+    (folder / "policy.safetensors").write_bytes(packed)
+
+
+def test_policies_of_before_are_read(tmp_path):
+    """In their folder and in that of a run; of the first format all were clipped and PPO's."""
+    first, second = make_policy(), make_policy(seed=1, output="tanh", algorithm="sac")
+    save_older(first, tmp_path / "a", form=1)
+    save_older(second, tmp_path / "run" / "policy")
     observation = np.random.default_rng(1).normal(scale=3.0, size=(9, 5))
-    np.testing.assert_array_equal(loaded(observation), policy(observation))
+    for place, policy in (("a", first), ("run", second), ("run/policy", second)):
+        loaded = Policy.load(tmp_path / place)
+        assert (loaded.output, loaded.algorithm) == (policy.output, policy.algorithm)
+        assert loaded.versions == policy.versions and loaded.clip == policy.clip
+        np.testing.assert_array_equal(loaded(observation), policy(observation))
+
+
+def test_a_packed_run_of_before_is_read():
+    run = Path(__file__).parents[1] / "studies/walking/QuadrupedWalk-v0-base_acceleration-s0"
+    policy = Policy.load(found(run))
+    assert policy.env_id == "fbid_gym/QuadrupedWalk-v0" and policy.trained_steps > 0
+
+
+OLDER = {
+    "format": (dict(form=3), "format is 3. Expected 1 or 2"),
+    "network": (dict(network=None), "entry 'activation' is missing"),
+    "more": (dict(network={"activation": "elu", "norm": "layer"}), "entry 'norm' is missing or"),
+}
+
+
+@pytest.mark.parametrize("changes", OLDER)
+def test_policies_of_before_are_checked(tmp_path, changes):
+    arguments, message = OLDER[changes]
+    save_older(make_policy(), tmp_path / "a", **arguments)
+    with pytest.raises(PolicyFileError) as caught:
+        Policy.load(tmp_path / "a")
+    assert message in str(caught.value) and str(tmp_path / "a") in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["policy.json", "policy.safetensors"])
+def test_damage_to_policies_of_before_is_noticed(tmp_path, name):
+    save_older(make_policy(widths=(2, 2)), tmp_path / "a")
+    file, rng = tmp_path / "a" / name, np.random.default_rng(0)
+    content, accepted = file.read_bytes(), 0
+    for place in range(len(content)):
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << int(rng.integers(8))
+        file.write_bytes(damaged)
+        try:
+            Policy.load(tmp_path / "a")
+        except PolicyFileError:
+            continue
+        accepted += 1  # a blank between JSON's words
+    assert accepted < 0.1 * len(content)
+    file.unlink()
+    with pytest.raises(PolicyFileError):
+        Policy.load(tmp_path / "a")
 
 
 def test_arrays_are_private_and_read_only():
@@ -121,7 +185,7 @@ def test_wrong_observation_shape(shape):
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
-        ({"activation": "gelu"}, UnknownOptionError, "'gelu'. Valid choices: tanh, relu, elu"),
+        ({"activation": "swish"}, UnknownOptionError, "'swish'. Valid choices: tanh, relu, elu"),
         ({"output": "softmax"}, UnknownOptionError, "'softmax'. Valid choices: clip, tanh"),
         ({"activation": ["tanh"]}, UnknownOptionError, "Valid choices: tanh, relu, elu"),
         ({"clip": -1.0}, InvalidValueError, "Invalid clip: -1.0. Expected a positive"),
@@ -151,26 +215,21 @@ def test_check_names_both_values():
             policy.check(**{name: value})
 
 
-def test_run_folder_and_interrupted_save_are_found(tmp_path):
-    run = tmp_path / "run"
-    (run / "policy").parent.mkdir()
-    make_policy().save(run / "policy")
-    assert Policy.load(run).trained_steps == 123
-    (run / "policy").rename(run / ".policy.old")
-    assert Policy.load(run).trained_steps == 123
-    assert Policy.load(run / "policy").trained_steps == 123
+def test_the_policy_of_a_run_is_found(tmp_path):
+    make_policy().save(tmp_path / "run" / "policy.safetensors")
+    assert Policy.load(tmp_path / "run").trained_steps == 123
+    assert Policy.load(tmp_path / "run" / "policy.safetensors").trained_steps == 123
 
 
 def test_nothing_to_load(tmp_path):
-    with pytest.raises(PolicyFileError, match=r"nowhere: no such folder\. Expected a policy fold"):
-        Policy.load(tmp_path / "nowhere")
-    with pytest.raises(PolicyFileError, match=r"no policy here\. Expected policy\.json"):
-        Policy.load(tmp_path)
-    (tmp_path / "config.json").write_text("{}")
-    with pytest.raises(PolicyFileError, match="this run has exported no policy yet"):
-        Policy.load(tmp_path)
-    with pytest.raises(PolicyFileError, match="is a file"):
-        Policy.load(tmp_path / "config.json")
+    for path, message in (
+        ("nowhere", "nowhere: no policy here. Expected a policy's file, or a run folder with"),
+        (".", "no policy here. Expected a policy's file, or a run folder with policy.safetensors"),
+        ("config.json", "config.json: not safetensors"),
+    ):
+        (tmp_path / "config.json").write_text("{}")
+        with pytest.raises(PolicyFileError, match=re.escape(message)):
+            Policy.load(tmp_path / path)
 
 
 def test_what_json_would_hold_as_something_else_is_refused(tmp_path):
@@ -180,128 +239,71 @@ def test_what_json_would_hold_as_something_else_is_refused(tmp_path):
     assert not (tmp_path / "policy").exists()
 
 
-def _json(edit):
-    """Damage that edits what policy.json holds."""
-
-    def harm(folder):
-        file = folder / "policy.json"
-        data = json.loads(file.read_text())
-        edit(data)
-        file.write_text(json.dumps(data))
-
-    return harm
+def forged(file, tensors=lambda held: None, **changes):
+    """Write a policy with other entries and arrays, and a digest that fits them."""
+    make_policy().save(file)
+    bundle = load_bundle(file, PolicyFileError)
+    tensors(bundle.tensors)
+    data = {key: value for key, value in (bundle.data | changes).items() if value is not ...}
+    save_bundle(file, data, bundle.tensors)
 
 
-def _says(**changes):
-    return _json(lambda data: data.update(changes))
-
-
-def _network(**changes):
-    return _json(lambda data: data["network"].update(changes))
-
-
-def _tensors(edit):
-    def harm(folder):
-        file = folder / "policy.safetensors"
-        tensors = safetensors.numpy.load_file(file)
-        edit(tensors)
-        safetensors.numpy.save_file(tensors, file)
-
-    return harm
-
-
-def _holds(name, content):
-    return lambda folder: (folder / name).write_bytes(content)
-
-
-def _flip_a_bit(folder):
-    file = folder / "policy.safetensors"
-    content = bytearray(file.read_bytes())
-    content[-7] ^= 1
-    file.write_bytes(content)
-
-
-FOREIGN = "friend.evil:fbid_gym/BipedBalance-v0"
-DAMAGE = {  # truncated files are tried below, at any length
-    "binary json": (_holds("policy.json", b"\xff\xfe\x00"), "policy.json: not JSON"),
-    "json list": (_holds("policy.json", b"[1]"), "holds list. Expected a JSON"),
-    "no json": (lambda f: (f / "policy.json").unlink(), "no policy here. Expected policy.json"),
-    "no tensors": (lambda f: (f / "policy.safetensors").unlink(), "policy.safetensors: cannot be"),
-    "header": (_holds("policy.safetensors", b"\x08" + 7 * b"\0" + b"{notjson"), "not safetensors"),
-    "huge header": (_holds("policy.safetensors", 8 * b"\xff" + b"{}"), "not safetensors"),
-    "bit flip": (_flip_a_bit, "corrupt, or from another save"),
-    "format": (_says(format=3), "format is 3. Expected 1 or 2"),
-    "true format": (_says(format=True), "format is True. Expected 1 or 2"),
-    "older format": (_says(format=1), "network has 'output'. Expected activation"),
-    "output": (
-        _network(output="softmax"),
-        "Unknown output 'softmax'. Valid choices: clip",
+FORGED = {
+    "format": (dict(format=4), "format is 4. Expected 3"),
+    "format of before": (dict(format=2), "format is 2. Expected 3"),
+    "no format": (dict(format=None), "format is None. Expected 3"),
+    "no entry": (dict(clip=...), "entry 'clip' is missing or unknown. Expected env_id, env_args"),
+    "another entry": (dict(norm="layer"), "entry 'norm' is missing or unknown. Expected env_id"),
+    "output": (dict(output="softmax"), "Unknown output 'softmax'. Valid choices: clip, tanh"),
+    "output type": (dict(output=None), "Expected `str`, got `null` - at `$.output`"),
+    "activation": (dict(activation="swish"), "Unknown activation 'swish'. Valid choices: tanh"),
+    "algorithm": (dict(algorithm=3), "Expected `str`, got `int` - at `$.algorithm`"),
+    "env id": (dict(env_id=3), "Expected `str`, got `int` - at `$.env_id`"),
+    "env args": (dict(env_args=[1]), "Expected `object`, got `array` - at `$.env_args`"),
+    "module": (
+        dict(env_id="friend.evil:fbid_gym/BipedBalance-v0"),
+        "Invalid env_id: 'friend.evil:fbid_gym/BipedBalance-v0'. Expected the id alone of a",
     ),
-    "no output": (_network(output=None), "network.output is None. Expected"),
-    "activation": (_network(activation="gelu"), "Unknown activation 'gelu'. Valid choices: tanh"),
-    "hidden": (_network(hidden=[7, "6"]), "network.hidden is '6'. Expected a positive integer"),
-    "more": (_network(norm="layer"), "'norm'. Expected activation, hidden, output alone"),
-    "network": (_says(network=None), "network.hidden is None"),
-    "algorithm": (_says(algorithm=3), "algorithm is 3. Expected a value of"),
-    "env id": (_says(env_id=3), "env_id is 3. Expected a value of type str"),
-    "module": (_says(env_id=FOREIGN), f"env_id is '{FOREIGN}', which names a module to import"),
-    "clip": (
-        _says(normalisation={"clip": -1, "epsilon": 1e-8}),
-        "normalisation.clip is -1. Expected a positive number",
-    ),
-    "clip beyond a float": (
-        _says(normalisation={"clip": 10**400, "epsilon": 1e-8}),
-        "0. Expected a positive number.",
-    ),
-    "size": (
-        _says(observation_size=6),
-        "tensor 'normalisation.mean' is float64 (5,). Expected floats of shape (6,)",
-    ),
-    "size type": (_says(action_size=True), "action_size is True. Expected a positive integer"),
+    "clip": (dict(clip=-1), "Invalid clip: -1.0. Expected a positive finite number"),
+    "clip beyond a float": (dict(clip=10**400), "Number out of range - at `$.clip`"),
+    "steps": (dict(trained_steps=True), "Expected `int`, got `bool` - at `$.trained_steps`"),
     "missing tensor": (
-        _tensors(lambda t: t.pop("layers.1.bias")),
-        "tensor 'layers.1.bias' is missing. Expected normalisation.mean",
+        dict(tensors=lambda held: held.pop("layers.1.bias")),
+        "tensor 'layers.1.bias' is missing or unknown. Expected normalisation.mean",
+    ),
+    "another tensor": (
+        dict(tensors=lambda held: held.update(scale=np.ones(3))),
+        "tensor 'scale' is missing or unknown. Expected normalisation.mean",
     ),
     "wrong shape": (
-        _tensors(lambda t: t.update({"layers.1.weight": np.zeros((6, 8))})),
-        "tensor 'layers.1.weight' is float64 (6, 8). Expected floats of shape (6, 7)",
+        dict(tensors=lambda held: held.update({"layers.1.weight": np.zeros((6, 8))})),
+        "layers.1.weight has shape (6, 8). Expected (any, 7)",
     ),
     "integers": (
-        _tensors(lambda t: t.update({"layers.2.bias": np.zeros(3, int)})),
-        "tensor 'layers.2.bias' is int64 (3,). Expected floats",
+        dict(tensors=lambda held: held.update({"layers.2.bias": np.zeros(3, int)})),
+        "tensor 'layers.2.bias' is int64. Expected floats",
     ),
     "nan weight": (
-        _tensors(lambda t: t.update({"layers.2.bias": np.float32([0.0, np.nan, 0.0])})),
+        dict(tensors=lambda held: held.update({"layers.2.bias": np.array([0.0, np.nan, 0.0])})),
         "layers.2.bias is not finite: first NaN or infinity at index (1,)",
     ),
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGE)
-def test_damaged_files_give_one_clear_error(tmp_path, damage):
-    harm, message = DAMAGE[damage]
-    make_policy().save(tmp_path / "p")
-    harm(tmp_path / "p")
+@pytest.mark.parametrize("forgery", FORGED)
+def test_what_is_no_policy_gives_one_clear_error(tmp_path, forgery):
+    changes, message = FORGED[forgery]
+    file = tmp_path / "p.safetensors"
+    forged(file, **changes)
     with pytest.raises(PolicyFileError) as caught:
-        Policy.load(tmp_path / "p")
-    assert message in str(caught.value)
-    assert str(tmp_path / "p") in str(caught.value)
-
-
-def test_every_truncation_is_noticed(tmp_path):
-    make_policy(widths=(2, 2)).save(tmp_path / "whole")
-    for name in ("policy.json", "policy.safetensors"):
-        content = (tmp_path / "whole" / name).read_bytes().rstrip(b"\n")
-        for length in range(0, len(content), 3):
-            shutil.copytree(tmp_path / "whole", tmp_path / "cut", dirs_exist_ok=True)
-            (tmp_path / "cut" / name).write_bytes(content[:length])
-            with pytest.raises(PolicyFileError):
-                Policy.load(tmp_path / "cut")
+        Policy.load(file)
+    assert str(caught.value).startswith(f"{file}: ") and message in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_what_json_cannot_hold_is_refused_and_the_old_file_kept(tmp_path):
-    policy = make_policy()
-    policy.save(tmp_path / "p")
-    with pytest.raises(FbidError, match=r"policy\.json"):
-        dataclasses.replace(policy, env_args={"x": object()}).save(tmp_path / "p")
-    assert Policy.load(tmp_path / "p").env_args == policy.env_args
+    policy, file = make_policy(), tmp_path / "p.safetensors"
+    policy.save(file)
+    with pytest.raises(FbidError, match=r"p\.safetensors.*values JSON can hold"):
+        dataclasses.replace(policy, env_args={"x": object()}).save(file)
+    assert Policy.load(file).env_args == policy.env_args

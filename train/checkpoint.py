@@ -22,8 +22,7 @@ from train.algorithms import ALGORITHMS
 from train.learner import moments, normaliser, robots
 from train.runs.config import algorithm_of
 
-FORMAT = 1
-_NAME = "checkpoint"
+FORMAT = 2
 _MANY = 2**62
 _WORDS = 624  # of NumPy's Mersenne twister
 _TABLES = ("progress", "evaluations")
@@ -40,25 +39,25 @@ class Resumable(Protocol):
         """Put that state back, on a batch that need not have been reset."""
 
 
-def save(folder: Path, algorithm: str, learner: BaseAlgorithm, counters: Mapping[str, Any]) -> None:
+def save(file: Path, algorithm: str, learner: BaseAlgorithm, counters: Mapping[str, Any]) -> None:
     """Write a checkpoint, replacing the one before as a whole.
 
     Args:
-        folder: the checkpoint folder.
+        file: its place.
         algorithm: its name.
         learner: between two iterations.
         counters: JSON values to store along.
     """
     tensors, state = _capture(algorithm, learner)
     head = {"format": FORMAT, "algorithm": algorithm}
-    save_bundle(folder, _NAME, {**head, **state, "counters": dict(counters)}, tensors)
+    save_bundle(file, {**head, **state, "counters": dict(counters)}, tensors)
 
 
-def restore(folder: Path, algorithm: str, learner: BaseAlgorithm) -> dict[str, Any]:
+def restore(file: Path, algorithm: str, learner: BaseAlgorithm) -> dict[str, Any]:
     """Put a checkpoint into a learner built from the same configuration.
 
     Args:
-        folder: given to `save`.
+        file: given to `save`.
         algorithm: its name.
         learner: to put it into.
 
@@ -69,21 +68,19 @@ def restore(folder: Path, algorithm: str, learner: BaseAlgorithm) -> dict[str, A
         RunError: missing, truncated, corrupt, or from another network or environment; names the
             file.
     """
-    bundle = load_bundle(folder, _NAME, RunError)
-    found = bundle.data.get("format")
-    if found != FORMAT:
-        raise RunError(f"{bundle.data_file}: format is {found!r}. Expected {FORMAT}.")
-    learnt = algorithm_of(bundle.data)
+    state, tensors = load_bundle(file, RunError)
+    if state.get("format") != FORMAT:
+        raise RunError(f"{file}: format is {state.get('format')!r}. Expected {FORMAT}.")
+    learnt = algorithm_of(state)
     if learnt != algorithm:
-        raise RunError(f"{bundle.data_file}: is a checkpoint of {learnt}. Expected {algorithm}.")
-    bundle.check_digest(RunError)
+        raise RunError(f"{file}: is a checkpoint of {learnt}. Expected {algorithm}.")
     try:
-        _check_counters(bundle.data)
-        _put_back(algorithm, learner, bundle.tensors, bundle.data)
-        return dict(bundle.data["counters"])
+        _check_counters(state)
+        _put_back(algorithm, learner, tensors, state)
+        return dict(state["counters"])
     except _MISFIT as reason:
         raise RunError(
-            f"{bundle.tensor_file}: does not fit this run: {type(reason).__name__}: {reason}. "
+            f"{file}: does not fit this run: {type(reason).__name__}: {reason}. "
             "Expected a checkpoint of the same network and environment."
         ) from reason
 

@@ -3,9 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-import tyro
-
 from fbid_gym.exit_status import exit_status
+from train.runs.command_line import read_options
 
 Options = TypeVar("Options")
 
@@ -32,6 +31,6 @@ def run_command(
 
     def asked() -> int | None:
         prog = f"python -m {module}"
-        return work(tyro.cli(options, prog=prog, args=given, description=about))
+        return work(read_options(options, prog=prog, args=given, description=about))
 
     return exit_status(asked)

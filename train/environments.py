@@ -10,7 +10,7 @@ from gymnasium.vector import VectorEnv
 
 from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
 from fbid_gym.envs.overlays import EVERYTHING
-from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
 from train.runs.config import threads_for
 
 
@@ -52,6 +52,8 @@ def make_env(env_id: str, env_args: Mapping[str, Any]) -> gym.Env[Any, Any]:
 def _import(name: str, module: str) -> None:
     try:
         importlib.import_module(module)
+    except FbidError:
+        raise
     except (ImportError, TypeError, ValueError) as error:
         raise InvalidValueError(name, module, f"a module that can be imported ({error})") from error
 
@@ -71,6 +73,8 @@ def _make(build: Any, env_id: str, env_args: Mapping[str, Any]) -> Any:
         return build()
     except gym.error.UnregisteredEnv as error:
         raise UnknownOptionError("environment", env_id, ENVIRONMENTS) from error
+    except FbidError:  # says it better, although it is a TypeError or a ValueError, too
+        raise
     except (TypeError, gym.error.Error) as error:
         if isinstance(error, TypeError) and "unexpected keyword" not in str(error):
             raise

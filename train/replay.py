@@ -16,11 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import safetensors
 import safetensors.numpy
 from stable_baselines3.common.buffers import ReplayBuffer
 
-from fbid_gym.bundles import Tensors, sync_folder, write_file
+from fbid_gym.bundles import Tensors, read_tensors, write_file
 from fbid_gym.errors import RunError
 from fbid_gym.reading import MOST_DATA, read_file
 
@@ -57,7 +56,6 @@ def append(folder: Path, buffer: ReplayBuffer, rows: int, files: Sequence[File])
         write_file(folder / _name(start, end), packed)
         digest = hashlib.sha256(packed).hexdigest()
         found.append({"first": start, "last": end, "sha256": digest})
-    sync_folder(folder)
     return found
 
 
@@ -118,10 +116,7 @@ def _read(path: Path, file: File, buffer: ReplayBuffer) -> Tensors:
     packed = read_file(path, MOST_DATA, RunError)
     if hashlib.sha256(packed).hexdigest() != file.get("sha256"):
         raise RunError(f"{path}: corrupt, or not the file that the checkpoint was saved with.")
-    try:
-        tensors = safetensors.numpy.load(packed)
-    except (safetensors.SafetensorError, ValueError, KeyError, TypeError) as reason:
-        raise RunError(f"{path}: not safetensors ({reason}).") from reason
+    tensors = read_tensors(packed, path, RunError)
     for name in _FIELDS:
         own = getattr(buffer, name)
         expected = (file["last"] - file["first"], *own.shape[1:])

@@ -18,7 +18,6 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
 from fbid_gym import make_sb3
-from fbid_gym.bundles import present_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.exit_status import exit_status
 from fbid_gym.policy import Policy
@@ -97,7 +96,7 @@ def _room_for(path: Path) -> Iterator[None]:
     except BrokenPipeError:  # of who listens, not of the folder
         raise
     except OSError as error:
-        kept = present_bundle(RunFolder.to_write(path).checkpoint).exists()
+        kept = RunFolder.to_write(path).checkpoint.exists()
         raise RunError(
             f"{path}: cannot be written ({error.strerror or error}). "
             f"{'Its last checkpoint stands' if kept else 'It has no checkpoint yet'}; the same "

@@ -11,7 +11,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy, place_of, shipped
-from fbid_gym.policy.shipping import PREFIX
+from fbid_gym.policy.policy_file import PREFIX
 from fbid_gym.robots import Robot, load
 from train.runs.environment import load_policy
 from train.runs.robots import of_policy
@@ -23,7 +23,7 @@ class Entry(NamedTuple):
     Attributes:
         name: on the page.
         policy: what acts.
-        path: its folder.
+        path: its run folder or file.
     """
 
     name: str
@@ -63,7 +63,7 @@ def named(sources: Sequence[Path]) -> list[Entry]:
 def of_package(env_id: str, robot: Robot) -> Iterator[Entry]:
     """Yield the policies that are shipped for an environment and a robot."""
     for each in shipped():
-        if each.env == env_id:
+        if each.policy.env_id == env_id:
             entry = Entry(PREFIX + each.name, load_policy(each.path), each.path)
             if entry.robot().digest == robot.digest:
                 yield entry

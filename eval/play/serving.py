@@ -12,8 +12,8 @@ from contextlib import redirect_stdout
 from typing import Any, NamedTuple
 
 from eval.play.session import Session
-from fbid_gym.checks import count
 from fbid_gym.errors import FbidError, InvalidValueError
+from fbid_gym.options import Whole
 
 _VIEWER = """
 import sys, websockets.sync.client as client
@@ -54,8 +54,7 @@ def open_server(session: Session, host: str, port: int) -> Any:
         raise FbidError(
             f"The page needs viser ({error}). Install it: make play, or pip install viser."
         ) from error
-    if not 0 <= count("port", port) <= 65535:
-        raise InvalidValueError("port", port, "a number from 0 to 65535")
+    Whole(0, 65535).check("port", port)
     with socket.socket() as probe:
         # As the server does: a port that has just been let go is free.
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -24,8 +24,9 @@ from eval.robustness.tables import markdown, numbers, said, shown
 from eval.robustness.wording import headline
 from eval.rollout import parse_env_args
 from fbid_gym.actions import LAYERS
-from fbid_gym.checks import check_choices, check_positive, count, whole_number
+from fbid_gym.checks import check_choices, check_positive
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.options import Whole, check_fields
 from train.command import run_command
 from train.environments import register
 from train.progress import progress
@@ -54,11 +55,11 @@ class RobustnessConfig:
     """Of a study, only the arms of these names."""
     factors: tuple[str, ...] = tuple(factor.name for factor in FACTORS)
     """What is varied, one at a time."""
-    episodes: int = 64
+    episodes: Annotated[int, Whole(1, 2**31)] = 64
     """At every value, for every run: robots side by side, each for one episode."""
     seconds: float = 10.0
     """Length of an episode."""
-    seed: int = 20_000
+    seed: Annotated[int, Whole(0, 2**63 - 1)] = 20_000
     """Robot i starts from seed + i."""
     out: Path = Path("robustness.html")
     """The page. Its numbers go into files of the same name ending in .json and .csv."""
@@ -81,7 +82,8 @@ def run(config: RobustnessConfig, console: Console, command: list[str]) -> None:
     check_choices("factor", config.factors, [factor.name for factor in FACTORS])
     check_choices("action layer", config.zero_action, LAYERS)
     check_positive(seconds=config.seconds)
-    budget = Budget(whole_number("episodes", config.episodes), count("seed", config.seed))
+    check_fields(config)
+    budget = Budget(config.episodes, config.seed)
     if config.write_docs:
         spliced(ROBUSTNESS_PAGE, "")
     arms, warnings = gathered(config)

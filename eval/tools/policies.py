@@ -33,11 +33,11 @@ def cards(policies: Sequence[Shipped]) -> str:
         return "None yet."
     lines = [f"| {' | '.join(_HEAD)} |", f"|{' --- |' * len(_HEAD)}"]
     for each in policies:
-        card = each.card
+        policy, card = each.policy, each.card
         cells = [
             f"`{each.name}`",
-            card.algorithm.upper(),
-            steps_text(card.steps),
+            policy.algorithm.upper(),
+            steps_text(policy.trained_steps),
             f"{card.wall_seconds / 60:.0f}",
             *(
                 _written(card.metrics.get(name))
@@ -56,10 +56,10 @@ def _written(value: Measured | None) -> str:
 
 
 def _training(each: Shipped) -> str:
-    card = each.card
+    card, learnt = each.card, steps_text(each.policy.trained_steps)
     told = (
         f"`{each.name}`: best of {card.evaluations} evaluations of `{card.command}`, at "
-        f"{steps_text(card.steps)} of {steps_text(card.total_steps)} steps; trained at commit "
+        f"{learnt} of {steps_text(card.total_steps)} steps; trained at commit "
         f"`{_commit(card.trained_with)}`, measured on {card.episodes} episodes from seed "
         f"{card.first_seed} at `{_commit(card.measured_with)}`."
     )

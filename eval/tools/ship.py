@@ -5,9 +5,8 @@ python -m eval.tools.ship runs/my_run --as QuadrupedWalk-v0/base_acceleration
 
 import re
 import sys
-import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -15,20 +14,20 @@ import numpy as np
 import tyro
 from scipy import stats
 
-from eval.files import check_folder, read_json, to_json, write
+from eval.files import check_folder
 from eval.rollout import Player, play_player
 from eval.statistics import Chance
 from eval.unseen import check_unseen
-from fbid_gym.bundles import present_bundle
+from fbid_gym.bundles import SUFFIX
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
-from fbid_gym.policy import Card, Measured, Policy
-from fbid_gym.policy.shipping import CARD, PREFIX
+from fbid_gym.policy import Card, Measured, Policy, Shipped
+from fbid_gym.policy.policy_file import PREFIX
 from train.command import run_command
 from train.episodes import METRICS, Episodes
+from train.runs.archive import found
 from train.runs.command_line import command_again
-from train.runs.config import algorithm_of
 from train.runs.environment import changed_meaning
 from train.runs.folder import RunFolder
 from train.runs.reading import Run, load
@@ -36,8 +35,8 @@ from train.runs.study import environment_name
 from train.runs.versions import versions
 
 POLICIES = Path(__file__).resolve().parents[2] / "assets" / "policies"
-MOST_BYTES = 200_000
-"""Of the files of a shipped policy."""
+MOST_BYTES = 190_000
+"""Of the numbers of a shipped policy: with its card its file then has no more than 200 KB."""
 
 _MEASURED = (
     "returned", "survived", "velocity_error", "turning_error", "height_error", "slip",
@@ -65,8 +64,8 @@ class ShipConfig:
     """Folder of the shipped policies."""
 
 
-def ship(config: ShipConfig) -> Path:
-    """Write the policy and its card, and return their folder.
+def ship(config: ShipConfig) -> Shipped:
+    """Write the policy with its card.
 
     Raises:
         FbidError: a name that is not valid, or a run that is unfinished, of an environment that
@@ -82,23 +81,17 @@ def ship(config: ShipConfig) -> Path:
         raise RunError(f"{changed} Train it again.")
     if isinstance(policy.env_args.get("robot"), Mapping):
         raise RunError(f"{run.path}: of a robot of yours. Expected one that is built in.")
-    size = _bytes(policy)
+    arrays = (policy.mean, policy.variance, *policy.weights, *policy.biases)
+    size = sum(array.nbytes for array in arrays)
     if size > MOST_BYTES:
-        raise RunError(f"{run.path}: its policy has {size:,} bytes. Expected at most 200 KB.")
+        raise RunError(f"{run.path}: its policy has {size:,} bytes. Expected at most 190 KB.")
     assert run.config is not None and run.curve is not None  # or there would be no best one
     check_unseen(config.seed, config.episodes, run.config, run.path)
     player = Player(config.name, policy.env_id, dict(policy.env_args), policy)
     episodes = play_player(player, config.episodes, config.seed, config.episodes)
-    place = config.out / config.name
-    policy.save(place / "policy")
-    digest = read_json(place / "policy" / "policy.json")["sha256"]
     card = Card(
-        env_id=policy.env_id,
-        env_args=policy.env_args,
         environment=resolved_arguments(policy.env_id, policy.env_args) or {},
-        algorithm=algorithm_of(run.config),
         seed=run.config["seed"],
-        steps=policy.trained_steps,
         total_steps=run.config["total_steps"],
         evaluations=len(run.curve.steps),
         best_return=float(run.curve.returns[evaluation]),
@@ -110,10 +103,10 @@ def ship(config: ShipConfig) -> Path:
         first_seed=config.seed,
         confidence=config.confidence,
         metrics=measured(episodes, config.confidence),
-        sha256=digest,
     )
-    write(place / CARD, to_json(card.to_json()))
-    return place
+    file, policy = config.out / f"{config.name}{SUFFIX}", replace(policy, card=card)
+    policy.save(file)
+    return Shipped(config.name, file, policy, card)
 
 
 def _best(run: Run) -> tuple[Policy, int]:
@@ -124,9 +117,9 @@ def _best(run: Run) -> tuple[Policy, int]:
     """
     if run.config is None or run.curve is None:
         raise RunError(f"{run.path}: a policy alone. Expected a run folder, which knows its past.")
-    folder, evaluation = RunFolder.of(run.path), run.curve.returns.argmax()
-    kept = present_bundle(folder.best_policy).exists()  # archives hold the last policy alone
-    policy = Policy.load(folder.best_policy if kept else folder.policy)
+    best, evaluation = RunFolder.of(run.path).best_policy, run.curve.returns.argmax()
+    kept = best.exists()  # archives hold the last policy alone
+    policy = Policy.load(best if kept else found(run.path))
     if policy.trained_steps != run.curve.steps[evaluation]:
         raise RunError(
             f"{run.path}: its {'best' if kept else 'only'} policy is that of step "
@@ -143,12 +136,6 @@ def _check_name(name: str, env_id: str) -> None:
         raise InvalidValueError("as", name, expected)
 
 
-def _bytes(policy: Policy) -> int:
-    with tempfile.TemporaryDirectory() as folder:
-        policy.save(Path(folder, "policy"))
-        return sum(file.stat().st_size for file in Path(folder, "policy").iterdir())
-
-
 def measured(episodes: Episodes, confidence: float) -> dict[str, Measured]:
     """Return what the episodes say of each metric that they have, with its interval.
 
@@ -162,7 +149,7 @@ def measured(episodes: Episodes, confidence: float) -> dict[str, Measured]:
         mean, count = float(values.mean()), len(values)
         if metric.unit == "share":
             test = stats.binomtest(round(mean * count), count)
-            low, high = test.proportion_ci(confidence, "wilson")
+            low, high = map(float, test.proportion_ci(confidence, "wilson"))
         else:
             chance = Chance(np.random.default_rng(count), _BOOTSTRAP, confidence)
             low, high = map(float, chance.interval([values], np.mean))
@@ -174,9 +161,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Command line."""
 
     def work(config: ShipConfig) -> None:
-        place = ship(config)
-        print("\n".join([f"{PREFIX}{config.name}", *Card.read(place / CARD).lines()]))
-        print(f"wrote {place}; python -m eval.tools.policies --write-docs tells its page")
+        done = ship(config)
+        print("\n".join([f"{PREFIX}{done.name}", *done.lines()]))
+        print(f"wrote {done.path}; python -m eval.tools.policies --write-docs tells its page")
 
     return run_command("eval.tools.ship", ShipConfig, work, arguments, __doc__)
 

@@ -18,6 +18,8 @@ SERVO = "servo"
 """In place of a natural frequency: the gains of the file's servos."""
 
 _NEAR_GROWTH = 0.75
+_MOSTLY, _CALMED = 0.5, 0.4
+_FELT = 0.1  # of the controller's damping
 
 
 class JointGains(NamedTuple):
@@ -124,6 +126,40 @@ def servo_fault(robot: Robot, control_hz: int) -> str:
     if sampled_growth(robot, servos.stiffness, damping, control_hz) >= 1.0:
         return f"sampled at {control_hz} Hz, the servos of {robot.name} oscillate in the air"
     return ""
+
+
+def servos_carry(robot: Robot) -> bool:
+    """Whether the file's servos are stiff enough to carry the robot through a gait.
+
+    That is, on half of its feet: softer than the weight's own pull, a leg folds.
+    """
+    if robot.servo_gains is None:
+        return False
+    needed = robot.at_home.falling_stiffness([foot.body for foot in robot.feet])
+    standing = max(robot.num_feet // 2, 1)
+    return bool(np.all(robot.servo_gains.stiffness >= needed / standing))
+
+
+def drag_to_feed(robot: Robot, gains: JointGains) -> np.ndarray:
+    """Return the joints' own damping, (n,) N·m·s/rad, that the target's rates have to overcome.
+
+    Where it is little beside that of the controller it is 0: there it only adds to that. On soles
+    it is left to hold the ankles.
+    """
+    damping = robot.joint_damping * (not robot.has_soles)
+    return np.where(damping > _FELT * gains.damping, damping, 0.0)
+
+
+def missing_damping(gains: JointGains) -> float:
+    """Return two fifths of what damping lacks to be critical, as a time beside stiffness, s.
+
+    Light legs, that is, joints without armature, can be damped by little at the rate of control.
+    Where that is most of it, the base, which is heavy, can be damped instead.
+    """
+    omega = 2.0 * np.pi * gains.natural_frequency
+    wanted = 2.0 / omega
+    lacking = float(np.median(wanted - gains.damping / gains.stiffness))
+    return _CALMED * lacking if lacking > _MOSTLY * wanted else 0.0
 
 
 def _steady(robot: Robot, control_hz: int, wanted: JointGains) -> JointGains:

@@ -44,19 +44,28 @@ class JointMotion:
     legs: "LegJoints | None"
 
     @classmethod
-    def of(cls, robot: Robot, kind: MotionKind, gains: BodyGains, *, aware: bool) -> "JointMotion":
+    def of(
+        cls,
+        robot: Robot,
+        kind: MotionKind,
+        gains: BodyGains,
+        *,
+        aware: bool,
+        calm: float = 0.0,
+    ) -> "JointMotion":
         """Return the joint motion of a kind of motion.
 
         Args:
             robot: the robot.
             kind: of motion.
             gains: with which its body is balanced.
-            aware: see `LegJoints`.
+            aware: see `LegJoints`, and
+            calm: likewise.
 
         Raises:
             RobotError: on a gait, a foot has no joints of its own to place it.
         """
-        return cls(_legs_of(robot, gains, aware) if kind.gait else None)
+        return cls(_legs_of(robot, gains, aware, calm) if kind.gait else None)
 
     def target(self, state: RobotState, target: Target, terms: DynamicsTerms) -> Target:
         """Return the target with what base and joints shall do for it."""
@@ -83,6 +92,8 @@ class LegJoints(NamedTuple):
         lead: s, for which an error of the base's velocity counts as one of its place, for feet
             that bear all they may; and
         farthest: m, as which it counts at most.
+        calm: s, for which errors of the base's other velocities count as errors of its height and
+            its orientation, for these feet: damping where joints can have little of their own.
     """
 
     own: np.ndarray
@@ -95,9 +106,10 @@ class LegJoints(NamedTuple):
     aware: bool
     lead: float
     farthest: float
+    calm: float
 
 
-def _legs_of(robot: Robot, gains: BodyGains, aware: bool) -> LegJoints:
+def _legs_of(robot: Robot, gains: BodyGains, aware: bool, calm: float) -> LegJoints:
     """Return the legs of a robot; arguments as of `JointMotion.of`."""
     stance = Stance.of(robot)
     for foot, own in zip(robot.foot_names, stance.legs, strict=True):
@@ -124,6 +136,7 @@ def _legs_of(robot: Robot, gains: BodyGains, aware: bool) -> LegJoints:
         aware=aware,
         lead=lead,
         farthest=_FARTHEST * float(stance.home_com[2]),
+        calm=calm,
     )
 
 
@@ -227,6 +240,9 @@ def _lead(legs: LegJoints, body: _Motion, as_is: _Motion, load: float, led: _Mot
     copy(body.gap, led.gap)
     led.gap[0] += share * x
     led.gap[1] += share * y
+    if legs.calm > 0.0:
+        for k in range(2, 6):
+            led.gap[k] += load * legs.calm * (body.rate[k] - as_is.rate[k])
 
 
 @compiled

@@ -7,7 +7,16 @@ from typing import Annotated, Any
 import numpy as np
 
 from fbid_gym.actions.gains import default_gains
-from fbid_gym.actions.joint_gains import SERVO, JointGains, feedback, holding_torque, servo_fault
+from fbid_gym.actions.joint_gains import (
+    SERVO,
+    JointGains,
+    drag_to_feed,
+    feedback,
+    holding_torque,
+    missing_damping,
+    servo_fault,
+    servos_carry,
+)
 from fbid_gym.actions.joint_motion import JointMotion
 from fbid_gym.actions.ranges import DampingRatio, Falling, Hertz, TargetScale
 from fbid_gym.errors import InvalidValueError
@@ -22,7 +31,7 @@ _DAMPING_RATIO = 1.0
 
 @dataclass(frozen=True, eq=False)
 class JointPosition:
-    """tau = tau_home + K_P (q_t + scale * action - q) + K_D (qdot_t - qdot), to a target q_t.
+    """tau = tau_home + K_P (q_t + scale * action - q) + K_D (qdot_t - qdot) + d qdot_t.
 
     Attributes:
         robot: whose joints.
@@ -31,6 +40,7 @@ class JointPosition:
         hold: (n,) N·m that keep the home stance in equilibrium: the zero action rests there.
         gains: of the joints.
         scale: rad (m for slides) at action 1.
+        drag: d, (n,) N·m·s/rad, what the joints' own damping takes of the target's rates.
     """
 
     robot: Robot
@@ -39,6 +49,7 @@ class JointPosition:
     hold: np.ndarray
     gains: JointGains
     scale: float
+    drag: np.ndarray
 
     @classmethod
     @checked
@@ -63,9 +74,9 @@ class JointPosition:
             kind: of motion.
             reference: "gait", the task's target is followed; or "home", the home posture is.
             natural_frequency: f in Hz; or "servo", the gains that the file's servos had. Default:
-                theirs, if they held every joint and are steady at `control_hz`; else 3.4 times that
-                at which the robot falls, see `Falling`. Stiffer joints take harder pushes
-                untrained, but turn exploration noise into falls.
+                theirs, if they are steady at `control_hz` and stiff enough to carry the robot on
+                half of its feet; else 3.4 times that at which the robot falls, see `Falling`.
+                Stiffer joints take harder pushes untrained, but turn exploration noise into falls.
             damping_ratio: zeta; of servos their own.
             scale: rad (m for slides) at action 1.
 
@@ -75,9 +86,12 @@ class JointPosition:
         gains = _gains(robot, control_hz, natural_frequency, damping_ratio)
         at_home = reference == "home"
         followed = kind._replace(gait=kind.gait and not at_home)
-        motion = JointMotion.of(robot, followed, default_gains(robot, kind), aware=False)
+        motion = JointMotion.of(
+            robot, followed, default_gains(robot, kind), aware=False, calm=missing_damping(gains)
+        )
         home = home_target(robot) if at_home else None
-        return cls(robot, motion, home, holding_torque(robot), gains, scale)
+        drag = drag_to_feed(robot, gains)
+        return cls(robot, motion, home, holding_torque(robot), gains, scale, drag)
 
     @property
     def natural_frequency(self) -> float | str:
@@ -111,13 +125,15 @@ class JointPosition:
         if followed is None:
             followed = self.motion.target(state, target, terms())
         rest = np.zeros((1, len(self.hold)))
-        return self.hold + feedback(self.gains, self.scale * action, rest, state, followed)
+        torque = self.hold + feedback(self.gains, self.scale * action, rest, state, followed)
+        return torque + self.drag * followed.qvel[:, 6:]
 
 
 def _gains(
     robot: Robot, control_hz: int, natural_frequency: Any, damping_ratio: float
 ) -> JointGains:
-    if natural_frequency is None and not servo_fault(robot, control_hz):
+    carried = natural_frequency is None and servos_carry(robot)
+    if carried and not servo_fault(robot, control_hz):
         natural_frequency = SERVO
     if natural_frequency == SERVO:
         if damping_ratio != _DAMPING_RATIO:

@@ -52,6 +52,7 @@ from fbid_gym.tasks.pushes import Duration, Force, Interval, Jump
 from fbid_gym.tasks.reward import SCALE, WEIGHT
 from fbid_gym.tasks.start import Noise
 
+_MOST_OF_PYRAMIDS = 10.0  # impratio
 _CONES = {
     "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC,
     "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL,
@@ -146,7 +147,8 @@ class EnvConfig:
     velocity_noise: Noise = 0.05
     """m/s and rad/s, largest offset of a coordinate's velocity at the start."""
     friction_cone: Annotated[str, Choice(_CONES)] = "elliptic"
-    """"elliptic", or "pyramidal": cheaper, and a little different from heading to heading."""
+    """"elliptic", or "pyramidal": cheaper, and a little different from heading to heading. Robots
+    with an `impratio` above 10 keep the elliptic one: on pyramids, their soft feet slip away."""
     solver_iterations: Annotated[int, Whole(1, 100_000)] | None = None
     """Most iterations of the physics' contact solver. Default: MuJoCo's."""
     solver_warm_start: bool = True
@@ -182,7 +184,8 @@ class EnvConfig:
         names = [*own, *options]
         for name in arguments:
             if name not in names:
-                raise UnknownArgumentError("The environment", name, [*names, *AROUND])
+                choices = [*names, *options_of(Drawing)]
+                raise UnknownArgumentError("The environment", name, choices)
         given = {name: value for name, value in arguments.items() if name in own}
         return cls(
             **given, task_options={name: arguments[name] for name in options if name in arguments}
@@ -250,7 +253,8 @@ class EnvConfig:
         difficulty = None if self.curriculum else self.difficulty
         terrain, shared = _ground(robot, self.terrain, height, difficulty, self.terrain_seed)
         world = copy.copy(shared)
-        world.opt.cone = _CONES[self.friction_cone]
+        pyramids = world.opt.impratio <= _MOST_OF_PYRAMIDS
+        world.opt.cone = _CONES[self.friction_cone if pyramids else "elliptic"]
         if self.solver_iterations is not None:
             world.opt.iterations = self.solver_iterations
         if not self.solver_warm_start:

@@ -9,10 +9,10 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
-from fbid_gym.checks import count
 from fbid_gym.envs.config import AROUND, Drawing, EnvConfig, plain
 from fbid_gym.envs.env_batch import TERMINATIONS, EnvBatch
 from fbid_gym.envs.rendering import RobotRenderer
+from fbid_gym.options import Whole
 
 METADATA: dict[str, Any] = {
     "render_modes": ["human", "rgb_array"],
@@ -97,4 +97,4 @@ def _told(given: Any, meant: Any) -> Any:
 
 def checked_seed(name: str, value: Any) -> int | None:
     """Return a seed as Gymnasium takes it: an int of Python, or None."""
-    return None if value is None else count(name, value)
+    return None if value is None else Whole(0, np.inf).check(name, value)

@@ -12,7 +12,8 @@
 
 from fbid_gym.policy.card import Card, Measured
 from fbid_gym.policy.policy import ACTIVATIONS, OUTPUTS, Policy
-from fbid_gym.policy.shipping import Shipped, place_of, shipped
+from fbid_gym.policy.policy_file import place_of
+from fbid_gym.policy.shipping import Shipped, shipped
 
 __all__ = [
     "ACTIVATIONS",

@@ -33,7 +33,7 @@ def _show(asked: Sequence[str]) -> None:
     for name in known if not asked else ():
         print(name)
     for name in asked:
-        print("\n".join([name, *(f"  {line}" for line in known[name].card.lines())]))
+        print("\n".join([name, *(f"  {line}" for line in known[name].lines())]))
 
 
 if __name__ == "__main__":

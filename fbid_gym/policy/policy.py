@@ -1,7 +1,7 @@
 """A trained policy as data: observation normalisation and a small network, in plain NumPy.
 
-An exported policy is a folder with `policy.json` (what it is for) and `policy.safetensors` (its
-numbers). Loading it runs no code from the file and needs no deep learning library.
+An exported policy is one safetensors file: its arrays, and what it is for as JSON in the metadata.
+Loading it runs no code from the file and needs no deep learning library.
 
     policy = Policy.load("runs/BipedBalance-v0-base_acceleration-s3")
     actions = policy(observations)          # (N, O) -> (N, A)
@@ -12,21 +12,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
-from fbid_gym.bundles import load_bundle, save_bundle
+from fbid_gym.bundles import save_bundle
 from fbid_gym.checks import check_finite, check_plain, check_positive, real_numbers
 from fbid_gym.errors import (
-    FbidError,
     InvalidValueError,
     NonFiniteError,
     PolicyFileError,
     ShapeError,
-    UnknownOptionError,
 )
 from fbid_gym.options import Choice
-from fbid_gym.policy.policy_file import FORMAT, NAME, check_tensors, policy_folder, read_policy
-from fbid_gym.policy.shipping import place_of
+from fbid_gym.policy.card import Card
+from fbid_gym.policy.policy_file import FORMAT, place_of, read_policy
 
 
 def _elu(x: np.ndarray) -> np.ndarray:
@@ -50,12 +49,20 @@ OUTPUTS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
 """Outputs that keep actions within [-1, 1]: PPO's are cut off, SAC's squashed."""
 
 
+_ENTRIES = (
+    *("env_id", "env_args", "activation", "output", "clip", "epsilon"),
+    *("trained_steps", "algorithm", "versions", "card"),
+)
+"""Fields of a policy that its file has as JSON; the rest are arrays."""
+
+
 @dataclass(frozen=True, eq=False)
 class Policy:
     """A deterministic policy: normalise, clip, network, keep within the action limits.
 
     Computes what `predict(..., deterministic=True)` of stable-baselines3's PPO and SAC behind
-    `VecNormalize` computes. Widths: O observations, A actions, L layers.
+    `VecNormalize` computes. Widths: O observations, A actions, L layers. Its fields are the entries
+    of its file, and their types what is read there.
     """
 
     env_id: str
@@ -84,6 +91,8 @@ class Policy:
     """Algorithm that trained it; no number depends on it."""
     versions: Mapping[str, Any] = field(default_factory=dict)
     """Versions of the software that trained it."""
+    card: Card | None = None
+    """Of a policy that comes with the package."""
     source: str = "policy"
     """Where it came from, for error messages."""
 
@@ -91,8 +100,8 @@ class Policy:
         """Check that the arrays fit together, and keep read-only copies of them.
 
         Raises:
-            InvalidValueError: an id or algorithm that is no text, a clip or epsilon that is not
-                positive.
+            InvalidValueError: an id or algorithm that is no text, an id that names a module to
+                import, a clip or epsilon that is not positive.
             UnknownOptionError: the activation is not in `ACTIVATIONS`, or the output in `OUTPUTS`.
             ShapeError: an array does not fit the one before it.
             NonFiniteError: an array holds NaN or infinity.
@@ -102,6 +111,9 @@ class Policy:
         for name in ("env_id", "algorithm"):
             if not isinstance(getattr(self, name), str):
                 raise InvalidValueError(name, getattr(self, name), "text")
+        if ":" in self.env_id:  # Gymnasium imports what stands before it
+            expected = "the id alone of a registered environment; --register MODULE imports yours"
+            raise InvalidValueError("env_id", self.env_id, expected)
         check_positive(clip=self.clip, epsilon=self.epsilon)
         if not self.weights or len(self.weights) != len(self.biases):
             raise ShapeError(
@@ -132,11 +144,6 @@ class Policy:
     def action_size(self) -> int:
         """A, the number of actions it gives."""
         return self.biases[-1].shape[0]
-
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Widths of the hidden layers."""
-        return tuple(bias.shape[0] for bias in self.biases[:-1])
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Return the action for each observation.
@@ -188,63 +195,60 @@ class Policy:
                     f"Expected {expected!r}, that of this environment."
                 )
 
-    def save(self, folder: str | Path) -> None:
-        """Write the policy folder, replacing an earlier one as a whole.
+    def save(self, file: str | Path) -> None:
+        """Write a file such as "mine.safetensors", replacing an earlier one as a whole.
 
         Raises:
-            InvalidValueError: the folder holds other things, or `env_args` or `versions` cannot
-                be written as JSON. Nothing is written then.
+            InvalidValueError: `file` is a folder, or `env_args` or `versions` cannot be written as
+                JSON. Nothing is written then.
         """
         check_plain("env_args", self.env_args)
         data = {
+            **{name: getattr(self, name) for name in _ENTRIES},
             "format": FORMAT,
-            "env_id": self.env_id,
             "env_args": dict(self.env_args),
-            "observation_size": self.observation_size,
-            "action_size": self.action_size,
-            "network": {
-                "activation": self.activation,
-                "hidden": list(self.hidden),
-                "output": self.output,
-            },
-            "normalisation": {"clip": self.clip, "epsilon": self.epsilon},
-            "algorithm": self.algorithm,
-            "trained_steps": self.trained_steps,
             "versions": dict(self.versions),
+            "card": msgspec.to_builtins(self.card),
         }
         tensors = {"normalisation.mean": self.mean, "normalisation.variance": self.variance}
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             tensors[f"layers.{k}.weight"], tensors[f"layers.{k}.bias"] = weight, bias
-        save_bundle(Path(folder), NAME, data, tensors)
+        save_bundle(Path(file), data, tensors)
 
     @classmethod
     def load(cls, path: str | Path) -> "Policy":
-        """Read a policy folder, the `policy` folder of a run, or one that is `shipped:NAME`.
+        """Read a file, the policy of a run folder, or one that is `shipped:NAME`.
+
+        Folders with a `policy.json`, as policies were before, are read as well.
 
         Raises:
             PolicyFileError: missing, truncated, corrupt or of an unknown format; names the file,
                 what it found and what it expected.
             UnknownOptionError: no policy of that name is shipped.
         """
-        bundle = load_bundle(policy_folder(place_of(path)), NAME, PolicyFileError)
-        said, widths = read_policy(bundle.data, bundle.data_file)
-        check_tensors(widths, bundle.tensors, bundle.tensor_file)
-        tensors, layers = bundle.tensors, range(len(widths) - 1)
+        file, (data, tensors) = read_policy(place_of(path))
+        layers = range(sum(name.endswith(".weight") for name in tensors))
+        weights, biases = ([f"layers.{k}.{x}" for k in layers] for x in ("weight", "bias"))
+        names = ("normalisation.mean", "normalisation.variance", *weights, *biases)
+        for kind, held, known in (("tensor", tensors, names), ("entry", data, _ENTRIES)):
+            if odd := sorted(held.keys() ^ set(known)):
+                raise PolicyFileError(
+                    f"{file}: {kind} {odd[0]!r} is missing or unknown. Expected {', '.join(known)}."
+                )
+        for name, tensor in tensors.items():
+            if tensor.dtype.kind != "f":
+                found = f"{file}: tensor {name!r} is {tensor.dtype}"
+                raise PolicyFileError(f"{found}. Expected floats.")
+        arrays = {
+            "mean": tensors["normalisation.mean"],
+            "variance": tensors["normalisation.variance"],
+            "weights": tuple(tensors[name] for name in weights),
+            "biases": tuple(tensors[name] for name in biases),
+        }
         try:
-            policy = cls(
-                **said,
-                mean=tensors["normalisation.mean"],
-                variance=tensors["normalisation.variance"],
-                weights=tuple(tensors[f"layers.{k}.weight"] for k in layers),
-                biases=tuple(tensors[f"layers.{k}.bias"] for k in layers),
-                source=str(bundle.data_file.parent),
-            )
-        except FbidError as reason:
-            named = isinstance(reason, UnknownOptionError)
-            file = bundle.data_file if named else bundle.tensor_file
+            return msgspec.convert({**data, **arrays, "source": str(file)}, cls)
+        except msgspec.ValidationError as reason:
             raise PolicyFileError(f"{file}: {reason}") from reason
-        bundle.check_digest(PolicyFileError)
-        return policy
 
 
 def _frozen(name: str, array: np.ndarray, shape: tuple[int | None, ...], dtype: type) -> np.ndarray:

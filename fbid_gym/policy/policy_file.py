@@ -1,142 +1,106 @@
-"""The file of a policy: its place, and the entries of its JSON."""
+"""The file of a policy: where it is, also of one that comes with the package, and its formats.
 
-from collections.abc import Mapping
+    assets/policies/QuadrupedWalk-v0/base_acceleration.safetensors
+
+Instead of a path, commands also take `shipped:` and the name of one of these.
+"""
+
+import hashlib
+import json
 from pathlib import Path
-from typing import Any
 
-import numpy as np
+from fbid_gym.bundles import SUFFIX, Bundle, load_bundle, read_tensors
+from fbid_gym.errors import PolicyFileError, UnknownOptionError
+from fbid_gym.own_files import asset_places
+from fbid_gym.reading import MOST_DATA, read_file, read_object
 
-from fbid_gym.bundles import present_bundle
-from fbid_gym.checks import is_number
-from fbid_gym.errors import PolicyFileError
+FORMAT = 3
+"""Of what is written. Formats 1 and 2 are folders of two files, which are still read."""
 
-FORMAT = 2
-READABLE = (1, FORMAT)
-"""Formats that are read; of the first all are clipped and trained by PPO, and do not say so."""
+NAME = f"policy{SUFFIX}"
+"""The file of a policy in a run folder."""
 
-NAME = "policy"
-"""Stem of both files, and of the folder of them in a run folder."""
+PREFIX = "shipped:"
 
-_NETWORK = ("activation", "hidden", "output")  # in the JSON; the last since format 2
+_OLDER = "policy.json"  # of formats 1 and 2, beside the arrays
 
 
-def read_policy(data: Mapping[str, Any], file: Path) -> tuple[dict[str, Any], tuple[int, ...]]:
-    """Read the entries of `policy.json`.
+def place_of(source: str | Path) -> Path:
+    """Return the file of a shipped policy by its name, else the path itself.
+
+    Raises:
+        UnknownOptionError: no policy of that name is shipped.
+    """
+    name = str(source)
+    if not name.startswith(PREFIX):
+        return Path(source)
+    known = {PREFIX + each: file for each, file in shelved(shelf()).items()}
+    if name not in known:
+        raise UnknownOptionError("shipped policy", name, known or ("none",))
+    return known[name]
+
+
+def shelf() -> Path:
+    """Return the folder of the shipped policies, there or not."""
+    places = asset_places("policies")
+    return next((path for path in places if path.is_dir()), places[-1])
+
+
+def shelved(folder: Path) -> dict[str, Path]:
+    """Return the files of policies in a folder that is like `assets/policies`, by their names."""
+    files = sorted(folder.glob(f"*/*{SUFFIX}"))
+    return {f"{file.parent.name}/{file.name.removesuffix(SUFFIX)}": file for file in files}
+
+
+def read_policy(path: Path) -> tuple[Path, Bundle]:
+    """Read the policy in a file, in a run folder, or in a folder of before.
 
     Returns:
-        Arguments of `Policy`, all but its arrays; and widths, from observations to actions.
+        The file, for messages, and what it holds: no format, and the entries of format 3.
 
     Raises:
-        PolicyFileError: of an unknown format, or a value of another type; names the file.
+        PolicyFileError: there is none, or it is truncated, corrupt or of an unknown format; names
+            the file.
     """
-    form = data.get("format")
-    if type(form) is not int or form not in READABLE:
+    for folder in (path, path / "policy"):
+        # First, as arrays of before have the name that policies have now.
+        if (folder / _OLDER).exists():
+            return folder / _OLDER, _read_older(folder)
+    file = path / NAME if path.is_dir() else path
+    if not file.exists():
         raise PolicyFileError(
-            f"{file}: format is {form!r}. Expected {' or '.join(map(str, READABLE))}."
-        )
-
-    def get(key: str, *kinds: type) -> Any:
-        value: Any = data
-        for part in key.split("."):
-            value = value.get(part) if isinstance(value, dict) else None
-        return typed(value, kinds, key, file)
-
-    def size(key: str, value: Any) -> int:
-        if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-            raise PolicyFileError(f"{file}: {key} is {value!r}. Expected a positive integer.")
-        return value
-
-    def positive(key: str) -> float:
-        value = get(key, int, float)
-        if not is_number(value) or not 0 < value < float("inf"):
-            raise PolicyFileError(f"{file}: {key} is {value!r}. Expected a positive number.")
-        return float(value)
-
-    env_id = get("env_id", str)
-    if ":" in env_id:  # Gymnasium imports what stands before it
-        raise PolicyFileError(
-            f"{file}: env_id is {env_id!r}, which names a module to import. Expected the id "
-            "alone, of an environment that is registered; --register MODULE imports one of "
-            "yours."
-        )
-    hidden = [size("network.hidden", value) for value in get("network.hidden", list)]
-    known = _NETWORK if form > 1 else _NETWORK[:-1]
-    unknown = sorted(data["network"].keys() - set(known))
-    if unknown:
-        raise PolicyFileError(
-            f"{file}: network has {unknown[0]!r}. Expected {', '.join(known)} alone."
-        )
-    observations = size("observation_size", data.get("observation_size"))
-    actions = size("action_size", data.get("action_size"))
-    said = {
-        "env_id": env_id,
-        "env_args": get("env_args", dict),
-        "activation": get("network.activation", str),
-        "output": get("network.output", str) if form > 1 else "clip",
-        "clip": positive("normalisation.clip"),
-        "epsilon": positive("normalisation.epsilon"),
-        "algorithm": get("algorithm", str) if form > 1 else "ppo",
-        "trained_steps": get("trained_steps", int),
-        "versions": get("versions", dict),
-    }
-    return said, (observations, *hidden, actions)
-
-
-def typed(value: Any, kinds: tuple[type, ...], name: str, file: Path) -> Any:
-    """Return a value of a file, or raise a PolicyFileError unless it is of one of some types."""
-    # bool is an int to Python, but no size or number here may be one
-    if not isinstance(value, kinds) or isinstance(value, bool):
-        expected = kinds[0].__name__ if len(kinds) == 1 else "number"
-        raise PolicyFileError(f"{file}: {name} is {value!r}. Expected a value of type {expected}.")
-    return value
-
-
-def check_tensors(widths: tuple[int, ...], tensors: Mapping[str, np.ndarray], file: Path) -> None:
-    """Raise where the tensors are not those the JSON describes."""
-    expected: dict[str, tuple[int, ...]] = {
-        "normalisation.mean": widths[:1],
-        "normalisation.variance": widths[:1],
-    }
-    for k, (inputs, outputs) in enumerate(zip(widths, widths[1:], strict=False)):
-        expected[f"layers.{k}.weight"] = (outputs, inputs)
-        expected[f"layers.{k}.bias"] = (outputs,)
-    missing = sorted(set(expected) - set(tensors))
-    if missing:
-        raise PolicyFileError(
-            f"{file}: tensor {missing[0]!r} is missing. Expected {', '.join(expected)}."
-        )
-    for name, shape in expected.items():
-        if tensors[name].shape != shape or tensors[name].dtype.kind != "f":
-            raise PolicyFileError(
-                f"{file}: tensor {name!r} is {tensors[name].dtype} {tensors[name].shape}. "
-                f"Expected floats of shape {shape}, as {NAME}.json says."
-            )
-
-
-def policy_folder(path: Path) -> Path:
-    """Find the policy in a policy folder, or in a run folder.
-
-    Raises:
-        PolicyFileError: there is neither.
-    """
-    if not path.exists() and present_bundle(path) == path:
-        raise PolicyFileError(
-            f"{path}: no such folder. Expected a policy folder ({NAME}.json, "
-            f"{NAME}.safetensors) or a run folder with {NAME}/."
-        )
-    if path.is_file():
-        raise PolicyFileError(f"{path}: is a file. Expected the folder that holds the policy.")
-    nested = path / NAME
-    if (path / f"{NAME}.json").exists() or not path.exists():
-        return path
-    if nested.exists() or present_bundle(nested) != nested:
-        return nested
-    if (path / "config.json").exists():
-        raise PolicyFileError(
-            f"{path}: this run has exported no policy yet. Expected {NAME}/ in it, which "
+            f"{path}: no policy here. Expected a policy's file, or a run folder with {NAME}, which "
             "training writes at every evaluation and checkpoint."
         )
-    raise PolicyFileError(
-        f"{path}: no policy here. Expected {NAME}.json and {NAME}.safetensors, or a run folder "
-        f"with {NAME}/."
-    )
+    bundle = load_bundle(file, PolicyFileError)
+    _check_format(file, bundle.data.pop("format", None), FORMAT)
+    return file, bundle
+
+
+def _read_older(folder: Path) -> Bundle:
+    """Read formats 1 and 2; in the first all are clipped and trained by PPO, and do not say so."""
+    file, arrays = folder / _OLDER, folder / NAME
+    data = read_object(file, PolicyFileError)
+    packed = read_file(arrays, MOST_DATA, PolicyFileError)
+    expected = data.pop("sha256", None)
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"))
+    found = hashlib.sha256(hashlib.sha256(packed).digest() + text.encode()).hexdigest()
+    if expected != found:
+        raise PolicyFileError(
+            f"{arrays}: corrupt, or from another save than {_OLDER} beside it: their SHA-256 is "
+            f"{found}. Expected {expected!r}."
+        )
+    _check_format(file, data.pop("format", None), 1, 2)
+    for nested in ("network", "normalisation"):
+        if isinstance(data.get(nested), dict):
+            data |= data.pop(nested)
+    for told in ("hidden", "observation_size", "action_size"):  # by the arrays as well
+        data.pop(told, None)
+    usual = {"output": "clip", "algorithm": "ppo", "card": None}
+    return Bundle(usual | data, read_tensors(packed, arrays, PolicyFileError))
+
+
+def _check_format(file: Path, found: object, *known: int) -> None:
+    if type(found) is not int or found not in known:
+        expected = " or ".join(map(str, known))
+        raise PolicyFileError(f"{file}: format is {found!r}. Expected {expected}.")

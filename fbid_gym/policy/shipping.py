@@ -1,20 +1,12 @@
-"""The policies that come with the package, in `assets/policies`: a folder of each with its card.
-
-    assets/policies/QuadrupedWalk-v0/base_acceleration/card.json
-    assets/policies/QuadrupedWalk-v0/base_acceleration/policy/
-
-Instead of a path, commands also take `shipped:` and the name of one of them.
-"""
+"""The policies that come with the package, with their cards."""
 
 from pathlib import Path
 from typing import NamedTuple
 
-from fbid_gym.errors import UnknownOptionError
-from fbid_gym.own_files import asset_places
+from fbid_gym.errors import PolicyFileError
+from fbid_gym.policy import policy_file
 from fbid_gym.policy.card import Card
-
-PREFIX = "shipped:"
-CARD = "card.json"
+from fbid_gym.policy.policy import Policy
 
 
 class Shipped(NamedTuple):
@@ -22,61 +14,53 @@ class Shipped(NamedTuple):
 
     name: str
     """Environment and arm, such as "QuadrupedWalk-v0/base_acceleration"."""
-    env: str
-    """Gymnasium id of its environment."""
-    layer: str
-    """Action layer that it acts through."""
     path: Path
-    """Its folder, which `Policy.load` takes."""
+    """Its file, which `Policy.load` takes."""
+    policy: Policy
+    """What the file holds, with the environment and the arguments of its training."""
     card: Card
     """Its training and its measured performance."""
 
+    @property
+    def layer(self) -> str:
+        """Action layer that it acts through."""
+        return str(self.policy.env_args.get("action_layer", ""))
 
-def shipped() -> tuple[Shipped, ...]:
+    def lines(self) -> list[str]:
+        """Return its card in words, a line each."""
+        policy, card = self.policy, self.card
+        steps = f"{policy.trained_steps:,} of {card.total_steps:,} steps"
+        learnt = f"{steps}, {card.wall_seconds / 60:.0f} min"
+        return [
+            f"environment: {policy.env_id} {dict(policy.env_args)}",
+            f"trained:     {policy.algorithm.upper()}, seed {card.seed}, {learnt}",
+            f"             {card.command}",
+            f"chosen:      best of {card.evaluations} evaluations of its training, "
+            f"return {card.best_return:.1f}",
+            f"commit:      {card.trained_with.get('commit')}",
+            f"measured:    {card.episodes} episodes from seed {card.first_seed}, with "
+            f"{card.confidence:.0%} intervals",
+            *(
+                f"  {name:18} {x.mean:.4g} ({x.low:.4g} to {x.high:.4g}) {x.unit}".rstrip()
+                for name, x in card.metrics.items()
+            ),
+            *([f"note:        {card.note}"] if card.note else []),
+        ]
+
+
+def shipped(folder: Path | None = None) -> tuple[Shipped, ...]:
     """Return the policies that come with the package, by name.
 
-    Raises:
-        PolicyFileError: the card of one is damaged.
-    """
-    return shelved(shelf())
-
-
-def shelved(folder: Path) -> tuple[Shipped, ...]:
-    """Return the policies of a folder that is like `assets/policies`.
+    Args:
+        folder: like `assets/policies`, which is the default.
 
     Raises:
-        PolicyFileError: the card of one is damaged.
+        PolicyFileError: one is damaged, or has no card.
     """
     found = []
-    for name in names(folder):
-        card = Card.read(folder / name / CARD)
-        layer = str(card.env_args.get("action_layer", ""))
-        found.append(Shipped(name, card.env_id, layer, folder / name, card))
+    for name, file in policy_file.shelved(folder or policy_file.shelf()).items():
+        policy = Policy.load(file)
+        if policy.card is None:
+            raise PolicyFileError(f"{file}: has no card. Expected a policy of eval.tools.ship.")
+        found.append(Shipped(name, file, policy, policy.card))
     return tuple(found)
-
-
-def place_of(source: str | Path) -> Path:
-    """Return the folder of a policy: of a shipped one by its name, else the path itself.
-
-    Raises:
-        UnknownOptionError: no policy of that name is shipped.
-    """
-    name = str(source)
-    if not name.startswith(PREFIX):
-        return Path(source)
-    folder = shelf()
-    known = [PREFIX + each for each in names(folder)]
-    if name not in known:
-        raise UnknownOptionError("shipped policy", name, known or ("none",))
-    return folder / name.removeprefix(PREFIX)
-
-
-def shelf() -> Path:
-    """Return the folder of the shipped policies, there or not."""
-    places = asset_places("policies")
-    return next((path for path in places if path.is_dir()), places[-1])
-
-
-def names(folder: Path) -> list[str]:
-    """Return the names of the policies in a folder that is like `assets/policies`."""
-    return sorted(f"{p.parent.parent.name}/{p.parent.name}" for p in folder.glob(f"*/*/{CARD}"))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from fbid_gym.envs.verdict import verdict
 from fbid_gym.exit_status import exit_status
 from fbid_gym.robots import ROBOTS, load
 from fbid_gym.robots.description import feet_in_words, in_json
@@ -15,7 +16,10 @@ from fbid_gym.robots.summary import summary
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print a robot's joints, limits, feet and check at home, and draw it; returns 2 on errors."""
+    """Print a robot's joints, limits, feet and check at home, draw it, let it stand and walk.
+
+    Returns 2 on errors.
+    """
     given = _parser().parse_args(arguments)
     return exit_status(lambda: _show(given))
 
@@ -34,6 +38,10 @@ def _show(given: argparse.Namespace) -> None:
     path = Path(given.picture or f"{robot.name}.png")
     write_png(path, portrait(robot))
     print(f"\nPicture: {path} (red: contact points, yellow: their hull, blue: centre of mass)")
+    if given.verdict:
+        print("\nWithout a policy, by the zero action of its layers:", flush=True)
+        for sentence in verdict(robot):
+            print(f"- {sentence}", flush=True)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -51,6 +59,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--armature", help="kg·m², likewise")
     parser.add_argument("--base", help="the body that shall float, if the file has no free joint")
     parser.add_argument("--name", help="of the robot")
+    parser.add_argument(
+        "--no-verdict", dest="verdict", action="store_false", help="do not let it stand and walk"
+    )
     parser.add_argument("--picture", help="where to draw it; by default, the robot's name .png")
     return parser
 

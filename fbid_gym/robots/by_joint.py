@@ -29,7 +29,8 @@ def by_joint(what: str, given: ByJoint | None, joints: Sequence[str]) -> dict[st
     patterns = given if isinstance(given, Mapping) else {"*": given}
     values: dict[str, float] = {}
     for pattern, value in patterns.items():
-        fitting = [joint for joint in joints if fnmatchcase(joint, str(pattern))]
+        exact = [pattern] if pattern in joints else []  # brackets may be of a name
+        fitting = exact or [joint for joint in joints if fnmatchcase(joint, str(pattern))]
         if not fitting:
             raise UnknownOptionError(f"joint in {what}", pattern, joints)
         if not is_number(value):

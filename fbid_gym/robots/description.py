@@ -10,7 +10,7 @@ from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
 from fbid_gym.reading import read_file
 from fbid_gym.robots.archive import ARGUMENTS, MOST_BYTES, SUFFIX, split
 from fbid_gym.robots.bounds import MOST_TEXT
-from fbid_gym.robots.source import Source
+from fbid_gym.robots.source import Source, is_file
 
 FILE = "robot.toml"
 
@@ -44,7 +44,7 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
         packed, options = split(archive, repr(str(path)))
         return Source.known(packed), options
     beside = path.parent / FILE
-    if not (path.is_file() and beside.is_file()):
+    if not (is_file(path) and is_file(beside)):
         return source, {}
     about, options = _read(beside)
     return source, options if about.resolve() == path.resolve() else {}

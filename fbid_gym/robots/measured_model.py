@@ -12,6 +12,9 @@ from fbid_gym.robots.mjcf import object_name
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
 
+LEGS = 0.15
+"""Limbs that end no higher above the lowest, in heights of the centre of mass, are legs."""
+
 _CIRCLE = 8  # points that stand for one
 
 
@@ -84,6 +87,32 @@ class MeasuredModel:
         carries = {int(weld[self.model.body_parentid[b]]) for b in moving}
         return [body for body in moving if body not in carries]
 
+    def limb_mass(self, end: int) -> float:
+        """Mass of a limb, kg: from where it branches off to its end."""
+        model, body = self.model, end
+        carries = np.bincount(
+            [above for tip in self.limb_ends for above in self.bodies_above(tip)],
+            minlength=model.nbody,
+        )
+        for above in self.bodies_above(end):
+            if carries[above] > 1:
+                break
+            body = above
+        return float(model.body_subtreemass[body])
+
+    def bodies_above(self, body: int) -> list[int]:
+        """Ids of a body and those it hangs from, up to the base."""
+        chain = [body]
+        while chain[-1] not in (0, self.base):
+            chain.append(int(self.model.body_parentid[chain[-1]]))
+        return chain
+
+    def roundness(self, geoms: np.ndarray) -> float:
+        """Radius of the largest cylinder or capsule among some geoms, m; 0 without one."""
+        kinds = (int(_GEOM.mjGEOM_CYLINDER), int(_GEOM.mjGEOM_CAPSULE))
+        found = geoms[np.isin(self.model.geom_type[geoms], kinds)]
+        return float(self.model.geom_size[found, 0].max(initial=0.0))
+
     def body_name(self, body: int) -> str:
         """Name of a body, or its number where the file gives none."""
         return object_name(self.model, mujoco.mjtObj.mjOBJ_BODY, body)
@@ -97,14 +126,27 @@ class MeasuredModel:
         weld = self.model.body_weldid
         return np.flatnonzero((weld[self.model.geom_bodyid] == weld[body]) & self.touching)
 
-    def hinges_above(self, body: int) -> list[int]:
-        """Ids of the hinges between the base and a body, from the base on."""
+    def joints_above(self, body: int) -> list[int]:
+        """Ids of the joints between the base and a body, from the base on."""
         model, chain = self.model, list[int]()
         while body not in (0, self.base):
             first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
             chain[:0] = range(first, first + count)
             body = int(model.body_parentid[body])
-        return [j for j in chain if model.jnt_type[j] == _JOINT.mjJNT_HINGE]
+        return chain
+
+    def hinges_above(self, body: int) -> list[int]:
+        """Ids of the hinges among them."""
+        hinge = _JOINT.mjJNT_HINGE
+        return [j for j in self.joints_above(body) if self.model.jnt_type[j] == hinge]
+
+    def falling_stiffness(self, feet: Sequence[int]) -> np.ndarray:
+        """(n,) N·m/rad that a joint needs to carry the weight; 0 for those that bear no foot."""
+        needed = np.zeros(self.model.nv - 6)
+        for joint in {joint for foot in feet for joint in self.hinges_above(foot)}:
+            lever = float(self.com[2] - self.data.xanchor[joint][2])
+            needed[int(self.model.jnt_dofadr[joint]) - 6] = self.weight * max(lever, 0.0)
+        return needed
 
     def lowest(self, geoms: Sequence[int] | np.ndarray) -> float:
         """World height of the lowest point of some geoms, m; infinite for none."""

@@ -1,7 +1,97 @@
-"""Meshes as they compile, written again: of specs that were put together from several folders."""
+"""Meshes of files: found, converted where MuJoCo cannot read them, done without; or written."""
+
+import re
+from pathlib import Path
 
 import mujoco
 import numpy as np
+
+from fbid_gym.robots.mjcf import listed
+
+_READABLE = (".stl", ".obj", ".msh")
+_MOST_FACES = 200_000  # of an STL, by MuJoCo
+_HEAD = 84  # bytes of a binary STL, the last four of them its number of faces; each has 50
+
+
+def mend_meshes(
+    spec: mujoco.MjSpec, folder: Path | None, is_urdf: bool
+) -> tuple[list[str], list[str]]:
+    """Find a spec's meshes, convert those that MuJoCo cannot read, and drop the others.
+
+    They are looked for in the folders above, as `package://` would. Those of a kind that MuJoCo
+    does not read, `.dae` above all, are converted if the package trimesh is there. A mesh that a
+    body of an MJCF weighs by stays for MuJoCo to complain of.
+
+    Args:
+        spec: the spec to change.
+        folder: where the file lies; None for a text.
+        is_urdf: whether it is a URDF, whose links never weigh by what is drawn.
+
+    Returns:
+        Notes of what was changed; and names of the bodies that lost a mesh which they collide with.
+    """
+    converted, drawn, bare = 0, 0, list[str]()
+    for mesh in [mesh for mesh in spec.meshes if mesh.file]:
+        inside = Path(mesh.file).name if spec.strippath else mesh.file
+        own = Path(folder or Path.cwd(), spec.meshdir, inside)
+        path = own if own.is_file() else _find(mesh.file, spec.meshdir, folder)
+        shape = None
+        if path is not None and is_readable(path):
+            mesh.file = str(path) if is_urdf or path != own else mesh.file
+            continue
+        if path is not None and (shape := _converted(path)) is not None:
+            mesh.uservert, mesh.userface = shape[0].ravel(), shape[1].ravel()
+            mesh.file, mesh.content_type = "", ""
+            converted += 1
+            continue
+        used = [geom for geom in spec.geoms if geom.meshname == mesh.name]
+        if not is_urdf and not all(geom.parent.explicitinertial for geom in used):
+            continue
+        collided = [geom.parent.name for geom in used if geom.contype or geom.conaffinity]
+        bare += collided
+        drawn += not collided
+        for part in (*used, mesh):
+            spec.delete(part)
+    notes = [f"{converted} meshes converted, which MuJoCo does not read."] * bool(converted)
+    notes += [f"{drawn} meshes dropped, which were not found and only drawn."] * bool(drawn)
+    lost = listed(dict.fromkeys(bare))
+    notes += [f"Meshes that the bodies {lost} collide with left out: see `load`."] * bool(bare)
+    return notes, bare
+
+
+def is_readable(path: Path) -> bool:
+    """Whether MuJoCo reads a mesh: of an STL binary ones alone, and no larger ones."""
+    suffix = path.suffix.lower()
+    if suffix != ".stl":
+        return suffix in _READABLE
+    with path.open("rb") as file:
+        faces = int.from_bytes(file.read(_HEAD)[80:], "little")
+    return faces <= _MOST_FACES and path.stat().st_size == _HEAD + 50 * faces
+
+
+def _converted(path: Path) -> tuple[np.ndarray, np.ndarray] | None:
+    """Vertices (V, 3) m and faces (F, 3) of a mesh; None without trimesh, or if it cannot."""
+    try:
+        import trimesh
+
+        shape = trimesh.load(path, force="mesh")
+        vertices, faces = np.asarray(shape.vertices, float), np.asarray(shape.faces, int)
+    except Exception:  # whatever its many readers raise of a stranger's file
+        return None
+    if path.suffix.lower() == ".dae":
+        unit = re.search(rb'<unit\b[^>]*\bmeter="([^"]+)"', path.read_bytes())
+        vertices = vertices * float(unit[1] if unit else 1.0)
+    return (vertices, faces) if len(faces) else None
+
+
+def _find(file: str, meshdir: str, folder: Path | None) -> Path | None:
+    """Path of a mesh that a file names."""
+    inside = Path(file.split("://", 1)[-1])
+    around = [Path.cwd()] if folder is None else [folder / meshdir, folder, *folder.parents]
+    # package://name/rest: the package's folder may be called otherwise.
+    tries = [inside, Path(*inside.parts[1:])] if "://" in file else [inside]
+    paths = (place / part for place in around for part in tries)
+    return next((path for path in paths if path.is_file()), None)
 
 
 def as_obj(model: mujoco.MjModel, mesh: int) -> bytes:

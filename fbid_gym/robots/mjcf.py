@@ -1,6 +1,8 @@
 """An MJCF's spec and model: compiled, made to float, their joints and the names of their parts."""
 
-from collections.abc import Iterable, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 
 import mujoco
 import numpy as np
@@ -17,9 +19,24 @@ def compile_spec(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:
         RobotError: MuJoCo cannot compile it.
     """
     try:
-        return spec.compile()
+        with warnings_heard():
+            return spec.compile()
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
         raise RobotError(f"{label} does not compile: {error}") from error
+
+
+@contextmanager
+def warnings_heard() -> Iterator[list[str]]:
+    """Collect what MuJoCo warns of, which else it writes into a file where one happens to be."""
+    heard, before = list[str](), mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: heard.append(text.strip().rstrip(".")))
+    try:
+        with warnings.catch_warnings(record=True) as others:  # of its bindings
+            warnings.simplefilter("always")
+            yield heard
+            heard += [str(other.message) for other in others]
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def object_name(model: mujoco.MjModel, kind: int, index: int) -> str:

@@ -14,22 +14,22 @@ from fbid_gym.bundles import write_file
 from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.robots import archive, home_check, mjcf
 from fbid_gym.robots.by_joint import ByJoint, by_joint
-from fbid_gym.robots.contact_sensors import add_contact_sensors, remove_contact_sensors
+from fbid_gym.robots.contact_sensors import add_contact_sensors
 from fbid_gym.robots.corrections import free_the_base, set_armature, set_solver
 from fbid_gym.robots.description import described
-from fbid_gym.robots.feet import Foot, find_feet, group_points
+from fbid_gym.robots.feet import Foot, contacts, find_feet, group_points
 from fbid_gym.robots.home import home_pose, on_the_ground, stands_up
-from fbid_gym.robots.measured_model import MeasuredModel
+from fbid_gym.robots.measured_model import LEGS, MeasuredModel
 from fbid_gym.robots.motors import ServoGains, motor_of_each_joint, servo_gains, use_motors
+from fbid_gym.robots.normalise import compile_plain, exclude_overlaps, read_plain
 from fbid_gym.robots.scene import add_ground
 from fbid_gym.robots.soles import stand_up
 from fbid_gym.robots.source import RobotSource, Source
-from fbid_gym.robots.unmodelled import refuse_unmodelled
-from fbid_gym.robots.urdf import prepare_urdf, root_link
+from fbid_gym.robots.touching import refuse_wheels
+from fbid_gym.robots.unmodelled import refuse_diverging, refuse_unmodelled
 
 _LOG = logging.getLogger("fbid_gym")
 
-_JOINT = mujoco.mjtJoint
 _UNNAMED = mujoco.MjSpec().modelname
 _OBJ = mujoco.mjtObj
 
@@ -203,7 +203,11 @@ class Robot:
     def _archive(self) -> bytes:
         source, feet, _, home, base, torque_limit, armature = self.__reduce__()[1]
         content = source.content
-        packed = content if isinstance(content, bytes) else archive.pack(_floating(source, base)[0])
+        packed = content
+        if not isinstance(content, bytes):
+            spec, *_ = read_plain(source, base)
+            compile_plain(spec, source.label)
+            packed = archive.pack(spec)
         options = {"home": home, "base": base, "torque_limit": torque_limit, "armature": armature}
         return archive.with_arguments(packed, {"feet": feet, "name": self.name, **options})
 
@@ -301,8 +305,9 @@ def _build(
     if not isinstance(name, str | None):
         raise InvalidValueError("name", name, "text")
     named = None if feet is None else group_points(feet)
-    spec, notes = _floating(source, base)
-    plain = mjcf.compile_spec(spec, source.label)
+    spec, notes, bare = read_plain(source, base)
+    plain, changed = compile_plain(spec, source.label)
+    notes += changed
     base_body = refuse_unmodelled(plain)
     floating = mjcf.object_name(plain, _OBJ.mjOBJ_BODY, base_body)
     if base not in (None, floating):
@@ -317,6 +322,8 @@ def _build(
     actuator, gear, limit = motor_of_each_joint(plain)
     start = MeasuredModel(plain, home_pose(plain, home))
     qpos, found = start.qpos, find_feet(start, named)
+    _refuse_bare(start, found, bare)
+    refuse_wheels(start, [foot.body for foot in found])
     if named is None:
         notes += [f"Feet found: {', '.join(foot.name for foot in found)}."]
     if stands_up(plain, home):
@@ -325,10 +332,12 @@ def _build(
 
     # Bodies, joints and actuators keep their ids: only geoms, sites, lights and sensors join.
     bodies = {body.id: body for body in spec.bodies}  # ids are gone once something is added
+    notes += exclude_overlaps(spec, at_home, bodies)
     add_ground(spec, at_home, bodies[base_body], found)
     sensors = add_contact_sensors(spec, at_home, bodies, found)
     model = mjcf.compile_spec(spec, source.label)
 
+    refuse_diverging(MeasuredModel(model, at_home.qpos), source.label)
     own_name = "" if spec.modelname == _UNNAMED else str(spec.modelname)
     columns = [model.sensor_adr[model.sensor(s).id] + np.arange(3) for s in sensors]
     robot = Robot(
@@ -351,14 +360,23 @@ def _build(
     return robot.made_by(_build, source, feet, name, home, base, torque_limit, armature)
 
 
-def _floating(source: Source, base: str | None) -> tuple[mujoco.MjSpec, list[str]]:
-    """Read a robot's spec; a URDF's root, or the body that shall, floats."""
-    spec, notes = source.read(), list[str]()
-    remove_contact_sensors(spec)
-    if source.is_urdf:
-        folder = source.content.parent if isinstance(source.content, Path) else None
-        notes += prepare_urdf(spec, folder)
-        base = base or root_link(spec)
-    if base is not None and not any(joint.type == _JOINT.mjJNT_FREE for joint in spec.joints):
-        notes += mjcf.float_base(spec, base, source.label)
-    return spec, notes
+def _refuse_bare(start: MeasuredModel, feet: tuple[Foot, ...], bare: list[str]) -> None:
+    """Refuse a robot that lost a mesh by which one of its feet would touch the ground.
+
+    Raises:
+        RobotError: with the names of the bodies.
+    """
+    legs = {int(start.model.body_weldid[foot.body]) for foot in feet}
+    ids = {name: start.model.body(name).id for name in bare}
+    low = contacts(feet, start.data)[:, 2].max() + LEGS * start.com[2]
+    lost = [
+        name
+        for name, body in ids.items()
+        if int(start.model.body_weldid[body]) in legs or start.data.xpos[body, 2] <= low
+    ]
+    if lost:
+        raise RobotError(
+            f"Meshes of the bodies {mjcf.listed(lost)}, which they may stand on, are not found, or "
+            "of no kind that can be read (install trimesh and pycollada for .dae). Expected them "
+            "beside the file, or feet with other geometry."
+        )

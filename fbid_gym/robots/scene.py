@@ -1,6 +1,6 @@
 """What is added to a robot's MJCF: something to stand on, and light."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import mujoco
@@ -30,10 +30,14 @@ def add_ground(
         base: the floating body; the light follows it, so that its shadow stays sharp.
         feet: of the robot.
     """
+    screen = spec.visual.global_
+    screen.offwidth, screen.offheight = max(screen.offwidth, 1920), max(screen.offheight, 1080)
     if not np.isnan(heights_below(home, feet)).all():
         return
+    sky, sun = unused("fbid_sky", spec.textures), unused("fbid_sun", spec.lights)
+    ground = unused("fbid_ground", (*spec.textures, *spec.materials, *spec.geoms))
     spec.add_texture(
-        name="fbid_sky",
+        name=sky,
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=[0.62, 0.74, 0.88],
@@ -42,7 +46,7 @@ def add_ground(
         height=384,
     )
     spec.add_texture(
-        name="fbid_ground",
+        name=ground,
         type=mujoco.mjtTexture.mjTEXTURE_2D,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
         rgb1=[0.86, 0.87, 0.88],
@@ -52,10 +56,10 @@ def add_ground(
     )
     size = _extent(home.model)
     tiles = 1.0 / size  # one pair of tiles per robot size
-    material = spec.add_material(name="fbid_ground", texuniform=True, texrepeat=[tiles, tiles])
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "fbid_ground"
+    material = spec.add_material(name=ground, texuniform=True, texrepeat=[tiles, tiles])
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = ground
     base.add_light(
-        name="fbid_sun",
+        name=sun,
         mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
         type=mujoco.mjtLightType.mjLIGHT_SPOT,
         pos=[1.2 * size, -1.6 * size, 4.0 * size],
@@ -71,16 +75,22 @@ def add_ground(
     spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
     spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
     spec.visual.quality.shadowsize = 2048
-    spec.visual.global_.offwidth = max(spec.visual.global_.offwidth, 1920)
-    spec.visual.global_.offheight = max(spec.visual.global_.offheight, 1080)
     add_solid(
         spec,
         collision_bits(spec),
-        name="fbid_ground",
+        name=ground,
         type=_GEOM.mjGEOM_PLANE,
         size=[0, 0, 0.1],
-        material="fbid_ground",
+        material=ground,
     )
+
+
+def unused(name: str, parts: Iterable[Any]) -> str:
+    """Return a name of ours, longer if one of these parts of a file has it already."""
+    taken = {part.name for part in parts}
+    while name in taken:
+        name += "_"
+    return name
 
 
 def collision_bits(spec: mujoco.MjSpec) -> int:

@@ -16,25 +16,18 @@ from fbid_gym.errors import RobotError
 from fbid_gym.robots.feet import Foot, foot_of_body, named_by_body
 from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.stand import standing_pose
+from fbid_gym.robots.touching import side_below
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 
 TILTED = np.radians(5.0)
 """Soles that are tilted by more are not stood on."""
 
-_TIPS = np.radians(45.0)
-"""A body tips by no more than this: farther, and it is not its sole that comes down."""
-
 _NARROW = 0.05
 """Width per length below which points span no area."""
 
 _LARGER = 1.2
 """Area, or length where there is none, by which what a foot may stand on is better."""
-
-_SIDE = 0.1
-"""Share of all its surface that a side of a body must have to stand on it."""
-
-_SAME = 1e-3  # of normals that are one side's
 
 
 def stand_up(
@@ -111,28 +104,8 @@ def _tipped(pose: MeasuredModel, body: int) -> MeasuredModel:
 
 
 def _side_below(pose: MeasuredModel, body: int) -> np.ndarray | None:
-    """Outward normal (3,), world, of the flat side of a body that faces down the most.
-
-    Of a body with what is welded to it; None where no side of some size does by `_TIPS`.
-    """
-    # Half a second that only those who ask should wait for.
-    from scipy.spatial import ConvexHull, QhullError
-
-    places = [pose.ends_of(int(geom))[0] for geom in pose.welded_geoms(body)]
-    # Flat ones have a volume with the joint that they hang from.
-    moving = pose.model.body_weldid[body]
-    places += [pose.data.xanchor[j][None] for j in np.flatnonzero(pose.model.jnt_bodyid == moving)]
-    try:
-        hull = ConvexHull(np.concatenate(places))
-    except (QhullError, ValueError):
-        return None
-    normals, corners = hull.equations[:, :3], hull.points[hull.simplices]
-    edges = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = 0.5 * np.linalg.norm(edges, axis=1)
-    _, side = np.unique(np.round(normals / _SAME), axis=0, return_inverse=True)
-    normals = normals[np.bincount(side, areas)[side] > _SIDE * areas.sum()]
-    lowest = normals[np.argmin(normals[:, 2])] if len(normals) else -_DOWN
-    return lowest if -lowest[2] > np.cos(_TIPS) else None
+    """The flat side of a body, with what is welded to it, that faces down the most."""
+    return side_below(pose, body, pose.welded_geoms(body))
 
 
 def _turned(quaternion: np.ndarray, this: np.ndarray, onto: np.ndarray) -> np.ndarray:

@@ -1,10 +1,10 @@
 """What a robot can be read from: a file, a text, a spec, or the name of a published robot."""
 
+import codecs
 import hashlib
 import importlib
 import importlib.util
 import io
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +16,10 @@ from fbid_gym.errors import InvalidValueError, RobotError, shown
 from fbid_gym.reading import read_file
 from fbid_gym.robots.archive import pack
 from fbid_gym.robots.bounds import MOST_TEXT, check_bounds
+from fbid_gym.robots.mjcf import warnings_heard
 
 _EXPECTED = "the path or text of an MJCF or URDF, an mujoco.MjSpec, or a name of robot_descriptions"
+_SUFFIXES = (".xml", ".urdf")  # that MuJoCo knows a file by
 PUBLISHED = "_description"
 """How the names of `robot_descriptions` end."""
 
@@ -54,9 +56,9 @@ class Source:
         if not isinstance(source, str | Path):
             raise InvalidValueError("robot", source, _EXPECTED)
         path = Path(source)
-        if isinstance(source, str) and source.endswith(PUBLISHED) and not path.exists():
+        if isinstance(source, str) and source.endswith(PUBLISHED) and not is_file(path):
             path = _published(source)
-        if not os.path.isfile(path):  # also where a path is too long for the system
+        if not is_file(path):
             given = f"Robot file {shown(str(path))}"
             raise RobotError(f"{given} does not exist. Expected the path of an MJCF or URDF.")
         return cls.known(path.resolve())
@@ -82,16 +84,21 @@ class Source:
         return self.content.stem if isinstance(self.content, Path) else "robot"
 
     @property
+    def text(self) -> bytes:
+        """What is in the file, or the text."""
+        return _bytes(self.content).removeprefix(codecs.BOM_UTF8)
+
+    @property
     def is_urdf(self) -> bool:
         """Whether it is a URDF."""
         if isinstance(self.content, bytes):
             return False
-        text = re.sub(rb"<!--.*?-->", b"", _bytes(self.content), flags=re.DOTALL)
+        text = re.sub(rb"<!--.*?-->", b"", self.text, flags=re.DOTALL)
         root = re.search(rb"<(robot|mujoco)\b", text)
         return root is not None and root.group(1) == b"robot"
 
-    def read(self) -> mujoco.MjSpec:
-        """Parse it.
+    def read(self) -> tuple[mujoco.MjSpec, list[str]]:
+        """Parse it; returns its spec, and what MuJoCo warned of meanwhile.
 
         Raises:
             RobotError: MuJoCo cannot parse it, it asks for more than `bounds` allow, or the file
@@ -101,14 +108,34 @@ class Source:
             raise RobotError(f"{self.label} has changed since the robot was loaded.")
         check_bounds(self.content, self.label)
         try:
-            if isinstance(self.content, bytes):
-                return mujoco.MjSpec.from_zip(io.BytesIO(self.content))
-            if isinstance(self.content, str):
-                return mujoco.MjSpec.from_string(self.content)
-            return mujoco.MjSpec.from_file(str(self.content))
+            with warnings_heard() as heard:
+                spec = self._parsed()
         except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
             kind = "URDF" if self.is_urdf else "MJCF"
             raise RobotError(f"{self.label} is not a valid {kind}: {error}") from error
+        # Equal limits are locked joints, which they are made.
+        told = [text for text in heard if "equal lower and upper limits" not in text]
+        return spec, [f"MuJoCo: {text}." for text in dict.fromkeys(told)]
+
+    def _parsed(self) -> mujoco.MjSpec:
+        if isinstance(self.content, bytes):
+            return mujoco.MjSpec.from_zip(io.BytesIO(self.content))
+        if isinstance(self.content, str):
+            return mujoco.MjSpec.from_string(self.content)
+        text = _bytes(self.content)
+        if self.content.suffix in _SUFFIXES and not text.startswith(codecs.BOM_UTF8):
+            return mujoco.MjSpec.from_file(str(self.content))
+        spec = mujoco.MjSpec.from_string(text.removeprefix(codecs.BOM_UTF8).decode())
+        spec.modelfiledir = str(self.content.parent)
+        return spec
+
+
+def is_file(path: Path) -> bool:
+    """Whether a path is that of a file; one that is too long, or no path at all, is not."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def _bytes(content: Path | str | bytes) -> bytes:

@@ -11,8 +11,9 @@ from fbid_gym.robots.feet import Foot
 from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.mjcf import joint_range, moving_joints, refuse
 
-_STRETCH = {False: 0.95, True: 0.8}
-"""Length of a leg in the pose, of its length when straight: on two feet, and on more."""
+_STRETCH = {False: 0.95, True: 0.7}
+"""Length of a leg in the pose, of its length when straight: on two feet, and on more, which walk
+like that: whoever stands higher sinks when a gait begins."""
 
 # Weights of what matters: firmly, as wished, and where nothing else says.
 _FIRM, _WISH, _FACING, _SHY = 100.0, 0.3, 0.1, 0.02
@@ -34,7 +35,7 @@ def standing_pose(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
     """Find a pose in which the robot stands: the joints change, the base keeps its orientation.
 
     All contact points are level, the centre of mass is above the middle of them, the hips are 95 %
-    of a straight leg's length from their feet (80 % on more than two feet) and joints are within
+    of a straight leg's length from their feet (70 % on more than two feet) and joints are within
     their ranges; least squares decides what is left: feet under their hips and soles facing as in
     `start`, joints near to it, knees towards the middle of their range.
 

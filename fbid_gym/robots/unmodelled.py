@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots.mjcf import listed, object_names, refuse
+from fbid_gym.robots.measured_model import MeasuredModel
+from fbid_gym.robots.mjcf import listed, object_name, object_names, refuse, warnings_heard
 
 _JOINT = mujoco.mjtJoint
 _OBJ = mujoco.mjtObj
@@ -23,6 +24,12 @@ _DISABLED = {
     "actuation": mujoco.mjtDisableBit.mjDSBL_ACTUATION,
     "gravity": mujoco.mjtDisableBit.mjDSBL_GRAVITY,
 }
+_STEPS = 5
+_MOST = 1e6  # m, rad, or times what the weight does
+_BAD = tuple(
+    getattr(mujoco.mjtWarning, f"mjWARN_{name}")
+    for name in ("INERTIA", "BADQPOS", "BADQVEL", "BADQACC")
+)
 _FLUID = ("density", "viscosity", "wind")
 
 
@@ -40,6 +47,7 @@ def refuse_unmodelled(model: mujoco.MjModel) -> int:
             off, a fluid, or a `<pair>` of the robot and the static world.
     """
     base = _base_of_tree(model)
+    _refuse_extremes(model)
     refuse(
         *(model, _OBJ.mjOBJ_TENDON, [t for t in range(model.ntendon) if _acts(model, t)]),
         "Tendons that act are not supported: {}. Expected none with stiffness, damping, "
@@ -84,11 +92,24 @@ def _base_of_tree(model: mujoco.MjModel) -> int:
             f"Joints {listed(names)} do not belong to the floating tree of {bases[0]!r}. "
             "Expected one robot and a static world."
         )
-    refuse(
-        *(model, _OBJ.mjOBJ_EQUALITY, np.flatnonzero(model.eq_active0)),
-        "Equality constraints are not supported: {}. Expected a tree without closed loops.",
-    )
+    ties = [_tie(model, int(tie)) for tie in np.flatnonzero(model.eq_active0)]
+    if ties:
+        raise RobotError(
+            f"Equality constraints are not supported: {listed(ties)}. "
+            "Expected a tree without closed loops, whose legs' joints move by themselves."
+        )
     return base
+
+
+def _tie(model: mujoco.MjModel, tie: int) -> str:
+    """Name of an equality constraint, with that of the parts it ties."""
+    kind = mujoco.mjtEq(model.eq_type[tie]).name.removeprefix("mjEQ_").lower()
+    parts = _OBJ(model.eq_objtype[tie])
+    if kind in ("joint", "tendon"):
+        parts = _OBJ.mjOBJ_JOINT if kind == "joint" else _OBJ.mjOBJ_TENDON
+    ends = [end for end in (model.eq_obj1id[tie], model.eq_obj2id[tie]) if end >= 0]
+    name = object_name(model, _OBJ.mjOBJ_EQUALITY, tie)
+    return f"{name} ({kind} of {listed(object_names(model, parts, ends))})"
 
 
 def _acts(model: mujoco.MjModel, tendon: int) -> bool:
@@ -131,3 +152,45 @@ def _refuse_pairs(model: mujoco.MjModel) -> None:
                 f"({names[1 - robots_own]!r}) by a <pair>. Expected feet that touch by contype and "
                 "conaffinity, as every terrain does, and no pair with the ground."
             )
+
+
+def _refuse_extremes(model: mujoco.MjModel) -> None:
+    """Refuse numbers beyond all that joints of a robot of this weight and size can have.
+
+    They are told by what the weight does at the robot's size: a torque, and a time to fall.
+    """
+    size, gravity = max(model.stat.extent, 1e-9), float(np.linalg.norm(model.opt.gravity)) or 1.0
+    torque, time = model.body_subtreemass[0] * gravity * size, float(np.sqrt(size / gravity))
+    places = np.concatenate([model.body_pos.ravel(), model.jnt_pos.ravel(), model.qpos0])
+    for name, values, most in (
+        ("position", places, _MOST),
+        ("stiffness", model.jnt_stiffness, _MOST * torque),
+        ("damping", model.dof_damping, _MOST * torque * time),
+        ("armature", model.dof_armature, _MOST * torque * time**2),
+    ):
+        least = 0.0 if name == "armature" else -most
+        wild = values[~((values >= least) & (values <= most))]
+        if wild.size:
+            raise RobotError(
+                f"The file has {name} {wild.flat[0]:.3g}, which no simulation can carry. "
+                f"Expected at least {least:.3g} and at most {most:.3g}."
+            )
+
+
+def refuse_diverging(home: MeasuredModel, label: str) -> None:
+    """Refuse what no simulation can carry: a few steps from home, without torques, tell.
+
+    Raises:
+        RobotError: it diverges.
+    """
+    model, data = home.model, mujoco.MjData(home.model)
+    data.qpos[:] = home.qpos
+    with warnings_heard() as heard:
+        for _ in range(_STEPS):
+            mujoco.mj_step(model, data)
+    if any(data.warning[int(kind)].number for kind in _BAD) or np.abs(home.qpos).max() > _MOST:
+        why = f" ({heard[0]})" if heard else ""
+        raise RobotError(
+            f"{label} cannot be simulated: it diverges within {_STEPS} steps from home{why}. "
+            "Expected masses, armature, damping and angles of a robot."
+        )

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from eval import zoo
-from fbid_gym.actions.joint_gains import sampled_growth
+from fbid_gym.actions.joint_gains import JointGains, missing_damping, sampled_growth
+from fbid_gym.actions.ranges import Falling
+from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.config import EnvConfig
+from fbid_gym.envs.verdict import survival
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.robots import Robot, load
+from fbid_gym.robots import Robot, go1, load
+from fbid_gym.robots.assets import asset_path
 from tests.actions.cases import layer_of
 
 ANIMAL = next(
@@ -51,6 +55,40 @@ def test_servos_that_oscillate_when_sampled_are_left_alone() -> None:
     assert isinstance(layer.natural_frequency, float)
     with pytest.raises(InvalidValueError, match="sampled at 500 Hz, the servos of zoo"):
         layer_of("joint_position", robot, natural_frequency="servo")
+
+
+def test_servos_too_soft_to_carry_the_robot_are_left_alone() -> None:
+    robot = with_servos(0.2 * STIFF, 0.02 * STIFF)
+    assert isinstance(layer_of("joint_position", robot).natural_frequency, float)
+    named = layer_of("joint_position", robot, natural_frequency="servo")
+    np.testing.assert_allclose(named.gains.stiffness, 0.2 * STIFF)
+
+
+GO1 = asset_path("go1.xml").read_text()
+DAMPED = re.sub(r'damping="[^"]*"', 'damping="1.5"', GO1)
+LIGHT = re.sub(r'armature="[^"]*"', 'armature="0"', GO1)
+
+
+def dog(text: str, home: dict[str, float] | str = go1.HOME) -> Robot:
+    return Robot.from_mjcf(text, go1.FEET, home=home)
+
+
+def test_what_is_fed_on_and_what_is_calmed_is_nothing_where_joints_are_damped_well() -> None:
+    """Joints' own damping is overcome where it counts; light legs have the base damped."""
+    plain, damped, light = (dog(text) for text in (GO1, DAMPED, LIGHT))
+    for robot, drag, calm in ((plain, 0.0, False), (damped, 1.5, False), (light, 0.0, True)):
+        layer = layer_of("joint_position", robot)
+        np.testing.assert_array_equal(layer.drag, drag)
+        gains = JointGains.of(robot, 250, Falling(3.4), 1.0)
+        assert (missing_damping(gains) > 0.0) == calm
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text, home", [(DAMPED, go1.HOME), (LIGHT, go1.HOME), (LIGHT, "stand")])
+def test_they_walk_by_the_zero_action(text: str, home: dict[str, float] | str) -> None:
+    """With damped joints, without armature, and from a pose that was searched for."""
+    arguments = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"] | {"action_layer": "joint_position"}
+    assert survival(dog(text, home), arguments) >= 0.8
 
 
 def test_robots_without_servos_have_none_to_offer() -> None:

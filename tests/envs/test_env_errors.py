@@ -37,7 +37,7 @@ ARGUMENTS = [
     ({"action_layer": "force"}, f"Unknown action layer 'force'. Valid choices: {ALL_LAYERS}."),
     ({"action_layer": ["torque"]}, r"Unknown action layer \['torque'\]. Valid choices: torque,"),
     ({"action_layr": "torque"}, "argument 'action_layr'. Did you mean 'action_layer'"),
-    ({"zzz": 1}, "The environment got an unexpected keyword argument 'zzz'. Nearest of .. choices"),
+    ({"zzz": 1}, "an unexpected keyword argument 'zzz'. Valid choices: robot, t"),
     ({"robot": "horse"}, f"Unknown robot 'horse'. Valid choices: {ALL_ROBOTS}, a Robot such"),
     ({"robot": "dog.xml"}, r"robot 'dog.xml'. .* a Robot such as Robot.load\(path\) makes."),
     ({"robot": 3}, f"Invalid robot: 3. Expected a Robot or one of {ALL_ROBOTS}."),

@@ -43,7 +43,7 @@ def test_ppo_and_sac_are_told_apart_and_their_hyperparameters_not_set_against_ea
     folders = [run_folder(), run_folder(name="sac", algorithm="sac")]
     runs = [load(folder) for folder in folders]
     (folders[1] / "config.json").rename(folders[1] / "away.json")
-    runs.append(load(folders[1] / "policy"))  # exported, it still knows
+    runs.append(load(folders[1] / "policy.safetensors"))  # exported, it still knows
     assert [run.layer for run in runs] == ["base acceleration", *2 * ["base acceleration, SAC"]]
     (warning,) = check_comparable(runs[:2])
     assert 'algorithm "sac" instead of "ppo". The layer is not' in warning
@@ -68,7 +68,7 @@ def test_other_environments_are_refused(run_folder: Build) -> None:
     one, other = run_folder(), run_folder(seed=1)
     path = other / "config.json"
     path.write_text(path.read_text().replace("StandIn-v0", "Another-v0"))
-    replace(Policy.load(other), env_id="eval_tests/Another-v0").save(other / "policy")
+    replace(Policy.load(other), env_id="eval_tests/Another-v0").save(other / "policy.safetensors")
     with pytest.raises(RunError, match="eval_tests/Another-v0.*one environment at a time"):
         check_comparable([load(one), load(other)])
 

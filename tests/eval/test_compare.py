@@ -280,7 +280,7 @@ def test_the_page_says_how_each_run_is_trained_again(run_folder: Build) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["nowhere"], "nowhere: no such folder"),
+        (["nowhere"], "nowhere: no policy here"),
         (["RUN", "RUN"], "given twice"),
         (["RUN", "--out", "x.pdf"], "Invalid out: 'x.pdf'. Expected a file name ending in .html"),
         (["RUN", "--episodes", "0"], "Invalid episodes: 0"),

@@ -107,7 +107,7 @@ def test_videos_show_what_layers_see_unless_told_otherwise() -> None:
     ("arguments", "message"),
     [
         ([], "Invalid source: None. Expected a run folder or policy, or --zero-action."),
-        (["nowhere"], "nowhere: no such folder"),
+        (["nowhere"], "nowhere: no policy here"),
         (["--zero-action"], "Invalid --env: None. Expected an environment id"),
         (
             ["--zero-action", "--env", "fbid_gym/Nothing-v0"],

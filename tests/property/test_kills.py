@@ -118,6 +118,4 @@ def _numbers(path: Path) -> dict[str, Any]:
         for table in (folder.progress, folder.evaluations)
     }
     policies = (folder.policy, folder.best_policy)
-    return found | {
-        policy.name: (policy / "policy.safetensors").read_bytes() for policy in policies
-    }
+    return found | {policy.name: policy.read_bytes() for policy in policies}

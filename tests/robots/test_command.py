@@ -9,6 +9,7 @@ from PIL import Image
 from eval import zoo
 from fbid_gym.robots import load
 from fbid_gym.robots.__main__ import main
+from fbid_gym.robots.assets import asset_path
 from fbid_gym.robots.portrait import portrait, write_png
 from tests.robots.test_source_urdf import urdf
 
@@ -21,6 +22,25 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path = tmp_path / "zoo.xml"
     path.write_text(zoo.mjcf(ANIMAL))
     return path
+
+
+@pytest.fixture(autouse=True)
+def quiet(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let robots stand and walk where that is what is tested."""
+    if "verdict" not in request.node.name:
+        monkeypatch.setattr("fbid_gym.robots.__main__.verdict", lambda robot: [])
+
+
+def test_a_verdict_by_simulation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """go1 does both in every layer; with hips too weak to hold it, it falls and that is told."""
+    assert main(["go1", "--picture", str(tmp_path / "go1.png")]) == 0
+    told = capsys.readouterr().out
+    for word in ("Stands", "Walks"):
+        line = next(line for line in told.splitlines() if line.startswith(f"- {word} up to"))
+        assert "joint_position 100%, base_acceleration 100%, com_wrench 100%" in line
+    weak = ["--torque-limit", "2", "--picture", str(tmp_path / "weak.png")]
+    assert main([str(asset_path("go1.xml")), *weak]) == 0
+    assert "Walks up to the end: joint_position 0%" in capsys.readouterr().out
 
 
 def test_a_robot_is_described_and_drawn(path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -120,7 +120,7 @@ def change(old: str, new: str) -> str:
             change(
                 "</worldbody>",
                 '<body name="door"><joint name="hinge"/><geom size="0.1"/></body></worldbody>',
-            ),
+            ).replace(KNEE, KNEE + '<motor joint="hinge"/>'),
             "Joints hinge do not belong to the floating tree of 'trunk'.",
         ),
         (
@@ -128,7 +128,7 @@ def change(old: str, new: str) -> str:
                 "</mujoco>",
                 '<equality><joint name="tie" joint1="hip" joint2="knee"/></equality></mujoco>',
             ),
-            "Equality constraints are not supported: tie. Expected a tree without closed loops.",
+            "Equality constraints are not supported: tie (joint of hip, knee). Expected a tree",
         ),
         (change(KNEE, ""), "Joints without an actuator: knee. Expected one motor per joint."),
         (

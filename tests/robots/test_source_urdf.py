@@ -100,8 +100,7 @@ def test_meshes_of_a_package_are_found_above_the_urdf(tmp_path: Path) -> None:
     folder.mkdir(parents=True)
     path = folder / "dog.urdf"
     path.write_text(urdf(trunk=MESH))
-    with pytest.raises(RobotError, match="trunk.stl' of the links trunk, which they collide with"):
-        Robot.from_mjcf(path)
+    assert any("trunk collide with left out" in note for note in Robot.from_mjcf(path).notes)
     (tmp_path / "dog" / "meshes").mkdir()
     (tmp_path / "dog" / "meshes" / "trunk.stl").write_bytes(stl_box(np.array([0.25, 0.07, 0.05])))
     robot = Robot.from_mjcf(path)

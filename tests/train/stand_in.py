@@ -17,15 +17,17 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-import safetensors.numpy
 import torch
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
+from fbid_gym.bundles import Bundle, load_bundle
+from fbid_gym.errors import RunError
 from train import training
 from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
+from train.runs.folder import RunFolder
 
 STEPS = 40
 
@@ -247,24 +249,21 @@ def curve(file: Path) -> list[dict[str, str]]:
     return [{k: v for k, v in row.items() if k not in WALL} for row in rows(file)]
 
 
-def state(folder: Path) -> dict[str, np.ndarray]:
-    """Return the arrays of a run's checkpoint."""
-    return safetensors.numpy.load_file(folder / "checkpoint" / "checkpoint.safetensors")
+def checkpoint(folder: Path) -> Bundle:
+    """Return a run's checkpoint."""
+    return load_bundle(RunFolder.of(folder).checkpoint, RunError)
 
 
 def assert_same_run(one: Path, other: Path) -> None:
     """Every bit but the clock: network, optimiser, statistics, generators, robots, curves."""
-    a, b = state(one), state(other)
+    a, b = checkpoint(one).tensors, checkpoint(other).tensors
     assert a.keys() == b.keys() and len(a) > 40
     for name in a:
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
     for name in ("progress.csv", "evaluations.csv"):
         assert curve(one / name) == curve(other / name)
-    for name in ("policy", "policy_best"):
-        first, second = (
-            (folder / name / "policy.safetensors").read_bytes() for folder in (one, other)
-        )
-        assert first == second
+    for name in ("policy.safetensors", "policy_best.safetensors"):
+        assert (one / name).read_bytes() == (other / name).read_bytes()
 
 
 if __name__ == "__main__":

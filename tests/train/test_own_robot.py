@@ -80,7 +80,7 @@ def test_it_is_played_where_it_was_trained(folder: Path) -> None:
     last = float(read_rows(moved / "evaluations.csv")[-1]["return_mean"])
     try:
         assert returns(folder, str(moved)) == pytest.approx(last, rel=1e-12)
-        assert returns(folder, str(moved / "policy")) == pytest.approx(last, rel=1e-12)
+        assert returns(folder, str(moved / "policy.safetensors")) == pytest.approx(last, rel=1e-12)
     finally:
         (folder / "gone.xml").rename(folder / "dog.xml")
 
@@ -88,8 +88,7 @@ def test_it_is_played_where_it_was_trained(folder: Path) -> None:
 def test_a_policy_alone_asks_for_its_robot(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    policy = tmp_path / "policy"
-    shutil.copytree(folder / "run" / "policy", policy)
+    policy = Path(shutil.copy(folder / "run" / "policy.safetensors", tmp_path))
     assert eval.rollout.main([str(policy), "--episodes", "1"]) == 2
     assert "the policy was trained on robot 'dog' (" in capsys.readouterr().err
     with pytest.raises(InvalidValueError, match="robot"):

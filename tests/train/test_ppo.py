@@ -10,7 +10,7 @@ import stand_in
 
 import train.ppo
 import train.training
-from fbid_gym.bundles import load_bundle, save_bundle
+from fbid_gym.bundles import save_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from train.runs.config import ALGORITHMS, EvaluationConfig, PPOConfig
@@ -20,7 +20,7 @@ def test_run_folder_is_complete(straight):
     names = {path.name for path in straight.iterdir()} - {".lock"}
     assert names == {
         *("config.json", "versions.json", "progress.csv", "evaluations.csv"),
-        *("checkpoint", "policy", "policy_best", "tensorboard"),
+        *("checkpoint.safetensors", "policy.safetensors", "policy_best.safetensors", "tensorboard"),
     }
     progress = stand_in.rows(straight / "progress.csv")
     assert [int(row["steps"]) for row in progress] == [128, 256, 384, 512, 640, 768]
@@ -40,7 +40,7 @@ def test_policies_are_those_of_the_end_and_of_the_best_evaluation(straight):
     rows = stand_in.rows(straight / "evaluations.csv")
     best = max(rows, key=lambda row: float(row["return_mean"]))
     assert Policy.load(straight).trained_steps == 768
-    assert Policy.load(straight / "policy_best").trained_steps == int(best["steps"])
+    assert Policy.load(straight / "policy_best.safetensors").trained_steps == int(best["steps"])
     policy = Policy.load(straight)
     policy.check(env_id="stand-in/PointMasses-v0", observation_size=3, action_size=2)
     assert policy.env_args == {"action_layer": "force"}
@@ -50,18 +50,18 @@ def test_killed_twice_and_resumed_is_the_same_run(straight, tmp_path):
     """Once in the fourth iteration, two steps after a checkpoint; once in the sixth."""
     stand_in.train_and_die(tmp_path, 16 * 3 + 2)
     assert len(stand_in.curve(tmp_path / "progress.csv")) == 3
-    assert json.loads((tmp_path / "checkpoint/checkpoint.json").read_text())["steps"] == 256
+    assert stand_in.checkpoint(tmp_path).data["steps"] == 256
     with (tmp_path / "progress.csv").open("a") as file:
         file.write("512,0.1,12")  # a row cut short
     stand_in.train_and_die(tmp_path, 16 * 3 + 15)
-    assert json.loads((tmp_path / "checkpoint/checkpoint.json").read_text())["steps"] == 512
+    assert stand_in.checkpoint(tmp_path).data["steps"] == 512
     stand_in.train(tmp_path)
     stand_in.assert_same_run(straight, tmp_path)
 
 
 def test_killed_before_the_first_checkpoint_is_the_same_run(straight, tmp_path):
     stand_in.train_and_die(tmp_path, 20)
-    assert not (tmp_path / "checkpoint").exists()
+    assert not (tmp_path / "checkpoint.safetensors").exists()
     stand_in.train(tmp_path)
     stand_in.assert_same_run(straight, tmp_path)
 
@@ -84,7 +84,7 @@ def test_a_disk_that_fills_up_leaves_a_checkpoint_to_continue_from(straight, tmp
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGUSR1, before)
-    assert load_bundle(tmp_path / "checkpoint", "checkpoint", RunError).data["steps"] == 256
+    assert stand_in.checkpoint(tmp_path).data["steps"] == 256
     stand_in.train(tmp_path)
     stand_in.assert_same_run(straight, tmp_path)
 
@@ -110,14 +110,14 @@ def test_longer_run_continues_a_finished_one(tmp_path, algorithm):
     for name, steps in (("a", 384), ("a", 768), ("b", 768)):
         quiet = {"total_steps": steps, "eval": EvaluationConfig(every=0)}
         stand_in.train(tmp_path / name, algorithm=algorithm, **quiet)
-    a, b = stand_in.state(tmp_path / "a"), stand_in.state(tmp_path / "b")
+    a, b = stand_in.checkpoint(tmp_path / "a").tensors, stand_in.checkpoint(tmp_path / "b").tensors
     for name in a:
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
 
 
 def test_evaluation_does_not_disturb_the_training(straight, tmp_path):
     stand_in.train(tmp_path, eval=EvaluationConfig(every=0))
-    a, b = stand_in.state(straight), stand_in.state(tmp_path)
+    a, b = stand_in.checkpoint(straight).tensors, stand_in.checkpoint(tmp_path).tensors
     for name in a:
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
     assert len((tmp_path / "evaluations.csv").read_text().splitlines()) == 1
@@ -163,14 +163,13 @@ FORGED = (
 def test_forged_numbers_are_refused(straight, tmp_path, path, value):
     """With a digest that fits them."""
     shutil.copytree(straight, tmp_path / "run")
-    folder = tmp_path / "run" / "checkpoint"
-    bundle = load_bundle(folder, "checkpoint", RunError)
+    bundle = stand_in.checkpoint(tmp_path / "run")
     *outer, last = path.split(".")
     place = bundle.data
     for key in outer:
         place = place[key]
     place[last] = value
-    save_bundle(folder, "checkpoint", bundle.data, bundle.tensors)
+    save_bundle(tmp_path / "run" / "checkpoint.safetensors", bundle.data, bundle.tensors)
     before = {file: file.read_bytes() for file in (tmp_path / "run").rglob("*.*")}
     with pytest.raises(RunError, match=r"checkpoint\.safetensors: does not fit this run"):
         stand_in.train(tmp_path / "run", total_steps=1024)
@@ -189,7 +188,7 @@ def test_diverged_training_says_so_and_keeps_its_checkpoint(tmp_path):
 
     with pytest.raises(RunError, match=r"training diverged by step 384: .*checkpoint of step 256"):
         train.ppo.main(stand_in.config(tmp_path, eval=quiet), make)
-    assert json.loads((tmp_path / "checkpoint/checkpoint.json").read_text())["steps"] == 256
+    assert stand_in.checkpoint(tmp_path).data["steps"] == 256
 
 
 def test_command_line_reports_errors_in_one_line(monkeypatch, capsys, tmp_path):
@@ -258,7 +257,11 @@ def test_a_falling_learning_rate_stands_where_the_run_does(tmp_path):
             patch.setattr(train.training._Training, "done", done)
             train.ppo.main(config, stand_in.make)
         networks.append(
-            {k: v for k, v in stand_in.state(folder).items() if k.startswith("network.")}
+            {
+                k: v
+                for k, v in stand_in.checkpoint(folder).tensors.items()
+                if k.startswith("network.")
+            }
         )
     moved = [
         max(float(np.abs(one[name] - two[name]).max()) for name in one)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import stand_in
 
-from fbid_gym.bundles import load_bundle, save_bundle
+from fbid_gym.bundles import save_bundle
 from fbid_gym.errors import FbidError, RunError
 from fbid_gym.policy import Policy
 from train import replay, training
@@ -31,7 +31,7 @@ def _learner(config):
 def _buffer(folder):
     """The replay buffer of a run."""
     learner = _learner(stand_in.config(folder, algorithm="sac"))
-    data = load_bundle(folder / "checkpoint", "checkpoint", RunError).data
+    data = stand_in.checkpoint(folder).data
     replay.restore(
         folder / "replay", learner.replay_buffer, data["steps"] // 8, data["counters"]["replay"]
     )
@@ -47,7 +47,8 @@ def straight(tmp_path_factory):
 def test_run_folder_is_that_of_ppo_with_the_replay_buffer(straight):
     assert {path.name for path in straight.iterdir()} - {".lock"} == {
         *("config.json", "versions.json", "progress.csv", "evaluations.csv"),
-        *("checkpoint", "replay", "policy", "policy_best", "tensorboard"),
+        *("checkpoint.safetensors", "policy.safetensors", "policy_best.safetensors", "tensorboard"),
+        "replay",
     }
     progress = stand_in.rows(straight / "progress.csv")
     assert [int(row["steps"]) for row in progress] == [128, 256, 384, 512, 640, 768]
@@ -64,7 +65,7 @@ def test_killed_twice_and_resumed_is_the_same_run(straight, tmp_path):
     stand_in.train_and_die(tmp_path, 16 * 2 + 3, algorithm="sac")
     (tmp_path / "replay" / "000000000032-000000000040.safetensors").write_bytes(b"half")
     stand_in.train_and_die(tmp_path, 16 * 3 + 15, algorithm="sac")
-    assert json.loads((tmp_path / "checkpoint/checkpoint.json").read_text())["steps"] == 512
+    assert stand_in.checkpoint(tmp_path).data["steps"] == 512
     _train(tmp_path)
     stand_in.assert_same_run(straight, tmp_path)
     one, other = _buffer(straight), _buffer(tmp_path)
@@ -128,7 +129,7 @@ def test_the_policy_waits_for_the_value_networks(tmp_path):
     for steps, moves in ((256, False), (384, True)):
         config = stand_in.config(tmp_path, algorithm="sac", total_steps=steps, sac=sac, eval=QUIET)
         folder = training.main(config, stand_in.make)
-        state = stand_in.state(folder)
+        state = stand_in.checkpoint(folder).tensors
         assert state["network.critic.qf0.4.weight"].any()
         assert state["network.actor.mu.weight"].any() == moves
 
@@ -169,10 +170,9 @@ def test_a_damaged_buffer_is_one_error_and_nothing_is_lost(straight, tmp_path, d
 def test_a_checkpoint_that_names_other_rows_is_refused(straight, tmp_path, forge, message):
     """With a digest that fits them."""
     shutil.copytree(straight, tmp_path / "run")
-    folder = tmp_path / "run" / "checkpoint"
-    bundle = load_bundle(folder, "checkpoint", RunError)
+    bundle = stand_in.checkpoint(tmp_path / "run")
     forge(bundle.data["counters"]["replay"])
-    save_bundle(folder, "checkpoint", bundle.data, bundle.tensors)
+    save_bundle(tmp_path / "run" / "checkpoint.safetensors", bundle.data, bundle.tensors)
     with pytest.raises(RunError, match=message):
         _train(tmp_path / "run", total_steps=1024)
 
@@ -184,8 +184,7 @@ def test_runs_and_checkpoints_of_another_algorithm_are_refused(straight, tmp_pat
     words = 'algorithm "sac" instead of "ppo". Choose another --out'
     assert words in str(caught.value) and "gamma" not in str(caught.value)
     shutil.copytree(straight, tmp_path / "sac")
-    shutil.rmtree(tmp_path / "sac" / "checkpoint")
-    shutil.copytree(ppo / "checkpoint", tmp_path / "sac" / "checkpoint")
+    shutil.copy(ppo / "checkpoint.safetensors", tmp_path / "sac")
     with pytest.raises(RunError, match=r"is a checkpoint of ppo\. Expected sac"):
         _train(tmp_path / "sac")
 

@@ -22,7 +22,8 @@ SUFFIX = ".zip"
 
 KEPT = (
     *("config.json", "versions.json", "environment.json", "robot.zip"),
-    *("progress.csv", "evaluations.csv", "policy/policy.json", "policy/policy.safetensors"),
+    *("progress.csv", "evaluations.csv", "policy.safetensors"),
+    *("policy/policy.json", "policy/policy.safetensors"),  # of earlier versions of this package
 )
 """What an archive may hold of a run: what it found, not what it needs to go on."""
 

@@ -1,21 +1,25 @@
 """The command line of a training run: read with the recipe of its environment, and written."""
 
 import argparse
+import io
 import json
 import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import redirect_stderr
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import tyro
 
-from fbid_gym.errors import InvalidValueError
+from fbid_gym.errors import FbidError, InvalidValueError
 from train.recipes import NONE, config_for, recipes
 from train.runs.config import ALGORITHMS, TrainConfig, algorithm_of, completed, parse_object
 from train.runs.folder import RunFolder
 from train.runs.reading import LAYER_ARGS
+
+Read = TypeVar("Read")
 
 
 def parse(arguments: Sequence[str] | None = None, algorithm: str = "ppo") -> TrainConfig:
@@ -38,7 +42,7 @@ def parse(arguments: Sequence[str] | None = None, algorithm: str = "ppo") -> Tra
         chosen.env, chosen.action_layer, chosen.layer_options, chosen.recipe, algorithm=algorithm
     )
     names = ", ".join([*recipes(), NONE])
-    return tyro.cli(
+    return read_options(
         TrainConfig,
         prog=f"python -m train.{algorithm}",
         description=f"{TrainConfig.__doc__}\n\nDefaults are those of the environment's recipe in "
@@ -46,6 +50,25 @@ def parse(arguments: Sequence[str] | None = None, algorithm: str = "ppo") -> Tra
         default=_plain(usual),
         args=rest,
     )
+
+
+def read_options(options: Callable[..., Read], **how: Any) -> Read:
+    """Return what `tyro.cli` reads of a command line; errors of ours stay what they are.
+
+    Of those that are ValueErrors tyro would make a page.
+    """
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            return tyro.cli(options, **how)
+    except SystemExit as ended:
+        cause: BaseException | None = ended
+        while cause is not None and not isinstance(cause, FbidError):
+            cause = cause.__context__
+        if cause is not None:
+            raise cause from None
+        sys.stderr.write(said.getvalue())
+        raise
 
 
 def options(config: TrainConfig) -> tuple[str, ...]:

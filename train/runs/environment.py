@@ -7,8 +7,7 @@ from typing import Any
 
 from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.errors import FbidError
-from fbid_gym.policy import Card, Policy
-from fbid_gym.policy.shipping import CARD
+from fbid_gym.policy import Policy
 from fbid_gym.robots import Robot
 from train.runs.archive import found
 from train.runs.differences import environment_differences, in_words
@@ -39,12 +38,11 @@ def meaning(config: Mapping[str, Any], robot: Robot | None = None) -> dict[str, 
 def _trained(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Any]] | None:
     """Return the environment of a policy's training, from `config.json` and `environment.json`.
 
-    They are read in the folder of a run or of a shipped policy; None where there is neither.
+    They are read in the folder of a run or on the card of a policy; None where there is neither.
     """
     folder = RunFolder.of(path)
-    if (path / CARD).is_file():
-        card = Card.read(path / CARD)
-        return {"env_id": card.env_id, "env_args": card.env_args}, card.environment
+    if path.is_file() and (policy := Policy.load(path)).card is not None:
+        return {"env_id": policy.env_id, "env_args": policy.env_args}, policy.card.environment
     if folder.environment.is_file() and folder.config.is_file():
         return read_json(folder.config), read_json(folder.environment)
     return None
@@ -54,7 +52,7 @@ def as_trained(path: Path, env_args: Mapping[str, Any]) -> dict[str, Any]:
     """Return a policy's arguments with the options of its layer that it was trained with.
 
     Args:
-        path: folder of its run, or of a shipped policy.
+        path: folder of its run, or its file.
         env_args: as the policy has them.
 
     Returns:
@@ -62,7 +60,7 @@ def as_trained(path: Path, env_args: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises:
         RunError: a file of the run that is not JSON.
-        PolicyFileError: the card of a shipped policy is damaged.
+        PolicyFileError: the policy cannot be read.
     """
     trained, arguments = _trained(path), dict(env_args)
     if trained is None:
@@ -88,7 +86,7 @@ def load_policy(path: Path) -> Policy:
 
     Raises:
         RunError: a file of the run that is not JSON.
-        PolicyFileError: the policy cannot be read, or the card of a shipped one.
+        PolicyFileError: the policy cannot be read.
     """
     policy = Policy.load(found(path))
     return replace(policy, env_args=as_trained(path, policy.env_args))
@@ -98,7 +96,7 @@ def changed_meaning(path: Path) -> str | None:
     """Compare the meaning of a run's arguments when it began with their meaning today.
 
     Args:
-        path: folder of a run, or of a shipped policy. Another exported policy and a run of
+        path: folder of a run, or file of a shipped policy. Another exported policy and a run of
             another environment do not say what their arguments meant.
 
     Returns:
@@ -106,7 +104,7 @@ def changed_meaning(path: Path) -> str | None:
 
     Raises:
         RunError: a file of the run that is not JSON.
-        PolicyFileError: the card of a shipped policy is damaged.
+        PolicyFileError: the policy cannot be read.
     """
     trained = _trained(path)
     if trained is None:

@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from fbid_gym.bundles import fresh_path, present_bundle, previous_path
-from fbid_gym.errors import RunError
+from fbid_gym.bundles import fresh_path
+from fbid_gym.policy import Policy
 from train.runs.archive import found
-from train.runs.files import read_json
 
 
 class RunFolder(NamedTuple):
@@ -27,13 +26,13 @@ class RunFolder(NamedTuple):
     evaluations: Path
     """One row per evaluation: CSV."""
     checkpoint: Path
-    """The latest exact state: a bundle of `fbid_gym.bundles`."""
+    """The latest exact state: a file of `fbid_gym.bundles`."""
     replay: Path
     """The replay buffer, of algorithms that have one: files of `train.replay`."""
     policy: Path
-    """The policy at the latest evaluation or checkpoint, whichever is later: a bundle."""
+    """The policy at the latest evaluation or checkpoint, whichever is later."""
     best_policy: Path
-    """The policy of the evaluation with the highest mean return: a bundle."""
+    """The policy of the evaluation with the highest mean return."""
     tensorboard: Path
     """TensorBoard events."""
     lock: Path
@@ -53,8 +52,8 @@ class RunFolder(NamedTuple):
         """Return the paths in a folder, there or not."""
         names = (
             *("config.json", "versions.json", "environment.json", "robot.zip", "progress.csv"),
-            *("evaluations.csv", "checkpoint", "replay", "policy", "policy_best"),
-            *("tensorboard", ".lock"),
+            *("evaluations.csv", "checkpoint.safetensors", "replay", "policy.safetensors"),
+            *("policy_best.safetensors", "tensorboard", ".lock"),
         )
         return cls(path, *(path / name for name in names))
 
@@ -63,23 +62,24 @@ class RunFolder(NamedTuple):
         """Steps that the exported policy was trained for; 0 without one.
 
         Raises:
-            RunError: its file cannot be read.
+            PolicyFileError: its file cannot be read.
         """
-        file = present_bundle(self.policy) / f"{self.policy.name}.json"
-        found = read_json(file).get("trained_steps") if file.exists() else 0
-        if not isinstance(found, int):
-            raise RunError(f"{file}: trained_steps is {found!r}. Expected a whole number.")
-        return found
+        found = [place for place in (self.policy, self.older[1]) if place.exists()]
+        return Policy.load(found[0]).trained_steps if found else 0
+
+    @property
+    def older(self) -> tuple[Path, ...]:
+        """Folders that were in the place of files of today: checkpoint and policies."""
+        return tuple(self.path / name for name in ("checkpoint", "policy", "policy_best"))
 
     @property
     def results(self) -> set[Path]:
         """All files of a run beside its configuration, with leftovers of killed writes."""
-        bundles = {self.checkpoint, self.policy, self.best_policy}
-        replaced = {self.config, self.versions, self.environment, self.robot, *bundles}
+        replaced = {self.versions, self.environment, self.robot}
+        replaced |= {self.checkpoint, self.policy, self.best_policy}
         return {
-            *(self.versions, self.environment, self.robot),
             *(self.progress, self.evaluations, self.tensorboard, self.replay),
-            *bundles,
-            *map(fresh_path, replaced),
-            *map(previous_path, bundles),
+            *replaced,
+            *map(fresh_path, (self.config, *replaced)),
+            *self.older,
         }

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from fbid_gym.bundles import load_bundle, present_bundle
+from fbid_gym.bundles import load_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.robots import Robot
 from train.runs.archive import packed_in
@@ -133,7 +133,9 @@ def _check_same_run(folder: RunFolder, config: TrainConfig, asked: Mapping[str, 
         )
     anew = "Choose another --out, or --overwrite to start anew."
     trained = last_steps(folder.progress)
-    if not present_bundle(folder.checkpoint).exists():
+    if not folder.checkpoint.exists():
+        if (before := folder.older[0]).exists():
+            raise RunError(f"{before}: of an earlier version, and not read any more. {anew}")
         if _had_checkpoint(folder, config, stored):
             raise RunError(
                 f"{path}: holds a run of {trained} steps without the checkpoint that it would go "
@@ -145,7 +147,7 @@ def _check_same_run(folder: RunFolder, config: TrainConfig, asked: Mapping[str, 
             f"{path}: is trained for {trained} steps, which total_steps {config.total_steps} would "
             f"deny. {anew}"
         )
-    load_bundle(folder.checkpoint, folder.checkpoint.name, RunError).check_digest(RunError)
+    load_bundle(folder.checkpoint, RunError)
     return True
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy, place_of
 from fbid_gym.robots import Robot
-from train.runs.archive import found
 from train.runs.environment import load_policy
 from train.runs.files import read_json
 from train.runs.folder import RunFolder
@@ -66,21 +65,18 @@ class Run:
 
 
 def load(path: Path, robot: Robot | None = None) -> Run:
-    """Load a run folder, or the folder of an exported policy.
+    """Load a run folder, or an exported policy.
 
     Args:
-        path: the folder, on the disk or packed; or `shipped:NAME`.
+        path: the folder, on the disk or packed; a file of a policy; or `shipped:NAME`.
         robot: to be played on instead of the one that it was trained on.
 
     Raises:
-        RunError: the folder or a file in it is missing, unreadable or incomplete, or so is the
-            robot.
-        PolicyFileError: the policy is, or the folder is neither.
+        RunError: a file of the run is missing, unreadable or incomplete, or so is the robot.
+        PolicyFileError: the policy is, or neither is there.
         UnknownOptionError: no policy of that name is shipped.
     """
     path = place_of(path)
-    if not found(path).is_dir():
-        raise RunError(f"{path}: no such folder. Expected a run folder or an exported policy.")
     folder = RunFolder.of(path)
     if not folder.config.is_file():
         policy = load_policy(path)

@@ -65,7 +65,7 @@ def of_policy(path: Path, env_args: Mapping[str, Any], given: Robot | None = Non
     """Return the robot that a policy shall act on; None for the one that its arguments name.
 
     Args:
-        path: its run folder, or the folder of the policy.
+        path: its run folder, or its file.
         env_args: arguments that it was trained with.
         given: a robot that shall be played on instead.
 

@@ -1,5 +1,6 @@
 """A page for each environment: the package's own, with a clip and the policies for it."""
 
+import hashlib
 from collections.abc import Collection
 from functools import cache
 from typing import Any, NamedTuple
@@ -36,12 +37,15 @@ class Scene(NamedTuple):
     @property
     def env_args(self) -> dict[str, Any]:
         """Arguments of the environment."""
-        return {"action_layer": _FIRST} if self.shipped is None else {**self.shipped.card.env_args}
+        its = {"action_layer": _FIRST} if self.shipped is None else self.shipped.policy.env_args
+        return dict(its)
 
     @property
     def file(self) -> str:
         """Name of the clip: another one for another policy, so that none shows what is gone."""
-        acts = "zero" if self.shipped is None else self.shipped.card.sha256[:8]
+        acts = "zero"
+        if self.shipped is not None:
+            acts = hashlib.sha256(self.shipped.path.read_bytes()).hexdigest()[:8]
         return f"{short(self.env_id)}-{acts}.mp4"
 
     @property
@@ -56,7 +60,7 @@ class Scene(NamedTuple):
 
 def shipped_for(env_id: str) -> list[Shipped]:
     """Return the policies that are shipped for an environment."""
-    return [each for each in shipped() if each.env == env_id]
+    return [each for each in shipped() if each.policy.env_id == env_id]
 
 
 def pages(clips: Collection[str]) -> dict[str, str]:

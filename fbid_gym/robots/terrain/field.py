@@ -7,7 +7,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.scene import add_solid, collision_bits
+from fbid_gym.robots.scene import add_solid, collision_bits, unused
 from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
 
 _SHALLOW = 1e-3  # m that a height field lies below the plane where the plane is the ground
@@ -53,7 +53,7 @@ class Field:
         corner, cell, elevation = self.grid
         low, high = float(elevation.min()), float(elevation.max())
         half = 0.5 * cell * (np.array(elevation.shape[::-1]) - 1.0)
-        name = "fbid_field"
+        name = unused("fbid_field", (*spec.hfields, *spec.materials, *spec.textures))
         spec.add_material(name=name, rgba=[*self.colour, 1.0], specular=0.1)
         spec.add_hfield(
             name=name,

@@ -7,7 +7,7 @@ from typing import ClassVar
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.scene import add_solid, collision_bits
+from fbid_gym.robots.scene import add_solid, collision_bits, unused
 from fbid_gym.robots.terrain.field import ENDLESS, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid
 from fbid_gym.robots.terrain.sizes import CLEARING, HALF_SIZE
@@ -44,7 +44,8 @@ class Obstacles:
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """See `Field.add_to`."""
         bits = collision_bits(spec)
-        spec.add_material(name="fbid_plank", rgba=[0.72, 0.58, 0.42, 1.0], specular=0.1)
+        wood = unused("fbid_plank", spec.materials)
+        spec.add_material(name=wood, rgba=[0.72, 0.58, 0.42, 1.0], specular=0.1)
         for (x, y), turn, half, top in zip(
             self.centre, self.heading, self.half, self.top, strict=True
         ):
@@ -55,7 +56,7 @@ class Obstacles:
                 size=[*half, 0.5 * top],
                 pos=[x, y, 0.5 * top],
                 quat=[np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)],
-                material="fbid_plank",
+                material=wood,
             )
 
     def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy, shipped
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
-NAMES = [f"shipped:{each.name}" for each in shipped() if each.env == WALK]
+NAMES = [f"shipped:{each.name}" for each in shipped() if each.policy.env_id == WALK]
 
 
 def saved(folder: Path, **env_args: object) -> Path:

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -50,8 +51,9 @@ def test_a_push_on_a_zero_action() -> None:
 def shelf(monkeypatch: pytest.MonkeyPatch) -> tuple[Shipped, ...]:
     """The policies that are shipped, all of one environment, one of a layer alone last."""
     (first, *_), env_id = shipped(), "fbid_gym/BipedWalk-v0"
-    both = ("torque", "base_acceleration")
-    shelf = tuple(first._replace(name=f"x/{n}", env=env_id, layer=n) for n in both)
+    both = {n: replace(first.policy, env_id=env_id, env_args={"action_layer": n})
+            for n in ("torque", "base_acceleration")}  # fmt: skip
+    shelf = tuple(first._replace(name=f"x/{n}", policy=policy) for n, policy in both.items())
     monkeypatch.setattr(environments, "shipped", lambda: shelf)
     return shelf
 

@@ -49,7 +49,7 @@ def test_a_packed_run_is_read_as_its_folder_is(folder, capsys):
     for name, values in asdict(before.curve).items():
         np.testing.assert_array_equal(getattr(after.curve, name), values)
     assert is_finished(config) and standing(config) == stands
-    assert load(folder / "policy").policy.trained_steps == 768
+    assert load(folder / "policy.safetensors").policy.trained_steps == 768
     assert RunFolder.of(folder).path == folder
     assert load(folder.parent.with_suffix(".v2.zip") / "a").seed == 5
     assert found(folder.parent / "b") == folder.parent / "b"

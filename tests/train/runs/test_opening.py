@@ -20,7 +20,7 @@ def _begin(config, *, checkpoint=False):
     with open_run(config) as run:
         run.begin()
         if checkpoint:
-            save_bundle(run.folder.checkpoint, "checkpoint", {}, {"x": np.zeros(1)})
+            save_bundle(run.folder.checkpoint, {}, {"x": np.zeros(1)})
 
 
 def _contents(path: Path) -> dict[Path, bytes]:
@@ -91,13 +91,13 @@ def test_without_a_checkpoint_everything_starts_anew_but_notes_stay(tmp_path):
     with open_run(config) as run:
         run.begin()
         run.folder.progress.write_text("steps\n1\n")
-        (tmp_path / ".policy.new").mkdir()
+        (tmp_path / ".policy.safetensors.new").write_text("half")
         for name in ("notes.txt", "config.json.old", "progress.csv.new"):
             (tmp_path / name).write_text("mine")
     with open_run(config) as run:
         run.begin()
         assert not run.resumes and not run.folder.progress.exists()
-        assert not (tmp_path / ".policy.new").exists()
+        assert not (tmp_path / ".policy.safetensors.new").exists()
     for name in ("notes.txt", "config.json.old", "progress.csv.new"):
         assert (tmp_path / name).read_text() == "mine"
 
@@ -153,12 +153,17 @@ def test_a_longer_run_is_not_called_a_shorter_one(tmp_path):
         assert run.resumes
 
 
-def test_interrupted_replacement_of_a_checkpoint_resumes(tmp_path):
+def test_a_checkpoint_of_an_earlier_version_is_not_begun_anew(tmp_path):
+    """It was a folder, as policies were; none stays where a run takes its place."""
     config = stand_in.config(tmp_path)
-    _begin(config, checkpoint=True)
-    (tmp_path / "checkpoint").rename(tmp_path / ".checkpoint.old")
-    with open_run(config) as run:
-        assert run.resumes
+    _begin(config)
+    for name in ("checkpoint", "policy", "policy_best"):
+        (tmp_path / name).mkdir()
+    with pytest.raises(RunError, match="checkpoint: of an earlier version"), open_run(config):
+        pass
+    with open_run(replace(config, overwrite=True)) as run:
+        run.begin()
+    assert {file.name for file in tmp_path.iterdir()} == {".lock", "config.json", "versions.json"}
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -240,17 +245,15 @@ def _of_fewer_robots(folder: Path) -> None:
     """A checkpoint that only the learner can tell to be another's."""
     other = folder.with_name("other")
     main(stand_in.config(other, num_envs=4, eval=EvaluationConfig(every=0)), stand_in.make)
-    shutil.rmtree(folder / "checkpoint")
-    (other / "checkpoint").rename(folder / "checkpoint")
+    (other / "checkpoint.safetensors").replace(folder / "checkpoint.safetensors")
 
 
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
         (_overwritten("config.json", b"{"), r"config\.json: not JSON"),
-        (_overwritten("checkpoint/checkpoint.json", b"{"), r"checkpoint\.json: not JSON"),
-        (_overwritten("checkpoint/checkpoint.safetensors", b"x" * 20), "not safetensors"),
-        (lambda folder: (folder / "checkpoint/checkpoint.safetensors").unlink(), r"\.safetensors"),
+        (_overwritten("checkpoint.safetensors", b"x" * 20), "not safetensors"),
+        (lambda folder: (folder / "checkpoint.safetensors").unlink(), "without the checkpoint"),
         (_overwritten("progress.csv", b"steps\n"), r"progress\.csv: has 6 bytes"),
         (_overwritten("evaluations.csv", b""), r"evaluations\.csv: has 0 bytes"),
         (_of_fewer_robots, "does not fit this run.*Expected a checkpoint of the same"),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import stand_in
 
-from fbid_gym.errors import FbidError, RunError
+from fbid_gym.errors import FbidError, PolicyFileError
 from train.ppo import main
 from train.runs.folder import RunFolder
 from train.runs.reading import load
@@ -44,7 +44,7 @@ def test_a_run_is_read_as_it_was_written(trained: Path) -> None:
 
 
 def test_an_exported_policy_is_read(trained: Path) -> None:
-    run = load(trained / "policy")
+    run = load(trained / "policy.safetensors")
     assert run.layer == "force (stiffness: 2)"
     assert run.seed is None and run.curve is None and run.config is None
 
@@ -86,7 +86,8 @@ def renamed(folder: Path) -> None:
     [
         (damage("evaluations.csv", None), "evaluations.csv is missing"),
         (damage("versions.json", None), "versions.json is missing"),
-        (damage("policy/policy.json", None), "policy.json: cannot be read"),
+        (damage("policy.safetensors", None), "no policy here. Expected a policy's file"),
+        (damage("policy.safetensors", "{"), "policy.safetensors: not safetensors"),
         (damage("config.json", "{"), "config.json: not JSON, truncated or corrupt"),
         (damage("config.json", "[]"), "config.json: holds list. Expected a JSON object"),
         (damage("evaluations.csv", "steps,wall_seconds\n"), "evaluations.csv: holds no evaluation"),
@@ -108,7 +109,6 @@ def test_a_broken_run_is_named(
 
 
 def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="nowhere: no such folder. Expected a run folder or an"):
-        load(tmp_path / "nowhere")
-    with pytest.raises(FbidError, match="no policy here"):
-        load(tmp_path)
+    for path in (tmp_path / "nowhere", tmp_path):
+        with pytest.raises(PolicyFileError, match=f"{path}: no policy here. Expected a policy's"):
+            load(path)

@@ -1,0 +1,334 @@
+"""Files of strangers that MuJoCo, or the laws, cannot take as they are: set right, or refused."""
+
+import re
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from fbid_gym.errors import RobotError
+from fbid_gym.robots import Robot, load
+from fbid_gym.robots.terrain.obstacles import random_obstacles
+from fbid_gym.robots.terrain.rocks import random_rocks
+from tests.robots.test_source_urdf import LEGS, MESH, urdf
+from tests.robots.test_touching import FOOT
+
+
+def noted(robot: Robot, words: str) -> bool:
+    return any(words in note for note in robot.notes)
+
+
+def dog(extra: str = "", base: str = '<link name="base"/>') -> str:
+    """A URDF of four legs, with more in it."""
+    return urdf().replace('<link name="base"/>', base, 1).replace("</robot>", extra + "</robot>")
+
+
+def hinge(name: str, parent: str, child: str, limit: str, kind: str = "revolute") -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<axis xyz="0 0 1"/><origin xyz="0 0 0.1"/>{limit}</joint>'
+    )
+
+
+def link(name: str, mass: float = 0.1, moment: float = 1e-4, cross: float = 0.0) -> str:
+    return f"""<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{moment}"
+      iyy="{moment}" izz="{moment}" ixy="{cross}" ixz="0" iyz="0"/></inertial></link>"""
+
+
+@pytest.mark.parametrize(
+    "inertia", [dict(mass=0.0, moment=0.0), dict(moment=1e-4, cross=2e-4), dict(moment=0.0)]
+)
+def test_inertias_that_no_body_has_are_mended(inertia: dict[str, float]) -> None:
+    joint = hinge(
+        "lidar", "trunk", "lidar", '<limit effort="1" velocity="1" lower="-1" upper="1"/>'
+    )
+    robot = Robot.from_mjcf(dog(link("lidar", **inertia) + joint))
+    assert noted(robot, "Masses and inertias that no body has")
+    assert robot.mass == pytest.approx(Robot.from_mjcf(urdf()).mass, abs=0.11)
+    assert np.linalg.eigvalsh(mass_matrix(robot)).min() > 0.0
+    again = robot.portable()
+    assert again.digest == robot.portable().digest and again.mass == pytest.approx(robot.mass)
+
+
+def mass_matrix(robot: Robot) -> np.ndarray:
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos
+    mujoco.mj_forward(robot.model, data)
+    mass = np.empty((robot.nv, robot.nv))
+    mujoco.mj_fullM(robot.model, data, mass)
+    return mass
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+def test_equal_limits_lock_a_joint_where_they_are(angle: float) -> None:
+    arm = link("arm", 0.5) + link("hand")
+    limit = f'<limit effort="1" velocity="1" lower="{angle}" upper="{angle}"/>'
+    fixed = '<joint name="wrist" type="fixed"><parent link="arm"/><child link="hand"/>'
+    fixed += '<origin xyz="0.3 0 0"/></joint>'
+    robot = Robot.from_mjcf(dog(arm + fixed + hinge("lock", "trunk", "arm", limit)))
+    assert robot.num_joints == 8 and noted(robot, "Joints locked, whose limits are equal: lock.")
+    data = robot.at_home.data
+    place = data.body("hand").xpos - data.body("arm").xpos
+    np.testing.assert_allclose(place, [0.3 * np.cos(angle), 0.3 * np.sin(angle), 0.0], atol=1e-9)
+
+
+def test_limits_that_are_not_given_lock_nothing() -> None:
+    joint = hinge("arm", "trunk", "arm", '<limit effort="1" velocity="1"/>')
+    assert Robot.from_mjcf(dog(link("arm") + joint)).num_joints == 9
+
+
+def test_fingers_that_follow_are_locked_and_legs_that_do_are_refused() -> None:
+    limit = '<limit effort="1" velocity="1" lower="-1" upper="1"/>'
+    fingers = link("thumb") + link("finger") + hinge("thumb", "trunk", "thumb", limit)
+    follows = hinge("finger", "trunk", "finger", limit + '<mimic joint="thumb" multiplier="2"/>')
+    robot = Robot.from_mjcf(dog(fingers + follows))
+    assert robot.num_joints == 8
+    assert noted(robot, "which an <equality> or <mimic> ties: thumb, finger.")
+    knee = '<joint name="front_left_knee" type="revolute">'
+    tied = urdf().replace(knee, knee + '<mimic joint="front_left_hip"/>')
+    with pytest.raises(RobotError, match="joint of front_left_knee, front_left_hip"):
+        Robot.from_mjcf(tied)
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar", "prismatic"])
+def test_massless_links_that_move_a_base_about_are_left_out(kind: str) -> None:
+    root = '<link name="map"/><link name="odom"/><link name="base"/>'
+    chain = '<joint name="to_odom" type="fixed"><parent link="map"/><child link="odom"/></joint>'
+    limit = '<limit effort="1" velocity="1" lower="-9" upper="9"/>' if kind != "floating" else ""
+    chain += hinge("to_base", "odom", "base", limit, kind)
+    robot = Robot.from_mjcf(dog(base=root + chain))
+    assert robot.num_joints == 8 and robot.mass == pytest.approx(Robot.from_mjcf(urdf()).mass)
+
+
+def test_meshes_are_converted_or_done_without_where_no_foot_needs_them(tmp_path: Path) -> None:
+    """A box as ASCII STL, which MuJoCo does not read, comes out as the box."""
+    trimesh = pytest.importorskip("trimesh")
+    folder = tmp_path / "dog" / "meshes"
+    folder.mkdir(parents=True)
+    path = tmp_path / "dog" / "dog.urdf"
+    path.write_text(urdf(trunk=MESH))
+    bare = Robot.from_mjcf(path)
+    assert noted(bare, "Meshes that the bodies trunk collide with left out")
+    box = trimesh.creation.box([0.5, 0.14, 0.1])
+    (folder / "trunk.stl").write_text(trimesh.exchange.stl.export_stl_ascii(box))
+    robot = Robot.from_mjcf(path)
+    assert noted(robot, "1 meshes converted")
+    mesh = robot.model.mesh("trunk")
+    found = robot.model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
+    np.testing.assert_allclose(np.sort(np.ptp(found, axis=0)), [0.1, 0.14, 0.5], atol=1e-6)
+    robot.save(tmp_path / "dog.zip")
+    assert Robot.load(tmp_path / "dog.zip").digest == robot.portable().digest
+
+
+def test_a_foot_that_lost_its_mesh_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "dog.urdf"
+    sphere, mesh = '<sphere radius="0.02"/>', '<mesh filename="foot.dae"/>'
+    path.write_text(urdf().replace(sphere, mesh))
+    with pytest.raises(RobotError, match=r"Meshes of the bodies .*front_left_foot.* stand on|feet"):
+        Robot.from_mjcf(path)
+
+
+BIPED = (Path(__file__).parents[2] / "assets" / "go1.xml").read_text()
+
+
+def changed(old: str, new: str) -> Robot:
+    assert old in BIPED
+    return Robot.from_mjcf(BIPED.replace(old, new, 1))
+
+
+def test_idle_joints_beside_the_robot_are_left_out() -> None:
+    door = '<body name="door" pos="3 0 1"><joint name="door"/><geom size="0.1"/></body>'
+    robot = changed("</worldbody>", door + "</worldbody>")
+    assert robot.num_joints == 12 and noted(robot, "Idle joints beside the robot left out: door.")
+
+
+def test_joints_tied_to_a_constant_are_locked() -> None:
+    tie = '<equality><joint joint1="front_left_hip_roll" polycoef="0.2 0 0 0 0"/></equality>'
+    robot = changed("</worldbody>", "</worldbody>" + tie)
+    assert robot.num_joints == 11 and "front_left_hip_roll" not in robot.joint_names
+    free = load("go1")
+    pose = free.home_qpos.copy()
+    pose[7:] = free.model.qpos0[7:]
+    pose[7 + free.joint_names.index("front_left_hip_roll")] = 0.2
+    data = mujoco.MjData(free.model)
+    data.qpos[:] = pose
+    mujoco.mj_kinematics(free.model, data)
+    own = mujoco.MjData(robot.model)
+    own.qpos[:] = robot.model.qpos0
+    own.qpos[:7] = pose[:7]
+    mujoco.mj_kinematics(robot.model, own)
+    for foot in free.feet:
+        name = free.model.body(foot.body).name
+        np.testing.assert_allclose(own.body(name).xpos, data.body(name).xpos, atol=1e-9)
+
+
+@pytest.mark.parametrize("off, fine", [(0.02, True), (1.0, False)])
+def test_keyframes_a_little_out_of_range_are_clipped(off: float, fine: bool) -> None:
+    go1 = load("go1")
+    pose = go1.home_qpos.copy()
+    pose[8] = go1.joint_range[1, 1] + off
+    key = f'<keyframe><key name="home" qpos="{" ".join(map(str, pose))}"/></keyframe></mujoco>'
+    text = BIPED.replace("</mujoco>", key)
+    if fine:
+        robot = Robot.from_mjcf(text)
+        assert noted(robot, "Keyframes clipped to the joints' ranges: home.")
+        assert robot.home_qpos[8] == pytest.approx(go1.joint_range[1, 1])
+    else:
+        with pytest.raises(RobotError, match="outside their range"):
+            Robot.from_mjcf(text)
+
+
+def ball(radius: float, faces: int) -> str:
+    """Vertices of a ball, or of a cylinder that lies across."""
+    turns = 2.0 * np.pi * np.arange(faces) / faces
+    tilts = np.pi * (np.arange(faces) + 0.5) / faces
+    points = [
+        [np.sin(b) * np.cos(a), np.sin(b) * np.sin(a), np.cos(b)] for a in turns for b in tilts
+    ]
+    return " ".join(f"{radius * x:.7f}" for point in points for x in point)
+
+
+MESH_FOOT = '<geom type="mesh" mesh="sole" mass="1"/>'
+
+
+@pytest.mark.parametrize("faces", [16, 32])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        MESH_FOOT,
+        '<geom type="capsule" size="0.02 0.01" euler="90 0 0" mass="1"/>',
+        '<geom type="cylinder" size="0.02 0.01" euler="90 0 0" mass="1"/>',
+    ],
+)
+def test_a_small_round_foot_is_one_sphere(shape: str, faces: int) -> None:
+    """However many vertices it has: its point stays where it touches when the robot leans."""
+    text = FOOT.format(vertices=ball(0.02, faces), shape=shape)
+    robot = Robot.from_mjcf(text, ["foot"])
+    foot = robot.feet[0]
+    assert foot.num_points == 1 and foot.radius == pytest.approx(0.02, rel=0.35)
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos
+    data.qpos[3:7] = [np.cos(0.1), 0.0, np.sin(0.1), 0.0]
+    mujoco.mj_kinematics(robot.model, data)
+    data.qpos[2] -= foot.touching(data)[0, 2] + 1e-3
+    mujoco.mj_forward(robot.model, data)
+    assert data.ncon and data.contact.dist.min() == pytest.approx(-1e-3, abs=1e-3)
+    np.testing.assert_allclose(
+        data.contact.pos[:, :2].mean(axis=0), foot.touching(data)[0, :2], atol=4e-3
+    )
+
+
+def test_wheels_are_refused() -> None:
+    wheel = '<collision><geometry><sphere radius="0.02"/></geometry></collision>'
+    text = urdf()
+    for leg in LEGS:
+        fixed = f'<joint name="{leg}_ankle" type="fixed"><origin xyz="0 0 -0.2"/>'
+        spins = f'<joint name="{leg}_ankle" type="continuous"><origin xyz="0 0 -0.2"/>'
+        spins += '<axis xyz="0 1 0"/><limit effort="5" velocity="9"/>'
+        assert fixed in text and wheel in text
+        text = text.replace(fixed, spins)
+    with pytest.raises(RobotError, match="Feet front_left_foot, .* turn about themselves"):
+        Robot.from_mjcf(text)
+
+
+def test_bodies_that_lie_in_one_another_at_home_touch_no_more() -> None:
+    trunk = '<box size="0.5 0.15 0.1"/>'
+    thigh = '<collision><geometry><sphere radius="0.04"/></geometry></collision></link>'
+    name = 'name="front_left_upper">'
+    text = urdf(trunk).replace(name, name + thigh.replace("</link>", ""))
+    # A parent is no pair of its own: the knee's link reaches into the trunk.
+    name = 'name="front_left_lower">'
+    reach = '<collision><origin xyz="0 0 0.2"/><geometry><sphere radius="0.04"/></geometry>'
+    robot = Robot.from_mjcf(text.replace(name, name + reach + "</collision>"))
+    assert noted(robot, "Lie in one another at home, and touch no more: trunk and front_left_lower")
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.home_qpos
+    mujoco.mj_forward(robot.model, data)
+    assert not np.any(robot.model.body_weldid[robot.model.geom_bodyid[data.contact.geom]].all(1))
+
+
+@pytest.mark.parametrize(
+    "flag, attribute, field",
+    [
+        ("spring", "stiffness", "jnt_stiffness"),
+        ("damper", "damping", "dof_damping"),
+        ("frictionloss", "frictionloss", "dof_frictionloss"),
+    ],
+)
+def test_what_a_flag_switches_off_is_gone(flag: str, attribute: str, field: str) -> None:
+    text = BIPED.replace("<option ", f'<option><flag {flag}="disable"/></option><option ', 1)
+    text = re.sub(
+        r'<joint name="front_left_knee"', f'<joint {attribute}="2" name="front_left_knee"', text
+    )
+    text = re.sub(rf'(<joint {attribute}="2" [^>]*?) {attribute}="[^"]*"', r"\1", text)
+    robot = Robot.from_mjcf(text)
+    assert not np.any(getattr(robot.model, field)) and noted(robot, "switches them off")
+
+
+def test_a_friction_that_overrides_is_that_of_the_geoms() -> None:
+    option = '<option o_friction="0.3 0.3 0.01 0.001 0.001"><flag override="enable"/></option>'
+    robot = Robot.from_mjcf(BIPED.replace("<option ", option + "<option ", 1))
+    assert set(robot.model.geom_friction[robot.at_home.touching & ~robot.at_home.ground, 0]) == {
+        0.3
+    }
+    assert any("friction is 0.3" in sentence for sentence in robot.check())
+
+
+@pytest.mark.parametrize("name", ["go1.XML", "go1.xml"])
+def test_a_byte_order_mark_and_a_suffix_in_capitals(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"\xef\xbb\xbf" + BIPED.encode())
+    assert Robot.from_mjcf(path).mass == load("go1").mass
+
+
+def test_a_path_of_thousands_of_letters() -> None:
+    with pytest.raises(RobotError, match="does not exist"):
+        Robot.load("x" * 5000 + ".xml")
+
+
+def test_names_of_ours_may_be_in_a_file() -> None:
+    own = '<asset><texture name="fbid_sky" type="skybox" builtin="flat" width="8" height="8"/>'
+    own += '<material name="fbid_ground"/></asset><worldbody>'
+    robot = changed("<worldbody>", own)
+    assert robot.model.nmat == load("go1").model.nmat + 1
+    for terrain in (random_obstacles, random_rocks):
+        spec = robot.spec.copy()
+        for name in ("fbid_plank", "fbid_field"):
+            spec.add_material(name=name)
+        terrain(0.5, 0.05, np.zeros((1, 2)), np.random.default_rng(0)).add_to(spec)
+        spec.compile()
+
+
+def test_a_small_framebuffer_is_enlarged_and_a_name_may_have_brackets() -> None:
+    small = '<visual><global offwidth="64" offheight="64"/></visual><worldbody>'
+    joint = 'name="front_left_knee"'
+    text = BIPED.replace("<worldbody>", small, 1).replace(joint, 'name="knee[0]"', 1)
+    text = text.replace('joint="front_left_knee"', 'joint="knee[0]"')
+    robot = Robot.from_mjcf(text, armature={"knee[0]": 0.5})
+    assert robot.model.vis.global_.offwidth >= 1920
+    assert robot.model.joint("knee[0]").armature[0] == 0.5
+
+
+@pytest.mark.parametrize(
+    "attribute", ['armature="-1"', 'damping="1e30"', 'stiffness="1e30"', 'pos="0 0 1e30"']
+)
+def test_numbers_that_no_simulation_carries_are_refused(
+    attribute: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    name = attribute.partition("=")[0]
+    text = re.sub(
+        r'<joint name="front_left_knee"', f'<joint {attribute} name="front_left_knee"', BIPED
+    )
+    text = re.sub(rf'(<joint {re.escape(attribute)} [^>]*?) {name}="[^"]*"', r"\1", text)
+    with pytest.raises(RobotError):
+        Robot.from_mjcf(text)
+    assert not list(tmp_path.iterdir())  # no MUJOCO_LOG.TXT
+
+
+def test_warnings_of_mujoco_are_notes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    limit = '<limit effort="1" velocity="1" lower="0.1" upper="0.1"/>'
+    Robot.from_mjcf(dog(link("arm") + hinge("arm", "trunk", "arm", limit)))
+    assert not list(tmp_path.iterdir())
