@@ -19,6 +19,7 @@ SERVO = "servo"
 
 _NEAR_GROWTH = 0.75
 _MOSTLY, _CALMED = 0.5, 0.4
+_FIRM = 2.5
 _FELT = 0.1  # of the controller's damping
 
 
@@ -131,13 +132,13 @@ def servo_fault(robot: Robot, control_hz: int) -> str:
 def servos_carry(robot: Robot) -> bool:
     """Whether the file's servos are stiff enough to carry the robot through a gait.
 
-    That is, on half of its feet: softer than the weight's own pull, a leg folds.
+    On half of its feet, that is, and firmly: by twice the pull of its weight a Go1 falls.
     """
     if robot.servo_gains is None:
         return False
-    needed = robot.at_home.falling_stiffness([foot.body for foot in robot.feet])
-    standing = max(robot.num_feet // 2, 1)
-    return bool(np.all(robot.servo_gains.stiffness >= needed / standing))
+    stance, standing = Stance.of(robot), max(robot.num_feet // 2, 1)
+    needed = _FIRM * robot.weight * float(stance.home_com[2]) / standing
+    return bool(np.all(robot.servo_gains.stiffness[stance.legs.any(axis=0)] >= needed))
 
 
 def drag_to_feed(robot: Robot, gains: JointGains) -> np.ndarray:

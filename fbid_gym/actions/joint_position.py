@@ -74,8 +74,8 @@ class JointPosition:
             kind: of motion.
             reference: "gait", the task's target is followed; or "home", the home posture is.
             natural_frequency: f in Hz; or "servo", the gains that the file's servos had. Default:
-                theirs, if they are steady at `control_hz` and stiff enough to carry the robot on
-                half of its feet; else 3.4 times that at which the robot falls, see `Falling`.
+                theirs, if they are steady at `control_hz` and 2.5 times as stiff as what carries
+                the robot on half of its feet; else 3.4 times that at which it falls, see `Falling`.
                 Stiffer joints take harder pushes untrained, but turn exploration noise into falls.
             damping_ratio: zeta; of servos their own.
             scale: rad (m for slides) at action 1.

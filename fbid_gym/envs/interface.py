@@ -26,6 +26,7 @@ class Interface:
 
     Attributes:
         config: what they are.
+        robot: the robot.
         observation_names: what each entry of an environment's observation is, with its unit.
         action_names: what each entry of its action commands, with its scale and unit.
         drawn_over: what is drawn over the robots.
@@ -48,6 +49,7 @@ class Interface:
         """
         self._renderer = RobotRenderer(drawing, batch.robot)
         self.drawn_over, self.render_mode = self._renderer.shown, drawing.render_mode
+        self.robot = batch.robot
         self.config, self._made = config, vars(drawing) | config.arguments | around
         self._num_steps, self._spec = batch.num_steps, None
         self.metadata = METADATA | {"render_fps": config.rates().policy}

@@ -63,6 +63,7 @@ def standing_pose(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
         lambda angles: np.concatenate([scene.residuals(angles), _SHY * (angles - wanted)]),
         wanted,
         bounds=(low, high),
+        jac="3-point",  # by one-sided differences it ends where rounding has it, 1e-4 rad apart
         max_nfev=200,
     )
     uneven, off = scene.failings(found.x)

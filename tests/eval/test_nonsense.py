@@ -47,7 +47,7 @@ soaks = command(soak.SoakConfig, soak.main)
         (rollout.main, [*WALK, "--video-seconds", "1e300"], "Invalid video_seconds: 1e+300"),
         (rollout.main, [*WALK, "--env-args", DEEP], "nested too deeply"),
         (rollout.main, [*WALK, "--env-args", '{"physics_hz": 1e999}'], "Invalid physics_hz: inf"),
-        (rollout.main, [*WALK, "--env-args", '{"env_id": "a"}'], "environment argument 'env_id'"),
+        (rollout.main, [*WALK, "--env-args", '{"env_id": "a"}'], "keyword argument 'env_id'"),
         (rollout.main, [*WALK, "--env-args", '{"id": "a"}'], "environment arguments: {'id': 'a'}"),
         (rollout.main, ["--zero-action", "--env", "CartPole-v1"], "Invalid env: 'CartPole-v1'"),
         (rollout.main, [*WALK, "--out", f"{NOWHERE}/a.json"], "Invalid out: '/dev/null/there/a.js"),

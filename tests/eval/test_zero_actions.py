@@ -157,7 +157,7 @@ def test_a_page_has_the_command_and_the_short_table(
         (["walking", "--layers", "torque", "magic"], "action layer 'magic'. Valid choices: tor"),
         (["terrain", "--only", "terrain=lava"], "Unknown terrain 'lava'. Valid choices: slopes, "),
         (["terrain", "--only", "difficulty=-1"], "Unknown difficulty '-1'. Valid choices: 0, 0.25"),
-        (["terrain", "--only", "slopes"], "Unknown column in --only 'slopes'. Valid choices: robo"),
+        (["terrain", "--only", "slopes"], "Unknown column 'slopes' in --only. Valid choices: robo"),
         (["zoo", "--robots", "-1"], "Invalid seed of a robot: '-1'. Expected a whole number from"),
         (["zoo", "--feet", "toe"], "Invalid feet: ('toe',). Expected none for the table 'zoo'"),
         (["noise", "--push", "1"], "Invalid push: 1.0. Expected none for the table 'noise'"),

@@ -69,7 +69,7 @@ def test_without_a_description_it_is_the_file() -> None:
         (r'mjcf = "a\u0000"', InvalidValueError, "Invalid mjcf in robot.toml: .* the path of a"),
         ('mjcf = "zoo.xml"\nname = 5', InvalidValueError, "Invalid name: 5. Expected text"),
         ("feet = [", RobotError, "robot.toml' is not valid TOML: "),
-        ("foot = 3", UnknownOptionError, "Unknown key in robot.toml 'foot'. Valid choices: mjcf"),
+        ("foot = 3", UnknownOptionError, "Unknown key 'foot' in robot.toml. Valid choices: mjcf"),
         ("", RobotError, "robot.xml' does not exist."),
     ],
 )

@@ -255,7 +255,7 @@ QPOS = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.2, -0.3]
         (
             {"ankle": 0.1},
             UnknownOptionError,
-            "Unknown joint in home 'ankle'. Valid choices: hip, knee.",
+            "Unknown joint 'ankle' in home. Valid choices: hip, knee.",
         ),
         ({"hip": "up"}, InvalidValueError, "Invalid home of hip: 'up'. Expected a number."),
         ({"hip": np.nan}, NonFiniteError, "home is not finite: first NaN or infinity at index (7,"),

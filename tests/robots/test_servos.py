@@ -205,7 +205,7 @@ def test_a_solver_that_stops_early_is_told_to_go_on() -> None:
         (
             {"torque_limit": {"ankle*": 3.0}},
             UnknownOptionError,
-            "Unknown joint in torque_limit 'ankle*'. Valid choices: hip, knee.",
+            "Unknown joint 'ankle*' in torque_limit. Valid choices: hip, knee.",
         ),
         (
             {"torque_limit": {"knee": "strong"}},

@@ -3,7 +3,6 @@ import resource
 import shutil
 import signal
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,12 +14,6 @@ from fbid_gym.bundles import save_bundle
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from train.runs.config import ALGORITHMS, EvaluationConfig, PPOConfig
-
-
-@pytest.fixture(scope="module")
-def straight(tmp_path_factory) -> Path:
-    """A run of 6 iterations, never interrupted."""
-    return stand_in.train(tmp_path_factory.mktemp("straight") / "run")
 
 
 def test_run_folder_is_complete(straight):

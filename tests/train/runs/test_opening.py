@@ -237,13 +237,6 @@ def test_of_foreign_environments_the_meaning_is_not_known(tmp_path):
     assert not (tmp_path / "environment.json").exists()
 
 
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory) -> Path:
-    """A finished training, with a checkpoint."""
-    folder = tmp_path_factory.mktemp("trained") / "run"
-    return main(stand_in.config(folder, total_steps=256), stand_in.make)
-
-
 def _overwritten(name: str, content: bytes):
     return lambda folder: (folder / name).write_bytes(content)
 
@@ -266,10 +259,10 @@ def _of_fewer_robots(folder: Path) -> None:
         (_of_fewer_robots, "does not fit this run.*Expected a checkpoint of the same"),
     ],
 )
-def test_a_refused_resume_changes_nothing(tmp_path, trained, damage, message):
+def test_a_refused_resume_changes_nothing(tmp_path, straight, damage, message):
     """Whatever is found wrong, the folder stays as it was, byte for byte."""
     folder = tmp_path / "run"
-    shutil.copytree(trained, folder)
+    shutil.copytree(straight, folder)
     damage(folder)
     before = _contents(folder)
     with pytest.raises(RunError, match=message):
