@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple
 
 import tyro
 
-from eval.pages import DOCS, marks, splice
+from eval.page.docs import DOCS, marks, splice
 from fbid_gym.checks import check_choices
 from fbid_gym.errors import RunError
 from train.command import run_command

@@ -18,7 +18,7 @@ import tyro
 from rich.console import Console
 
 from eval.files import check_folder, read_json, write
-from eval.pages import PAPERS_PAGE, splice, spliced
+from eval.page.docs import PAPERS_PAGE, splice, spliced
 from eval.papers.experiment import OUT, Experiment, drawn, load
 from eval.papers.page import Paper, Section, page, summary
 from eval.papers.registry import PAPERS, experiments

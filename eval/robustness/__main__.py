@@ -15,7 +15,7 @@ import tyro
 from rich.console import Console
 
 from eval.files import check_output, to_json, write
-from eval.pages import ROBUSTNESS_PAGE, command_block, splice, spliced
+from eval.page.docs import ROBUSTNESS_PAGE, command_block, splice, spliced
 from eval.robustness.arms import Arm, Wanted, load_arms, zero_action
 from eval.robustness.curves import Budget, Robustness, measure
 from eval.robustness.factors import FACTORS

@@ -19,7 +19,7 @@ from rich.console import Console
 from eval.clips import Shown, fate
 from eval.files import check_output, to_json, write
 from eval.page.colours import colours_of
-from eval.pages import DOCS, splice, spliced
+from eval.page.docs import DOCS, splice, spliced
 from eval.robustness.arms import Arm as Tried
 from eval.robustness.arms import arm_of_cells
 from eval.robustness.curves import Budget, Robustness, measure, read

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from eval.pages import POLICIES_PAGE, splice
+from eval.page.docs import POLICIES_PAGE, splice
 from eval.wording import number, percent
 from eval.wording import steps as steps_text
 from fbid_gym.policy import Measured, Shipped, shipped

@@ -16,7 +16,7 @@ import numpy as np
 import psutil
 import tyro
 
-from eval.pages import RELIABILITY_PAGE, splice, spliced
+from eval.page.docs import RELIABILITY_PAGE, splice, spliced
 from eval.wording import count
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_positive

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eval.files import check_output, write
-from eval.pages import DOCS, command_block, splice, spliced
+from eval.page.docs import DOCS, command_block, splice, spliced
 from eval.zero_actions.measures import Row
 from eval.zero_actions.tables import TABLES, Case, Table, ZeroActionConfig, cases
 from fbid_gym.errors import InvalidValueError, RunError

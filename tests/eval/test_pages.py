@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from eval.pages import (
+from eval.page.docs import (
     BENCHMARK_PAGE,
     DOCS,
     END,

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eval.pages import END, START
+from eval.page.docs import END, START
 from eval.zero_actions import __main__ as command
 from eval.zero_actions import measures
 from eval.zero_actions.__main__ import Sum, main

@@ -14,7 +14,7 @@ from typing import Annotated, Literal, get_args
 import tyro
 
 from eval.files import check_folder, to_json, write
-from eval.pages import BENCHMARK_PAGE, splice, spliced
+from eval.page.docs import BENCHMARK_PAGE, splice, spliced
 from eval.tools.bench import environments, laws, layers, learning, processes
 from eval.tools.bench.figures import Section
 from fbid_gym.actions import LAYERS

@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from eval.page.docs import DOCS, marks, spliced
 from eval.page.figures import Series
-from eval.pages import DOCS, marks, spliced
 from eval.study.__main__ import StudyConfig, main
 from eval.study.cells import curve, exploring
 from eval.study.pace import Pace

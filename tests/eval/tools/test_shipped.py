@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from eval import compare, rollout
-from eval.pages import POLICIES_PAGE, spliced
+from eval.page.docs import POLICIES_PAGE, spliced
 from eval.play import __main__ as play
 from eval.robustness.__main__ import main as robustness_main
 from eval.rollout import load_player, play_player

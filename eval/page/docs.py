@@ -7,7 +7,7 @@ from pathlib import Path
 from eval.files import write
 from fbid_gym.errors import RunError
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 BENCHMARK_PAGE = DOCS / "benchmark.md"
 PAPERS_PAGE = DOCS / "papers.md"
 ROBUSTNESS_PAGE = DOCS / "robustness.md"
