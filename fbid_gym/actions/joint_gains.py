@@ -18,8 +18,7 @@ SERVO = "servo"
 """In place of a natural frequency: the gains of the file's servos."""
 
 _NEAR_GROWTH = 0.75
-_MOSTLY, _CALMED = 0.5, 0.4
-_FIRM = 2.5
+_MOSTLY, _CALMED, _FIRM = 0.5, 0.4, 2.5
 _FELT = 0.1  # of the controller's damping
 
 
@@ -34,11 +33,13 @@ class JointGains(NamedTuple):
     Attributes:
         stiffness: (n,) N·m/rad.
         damping: (n,) N·m·s/rad.
+        drag: (n,) N·m·s/rad, what the joints' own damping takes of the target's rates.
         natural_frequency: f, Hz; infinite for gains that come from elsewhere.
     """
 
     stiffness: np.ndarray
     damping: np.ndarray
+    drag: np.ndarray
     natural_frequency: float
 
     @classmethod
@@ -51,7 +52,8 @@ class JointGains(NamedTuple):
         servos, fault = robot.servo_gains, servo_fault(robot, control_hz)
         if servos is None or fault:
             raise InvalidValueError("natural_frequency", SERVO, f"a number in Hz: {fault}")
-        return cls(servos.stiffness.copy(), servos.damping.copy(), np.inf)
+        none = np.zeros(robot.num_joints)
+        return cls(servos.stiffness.copy(), servos.damping.copy(), none, np.inf)
 
     @classmethod
     def of(
@@ -74,7 +76,8 @@ class JointGains(NamedTuple):
         """
         (frequency,) = in_hertz(robot, natural_frequency=natural_frequency).values()
         inertia, omega = Stance.of(robot).standing_inertia, 2.0 * np.pi * frequency
-        wanted = cls(inertia * omega**2, 2.0 * damping_ratio * omega * inertia, float(frequency))
+        damping, none = 2.0 * damping_ratio * omega * inertia, np.zeros(robot.num_joints)
+        wanted = cls(inertia * omega**2, damping, none, float(frequency))
         gains = _steady(robot, control_hz, wanted)
         if np.all(gains.stiffness < wanted.stiffness):
             most = np.sqrt((gains.stiffness / inertia).max()) / (2.0 * np.pi)
@@ -95,10 +98,10 @@ def feedback(
     state: RobotState,
     target: Target,
 ) -> np.ndarray:
-    """Return K_P (q_t + added - q) + K_D (qdot_t + added_rate - qdot): (N, n) N·m.
+    """Return K_P (q_t + added - q) + K_D (qdot_t + added_rate - qdot) + d qdot_t: (N, n) N·m.
 
     Args:
-        gains: K_P and K_D.
+        gains: K_P, K_D and d.
         added: (N, n) rad (m for slides), to the joints' target.
         added_rate: (N or 1, n) per s.
         state: of the robots.
@@ -111,6 +114,7 @@ def feedback(
             error = target.qpos[row, 7 + j] + added[i, j] - state.qpos[i, 7 + j]
             rate = target.qvel[row, 6 + j] + added_rate[own, j] - state.qvel[i, 6 + j]
             torque[i, j] = gains.stiffness[j] * error + gains.damping[j] * rate
+            torque[i, j] += gains.drag[j] * target.qvel[row, 6 + j]
     return torque
 
 
@@ -141,14 +145,14 @@ def servos_carry(robot: Robot) -> bool:
     return bool(np.all(robot.servo_gains.stiffness[stance.legs.any(axis=0)] >= needed))
 
 
-def drag_to_feed(robot: Robot, gains: JointGains) -> np.ndarray:
-    """Return the joints' own damping, (n,) N·m·s/rad, that the target's rates have to overcome.
+def fed_drag(robot: Robot, gains: JointGains) -> JointGains:
+    """Return gains that make up for the joints' own damping of the target's rates.
 
-    Where it is little beside that of the controller it is 0: there it only adds to that. On soles
-    it is left to hold the ankles.
+    Where it is little beside that of the controller they do not: there it only adds to that. On
+    soles it is left to hold the ankles.
     """
     damping = robot.joint_damping * (not robot.has_soles)
-    return np.where(damping > _FELT * gains.damping, damping, 0.0)
+    return gains._replace(drag=np.where(damping > _FELT * gains.damping, damping, 0.0))
 
 
 def missing_damping(gains: JointGains) -> float:

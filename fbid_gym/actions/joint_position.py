@@ -10,7 +10,7 @@ from fbid_gym.actions.gains import default_gains
 from fbid_gym.actions.joint_gains import (
     SERVO,
     JointGains,
-    drag_to_feed,
+    fed_drag,
     feedback,
     holding_torque,
     missing_damping,
@@ -40,7 +40,6 @@ class JointPosition:
         hold: (n,) N·m that keep the home stance in equilibrium: the zero action rests there.
         gains: of the joints.
         scale: rad (m for slides) at action 1.
-        drag: d, (n,) N·m·s/rad, what the joints' own damping takes of the target's rates.
     """
 
     robot: Robot
@@ -49,7 +48,6 @@ class JointPosition:
     hold: np.ndarray
     gains: JointGains
     scale: float
-    drag: np.ndarray
 
     @classmethod
     @checked
@@ -90,8 +88,7 @@ class JointPosition:
             robot, followed, default_gains(robot, kind), aware=False, calm=missing_damping(gains)
         )
         home = home_target(robot) if at_home else None
-        drag = drag_to_feed(robot, gains)
-        return cls(robot, motion, home, holding_torque(robot), gains, scale, drag)
+        return cls(robot, motion, home, holding_torque(robot), fed_drag(robot, gains), scale)
 
     @property
     def natural_frequency(self) -> float | str:
@@ -125,8 +122,7 @@ class JointPosition:
         if followed is None:
             followed = self.motion.target(state, target, terms())
         rest = np.zeros((1, len(self.hold)))
-        torque = self.hold + feedback(self.gains, self.scale * action, rest, state, followed)
-        return torque + self.drag * followed.qvel[:, 6:]
+        return self.hold + feedback(self.gains, self.scale * action, rest, state, followed)
 
 
 def _gains(

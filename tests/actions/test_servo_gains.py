@@ -78,7 +78,7 @@ def test_what_is_fed_on_and_what_is_calmed_is_nothing_where_joints_are_damped_we
     plain, damped, light = (dog(text) for text in (GO1, DAMPED, LIGHT))
     for robot, drag, calm in ((plain, 0.0, False), (damped, 1.5, False), (light, 0.0, True)):
         layer = layer_of("joint_position", robot)
-        np.testing.assert_array_equal(layer.drag, drag)
+        np.testing.assert_array_equal(layer.gains.drag, drag)
         gains = JointGains.of(robot, 250, Falling(3.4), 1.0)
         assert (missing_damping(gains) > 0.0) == calm
 
