@@ -5,6 +5,7 @@ import http
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
+from unittest.mock import patch
 
 import websockets.asyncio.server as websockets_server
 from websockets.asyncio.server import ServerConnection
@@ -84,8 +85,5 @@ def answering(answer: Answer) -> Iterator[None]:
         options |= {"process_request": process, "max_size": MOST_BYTES}
         return serve(*arguments, **options)
 
-    websockets_server.serve = asking  # type: ignore[assignment]
-    try:
+    with patch.object(websockets_server, "serve", asking):
         yield
-    finally:
-        websockets_server.serve = serve
