@@ -78,7 +78,7 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2165,
+    ".": 2155,
     "actions": 2560,
     "control": 4490,
     "dynamics": 1650,
