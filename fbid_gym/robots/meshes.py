@@ -8,7 +8,7 @@ import numpy as np
 
 from fbid_gym.robots.mjcf import listed
 
-_READABLE = (".stl", ".obj", ".msh")
+_READABLE, _CONVERTED = (".stl", ".obj", ".msh"), (".dae", ".stl")
 _MOST_FACES = 200_000  # of an STL, by MuJoCo
 _HEAD = 84  # bytes of a binary STL, the last four of them its number of faces; each has 50
 
@@ -71,6 +71,8 @@ def is_readable(path: Path) -> bool:
 
 def _converted(path: Path) -> tuple[np.ndarray, np.ndarray] | None:
     """Vertices (V, 3) m and faces (F, 3) of a mesh; None without trimesh, or if it cannot."""
+    if path.suffix.lower() not in _CONVERTED:  # trimesh reads many more, archives among them
+        return None
     try:
         import trimesh
 
