@@ -23,6 +23,7 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs import ENTRY_POINT
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rate, Rates
+from fbid_gym.estimation import Sensors, sensors_of
 from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOptionError
 from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
 from fbid_gym.robots import ROBOTS, Robot, load
@@ -51,6 +52,9 @@ from fbid_gym.tasks import (
 from fbid_gym.tasks.pushes import Duration, Force, Interval, Jump
 from fbid_gym.tasks.reward import SCALE, WEIGHT
 from fbid_gym.tasks.start import Noise
+
+STATES = ("estimated", "true")
+"""What controllers may know of the state."""
 
 _MOST_OF_PYRAMIDS = 10.0  # impratio
 _CONES = {
@@ -160,6 +164,13 @@ class EnvConfig:
     """Widths of the bells of terms of the reward by name, likewise, each in the term's unit."""
     randomisation: dict[str, Any] | None = None
     """Arguments of `fbid_gym.envs.randomisation.Randomisation`; none by default."""
+    sensors: Any = "perfect"
+    """What robots measure of themselves with: "perfect", "good", "mems", or a table of options of
+    `fbid_gym.estimation.Sensors`, such as {"like": "mems", "scale": 2}."""
+    state: Annotated[str, Choice(STATES)] | None = None
+    """What layer, gait and policy know: "true", or "estimated" from the sensors. Default:
+    "estimated" unless these are perfect. Reward, metrics and ends of episodes are those of the
+    truth."""
 
     def __post_init__(self) -> None:
         """Check each value that can be checked without a robot."""
@@ -168,7 +179,10 @@ class EnvConfig:
         check_height(self.terrain, self.terrain_height)
         self.rates()
         self.randomisations()
-        for name in ("layer_options", "task_options", "randomisation"):
+        if self.perceived() is None and self.state == "estimated":
+            expected = '"true" with perfect sensors, of which nothing has to be estimated'
+            raise InvalidValueError("state", self.state, expected)
+        for name in ("layer_options", "task_options", "randomisation", "sensors"):
             # Copies: whoever gave them may go on to change what is his.
             object.__setattr__(self, name, copy.deepcopy(getattr(self, name)))
 
@@ -265,6 +279,19 @@ class EnvConfig:
         """Return what varies from robot to robot."""
         return Randomisation.of(by_name("randomisation", self.randomisation))
 
+    def perceived(self) -> Sensors | None:
+        """Return the sensors of the robots; None where they are perfect."""
+        sensors = sensors_of(self.sensors)
+        for name in ("imu", "encoder", "contact"):
+            if sensors is not None:
+                sensors.every(name, self.rates().control)
+        return sensors
+
+    @property
+    def estimates(self) -> bool:
+        """Whether layer, gait and policy know the state by an estimate only."""
+        return self.perceived() is not None and self.state != "true"
+
     @property
     def arguments(self) -> dict[str, Any]:
         """The keyword arguments that make it again, see `of`."""
@@ -287,7 +314,7 @@ class EnvConfig:
         robot = self.load_robot()
         task = self.make_task(robot)
         layer, steering = self.layer(robot, task)
-        terms = self.reward_terms(task)
+        terms, sensors = self.reward_terms(task), self.perceived()
         options = self.every_layer_option()
         options["footholds"] = bool(steering.feet)
         for name, value in options.items():
@@ -304,6 +331,8 @@ class EnvConfig:
             "randomisation": asdict(self.randomisations()),
             "reward_weights": {name: term.weight for name, term in terms.items()},
             "reward_scales": {n: term.scale for n, term in terms.items() if term.scale is not None},
+            "sensors": "perfect" if sensors is None else asdict(sensors),
+            "state": "estimated" if self.estimates else "true",
             "solver_iterations": self.solver_iterations or int(robot.model.opt.iterations),
             "terrain_height": _derived(self._terrain_height(robot)),
         }

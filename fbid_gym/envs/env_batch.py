@@ -12,6 +12,7 @@ from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
 from fbid_gym.envs.given import checked_action, checked_command, clip
 from fbid_gym.envs.moment import Moment
+from fbid_gym.envs.perception import Perception
 from fbid_gym.envs.plant import Plant
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
@@ -51,6 +52,8 @@ class EnvBatch:
         observation_groups: the table of the observation.
         observation_columns: name of a group -> where in an observation it is.
         num_steps: of a whole episode.
+        perception: sensors and estimator of the robots; None where sensors are perfect.
+        notes: what was changed of the robot's file, and what is assumed beside it.
         limits: (N,) steps after which the present episodes are truncated; those of `stagger` fewer.
         observation_bound: (O,) largest size of each entry; observations are clipped to it.
     """
@@ -82,8 +85,14 @@ class EnvBatch:
         self.observation_groups = answers.checked_groups(self.task)
         self.layer, self.footholds = config.layer(self.robot, self.task)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
-        randomisation = config.randomisations()
-        self.plant = Plant(self.simulation, randomisation)
+        randomisation, sensors = config.randomisations(), config.perceived()
+        self._tick = np.zeros(num_envs, np.int64)
+        self.perception, self.notes = None, self.robot.notes
+        if sensors is not None:
+            self.perception = Perception(self.robot, sensors, self.rates.control, self._tick)
+            self.notes += self.perception.notes
+        guess = self.perception.state if self.perception and config.estimates else None
+        self.plant = Plant(self.simulation, randomisation, guess)
         self.num_envs = num_envs
         self.num_steps = round(self.task.seconds * self.rates.policy)
         self.num_steps = min(self.num_steps, most or self.num_steps)
@@ -99,10 +108,11 @@ class EnvBatch:
         self._memory = self.layer.memory(num_envs)
         answers.check_layer(self.layer, self._memory, num_envs)
         self._fresh_memory = self.layer.memory(num_envs)
-        self._tick = np.zeros(num_envs, np.int64)
         simulation = self.simulation
         own = simulation.qpos.copy(), simulation.qvel.copy()
         self._state = RobotState(*own, simulation.contact_force, self._tick)
+        # As layer, gait and policy know it.
+        self._known = self._state if guess is None else guess
         self._effort = Effort.none(num_envs, self.robot.num_joints)
         self.observation_bound = entry_bounds(self.observation_groups)
         # As large as what is clipped to them: NumPy is faster so.
@@ -169,6 +179,8 @@ class EnvBatch:
                 self.terrain.starts, env, self._rngs[env]
             )
             self.plant.draw(env, self._rngs[env])
+            if self.perception is not None:
+                self.perception.draw(env, self._rngs[env])
         if command is not None:
             self.set_command(ids, command)
         self.plant.apply(ids)
@@ -183,10 +195,11 @@ class EnvBatch:
         for total in self._sums.values():
             total[ids] = 0.0
         self._forget(ids)
+        self._perceive_anew(ids)
         self._plan_anew(ids)
         rest = Effort.none(self.num_envs, self.robot.num_joints)
         outcome = self._outcome(rest._replace(torque=self._effort.torque))
-        self._observation[ids] = self._observe(self._measure(outcome))[ids]
+        self._observation[ids] = self._observe(self._measure(self._believed(outcome)))[ids]
 
     @property
     def lengths(self) -> np.ndarray:
@@ -224,7 +237,8 @@ class EnvBatch:
         outcome = self._outcome(self._effort)
         measured = self._measure(outcome)
         shares, metrics = self._judge(measured), self._evaluate(measured)
-        seen = self._observe(measured)
+        known = measured if self._known is self._state else self._measure(self._believed(outcome))
+        seen = self._observe(known)
         if np.count_nonzero(lost):
             self._show_last_seen(lost, shares, metrics, seen)
         reward = answers.summed(shares, self.reward_terms, self.task)
@@ -278,7 +292,9 @@ class EnvBatch:
 
     def _act(self, action: np.ndarray) -> dict[str, np.ndarray]:
         """Run the control ticks of a policy step; what the pushes did."""
-        state, terms, shape = self._look(), self.plant.terms, self._effort.torque.shape
+        self._look()
+        state, terms, shape = self._known, self.plant.terms, self._effort.torque.shape
+        actual = terms if state is self._state else self.simulation.terms
         self._effort.begin()
         self._com_velocity[:] = self.simulation.terms().com_velocity
         when = self._tick, self.rates.ticks, self.rates.control
@@ -290,7 +306,7 @@ class EnvBatch:
                 arrived = self._delay.arrived(tick)
                 own = np.ascontiguousarray(arrived[:, : self._num_own])
                 steering = self.footholds.steering(arrived[:, self._num_own :])
-                now = Now(state, terms, steering, self._planned)
+                now = Now(state, terms, steering, self._planned, actual)
             if pushed.jumping[tick]:
                 self.simulation.jump(pushed.jump[tick])
                 self._look()
@@ -299,6 +315,8 @@ class EnvBatch:
             torque = self.layer.torque(own, state, target, terms, self._memory)
             torque = answers.as_numbers(torque, shape, self.layer, "torque")
             self.simulation.tick(torque, push, self._effort, self._state)
+            if self.perception is not None:
+                self.perception.update(self._state)
         return {"push": pushed.force[-1], "push_velocity": pushed.jump.sum(axis=0)}
 
     def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:
@@ -309,6 +327,7 @@ class EnvBatch:
             "layer_saturation": self._effort.saturation.copy(),
             **{f"layer_{name}": self._memory[name].copy() for name in self.layer.diagnostics},
             "termination": np.where(lost, 2, 1 * fallen),
+            **({} if self.perception is None else self.perception.errors(self._state)),
         }
 
     def _look(self) -> RobotState:
@@ -333,7 +352,22 @@ class EnvBatch:
             torque_rms=np.sqrt(square),
             power=effort.power / ticks,
             **{name: total.copy() for name, total in self._sums.items()},
+            actual=terms,
         )
+
+    def _believed(self, outcome: Outcome) -> Outcome:
+        """The outcome as controllers know it: itself, or as they estimate it to be."""
+        if self._known is self._state:
+            return outcome
+        terms = self.plant.terms()
+        posture = self.task.body.posture(self._known, terms)
+        return outcome._replace(state=self._known, terms=terms, posture=posture)
+
+    def _perceive_anew(self, ids: np.ndarray) -> None:
+        """Begin the estimate of robots `ids` (K,) anew, where they are."""
+        if self.perception is not None:
+            self.perception.begin(ids, self._look())
+            self.simulation.note_change()
 
     def _observe(self, measured: Any) -> np.ndarray:
         """(N, O) float32, clipped."""
@@ -361,6 +395,7 @@ class EnvBatch:
         self.simulation.place(ids, home, np.zeros((len(ids), self.robot.nv)), ground)
         self._com_velocity[ids] = np.nan
         self._forget(ids)
+        self._perceive_anew(ids)
         self._plan_anew(ids)
 
     def moment(self, env: int) -> Moment:
@@ -368,8 +403,9 @@ class EnvBatch:
         action = self._delay.arrived(self.rates.ticks - 1)[env : env + 1]
         steering, only = self.footholds.steering(action[:, self._num_own :]), np.array([env])
         terms, actual = some_of(self.plant.terms(), only), some_of(self.simulation.terms(), only)
-        state = some_of(self._look(), only)
-        now = Now(state, lambda: terms, steering, _rows(self._planned, only))
+        self._look()
+        state = some_of(self._known, only)
+        now = Now(state, lambda: terms, steering, _rows(self._planned, only), lambda: actual)
         gained = actual.com_velocity[0] - self._com_velocity[env]
         return Moment(
             action=np.ascontiguousarray(action[:, : self._num_own]),
@@ -406,6 +442,7 @@ class EnvBatch:
             "episode": self._sums,
             "delay": self._delay.arrays,
             "progress": self._progress.arrays,
+            "perception": {} if self.perception is None else self.perception.arrays,
         }
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
@@ -419,6 +456,8 @@ class EnvBatch:
             "planned.carrier": self.robot.num_feet - 1,
             "generator": MOST_NUMBERS,
         }
+        if self.perception is not None:
+            most |= {f"perception.{k}": v for k, v in self.perception.greatest.items()}
         for name, last in most.items():
             value = state.get(name, np.zeros(6, np.uint64))
             if (value < 0).any() or (value > last).any():

@@ -95,7 +95,7 @@ class Perception:
         belief, mounting = self._belief, self._mounting
         for part in (self._wear.begun, self._wear.wrong, belief.position, belief.standing):
             part[ids] = 0
-        for part in (belief.slipped, belief.refused, belief.restarts):
+        for part in (belief.slipped, belief.age, belief.refused, belief.restarts):
             part[ids] = 0
         base = quaternion_to_matrix(actual.qpos[ids, 3:7])
         belief.origin[ids] = actual.qpos[ids, :3] + base @ mounting.place

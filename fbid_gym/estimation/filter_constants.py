@@ -21,6 +21,7 @@ _FASTEST = 6.0  # of the speed
 _VAGUEST = 0.6  # of the speed
 _PATIENCE = 1.0  # pendulum times
 _SETTLE = 1.0  # pendulum times
+_CORRECTIONS = 30.0  # in a pendulum time, at most one each tick
 _GATE = 16.27  # 99.9 % of chi-square with three degrees of freedom
 
 
@@ -29,16 +30,19 @@ def filter_of(sensors: Sensors, robot: Robot, mounting: Mounting, hz: int) -> Fi
     own, stance, tick = sensors.scaled, Stance.of(robot), 1.0 / hz
     height = float(stance.home_com[2])
     speed, time = np.sqrt(robot.gravity * height), np.sqrt(height / robot.gravity)
+    every = max(1, int(time * hz / _CORRECTIONS))
+    step = every * tick
     turning = np.hypot(own.gyroscope_noise, _TURNING / time)
     pushing = np.hypot(own.accelerometer_noise, _PUSHING * robot.gravity)
     return Filter(
         tick=tick,
+        every=every,
         gravity=robot.gravity,
-        turning=float(turning**2 * tick),
-        pushing=float(pushing**2 * tick),
-        gyroscope_drift=own.gyroscope_drift**2 * tick,
-        accelerometer_drift=own.accelerometer_drift**2 * tick,
-        slipping=float((_SLIPPING * speed) ** 2 * tick),
+        turning=float(turning**2 * step),
+        pushing=float(pushing**2 * step),
+        gyroscope_drift=own.gyroscope_drift**2 * step,
+        accelerometer_drift=own.accelerometer_drift**2 * step,
+        slipping=float((_SLIPPING * speed) ** 2 * step),
         placing=(_PLACING * height) ** 2,
         encoder=own.encoder_noise**2 + own.encoder_resolution**2 / 12.0,
         threshold=own.contact_threshold * robot.weight,
@@ -50,7 +54,7 @@ def filter_of(sensors: Sensors, robot: Robot, mounting: Mounting, hz: int) -> Fi
         + (own.accelerometer_scale * robot.gravity) ** 2,
         fastest=float(_FASTEST * speed),
         vaguest=float((_VAGUEST * speed) ** 2),
-        patience=round(_PATIENCE * time * hz),
+        patience=round(_PATIENCE * time / step),
         settle=float(min(tick / (_SETTLE * time), 1.0)),
         mounting=mounting,
         foot_of_point=stance.geometry.foot_of_point,

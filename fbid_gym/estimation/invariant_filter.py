@@ -51,9 +51,11 @@ _R, _V, _P, _BG, _BA, _D = 0, 3, 6, 9, 12, 15
 
 
 class Filter(NamedTuple):
-    """What the filter assumes; constants. Variances are of a tick, unless said otherwise."""
+    """What the filter assumes; constants. Variances are of the time between two corrections, unless
+    said otherwise."""
 
     tick: float  # s
+    every: int  # ticks from one correction to the next: between them it only integrates
     gravity: float  # m/s^2
     turning: float  # rad^2, of the rotation
     pushing: float  # m^2/s^2, of the velocity
@@ -70,7 +72,7 @@ class Filter(NamedTuple):
     accelerometer_variance: float  # m^2/s^4, of the bias at the start
     fastest: float  # m/s that is believed
     vaguest: float  # m^2/s^2, variance of the velocity beyond which it begins anew
-    patience: int  # ticks for which all feet may slip before it begins anew
+    patience: int  # corrections for which all feet may slip before it begins anew
     settle: float  # share of the newest reading in the mean specific force
     mounting: Mounting  # of the unit
     foot_of_point: np.ndarray  # (P,) int64
@@ -91,7 +93,8 @@ class Belief(NamedTuple):
     felt: np.ndarray  # (N, 3) m/s^2, mean specific force
     origin: np.ndarray  # (N, 3) m, world, where the episode began
     lost: np.ndarray  # (N,) bool, begins anew
-    slipped: np.ndarray  # (N,) int64, ticks for which all standing feet have slipped
+    slipped: np.ndarray  # (N,) int64, corrections for which all standing feet have slipped
+    age: np.ndarray  # (N,) int64, ticks since the last correction
     refused: np.ndarray  # (N,) int64, measurements of feet that were refused since the start
     restarts: np.ndarray  # (N,) int64, how often it has begun anew since the start
 
@@ -110,7 +113,7 @@ class Belief(NamedTuple):
             vectors[4].copy(),
             vectors[5].copy(),
             np.ones(count, bool),
-            *np.zeros((3, count), np.int64),
+            *np.zeros((4, count), np.int64),
         )
 
 
@@ -142,7 +145,9 @@ def _predict(own: Filter, readings: Readings, belief: Belief, i: int) -> None:
     push = turn(middle, force)
     push = push[0], push[1], push[2] - own.gravity
     velocity, position = vector(belief.velocity, (i,)), vector(belief.position, (i,))
-    _spread(own, middle, velocity, position, belief, i)
+    belief.age[i] += 1
+    if belief.age[i] >= own.every:
+        _spread(own, middle, velocity, position, belief, i)
     change = scale(dt, push)
     store(add(velocity, change), belief.velocity, (i,))
     way = scale(dt, add(velocity, scale(0.5, change)))
@@ -154,8 +159,8 @@ def _predict(own: Filter, readings: Readings, belief: Belief, i: int) -> None:
 def _spread(
     own: Filter, middle: Rotation, velocity: Vector, position: Vector, belief: Belief, i: int
 ) -> None:
-    """Take the covariance over a tick: Phi P Phi^T + Q, Phi from the equations above."""
-    covariance, dt = belief.covariance[i], own.tick
+    """Take the covariance to the next correction: Phi P Phi^T + Q, see the equations above."""
+    covariance, dt = belief.covariance[i], own.every * own.tick
     size = len(covariance)
     for k in range(size):
         _flow(own, middle, velocity, position, belief.foot[i], belief.standing[i], covariance, k)
@@ -169,14 +174,11 @@ def _spread(
     feet = belief.foot.shape[1]
     for one in range(3 + feet):
         first = _lever(one, velocity, position, belief, i)
-        if one >= 3 and not belief.standing[i, one - 3]:
-            continue
-        for other in range(3 + feet):
-            if other >= 3 and not belief.standing[i, other - 3]:
-                continue
-            second = _lever(other, velocity, position, belief, i)
-            a, b = _row(one), _row(other)
-            _add_turning(own.turning, one, other, first, second, covariance, a, b)
+        if one < 3 or belief.standing[i, one - 3]:
+            for other in range(one + 1):
+                if other < 3 or belief.standing[i, other - 3]:
+                    second = _lever(other, velocity, position, belief, i)
+                    _add_turning(own.turning, one, other, first, second, covariance)
     for axis in range(3):
         covariance[_V + axis, _V + axis] += own.pushing
         covariance[_V + axis, _P + axis] += 0.5 * dt * own.pushing
@@ -212,22 +214,20 @@ def _add_turning(
     first: Vector,
     second: Vector,
     covariance: np.ndarray,
-    a: int,
-    b: int,
 ) -> None:
-    """Add the part of the gyroscope's noise that two parts share."""
-    inner = dot(first, second)
+    """Add the part of the gyroscope's noise that two parts share, `other` not after `one`."""
+    inner, a, b = dot(first, second), _row(one), _row(other)
     for j in range(3):
         for k in range(3):
-            if one == 0 and other == 0:
+            if one == 0:
                 value = 1.0 if j == k else 0.0
-            elif one == 0:
-                value = -_skew(second, j, k)
             elif other == 0:
                 value = _skew(first, j, k)
             else:
                 value = (inner if j == k else 0.0) - second[j] * first[k]
             covariance[a + j, b + k] += variance * value
+            if one != other:
+                covariance[b + k, a + j] += variance * value
 
 
 @compiled
@@ -250,7 +250,7 @@ def _flow(
     k: int,
 ) -> None:
     """Apply Phi to column k of a matrix."""
-    dt = own.tick
+    dt = own.every * own.tick
     turned = _column(covariance, _R, k)
     bias = scale(dt, turn(middle, _column(covariance, _BG, k)))
     pushed = scale(dt, turn(middle, _column(covariance, _BA, k)))
@@ -349,6 +349,9 @@ def _correct(
     """Correct one robot; the arrays from `axis` to `fresh` are buffers."""
     if belief.lost[i] or _has_gone_wrong(own, belief, i):
         _begin(own, belief, i)
+    elif belief.age[i] < own.every:
+        return
+    seconds, belief.age[i] = own.tick * belief.age[i], 0
     feet = len(fresh)
     rotation = rotation_at(belief.quaternion, i, 0)
     rate = subtract(vector(readings.gyroscope, (i,)), vector(belief.gyroscope_bias, (i,)))
@@ -363,7 +366,7 @@ def _correct(
         if belief.standing[i, foot]:
             # The point of contact of a sphere moves on as it rolls.
             turning_rate = turn(rotation, add(rate, spin))
-            rolled = scale(own.tick, cross(turning_rate, (0.0, 0.0, legs.radius[foot])))
+            rolled = scale(seconds, cross(turning_rate, (0.0, 0.0, legs.radius[foot])))
             store(add(vector(belief.foot, (i, foot)), rolled), belief.foot, (i, foot))
             if not loaded:
                 _drop(belief, i, foot)
@@ -619,7 +622,7 @@ def _begin(own: Filter, belief: Belief, i: int) -> None:
         covariance[_R + 1, _BA + axis], covariance[_BA + axis, _R + 1] = second, second
     for foot in range(belief.standing.shape[1]):
         belief.standing[i, foot] = False
-    belief.lost[i], belief.slipped[i] = False, 0
+    belief.lost[i], belief.slipped[i], belief.age[i] = False, 0, 0
 
 
 @compiled
