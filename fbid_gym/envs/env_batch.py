@@ -314,9 +314,11 @@ class EnvBatch:
             target = self.task.target(self._plan, now)
             torque = self.layer.torque(own, state, target, terms, self._memory)
             torque = answers.as_numbers(torque, shape, self.layer, "torque")
+            if self.perception is not None:
+                self.perception.prepare(terms)
             self.simulation.tick(torque, push, self._effort, self._state)
             if self.perception is not None:
-                self.perception.update(self._state)
+                self.perception.update(self._state, self._effort.torque)
         return {"push": pushed.force[-1], "push_velocity": pushed.jump.sum(axis=0)}
 
     def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:

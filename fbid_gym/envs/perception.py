@@ -3,20 +3,21 @@
 Where sensors are perfect there is none of it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from fbid_gym.dynamics.frames import matrix_to_quaternion, quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
+from fbid_gym.estimation.contact_torques import TorqueSense, find_loads
 from fbid_gym.estimation.filter_constants import filter_of
 from fbid_gym.estimation.invariant_filter import Belief, correct, predict
 from fbid_gym.estimation.legs import legs_of, mounting_of
 from fbid_gym.estimation.random_numbers import seeded
 from fbid_gym.estimation.sensing import Readings, Wear, instruments_of, sense
 from fbid_gym.estimation.sensors import Sensors
-from fbid_gym.quantities import RobotState
+from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots import Robot
 
 ERRORS = {
@@ -74,6 +75,12 @@ class Perception:
         home = np.tile(robot.home_qpos, (count, 1))
         self.state = RobotState(home, np.zeros((count, robot.nv)), force, tick)
         self._all = np.ones(count, bool)
+        self._torque_sense: TorqueSense | None = None
+        self._loads = np.zeros((count, feet))  # from torques, where feet have no sensors
+        if sensors.contact == "torque":
+            self._torque_sense = TorqueSense.of(
+                self._legs.joint, robot.has_soles, robot.joint_damping, 1.0 / hz
+            )
 
     def draw(self, env: int, rng: np.random.Generator) -> None:
         """Draw how the sensors of one robot err in its next episode."""
@@ -105,13 +112,39 @@ class Perception:
         which[ids] = True
         sense(self._instruments, actual, which, self._wear, self.readings)
         belief.felt[ids] = self.readings.accelerometer[ids]
+        self._loads[ids] = self.readings.load[ids]
         correct(self._filter, self._legs, self.readings, which, belief, self.state)
 
-    def update(self, actual: RobotState) -> None:
-        """Read the sensors at the end of a control tick, and go on with the estimate."""
+    def prepare(self, terms: Callable[[], DynamicsTerms]) -> None:
+        """Keep the terms of the controllers' model at the beginning of a tick, if they are used."""
+        if self._torque_sense is not None:
+            self._terms = terms()
+
+    def update(self, actual: RobotState, torque: np.ndarray) -> None:
+        """Read the sensors at the end of a control tick, and go on with the estimate.
+
+        Args:
+            actual: state of the robots.
+            torque: (N, n) N·m, of the motors in the tick.
+        """
         sense(self._instruments, actual, self._all, self._wear, self.readings)
+        if self._torque_sense is not None:
+            self._feel(self._torque_sense, torque, self._terms)
         predict(self._filter, self.readings, self._all, self._belief)
         correct(self._filter, self._legs, self.readings, self._all, self._belief, self.state)
+
+    def _feel(self, own: TorqueSense, torque: np.ndarray, terms: DynamicsTerms) -> None:
+        """Tell the feet's loads from the torques, in place of sensors."""
+        readings, before = self.readings, self.state.qvel
+        to_base = self._mounting.base_from_imu.T
+        spin = (readings.gyroscope - self._belief.gyroscope_bias) @ to_base
+        force = readings.accelerometer - self._belief.accelerometer_bias
+        push = np.matvec(quaternion_to_matrix(self._belief.quaternion), force)
+        push[:, 2] -= self._instruments.gravity
+        moved = before[:, :3] + push * own.tick
+        after = np.concatenate([moved, spin, readings.rate], axis=1)
+        find_loads(own, terms, np.ascontiguousarray(torque), before, after, self._loads)
+        readings.load[:] = self._loads
 
     def errors(self, actual: RobotState) -> dict[str, np.ndarray]:
         """Return by how much the estimate errs, by the names of `ERRORS`: (N,) each."""
@@ -146,6 +179,7 @@ class Perception:
         parts |= {"belief": self._belief, "state": self.state}
         found = {f"{p}_{n}": v for p, values in parts.items() for n, v in values._asdict().items()}
         del found["state_tick"]  # it is the environment's
+        found["loads"] = self._loads
         return found
 
     @property
