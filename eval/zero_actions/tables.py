@@ -15,6 +15,7 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import FbidError, InvalidValueError
+from fbid_gym.estimation import PRESETS
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.options import Choice, Each, Number, Whole
@@ -114,6 +115,19 @@ TABLES = {
         across="setting",
         error="velocity_error",
         compared=True,
+    ),
+    "measured": Table(
+        "what layers lose where robots know their state by sensors and an estimate only",
+        ("go1", "biped", "humanoid"),
+        tuple(LAYERS),
+        {"sensors": {"perfect": {}} | {name: {"sensors": name} for name in PRESETS}},
+        ("robot", "layer", "sensors"),
+        (*_UP, "return", "velocity_error"),
+        rows=("robot", "layer"),
+        across="sensors",
+        error="return",
+        compared=True,
+        seconds=10.0,
     ),
     "zoo": Table(
         "robots that nobody has seen, drawn from seeds (`eval.zoo`), standing and walking",

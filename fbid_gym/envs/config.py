@@ -21,10 +21,11 @@ from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.checks import by_name, check_choices
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs import ENTRY_POINT
+from fbid_gym.envs.observer import OBSERVATIONS
 from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rate, Rates
-from fbid_gym.estimation import Sensors, sensors_of
 from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOptionError
+from fbid_gym.estimation import Sensors, sensors_of
 from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.contact_pairs import compile_paired
@@ -172,6 +173,12 @@ class EnvConfig:
     "estimated" unless these are perfect. Reward, metrics and ends of episodes are those of the
     truth."""
 
+    observation: Annotated[str, Choice(OBSERVATIONS)] = "full"
+    """"full", or for robots, with sensors that are not perfect, "measured": what they tell and what
+    the robot is told, and apart from it what a critic may know; or "measured+estimate"."""
+    history: Annotated[int, Whole(1, 1000)] = 1
+    """Policy steps that are observed together, newest first; at most an episode's."""
+
     def __post_init__(self) -> None:
         """Check each value that can be checked without a robot."""
         check_fields(self)
@@ -182,6 +189,12 @@ class EnvConfig:
         if self.perceived() is None and self.state == "estimated":
             expected = '"true" with perfect sensors, of which nothing has to be estimated'
             raise InvalidValueError("state", self.state, expected)
+        if self.observation != "full" and (self.perceived() is None or not self.estimates):
+            expected = '"full", or sensors that are not perfect and state="estimated"'
+            raise InvalidValueError("observation", self.observation, expected)
+        if self.history > self.episode_seconds * self.policy_hz:
+            expected = f"at most the {self.episode_seconds * self.policy_hz:g} steps of an episode"
+            raise InvalidValueError("history", self.history, expected)
         for name in ("layer_options", "task_options", "randomisation", "sensors"):
             # Copies: whoever gave them may go on to change what is his.
             object.__setattr__(self, name, copy.deepcopy(getattr(self, name)))

@@ -1,7 +1,7 @@
 """N environments stepped together on one thread: the one code path of scalar and vector envs."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,29 +12,18 @@ from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
 from fbid_gym.envs.given import checked_action, checked_command, clip
 from fbid_gym.envs.moment import Moment
+from fbid_gym.envs.observer import Observer
 from fbid_gym.envs.perception import Perception
 from fbid_gym.envs.plant import Plant
+from fbid_gym.envs.policy_step import Step
+from fbid_gym.envs.saved import check_bounds, gathered, give_back, rows_of, under
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import RobotState, some_of
 from fbid_gym.robots.undrawn import alone, undrawn
-from fbid_gym.tasks.observation import columns, entry_bounds, entry_names
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
-
-TERMINATIONS = ("", "fall", "diverged")
-"""How an episode ended; its place here is `termination` in the info."""
-
-
-class Step(NamedTuple):
-    """What one policy step returns for N environments."""
-
-    observation: np.ndarray  # (N, O) float32
-    reward: np.ndarray  # (N,)
-    terminated: np.ndarray  # (N,) bool
-    truncated: np.ndarray  # (N,) bool
-    info: dict[str, np.ndarray]  # name -> (N, ...) arrays
 
 
 class EnvBatch:
@@ -50,7 +39,6 @@ class EnvBatch:
         simulation: the physics.
         reward_terms: the table of the reward, as it was asked for.
         observation_groups: the table of the observation.
-        observation_columns: name of a group -> where in an observation it is.
         num_steps: of a whole episode.
         perception: sensors and estimator of the robots; None where sensors are perfect.
         notes: what was changed of the robot's file, and what is assumed beside it.
@@ -80,9 +68,8 @@ class EnvBatch:
         self.task = config.make_task(self.robot).on(self.terrain.grid)
         self.reward_terms = config.reward_terms(self.task)
         self._reward_names = [f"reward_{name}" for name in self.reward_terms]
-        self._reward_parts = answers.Parts.of_rows("reward term", self.reward_terms, num_envs)
+        self._reward_parts = answers.Parts.ofrows_of("reward term", self.reward_terms, num_envs)
         self._weights = np.repeat([term.weight for term in self.reward_terms.values()], num_envs)
-        self.observation_groups = answers.checked_groups(self.task)
         self.layer, self.footholds = config.layer(self.robot, self.task)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
         randomisation, sensors = config.randomisations(), config.perceived()
@@ -114,12 +101,10 @@ class EnvBatch:
         # As layer, gait and policy know it.
         self._known = self._state if guess is None else guess
         self._effort = Effort.none(num_envs, self.robot.num_joints)
-        self.observation_bound = entry_bounds(self.observation_groups)
-        # As large as what is clipped to them: NumPy is faster so.
-        self._most = np.tile(self.observation_bound, (num_envs, 1))
-        self._least = -self._most
-        self.observation_columns = columns(self.observation_groups)
-        self._seen_parts = answers.Parts.of_observation(self.observation_groups, num_envs)
+        kind = config.observation, config.history, self.plant, self.perception
+        self.observer = Observer(self.task, *kind, num_envs)
+        self.observation_groups = self.observer.groups
+        self.observation_bound = self.observer.bound
         self._observation = np.zeros((num_envs, len(self.observation_bound)), np.float32)
         self._num_own = len(self.layer.action_names)
         self._num_actions = len(self.action_names)
@@ -137,13 +122,18 @@ class EnvBatch:
         outcome = self._outcome(Effort.none(num_envs, self.robot.num_joints))
         measured = self._measure(outcome)
         self._metric_names = answers.metric_names(self.task.metrics(measured), self.task)
-        self._metric_parts = answers.Parts.of_rows("metric", self._metric_names, num_envs)
+        self._metric_parts = answers.Parts.ofrows_of("metric", self._metric_names, num_envs)
         self._metrics = self._evaluate(measured)
 
     @property
     def observation_names(self) -> tuple[str, ...]:
         """What each entry of the observation is, with its unit."""
-        return entry_names(self.observation_groups)
+        return self.observer.names
+
+    @property
+    def observation_columns(self) -> dict[str, slice]:
+        """Where in an observation each group is."""
+        return self.observer.columns
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -199,7 +189,8 @@ class EnvBatch:
         self._plan_anew(ids)
         rest = Effort.none(self.num_envs, self.robot.num_joints)
         outcome = self._outcome(rest._replace(torque=self._effort.torque))
-        self._observation[ids] = self._observe(self._measure(self._believed(outcome)))[ids]
+        measured, known = self._measures(outcome)
+        self._observation[ids] = self.observer.observe(known, measured, ids)[ids]
 
     @property
     def lengths(self) -> np.ndarray:
@@ -235,12 +226,14 @@ class EnvBatch:
         self._retire(np.flatnonzero(lost))
         self._add_up()
         outcome = self._outcome(self._effort)
-        measured = self._measure(outcome)
+        measured, known = self._measures(outcome)
         shares, metrics = self._judge(measured), self._evaluate(measured)
-        known = measured if self._known is self._state else self._measure(self._believed(outcome))
-        seen = self._observe(known)
+        seen = self.observer.observe(known, measured)
         if np.count_nonzero(lost):
-            self._show_last_seen(lost, shares, metrics, seen)
+            # A diverged robot has no state worth judging or observing: what was last seen stands.
+            before = lost & (self._tick > self.rates.ticks)
+            shares[:, lost], metrics[:, before] = 0.0, self._metrics[:, before]
+            seen[lost] = self._observation[lost]
         reward = answers.summed(shares, self.reward_terms, self.task)
         self._metrics, self._observation = metrics, seen
         fallen = outcome.posture.fallen
@@ -251,14 +244,6 @@ class EnvBatch:
         info |= pushed | self._report(fallen, lost) | self._climb(terminated, truncated)
         info["clipped_actions"] = clipped
         return Step(self.observation(), reward, terminated, truncated, info)
-
-    def _show_last_seen(
-        self, lost: np.ndarray, shares: np.ndarray, metrics: np.ndarray, seen: np.ndarray
-    ) -> None:
-        """A diverged robot has no state worth judging or observing: what was last seen stands."""
-        before = lost & (self._tick > self.rates.ticks)
-        shares[:, lost], metrics[:, before] = 0.0, self._metrics[:, before]
-        seen[lost] = self._observation[lost]
 
     def _over(self) -> np.ndarray:
         """Which episodes have lasted their time or left their ground: (N,) bool."""
@@ -276,6 +261,16 @@ class EnvBatch:
     def _measure(self, outcome: Outcome) -> Any:
         """What observation, reward and metrics are made of."""
         return self.task.measure(outcome, self._plan, self._planned)
+
+    def _measures(self, outcome: Outcome) -> tuple[Any, Any]:
+        """What reward and metrics are made of, and what the observation is: as controllers know."""
+        actual = self._measure(outcome)
+        if self._known is self._state:
+            return actual, actual
+        terms = self.plant.terms()
+        posture = self.task.body.posture(self._known, terms)
+        believed = outcome._replace(state=self._known, terms=terms, posture=posture)
+        return actual, self._measure(believed)
 
     def _judge(self, measured: Any) -> np.ndarray:
         """The terms of the reward: (T, N), a row for each."""
@@ -357,26 +352,11 @@ class EnvBatch:
             actual=terms,
         )
 
-    def _believed(self, outcome: Outcome) -> Outcome:
-        """The outcome as controllers know it: itself, or as they estimate it to be."""
-        if self._known is self._state:
-            return outcome
-        terms = self.plant.terms()
-        posture = self.task.body.posture(self._known, terms)
-        return outcome._replace(state=self._known, terms=terms, posture=posture)
-
     def _perceive_anew(self, ids: np.ndarray) -> None:
         """Begin the estimate of robots `ids` (K,) anew, where they are."""
         if self.perception is not None:
             self.perception.begin(ids, self._look())
             self.simulation.note_change()
-
-    def _observe(self, measured: Any) -> np.ndarray:
-        """(N, O) float32, clipped."""
-        parts = [group.function(measured) for group in self.observation_groups.values()]
-        seen = self._seen_parts.joined(parts, self.task)
-        np.minimum(np.maximum(seen, self._least, out=seen), self._most, out=seen)
-        return seen.astype(np.float32)
 
     def _forget(self, ids: np.ndarray) -> None:
         for name, value in self._fresh_memory.items():
@@ -407,15 +387,15 @@ class EnvBatch:
         terms, actual = some_of(self.plant.terms(), only), some_of(self.simulation.terms(), only)
         self._look()
         state = some_of(self._known, only)
-        now = Now(state, lambda: terms, steering, _rows(self._planned, only), lambda: actual)
+        now = Now(state, lambda: terms, steering, rows_of(self._planned, only), lambda: actual)
         gained = actual.com_velocity[0] - self._com_velocity[env]
         return Moment(
             action=np.ascontiguousarray(action[:, : self._num_own]),
             state=state,
-            target=self.task.target(_rows(self._plan, only), now),
+            target=self.task.target(rows_of(self._plan, only), now),
             terms=terms,
             actual=actual,
-            memory=_rows(self._memory, only),
+            memory=rows_of(self._memory, only),
             acceleration=gained * self.rates.policy,
         )
 
@@ -424,10 +404,8 @@ class EnvBatch:
 
         One row per environment in each array.
         """
-        state = {f"simulation.{k}": v for k, v in self.simulation.state_dict().items()}
-        state |= {f"plant.{k}": v for k, v in self.plant.state_dict().items()}
-        for part, arrays in self._remembered().items():
-            state |= {f"{part}.{name}": value.copy() for name, value in arrays.items()}
+        own = {"simulation": self.simulation.state_dict(), "plant": self.plant.state_dict()}
+        state = gathered(own | self._remembered())
         state |= {"tick": self._tick.copy(), "torque": self._effort.torque.copy()}
         state["limits"] = self.limits.copy()
         state["observation"] = self.observation()
@@ -444,6 +422,7 @@ class EnvBatch:
             "episode": self._sums,
             "delay": self._delay.arrays,
             "progress": self._progress.arrays,
+            "observer": self.observer.arrays,
             "perception": {} if self.perception is None else self.perception.arrays,
         }
 
@@ -460,30 +439,15 @@ class EnvBatch:
         }
         if self.perception is not None:
             most |= {f"perception.{k}": v for k, v in self.perception.greatest.items()}
-        for name, last in most.items():
-            value = state.get(name, np.zeros(6, np.uint64))
-            if (value < 0).any() or (value > last).any():
-                raise InvalidValueError(f"state {name!r}", value, f"from 0 to {last}")
+        check_bounds(state, most)
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` that has been checked, bit for bit."""
-        self.plant.load_state_dict(_under("plant", state))
-        self.simulation.load_state_dict(_under("simulation", state))
-        for part, arrays in self._remembered().items():
-            for name, value in arrays.items():
-                value[:] = state[f"{part}.{name}"]
+        self.plant.load_state_dict(under("plant", state))
+        self.simulation.load_state_dict(under("simulation", state))
+        give_back(self._remembered(), state)
         self._tick[:], self._effort.torque[:] = state["tick"], state["torque"]
         self.limits[:] = state["limits"]
         self._observation = state["observation"].copy()
         self._com_velocity[:] = np.nan
         self._rngs = [unpacked(row) for row in state["generator"]]
-
-
-def _rows(arrays: Mapping[str, np.ndarray], ids: np.ndarray) -> dict[str, np.ndarray]:
-    """Return copies of the rows of some robots."""
-    return {name: value[ids] for name, value in arrays.items()}
-
-
-def _under(prefix: str, state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    start = prefix + "."
-    return {k.removeprefix(start): v for k, v in state.items() if k.startswith(start)}

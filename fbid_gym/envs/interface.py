@@ -10,7 +10,8 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from fbid_gym.envs.config import AROUND, Drawing, EnvConfig, plain
-from fbid_gym.envs.env_batch import TERMINATIONS, EnvBatch
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.policy_step import TERMINATIONS
 from fbid_gym.envs.rendering import RobotRenderer
 from fbid_gym.options import Whole
 

@@ -32,6 +32,12 @@ ERRORS = {
 """Entries of the info, with their unit."""
 
 
+_DRAWN = (
+    *("gyroscope_bias", "accelerometer_bias", "gyroscope_scale", "accelerometer_scale"),
+    *("mounted", "latency"),
+)
+
+
 class Perception:
     """The sensors and the estimator of N robots.
 
@@ -40,6 +46,7 @@ class Perception:
         state: what the robots believe of theirs; live. The forces are those that their feet tell.
         readings: of the sensors; live.
         notes: what is assumed of the robot, one sentence each.
+        foot_names: of the robot.
     """
 
     def __init__(self, robot: Robot, sensors: Sensors, hz: int, tick: np.ndarray) -> None:
@@ -48,6 +55,7 @@ class Perception:
         self.sensors, self._hz = sensors, hz
         mounting, note = mounting_of(robot)
         self.notes = (note,) if note else ()
+        self.foot_names = robot.foot_names
         self._mounting = mounting
         self._legs = legs_of(robot, mounting)
         points = Stance.of(robot).geometry.foot_of_point
@@ -149,7 +157,10 @@ class Perception:
     def errors(self, actual: RobotState) -> dict[str, np.ndarray]:
         """Return by how much the estimate errs, by the names of `ERRORS`: (N,) each."""
         mine, belief = self.state, self._belief
-        true, own = quaternion_to_matrix(actual.qpos[:, 3:7]), quaternion_to_matrix(mine.qpos[:, 3:7])
+        true, own = (
+            quaternion_to_matrix(actual.qpos[:, 3:7]),
+            quaternion_to_matrix(mine.qpos[:, 3:7]),
+        )
         sides = np.linalg.norm(np.cross(true[:, 2], own[:, 2]), axis=1)
         away = mine.qpos[:, :3] - actual.qpos[:, :3]
         turned = np.einsum("nij,nkj->nik", own, true)  # true heading to own, about the vertical
@@ -160,8 +171,7 @@ class Perception:
         feet = self._instruments.foot_of_point
         load = np.zeros(belief.standing.shape)
         np.add.at(load, (slice(None), feet), actual.contact_force[:, :, 2])
-        told = self.readings.load > self._filter.threshold
-        wrong = (load > self._filter.threshold) != told
+        wrong = (load > self._filter.threshold) != self.contact
         return {
             "estimate_tilt_error": np.arctan2(sides, np.vecdot(true[:, 2], own[:, 2])),
             "estimate_velocity_error": np.linalg.norm(mine.qvel[:, :3] - along, axis=1),
@@ -171,6 +181,16 @@ class Perception:
             "estimate_contact_error": wrong.mean(axis=1),
             "estimate_restarts": belief.restarts.copy(),
         }
+
+    @property
+    def contact(self) -> np.ndarray:
+        """Which feet are told to be on the ground: (N, F) bool."""
+        return self.readings.load > self._filter.threshold
+
+    @property
+    def drawn(self) -> dict[str, np.ndarray]:
+        """How the sensors err now: (N, ...) by name; live."""
+        return {name: getattr(self._wear, name) for name in _DRAWN}
 
     @property
     def arrays(self) -> Mapping[str, np.ndarray]:

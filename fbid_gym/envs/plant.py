@@ -74,6 +74,11 @@ class Plant:
             "model_com_ahead": np.zeros(count),
         }
 
+    @property
+    def drawn(self) -> dict[str, np.ndarray]:
+        """What was drawn of the robots, not of the controllers' model: (N, ...) by name; live."""
+        return {name: value for name, value in self._drawn.items() if "model" not in name}
+
     def draw(self, env: int, rng: np.random.Generator) -> None:
         """Draw the parameters of one robot for its next episode."""
         if not self._drawn:

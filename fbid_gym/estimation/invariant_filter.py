@@ -1,5 +1,7 @@
-"""A contact-aided invariant extended Kalman filter: Hartley, Ghaffari, Eustice and Grizzle 2020,
-"Contact-aided invariant extended Kalman filtering for robot state estimation", IJRR 39(4).
+"""A contact-aided invariant extended Kalman filter for a robot's state.
+
+Hartley, Ghaffari, Eustice and Grizzle 2020, "Contact-aided invariant extended Kalman filtering for
+robot state estimation", IJRR 39(4).
 
 The state of a robot is X = (R, v, p, d_1 … d_F) in SE_{2+F}(3), and two biases: rotation, velocity
 and place of the inertial unit in the world, and the places of the feet that stand. Its error is the
@@ -51,8 +53,10 @@ _R, _V, _P, _BG, _BA, _D = 0, 3, 6, 9, 12, 15
 
 
 class Filter(NamedTuple):
-    """What the filter assumes; constants. Variances are of the time between two corrections, unless
-    said otherwise."""
+    """What the filter assumes; constants.
+
+    Variances are of the time between two corrections, unless said otherwise.
+    """
 
     tick: float  # s
     every: int  # ticks from one correction to the next: between them it only integrates
@@ -170,7 +174,7 @@ def _spread(
             covariance[k, j], covariance[j, k] = covariance[j, k], covariance[k, j]
     for k in range(size):
         _flow(own, middle, velocity, position, belief.foot[i], belief.standing[i], covariance, k)
-    # The gyroscope's noise comes in as its bias does, by (1, [v], [p], [d]); [a][b]^T = a.b - b a^T.
+    # The gyroscope's noise comes in as its bias does: by 1, [v], [p], [d].
     feet = belief.foot.shape[1]
     for one in range(3 + feet):
         first = _lever(one, velocity, position, belief, i)
@@ -215,7 +219,10 @@ def _add_turning(
     second: Vector,
     covariance: np.ndarray,
 ) -> None:
-    """Add the part of the gyroscope's noise that two parts share, `other` not after `one`."""
+    """Add the part of the gyroscope's noise that two parts share, `other` not after `one`.
+
+    [a][b]^T = a.b - b a^T.
+    """
     inner, a, b = dot(first, second), _row(one), _row(other)
     for j in range(3):
         for k in range(3):
@@ -541,9 +548,7 @@ def _drop(belief: Belief, i: int, foot: int) -> None:
 def _add(away: np.ndarray, noise: np.ndarray, belief: Belief, i: int, foot: int) -> None:
     """Add a foot where it is seen: xi_d = xi_p + R noise."""
     belief.standing[i, foot] = True
-    store(
-        add(vector(belief.position, (i,)), vector(away, (foot,))), belief.foot, (i, foot)
-    )
+    store(add(vector(belief.position, (i,)), vector(away, (foot,))), belief.foot, (i, foot))
     covariance, row = belief.covariance[i], _D + 3 * foot
     for k in range(len(covariance)):
         for axis in range(3):

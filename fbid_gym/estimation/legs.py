@@ -16,7 +16,6 @@ from fbid_gym.dynamics.vectors import (
     Vector,
     add,
     cross,
-    matrix,
     product,
     scale,
     store,

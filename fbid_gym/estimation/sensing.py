@@ -12,8 +12,6 @@ import numpy as np
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.dynamics.rotations import rotation_at
 from fbid_gym.dynamics.vectors import (
-    Rotation,
-    Vector,
     add,
     cross,
     matrix,

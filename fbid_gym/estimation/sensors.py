@@ -122,14 +122,36 @@ class Sensors:
         """The same with `scale` multiplied in."""
         names = [f"{unit}_{error}" for unit in _UNITS for error in _ERRORS]
         names += ["misalignment", "encoder_resolution", "encoder_noise", "contact_noise"]
-        most = {name: option.kind.most for name, option in options_of(Sensors).items()
-                if isinstance(option.kind, Number)}
+        most = {
+            name: option.kind.most
+            for name, option in options_of(Sensors).items()
+            if isinstance(option.kind, Number)
+        }
         grown = {name: min(self.scale * getattr(self, name), most[name]) for name in names}
         return replace(self, scale=1.0, **grown)
 
 
 _UNITS = ("gyroscope", "accelerometer")
 _ERRORS = ("noise", "bias", "drift", "scale")
+
+_MEMS = Sensors(
+    gyroscope_noise=radians(0.014),
+    gyroscope_bias=10.0 * radians(0.015),
+    gyroscope_drift=radians(0.015) / sqrt(100.0),
+    gyroscope_scale=0.01,
+    gyroscope_range=radians(2000.0),
+    accelerometer_noise=175e-6 * _G,
+    accelerometer_bias=10.0 * 0.2e-3 * _G,
+    accelerometer_drift=0.2e-3 * _G / sqrt(100.0),
+    accelerometer_scale=0.005,
+    accelerometer_range=24.0 * _G,
+    misalignment=radians(0.5),
+    encoder_resolution=2.0 * pi / 2**14 / 6.0,
+    encoder_noise=radians(0.068) / 6.0,
+    encoder_filter=50.0,
+    contact_noise=0.02,
+    contact_threshold=0.06,
+)
 
 PRESETS: dict[str, Sensors] = {
     # VectorNav VN-100, data sheet: gyroscope 0.0035 °/s/sqrt(Hz), 5 to 7 °/h in run, ±2000 °/s;
@@ -155,30 +177,16 @@ PRESETS: dict[str, Sensors] = {
         contact_noise=0.005,
         contact_threshold=0.02,
     ),
-    # Bosch BMI088, data sheet BST-BMI088-DS001: gyroscope 0.014 °/s/sqrt(Hz), offset ±1 °/s, scale
-    # ±1 %, ±2000 °/s, 0.015 °/s/K; accelerometer 175 µg/sqrt(Hz) (160 to 190), offset ±20 mg,
-    # 0.2 mg/K, ±24 g. The drifts are those of a trunk that warms by 1 K in 100 s. Encoders: ams
-    # AS5047P on the motor's side of a gear of 6, as in MIT's Mini Cheetah: 14 bits, noise of 0.068°
-    # (1 sigma). A rubber foot with a pressure sensor, as Unitree's, errs by 2 % of the weight, and
-    # a board is mounted to half a degree: assumptions.
-    "mems": Sensors(
-        gyroscope_noise=radians(0.014),
-        gyroscope_bias=radians(1.0),
-        gyroscope_drift=radians(0.015) / sqrt(100.0),
-        gyroscope_scale=0.01,
-        gyroscope_range=radians(2000.0),
-        accelerometer_noise=175e-6 * _G,
-        accelerometer_bias=20e-3 * _G,
-        accelerometer_drift=0.2e-3 * _G / sqrt(100.0),
-        accelerometer_scale=0.005,
-        accelerometer_range=24.0 * _G,
-        misalignment=radians(0.5),
-        encoder_resolution=2.0 * pi / 2**14 / 6.0,
-        encoder_noise=radians(0.068) / 6.0,
-        encoder_filter=50.0,
-        contact_noise=0.02,
-        contact_threshold=0.06,
-    ),
+    # Bosch BMI088, data sheet BST-BMI088-DS001: gyroscope 0.014 °/s/sqrt(Hz), scale ±1 %,
+    # ±2000 °/s, 0.015 °/s/K; accelerometer 175 µg/sqrt(Hz) (160 to 190), 0.2 mg/K, ±24 g; here as a
+    # robot has it that calibrated it level and at rest, and has become 10 K warmer since. Drifts:
+    # the trunk warms by 1 K in 100 s. Encoders: ams AS5047P on the motor's side of a gear of 6, as
+    # in MIT's Mini Cheetah: 14 bits, noise of 0.068° (1 sigma). A rubber foot with a pressure
+    # sensor, as Unitree's, errs by 2 % of the weight, and a board is mounted to half a degree:
+    # assumptions.
+    "mems": _MEMS,
+    # The same as it comes from the factory, never calibrated: offsets of ±1 °/s and ±20 mg.
+    "raw": replace(_MEMS, gyroscope_bias=radians(1.0), accelerometer_bias=20e-3 * _G),
 }
 """Name -> sensors, with the sources of their numbers."""
 

@@ -41,7 +41,7 @@ from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
 from fbid_gym.tasks.body import ANGULAR_VELOCITY, UP, Body, Units
 from fbid_gym.tasks.height_scan import SCAN, in_place, scan_heights
-from fbid_gym.tasks.observation import Group, Groups
+from fbid_gym.tasks.observation import KNOWN, Group, Groups
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan, check_schedule, command_at, drawn_commands
 from fbid_gym.tasks.reward import Terms
@@ -151,11 +151,17 @@ class Walk(Episode):
         lacking = tuple(one.format(" short of the command") for one in asked)
         return {
             "clock": Group.of(
-                "{} of the gait's cycle (1)", ("sine", "cosine"), 1.0, lambda m: m.motion.clock
+                "{} of the gait's cycle (1)",
+                ("sine", "cosine"),
+                1.0,
+                lambda m: m.motion.clock,
+                KNOWN,
             ),
-            "command": Group(commanded, 10.0, lambda m: m.motion.command),
+            "command": Group(commanded, 10.0, lambda m: m.motion.command, KNOWN),
             "lack": Group(lacking, 100.0, lambda m: m.motion.lack),
-            "planted": Group.of("{} planned to stand (1)", feet, 1.0, lambda m: m.notes.planted),
+            "planted": Group.of(
+                "{} planned to stand (1)", feet, 1.0, lambda m: m.notes.planted, KNOWN
+            ),
             "height": Group(
                 ("height of the base above the ground, from home (m)",),
                 10.0,
@@ -223,9 +229,7 @@ class Walk(Episode):
             lowered=plan["lowered"],
         )
         self.gait.advance(command, terms, now.state.contact_force, now.memory)
-        note(
-            self.gait.target(now.memory), terms.foot_position, now.actual().foot_position, notes
-        )
+        note(self.gait.target(now.memory), terms.foot_position, now.actual().foot_position, notes)
 
     def target(self, plan: Plan, now: Now) -> Target:
         """Return the gait's target."""

@@ -197,7 +197,9 @@ def measure_motion(
         np.empty(count),
         np.empty(count),
     )
-    _measure(units, foot_of_point, qvel, terms, touching, notes, ground, motion, np.empty(feet, np.bool_))
+    _measure(
+        units, foot_of_point, qvel, terms, touching, notes, ground, motion, np.empty(feet, np.bool_)
+    )
     return motion
 
 

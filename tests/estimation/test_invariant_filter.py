@@ -197,7 +197,7 @@ class World:
 
 
 def test_a_dense_filter_in_numpy_agrees(rng):
-    """Matrices, the exponentials of the group and one update of all feet, as the paper writes it."""
+    """Dense matrices, exponentials of the group, one update of all feet: as in the paper."""
     world = World(1, rng, start=1.0)
     mean, covariance = element(world.belief, 0), world.belief.covariance[0].copy()
     bias = [world.belief.gyroscope_bias[0].copy(), world.belief.accelerometer_bias[0].copy()]
@@ -302,9 +302,10 @@ def test_heading_and_place_do_not_matter(rng):
             step_in_own_axes(world, slides)
         x = element(world.belief, 0)
         if moved:
-            x[:3, :3], x[:3, 3:] = turn.T @ x[:3, :3], np.c_[
-                turn.T @ x[:3, 3], turn.T @ (x[:3, 4:] - shift[:, None])
-            ]
+            x[:3, :3], x[:3, 3:] = (
+                turn.T @ x[:3, :3],
+                np.c_[turn.T @ x[:3, 3], turn.T @ (x[:3, 4:] - shift[:, None])],
+            )
         found.append(x)
     np.testing.assert_allclose(found[0], found[1], atol=1e-7)
 
