@@ -127,6 +127,7 @@ TABLES = {
         across="sensors",
         error="return",
         compared=True,
+        episodes=64,
         seconds=10.0,
     ),
     "zoo": Table(
