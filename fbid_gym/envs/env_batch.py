@@ -43,6 +43,8 @@ class EnvBatch:
         perception: sensors and estimator of the robots; None where sensors are perfect.
         notes: what was changed of the robot's file, and what is assumed beside it.
         limits: (N,) steps after which the present episodes are truncated; those of `stagger` fewer.
+        observation_names: what each entry of the observation is, with its unit.
+        observation_columns: name of a group -> where in an observation it is.
         observation_bound: (O,) largest size of each entry; observations are clipped to it.
     """
 
@@ -104,7 +106,8 @@ class EnvBatch:
         kind = config.observation, config.history, self.plant, self.perception
         self.observer = Observer(self.task, *kind, num_envs)
         self.observation_groups = self.observer.groups
-        self.observation_bound = self.observer.bound
+        self.observation_names, self.observation_bound = self.observer.names, self.observer.bound
+        self.observation_columns = self.observer.columns
         self._observation = np.zeros((num_envs, len(self.observation_bound)), np.float32)
         self._num_own = len(self.layer.action_names)
         self._num_actions = len(self.action_names)
@@ -124,16 +127,6 @@ class EnvBatch:
         self._metric_names = answers.metric_names(self.task.metrics(measured), self.task)
         self._metric_parts = answers.Parts.of_rows("metric", self._metric_names, num_envs)
         self._metrics = self._evaluate(measured)
-
-    @property
-    def observation_names(self) -> tuple[str, ...]:
-        """What each entry of the observation is, with its unit."""
-        return self.observer.names
-
-    @property
-    def observation_columns(self) -> dict[str, slice]:
-        """Where in an observation each group is."""
-        return self.observer.columns
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -189,8 +182,8 @@ class EnvBatch:
         self._plan_anew(ids)
         rest = Effort.none(self.num_envs, self.robot.num_joints)
         outcome = self._outcome(rest._replace(torque=self._effort.torque))
-        measured, known = self._measures(outcome)
-        self._observation[ids] = self.observer.observe(known, measured, ids)[ids]
+        actual, known = self._measures(outcome)
+        self._observation[ids] = self.observer.observe(known, actual, ids)[ids]
 
     @property
     def lengths(self) -> np.ndarray:

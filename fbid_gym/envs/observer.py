@@ -59,13 +59,14 @@ class Observer:
         self._split, self._history = kind != "full", history
         self.arrays: dict[str, np.ndarray] = {}
         seen, told = dict(self.groups), dict[str, Group]()
-        if self._split:
-            assert perception is not None
+        drawn: Groups = {}
+        if self._split and perception is not None:
             sources = (KNOWN, MEASURED, ESTIMATED) if "estimate" in kind else (KNOWN, MEASURED)
             seen = {n: g for n, g in self.groups.items() if g.source in sources}
             seen |= _sensed(perception)
             told = {f"actual_{name}": group for name, group in self.groups.items()}
-            told |= _drawn(plant, perception)
+            drawn = _drawn(plant, perception)
+            told |= drawn
         self._seen, self._told = seen, told
         self._parts = answers.Parts.of_observation(seen, count)
         own = entry_names(seen)
@@ -80,7 +81,7 @@ class Observer:
             self._told_parts = answers.Parts.of_observation(told, count)
             first = len(self.names)
             self.names += tuple(f"actual {name}" for name in entry_names(self.groups))
-            self.names += entry_names(_drawn(plant, perception))
+            self.names += entry_names(drawn)
             self.columns |= {
                 name: slice(first + part.start, first + part.stop)
                 for name, part in columns(told).items()

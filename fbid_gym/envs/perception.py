@@ -11,9 +11,11 @@ import numpy as np
 from fbid_gym.dynamics.frames import matrix_to_quaternion, quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.estimation.contact_torques import TorqueSense, find_loads
+from fbid_gym.estimation.correction import correct
 from fbid_gym.estimation.filter_constants import filter_of
-from fbid_gym.estimation.invariant_filter import Belief, correct, predict
+from fbid_gym.estimation.invariant_filter import Belief
 from fbid_gym.estimation.legs import legs_of, mounting_of
+from fbid_gym.estimation.prediction import predict
 from fbid_gym.estimation.random_numbers import seeded
 from fbid_gym.estimation.sensing import Readings, Wear, instruments_of, sense
 from fbid_gym.estimation.sensors import Sensors
@@ -169,8 +171,8 @@ class Perception:
         x, y, z = actual.qvel[:, :3].T
         along = np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
         feet = self._instruments.foot_of_point
-        load = np.zeros(belief.standing.shape)
-        np.add.at(load, (slice(None), feet), actual.contact_force[:, :, 2])
+        of_foot = feet[:, None] == np.arange(belief.standing.shape[1])
+        load = actual.contact_force[:, :, 2] @ of_foot
         wrong = (load > self._filter.threshold) != self.contact
         return {
             "estimate_tilt_error": np.arctan2(sides, np.vecdot(true[:, 2], own[:, 2])),

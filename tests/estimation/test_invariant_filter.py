@@ -10,8 +10,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from fbid_gym.dynamics.frames import skew
-from fbid_gym.estimation.invariant_filter import Belief, Filter, correct, predict
+from fbid_gym.estimation.correction import correct
+from fbid_gym.estimation.invariant_filter import Belief, Filter
 from fbid_gym.estimation.legs import Legs, Mounting
+from fbid_gym.estimation.prediction import predict
 from fbid_gym.estimation.sensing import Readings
 from fbid_gym.quantities import RobotState
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+import stand_in
 import torch
 
 import fbid_gym
@@ -62,8 +63,14 @@ def test_a_run_exports_the_actor_alone(tmp_path: Path) -> None:
     action = policy(observation[None])
     np.testing.assert_array_equal(action, policy(observation[None, own]))
     policy.check(observation_size=len(observation))
-    train.ppo.main(replace(given, total_steps=128, resume=True))  # goes on
-    assert Policy.load(tmp_path / "run").trained_steps == 128
+
+
+def test_killed_and_resumed_is_the_same_run(tmp_path: Path) -> None:
+    changes = {"env": ENV, "action_layer": "joint_position", "env_args": ROBOT, "num_threads": 1}
+    stand_in.train_and_die(tmp_path / "a", 16 * 3 + 5, real=True, **changes)
+    for name in "ab":
+        train.ppo.main(stand_in.config(tmp_path / name, **changes))
+    stand_in.assert_same_run(tmp_path / "b", tmp_path / "a")
 
 
 def test_sac_is_refused(tmp_path: Path) -> None:
