@@ -128,7 +128,7 @@ TABLES = {
         error="return",
         compared=True,
         episodes=64,
-        seconds=10.0,
+        seconds=6.0,
     ),
     "zoo": Table(
         "robots that nobody has seen, drawn from seeds (`eval.zoo`), standing and walking",

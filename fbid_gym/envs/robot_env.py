@@ -44,8 +44,8 @@ class RobotEnv(Interface, gym.Env):
     `env.unwrapped.observation_names` names each entry, `env.unwrapped.batch.observation_columns`
     says where each group of them is ("command", "base", "up", ...). With sensors that are not
     perfect, layer and policy know the state by an estimate; `observation="measured"` is for robots:
-    the group "policy" of what they can know, then "critic", the truth. "From home" is the difference
-    to the home stance. The last torque is that of the last control tick, the normal force that of
+    the group "policy" of what they can know, then "critic", the truth. "From home" is what differs
+    from the home stance. The last torque is that of the last control tick, the normal force that of
     the last physics step. Slide joints have m where hinges have rad.
 
     ## Rewards
