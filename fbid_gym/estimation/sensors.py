@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from math import pi, radians, sqrt
 from typing import Annotated, Any
 
-from fbid_gym.checks import check_choices
+from fbid_gym.checks import by_name, check_choices
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.options import Choice, Number, Pair, Whole, check_fields, options_of
 
@@ -205,10 +205,10 @@ def sensors_of(given: Any) -> Sensors | None:
         FbidError: no such preset or field, or a value that it does not take.
     """
     if isinstance(given, Mapping):
-        table = dict(given)
+        table = by_name("sensors", given)
         like = table.pop(LIKE, None)
         base = Sensors() if like is None else PRESETS[_preset(like, PRESETS)]
-        check_choices("sensor option", map(str, table), (LIKE, *options_of(Sensors)))
+        check_choices("sensor option", table, (LIKE, *options_of(Sensors)))
         return replace(base, **table)
     name = _preset(given, (PERFECT, *PRESETS))
     return None if name == PERFECT else PRESETS[name]
