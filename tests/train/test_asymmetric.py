@@ -74,9 +74,7 @@ def test_killed_and_resumed_is_the_same_run(tmp_path: Path) -> None:
 
 
 def test_sac_is_refused(tmp_path: Path) -> None:
-    from train.algorithms.sac import ALGORITHM
-
-    given = replace(config(tmp_path), algorithm="sac")
+    changes = {"env": ENV, "action_layer": "joint_position", "env_args": ROBOT}
+    given = stand_in.config(tmp_path, algorithm="sac", **changes)
     with pytest.raises(FbidError, match="observation for sac"):
-        build_of = ALGORITHM.build
-        build_of(given, fbid_gym.make_sb3(ENV, 1, **given.make_args()))
+        build(given, fbid_gym.make_sb3(ENV, 1, **given.make_args()))
