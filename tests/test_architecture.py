@@ -83,7 +83,7 @@ LINES = {
     "actions": 2560,
     "control": 4490,
     "dynamics": 1650,
-    "envs": 4420,
+    "envs": 4425,
     "estimation": 1655,
     "motions": 3690,
     "policy": 585,
