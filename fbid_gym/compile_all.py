@@ -25,7 +25,8 @@ CASES = [(env, layer) for layer in reversed(LAYERS) for env in ENVIRONMENTS]
 def run(case: tuple[str, str]) -> None:
     """Take two steps, over the end of an episode, in silence."""
     (env, layer), NEWS.silent = case, True
-    envs = RobotVectorEnv(2, **ENVIRONMENTS[env] | {"action_layer": layer, "episode_seconds": 0.02})
+    own = {"action_layer": layer, "episode_seconds": 0.02, "sensors": "mems"}
+    envs = RobotVectorEnv(2, **ENVIRONMENTS[env] | own)
     envs.reset(seed=0)
     for _ in range(2):
         envs.step(envs.action_space.sample())
