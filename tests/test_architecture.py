@@ -42,13 +42,15 @@ RANK = {
     "motions": 6,
     "actions": 7,
     "tasks": 7,
-    "envs": 8,
-    "robots.__main__": 9,
-    "compile_all": 9,
-    "fbid_gym": 9,
-    "train.runs": 10,
-    "train": 11,
-    "eval": 12,
+    "environments": 0,
+    "runtime": 8,
+    "envs": 9,
+    "robots.__main__": 10,
+    "compile_all": 10,
+    "fbid_gym": 10,
+    "train.runs": 11,
+    "train": 12,
+    "eval": 13,
 }
 
 # Where a library may be imported: units, or single modules.
@@ -67,7 +69,10 @@ ONLY_IN = {
 }
 NOT_IN = {
     "mujoco": {"control", "policy", "bundles", "errors", "compiled", "small_matrices"},
-    "gymnasium": {"control", "policy", "bundles", "errors", "robots", "dynamics"},
+    "gymnasium": {
+        *("control", "policy", "bundles", "errors", "robots", "dynamics"),
+        *("environments", "motions", "actions", "tasks", "runtime"),
+    },
 }
 
 MAX_LINES = 450
