@@ -35,6 +35,10 @@ class MuJoCoDynamics:
             NonFiniteError: a state holds NaN or infinity.
         """
         qpos, qvel = check_states(self.robot, qpos, qvel)
+        return DynamicsTerms(*(part.copy() for part in self.live(qpos, qvel)))
+
+    def live(self, qpos: np.ndarray, qvel: np.ndarray) -> DynamicsTerms:
+        """Return the same at states that have been checked, in arrays that the next writes anew."""
         if self._batch is None or self._batch.nsim != len(qpos):
             self._batch = mujoco.batch.Batch(
                 self.robot.model, len(qpos), self._num_threads, persistent=True
@@ -43,7 +47,7 @@ class MuJoCoDynamics:
             self._state = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._state[0][:], self._state[1][:] = qpos, qvel
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
-        return DynamicsTerms(*(part.copy() for part in self._live()))
+        return self._live()
 
 
 def check_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.quantities import RobotState
-from fbid_gym.runtime.effort import Effort
+from fbid_gym.runtime.effort import Effort, add_power, limit
 
 
 class Wiring(NamedTuple):
@@ -39,9 +39,7 @@ def write_controls(wiring: Wiring, torque: np.ndarray) -> None:
 
 @kernel
 def drive(wiring: Wiring, effort: Effort, wanted: np.ndarray, push: np.ndarray) -> None:
-    """Limit the torques of N robots, and write them and the pushes into the batch.
-
-    A robot whose torques are no numbers gets none, and is lost.
+    """Limit the torques of N robots, and write them and the pushes into the batch, see `limit`.
 
     Args:
         wiring: of the robots.
@@ -49,24 +47,13 @@ def drive(wiring: Wiring, effort: Effort, wanted: np.ndarray, push: np.ndarray) 
         wanted: (N, n) N·m, of the action layer.
         push: (N, 3) N.
     """
-    limit, rows = wiring.torque_limit, wiring.rows
-    joints = len(limit)
+    rows, torque = wiring.rows, effort.torque
+    limit(effort, wiring.torque_limit, wanted)
     for i in range(len(rows)):
-        broken = False
-        for j in range(joints):
-            broken |= np.isnan(wanted[i, j])
-        square, full = 0.0, 0
-        for j in range(joints):
-            given = 0.0 if broken else min(max(wanted[i, j], -limit[j]), limit[j])
-            effort.torque[i, j] = given
-            rows[i, wiring.controls[j]] = given / wiring.gear[j]
-            square += given * given
-            full += abs(given) >= limit[j]
+        for j in range(torque.shape[1]):
+            rows[i, wiring.controls[j]] = torque[i, j] / wiring.gear[j]
         for axis in range(3):
             rows[i, wiring.push + axis] = push[i, axis]
-        effort.saturation[i] = full / joints
-        effort.torque_square[i] += square
-        effort.lost[i] |= broken
 
 
 @kernel
@@ -82,11 +69,8 @@ def read(wiring: Wiring, effort: Effort, state: RobotState) -> None:
             for axis in range(3):
                 column = wiring.contact + 3 * j + axis
                 state.contact_force[i, j, axis] = wiring.sensors[i, column]
-        total = 0.0
-        for j in range(effort.torque.shape[1]):
-            total += abs(effort.torque[i, j] * state.qvel[i, 6 + j])
-        effort.power[i] += total
         state.tick[i] += 1
+    add_power(effort, state.qvel)
 
 
 @kernel

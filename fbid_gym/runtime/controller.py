@@ -20,9 +20,9 @@ from fbid_gym.robots import ROBOTS, Robot
 from fbid_gym.runtime import answers
 from fbid_gym.runtime.config import AROUND, EnvConfig
 from fbid_gym.runtime.control_loop import ControlLoop
-from fbid_gym.runtime.effort import Effort
+from fbid_gym.runtime.effort import Effort, add_power, limit
 from fbid_gym.runtime.given import checked_action, checked_command
-from fbid_gym.runtime.sensors import state_of
+from fbid_gym.runtime.sensors import Sensing
 
 _DRAWN = ("qpos", "qvel", "push_start", "push_force", "push_velocity")  # by chance, of simulations
 
@@ -59,7 +59,7 @@ class Controller:
         if "scan" in task.observation_groups:
             expected = "False: a controller is not told the height of the ground"
             raise InvalidValueError("height_scan", True, expected)
-        self._dynamics = MuJoCoDynamics(self.robot)
+        self._sensing, self._dynamics = Sensing.of(self.robot), MuJoCoDynamics(self.robot)
         home = self._dynamics.terms(self.robot.home_qpos[None], np.zeros((1, self.robot.nv)))
         self.loop = ControlLoop(config, task, drawn, home)
         self.policy = policy or self._zero
@@ -178,13 +178,13 @@ class Controller:
                 controller has not gone on.
             NonFiniteError: torques that are no numbers.
         """
-        state = state_of(self.robot, sensors, self._ticks)
-        terms = cache(lambda: self._dynamics.terms(state.qpos, state.qvel))
+        state = self._sensing.state(sensors, self._ticks)
+        terms = cache(lambda: self._dynamics.live(state.qpos, state.qvel))
         loop, effort = self.loop, self._effort
         tick = self._ticks % self.rates.ticks
         if self._ticks == 0:
             loop.begin(np.zeros(1, int), terms())
-        effort.power[:] += abs(effort.torque * state.qvel[:, 6:]).sum()
+        add_power(effort, state.qvel)
         if tick == 0:
             if self._ticks:
                 self._sums["distance"] += np.hypot(*state.qvel[0, :2]) / self.rates.policy
@@ -195,11 +195,9 @@ class Controller:
             loop.send(np.clip(action, -1.0, 1.0))
             effort.begin()
         torque = loop.torque(tick, state, terms)
-        if not np.isfinite(torque).all():
-            raise NonFiniteError("torque", (int(np.argwhere(~np.isfinite(torque))[0, 1]),))
-        limit = self.robot.torque_limit
-        effort.torque[:] = np.clip(torque, -limit, limit)
-        effort.torque_square[:] += (effort.torque**2).sum()
+        limit(effort, self.robot.torque_limit, torque)
+        if effort.lost[0]:
+            raise NonFiniteError("torque", (int(np.isnan(torque[0]).argmax()),))
         self._ticks += 1
         return effort.torque[0].copy()
 

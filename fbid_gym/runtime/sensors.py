@@ -1,6 +1,8 @@
 """What a controller is told of its robot at a tick, by name."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -27,66 +29,89 @@ Robots that only feel whether they touch the ground give "contact", (P,) from 0 
 
 _POSE = ("position", "orientation", "joint_position")
 _MOTION = ("velocity", "angular_velocity", "joint_velocity")
-_OFF_UNIT = 1e-3
+_FORCE, _TOUCH = "contact_force", "contact"
+_OFF_UNIT, _FLOAT = 1e-3, np.dtype(float)
 
 
-def state_of(robot: Robot, sensors: Any, tick: int) -> RobotState:
-    """Return the state of one robot that its sensors tell.
+@dataclass(frozen=True, eq=False)
+class Sensing:
+    """What of one robot is sensed.
 
-    Args:
-        robot: whose sensors.
-        sensors: `SENSORS` by name; or a `RobotState` of one robot, measured or estimated.
-        tick: control ticks since the robot began.
-
-    Raises:
-        FbidError: what is given lacks something, is of another shape or not finite, and names it.
+    Attributes:
+        robot: the robot.
+        shapes: of each sensor's numbers, by name.
+        weight: of the robot, N.
     """
-    own = np.full(1, tick, np.int64)
-    if isinstance(sensors, RobotState):
-        qpos, qvel, force = (np.ascontiguousarray(part, float) for part in sensors[:3])
-        state = RobotState(qpos, qvel, force, own)
-        sizes = ((1, robot.nq), (1, robot.nv), (1, robot.num_points, 3))
-        for name, size in zip(("qpos", "qvel", "contact_force"), sizes, strict=True):
-            if getattr(state, name).shape != size:
-                raise ShapeError(name, getattr(state, name).shape, f"{size}, one {robot.name!r}")
-            check_finite(name, getattr(state, name))
-        return state
-    if not isinstance(sensors, Mapping):
-        expected = "a dictionary from names of sensors to numbers, or a RobotState"
-        raise InvalidValueError("sensors", sensors, expected)
-    state = RobotState(
-        np.concatenate([_read(robot, sensors, name) for name in _POSE])[None],
-        np.concatenate([_read(robot, sensors, name) for name in _MOTION])[None],
-        _forces(robot, sensors)[None],
-        own,
-    )
-    if len(sensors) > len(SENSORS):
-        odd = next(iter(sensors.keys() - SENSORS.keys()))
-        raise UnknownOptionError("sensor", odd, (*SENSORS, "contact"))
-    if abs(np.linalg.norm(state.qpos[0, 3:7]) - 1.0) > _OFF_UNIT:
-        raise InvalidValueError("orientation", sensors["orientation"], "a unit quaternion")
-    return state
 
+    robot: Robot
+    shapes: dict[str, tuple[int, ...]]
+    weight: float
 
-def _read(robot: Robot, sensors: Mapping[str, Any], name: str) -> np.ndarray:
-    joints, points = robot.num_joints, robot.num_points
-    size = {"orientation": (4,), "contact_force": (points, 3), "contact": (points,)}.get(
-        name, (joints,) if name.startswith("joint") else (3,)
-    )
-    if name not in sensors:
-        raise InvalidValueError(f"sensor {name!r}", None, SENSORS[name])
-    found = real_numbers(name, sensors[name], f"numbers of shape {size}").astype(float, copy=False)
-    if found.shape != size:
-        raise ShapeError(name, found.shape, f"{size}, of {robot.name!r}")
-    check_finite(name, found)
-    return found
+    @classmethod
+    def of(cls, robot: Robot) -> "Sensing":
+        """Measure a robot."""
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(SENSORS, (3,))
+        shapes |= {"orientation": (4,), _FORCE: (robot.num_points, 3), _TOUCH: (robot.num_points,)}
+        shapes |= dict.fromkeys(("joint_position", "joint_velocity"), (robot.num_joints,))
+        return cls(robot, shapes, robot.weight)
 
+    def state(self, sensors: Any, tick: int) -> RobotState:
+        """Return the state (N = 1) that sensors tell.
 
-def _forces(robot: Robot, sensors: Mapping[str, Any]) -> np.ndarray:
-    """(P, 3) N."""
-    if "contact" not in sensors:
-        return np.ascontiguousarray(_read(robot, sensors, "contact_force"))
-    touching = _read(robot, sensors, "contact")
-    force = np.zeros((len(touching), 3))
-    force[:, 2] = robot.weight * touching / max(touching.sum(), 1.0)
-    return force
+        Args:
+            sensors: `SENSORS` by name; or a `RobotState` of one robot, measured or estimated.
+            tick: control ticks since the robot began.
+
+        Raises:
+            FbidError: something is missing, of another shape or not finite; names it.
+        """
+        if isinstance(sensors, RobotState):
+            return self._checked(sensors, tick)
+        if not isinstance(sensors, Mapping):
+            expected = "a dictionary from names of sensors to numbers, or a RobotState"
+            raise InvalidValueError("sensors", sensors, expected)
+        for name in sensors:
+            if name not in self.shapes:
+                raise UnknownOptionError("sensor", name, self.shapes)
+        qpos = np.concatenate([self._read(sensors, name) for name in _POSE])
+        qvel = np.concatenate([self._read(sensors, name) for name in _MOTION])
+        force = self._forces(sensors)
+        if not isfinite(qpos.sum() + qvel.sum() + force.sum()):
+            for name, value in sensors.items():
+                check_finite(name, np.asarray(value))
+        w, x, y, z = qpos[3:7]
+        if not abs(w * w + x * x + y * y + z * z - 1.0) < 2.0 * _OFF_UNIT:
+            raise InvalidValueError("orientation", sensors["orientation"], "a unit quaternion")
+        ticks = np.full(1, tick, np.int64)
+        return RobotState(qpos[None], qvel[None], force[None], ticks)
+
+    def _checked(self, state: RobotState, tick: int) -> RobotState:
+        shapes = (1, self.robot.nq), (1, self.robot.nv), (1, *self.shapes[_FORCE])
+        found = {}
+        for name, shape in zip(RobotState._fields, shapes, strict=False):
+            part = np.ascontiguousarray(getattr(state, name), float)
+            if part.shape != shape:
+                raise ShapeError(name, part.shape, f"{shape}, one {self.robot.name!r}")
+            check_finite(name, part)
+            found[name] = part
+        return RobotState(**found, tick=np.full(1, tick, np.int64))
+
+    def _read(self, sensors: Mapping[str, Any], name: str) -> np.ndarray:
+        shape = self.shapes[name]
+        if name not in sensors:
+            raise InvalidValueError(f"sensor {name!r}", None, SENSORS[name])
+        found = sensors[name]
+        if type(found) is not np.ndarray or found.dtype != _FLOAT:
+            found = real_numbers(name, found, f"numbers of shape {shape}").astype(float)
+        if found.shape != shape:
+            raise ShapeError(name, found.shape, f"{shape}, of {self.robot.name!r}")
+        return found
+
+    def _forces(self, sensors: Mapping[str, Any]) -> np.ndarray:
+        """(P, 3) N."""
+        if _TOUCH not in sensors:
+            return np.ascontiguousarray(self._read(sensors, _FORCE), float)
+        touching = self._read(sensors, _TOUCH)
+        force = np.zeros((len(touching), 3))
+        force[:, 2] = self.weight * touching / max(touching.sum(), 1.0)
+        return force
