@@ -146,7 +146,7 @@ def test_a_policy_that_does_not_fit_is_refused():
     walker = Controller.load(shipped)
     with pytest.raises(ShapeError, match="command"):
         walker.set_command(1.0)
-    with pytest.raises(UnknownOptionError, match="entry of the plan 'phase'.*lowered"):
+    with pytest.raises(UnknownOptionError, match="entry 'phase' of the plan.*lowered"):
         walker.reset(phase=1)
 
 
