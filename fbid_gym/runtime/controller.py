@@ -4,7 +4,7 @@ It computes what the environment of its policy computes, to the last bits: `Cont
 both run. It imports no Gymnasium and steps no physics; MuJoCo computes the model's terms.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -98,6 +98,9 @@ class Controller:
         if robot is not None:
             path = isinstance(robot, Path) or (isinstance(robot, str) and robot not in ROBOTS)
             given["robot"] = Robot.load(robot) if path else robot
+        if isinstance(given.get("robot"), Mapping):
+            expected = "robot=..., such as the robot.zip of its run folder"
+            raise InvalidValueError("robot of the policy", dict(given["robot"]), expected)
         config = EnvConfig.of({name: v for name, v in given.items() if name not in AROUND})
         made = cls(config, known)
         known.check(
