@@ -36,6 +36,8 @@ class Controller:
         policy: takes observations (1, O), returns actions (1, A).
         rates: `rates.control` is how often it wants to be asked, Hz.
         loop: its task and layer at work.
+        measured: what the task measured when the policy was last asked, see `Task.measure`; None
+            before the first time.
     """
 
     def __init__(
@@ -66,6 +68,7 @@ class Controller:
         self._zero_action = np.zeros((1, self.loop.num_actions))
         self._effort = Effort.none(1, self.robot.num_joints)
         self._sums = {"distance": np.zeros(1), "energy": np.zeros(1)}
+        self.measured: Any = None
         self.reset()
 
     @classmethod
@@ -91,21 +94,37 @@ class Controller:
         """
         known = policy if isinstance(policy, Policy) else Policy.load(policy)
         given = {**known.env_args, **arguments}
-        if known.env_id not in ENVIRONMENTS and "task" not in given:
-            choices = (*ENVIRONMENTS, "the arguments of your own, such as task='walk'")
-            raise UnknownOptionError("environment", known.env_id, choices)
-        given = {**ENVIRONMENTS.get(known.env_id, {}), **given}
         if robot is not None:
             path = isinstance(robot, Path) or (isinstance(robot, str) and robot not in ROBOTS)
             given["robot"] = Robot.load(robot) if path else robot
+        return cls.of_environment(known.env_id, given, known)
+
+    @classmethod
+    def of_environment(
+        cls, env_id: str, arguments: Mapping[str, Any], policy: Policy | None = None
+    ) -> "Controller":
+        """Build the controller of an environment, as `gym.make(env_id, **arguments)` has it.
+
+        Args:
+            env_id: an id of this package; of another one, the arguments hold the task.
+            arguments: of the environment; how it is drawn and stepped counts for nothing.
+            policy: None for the zero action.
+
+        Raises:
+            FbidError: as `load`.
+        """
+        if env_id not in ENVIRONMENTS and "task" not in arguments:
+            choices = (*ENVIRONMENTS, "the arguments of your own, such as task='walk'")
+            raise UnknownOptionError("environment", env_id, choices)
+        given = {**ENVIRONMENTS.get(env_id, {}), **arguments}
         if isinstance(given.get("robot"), Mapping):
             expected = "robot=..., such as the robot.zip of its run folder"
             raise InvalidValueError("robot of the policy", dict(given["robot"]), expected)
         config = EnvConfig.of({name: v for name, v in given.items() if name not in AROUND})
-        made = cls(config, known)
-        known.check(
-            observation_size=len(made.loop.observation_bound), action_size=made.loop.num_actions
-        )
+        made = cls(config, policy)
+        if policy is not None:
+            size = len(made.loop.observation_bound)
+            policy.check(observation_size=size, action_size=made.loop.num_actions)
         return made
 
     @property
@@ -143,7 +162,7 @@ class Controller:
             ranges = np.array([pair for pair in self.loop.task.commands.values()])
             stays = ((ranges[:, 0] <= 0.0) & (ranges[:, 1] >= 0.0)).all()
             command[:] = 0.0 if stays else ranges[:, 1].reshape(command.shape[2:])
-        self._ticks = 0
+        self._ticks, self.measured = 0, None
         self._effort.begin()
         self._effort.torque[:] = 0.0
         for total in self._sums.values():
@@ -192,8 +211,8 @@ class Controller:
             if self._ticks:
                 self._sums["distance"] += np.hypot(*state.qvel[0, :2]) / self.rates.policy
                 self._sums["energy"] += effort.power / self.rates.control
-            measured = loop.measure(loop.outcome(state, terms(), effort, self._sums))
-            action = self.policy(loop.observe(measured))
+            self.measured = loop.measure(loop.outcome(state, terms(), effort, self._sums))
+            action = self.policy(loop.observe(self.measured))
             action = checked_action(action, (1, loop.num_actions), refuse=False)
             loop.send(np.clip(action, -1.0, 1.0))
             effort.begin()
