@@ -83,14 +83,15 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2155,
+    ".": 2210,
     "actions": 2560,
     "control": 4490,
     "dynamics": 1650,
-    "envs": 3905,
+    "envs": 2990,
     "motions": 3690,
-    "policy": 574,
+    "policy": 577,
     "robots": 5210,
+    "runtime": 1375,
     "tasks": 2120,
 }
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.

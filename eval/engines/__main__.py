@@ -32,7 +32,7 @@ class EnginesConfig:
 
     policies: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
     """Names of shipped policies, or run folders. Default: the shipped ones that walk."""
-    episodes: Annotated[int, Whole(1, 1000)] = 20
+    episodes: Annotated[int, Whole(1, 1000)] = 10
     """Of each."""
     seconds: Annotated[float, Number(0.1, 1000.0, "s")] = 10.0
     """Of an episode."""

@@ -16,8 +16,7 @@ class MuJoCoDynamics:
 
     def __init__(self, robot: Robot, *, num_threads: int = 1) -> None:
         """Compute on `num_threads` threads."""
-        self.robot = robot
-        self._num_threads = num_threads
+        self.robot, self._num_threads = robot, num_threads
         self._batch: mujoco.batch.Batch | None = None
 
     def terms(self, qpos: np.ndarray, qvel: np.ndarray) -> DynamicsTerms:
