@@ -49,10 +49,10 @@ class _Client:
 class BulletWorld:
     """One robot on level ground.
 
-    Its masses, inertias, joints, their damping and friction, and the shapes that touch the ground
-    with their friction are those of the model. Bullet knows no armature: the inertia of a motor's
-    rotor is added to the link that it drives, about the joint's axis. There it is felt also when
-    that link turns with the whole robot, which armature is not.
+    Its masses, inertias, joints, their damping, friction and limits, and the shapes that touch the
+    ground with their friction are those of the model. Bullet knows no armature: the inertia of a
+    motor's rotor is added to the link that it drives, about the joint's axis. There it is felt also
+    when that link turns with the whole robot, which armature is not.
 
     Attributes:
         robot: the robot.
@@ -135,6 +135,9 @@ class BulletWorld:
             }
             for change, value in changes.items():  # together, some of them are lost
                 engine.changeDynamics(self._id, index, **{change: value})
+            if link.joint >= 0 and model.jnt_limited[link.joint]:
+                lower, upper = model.jnt_range[link.joint] - model.qpos0[dof + 1]
+                engine.changeDynamics(self._id, index, jointLowerLimit=lower, jointUpperLimit=upper)
         self._joints = [turning.index(joint) for joint in _moving(model)]
         self._zero = model.qpos0[7:]
         for index, joint in zip(self._joints, _moving(model), strict=True):
