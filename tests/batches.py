@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.runtime.config import EnvConfig
 
 
 def started(arguments: Mapping[str, Any], count: int) -> EnvBatch:

@@ -30,6 +30,7 @@ RANK = {
     "reading": 1,
     "checks": 1,
     "exit_status": 1,
+    "__main__": 2,
     "options": 2,
     "quantities": 1,
     "compiled": 1,
@@ -42,13 +43,15 @@ RANK = {
     "motions": 6,
     "actions": 7,
     "tasks": 7,
-    "envs": 8,
-    "robots.__main__": 9,
-    "compile_all": 9,
-    "fbid_gym": 9,
-    "train.runs": 10,
-    "train": 11,
-    "eval": 12,
+    "environments": 0,
+    "runtime": 8,
+    "envs": 9,
+    "robots.__main__": 10,
+    "compile_all": 10,
+    "fbid_gym": 10,
+    "train.runs": 11,
+    "train": 12,
+    "eval": 13,
 }
 
 # Where a library may be imported: units, or single modules.
@@ -67,7 +70,10 @@ ONLY_IN = {
 }
 NOT_IN = {
     "mujoco": {"control", "policy", "bundles", "errors", "compiled", "small_matrices"},
-    "gymnasium": {"control", "policy", "bundles", "errors", "robots", "dynamics"},
+    "gymnasium": {
+        *("control", "policy", "bundles", "errors", "robots", "dynamics"),
+        *("environments", "motions", "actions", "tasks", "runtime"),
+    },
 }
 
 MAX_LINES = 450
@@ -78,14 +84,15 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2155,
+    ".": 2320,
     "actions": 2560,
     "control": 4490,
     "dynamics": 1650,
-    "envs": 3905,
+    "envs": 2990,
     "motions": 3690,
-    "policy": 574,
+    "policy": 577,
     "robots": 5210,
+    "runtime": 1375,
     "tasks": 2120,
 }
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.

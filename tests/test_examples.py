@@ -12,7 +12,9 @@ ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SHORT = {
     "law_alone": ["--steps", "100"],
+    "other_engine": ["--seconds", "0.5"],
     "own_layer": ["--steps", "10"],
+    "own_loop": ["--seconds", "0.5"],
     "own_robot": ["--steps", "10"],
     "own_task": ["--steps", "10"],
     "ppo": ["--steps", "128", "--num-envs", "4"],
@@ -20,11 +22,13 @@ SHORT = {
     "sb3": ["--steps", "96", "--num-envs", "2"],
 }
 NEEDS = {
+    "other_engine": ("pybullet", "pip install -c constraints.txt 'fbid_gym[bullet]'"),
     "recurrent": ("sb3_contrib", "pip install -c constraints.txt sb3-contrib"),
 }
 PAGES = (
     "README.md",
     "docs/arguments.md",
+    "docs/deploy.md",
     "docs/index.md",
     "docs/layers/index.md",
     "docs/own_task_and_layer.md",

@@ -9,10 +9,10 @@ import numpy as np
 
 from eval.papers.log import Log, single
 from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics
-from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
+from fbid_gym.runtime.rates import Rates
 
 RATES = Rates(physics=1000, control=500)
 """[M10] IV.A: integration at 1000 Hz, feedback at 500 Hz."""

@@ -21,8 +21,8 @@ from eval.play.texts import from_query
 from eval.rollout import parse_env_args
 from fbid_gym.checks import check_positive
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.runtime.config import EnvConfig
 from train.command import run_command
 from train.runs.robots import chosen
 

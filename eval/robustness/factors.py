@@ -13,8 +13,8 @@ import numpy as np
 from eval.wording import number, percent
 from eval.zero_actions.tables import EXACT
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.robots.terrain import hardest
+from fbid_gym.runtime.config import EnvConfig
 
 PAPERS_PHYSICS: dict[str, Any] = EXACT | {"solver_warm_start": True}
 """Rates, cones and contact solver of the papers' experiments; see also `eval.zero_actions`."""

@@ -14,14 +14,14 @@ from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import BodyOptions, default_gains, default_moment_priority
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import MOST_STEPS, NUM_ENVS, NUM_THREADS
-from fbid_gym.envs.config import Drawing, EnvConfig
 from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.page import code, meanings, option_table, page, sections, table, term_rows
-from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Flag, Option, options_of
 from fbid_gym.robots import load
+from fbid_gym.runtime.config import Drawing, EnvConfig
+from fbid_gym.runtime.randomisation import Randomisation
 from fbid_gym.tasks import TASKS
 
 _HEAD = """\

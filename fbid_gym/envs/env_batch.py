@@ -5,20 +5,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fbid_gym.envs import answers
-from fbid_gym.envs.action_delay import ActionDelay
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
-from fbid_gym.envs.given import checked_action, checked_command, clip
 from fbid_gym.envs.moment import Moment
 from fbid_gym.envs.plant import Plant
 from fbid_gym.envs.simulation import Simulation
-from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import RobotState, some_of
 from fbid_gym.robots.undrawn import alone, undrawn
-from fbid_gym.tasks.observation import columns, entry_bounds, entry_names
+from fbid_gym.runtime import answers
+from fbid_gym.runtime.config import EnvConfig
+from fbid_gym.runtime.control_loop import ControlLoop
+from fbid_gym.runtime.effort import Effort
+from fbid_gym.runtime.given import checked_action, checked_command, clip
+from fbid_gym.tasks.observation import columns
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
 
@@ -47,6 +47,7 @@ class EnvBatch:
         footholds: what of an action steers a gait, after what is the layer's.
         terrain: the ground.
         simulation: the physics.
+        loop: task and layer at work.
         reward_terms: the table of the reward, as it was asked for.
         observation_groups: the table of the observation.
         observation_columns: name of a group -> where in an observation it is.
@@ -79,8 +80,6 @@ class EnvBatch:
         self._reward_names = [f"reward_{name}" for name in self.reward_terms]
         self._reward_parts = answers.Parts.of_rows("reward term", self.reward_terms, num_envs)
         self._weights = np.repeat([term.weight for term in self.reward_terms.values()], num_envs)
-        self.observation_groups = answers.checked_groups(self.task)
-        self.layer, self.footholds = config.layer(self.robot, self.task)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
         randomisation = config.randomisations()
         self.plant = Plant(self.simulation, randomisation)
@@ -93,31 +92,18 @@ class EnvBatch:
         drawn = self.task.draw(np.random.default_rng(0))
         answers.check_plan(self.task, drawn)
         answers.check_size(drawn, num_envs if of is None else of, self.task.seconds)
-        self._plan = {
-            name: np.repeat(value[None], num_envs, axis=0) for name, value in drawn.items()
-        }
-        self._memory = self.layer.memory(num_envs)
-        answers.check_layer(self.layer, self._memory, num_envs)
-        self._fresh_memory = self.layer.memory(num_envs)
+        simulation, longest = self.simulation, randomisation.action_delay[1]
+        self.loop = ControlLoop(config, self.task, drawn, simulation.terms(), longest)
+        self.layer, self.footholds = self.loop.layer, self.loop.footholds
+        self.observation_groups = self.loop.observation_groups
+        self.observation_bound = self.loop.observation_bound
+        self.observation_columns = columns(self.observation_groups)
+        self._plan = self.loop.plan
         self._tick = np.zeros(num_envs, np.int64)
-        simulation = self.simulation
         own = simulation.qpos.copy(), simulation.qvel.copy()
         self._state = RobotState(*own, simulation.contact_force, self._tick)
         self._effort = Effort.none(num_envs, self.robot.num_joints)
-        self.observation_bound = entry_bounds(self.observation_groups)
-        # As large as what is clipped to them: NumPy is faster so.
-        self._most = np.tile(self.observation_bound, (num_envs, 1))
-        self._least = -self._most
-        self.observation_columns = columns(self.observation_groups)
-        self._seen_parts = answers.Parts.of_observation(self.observation_groups, num_envs)
         self._observation = np.zeros((num_envs, len(self.observation_bound)), np.float32)
-        self._num_own = len(self.layer.action_names)
-        self._num_actions = len(self.action_names)
-        longest = randomisation.action_delay[1]
-        self._delay = ActionDelay.of(num_envs, self._num_actions, self.rates, longest)
-        planned = self.task.memory(simulation.terms())
-        answers.check_memory(planned, num_envs, self.task)
-        self._planned = {name: value.copy() for name, value in planned.items()}
         # What the episodes have come to so far.
         self._sums = {"distance": np.zeros(num_envs), "energy": np.zeros(num_envs)}
         self._progress = Climb.of(num_envs, self.terrain.tiles, config)
@@ -125,7 +111,7 @@ class EnvBatch:
         self._com_velocity = np.full((num_envs, 3), np.nan)
         # Of the last policy step.
         outcome = self._outcome(Effort.none(num_envs, self.robot.num_joints))
-        measured = self._measure(outcome)
+        measured = self.loop.measure(outcome)
         self._metric_names = answers.metric_names(self.task.metrics(measured), self.task)
         self._metric_parts = answers.Parts.of_rows("metric", self._metric_names, num_envs)
         self._metrics = self._evaluate(measured)
@@ -133,12 +119,12 @@ class EnvBatch:
     @property
     def observation_names(self) -> tuple[str, ...]:
         """What each entry of the observation is, with its unit."""
-        return entry_names(self.observation_groups)
+        return self.loop.observation_names
 
     @property
     def action_names(self) -> tuple[str, ...]:
         """What each entry of the action commands: of the layer, then of the footholds."""
-        return (*self.layer.action_names, *self.footholds.action_names)
+        return self.loop.action_names
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
         """Give one environment a random generator of its own, and begin its curriculum anew."""
@@ -172,7 +158,7 @@ class EnvBatch:
         if command is not None:
             self.set_command(ids, command)
         self.plant.apply(ids)
-        self._delay.begin(ids, self.plant.action_delay[ids])
+        self.loop.delay.begin(ids, self.plant.action_delay[ids])
         self._progress.set_out(ids)
         qpos = self._plan["qpos"][ids]
         ground = self.terrain.height(qpos[:, 0], qpos[:, 1])
@@ -182,11 +168,10 @@ class EnvBatch:
         self._com_velocity[ids] = np.nan
         for total in self._sums.values():
             total[ids] = 0.0
-        self._forget(ids)
-        self._plan_anew(ids)
+        self.loop.begin(ids, self.plant.terms())
         rest = Effort.none(self.num_envs, self.robot.num_joints)
         outcome = self._outcome(rest._replace(torque=self._effort.torque))
-        self._observation[ids] = self._observe(self._measure(outcome))[ids]
+        self._observation[ids] = self.loop.observe(self.loop.measure(outcome))[ids]
 
     @property
     def lengths(self) -> np.ndarray:
@@ -210,7 +195,7 @@ class EnvBatch:
 
     def check_action(self, action: np.ndarray, *num_envs: int) -> np.ndarray:
         """Return actions (*num_envs, A) as floats, or raise one error before anything is lost."""
-        shape = *num_envs, self._num_actions
+        shape = *num_envs, self.loop.num_actions
         return checked_action(action, shape, refuse=self.config.actions == "refuse")
 
     def step(self, action: np.ndarray) -> Step:
@@ -222,9 +207,9 @@ class EnvBatch:
         self._retire(np.flatnonzero(lost))
         self._add_up()
         outcome = self._outcome(self._effort)
-        measured = self._measure(outcome)
+        measured = self.loop.measure(outcome)
         shares, metrics = self._judge(measured), self._evaluate(measured)
-        seen = self._observe(measured)
+        seen = self.loop.observe(measured)
         if np.count_nonzero(lost):
             self._show_last_seen(lost, shares, metrics, seen)
         reward = answers.summed(shares, self.reward_terms, self.task)
@@ -259,10 +244,6 @@ class EnvBatch:
         lasted = truncated & (self.limits == self.num_steps)
         return self._progress.advance(error, self.task.tolerance, terminated, lasted)
 
-    def _measure(self, outcome: Outcome) -> Any:
-        """What observation, reward and metrics are made of."""
-        return self.task.measure(outcome, self._plan, self._planned)
-
     def _judge(self, measured: Any) -> np.ndarray:
         """The terms of the reward: (T, N), a row for each."""
         shares = [term.share(measured) for term in self.reward_terms.values()]
@@ -278,26 +259,17 @@ class EnvBatch:
 
     def _act(self, action: np.ndarray) -> dict[str, np.ndarray]:
         """Run the control ticks of a policy step; what the pushes did."""
-        state, terms, shape = self._look(), self.plant.terms, self._effort.torque.shape
+        state, terms = self._look(), self.plant.terms
         self._effort.begin()
         self._com_velocity[:] = self.simulation.terms().com_velocity
         when = self._tick, self.rates.ticks, self.rates.control
         pushed = self.task.pushes.during(self._plan, *when)
-        self._delay.send(action)
-        arrivals = self._delay.arrivals()
+        self.loop.send(action)
         for tick, push in enumerate(pushed.force):
-            if tick in arrivals:
-                arrived = self._delay.arrived(tick)
-                own = np.ascontiguousarray(arrived[:, : self._num_own])
-                steering = self.footholds.steering(arrived[:, self._num_own :])
-                now = Now(state, terms, steering, self._planned)
             if pushed.jumping[tick]:
                 self.simulation.jump(pushed.jump[tick])
                 self._look()
-            self.task.advance(self._plan, now)
-            target = self.task.target(self._plan, now)
-            torque = self.layer.torque(own, state, target, terms, self._memory)
-            torque = answers.as_numbers(torque, shape, self.layer, "torque")
+            torque = self.loop.torque(tick, state, terms)
             self.simulation.tick(torque, push, self._effort, self._state)
         return {"push": pushed.force[-1], "push_velocity": pushed.jump.sum(axis=0)}
 
@@ -307,7 +279,7 @@ class EnvBatch:
             "torque": self._effort.torque.copy(),
             "contact_force": self._state.contact_force.copy(),
             "layer_saturation": self._effort.saturation.copy(),
-            **{f"layer_{name}": self._memory[name].copy() for name in self.layer.diagnostics},
+            **{f"layer_{name}": self.loop.memory[name].copy() for name in self.layer.diagnostics},
             "termination": np.where(lost, 2, 1 * fallen),
         }
 
@@ -323,32 +295,7 @@ class EnvBatch:
         self._sums["energy"] += self._effort.power / rates.control
 
     def _outcome(self, effort: Effort) -> Outcome:
-        state, terms, ticks = self._look(), self.simulation.terms(), self.rates.ticks
-        square = effort.torque_square / (ticks * self.robot.num_joints)
-        return Outcome(
-            state=state,
-            terms=terms,
-            posture=self.task.body.posture(state, terms),
-            torque=effort.torque.copy(),
-            torque_rms=np.sqrt(square),
-            power=effort.power / ticks,
-            **{name: total.copy() for name, total in self._sums.items()},
-        )
-
-    def _observe(self, measured: Any) -> np.ndarray:
-        """(N, O) float32, clipped."""
-        parts = [group.function(measured) for group in self.observation_groups.values()]
-        seen = self._seen_parts.joined(parts, self.task)
-        np.minimum(np.maximum(seen, self._least, out=seen), self._most, out=seen)
-        return seen.astype(np.float32)
-
-    def _forget(self, ids: np.ndarray) -> None:
-        for name, value in self._fresh_memory.items():
-            self._memory[name][ids] = value[ids]
-
-    def _plan_anew(self, ids: np.ndarray) -> None:
-        for name, value in self.task.memory(self.plant.terms()).items():
-            self._planned[name][ids] = value[ids]
+        return self.loop.outcome(self._look(), self.simulation.terms(), effort, self._sums)
 
     def _retire(self, ids: np.ndarray) -> None:
         """Stand diverged robots back in the home pose, where they harm nobody until reset."""
@@ -360,24 +307,26 @@ class EnvBatch:
         ground = self.terrain.height(home[:, 0], home[:, 1])
         self.simulation.place(ids, home, np.zeros((len(ids), self.robot.nv)), ground)
         self._com_velocity[ids] = np.nan
-        self._forget(ids)
-        self._plan_anew(ids)
+        self.loop.begin(ids, self.plant.terms())
 
     def moment(self, env: int) -> Moment:
         """Return what the layer would see of one robot now, in copies."""
-        action = self._delay.arrived(self.rates.ticks - 1)[env : env + 1]
-        steering, only = self.footholds.steering(action[:, self._num_own :]), np.array([env])
+        action = self.loop.delay.arrived(self.rates.ticks - 1)[env : env + 1]
+        steering, only = (
+            self.footholds.steering(action[:, len(self.layer.action_names) :]),
+            np.array([env]),
+        )
         terms, actual = some_of(self.plant.terms(), only), some_of(self.simulation.terms(), only)
         state = some_of(self._look(), only)
-        now = Now(state, lambda: terms, steering, _rows(self._planned, only))
+        now = Now(state, lambda: terms, some_of(steering, only), _rows(self.loop.planned, only))
         gained = actual.com_velocity[0] - self._com_velocity[env]
         return Moment(
-            action=np.ascontiguousarray(action[:, : self._num_own]),
+            action=action[only],
             state=state,
             target=self.task.target(_rows(self._plan, only), now),
             terms=terms,
             actual=actual,
-            memory=_rows(self._memory, only),
+            memory=_rows(self.loop.memory, only),
             acceleration=gained * self.rates.policy,
         )
 
@@ -400,17 +349,17 @@ class EnvBatch:
         """What goes on from step to step beside the physics, by its part of a state; live."""
         return {
             "plan": self._plan,
-            "memory": self._memory,
-            "planned": self._planned,
+            "memory": self.loop.memory,
+            "planned": self.loop.planned,
             "metric": dict(zip(self._metric_names, self._metrics, strict=True)),
             "episode": self._sums,
-            "delay": self._delay.arrays,
+            "delay": self.loop.delay.arrays,
             "progress": self._progress.arrays,
         }
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
         """Raise InvalidValueError for numbers of a state that look up what is not there."""
-        history = self._delay.arrays["action"].shape[1] - 1
+        history = self.loop.delay.arrays["action"].shape[1] - 1
         most = {
             "tick": self.num_steps * self.rates.ticks + 2**32,  # some step on after the end
             "limits": self.num_steps,

@@ -17,10 +17,10 @@ import numpy as np
 
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS, curriculum
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.options import Option, options_of
 from fbid_gym.robots import terrain
+from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import TASKS
 from fbid_gym.tasks.reward import Terms
 

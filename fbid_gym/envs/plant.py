@@ -6,10 +6,10 @@ import numpy as np
 
 from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.dynamics.trunk import base_from_trunk
-from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.simulation import Simulation, hush
 from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots.mjcf import moving_joints
+from fbid_gym.runtime.randomisation import Randomisation
 
 # What is drawn for a whole robot, or for each of its motors, from a (least, most).
 _RANGES = (

@@ -8,7 +8,7 @@ import torch
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
-from fbid_gym.envs.config import registered
+from fbid_gym.envs.registered import registered
 from fbid_gym.envs.vector_env import RobotVectorEnv
 
 

@@ -9,11 +9,12 @@ import numpy as np
 from fbid_gym.dynamics.contacts import point_positions
 from fbid_gym.dynamics.live_terms import LiveTerms, column_of
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.envs.rates import Rates
-from fbid_gym.envs.tick import Effort, Wiring, drive, find_diverged, read, write_controls
+from fbid_gym.envs.tick import Wiring, drive, find_diverged, read, write_controls
 from fbid_gym.errors import RobotError
 from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots import Robot
+from fbid_gym.runtime.effort import Effort
+from fbid_gym.runtime.rates import Rates
 
 MAX_SPEED = 500.0
 """Generalized speed (m/s, rad/s) beyond which a simulation counts as diverged."""

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot
+from fbid_gym.runtime.config import EnvConfig
 
 _LAYERS = ("joint_position", "base_acceleration", "com_wrench")
 _RATES = (500, 1000)  # Hz that are tried where a robot falls at an environment's own

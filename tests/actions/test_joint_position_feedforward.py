@@ -11,11 +11,11 @@ from fbid_gym.actions.smooth_target import SmoothTarget, TargetMemory, move_on, 
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import point_jacobian
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import in_world, periodic_squat
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
+from fbid_gym.runtime.rates import Rates
 from tests.actions.cases import home_of, layer_of, moving, without_self_motion
 from tests.postures import turned
 

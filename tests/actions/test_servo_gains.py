@@ -9,11 +9,11 @@ from eval import zoo
 from fbid_gym.actions.joint_gains import JointGains, missing_damping, sampled_growth
 from fbid_gym.actions.ranges import Falling
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.verdict import survival
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots import Robot, go1, load
 from fbid_gym.robots.assets import asset_path
+from fbid_gym.runtime.config import EnvConfig
 from tests.actions.cases import layer_of
 
 ANIMAL = next(

@@ -21,8 +21,8 @@ from fbid_gym.control import (
 from fbid_gym.dynamics import MuJoCoDynamics, centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
+from fbid_gym.runtime.rates import Rates
 
 HZ = 500
 LIMITS = ContactLimits(0.7)

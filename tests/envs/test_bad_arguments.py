@@ -18,14 +18,14 @@ import fbid_gym
 from fbid_gym.actions import LAYERS, layer_choices, make_layer
 from fbid_gym.envs.__main__ import arguments_page
 from fbid_gym.envs.chunks import Chunks
-from fbid_gym.envs.config import Drawing, EnvConfig
 from fbid_gym.envs.overlays import RenderOptions
-from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rendering import RobotRenderer
 from fbid_gym.errors import FbidError, shown
 from fbid_gym.motions.target import MotionKind, planned_kind
 from fbid_gym.options import Choice, Flag, Named, Number, Pair, Whole, options_of
 from fbid_gym.robots import load
+from fbid_gym.runtime.config import Drawing, EnvConfig
+from fbid_gym.runtime.randomisation import Randomisation
 from fbid_gym.tasks import TASKS, Pushes, Start, make_task
 
 BIPED = "fbid_gym/BipedBalance-v0"

@@ -10,7 +10,7 @@ import pytest
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.randomisation import Randomisation
+from fbid_gym.runtime.randomisation import Randomisation
 from tests.robots.test_source_urdf import urdf
 
 PLANT = {"mass": 0.3, "com": 0.02, "friction": (0.4, 0.8), "motor_strength": (0.7, 1.1)}

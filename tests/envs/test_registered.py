@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.actions import LAYERS, register_layer
-from fbid_gym.envs.config import resolved_arguments
+from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
 from fbid_gym.motions import home_target, in_world
 from fbid_gym.motions.target import planned_kind

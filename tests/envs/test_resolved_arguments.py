@@ -10,9 +10,10 @@ import pytest
 from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig, resolved_arguments
+from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.robots.terrain import LEVELLED
+from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import task_options
 from tests.pairs import pairs
 

@@ -9,8 +9,8 @@ import pytest
 
 import fbid_gym
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import FbidError, UnknownOptionError
 from fbid_gym.tasks import TASKS, Term, Walk, bell, register_reward_term, register_task
 from fbid_gym.tasks.body import Units
@@ -46,7 +46,7 @@ def on_the_way(name: str, **arguments: Any) -> EnvBatch:
 
 
 def measured(batch: EnvBatch) -> Any:
-    return batch._measure(batch._outcome(batch._effort))
+    return batch.loop.measure(batch._outcome(batch._effort))
 
 
 def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:

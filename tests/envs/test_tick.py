@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import MAX_SPEED, Simulation
-from fbid_gym.envs.tick import Effort
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import ROBOTS, load
+from fbid_gym.runtime.effort import Effort
+from fbid_gym.runtime.rates import Rates
 
 COUNT = 4
 

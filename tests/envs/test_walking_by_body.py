@@ -5,7 +5,7 @@ import pytest
 
 from eval import zoo
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.tick import Effort
+from fbid_gym.runtime.effort import Effort
 from fbid_gym.tasks.body import FALLEN_HEIGHT
 from fbid_gym.tasks.walk import MOST_LOWERED
 from tests.batches import started

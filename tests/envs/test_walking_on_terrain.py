@@ -6,13 +6,13 @@ import pytest
 
 from fbid_gym.dynamics.contacts import contact_geometry, point_positions
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import FbidError
 from fbid_gym.robots.terrain import LEVELLED, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid
+from fbid_gym.runtime.config import EnvConfig
+from fbid_gym.runtime.effort import Effort
 from fbid_gym.tasks.height_scan import SCAN, scan_heights
 from tests.batches import started
 
@@ -77,7 +77,7 @@ def test_the_scan_sees_the_ground_from_where_the_robot_stands() -> None:
     np.testing.assert_array_equal(batch.observation()[:, :-size], blind.observation())
 
     batch = batch_of(terrain="stairs", difficulty=1.0, height_scan=True)
-    terms, memory = batch.simulation.terms(), batch._planned
+    terms, memory = batch.simulation.terms(), batch.loop.planned
     heading = np.arctan2(terms.world_from_base[:, 1, 0], terms.world_from_base[:, 0, 0])
     ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)

@@ -14,7 +14,7 @@ from eval.zero_actions.measures import noise_torque, summarised, walk
 from eval.zero_actions.tables import EXACT, SETTINGS, ZeroActionConfig, cases, environment
 from fbid_gym import robots
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
+from fbid_gym.runtime.config import EnvConfig
 from train.runs.tables import read_rows
 
 SHORT = ["walking", "--robots", "biped", "--layers", "torque", "base_acceleration"]

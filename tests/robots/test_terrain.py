@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot, load
 from fbid_gym.robots.terrain import LEVELLED, TERRAINS, make_terrain, world_of
+from fbid_gym.runtime.config import EnvConfig
 from tests.robots.test_robot_errors import GOOD
 
 ROUGH = ("obstacles", "rocks")

@@ -6,11 +6,11 @@ import pytest
 
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.motions.gait.command import Steering
 from fbid_gym.motions.kinematics import foot_radius
 from fbid_gym.quantities import RobotState, some_of
 from fbid_gym.robots import load
+from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import Now
 
 PLANNED = ("QuadrupedBalance-v0", "BipedSquat-v0", "BipedStep-v0", "QuadrupedCrawl-v0")

@@ -11,11 +11,11 @@ from eval.tools.bench.environments import BALANCE, zero_action
 from eval.tools.bench.figures import Figure, Limit, Section
 from eval.tools.bench.timing import Timed, in_turns, timed_physics
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.envs.vector_env import RobotVectorEnv
+from fbid_gym.runtime.config import EnvConfig
+from fbid_gym.runtime.rates import Rates
 
 Cases = Mapping[tuple[str, str], Limit | None]
 """Environment and layer -> what the ratio shall keep to."""

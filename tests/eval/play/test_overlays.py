@@ -12,10 +12,10 @@ from eval.play.overlays import Overlays
 from eval.play.serving import close_server, open_server
 from eval.play.session import Session
 from eval.play.stage import Stage
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
 from fbid_gym.envs.overlays import EVERYTHING, RenderOptions, marks, size_of
+from fbid_gym.runtime.config import EnvConfig
 
 
 @pytest.fixture

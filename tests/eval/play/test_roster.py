@@ -10,10 +10,10 @@ from eval.play.__main__ import PlayConfig, session_of, stage_of
 from eval.play.session import Change
 from eval.play.stage import NO_POLICY
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy, shipped
+from fbid_gym.runtime.config import EnvConfig
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
 NAMES = [f"shipped:{each.name}" for each in shipped() if each.policy.env_id == WALK]

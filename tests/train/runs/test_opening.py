@@ -8,7 +8,7 @@ import pytest
 import stand_in
 
 from fbid_gym.bundles import save_bundle
-from fbid_gym.envs.config import resolved_arguments
+from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import RunError
 from train.ppo import main
 from train.runs.config import EvaluationConfig

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from eval.papers.garofalo2015.pendulum import Bob, Pendulum, world_with_pendulum
-from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots import load
+from fbid_gym.runtime.rates import Rates
 
 RATES = Rates(1000, 1000)
 ENERGY = 17.4  # [G15] V

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fbid_gym.envs.rates import Rates
+from fbid_gym.runtime.rates import Rates
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,10 +5,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Annotated, Any
 
-import gymnasium as gym
 import mujoco
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
 
 from fbid_gym.actions import (
     LAYERS,
@@ -20,9 +18,6 @@ from fbid_gym.actions.footholds import Footholds
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.checks import by_name, check_choices
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.envs import ENTRY_POINT
-from fbid_gym.envs.randomisation import Randomisation
-from fbid_gym.envs.rates import Rate, Rates
 from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOptionError
 from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
 from fbid_gym.robots import ROBOTS, Robot, load
@@ -37,6 +32,8 @@ from fbid_gym.robots.terrain import (
     world_of,
 )
 from fbid_gym.robots.upright import check_upright
+from fbid_gym.runtime.randomisation import Randomisation
+from fbid_gym.runtime.rates import Rate, Rates
 from fbid_gym.tasks import (
     TASKS,
     Pushes,
@@ -159,7 +156,7 @@ class EnvConfig:
     reward_scales: Annotated[dict[str, float], Named(SCALE)] | None = None
     """Widths of the bells of terms of the reward by name, likewise, each in the term's unit."""
     randomisation: dict[str, Any] | None = None
-    """Arguments of `fbid_gym.envs.randomisation.Randomisation`; none by default."""
+    """Arguments of `fbid_gym.runtime.randomisation.Randomisation`; none by default."""
 
     def __post_init__(self) -> None:
         """Check each value that can be checked without a robot."""
@@ -320,32 +317,6 @@ class EnvConfig:
             least, most = task_kind(self.task).push
             return least * robot.weight, most * robot.weight
         return self.push_force
-
-
-def resolved_arguments(env_id: str, arguments: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return what the arguments of a registered environment mean today, as JSON can hold it.
-
-    Args:
-        env_id: a Gymnasium id.
-        arguments: as for `gym.make`. How an environment is drawn or stepped is left out.
-
-    Returns:
-        `EnvConfig.resolved()`, or None where the environment is not one of ours.
-    """
-    if not env_id.startswith("fbid_gym/") or env_id not in gym.registry:
-        return None
-    given = {name: value for name, value in arguments.items() if name not in AROUND}
-    return EnvConfig.of({**gym.registry[env_id].kwargs, **given}).resolved()
-
-
-def registered(env_id: Any) -> EnvSpec:
-    """Return what is registered under an id of this package, or of a user with its environments.
-
-    Raises:
-        UnknownOptionError: there is no such id.
-    """
-    ours = {name: spec for name, spec in gym.registry.items() if spec.entry_point == ENTRY_POINT}
-    return ours[Choice(ours, "environment id").check("env_id", env_id)]
 
 
 # Every chunk of a batch asks for the same.
