@@ -30,6 +30,7 @@ RANK = {
     "reading": 1,
     "checks": 1,
     "exit_status": 1,
+    "__main__": 2,
     "options": 2,
     "quantities": 1,
     "compiled": 1,
@@ -78,7 +79,7 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2155,
+    ".": 2255,
     "actions": 2560,
     "control": 4490,
     "dynamics": 1650,
