@@ -41,8 +41,22 @@ COMMANDS = {
     "benchmark": Command("eval.layers", "Compare an action layer of yours with ours.", "train"),
     "robots": Command("fbid_gym.robots", "Show what is understood of a robot, let it walk."),
     "policies": Command("fbid_gym.policy", "List the policies that come with the package."),
+    "sac": Command("train.sac", "Train a policy with SAC.", "train"),
+    "sweep": Command("train.sweep", "Run every training of a study.", "train"),
+    "study": Command("eval.study", "Evaluate the trainings of a study: one page.", "train"),
+    "robustness": Command("eval.robustness", "See what policies were not trained for.", "train"),
+    "zero-actions": Command("eval.zero_actions", "Let robots act without a policy.", "train"),
+    "papers": Command("eval.papers", "Run the papers' experiments: one page.", "train"),
 }
 """Name of a command -> what it runs."""
+
+
+def called(module: str) -> tuple[str, ...]:
+    """Return the words with which the user of this process runs a module."""
+    names = {command.module: name for name, command in COMMANDS.items()}
+    if sys.argv[0].startswith(f"{PROGRAM} ") and module in names:
+        return PROGRAM, names[module]
+    return "python", "-m", module
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -59,10 +73,11 @@ def _run(given: list[str]) -> None:
     if name not in COMMANDS:
         raise UnknownOptionError("command", name, COMMANDS)
     command = COMMANDS[name]
-    folder = _programs()
-    sys.path.insert(0, str(folder))
-    below = os.environ.get("PYTHONPATH")
-    os.environ["PYTHONPATH"] = os.pathsep.join([str(folder), *([below] if below else [])])
+    folder = str(_programs())
+    sys.path.insert(0, folder)
+    given_path = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = os.pathsep.join([folder, *([given_path] if given_path else [])])
+    os.environ["PYTHONSAFEPATH"] = "1"  # or children would take `train/` of the current folder
     sys.argv = [f"{PROGRAM} {name}", *rest]
     try:
         runpy.run_module(command.module, run_name="__main__")

@@ -11,7 +11,7 @@ from gymnasium.vector import VectorEnv
 from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
 from fbid_gym.envs.overlays import EVERYTHING
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
-from train.runs.config import threads_for
+from train.runs.config import parse_object, threads_for
 
 
 def register(modules: Iterable[str]) -> None:
@@ -22,6 +22,15 @@ def register(modules: Iterable[str]) -> None:
     """
     for module in modules:
         _import("register", module)
+
+
+def parse_env_args(text: str) -> dict[str, Any]:
+    """Read environment arguments given as a JSON object; InvalidValueError for others."""
+    try:
+        return parse_object(text)
+    except ValueError as error:
+        expected = f'a JSON object such as {{"push_force": [80, 80]}} ({error})'
+        raise InvalidValueError("env_args", text, expected) from error
 
 
 def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> VectorEnv:
