@@ -10,8 +10,8 @@ import os
 import runpy
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from fbid_gym.errors import FbidError, UnknownOptionError
 from fbid_gym.exit_status import exit_status
@@ -21,7 +21,8 @@ PROGRAM = "fbid-gym"
 """The name of the command."""
 
 
-class Command(NamedTuple):
+@dataclass(frozen=True)
+class Command:
     """What a command runs."""
 
     module: str

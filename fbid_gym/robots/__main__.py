@@ -49,7 +49,8 @@ def _parser() -> argparse.ArgumentParser:
     prog = " ".join(called("fbid_gym.robots"))
     parser = argparse.ArgumentParser(prog=prog, description="Show what is understood of a robot.")
     parser.add_argument(
-        "robot", help="path of an MJCF, URDF or robot.toml, or a name of robot_descriptions"
+        "robot",
+        help="path of an MJCF, URDF or robot.toml, a name of robot_descriptions, or menagerie:NAME",
     )
     parser.add_argument(
         "--feet",
