@@ -22,6 +22,7 @@ class PlaceTask(mink.Task):
     """Bring a point of a body, and perhaps its axes, to a place: world axes, (3,) or (6,)."""
 
     def __init__(self, body, cost):
+        """Set up; `cost` has an entry for each of the error."""
         super().__init__(cost=np.asarray(cost, float), gain=1.0, lm_damping=0.0)
         self.body, self.size, self.point = body, len(cost), np.zeros(3)
         self.error = np.zeros(self.size)
@@ -38,7 +39,7 @@ class PlaceTask(mink.Task):
 
 
 class TaskSpacePD:
-    """tau = hold + K_D (v - qdot), v by which feet and body reach their targets within K_D / K_P."""
+    """tau = hold + K_D (v - qdot), v such that all reach their targets within K_D / K_P."""
 
     diagnostics = ()
 
