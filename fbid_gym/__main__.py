@@ -1,9 +1,9 @@
 """The commands of the package: `fbid-gym COMMAND`, or `python -m fbid_gym COMMAND`.
 
 Those of `train/` and `eval/` are no part of the package: a checkout has these folders beside it, a
-built wheel inside it, in `programs/`, which is no package. A command finds them because their
-folder joins the path of its own process and of its children, and of no other: nothing is installed
-under the names `train` and `eval`.
+built wheel in `fbid_gym_programs/`. A command finds them because that folder joins the path of its
+own process and of its children, and of no other: nothing is installed under the names `train` and
+`eval`.
 """
 
 import os
@@ -96,8 +96,9 @@ def _run(given: list[str]) -> None:
 
 def _programs() -> Path:
     """Return the folder that holds `train/` and `eval/`."""
-    inside = _PACKAGE / "programs"
-    return inside if inside.is_dir() else _PACKAGE.parent
+    around = _PACKAGE.parent
+    installed = around / "fbid_gym_programs"
+    return installed if installed.is_dir() else around
 
 
 def _help() -> str:

@@ -22,6 +22,7 @@ from eval.page.docs import PAPERS_PAGE, splice, spliced
 from eval.papers.experiment import OUT, Experiment, drawn, load
 from eval.papers.page import Paper, Section, page, summary
 from eval.papers.registry import PAPERS, experiments
+from fbid_gym.__main__ import called
 from fbid_gym.errors import RunError
 from fbid_gym.options import Whole, check_fields
 from train.command import run_command
@@ -112,7 +113,7 @@ def run(config: PapersConfig, given: Sequence[str]) -> int:
         for entry, some in chosen.items()
     ]
     seconds = time.monotonic() - began
-    command = shlex.join(["python", "-m", "eval.papers", *given])
+    command = shlex.join([*called("eval.papers"), *given])
     report = config.out / "report.html"
     write(report, page(papers, command, seconds, config.quick))
     if config.write_docs:

@@ -47,7 +47,8 @@ class Table(NamedTuple):
     robots: tuple[str, ...]
     layers: tuple[str, ...]
     factors: Mapping[str, Mapping[str, Mapping[str, Any]]]
-    """Name of a factor -> its values, in words -> what they are for the environment."""
+    """Name of a factor -> its values, in words -> what they are for the environment; "push" in
+    weights of the robot."""
     names: tuple[str, ...]
     """Columns that say what is measured; those of SHARED follow."""
     numbers: tuple[str, ...]
@@ -63,11 +64,13 @@ class Table(NamedTuple):
     seconds: float = 20.0
     without: tuple[str, ...] = ()
     """Options that it does not have."""
+    of_each: tuple[str, ...] = ()
+    """Columns with a number for each robot, separated by spaces."""
 
     @property
     def columns(self) -> tuple[str, ...]:
         """All columns of a row."""
-        return (*self.names, *SHARED, *self.numbers)
+        return (*self.names, *SHARED, *self.numbers, *self.of_each)
 
 
 SHARED = ("episodes", "seconds", "push", "first_seed")
@@ -127,6 +130,28 @@ TABLES = {
         episodes=8,
         seconds=5.0,
         without=("feet",),
+    ),
+    "layers": Table(
+        "a fixed set of tasks for any layer, also those of others (`eval.layers`)",
+        ("go1", "biped"),
+        tuple(LAYERS),
+        {
+            "task": {
+                "stand, pushed by 0.3 weights": {"env": None, "task": "balance", "push": 0.3},
+                "walk": {},
+                "walk, pushed by 0.5 weights": {"push": 0.5},
+                "walk, masses 30 % otherwise": {"randomisation": {"mass": 0.3}},
+                "walk on slopes": {"env": "Terrain", "terrain": "slopes", "difficulty": 0.5},
+            }
+        },
+        ("robot", "task", "layer", "code"),
+        (*_UP, "reward", "velocity_error", "yaw_rate_error", "cost_of_transport"),
+        rows=("robot", "task"),
+        across="layer",
+        error="velocity_error",
+        seconds=10.0,
+        without=("push",),
+        of_each=("score_of_each",),
     ),
     "noise": Table(
         "the torque of exploration noise through a layer, and the noise that is that of the first",
@@ -220,13 +245,14 @@ def _of(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]:
             yield Case(names, partial(noise, name, layer, count, config.seed))
         return
     its, robot = (_drawn if config.table == "zoo" else _named)(name, config.feet)
-    run = {"episode_seconds": seconds, "push_force": (config.push, config.push), "robot": robot}
+    run = {"episode_seconds": seconds, "robot": robot}
     walks, refused = [], None
     for levels in product(*(values.items() for values in table.factors.values())):
         own = {key: value for _, level in levels for key, value in level.items()}
         names = dict(zip(table.factors, (value for value, _ in levels), strict=True))
+        push = own.pop("push", 0.0) * robot.weight or config.push
         try:
-            walks.append((names, environment(robot, own) | run))
+            walks.append((names, environment(robot, own) | run | {"push_force": (push, push)}))
         except FbidError as error:  # its feet have not this gait, or none
             refused = error
     if refused and not walks:

@@ -7,8 +7,9 @@ from fbid_gym.robots import biped, g1, go1, humanoid, quadruped
 from fbid_gym.robots.assets import asset_path
 from fbid_gym.robots.feet import Foot
 from fbid_gym.robots.robot import Robot
+from fbid_gym.robots.source import MENAGERIE
 
-__all__ = ["ROBOTS", "Foot", "Robot", "load"]
+__all__ = ["MENAGERIE", "ROBOTS", "Foot", "Robot", "load"]
 
 _CONSTANTS = {
     "biped": biped,
@@ -24,11 +25,14 @@ ROBOTS = tuple(_CONSTANTS)
 
 @functools.cache
 def load(name: str) -> Robot:
-    """Load a built-in robot; the same object every time.
+    """Load a built-in robot, or "menagerie:NAME"; the same object every time.
 
     Raises:
         UnknownOptionError: no robot of this name.
+        FbidError: as `Robot.load`.
     """
+    if name.startswith(MENAGERIE):
+        return Robot.load(name)
     if name not in _CONSTANTS:
         raise UnknownOptionError("robot", name, ROBOTS)
     constants = _CONSTANTS[name]

@@ -260,9 +260,11 @@ class Robot:
         dense; everything else in the file stays. What `check` finds is logged as warnings.
 
         Args:
-            source: path or text of an MJCF or URDF, an `mujoco.MjSpec`, or a name of
-                `robot_descriptions`. It holds one robot of hinges and slides: in an MJCF with one
-                free joint on a top-level body; a URDF's root link is made to float.
+            source: path or text of an MJCF or URDF, an `mujoco.MjSpec`, a name of
+                `robot_descriptions`, or "menagerie:NAME" for one of `mujoco_menagerie`
+                ("menagerie:NAME/FILE" for another of its files than the usual one). It holds one
+                robot of hinges and slides: in an MJCF with one free joint on a top-level body; a
+                URDF's root link is made to float.
             feet: foot name -> names of its contact points, or of its body; or a sequence of names,
                 each of a foot with one point, or of its body. A point is a site, a sphere, or a
                 capsule (its end farther from the body's origin). The points of one foot lie on one

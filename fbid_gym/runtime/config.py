@@ -20,7 +20,7 @@ from fbid_gym.checks import by_name, check_choices
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOptionError
 from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
-from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots import MENAGERIE, ROBOTS, Robot, load
 from fbid_gym.robots.contact_pairs import compile_paired
 from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.terrain import (
@@ -98,7 +98,7 @@ class EnvConfig:
     """Everything that defines an environment; the same for one robot and for many."""
 
     robot: str | Robot = "biped"
-    """Name of a built-in robot, or a `Robot`."""
+    """Name of a built-in robot, "menagerie:NAME" for one of `mujoco_menagerie`, or a `Robot`."""
     task: Annotated[str, Choice(TASKS)] = "balance"
     """What the robot shall do: see `fbid_gym.tasks.TASKS`."""
     task_options: dict[str, Any] = field(default_factory=dict)
@@ -190,16 +190,19 @@ class EnvConfig:
 
     def load_robot(self) -> Robot:
         """Return the robot."""
-        if isinstance(self.robot, Robot):
-            check_upright(self.robot)
-            return self.robot
-        if not isinstance(self.robot, str):
-            raise InvalidValueError("robot", self.robot, f"a Robot or one of {', '.join(ROBOTS)}")
-        if self.robot not in ROBOTS:
+        robot = self.robot
+        if isinstance(robot, str) and robot.startswith(MENAGERIE):
+            robot = load(robot)
+        if isinstance(robot, Robot):
+            check_upright(robot)
+            return robot
+        if not isinstance(robot, str):
+            raise InvalidValueError("robot", robot, f"a Robot or one of {', '.join(ROBOTS)}")
+        if robot not in ROBOTS:
             # Many give the path of their file here.
             made = "a Robot such as Robot.load(path) makes"
-            raise UnknownOptionError("robot", self.robot, (*ROBOTS, made))
-        return load(self.robot)
+            raise UnknownOptionError("robot", robot, (*ROBOTS, made))
+        return load(robot)
 
     def rates(self) -> Rates:
         """Return the checked rates."""
