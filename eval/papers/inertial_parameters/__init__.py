@@ -6,22 +6,15 @@ keeps to bodies that can exist (`entropic_fit`).
 """
 
 from eval.papers.inertial_parameters.estimation import (
-    RESOLUTION,
     Identification,
     Regression,
     Samples,
     estimate,
     free_motions,
-    identify,
     projected_equations,
     regression,
 )
-from eval.papers.inertial_parameters.excitation import (
-    Excitation,
-    ExcitationError,
-    by_steps,
-    natural_steps,
-)
+from eval.papers.inertial_parameters.excitation import RESOLUTION, by_steps, natural_steps
 from eval.papers.inertial_parameters.inertia import (
     PARAMETERS,
     body_parameters,
@@ -35,8 +28,6 @@ from eval.papers.inertial_parameters.regressor import InertialRegressor
 __all__ = [
     "PARAMETERS",
     "RESOLUTION",
-    "Excitation",
-    "ExcitationError",
     "Identification",
     "InertialRegressor",
     "Regression",
@@ -46,7 +37,6 @@ __all__ = [
     "consistency",
     "estimate",
     "free_motions",
-    "identify",
     "natural_steps",
     "parameters_of_pseudo_inertia",
     "projected_equations",
