@@ -189,7 +189,8 @@ def experiment(
 
 def found(package: str, module: str, name: str) -> Experiment:
     """Import an experiment of a paper's package."""
-    return getattr(importlib.import_module(f"eval.papers.{package}.{module}"), name)  # type: ignore[no-any-return]
+    there = importlib.import_module(f"eval.papers.{package}.{module}")
+    return getattr(there, name)
 
 
 def perform(experiment: Experiment, out: Path, quick: bool) -> Run:

@@ -138,7 +138,8 @@ def blow_numbers(log: Log, start: float, index: int = 0) -> dict[str, Any]:
         of the largest axis; unrealised (2, N and N m): rms of what the momentum's rate lacks of
         the wrench that was wanted, after the blow; fell: s or None.
     """
-    after, numbers = log.time >= start, {}
+    numbers: dict[str, Any] = {}
+    after = log.time >= start
     for name in ("com", "rotation"):
         error = log[name][after, index]
         peaks = np.abs(error).max(axis=0)

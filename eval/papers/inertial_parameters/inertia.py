@@ -125,9 +125,8 @@ def with_parameters(robot: Robot, bodies: np.ndarray, parameters: np.ndarray) ->
     ):
         frames[np.isin(frames, _WITH_INERTIA) & np.isin(owners, bodies)] = 0
     mujoco.mj_setConst(model, mujoco.MjData(model))
-    mass = float(model.body_subtreemass[robot.base_body])
-    spec = _told(robot.spec, model, bodies)
-    return dataclasses.replace(robot, model=model, spec=spec, mass=mass)
+    whole, spec = float(model.body_subtreemass[robot.base_body]), _told(robot.spec, model, bodies)
+    return dataclasses.replace(robot, model=model, spec=spec, mass=whole)
 
 
 def _told(spec: mujoco.MjSpec, model: mujoco.MjModel, bodies: np.ndarray) -> mujoco.MjSpec:

@@ -71,8 +71,13 @@ def orthogonal(torque_cost: np.ndarray | None = None) -> Law:
     Args:
         torque_cost: (n,) diagonal of W of eq. (16); None for the identity.
     """
-    options = {"torque_cost": torque_cost, "base_priority": JOINTS_FIRST}
-    return Law(lambda tick, a, _: orthogonal_inverse_dynamics(*tick.equation(a), **options).torque)
+
+    def torque(tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
+        return orthogonal_inverse_dynamics(
+            *tick.equation(acceleration), torque_cost=torque_cost, base_priority=JOINTS_FIRST
+        ).torque
+
+    return Law(torque)
 
 
 WEIGHTED = Law(lambda tick, a, _: inertia_weighted(tick.equation(a)).torque)
