@@ -9,11 +9,22 @@ import numpy as np
 from eval.page.figures import lines
 from eval.page.html import columns, figure, folded, text
 from eval.papers.camera import Camera, logged
-from eval.papers.experiment import Finding, Result, Setting, experiment, fate, judged, prose, row
+from eval.papers.experiment import (
+    Finding,
+    Progress,
+    Result,
+    Setting,
+    experiment,
+    fate,
+    judged,
+    prose,
+    row,
+)
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, following
 from eval.papers.mistry2010.laws import Law, limited, measured, orthogonal, rivals
 from eval.papers.trial import Trial, simulate
+from eval.papers.wrong_models import believing, wrong_model
 from eval.wording import number, percent
 from fbid_gym.motions import squat_bow
 from fbid_gym.robots import Robot, load
@@ -25,6 +36,9 @@ HERTZ = (1.0, 1.3, 1.6, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0)
 
 SOFT = (1.6, 0.5)
 """Hz and damping ratio at which PD alone errs in the slow motion about as the paper's PD does."""
+
+WRONG, MODELS = (0.02, 0.05), 5
+"""Largest relative errors of the masses and centres of mass of wrong models, and how many each."""
 
 EVERY = 5
 """Control ticks from one logged tick to the next."""
@@ -97,14 +111,30 @@ def measure(speed: float, setting: Setting) -> Measured:
         previous[0]: (soft, previous[1]),
     }
     rows, logs = [], {}
-    for name, part in progress.part(0.45, 1.0).each(compared):
+    for name, part in progress.part(0.45, 0.9).each(compared):
         log = logs[name] = simulate(trial, JointController(robot, *compared[name]), part)
         torque = log.rms(log["torque"]).mean()
         rms, feedback = log.rms(log.error)[0, joints], log.rms(log["feedback"]).mean() / torque
         row = {"name": name, "rms": rms.tolist(), "torque": float(torque)}
         rows.append(row | {"feedback": float(feedback), "fell": log.fall()})
     numbers = {"speed": speed, "seconds": seconds, "rows": rows, **sweeps, "best": best}
+    numbers["wrong"] = _wrong(trial, soft, setting.pick(MODELS, 2), progress.part(0.9, 1.0))
     return Measured(numbers, logs)
+
+
+def _wrong(trial: Trial, gains: PdGains, count: int, progress: Progress) -> list[dict[str, Any]]:
+    """Run PD+FF with wrong models of each size, all in one batch."""
+    robot, rng = trial.robot, np.random.default_rng(20100503)
+    models = [wrong_model(robot, size, rng) for size in WRONG for _ in range(count)]
+    trial = replace(trial, num_robots=len(models), believe=believing(models))
+    log = simulate(trial, JointController(robot, gains, orthogonal()), progress)
+    rows = []
+    for size, some in zip(WRONG, log.groups(count), strict=True):
+        rms = some.rms(some.error)[:, joint_columns(robot)]
+        found = {"rms": np.median(rms, axis=0), "least": rms.min(axis=0), "most": rms.max(axis=0)}
+        row = {"size": size, "models": count, "up": float(some.survived.mean())}
+        rows.append(row | {name: value.tolist() for name, value in found.items()})
+    return rows
 
 
 def triple(values: Sequence[float]) -> str:
@@ -123,6 +153,20 @@ def no_worse(ours: dict[str, Any], paper: Sequence[float]) -> Finding:
     what = "RMS error of hip, knee, ankle with PD+FF, rad"
     stood = small and ours["fell"] is None
     return judged(what, triple(paper), triple(ours["rms"]), "no worse than the paper's", stood)
+
+
+def wrong_models(numbers: dict[str, Any], paper: Sequence[float]) -> list[Finding]:
+    """Tell the errors of PD+FF with wrong models beside the paper's."""
+    return [
+        Finding(
+            f"the same with links wrong by up to {percent(row['size'])}, median of "
+            f"{row['models']} models",
+            triple(paper),
+            f"{triple(row['rms'])} (from {triple(row['least'])} to {triple(row['most'])}); "
+            f"{percent(row['up'])} stay up",
+        )
+        for row in numbers["wrong"]
+    ]
 
 
 def best_gains(numbers: dict[str, Any]) -> str:
@@ -214,8 +258,10 @@ def fig4_slow_squat(setting: Setting) -> Result:
     rows = found.numbers["rows"]
     ours, stiff, soft = (row(rows, name=name) for name in (FF, BEST, PD))
     alone = f"with PD alone, gains that err like the paper's ({SOFT[0]:g} Hz, ζ {SOFT[1]:g})"
+    paper = (0.001, 0.011, 0.005)
     findings = [
-        no_worse(ours, (0.001, 0.011, 0.005)),
+        no_worse(ours, paper),
+        *wrong_models(found.numbers, paper),
         Finding(
             alone, triple((0.008, 0.076, 0.021)), f"{triple(soft['rms'])}; {fate(soft['fell'])}"
         ),
@@ -265,12 +311,14 @@ def fig5_fast_squat(setting: Setting) -> Result:
     found = measure(5.0, setting)
     rows, sweep = found.numbers["rows"], found.numbers["alone"]
     ours, stiff, soft = (row(rows, name=name) for name in (FF, BEST, PD))
+    paper = (0.005, 0.109, 0.052)
     stood, slow = fate(ours["fell"]), "gains that err like the paper's in the slow motion"
     findings = [
         judged(
             "PD+FF through full knee extension", "stays up", stood, "stays up", ours["fell"] is None
         ),
-        no_worse(ours, (0.005, 0.109, 0.052)),
+        no_worse(ours, paper),
+        *wrong_models(found.numbers, paper),
         judged(
             f"PD alone, {slow}", "falls within 1 s", fate(soft["fell"]), "falls",
             soft["fell"] is not None,

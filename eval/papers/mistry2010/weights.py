@@ -97,11 +97,11 @@ def fig6_7_weights(setting: Setting) -> Result:
     decade = brentq(as_paper, 0.0, np.log10(COST), xtol=0.01)
     change, as_there = changes(spared, free), changes(rows["as the paper"], free)
     less, others = 1.0 / change["left knee"], ("left hip", "right ankle")
-    there = told({name: value for name, value in PAYING.items()}, PAYING)
+    there = told(PAYING, PAYING)
     wrong = [float(np.linalg.norm(row["error"])) for row in (free, spared, alone)]
     findings = [
         judged(
-            "RMS torque of the left knee, times smaller", number(SPARED, 2), number(less, 2),
+            "RMS torque of the left knee, times smaller", f"{SPARED:.1f}", number(less, 2),
             "at least 3.0", less >= SPARED and spared["fell"] is None,
         ),
         Finding(
@@ -109,8 +109,8 @@ def fig6_7_weights(setting: Setting) -> Result:
             f"{told(change, PAYING)}; {told(change, others)}",
         ),
         Finding(
-            f"the same at the cost that spares the knee {number(1.0 / as_there['left knee'], 2)} "
-            f"times, {number(10.0**decade, 2)}", there,
+            f"the same at the cost that spares the knee {1.0 / as_there['left knee']:.1f} times, "
+            f"{number(10.0**decade, 2)}", there,
             f"{told(as_there, PAYING)}; {told(as_there, others)}",
         ),
         judged(

@@ -86,7 +86,7 @@ def describe(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Case]:
         qvel = rng.normal(0.0, 0.5, (5, robot.nv)) * scale
         terms = MuJoCoDynamics(robot).terms(qpos, qvel)
         contacts = reduced_contacts(contact_geometry(robot), terms)
-        law = [terms.mass_matrix, terms.bias, contacts.jacobian]
+        law = terms.mass_matrix, terms.bias, contacts.jacobian
         command = rng.normal(0.0, 2.0, qvel.shape) * scale
         if consistent:
             # Least in the same metric in all units, so that it is the same command.
