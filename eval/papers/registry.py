@@ -42,6 +42,7 @@ MISTRY = Entry(
         "squats": "fig4_slow_squat fig5_fast_squat",
         "weights": "fig6_7_weights",
         "stepping": "fig8_9_stepping",
+        "stepping_search": "fig8_9_search",
         "quadruped": "fig10_11_quadruped",
         "identification": "identification",
         "continuity": "claim_continuity",

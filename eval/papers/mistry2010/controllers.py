@@ -155,7 +155,7 @@ def as_planned(robot: Robot) -> Desire:
     return desire
 
 
-def base_returning(robot: Robot, hertz: float) -> Desire:
+def base_returning(robot: Robot, hertz: float | np.ndarray) -> Desire:
     """[M10] eqs. (19) and (20): the contacts stay, the base's x and y return to the reference's.
 
     What is left is at rest: the acceleration of least norm, in which the reference has no part.
@@ -163,7 +163,7 @@ def base_returning(robot: Robot, hertz: float) -> Desire:
 
     Args:
         robot: the robot.
-        hertz: natural frequency of the return, critically damped.
+        hertz: natural frequency of the return, or (N, 1); critically damped.
     """
     stance, omega = Stance.of(robot), 2.0 * np.pi * hertz
 

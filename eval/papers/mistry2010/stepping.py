@@ -60,9 +60,21 @@ def controller(robot: Robot, motion: str, name: str) -> Controller:
 
 
 def papers(
-    robot: Robot, law: Law, hertz: float = 2.0, zeta: float = 0.5, base: float = 1.0
+    robot: Robot,
+    law: Law,
+    hertz: float | np.ndarray = 2.0,
+    zeta: float | np.ndarray = 0.5,
+    base: float | np.ndarray = 1.0,
 ) -> JointController:
-    """Return the paper's controller, eqs. (18) to (20): PD gains, and Hz of the base's return."""
+    """Return the paper's controller, eqs. (18) to (20).
+
+    Args:
+        robot: whose joints.
+        law: inverse dynamics.
+        hertz: Hz of the joints, or (N,).
+        zeta: their damping ratio, or (N,).
+        base: Hz of the base's return, or (N, 1).
+    """
     gains, desire = PdGains.of(robot, hertz, zeta), base_returning(robot, base)
     return JointController(robot, gains, law, desire=desire)
 

@@ -48,7 +48,7 @@ def test_damaged_results_are_refused_in_one_sentence(content: bytes, tmp_path: P
 
 def test_experiments_are_chosen_by_their_names_or_their_papers() -> None:
     every = experiments(PAPERS, ())
-    assert [len(some) for _, some in every] == [10, 5]
+    assert [len(some) for _, some in every] == [11, 5]
     for _, some in every:
         for one in some:
             assert one.title and one.about and one.minutes > 0.0
