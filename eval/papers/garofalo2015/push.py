@@ -8,13 +8,7 @@ from eval.page.figures import traces
 from eval.page.html import columns, figure, folded, heading, table, text
 from eval.papers.camera import Camera, logged
 from eval.papers.experiment import Finding, Result, Setting, experiment, fate, judged, prose, row
-from eval.papers.garofalo2015.balancer import (
-    COLOUR,
-    GAROFALO,
-    ON_MOMENTUM,
-    ON_VELOCITY,
-    Balancer,
-)
+from eval.papers.garofalo2015.balancer import COLOUR, GAROFALO, ON_MOMENTUM, ON_VELOCITY, Balancer
 from eval.papers.garofalo2015.bout import SIDEWAYS, Blow, blow_numbers, bout
 from eval.papers.garofalo2015.pendulum import Pendulum, world_with_pendulum
 from eval.papers.log import Log

@@ -8,14 +8,7 @@ from eval.page.figures import lines
 from eval.page.html import figure, folded, table
 from eval.papers.experiment import Finding, Result, Setting, experiment, prose, row
 from eval.papers.mistry2010.controllers import JointController, PdGains, following
-from eval.papers.mistry2010.laws import (
-    ESTIMATED,
-    IN_METRIC,
-    WEIGHTED,
-    Law,
-    measured,
-    orthogonal,
-)
+from eval.papers.mistry2010.laws import ESTIMATED, IN_METRIC, WEIGHTED, Law, measured, orthogonal
 from eval.papers.trial import Trial, simulate
 from eval.papers.wrong_models import believing_in
 from eval.wording import number, percent

@@ -9,15 +9,7 @@ import numpy as np
 from eval.page.figures import bars, lines, traces
 from eval.page.html import columns, figure, heading, text
 from eval.papers.camera import Camera
-from eval.papers.experiment import (
-    Finding,
-    Progress,
-    Result,
-    Setting,
-    experiment,
-    judged,
-    row,
-)
+from eval.papers.experiment import Finding, Progress, Result, Setting, experiment, judged, row
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, following
 from eval.papers.mistry2010.laws import limited, orthogonal

@@ -341,9 +341,7 @@ def fig5_fast_squat(setting: Setting) -> Result:
             "PD with inverse dynamics. At 4 and 5 s the knees are at their limit.",
         ),
         pictures(
-            found.logs[PD],
-            (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5),
-            "PD alone at the same gains.",
+            found.logs[PD], (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5), "PD alone at the same gains."
         ),
         figure(
             joint_charts(found),

@@ -19,12 +19,7 @@ from eval.papers.experiment import (
     row,
 )
 from eval.papers.log import Log
-from eval.papers.mistry2010.controllers import (
-    JointController,
-    PdGains,
-    base_returning,
-    following,
-)
+from eval.papers.mistry2010.controllers import JointController, PdGains, base_returning, following
 from eval.papers.mistry2010.laws import Law, limited, orthogonal
 from eval.papers.mistry2010.laws import rivals as rival_laws
 from eval.papers.mistry2010.squats import JOINTS, joint_columns

@@ -9,20 +9,8 @@ from eval.page.figures import lines
 from eval.page.html import figure, folded, table, text
 from eval.papers.experiment import Finding, Result, Setting, experiment, judged, row
 from eval.papers.log import Log
-from eval.papers.mistry2010.controllers import (
-    JointController,
-    PdGains,
-    base_returning,
-    following,
-)
-from eval.papers.mistry2010.laws import (
-    ESTIMATED,
-    Law,
-    equation,
-    limited,
-    measured,
-    orthogonal,
-)
+from eval.papers.mistry2010.controllers import JointController, PdGains, base_returning, following
+from eval.papers.mistry2010.laws import ESTIMATED, Law, equation, limited, measured, orthogonal
 from eval.papers.trial import RATES, Trial, simulate
 from eval.wording import number, percent
 from fbid_gym.actions.contact_belief import ContactBelief, contact_belief
