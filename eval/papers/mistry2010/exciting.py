@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eval.papers.inertial_parameters import Samples
+from eval.papers.inertial_parameters.estimation import Samples
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import Desire
 from eval.papers.mistry2010.laws import Tick

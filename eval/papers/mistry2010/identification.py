@@ -17,19 +17,17 @@ from eval.papers.experiment import (
     judged,
     prose,
 )
-from eval.papers.inertial_parameters import (
-    RESOLUTION,
+from eval.papers.inertial_parameters.estimation import (
     Identification,
-    InertialRegressor,
     Regression,
     Samples,
-    by_steps,
-    consistency,
     estimate,
     free_motions,
-    natural_steps,
     regression,
 )
+from eval.papers.inertial_parameters.excitation import RESOLUTION, by_steps, natural_steps
+from eval.papers.inertial_parameters.inertia import consistency
+from eval.papers.inertial_parameters.regressor import InertialRegressor
 from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import JointController, PdGains, following
 from eval.papers.mistry2010.exciting import NOISE, STANCES, carrying_out, exciting, measured

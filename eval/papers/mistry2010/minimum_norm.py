@@ -8,7 +8,7 @@ from scipy.optimize import nnls
 from eval.page.figures import lines, traces
 from eval.page.html import figure, text
 from eval.papers.experiment import Finding, Result, Setting, experiment, judged
-from eval.papers.inertial_parameters import free_motions
+from eval.papers.inertial_parameters.estimation import free_motions
 from eval.papers.mistry2010.force_feedback import Equation, inertia_weighted
 from eval.papers.mistry2010.laws import equation
 from eval.wording import number, percent

@@ -134,45 +134,36 @@ def _body(rows: dict[str, Any], costs: tuple[float, ...], there: float) -> list[
     pay = [changes(row, free) for row in (spared, as_paper)]
     beside = [("left knee", 1.0 / SPARED), *PAYING.items()]
     below = "cost of the left knee, log10"
+    compared = [
+        ("paper", 7, [value for _, value in beside]),
+        (f"cost {number(there, 2)}", 2, [pay[1][name] for name, _ in beside]),
+        (f"cost {COST:,.0f}", 0, [pay[0][name] for name, _ in beside]),
+    ]
+    shown = (("W = I", 1, free), ("weighted", 0, spared), ("PD alone", 5, alone))
+    strayed = [("weighted", 0, errors), ("PD alone", 5, still)]
     return [
         figure(
             [
+                bars(NAMES, [(n, c, row["torque"]) for n, c, row in shown[:2]], "RMS torque, N·m"),
                 bars(
-                    NAMES,
-                    [("W = I", 1, free["torque"]), ("weighted", 0, spared["torque"])],
-                    "RMS torque, N·m",
-                ),
-                bars(
-                    NAMES,
-                    [
-                        (name, colour, [1e3 * e for e in row["error"]])
-                        for name, colour, row in (
-                            ("W = I", 1, free), ("weighted", 0, spared), ("PD alone", 5, alone),
-                        )
-                    ],
+                    NAMES, [(n, c, [1e3 * e for e in row["error"]]) for n, c, row in shown],
                     "RMS tracking error, mrad",
                 ),
-                bars(
-                    [name for name, _ in beside],
-                    [
-                        ("paper", 7, [value for _, value in beside]),
-                        (f"cost {number(there, 2)}", 2, [pay[1][name] for name, _ in beside]),
-                        (f"cost {COST:,.0f}", 0, [pay[0][name] for name, _ in beside]),
-                    ],
-                    "RMS torque, of that with W = I",
-                ),
-                lines(decades, torques, "The same, by cost", below),
-                lines(
-                    decades,
-                    [("weighted", 0, errors), ("PD alone", 5, still)],
-                    "RMS tracking error, mrad, by cost",
-                    below,
-                ),
             ],
-            "First two: as the paper's figures 6 and 7. Then how the choice of the weight matters. "
-            "From 100 on the knee is spared as far as it can be. What is left is feedback: eq. "
-            "(16) presses the feet against each other through forces that the ground cannot all "
-            "give, corners of the soles lift and slip, and the joints stray.",
+            "As the paper's figures 6 and 7.",
+        ),
+        figure(
+            [
+                lines(decades, torques, "RMS torque, of that with W = I", below),
+                lines(decades, strayed, "RMS tracking error, mrad", below),
+                bars([name for name, _ in beside], compared, "RMS torque, of that with W = I"),
+            ],
+            "How the choice of the weight matters. From 100 on the knee is spared as far as it can "
+            "be. What is left is feedback: eq. (16) presses the feet against each other through "
+            "forces that the ground cannot all give, corners of the soles lift and slip, and the "
+            "joints stray. Last: where the knee is spared as much as in the paper, what the joints "
+            "pay for which the paper has a number.",
+            3,
         ),
         text(
             "The paper's rivals have no choice among torques to make: the measured or the "

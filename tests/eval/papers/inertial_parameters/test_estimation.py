@@ -8,21 +8,22 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from eval.papers.inertial_parameters import (
-    PARAMETERS,
-    InertialRegressor,
+from eval.papers.inertial_parameters.estimation import (
     Samples,
-    by_steps,
-    consistency,
     estimate,
     free_motions,
-    natural_steps,
-    parameters_of_pseudo_inertia,
     projected_equations,
-    pseudo_inertia,
     regression,
+)
+from eval.papers.inertial_parameters.excitation import by_steps, natural_steps
+from eval.papers.inertial_parameters.inertia import (
+    PARAMETERS,
+    consistency,
+    parameters_of_pseudo_inertia,
+    pseudo_inertia,
     with_parameters,
 )
+from eval.papers.inertial_parameters.regressor import InertialRegressor
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics, PinocchioDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts

@@ -5,7 +5,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from eval.papers.inertial_parameters import (
+from eval.papers.inertial_parameters.inertia import (
     body_parameters,
     consistency,
     parameters_of_pseudo_inertia,

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from eval.papers.inertial_parameters import (
-    InertialRegressor,
+from eval.papers.inertial_parameters.inertia import (
     parameters_of_pseudo_inertia,
     pseudo_inertia,
     with_parameters,
 )
+from eval.papers.inertial_parameters.regressor import InertialRegressor
 from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics
 

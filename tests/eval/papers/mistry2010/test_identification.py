@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eval.papers.experiment import Setting
-from eval.papers.inertial_parameters import InertialRegressor
+from eval.papers.inertial_parameters.regressor import InertialRegressor
 from eval.papers.log import Log
 from eval.papers.mistry2010.exciting import STANCES, Filter, exciting, measured
 from eval.papers.mistry2010.identification import (
