@@ -3,23 +3,29 @@
     minimise |A x - b|^2 / 2 + w sum_b D(Z_b),
     Z_b = 1 + sum_k x_bk E_k,   D(Z) = tr Z - log det Z - 4
 
-over changes x of B bodies in natural steps (`excitation`): Z_b = L^-1 P_b L^-T is the
-pseudo-inertia of body b relative to the nominal one, L L^T. D is zero at the nominal body, half the
-square of a small change, and infinite for a body that cannot exist.
+over changes x of B bodies in natural steps (`excitation`): Z_b = L^-1 P_b L^-T is
+the pseudo-inertia of body b relative to the nominal one, L L^T. D is zero at the nominal body, half
+the square of a small change, and infinite for a body that cannot exist.
 
-With a weight that falls tenfold from one round to the next, Newton's method follows the minimum to
-that of the weight asked for; -log det is self-concordant, so that its steps, damped, stay inside.
-A step is a linear least-squares problem in A and the square root of D's Hessian: nothing is
-squared, and directions that the data hardly tell come out as exactly as the data allow.
+The minimum is a point of the central path of the semidefinite programme without D's logarithm, so a
+primal-dual interior-point method walks to it: with dual matrices V_b it solves
+
+    A^T (A x - b) + w E^T 1 - E^T V = 0,   Z_b V_b = w 1
+
+by Newton's method in Nesterov and Todd's scaling, which treats Z and V alike (Y. E. Nesterov,
+M. J. Todd, "Primal-dual interior-point methods for self-scaled cones", SIAM J. Optimization 8(2),
+1998). A Newton step is a linear least-squares problem, so nothing is squared, and directions that
+the data hardly tell come out as exactly as the data allow.
 """
 
 import numpy as np
 
 from eval.papers.inertial_parameters.excitation import BASIS
 
-_MOST_STEPS = 1000
-_FIRST_WEIGHT, _FALL = 1.0, 0.1
-_CENTRED, _CONVERGED, _STALLED = 0.1, 1e-8, 1e-4
+_MAX_STEPS = 200
+_CONVERGED, _STALLED = 1e-8, 1e-2
+_TO_BORDER = 0.9
+_LEAST_CENTRING, _MOST_CENTRING = 0.05, 0.9
 
 
 def relative_inertia(change: np.ndarray) -> np.ndarray:
@@ -52,27 +58,66 @@ def fit(
         steps, ratio = weighed
         change = np.tile(_coordinates(np.eye(4) * (ratio - 1.0)), count)
         directions = np.linalg.svd(steps[None])[2][1:].T
-    moved, now = effect @ directions, max(_FIRST_WEIGHT, weight)
-    before = np.inf
-    for _ in range(_MOST_STEPS):
-        root = np.linalg.cholesky(relative_inertia(change))
-        inverse = np.linalg.inv(root)[:, None]
-        # D's Hessian is metric^T metric, its gradient -metric^T pull.
-        metric = _block_diagonal(_coordinates(inverse @ BASIS @ inverse.mT).mT) @ directions
-        pull = _coordinates(np.eye(4) - root.mT @ root).ravel()
-        scaled = np.sqrt(now) * np.concatenate([metric, pull[:, None]], axis=1)
-        left = np.concatenate([moved, scaled[:, :-1]])
+    moved = effect @ directions
+    dual = max(1.0, weight) * np.linalg.inv(relative_inertia(change))
+    centring, before, share = _MOST_CENTRING, np.inf, np.sqrt(weight)
+    possible = change
+    for _ in range(_MAX_STEPS):
+        try:
+            scaling, inverse, size = _balanced(relative_inertia(change), dual)
+        except np.linalg.LinAlgError:  # at the border to rounding: there is nothing left to gain
+            return possible
+        possible = change
+        gap = float(np.mean(size**2))
+        aim = max(weight, centring * gap)
+        target = aim / size[:, None] * np.eye(4)  # (B, 4, 4), aim D^-1
+        metric = _block_diagonal(_coordinates(_between(inverse[:, None], BASIS)).mT) @ directions
         step, *_ = np.linalg.lstsq(
-            left, np.concatenate([error - effect @ change, scaled[:, -1]]), rcond=None
+            np.concatenate([moved, metric]),
+            np.concatenate(
+                [
+                    error - effect @ change,
+                    _coordinates(target - weight * scaling.mT @ scaling).ravel(),
+                ]
+            ),
+            rcond=None,
         )
-        decrement = float(np.linalg.norm(left @ step) / np.sqrt(now))
-        change = change + directions @ step / (1.0 + (decrement if decrement > 0.25 else 0.0))
-        if now > weight:
-            now = max(weight, _FALL * now) if decrement < _CENTRED else now
-        elif decrement < _CONVERGED or before / 2.0 < decrement < _STALLED:
-            break  # it falls quadratically until rounding
+        move = directions @ step
+        primal = _between(inverse, relative_inertia(move) - np.eye(4))
+        opposite = target - size[:, None] * np.eye(4) - primal
+        length = min(1.0, _TO_BORDER * min(_room(primal, size), _room(opposite, size)))
+        change = change + length * move
+        dual = dual + length * _between(inverse.mT, opposite)
+        centring = np.clip((1.0 - length) ** 2, _LEAST_CENTRING, _MOST_CENTRING)
+        if aim > weight or length < 1.0:
+            continue
+        # The Newton decrement, relative to the prior; it falls quadratically until rounding.
+        decrement = np.hypot(np.linalg.norm(moved @ step), np.linalg.norm(metric @ step)) / share
+        if decrement < _CONVERGED or before / 2 < decrement < _STALLED:
+            break
         before = decrement
     return change
+
+
+def _balanced(relative: np.ndarray, dual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Scaling G (B, 4, 4), its inverse, and D (B, 4) with G^-1 Z G^-T = G^T V G = diag D."""
+    first, second = np.linalg.cholesky(relative), np.linalg.cholesky(dual)
+    _, size, right = np.linalg.svd(second.mT @ first)
+    root = np.sqrt(size)
+    inverse = root[:, :, None] * (right @ np.linalg.inv(first))
+    return (first @ right.mT) / root[:, None], inverse, size
+
+
+def _room(step: np.ndarray, size: np.ndarray) -> float:
+    """How often a scaled step (B, 4, 4) fits between diag D and the border."""
+    root = np.sqrt(size)
+    relative = step / root[:, :, None] / root[:, None]
+    return float(1.0 / max(-np.linalg.eigvalsh(relative).min(), 1e-12))
+
+
+def _between(left: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """Left M left^T."""
+    return np.asarray(left @ matrices @ left.mT)
 
 
 def _coordinates(matrices: np.ndarray) -> np.ndarray:
