@@ -1,4 +1,4 @@
-"""Motions that excite the biped's inertial parameters, and what carries them out.
+"""Motions that excite the biped's inertial parameters, who carries them out, and what is measured.
 
 Sums of sinusoids at every joint and at the base, on both feet, on the left foot and on the right
 foot, with the centre of mass over the feet that stand. The base follows from the joints and the
@@ -6,9 +6,12 @@ planted feet.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from eval.papers.inertial_parameters.estimation import Samples
+from eval.papers.log import Log
 from eval.papers.mistry2010.controllers import Desire
 from eval.papers.mistry2010.laws import Tick
 from eval.papers.trial import RATES, Memory
@@ -82,9 +85,6 @@ def exciting(robot: Robot, seconds: int, seed: int, hz: int = RATES.control) -> 
         seconds: length of a period.
         seed: of the frequencies and phases.
         hz: ticks per second.
-
-    Raises:
-        InvalidValueError: the feet cannot be where they shall be.
     """
     rng = np.random.default_rng(seed)
     planned = [_plan(robot, planted, seconds * hz, hz, rng) for planted in STANCES.values()]
@@ -204,3 +204,90 @@ def carrying_out(robot: Robot, base_hertz: float, joint_hertz: float) -> Desire:
         return reference.qacc + omega**2 * error + 2.0 * omega * (reference.qvel - state.qvel)
 
     return desire
+
+
+class Noise(NamedTuple):
+    """White noise of the sensors at every control tick, standard deviations.
+
+    Attributes:
+        joint: rad.
+        joint_rate: rad/s.
+        tilt: rad, orientation of the base.
+        spin: rad/s, angular velocity of the base.
+        drift: m/s, linear velocity of the base.
+        torque: N·m.
+    """
+
+    joint: float = 2e-4
+    joint_rate: float = 1e-2
+    tilt: float = 1e-3
+    spin: float = 5e-3
+    drift: float = 1e-2
+    torque: float = 0.5
+
+
+class Filter(NamedTuple):
+    """Local polynomials through a moving window: they smooth, and they differentiate.
+
+    The torques pass the same filter as the velocities, so that nothing lags behind.
+
+    Attributes:
+        half: ticks on either side of an instant.
+        order: of the polynomial.
+        every: ticks from one sample to the next.
+    """
+
+    half: int = 100
+    order: int = 5
+    every: int = 5
+
+    def __call__(self, values: np.ndarray, derivative: int = 0) -> np.ndarray:
+        """Return (samples, m) of values (T, m), or of their derivative by time."""
+        time = np.arange(-self.half, self.half + 1) / RATES.control
+        weights = np.linalg.pinv(np.vander(time, self.order + 1, increasing=True))[derivative]
+        windows = np.lib.stride_tricks.sliding_window_view(values, len(time), axis=0)
+        return np.asarray(windows[:: self.every] @ weights)
+
+
+NOISE, SMOOTH = Noise(), Filter()
+
+
+def measured(
+    robot: Robot,
+    log: Log,
+    index: int,
+    planted: np.ndarray,
+    level: float,
+    rng: np.random.Generator,
+    smooth: Filter = SMOOTH,
+) -> Samples:
+    """Return samples from what the sensors of one robot say.
+
+    Torques are the commanded ones less the joints' damping, accelerations come from velocities.
+
+    Args:
+        robot: the true robot, for its damping and contact points.
+        log: of its motion, all ticks.
+        index: which robot of the log.
+        planted: (F,) bool, feet that may carry force.
+        level: of the noise, 0 for none and 1 for `NOISE`.
+        rng: of the noise.
+        smooth: the filter.
+    """
+    qpos, qvel, torque = (
+        np.array(log[name][:, index], float) for name in ("qpos", "qvel", "torque")
+    )
+    # Near the identity of the orientation; the filter and the terms normalise.
+    for values, deviation in (
+        (qpos[:, 7:], NOISE.joint),
+        (qpos[:, 4:7], NOISE.tilt / 2),
+        (qvel[:, :3], NOISE.drift),
+        (qvel[:, 3:6], NOISE.spin),
+        (qvel[:, 6:], NOISE.joint_rate),
+        (torque, NOISE.torque),
+    ):
+        values += level * deviation * rng.normal(size=values.shape)
+    torque -= robot.joint_damping * qvel[:, 6:]
+    position, velocity = smooth(qpos), smooth(qvel)
+    active = np.tile(planted[contact_geometry(robot).foot_of_point], (len(position), 1))
+    return Samples(position, velocity, smooth(qvel, 1), smooth(torque), active)
