@@ -9,7 +9,7 @@ from PIL import Image
 from eval import zoo
 from fbid_gym.robots import load
 from fbid_gym.robots.__main__ import main
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots.built_in import asset_path
 from fbid_gym.robots.portrait import portrait, write_png
 from tests.robots.test_source_urdf import urdf
 

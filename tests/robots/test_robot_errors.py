@@ -16,7 +16,7 @@ from fbid_gym.errors import (
     UnknownOptionError,
 )
 from fbid_gym.robots import Robot, load
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots.built_in import asset_path
 
 GOOD = """
 <mujoco>
