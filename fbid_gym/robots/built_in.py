@@ -15,7 +15,7 @@ class BuiltIn(NamedTuple):
     """One of them; every mass, length and limit has its source in the file."""
 
     asset: str  # name of the file in `assets/`
-    feet: dict[str, tuple[str, ...]]
+    feet: Mapping[str, tuple[str, ...]]
     home: dict[str, float]  # rad; joints not named are 0
 
 

@@ -14,7 +14,7 @@ from fbid_gym.errors import (
 )
 from fbid_gym.robots.feet import Foot, contacts
 from fbid_gym.robots.measured_model import MeasuredModel
-from fbid_gym.robots.mjcf import joint_range, moving_joints, object_names
+from fbid_gym.robots.mjcf import joint_range
 
 STAND = "stand"
 """Name of the home pose that `fbid_gym.robots.stand` finds."""
@@ -25,7 +25,9 @@ _VERTICAL = 0.25  # shorter than this seen from above, of 1, an axis points up o
 
 
 def home_pose(
-    model: mujoco.MjModel, home: Mapping[str, float] | Sequence[float] | np.ndarray | str | None
+    model: mujoco.MjModel,
+    names: Sequence[str],
+    home: Mapping[str, float] | Sequence[float] | np.ndarray | str | None,
 ) -> np.ndarray:
     """Resolve the home pose: above the origin and facing along x; its height is still as given.
 
@@ -33,6 +35,7 @@ def home_pose(
 
     Args:
         model: compiled model with the free joint first.
+        names: of the joints without the base, in the order of qpos.
         home: see `Robot.from_mjcf`. For STAND this is the pose from which to stand up.
 
     Returns:
@@ -49,16 +52,14 @@ def home_pose(
     keyframes = {model.key(i).name: model.key(i).qpos.copy() for i in range(model.nkey)}
     if isinstance(home, str) and not stands_up(model, home):
         if home not in keyframes:
-            names = [name for name in keyframes if name]
-            raise UnknownOptionError("keyframe", home, [*names, STAND])
+            raise UnknownOptionError("keyframe", home, [*filter(None, keyframes), STAND])
         qpos = keyframes[home]
     elif home is None or isinstance(home, str | Mapping):
         qpos = keyframes.get(_KEYFRAME, _reference_pose(model))
-        names = _joint_names(model)
         for joint, value in (home if isinstance(home, Mapping) else {}).items():
             if joint not in names:
                 raise UnknownOptionError("joint in home", joint, names)
-            qpos[7 + names.index(joint)] = _number(joint, value)
+            qpos[7 + list(names).index(joint)] = _number(joint, value)
     else:
         try:
             qpos = np.array(home, dtype=float)
@@ -74,7 +75,7 @@ def home_pose(
     if length < 1e-9:
         raise RobotError("The base quaternion home[3:7] is zero. Expected a unit quaternion.")
     qpos[3:7] /= length
-    _check_ranges(model, qpos)
+    _check_ranges(model, names, qpos)
     return _at_the_origin(qpos)
 
 
@@ -111,11 +112,6 @@ def _number(joint: str, value: float) -> float:
         raise InvalidValueError(f"home of {joint}", value, "a number") from None
 
 
-def _joint_names(model: mujoco.MjModel) -> list[str]:
-    """Names of the joints without the base, in the order of qpos."""
-    return object_names(model, mujoco.mjtObj.mjOBJ_JOINT, moving_joints(model))
-
-
 def _reference_pose(model: mujoco.MjModel) -> np.ndarray:
     """The model's qpos0 with every joint moved into its range."""
     qpos = model.qpos0.copy()
@@ -123,12 +119,10 @@ def _reference_pose(model: mujoco.MjModel) -> np.ndarray:
     return qpos
 
 
-def _check_ranges(model: mujoco.MjModel, qpos: np.ndarray) -> None:
+def _check_ranges(model: mujoco.MjModel, names: Sequence[str], qpos: np.ndarray) -> None:
     outside = [
         f"{name} = {value:g} not in [{low:g}, {high:g}]"
-        for name, value, (low, high) in zip(
-            _joint_names(model), qpos[7:], joint_range(model), strict=True
-        )
+        for name, value, (low, high) in zip(names, qpos[7:], joint_range(model), strict=True)
         if not low - _TOLERANCE <= value <= high + _TOLERANCE
     ]
     if outside:

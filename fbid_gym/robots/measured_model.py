@@ -40,6 +40,14 @@ class MeasuredModel:
         return data
 
     @cached_property
+    def forward(self) -> mujoco.MjData:
+        """All that MuJoCo computes of the pose at rest, contacts and forces among it."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.qpos
+        mujoco.mj_forward(self.model, data)
+        return data
+
+    @cached_property
     def base(self) -> int:
         """Id of the floating body."""
         return int(self.model.jnt_bodyid[0])

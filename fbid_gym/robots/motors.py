@@ -56,6 +56,13 @@ def servo_gains(model: mujoco.MjModel) -> ServoGains | None:
     return gains
 
 
+def set_armature(spec: mujoco.MjSpec, armature: Mapping[str, float]) -> list[str]:
+    """Set joints' armature, kg·m² (kg for slides); returns notes."""
+    for joint in spec.joints:
+        joint.armature = armature.get(joint.name, joint.armature)
+    return [f"Armature as given on {listed(armature)}."] if armature else []
+
+
 def use_motors(
     spec: mujoco.MjSpec, model: mujoco.MjModel, torque_limit: Mapping[str, float]
 ) -> list[str]:

@@ -79,6 +79,11 @@ class Source:
         return isinstance(self.content, Path)
 
     @property
+    def folder(self) -> Path | None:
+        """The folder of a file."""
+        return self.content.parent if isinstance(self.content, Path) else None
+
+    @property
     def name(self) -> str:
         """The robot's name, where the description gives none."""
         return self.content.stem if isinstance(self.content, Path) else "robot"
