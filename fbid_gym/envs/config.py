@@ -27,6 +27,7 @@ from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOpti
 from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.contact_pairs import compile_paired
+from fbid_gym.robots.home_check import check_upright
 from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.terrain import (
     LEVELLED,
@@ -36,7 +37,6 @@ from fbid_gym.robots.terrain import (
     make_terrain,
     world_of,
 )
-from fbid_gym.robots.upright import check_upright
 from fbid_gym.tasks import (
     TASKS,
     Pushes,

@@ -132,6 +132,11 @@ class Robot:
         """Its model in the home pose, measured."""
         return MeasuredModel(self.model, self.home_qpos)
 
+    @cached_property
+    def points_at_home(self) -> np.ndarray:
+        """(P, 3) m, world: where its contact points touch at home, the lowest at z = 0."""
+        return contacts(self.feet, self.at_home.data)
+
     @property
     def weight(self) -> float:
         """Weight in N."""
@@ -152,7 +157,7 @@ class Robot:
 
         See `fbid_gym.robots.home_check`.
         """
-        return home_check.findings(self.at_home, self.feet, self.contact_sensor)
+        return home_check.findings(self)
 
     def __repr__(self) -> str:
         """Say what it is, and what was changed of its file."""

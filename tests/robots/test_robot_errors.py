@@ -215,7 +215,7 @@ def test_bad_file(tmp_path: Path, text: str, message: str) -> None:
         ({"a": [f"p{i}" for i in range(9)]}, "Foot 'a' has 9 contact points. Expected 1 to 8."),
         (
             {"a": ["tip", "heel"]},
-            "Foot 'a' has points on different bodies: tip on shank, heel on thigh.",
+            "Foot 'a' has points on different bodies: tip (shank), heel (thigh).",
         ),
         ({"a": ["tip", "toe"]}, "Foot 'a' mixes sites and geoms: tip (site), toe (geom)."),
         (
@@ -224,7 +224,7 @@ def test_bad_file(tmp_path: Path, text: str, message: str) -> None:
         ),
         (
             {"a": ["toe", "toe2", "big"]},
-            "Foot 'a' has spheres of different radii: toe 0.03 m, toe2 0.03 m, big 0.04 m.",
+            "Foot 'a' has spheres of different radii: toe (0.03 m), toe2 (0.03 m), big (0.04 m).",
         ),
     ],
 )
