@@ -9,6 +9,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Union
+from xml.parsers.expat import ExpatError
 
 import mujoco
 
@@ -111,11 +112,13 @@ class Source:
         """
         if self.is_file and self.known(self.content).digest != self.digest:
             raise RobotError(f"{self.label} has changed since the robot was loaded.")
-        check_bounds(self.content, self.label)
         try:
+            check_bounds(self.content, self.label)
             with warnings_heard() as heard:
                 spec = self._parsed()
-        except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
+        except RobotError:
+            raise
+        except (ExpatError, ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
             kind = "URDF" if self.is_urdf else "MJCF"
             raise RobotError(f"{self.label} is not a valid {kind}: {error}") from error
         # Equal limits are locked joints, which they are made.
