@@ -19,12 +19,14 @@ _ROBOTS, _SECONDS, _SHARE = 8, 5.0, 0.8
 def verdict(robot: Robot) -> Iterator[str]:
     """Say in which layers a robot stands and walks by the zero action, and what to change else.
 
-    Eight robots each, for five seconds, without pushes; walking as the environments command it. A
-    robot does so where four of five stay up.
+    Eight robots each, for five seconds, without pushes, at the rates at which robots walk; walking
+    as the environments command it. A robot does so where four of five stay up.
     """
     legs = "Biped" if robot.num_feet == 2 else "Quadruped"
-    for word, name in (("Stands", f"{legs}Balance-v0"), ("Walks", f"{legs}Walk-v0")):
-        arguments = ENVIRONMENTS[f"fbid_gym/{name}"]
+    walk = ENVIRONMENTS[f"fbid_gym/{legs}Walk-v0"]
+    rates = {name: walk[name] for name in ("physics_hz", "control_hz")}
+    stand = ENVIRONMENTS[f"fbid_gym/{legs}Balance-v0"] | rates
+    for word, arguments in (("Stands", stand), ("Walks", walk)):
         told, advice = list[str](), list[str]()
         for layer in _LAYERS:
             try:

@@ -18,7 +18,7 @@ from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.mjcf import listed, moving_joints, object_names
 from fbid_gym.robots.polygon import margin_within
 from fbid_gym.robots.scene import heights_below
-from fbid_gym.robots.soles import TILTED, tilt_of
+from fbid_gym.robots.touching import TILTED, tilt_of
 
 if TYPE_CHECKING:
     from fbid_gym.robots.robot import Robot

@@ -73,10 +73,11 @@ def normalise(source: Source, base: str | None) -> Normal:
             if not mends:
                 raise
             notes += mends.pop(0)(spec, str(error))
-    for change in (lock_tied, leave_out_idle, _clip_keyframes):
+    for change in (lock_tied, leave_out_idle):
         changed = change(spec, model)
         if changed:
             model, notes = compile_spec(spec, source.label), notes + changed
+    notes += _clip_keyframes(spec, model)
     return Normal(spec, model, notes, bare)
 
 
@@ -241,7 +242,7 @@ def _mend_inertias(spec: mujoco.MjSpec, error: str) -> list[str]:
 
 
 def _clip_keyframes(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
-    """Bring the joints of keyframes into their ranges, where little is missing."""
+    """Bring the joints of keyframes into their ranges, where little is missing, of both."""
     limited = np.flatnonzero(model.jnt_limited)
     place = model.jnt_qposadr[limited]
     low, high = model.jnt_range[limited].T
@@ -254,6 +255,6 @@ def _clip_keyframes(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
         off = np.abs(inside - qpos[place])
         if np.any((off > 1e-6) & (off <= near)) and np.all(off <= near):
             qpos[place] = inside
-            key.qpos = qpos
+            key.qpos = model.key_qpos[key.id] = qpos
             names.append(key.name or "(unnamed)")
     return [f"Keyframes clipped to the joints' ranges: {listed(names)}."] if names else []

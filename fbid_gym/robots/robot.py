@@ -28,8 +28,8 @@ from fbid_gym.robots.motors import (
 )
 from fbid_gym.robots.normalise import exclude_overlaps, normalise, simulate_well
 from fbid_gym.robots.scene import add_ground
-from fbid_gym.robots.soles import stand_up
 from fbid_gym.robots.source import RobotSource, Source
+from fbid_gym.robots.stand import stand_up
 from fbid_gym.robots.touching import refuse_wheels
 from fbid_gym.robots.unmodelled import refuse_diverging, refuse_unmodelled
 
