@@ -5,13 +5,8 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from fbid_gym.errors import (
-    InvalidValueError,
-    NonFiniteError,
-    RobotError,
-    ShapeError,
-    UnknownOptionError,
-)
+from fbid_gym.checks import check_finite, check_shape, number, real_numbers
+from fbid_gym.errors import RobotError, UnknownOptionError
 from fbid_gym.robots.feet import Foot, contacts
 from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.mjcf import joint_range
@@ -43,11 +38,8 @@ def home_pose(
         base whose x axis is within 15 degrees of the vertical keeps its orientation.
 
     Raises:
-        UnknownOptionError: unknown keyframe or joint name.
-        InvalidValueError: not a number.
-        ShapeError: a qpos of another length.
-        NonFiniteError: NaN or infinity.
-        RobotError: a zero base quaternion, or joints outside their range.
+        FbidError: unknown names, no numbers, another shape, no orientation, or joints outside their
+            range.
     """
     keyframes = {model.key(i).name: model.key(i).qpos.copy() for i in range(model.nkey)}
     if isinstance(home, str) and not stands_up(model, home):
@@ -55,22 +47,18 @@ def home_pose(
             raise UnknownOptionError("keyframe", home, [*filter(None, keyframes), STAND])
         qpos = keyframes[home]
     elif home is None or isinstance(home, str | Mapping):
-        qpos = keyframes.get(_KEYFRAME, _reference_pose(model))
+        low, high = joint_range(model).T
+        reference = np.concatenate([model.qpos0[:7], np.clip(model.qpos0[7:], low, high)])
+        qpos = keyframes.get(_KEYFRAME, reference)
         for joint, value in (home if isinstance(home, Mapping) else {}).items():
             if joint not in names:
                 raise UnknownOptionError("joint in home", joint, names)
-            qpos[7 + list(names).index(joint)] = _number(joint, value)
+            qpos[7 + list(names).index(joint)] = number(f"home of {joint}", value)
     else:
-        try:
-            qpos = np.array(home, dtype=float)
-        except (TypeError, ValueError, OverflowError):
-            raise InvalidValueError(
-                "home", home, "a mapping joint -> angle, a qpos of numbers, or a keyframe's name"
-            ) from None
-        if qpos.shape != (model.nq,):
-            raise ShapeError("home", qpos.shape, f"({model.nq},), a whole qpos")
-    if not np.all(np.isfinite(qpos)):
-        raise NonFiniteError("home", (int(np.flatnonzero(~np.isfinite(qpos))[0]),))
+        expected = "a mapping joint -> angle, a qpos of numbers, or a keyframe's name"
+        qpos = np.array(real_numbers("home", home, expected), float)
+        check_shape("home", qpos, (model.nq,), "a whole qpos, (nq,)")
+    check_finite("home", qpos)
     length = np.linalg.norm(qpos[3:7])
     if length < 1e-9:
         raise RobotError("The base quaternion home[3:7] is zero. Expected a unit quaternion.")
@@ -103,20 +91,6 @@ def _at_the_origin(qpos: np.ndarray) -> np.ndarray:
         turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
         mujoco.mju_mulQuat(placed[3:7], turn, qpos[3:7])
     return placed
-
-
-def _number(joint: str, value: float) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise InvalidValueError(f"home of {joint}", value, "a number") from None
-
-
-def _reference_pose(model: mujoco.MjModel) -> np.ndarray:
-    """The model's qpos0 with every joint moved into its range."""
-    qpos = model.qpos0.copy()
-    qpos[7:] = np.clip(qpos[7:], *joint_range(model).T)
-    return qpos
 
 
 def _check_ranges(model: mujoco.MjModel, names: Sequence[str], qpos: np.ndarray) -> None:

@@ -202,7 +202,7 @@ class Robot:
 
     def portable(self) -> "Robot":
         """Return this robot as `load` reads it from what `save` writes: equal to the last bit."""
-        packed, options = archive.split(self._archive(), repr(self.name))
+        packed, options = archive.split(self._archive(), self.name)
         return Robot.from_mjcf(Source.known(packed), **options)
 
     @property
