@@ -29,7 +29,6 @@ _TOLERANCE = 0.01  # of a leg's length
 _STRAIGHT = 0.995
 _DIGITS = 7
 
-_DOWN = np.array([0.0, 0.0, -1.0])
 _NARROW = 0.05  # width per length below which points span no area
 _LARGER = 1.2  # area, or length where there is none, by which what a foot may stand on is better
 
@@ -232,14 +231,8 @@ def _extent(places: np.ndarray) -> tuple[float, float]:
 
 def _tipped(pose: MeasuredModel, body: int) -> MeasuredModel:
     """The whole robot turned until the flat side of a body that comes down first is level."""
-    turned, side = pose.qpos.copy(), side_below(pose, body)
+    turned, side, turn = pose.qpos.copy(), side_below(pose, body), np.empty(4)
     if side is not None:
-        turned[3:7] = _turned(pose.qpos[3:7], side, _DOWN)
+        mujoco.mju_quatZ2Vec(turn, -side)
+        mujoco.mju_mulQuat(turned[3:7], turn * [1.0, -1.0, -1.0, -1.0], pose.qpos[3:7])
     return MeasuredModel(pose.model, turned)
-
-
-def _turned(quaternion: np.ndarray, this: np.ndarray, onto: np.ndarray) -> np.ndarray:
-    """An orientation, turned the shortest way that takes one unit vector (3,) onto another."""
-    turn, result = np.append(1.0 + this @ onto, np.cross(this, onto)), np.empty(4)
-    mujoco.mju_mulQuat(result, turn / np.linalg.norm(turn), quaternion)
-    return result
