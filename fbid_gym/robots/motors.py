@@ -101,7 +101,7 @@ def use_motors(
             most = abs(torque_limit[name] / (float(motor.gear[0]) * unit))
             motor.ctrllimited, motor.ctrlrange = True, [-most, most]
             motor.forcelimited = joints[j].actfrclimited = False
-    given = [joints[j].name for j in driven if joints[j].name in torque_limit]
+    given = [joints[j].name for j in sorted(driven) if joints[j].name in torque_limit]
     if servos or added:
         # What a keyframe says of controls was meant for the servos, and counts actuators.
         for key in spec.keys:
