@@ -154,9 +154,9 @@ def _unloaded(robot: "Robot") -> Iterator[str]:
 
 
 def _settled(robot: "Robot") -> np.ndarray:
-    """Forces upwards on the points, (P,) N, once they change no more: soft feet give way for long.
+    """Forces upwards on the points, (P,) N, once they and the fall of the base change no more.
 
-    Not finite where the simulation diverges.
+    Soft feet give way for long. Not finite where the simulation diverges.
     """
     model = copy.copy(robot.model)
     model.opt.timestep = _STEP  # environments have one of their own, too
@@ -165,11 +165,13 @@ def _settled(robot: "Robot") -> np.ndarray:
     data.qpos[:] = robot.home_qpos
     forces, mean = np.zeros((_WINDOW, robot.num_points)), np.full(robot.num_points, np.inf)
     for _ in range(_PATIENCE):
+        before, falling = mean, float(data.qvel[2])
         for step in range(_WINDOW):
             mujoco.mj_step(model, data)
             forces[step] = data.sensordata[robot.contact_sensor[:, 2]]
-        before, mean = mean, forces.mean(axis=0)
-        if not np.abs(mean - before).max() > _STILL * robot.weight:
+        mean = forces.mean(axis=0)
+        lost = abs(data.qvel[2] - falling) / (_WINDOW * _STEP) * robot.mass
+        if not max(lost, np.abs(mean - before).max()) > _STILL * robot.weight:
             break
     return mean
 
