@@ -23,10 +23,9 @@ def verdict(robot: Robot) -> Iterator[str]:
     as the environments command it. A robot does so where four of five stay up.
     """
     legs = "Biped" if robot.num_feet == 2 else "Quadruped"
-    walk = ENVIRONMENTS[f"fbid_gym/{legs}Walk-v0"]
+    stand, walk = (ENVIRONMENTS[f"fbid_gym/{legs}{task}-v0"] for task in ("Balance", "Walk"))
     rates = {name: walk[name] for name in ("physics_hz", "control_hz")}
-    stand = ENVIRONMENTS[f"fbid_gym/{legs}Balance-v0"] | rates
-    for word, arguments in (("Stands", stand), ("Walks", walk)):
+    for word, arguments in (("Stands", stand | rates), ("Walks", walk)):
         told, advice = list[str](), list[str]()
         for layer in _LAYERS:
             try:
@@ -64,9 +63,8 @@ def survival(robot: Robot, arguments: Mapping[str, Any]) -> float:
 def _faster(robot: Robot, arguments: Mapping[str, Any]) -> list[str]:
     """Try greater rates: light legs cannot be damped at low ones."""
     for hz in _RATES:
-        if hz > arguments.get("physics_hz", 1000):
-            rates = {"physics_hz": hz, "control_hz": hz}
-            share = survival(robot, {**arguments, **rates})
+        if hz > arguments["physics_hz"]:
+            share = survival(robot, {**arguments, "physics_hz": hz, "control_hz": hz})
             if share >= _SHARE:
                 return [
                     f"In {arguments['action_layer']} it does at physics_hz={hz}, control_hz={hz}: "

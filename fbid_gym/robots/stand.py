@@ -107,10 +107,10 @@ def standing_pose(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
 
 
 class _View(NamedTuple):
-    """What a pose looks like, in lengths of a straight leg where nothing else is said; F feet."""
+    """What a pose looks like, world; F feet."""
 
-    points: np.ndarray  # (P, 3) contacts
-    off: np.ndarray  # (2,) of the centre of mass from above the middle of them
+    points: np.ndarray  # (P, 3) m, contacts
+    off: np.ndarray  # (2,) m, of the centre of mass from above the middle of them
     legs: np.ndarray  # (F, 3, 3) m, hip, knee and foot of each
     soles: np.ndarray  # (S, 3, 3) orientation of the feet with more than a point
 
@@ -124,7 +124,7 @@ class _Scene:
     """Poses to choose from."""
 
     def __init__(self, start: MeasuredModel, feet: Sequence[Foot]) -> None:
-        self._start, self._feet, self.length = start, feet, 1.0
+        self._start, self._feet = start, feet
         self._joints = _hips_and_knees(start, feet)
         self._before = self._look(start.qpos[7:])
         links = np.diff(self._before.legs, axis=1)
@@ -155,8 +155,8 @@ class _Scene:
         sideways = view.legs[:, 2] - view.legs[:, 0] - (before.legs[:, 2] - before.legs[:, 0])
         turned = view.soles @ before.soles.transpose(0, 2, 1)
         parts = [
-            _FIRM * (view.points[:, 2] - view.points[:, 2].mean()),
-            _FIRM * view.off,
+            _FIRM * (view.points[:, 2] - view.points[:, 2].mean()) / self.length,
+            _FIRM * view.off / self.length,
             view.stretch / self._straight - _STRETCH[len(self._feet) > 2],
             _WISH * sideways[:, :2].ravel() / self.length,
             _FACING * 0.5 * (turned[:, 1, 0] - turned[:, 0, 1]),  # sines, about the vertical
@@ -166,7 +166,8 @@ class _Scene:
     def failings(self, angles: np.ndarray) -> tuple[float, float]:
         """How far the points are from level, and the centre of mass from above their middle."""
         view = self._look(angles)
-        return float(np.ptp(view.points[:, 2])), float(np.linalg.norm(view.off))
+        uneven, off = float(np.ptp(view.points[:, 2])), float(np.linalg.norm(view.off))
+        return uneven / self.length, off / self.length
 
     def _look(self, angles: np.ndarray) -> _View:
         pose = MeasuredModel(self._start.model, np.concatenate([self._start.qpos[:7], angles]))
@@ -174,8 +175,8 @@ class _Scene:
         points, ends = np.concatenate(touches), [touch.mean(axis=0) for touch in touches]
         legs = np.concatenate([pose.data.xanchor[self._joints], np.array(ends)[:, None]], axis=1)
         soles = [pose.rotation(foot.body) for foot in self._feet if foot.num_points > 1]
-        off = (pose.com - points.mean(axis=0))[:2] / self.length
-        return _View(points / self.length, off, legs, np.array(soles).reshape(-1, 3, 3))
+        off = (pose.com - points.mean(axis=0))[:2]
+        return _View(points, off, legs, np.array(soles).reshape(-1, 3, 3))
 
 
 def _hips_and_knees(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
