@@ -11,6 +11,7 @@ import re
 import stat
 import zipfile
 from collections.abc import Iterator
+from os.path import exists
 from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
@@ -79,7 +80,7 @@ def check_bounds(content: Path | str | bytes, label: str) -> None:
                     named.add(value)
             part = beside / attributes.get("file", "")
             # MuJoCo looks beside the first file, and says what is missing.
-            if element == "include" and seen and part not in seen and part.exists():
+            if element == "include" and seen and part not in seen and exists(part):
                 queue.append(part)
     if not isinstance(content, bytes):
         _check_files(beside, folders, named)

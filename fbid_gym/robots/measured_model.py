@@ -7,7 +7,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.mjcf import object_name
+from fbid_gym.robots.mjcf import object_name, warnings_heard
 
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
@@ -41,11 +41,10 @@ class MeasuredModel:
 
     @cached_property
     def forward(self) -> mujoco.MjData:
-        """All that MuJoCo computes of the pose at rest, contacts and forces among it."""
-        data = mujoco.MjData(self.model)
-        data.qpos[:] = self.qpos
-        mujoco.mj_forward(self.model, data)
-        return data
+        """The same with all that MuJoCo computes of it at rest, contacts and forces among it."""
+        with warnings_heard():
+            mujoco.mj_forward(self.model, self.data)
+        return self.data
 
     @cached_property
     def base(self) -> int:
