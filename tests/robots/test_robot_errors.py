@@ -258,8 +258,8 @@ QPOS = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.2, -0.3]
             "Unknown joint 'ankle' in home. Valid choices: hip, knee.",
         ),
         ({"hip": "up"}, InvalidValueError, "Invalid home of hip: 'up'. Expected a number."),
-        ({"hip": np.nan}, NonFiniteError, "home is not finite: first NaN or infinity at index (7,"),
-        (QPOS[:-1], ShapeError, "home has shape (8,). Expected (9,), a whole qpos."),
+        ({"hip": np.nan}, InvalidValueError, "Invalid home of hip: nan. Expected a number."),
+        (QPOS[:-1], ShapeError, "home has shape (8,). Expected a whole qpos, (nq,) = (9,)."),
         ([*QPOS[:-1], np.inf], NonFiniteError, "home is not finite: first NaN or infinity at"),
         (["a", "b"], InvalidValueError, "Invalid home: ['a', 'b']. Expected a mapping joint"),
         (
