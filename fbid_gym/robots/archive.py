@@ -106,11 +106,10 @@ def with_arguments(packed: bytes, arguments: Mapping[str, Any]) -> bytes:
 
 
 def split(archive: bytes, name: str) -> tuple[bytes, dict[str, Any]]:
-    """Take an archive apart, and return what `pack` gave and the arguments.
+    """Take apart what `with_arguments` gave, which messages call `name`.
 
-    Args:
-        archive: as `with_arguments` gives it.
-        name: what messages call it.
+    Returns:
+        What `pack` gave, and the arguments.
 
     Raises:
         RobotError: no archive of a robot, or more than 256 MB of it.

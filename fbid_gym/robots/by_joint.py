@@ -13,13 +13,8 @@ ByJoint = float | Mapping[str, float]
 def by_joint(what: str, given: ByJoint | None, joints: Sequence[str]) -> dict[str, float]:
     """Return joint name -> value, for the joints that `given` speaks of; later patterns win.
 
-    Args:
-        what: the argument's name.
-        given: what the user gave.
-        joints: names of all joints.
-
     Raises:
-        UnknownOptionError: a pattern that fits no joint.
+        UnknownOptionError: a pattern that fits none of the joints.
         InvalidValueError: a value that is not a positive number.
     """
     if given is None:

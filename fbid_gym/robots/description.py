@@ -52,10 +52,7 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
 
 
 def feet_in_words(words: Sequence[str] | None) -> Any:
-    """Return the argument `feet` of `Robot.from_mjcf` from the words of a command line.
-
-    Args:
-        words: names of feet, or what JSON says; None or none: the feet are found.
+    """Return the argument `feet` of `Robot.from_mjcf` from words: names, or what JSON says.
 
     Raises:
         InvalidValueError: text that begins as JSON and is none.
@@ -66,11 +63,7 @@ def feet_in_words(words: Sequence[str] | None) -> Any:
 
 
 def in_json(name: str, text: str) -> Any:
-    """Return what JSON says.
-
-    Raises:
-        InvalidValueError: it is none.
-    """
+    """Return what JSON says; InvalidValueError where it is none."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):

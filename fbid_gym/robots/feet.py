@@ -60,14 +60,10 @@ def contacts(feet: Sequence[Foot], data: mujoco.MjData) -> np.ndarray:
 
 
 def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Bring both ways of naming feet into one form.
+    """Return foot name -> names of its points, or the one of its body, for both ways to name them.
 
     Args:
-        feet: foot name -> names of its points, or of its body; or a sequence of names, each of a
-            foot with one point, or of its body.
-
-    Returns:
-        Foot name -> names of its points, or the one of its body.
+        feet: the same; or a sequence of names, each of a foot with one point, or of its body.
 
     Raises:
         InvalidValueError: neither form, or no foot.
@@ -99,11 +95,7 @@ def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str,
 
 
 def find_feet(home: MeasuredModel, named: Mapping[str, Sequence[str]] | None) -> tuple[Foot, ...]:
-    """Find the feet that are named, or those that stand on the ground.
-
-    Args:
-        home: the robot at home.
-        named: see `group_points`; None: find the feet, too.
+    """Find the feet that are named, see `group_points`; for None, those that stand on the ground.
 
     Raises:
         RobotError: no feet are found; nothing on a foot's body can touch; or a point cannot be

@@ -34,8 +34,7 @@ def home_pose(
         home: see `Robot.from_mjcf`. For STAND this is the pose from which to stand up.
 
     Returns:
-        qpos (nq,), base quaternion normalised. Seen from above, the base's x axis is the world's; a
-        base whose x axis is within 15 degrees of the vertical keeps its orientation.
+        qpos (nq,), its base quaternion normalised, see `_at_the_origin`.
 
     Raises:
         FbidError: unknown names, no numbers, another shape, no orientation, or joints outside their
@@ -81,7 +80,10 @@ def on_the_ground(model: mujoco.MjModel, qpos: np.ndarray, feet: Sequence[Foot])
 
 
 def _at_the_origin(qpos: np.ndarray) -> np.ndarray:
-    """Return a pose (nq,) moved above the origin and turned about the vertical to face along x."""
+    """Return a pose (nq,) moved above the origin and turned about the vertical to face along x.
+
+    A base whose x axis is within 15 degrees of the vertical keeps its orientation.
+    """
     placed, rotation = qpos.copy(), np.empty(9)
     placed[:2] = 0.0
     mujoco.mju_quat2Mat(rotation, qpos[3:7])

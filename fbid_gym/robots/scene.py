@@ -48,11 +48,7 @@ def add_ground(
 ) -> None:
     """Add a ground plane, a light and a sky to a file whose static world has nothing to stand on.
 
-    Args:
-        spec: the spec to extend.
-        home: of the same, compiled before anything was added.
-        base: the floating body; the light follows it, so that its shadow stays sharp.
-        feet: of the robot.
+    The light follows the base, the floating body, so that its shadow stays sharp.
     """
     screen = spec.visual.global_
     screen.offwidth, screen.offheight = max(screen.offwidth, 1920), max(screen.offheight, 1080)
@@ -126,14 +122,9 @@ def collision_bits(spec: mujoco.MjSpec) -> int:
 
 
 def add_solid(spec: mujoco.MjSpec, bits: int, **geom: Any) -> None:
-    """Add a geom to the static world.
+    """Add a geom of these attributes to the static world, which meets geoms of these bits.
 
     It is as MuJoCo makes it: the file's own defaults are meant for the robot's geoms.
-
-    Args:
-        spec: the spec to extend.
-        bits: of the geoms that it meets, see `collision_bits`.
-        **geom: attributes of the geom.
     """
     usual = {name: getattr(_PLAIN, name) for name in _INHERITED}
     spec.worldbody.add_geom(**usual, contype=bits, conaffinity=bits, **geom)
