@@ -9,6 +9,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeGuard, Union
+from xml.parsers.expat import ExpatError
 
 import mujoco
 
@@ -84,6 +85,11 @@ class Source:
         return isinstance(self.content, Path)
 
     @property
+    def folder(self) -> Path | None:
+        """The folder of a file."""
+        return self.content.parent if isinstance(self.content, Path) else None
+
+    @property
     def name(self) -> str:
         """The robot's name, where the description gives none."""
         return self.content.stem if isinstance(self.content, Path) else "robot"
@@ -111,11 +117,13 @@ class Source:
         """
         if self.is_file and self.known(self.content).digest != self.digest:
             raise RobotError(f"{self.label} has changed since the robot was loaded.")
-        check_bounds(self.content, self.label)
         try:
+            check_bounds(self.content, self.label)
             with warnings_heard() as heard:
                 spec = self._parsed()
-        except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
+        except RobotError:
+            raise
+        except (ExpatError, ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
             kind = "URDF" if self.is_urdf else "MJCF"
             raise RobotError(f"{self.label} is not a valid {kind}: {error}") from error
         # Equal limits are locked joints, which they are made.

@@ -22,6 +22,7 @@ from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOpti
 from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
 from fbid_gym.robots import MENAGERIE, ROBOTS, Robot, load
 from fbid_gym.robots.contact_pairs import compile_paired
+from fbid_gym.robots.home_check import check_upright
 from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.terrain import (
     LEVELLED,
@@ -31,7 +32,6 @@ from fbid_gym.robots.terrain import (
     make_terrain,
     world_of,
 )
-from fbid_gym.robots.upright import check_upright
 from fbid_gym.runtime.randomisation import Randomisation
 from fbid_gym.runtime.rates import Rate, Rates
 from fbid_gym.tasks import (

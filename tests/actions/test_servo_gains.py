@@ -11,8 +11,8 @@ from fbid_gym.actions.ranges import Falling
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.verdict import survival
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.robots import Robot, go1, load
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots import Robot, load
+from fbid_gym.robots.built_in import GO1, asset_path
 from fbid_gym.runtime.config import EnvConfig
 from tests.actions.cases import layer_of
 
@@ -64,18 +64,18 @@ def test_servos_too_soft_to_carry_the_robot_are_left_alone() -> None:
     np.testing.assert_allclose(named.gains.stiffness, 0.1 * STIFF)
 
 
-GO1 = asset_path("go1.xml").read_text()
-DAMPED = re.sub(r'damping="[^"]*"', 'damping="1.5"', GO1)
-LIGHT = re.sub(r'armature="[^"]*"', 'armature="0"', GO1)
+MODEL = asset_path("go1.xml").read_text()
+DAMPED = re.sub(r'damping="[^"]*"', 'damping="1.5"', MODEL)
+LIGHT = re.sub(r'armature="[^"]*"', 'armature="0"', MODEL)
 
 
-def dog(text: str, home: dict[str, float] | str = go1.HOME) -> Robot:
-    return Robot.from_mjcf(text, go1.FEET, home=home)
+def dog(text: str, home: dict[str, float] | str = GO1.home) -> Robot:
+    return Robot.from_mjcf(text, GO1.feet, home=home)
 
 
 def test_what_is_fed_on_and_what_is_calmed_is_nothing_where_joints_are_damped_well() -> None:
     """Joints' own damping is overcome where it counts; light legs have the base damped."""
-    plain, damped, light = (dog(text) for text in (GO1, DAMPED, LIGHT))
+    plain, damped, light = (dog(text) for text in (MODEL, DAMPED, LIGHT))
     for robot, drag, calm in ((plain, 0.0, False), (damped, 1.5, False), (light, 0.0, True)):
         layer = layer_of("joint_position", robot)
         np.testing.assert_array_equal(layer.gains.drag, drag)
@@ -84,7 +84,7 @@ def test_what_is_fed_on_and_what_is_calmed_is_nothing_where_joints_are_damped_we
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("text, home", [(DAMPED, go1.HOME), (LIGHT, go1.HOME), (LIGHT, "stand")])
+@pytest.mark.parametrize("text, home", [(DAMPED, GO1.home), (LIGHT, GO1.home), (LIGHT, "stand")])
 def test_they_walk_by_the_zero_action(text: str, home: dict[str, float] | str) -> None:
     """With damped joints, without armature, and from a pose that was searched for."""
     arguments = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"] | {"action_layer": "joint_position"}

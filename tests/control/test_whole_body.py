@@ -25,7 +25,8 @@ from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.target import planned_kind, standing_target
 from fbid_gym.quantities import DynamicsTerms, RobotState, Target, some_of
-from fbid_gym.robots import Robot, quadruped
+from fbid_gym.robots import Robot
+from fbid_gym.robots.built_in import QUADRUPED
 from tests import postures
 from tests.pairs import pairs
 from tests.postures import bent
@@ -351,8 +352,8 @@ def test_where_a_robot_is_and_which_way_it_faces_does_not_matter(robot, rng, lim
 
 def test_the_order_of_the_feet_does_not_matter(rng):
     one, order = robots.load("quadruped"), [2, 0, 3, 1]
-    feet = {one.foot_names[foot]: quadruped.FEET[one.foot_names[foot]] for foot in order}
-    other = Robot.from_mjcf(one.spec.copy(), feet, name="shuffled", home=quadruped.HOME)
+    feet = {one.foot_names[foot]: QUADRUPED.feet[one.foot_names[foot]] for foot in order}
+    other = Robot.from_mjcf(one.spec.copy(), feet, name="shuffled", home=QUADRUPED.home)
     scene = scene_of(one, rng)
     of_feet = ("planted", "load", "foot_position", "world_from_foot", "foot_velocity")
     of_feet = (*of_feet, "foot_acceleration", "foothold", "clipped")

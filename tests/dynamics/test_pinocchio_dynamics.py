@@ -10,7 +10,7 @@ from fbid_gym import robots
 from fbid_gym.dynamics import MuJoCoDynamics, frames
 from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError, UnknownOptionError
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots.built_in import asset_path
 
 RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"]}
 GYMNASIUM = {

@@ -24,8 +24,8 @@ from fbid_gym.errors import (
     UnknownArgumentError,
     UnknownOptionError,
 )
-from fbid_gym.robots import Robot, load, quadruped
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots import Robot, load
+from fbid_gym.robots.built_in import QUADRUPED, asset_path
 
 BIPED, WALK = "fbid_gym/BipedBalance-v0", "fbid_gym/QuadrupedWalk-v0"
 TORQUE = {"action_layer": "torque"}
@@ -191,7 +191,7 @@ def test_copies_are_made_as_the_original(copied):
 
 
 def test_specs_are_json_with_robots_and_numbers_of_ones_own():
-    robot = Robot.from_mjcf(asset_path(quadruped.ASSET), quadruped.FEET, name="rex")
+    robot = Robot.from_mjcf(asset_path(QUADRUPED.asset), QUADRUPED.feet, name="rex")
     given = {
         "robot": robot,
         "action_layer": "base_acceleration",

@@ -10,27 +10,27 @@ from fbid_gym.errors import FbidError
 from fbid_gym.motions import periodic_squat, squat_bow, squat_depth, stepping, steps_for
 from fbid_gym.motions.lean import check_over_feet
 from fbid_gym.motions.legs import least_bend, legs_of
-from fbid_gym.robots import Robot, biped, load
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots import Robot, load
+from fbid_gym.robots.built_in import BIPED, asset_path
 from fbid_gym.robots.polygon import margin_within
 from tests.robots.similar import similar
 
 
 def other_way_round() -> Robot:
     """The biped with other names, its knees and one hip counting backwards."""
-    spec = mujoco.MjSpec.from_file(str(asset_path(biped.ASSET)))
+    spec = mujoco.MjSpec.from_file(str(asset_path(BIPED.asset)))
     names = {}
     for number, joint in enumerate(spec.joints[1:]):
         names[joint.name] = f"j{number}"
         if "knee" in joint.name or joint.name == "left_hip_pitch":
             joint.axis, joint.range = -joint.axis, -joint.range[::-1]
     turned = {"left_knee", "right_knee", "left_hip_pitch"}
-    home = {names[name]: -angle if name in turned else angle for name, angle in biped.HOME.items()}
+    home = {names[name]: -angle if name in turned else angle for name, angle in BIPED.home.items()}
     for actuator in spec.actuators:
         actuator.target = names[actuator.target]
     for joint in spec.joints[1:]:
         joint.name = names[joint.name]
-    return Robot.from_mjcf(spec, biped.FEET, name="other way round", home=home)
+    return Robot.from_mjcf(spec, BIPED.feet, name="other way round", home=home)
 
 
 @pytest.mark.parametrize("name", ["biped", "humanoid", "g1"])
@@ -111,7 +111,7 @@ def test_legs_that_are_none_are_refused() -> None:
     for joint in spec.joints:
         if joint.name == "left_knee":
             joint.axis = [1.0, 0.0, 0.0]
-    sideways = Robot.from_mjcf(spec, biped.FEET, name="sideways", home=biped.HOME)
+    sideways = Robot.from_mjcf(spec, BIPED.feet, name="sideways", home=BIPED.home)
     expected = "Leg 'left' .* about the axis to the side: left_hip_pitch. Expected"
     with pytest.raises(FbidError, match=expected):
         legs_of(sideways)

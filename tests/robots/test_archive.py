@@ -171,9 +171,9 @@ BAD = {
     "no arguments": (packed({"a.xml": XML}), RobotError, "holds no robot.json"),
     "no robot": (packed({"robot.json": "{}"}), RobotError, "not a valid MJCF"),
     "no MJCF": (packed({"robot.json": "{}", "a.xml": "<x/>"}), RobotError, "not a valid MJCF"),
-    "no JSON": (packed({"robot.json": "{", "a.xml": XML}), RobotError, "robot.json is not JSON"),
-    "deep": (packed({"robot.json": "[" * 10**5, "a.xml": XML}), RobotError, "is not JSON"),
-    "a list": (packed({"robot.json": "[]", "a.xml": XML}), RobotError, "not a JSON object"),
+    "no JSON": (packed({"robot.json": "{", "a.xml": XML}), RobotError, "robot.json: not JSON"),
+    "deep": (packed({"robot.json": "[" * 10**5, "a.xml": XML}), RobotError, "not JSON"),
+    "a list": (packed({"robot.json": "[]", "a.xml": XML}), RobotError, "Expected a JSON object"),
     "a key": (packed({"robot.json": '{"code": 1}', "a.xml": XML}), UnknownOptionError, "code"),
     "its feet": (packed({"robot.json": '{"feet": [3]}', "a.xml": XML}), FbidError, "feet"),
     "a bomb": (

@@ -1,15 +1,18 @@
 """`python -m fbid_gym.robots`: what it prints and draws."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from eval import zoo
+from fbid_gym.envs import verdict as verdicts
 from fbid_gym.robots import load
 from fbid_gym.robots.__main__ import main
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots.built_in import asset_path
+from fbid_gym.robots.home_check import CONTROL_HZ
 from fbid_gym.robots.portrait import portrait, write_png
 from tests.robots.test_source_urdf import urdf
 
@@ -41,6 +44,14 @@ def test_a_verdict_by_simulation(tmp_path: Path, capsys: pytest.CaptureFixture[s
     weak = ["--torque-limit", "2", "--picture", str(tmp_path / "weak.png")]
     assert main([str(asset_path("go1.xml")), *weak]) == 0
     assert "Walks up to the end: joint_position 0%" in capsys.readouterr().out
+
+
+def test_a_verdict_is_at_the_rates_at_which_robots_walk(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = list[dict[str, Any]]()
+    monkeypatch.setattr(verdicts, "survival", lambda robot, given: asked.append(given) or 1.0)
+    assert len(list(verdicts.verdict(load("biped")))) == 2
+    assert {given["task"] for given in asked} == {"balance", "walk"}
+    assert all(given["physics_hz"] == given["control_hz"] == CONTROL_HZ for given in asked)
 
 
 def test_a_robot_is_described_and_drawn(path: Path, capsys: pytest.CaptureFixture[str]) -> None:

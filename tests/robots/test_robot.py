@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.robots import ROBOTS, Robot, go1, load
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots.built_in import GO1, asset_path
 
 GYMNASIUM = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 ANT_FEET = ("left_ankle_geom", "right_ankle_geom", "third_ankle_geom", "fourth_ankle_geom")
@@ -213,7 +213,7 @@ def test_there_is_exactly_one_ground(robot: Robot) -> None:
 )
 def test_ground_is_what_lies_below_the_robot(scenery: str, known: bool) -> None:
     text = Path(asset_path("go1.xml")).read_text().replace("<worldbody>", f"<worldbody>{scenery}")
-    robot = Robot.from_mjcf(text, go1.FEET, home=go1.HOME)
+    robot = Robot.from_mjcf(text, GO1.feet, home=GO1.home)
     static = robot.model.body_weldid[robot.model.geom_bodyid] == 0
     assert (
         "fbid_ground" in [robot.model.geom(geom).name for geom in np.flatnonzero(static)]
@@ -225,7 +225,7 @@ def test_ground_is_what_lies_below_the_robot(scenery: str, known: bool) -> None:
 def test_a_ground_elsewhere_is_told(height: float, told: str) -> None:
     floor = f'<geom type="plane" size="2 2 0.1" pos="0 0 {height}"/>'
     text = Path(asset_path("go1.xml")).read_text().replace("<worldbody>", f"<worldbody>{floor}")
-    robot = Robot.from_mjcf(text, go1.FEET, home=go1.HOME)
+    robot = Robot.from_mjcf(text, GO1.feet, home=GO1.home)
     assert [line for line in robot.check() if line.startswith("The file's ground is")] == [
         f"The file's ground is {told} the feet at home, which begin at z = 0."
     ]

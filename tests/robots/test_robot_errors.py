@@ -16,7 +16,7 @@ from fbid_gym.errors import (
     UnknownOptionError,
 )
 from fbid_gym.robots import Robot, load
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots.built_in import asset_path
 
 GOOD = """
 <mujoco>
@@ -215,7 +215,7 @@ def test_bad_file(tmp_path: Path, text: str, message: str) -> None:
         ({"a": [f"p{i}" for i in range(9)]}, "Foot 'a' has 9 contact points. Expected 1 to 8."),
         (
             {"a": ["tip", "heel"]},
-            "Foot 'a' has points on different bodies: tip on shank, heel on thigh.",
+            "Foot 'a' has points on different bodies: tip (shank), heel (thigh).",
         ),
         ({"a": ["tip", "toe"]}, "Foot 'a' mixes sites and geoms: tip (site), toe (geom)."),
         (
@@ -224,7 +224,7 @@ def test_bad_file(tmp_path: Path, text: str, message: str) -> None:
         ),
         (
             {"a": ["toe", "toe2", "big"]},
-            "Foot 'a' has spheres of different radii: toe 0.03 m, toe2 0.03 m, big 0.04 m.",
+            "Foot 'a' has spheres of different radii: toe (0.03 m), toe2 (0.03 m), big (0.04 m).",
         ),
     ],
 )
@@ -258,8 +258,8 @@ QPOS = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.2, -0.3]
             "Unknown joint 'ankle' in home. Valid choices: hip, knee.",
         ),
         ({"hip": "up"}, InvalidValueError, "Invalid home of hip: 'up'. Expected a number."),
-        ({"hip": np.nan}, NonFiniteError, "home is not finite: first NaN or infinity at index (7,"),
-        (QPOS[:-1], ShapeError, "home has shape (8,). Expected (9,), a whole qpos."),
+        ({"hip": np.nan}, InvalidValueError, "Invalid home of hip: nan. Expected a number."),
+        (QPOS[:-1], ShapeError, "home has shape (8,). Expected a whole qpos, (nq,) = (9,)."),
         ([*QPOS[:-1], np.inf], NonFiniteError, "home is not finite: first NaN or infinity at"),
         (["a", "b"], InvalidValueError, "Invalid home: ['a', 'b']. Expected a mapping joint"),
         (

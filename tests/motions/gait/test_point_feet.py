@@ -14,7 +14,8 @@ from fbid_gym.motions.gait.point_gait import PointFootGait, PointGaitMemory, sta
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
-from fbid_gym.robots import Robot, load, quadruped
+from fbid_gym.robots import Robot, load
+from fbid_gym.robots.built_in import QUADRUPED
 from tests.dogs import dog
 
 TICK = 0.002
@@ -280,7 +281,7 @@ def test_feet_land_around_the_point_below_the_centre_of_mass() -> None:
     spec = ROBOT.spec.copy()
     (trunk,) = (body for body in spec.bodies if body.name == ROBOT.model.body(ROBOT.base_body).name)
     trunk.ipos = trunk.ipos + [0.03, -0.01, 0.0]
-    robot = Robot.from_mjcf(spec, quadruped.FEET, name="nose-heavy", home=quadruped.HOME)
+    robot = Robot.from_mjcf(spec, QUADRUPED.feet, name="nose-heavy", home=QUADRUPED.home)
     gait, terms = quadruped_gait(robot), home(robot=robot)
     below = terms.com[0, :2] - terms.base_position[0, :2]
     assert below[0] > 0.01
