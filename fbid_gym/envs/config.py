@@ -25,8 +25,9 @@ from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.rates import Rate, Rates
 from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOptionError
 from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
-from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots import ROBOTS, Robot, load, motor_sheet
 from fbid_gym.robots.contact_pairs import compile_paired
+from fbid_gym.robots.drives import IDEAL, check_motors, complete_table, with_motors
 from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.terrain import (
     LEVELLED,
@@ -158,6 +159,9 @@ class EnvConfig:
     """Weights of terms of the reward by name, instead of the task's own; 0 is for without."""
     reward_scales: Annotated[dict[str, float], Named(SCALE)] | None = None
     """Widths of the bells of terms of the reward by name, likewise, each in the term's unit."""
+    motors: str | dict[str, Any] = IDEAL
+    """"ideal"; "data_sheet", those of a built-in robot; or a table, see
+    `fbid_gym.robots.drives.MotorTable`."""
     randomisation: dict[str, Any] | None = None
     """Arguments of `fbid_gym.envs.randomisation.Randomisation`; none by default."""
 
@@ -166,9 +170,10 @@ class EnvConfig:
         check_fields(self)
         by_name("layer_options", self.layer_options)
         check_height(self.terrain, self.terrain_height)
+        check_motors(self.motors)
         self.rates()
         self.randomisations()
-        for name in ("layer_options", "task_options", "randomisation"):
+        for name in ("layer_options", "task_options", "motors", "randomisation"):
             # Copies: whoever gave them may go on to change what is his.
             object.__setattr__(self, name, copy.deepcopy(getattr(self, name)))
 
@@ -192,7 +197,11 @@ class EnvConfig:
         )
 
     def load_robot(self) -> Robot:
-        """Return the robot."""
+        """Return the robot, with its motors."""
+        robot = self._plain_robot()
+        return with_motors(robot, self.motors, motor_sheet(robot))
+
+    def _plain_robot(self) -> Robot:
         if isinstance(self.robot, Robot):
             check_upright(self.robot)
             return self.robot
@@ -253,6 +262,9 @@ class EnvConfig:
         difficulty = None if self.curriculum else self.difficulty
         terrain, shared = _ground(robot, self.terrain, height, difficulty, self.terrain_seed)
         world = copy.copy(shared)
+        if robot.drives is not None:
+            world.dof_damping[6 : robot.nv] = robot.drives.viscous
+            world.dof_frictionloss[6 : robot.nv] = robot.drives.dry
         pyramids = world.opt.impratio <= _MOST_OF_PYRAMIDS
         world.opt.cone = _CONES[self.friction_cone if pyramids else "elliptic"]
         if self.solver_iterations is not None:
@@ -284,7 +296,7 @@ class EnvConfig:
         newtons, the options of the layer and of the randomisation are complete; infinity is "inf".
         None is left where a terrain takes no height.
         """
-        robot = self.load_robot()
+        plain_robot, robot = self._plain_robot(), self.load_robot()
         task = self.make_task(robot)
         layer, steering = self.layer(robot, task)
         terms = self.reward_terms(task)
@@ -300,6 +312,7 @@ class EnvConfig:
                 options[name] = _derived(*in_hertz(robot, **{name: value}).values())
         filled = {
             "layer_options": options,
+            "motors": complete_table(plain_robot, self.motors, motor_sheet(plain_robot)),
             "push_force": _derived(self._push_force(robot)),
             "randomisation": asdict(self.randomisations()),
             "reward_weights": {name: term.weight for name, term in terms.items()},

@@ -34,6 +34,14 @@ class Randomisation:
     action_delay: Delay = (0.0, 0.0)
     """Plant: (least, most) s from the choice of an action to its arrival at the action layer, in
     whole control ticks. Until the first one arrives there is the zero action."""
+    loop_delay: Delay = (0.0, 0.0)
+    """Plant: (least, most) s from the state that the action layer sees to the torque it makes of
+    it. Layers do not know. See `fbid_gym.envs.loop_delay`."""
+    motor_speed: Factor = (1.0, 1.0)
+    """Plant: (least, most) factor on the speeds of the motors' torque-speed line, as of a battery
+    that is full or empty; without effect on ideal motors. Laws believe in 1."""
+    motor_lag: Factor = (1.0, 1.0)
+    """Plant: (least, most) factor on the motors' lag."""
     model_mass: Share = 0.0
     """Model: each body's mass and inertia are scaled by 1 ± up to this share."""
     model_com: Offset = 0.0

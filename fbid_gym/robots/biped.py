@@ -25,3 +25,9 @@ The knee is bent well away from its singularity at 0 but not so far that standin
 ankle keeps the sole flat under an upright trunk, and the hip angle is the one that puts the centre
 of mass over the centre of the soles (solved for; the tests hold it to 1 mm).
 """
+
+MOTORS = {"no_load_speed": 10.0}
+"""rad/s, argued: the robot's makers publish none. Hydraulic legs of this size are built for about
+that, and a straight line lies below what a valve gives: its flow falls with the root of the
+pressure.
+"""

@@ -31,3 +31,19 @@ sole flat under an upright trunk, and the hip angle is the one that puts the cen
 centre of the soles (solved for; the tests hold it to 1 mm). The arms hang a little off the trunk
 with bent elbows.
 """
+
+MOTORS = {
+    "no_load_speed": {
+        **{"*": 2.23, "*_hip_roll": 1.92, "*_knee": 1.92, "*_ankle_*": 1.92},
+        **{"*_shoulder_yaw": 3.56, "*_elbow": 3.56, "*_forearm_yaw": 3.56, "*_wrist_roll": 3.21},
+    },
+    "full_speed": {
+        **{"*": 1.49, "*_hip_roll": 1.28, "*_knee": 1.28, "*_ankle_*": 1.28},
+        **{"*_shoulder_yaw": 2.37, "*_elbow": 2.37, "*_forearm_yaw": 2.37, "*_wrist_roll": 2.14},
+    },
+}
+"""rad/s. Largest speeds are those of the lightweight arm whose drives TORO has (KUKA LWR 4+: 110
+deg/s of its 176 N·m joints, 128 of those with 100 N·m, 204 and 184 of those with 38). Argued: knee
+and ankle, between the first two in torque, count as the slowest; torque falls over the last third.
+Its inner torque loop takes the gear's friction away, but for the file's damping.
+"""

@@ -22,3 +22,8 @@ HOME = {
 The knee angle puts each foot straight below its hip, so the centre of mass is over the centre of
 the feet; the hip angle makes the robot 0.20 m tall.
 """
+
+MOTORS = {"no_load_speed": 12.0}
+"""rad/s, argued: 8,000 rpm, a coreless motor of a few watts, behind the 70:1 gear that the file's
+armature stands for. A straight line is that of such a motor; the maker publishes none.
+"""
