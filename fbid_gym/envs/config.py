@@ -172,7 +172,7 @@ class EnvConfig:
         check_height(self.terrain, self.terrain_height)
         check_motors(self.motors)
         self.rates()
-        self.randomisations()
+        _check_felt(self.motors, self.randomisations())
         for name in ("layer_options", "task_options", "motors", "randomisation"):
             # Copies: whoever gave them may go on to change what is his.
             object.__setattr__(self, name, copy.deepcopy(getattr(self, name)))
@@ -398,6 +398,15 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not np.isfinite(value):
         return str(value)
     return value
+
+
+def _check_felt(motors: Any, drawn: Randomisation) -> None:
+    """Raise InvalidValueError for what motors vary in that ideal ones do not have."""
+    for name in ("motor_speed", "motor_lag"):
+        value = getattr(drawn, name)
+        if motors == IDEAL and value != (1.0, 1.0):
+            expected = f'(1, 1) with motors "{IDEAL}"'
+            raise InvalidValueError(f"randomisation {name}", value, expected)
 
 
 def _at_least(least: float, name: str, seconds: float) -> float:

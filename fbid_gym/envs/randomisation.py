@@ -39,7 +39,7 @@ class Randomisation:
     it. Layers do not know. See `fbid_gym.envs.loop_delay`."""
     motor_speed: Factor = (1.0, 1.0)
     """Plant: (least, most) factor on the speeds of the motors' torque-speed line, as of a battery
-    that is full or empty; without effect on ideal motors. Laws believe in 1."""
+    that is full or empty. Laws believe in 1; ideal motors have no such line."""
     motor_lag: Factor = (1.0, 1.0)
     """Plant: (least, most) factor on the motors' lag."""
     model_mass: Share = 0.0

@@ -191,3 +191,9 @@ def test_friction_is_the_tables_in_the_world_and_the_files_in_the_law() -> None:
     np.testing.assert_array_equal(world.dof_damping[6 : robot.nv], expected)
     assert (world.dof_damping[:6] == 0.0).all()
     assert not robot.model.dof_frictionloss.any()
+
+
+@pytest.mark.parametrize("name", ["motor_speed", "motor_lag"])
+def test_ideal_motors_have_nothing_that_could_vary(name: str) -> None:
+    with pytest.raises(InvalidValueError, match=rf"randomisation {name}: \(0.8, 1.0\).*ideal"):
+        gym.make(WALK, randomisation={name: (0.8, 1.0)})
