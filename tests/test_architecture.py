@@ -82,7 +82,7 @@ LINES = {
     "actions": 2570,
     "control": 4735,
     "dynamics": 1650,
-    "envs": 4170,
+    "envs": 4180,
     "motions": 3690,
     "policy": 574,
     "robots": 5525,
