@@ -36,9 +36,9 @@ from eval.zero_actions.tables import TABLES, Case, ZeroActionConfig, cases
 from fbid_gym.__main__ import called
 from fbid_gym.actions import LAYERS, make_layer
 from fbid_gym.envs.chunks import NUM_ENVS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import FbidError, RunError
 from fbid_gym.options import Choice, Each, Number, Whole, check_fields
+from fbid_gym.runtime.config import EnvConfig
 from train.command import run_command
 from train.environments import run_file
 

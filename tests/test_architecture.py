@@ -82,7 +82,7 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 
 # What follows are budgets: they only go down. Whoever needs more lines in one place finds them in
 # another, or says in the commit why the house has to grow.
-LONGER = {"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 750}  # to be split
+LONGER = {"fbid_gym/control/body_law.py": 575, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
     ".": 2320,
     "actions": 2560,
@@ -97,7 +97,7 @@ LINES = {
 }
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
-READING = {"fbid_gym.actions.base_acceleration": (34, 6340)}
+READING = {"fbid_gym.actions.base_acceleration": (36, 6740)}
 NOT_READ = ("robots", "envs", "fbid_gym")
 
 # Whoever has to know of which class a layer or a task is does by case what the layer or the task

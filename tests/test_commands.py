@@ -112,7 +112,7 @@ def test_a_robot_of_the_menagerie_goes_by_its_name(
     name = "menagerie:unitree_go2"
     robot = Robot.load(name)
     assert robot.num_feet == 4 and robot.mass == pytest.approx(Robot.load(f"{name}/go2").mass)
-    from fbid_gym.envs.config import EnvConfig
+    from fbid_gym.runtime.config import EnvConfig
     from train.runs.robots import chosen
 
     assert EnvConfig(robot=name).load_robot() is EnvConfig(robot=name).load_robot()

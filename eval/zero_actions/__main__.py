@@ -120,7 +120,8 @@ def kept_rows(file: Path, table: Table) -> list[Row]:
 def said(table: Table, rows: Sequence[Row], page: Path) -> str:
     """Say of what the short table of a page is, and where the rows are."""
     episodes, seconds, push = (rows[0][name] for name in ("episodes", "seconds", "push"))
-    error = ", and their mean velocity error in m/s" if table.error else ""
+    means = {"": "", "reward": ", and their mean reward a step until they fell"}
+    error = means.get(table.error, ", and their mean velocity error in m/s")
     return (
         f"{episodes} robots each, {seconds} s, pushes of {push} N. Cells: how many of them stayed "
         f"up{error}. [{page.stem}.csv](data/{page.stem}.csv) has every row, with all numbers and "

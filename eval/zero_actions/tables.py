@@ -40,6 +40,17 @@ SETTINGS: dict[str, dict[str, Any]] = {
 """Name -> arguments that differ from the environment's, from the dearest to the cheapest."""
 
 
+_LATE = {"randomisation": {"loop_delay": (0.005, 0.005)}}
+
+MOTORS: dict[str, dict[str, Any]] = {
+    "ideal": {},
+    "ideal, 5 ms": _LATE,
+    "data sheet": {"motors": "data_sheet"},
+    "data sheet, 5 ms": {"motors": "data_sheet", **_LATE},
+}
+"""Motors, and the delay of the loop from the state that a layer sees to its torque."""
+
+
 class Table(NamedTuple):
     """A table: the product of robots, layers and factors, which the command line can change."""
 
@@ -117,6 +128,20 @@ TABLES = {
         across="setting",
         error="velocity_error",
         compared=True,
+    ),
+    "motors": Table(
+        "every layer with ideal motors and those of data sheets, without and with a delay of 5 ms",
+        ("go1", "biped", "humanoid"),
+        tuple(LAYERS),
+        {"motors": MOTORS},
+        ("robot", "layer", "motors"),
+        (*_UP, "reward", "velocity_error"),
+        rows=("robot", "layer"),
+        across="motors",
+        error="reward",
+        compared=True,
+        episodes=16,
+        seconds=5.0,
     ),
     "zoo": Table(
         "robots that nobody has seen, drawn from seeds (`eval.zoo`), standing and walking",

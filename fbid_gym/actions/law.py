@@ -21,6 +21,7 @@ from fbid_gym.control.contact_forces import (
     limit_rows,
     wrench_scale,
 )
+from fbid_gym.control.motor_limits import MotorModel
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.dynamics.stance import Stance
@@ -33,6 +34,7 @@ from fbid_gym.quantities import (
     Target,
 )
 from fbid_gym.robots import Robot
+from fbid_gym.robots.drives import torque_line
 
 LEAST_GAIN = 0.05
 """Of a task of the body, see `fbid_gym.control.operational_space`."""
@@ -42,13 +44,20 @@ _SOLE = 0.9  # of a flat foot, that carries: its edges are where it tips
 _MOST_LOAD = 1.5  # of the weight, on a point foot
 
 
-DIAGNOSTICS = LawMemory._fields[1:]
+DIAGNOSTICS = ("residual", "underactuation")
 """Entries of a memory that are worth reporting."""
 
 
 def fresh_memory(robot: Robot, ramp: ContactRamp | None, num_robots: int) -> Memory:
     """Return a law's memory, and its ramp's if any, of robots that have not moved yet."""
-    own: Memory = LawMemory(np.zeros((num_robots, 6)), *np.zeros((2, num_robots)))._asdict()
+    residual, underactuation = np.zeros((2, num_robots))
+    own: Memory = LawMemory(
+        warm_start=np.zeros((num_robots, 6)),
+        residual=residual,
+        underactuation=underactuation,
+        strength=np.ones(num_robots),
+        vertical=np.zeros((num_robots, 4)),
+    )._asdict()
     if ramp is not None:
         own |= ramp.memory(num_robots, robot.num_points, robot.num_joints)
     return own
@@ -115,6 +124,7 @@ class Law:
             turning_mobility=np.linalg.inv(inertia),
             feet_first=feet_first,
             passive=contact.passive(robot),
+            motors=MotorModel(torque_line(robot), 1.0 / control_hz, 1.0 / stance.falling_rate),
         )
         belief = contact_belief(contact.contacts, robot, control_hz)
         return cls(robot, constants, belief, contact.ramp(control_hz), limits is not None)
@@ -122,7 +132,7 @@ class Law:
     @property
     def diagnostics(self) -> tuple[str, ...]:
         """What of its memory it reports; by [M10] eq. (15) it misses no wrench that can be had."""
-        return DIAGNOSTICS if self.limited else DIAGNOSTICS[1:]
+        return (*DIAGNOSTICS, "strength") if self.limited else DIAGNOSTICS[1:]
 
     def memory(self, num_robots: int) -> Memory:
         """Return the memory of robots that have not moved yet."""

@@ -17,6 +17,13 @@ import numpy as np
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
 from fbid_gym.control.inverse_dynamics import invert_dynamics
+from fbid_gym.control.motor_limits import (
+    PASSES,
+    MotorModel,
+    ask_more,
+    believed_strength,
+    bound_forces,
+)
 from fbid_gym.control.whole_body import (
     FREE,
     MOVES,
@@ -87,6 +94,7 @@ class LawConstants(NamedTuple):
         turning_mobility: (3, 3) its inverse.
         feet_first: whether feet in the air are moved as tasks; else they follow their joints.
         passive: what joints take of their torques, to be given back.
+        motors: what is believed of them.
     """
 
     gains: BodyGains
@@ -103,6 +111,7 @@ class LawConstants(NamedTuple):
     turning_mobility: np.ndarray
     feet_first: bool
     passive: PassiveJoints
+    motors: MotorModel
 
 
 class Command(NamedTuple):
@@ -130,16 +139,20 @@ class LawMemory(NamedTuple):
         residual: (N,) share of the weight by which the wrench on the base misses the desired one,
             and of gravity by which contacts would move.
         underactuation: (N,) directions of the base that the contacts cannot push.
+        strength: (N,) share of their torques that the motors are taken to give.
+        vertical: (N, 4) of the robots' vertical motion, see `believed_strength`.
     """
 
     warm_start: np.ndarray
     residual: np.ndarray
     underactuation: np.ndarray
+    strength: np.ndarray
+    vertical: np.ndarray
 
     @classmethod
     def of(cls, memory: Memory) -> "LawMemory":
         """Return the law's part of a layer's memory, to be updated in place."""
-        return cls(memory["warm_start"], memory["residual"], memory["underactuation"])
+        return cls(*(memory[name] for name in cls._fields))
 
 
 @kernel
@@ -161,13 +174,16 @@ def torque_within_limits(
     torque, start = np.empty((count, size - 6)), np.empty(6)
     for i in range(count):
         _move(law, command, state, target, terms, feet, i, work, motion, carried)
-        _hold(law, terms, feet, memory, i, start, work, motion, torque)
-    return give_back(law.passive, torque, state.qpos, state.qvel)
+        _hold(law, state, terms, feet, memory, i, start, work, motion, torque)
+    give_back(law.passive, torque, state.qpos, state.qvel)
+    ask_more(memory.strength, torque)
+    return torque
 
 
 @compiled
 def _hold(
     law: LawConstants,
+    state: RobotState,
     terms: DynamicsTerms,
     feet: Feet,
     memory: LawMemory,
@@ -178,19 +194,30 @@ def _hold(
     torque: np.ndarray,
 ) -> None:
     """Write the torques (N, n) of one robot's motion, as far as forces within their limits go."""
-    weight = law.gravity * terms.mass_matrix[i, 0, 0]
+    weight, past = law.gravity * terms.mass_matrix[i, 0, 0], memory.vertical[i]
+    missing, missed = work.forces.point.missing, work.forces.trial.missing
+    strength = believed_strength(law.motors, law.gravity, terms, past, i)
     copy(memory.warm_start[i], start)
-    deliver_forces(
-        law.geometry, feet, terms, law.nearness, DEFAULT_ACCURACY, weight, start,
-        memory.warm_start[i], i, work, motion,
-    )  # fmt: skip
-    yield_to_limits(law.mobility, law.nearness, terms, i, work, motion)
-    put_together(law.limbs, work, motion)
-    joint_torques(terms, i, work, motion, torque[i])
-    missing = work.forces.point.missing
-    missed = np.sqrt(dot(missing, missing)) / weight
+    for times_bound in range(1 + PASSES):
+        if times_bound == 0:
+            deliver_forces(
+                law.geometry, feet, terms, law.nearness, DEFAULT_ACCURACY, weight, start,
+                memory.warm_start[i], i, work, motion,
+            )  # fmt: skip
+            copy(missing, missed)
+        elif not bound_forces(
+            law.motors.line, strength, DEFAULT_ACCURACY, weight, terms, state.qvel, torque[i], i,
+            work, missed,
+        ):  # fmt: skip
+            break
+        yield_to_limits(law.mobility, law.nearness, terms, i, work, motion)
+        put_together(law.limbs, work, motion)
+        joint_torques(terms, i, work, motion, torque[i])
+    missed_share = np.sqrt(dot(missed, missed)) / weight
+    memory.strength[i] = strength
+    past[1] = (motion.momentum[2] + terms.bias[i, 2]) / strength
     moved = contact_error(law.limbs, feet, i, work, motion) / law.gravity
-    memory.residual[i] = np.hypot(missed, moved)
+    memory.residual[i] = np.hypot(missed_share, moved)
     memory.underactuation[i] = missing_directions(terms, i, work)
 
 

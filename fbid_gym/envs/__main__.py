@@ -20,6 +20,7 @@ from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Flag, Option, options_of
 from fbid_gym.robots import load
+from fbid_gym.robots.drives import MotorTable
 from fbid_gym.runtime.config import Drawing, EnvConfig
 from fbid_gym.runtime.randomisation import Randomisation
 from fbid_gym.tasks import TASKS
@@ -153,6 +154,8 @@ def arguments_page() -> str:
     for what, group in shared.items():
         section(f"### About {what}", options_of(group), meanings(group))
     section("### Steering a gait, of every layer", options_of(Footholds.of), meanings(Footholds.of))
+    section("## `motors`", options_of(MotorTable), meanings(MotorTable))
+    parts.append(getdoc(MotorTable) or "")
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
     parts.extend([getdoc(Randomisation) or "", _RANDOMISED])
     section("## How environments are drawn", options_of(Drawing), meanings(Drawing))

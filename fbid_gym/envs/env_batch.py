@@ -364,6 +364,7 @@ class EnvBatch:
             "tick": self.num_steps * self.rates.ticks + 2**32,  # some step on after the end
             "limits": self.num_steps,
             "delay.ticks": history * self.rates.ticks,
+            "simulation.loop_ticks": self.simulation.loop.most_ticks,
             "progress.level": self._progress.levels - 1,
             "planned.carrier": self.robot.num_feet - 1,
             "generator": MOST_NUMBERS,

@@ -6,6 +6,7 @@ import numpy as np
 
 from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.dynamics.trunk import base_from_trunk
+from fbid_gym.envs.loop_delay import LoopDelay
 from fbid_gym.envs.simulation import Simulation, hush
 from fbid_gym.quantities import DynamicsTerms
 from fbid_gym.robots.mjcf import moving_joints
@@ -16,6 +17,8 @@ _RANGES = (
     *("friction", "motor_strength", "action_delay"),
     *("total_mass", "model_total_mass", "model_inertia", "model_com_ahead"),
 )
+# Likewise; younger, so drawn last and only where they vary: seeds go on to mean the same robots.
+_YOUNGER = ("loop_delay", "motor_speed", "motor_lag")
 
 
 class Plant:
@@ -38,6 +41,12 @@ class Plant:
         self.action_delay = np.zeros(count)
         if not randomisation.any:
             return
+        simulation.loop = LoopDelay.of(
+            count,
+            simulation.robot.num_joints,
+            simulation.loop.control_hz,
+            randomisation.loop_delay[1],
+        )
         self._believed = mujoco.batch.Batch(model, count, 1, persistent=True)
         hush(self._believed, np.arange(count))
         self._live = LiveTerms(simulation.robot, self._believed)
@@ -57,6 +66,7 @@ class Plant:
             "model_total_mass": np.ones(count),
             "model_inertia": np.ones(count),
             "model_com_ahead": np.zeros(count),
+            **{name: np.full(count, getattr(randomisation, name)[0]) for name in _YOUNGER},
         }
 
     def draw(self, env: int, rng: np.random.Generator) -> None:
@@ -71,6 +81,9 @@ class Plant:
         for name in _RANGES:
             least, most = getattr(ranges, name)
             self._drawn[name][env] = rng.uniform(least, most, self._drawn[name].shape[1:])
+        for name in _YOUNGER:
+            least, most = getattr(ranges, name)
+            self._drawn[name][env] = rng.uniform(least, most) if least < most else least
 
     def apply(self, ids: np.ndarray) -> None:
         """Give the robots `ids` (K,) their drawn parameters."""
@@ -85,6 +98,9 @@ class Plant:
         ahead = base_from_trunk(robot)[:, 0]
         com[:, robot.base_body] += drawn["model_com_ahead"][:, None] * ahead
         _weigh(self._believed, self._simulation.robot.model, ids, mass, inertia, com)
+        self._simulation.loop.begin(ids, drawn["loop_delay"])
+        if (motors := self._simulation.motors) is not None:
+            motors.speed[ids], motors.lag[ids] = drawn["motor_speed"], drawn["motor_lag"]
         # A motor whose gear is larger gives more torque for the same control, and a joint lets as
         # much more through.
         for field, index in (

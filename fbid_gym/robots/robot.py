@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -32,6 +32,9 @@ from fbid_gym.robots.source import RobotSource, Source
 from fbid_gym.robots.stand import stand_up
 from fbid_gym.robots.touching import refuse_wheels
 from fbid_gym.robots.unmodelled import refuse_diverging, refuse_unmodelled
+
+if TYPE_CHECKING:
+    from fbid_gym.robots.drives import Drives
 
 _LOG = logging.getLogger("fbid_gym")
 
@@ -66,6 +69,8 @@ class Robot:
         mass: kg.
         notes: what was changed of the file, one sentence each.
         servo_gains: of the file's servos, which are torque motors now; None if it had none.
+        drives: what its motors can give beyond `torque_limit`; None if they are ideal, see
+            `fbid_gym.robots.drives`.
     """
 
     name: str
@@ -83,6 +88,7 @@ class Robot:
     mass: float
     notes: tuple[str, ...] = ()
     servo_gains: ServoGains | None = None
+    drives: "Drives | None" = None
 
     _made: ClassVar[tuple[Callable[..., "Robot"], tuple[Any, ...]] | None] = None
 

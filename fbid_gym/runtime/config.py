@@ -22,6 +22,8 @@ from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOpti
 from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
 from fbid_gym.robots import MENAGERIE, ROBOTS, Robot, load
 from fbid_gym.robots.contact_pairs import compile_paired
+from fbid_gym.robots.data_sheets import motor_sheet
+from fbid_gym.robots.drives import IDEAL, check_motors, complete_table, with_motors
 from fbid_gym.robots.home_check import check_upright
 from fbid_gym.robots.measured import once_for_robot
 from fbid_gym.robots.terrain import (
@@ -155,6 +157,9 @@ class EnvConfig:
     """Weights of terms of the reward by name, instead of the task's own; 0 is for without."""
     reward_scales: Annotated[dict[str, float], Named(SCALE)] | None = None
     """Widths of the bells of terms of the reward by name, likewise, each in the term's unit."""
+    motors: str | dict[str, Any] = IDEAL
+    """"ideal"; "data_sheet", those of a built-in robot; or a table, see
+    `fbid_gym.robots.drives.MotorTable`."""
     randomisation: dict[str, Any] | None = None
     """Arguments of `fbid_gym.runtime.randomisation.Randomisation`; none by default."""
 
@@ -163,9 +168,10 @@ class EnvConfig:
         check_fields(self)
         by_name("layer_options", self.layer_options)
         check_height(self.terrain, self.terrain_height)
+        check_motors(self.motors)
         self.rates()
-        self.randomisations()
-        for name in ("layer_options", "task_options", "randomisation"):
+        _check_felt(self.motors, self.randomisations())
+        for name in ("layer_options", "task_options", "motors", "randomisation"):
             # Copies: whoever gave them may go on to change what is his.
             object.__setattr__(self, name, copy.deepcopy(getattr(self, name)))
 
@@ -189,7 +195,11 @@ class EnvConfig:
         )
 
     def load_robot(self) -> Robot:
-        """Return the robot."""
+        """Return the robot, with its motors."""
+        robot = self._plain_robot()
+        return with_motors(robot, self.motors, motor_sheet(robot))
+
+    def _plain_robot(self) -> Robot:
         robot = self.robot
         if isinstance(robot, str) and robot.startswith(MENAGERIE):
             robot = load(robot)
@@ -253,6 +263,9 @@ class EnvConfig:
         difficulty = None if self.curriculum else self.difficulty
         terrain, shared = _ground(robot, self.terrain, height, difficulty, self.terrain_seed)
         world = copy.copy(shared)
+        if robot.drives is not None:
+            world.dof_damping[6 : robot.nv] = robot.drives.viscous
+            world.dof_frictionloss[6 : robot.nv] = robot.drives.dry
         pyramids = world.opt.impratio <= _MOST_OF_PYRAMIDS
         world.opt.cone = _CONES[self.friction_cone if pyramids else "elliptic"]
         if self.solver_iterations is not None:
@@ -284,7 +297,7 @@ class EnvConfig:
         newtons, the options of the layer and of the randomisation are complete; infinity is "inf".
         None is left where a terrain takes no height.
         """
-        robot = self.load_robot()
+        plain_robot, robot = self._plain_robot(), self.load_robot()
         task = self.make_task(robot)
         layer, steering = self.layer(robot, task)
         terms = self.reward_terms(task)
@@ -300,6 +313,7 @@ class EnvConfig:
                 options[name] = _derived(*in_hertz(robot, **{name: value}).values())
         filled = {
             "layer_options": options,
+            "motors": complete_table(plain_robot, self.motors, motor_sheet(plain_robot)),
             "push_force": _derived(self._push_force(robot)),
             "randomisation": asdict(self.randomisations()),
             "reward_weights": {name: term.weight for name, term in terms.items()},
@@ -359,6 +373,15 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not np.isfinite(value):
         return str(value)
     return value
+
+
+def _check_felt(motors: Any, drawn: Randomisation) -> None:
+    """Raise InvalidValueError for what motors vary in that ideal ones do not have."""
+    for name in ("motor_speed", "motor_lag"):
+        value = getattr(drawn, name)
+        if motors == IDEAL and value != (1.0, 1.0):
+            expected = f'(1, 1) with motors "{IDEAL}"'
+            raise InvalidValueError(f"randomisation {name}", value, expected)
 
 
 def _at_least(least: float, name: str, seconds: float) -> float:

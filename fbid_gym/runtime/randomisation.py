@@ -20,7 +20,7 @@ class Randomisation:
     The plant is the simulated robot; the model is what model-based layers compute with. The model
     starts from the robot's MJCF and sees nothing of how the plant differs, nor does the policy;
     observations have no noise. Nor does anybody see how strong the motors are: torques that are
-    observed, rewarded and reported are those commanded.
+    observed, rewarded and reported are those that a motor of strength 1 gives.
     """
 
     mass: Share = 0.0
@@ -34,6 +34,14 @@ class Randomisation:
     action_delay: Delay = (0.0, 0.0)
     """Plant: (least, most) s from the choice of an action to its arrival at the action layer, in
     whole control ticks. Until the first one arrives there is the zero action."""
+    loop_delay: Delay = (0.0, 0.0)
+    """Plant: (least, most) s from the state that the action layer sees to the torque it makes of
+    it. Layers do not know. See `fbid_gym.envs.loop_delay`."""
+    motor_speed: Factor = (1.0, 1.0)
+    """Plant: (least, most) factor on the speeds of the motors' torque-speed line, as of a battery
+    that is full or empty. Laws believe in 1; ideal motors have no such line."""
+    motor_lag: Factor = (1.0, 1.0)
+    """Plant: (least, most) factor on the motors' lag."""
     model_mass: Share = 0.0
     """Model: each body's mass and inertia are scaled by 1 ± up to this share."""
     model_com: Offset = 0.0

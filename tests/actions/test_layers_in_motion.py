@@ -60,7 +60,7 @@ def test_info_tells_what_the_layer_did(robot, layer):
     assert {key for key in info if key.startswith("reward_")} == {f"reward_{r}" for r in rewards}
     diagnostics = {"layer_saturation"}
     if layer not in ("torque", "joint_position"):
-        diagnostics |= {"layer_residual", "layer_underactuation"}
+        diagnostics |= {"layer_residual", "layer_underactuation", "layer_strength"}
     assert {key for key in info if key.startswith("layer_")} == diagnostics
     rest = {"height", "height_command", "height_error", "torque_rms", "power", "slip"}
     rest |= {"push", "push_velocity", "torque", "contact_force", "termination", "clipped_actions"}

@@ -1,5 +1,6 @@
 """The law, leg by leg, against dense laws and forward dynamics."""
 
+from dataclasses import replace
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -27,6 +28,7 @@ from fbid_gym.motions.target import planned_kind, standing_target
 from fbid_gym.quantities import DynamicsTerms, RobotState, Target, some_of
 from fbid_gym.robots import Robot
 from fbid_gym.robots.built_in import QUADRUPED
+from fbid_gym.robots.drives import TorqueLine
 from tests import postures
 from tests.pairs import pairs
 from tests.postures import bent
@@ -53,7 +55,16 @@ def robot(request: pytest.FixtureRequest) -> Robot:
 def law_of(robot: Robot, moment_priority: float = 1.0, **options: Any) -> Law:
     contact = ContactOptions(**{"friction": FRICTION, "compensate_damping": False} | options)
     gains = default_gains(robot, planned_kind(robot))
-    return Law.of(robot, HZ, contact, gains, moment_priority)
+    law = Law.of(robot, HZ, contact, gains, moment_priority)
+    # Scenes ask for more than motors give; those are the matter of `test_motor_limits`.
+    line = law.constants.motors.line._replace(torque=np.full(robot.num_joints, 1e9))
+    return with_line(law, line)
+
+
+def with_line(law: Law, line: TorqueLine) -> Law:
+    """The law with motors of another torque-speed line."""
+    motors = law.constants.motors._replace(line=line)
+    return replace(law, constants=law.constants._replace(motors=motors))
 
 
 def planted_sets(robot: Robot) -> np.ndarray:
