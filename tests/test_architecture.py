@@ -40,6 +40,7 @@ RANK = {
     "robots": 3,
     "dynamics": 4,
     "control": 5,
+    "estimation": 5,
     "motions": 6,
     "actions": 7,
     "tasks": 7,

@@ -79,11 +79,12 @@ def export(learner: BaseAlgorithm, config: TrainConfig, versions: dict[str, Any]
     algorithm = ALGORITHMS[config.algorithm]
     layers = algorithm.layers(learner)
     observation, _ = moments(learner)
+    seen = layers[0].in_features  # what follows is the critic's
     return Policy(
         env_id=config.env.rpartition(":")[2],  # a policy names no module to import
         env_args=config.make_args(),
-        mean=observation.mean,
-        variance=observation.var,
+        mean=observation.mean[:seen],
+        variance=observation.var[:seen],
         weights=tuple(layer.weight.detach().numpy() for layer in layers),
         biases=tuple(layer.bias.detach().numpy() for layer in layers),
         activation=config.hyperparameters.activation,

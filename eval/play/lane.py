@@ -10,7 +10,8 @@ from eval.play.carry import State, carried, imposed, pushed
 from eval.play.controls import ALONE, Settings
 from eval.play.policies import layer_of
 from eval.play.stage import NO_POLICY, Stage
-from fbid_gym.envs.env_batch import EnvBatch, Step
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.policy_step import Step
 from fbid_gym.policy import Policy
 
 _ONLY = np.zeros(1, int)

@@ -5,7 +5,7 @@ other arguments stay as they were in training. A new factor needs an entry in `F
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -126,6 +126,22 @@ def _lagging(milliseconds: float, config: EnvConfig) -> Changes:
     if milliseconds == 0.0:
         return {}
     return {"motors": _motor_table(config) | {"lag": 1e-3 * milliseconds}}
+
+
+def _noisy(scale: float, config: EnvConfig) -> Changes:
+    return {"sensors": _own_sensors(config) | {"scale": scale}}
+
+
+def _mistaken(share: float, config: EnvConfig) -> Changes:
+    return {"sensors": _own_sensors(config) | {"contact_errors": share}}
+
+
+def _own_sensors(config: EnvConfig) -> Changes:
+    """Those of training; "mems" where these are perfect."""
+    own = config.perceived()
+    varied = ("scale", "contact_errors")
+    given = {"like": "mems"} if own is None else asdict(own)
+    return {name: value for name, value in given.items() if name not in varied}
 
 
 def _ahead(heights: float, config: EnvConfig) -> Changes:
@@ -250,6 +266,25 @@ FACTORS = (
         _lagging,
         "The torque follows what is asked for with this time constant.",
         nominal=0.0,
+    ),
+    Factor(
+        "sensors",
+        "errors of the sensors",
+        "times those of training, or of cheap ones",
+        (0.0, 0.5, 1.0, 2.0, 4.0),
+        _noisy,
+        "Robots know their state by an estimate from their sensors only, whose noise, biases and "
+        'mounting are worse by this factor: those of training, or of "mems" where training had '
+        "perfect ones.",
+    ),
+    Factor(
+        "contact_errors",
+        "wrong contacts",
+        "share of the time for which a foot's sensor is wrong",
+        (0.0, 0.05, 0.1, 0.2, 0.3),
+        _mistaken,
+        "The sensor of each foot tells the wrong thing for this share of the time, 20 ms at a "
+        'time; the other sensors are those of training, or "mems".',
     ),
     Factor(
         "slope",

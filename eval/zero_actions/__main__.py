@@ -120,8 +120,9 @@ def kept_rows(file: Path, table: Table) -> list[Row]:
 def said(table: Table, rows: Sequence[Row], page: Path) -> str:
     """Say of what the short table of a page is, and where the rows are."""
     episodes, seconds, push = (rows[0][name] for name in ("episodes", "seconds", "push"))
-    means = {"": "", "reward": ", and their mean reward a step until they fell"}
-    error = means.get(table.error, ", and their mean velocity error in m/s")
+    means = {"reward": "reward a step until they fell", "return": "return"}
+    told = means.get(table.error, "velocity error in m/s")
+    error = f", and their mean {told}" if table.error else ""
     return (
         f"{episodes} robots each, {seconds} s, pushes of {push} N. Cells: how many of them stayed "
         f"up{error}. [{page.stem}.csv](data/{page.stem}.csv) has every row, with all numbers and "

@@ -55,12 +55,16 @@ def play(batch: EnvBatch, count: int, seed: int) -> dict[str, np.ndarray]:
         found["up"].append(up)
         found["reward"].append(step.reward)
         if "commanded yaw rate (rad/s)" in names:
-            seen = [names[f"base velocity {way} (m/s, heading)"] for way in ways]
             asked = [names[f"commanded velocity {way} (m/s)"] for way in ways]
             turn = step.observation[:, names["commanded yaw rate (rad/s)"]]
-            vertical = batch.simulation.terms().world_from_base[:, 2]
+            terms = batch.simulation.terms()  # the truth, whatever the robots believe
+            vertical, ahead = terms.world_from_base[:, 2], terms.world_from_trunk[:, :2, 0]
+            ahead = ahead / (np.linalg.norm(ahead, axis=1, keepdims=True) + 1e-12)
+            left = ahead[:, ::-1] * (-1.0, 1.0)
+            moving = batch.simulation.qvel[:, :2]
+            along = np.stack([np.vecdot(ahead, moving), np.vecdot(left, moving)], axis=1)
             spin = np.vecdot(vertical, batch.simulation.qvel[:, 3:6])
-            found["miss"].append(step.observation[:, seen] - step.observation[:, asked])
+            found["miss"].append(along - step.observation[:, asked])
             found["turn"].append(spin - turn)
             for name in ("power", "speed", "velocity_error"):
                 found[name].append(step.info[name])
@@ -91,7 +95,10 @@ def summarised(told: Mapping[str, np.ndarray], hz: int, weight: float) -> dict[s
         weight: N, of a robot.
     """
     up, whole = told["up"], len(told["up"]) // hz
+    # Here the step of a fall counts.
+    stepped = np.vstack([np.ones_like(up[:1]), up[:-1]])
     numbers = {"reward": _mean(told["reward"][up])}
+    numbers["return"] = float(np.sum(told["reward"] * stepped) / up.shape[1])
     if "miss" not in told:
         return numbers
     for name, values in (("velocity_error", told["miss"]), ("yaw_rate_error", told["turn"])):
@@ -103,8 +110,6 @@ def summarised(told: Mapping[str, np.ndarray], hz: int, weight: float) -> dict[s
         numbers[f"{name}_of_1_s_means"] = _mean(lasting)
     way = told["speed"][up].sum()
     numbers["cost_of_transport"] = told["power"][up].sum() / (weight * way) if way else math.nan
-    # Here the step of a fall counts.
-    stepped = np.vstack([np.ones_like(up[:1]), up[:-1]])
     return numbers | {"velocity_error_of_the_reward": _mean(told["velocity_error"][stepped])}
 
 

@@ -15,6 +15,7 @@ from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
 from fbid_gym.errors import FbidError, InvalidValueError
+from fbid_gym.estimation import PRESETS
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.gait.schedule import PATTERNS
 from fbid_gym.options import Choice, Each, Number, Whole
@@ -142,6 +143,20 @@ TABLES = {
         compared=True,
         episodes=16,
         seconds=5.0,
+    ),
+    "measured": Table(
+        "what layers lose where robots know their state by sensors and an estimate only",
+        ("go1", "biped", "humanoid"),
+        tuple(LAYERS),
+        {"sensors": {"perfect": {}} | {name: {"sensors": name} for name in PRESETS}},
+        ("robot", "layer", "sensors"),
+        (*_UP, "return", "velocity_error"),
+        rows=("robot", "layer"),
+        across="sensors",
+        error="return",
+        compared=True,
+        episodes=64,
+        seconds=6.0,
     ),
     "zoo": Table(
         "robots that nobody has seen, drawn from seeds (`eval.zoo`), standing and walking",

@@ -17,6 +17,7 @@ from fbid_gym.envs.chunks import MOST_STEPS, NUM_ENVS, NUM_THREADS
 from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.page import code, meanings, option_table, page, sections, table, term_rows
 from fbid_gym.envs.robot_env import RobotEnv
+from fbid_gym.estimation import Sensors, sensors
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Flag, Option, options_of
 from fbid_gym.robots import load
@@ -68,6 +69,10 @@ or the option is the pair itself:"""
 _SPARE = """\
 On a gait joints that neither feet nor body need are held as firmly as a foot in the air. Of
 `footholds` the default is True on a gait, of `base_acceleration` and `com_wrench`, else False."""
+_SENSORS = """\
+The presets "good", "mems" and "raw", with the data sheets that their numbers are from, stand in
+`fbid_gym/estimation/sensors.py`. With sensors that are not perfect the info of a step has the
+estimate's errors, `estimate_...`. What robots lose by them: [Measured](measured.md)."""
 _SB3 = """\
 `gym.make_vec` also takes `autoreset_mode`, `make_sb3` takes `seed` (environment i starts from
 seed + i)."""
@@ -158,6 +163,8 @@ def arguments_page() -> str:
     parts.append(getdoc(MotorTable) or "")
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
     parts.extend([getdoc(Randomisation) or "", _RANDOMISED])
+    parts.append("## `sensors`")
+    parts += [getdoc(sensors) or "", _SENSORS, option_table(options_of(Sensors), meanings(Sensors))]
     section("## How environments are drawn", options_of(Drawing), meanings(Drawing))
     section("### `render_options`", options_of(RenderOptions), meanings(RenderOptions))
     return "\n\n".join(parts) + "\n"

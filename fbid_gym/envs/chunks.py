@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.checks import check_finite, real_numbers
-from fbid_gym.envs.env_batch import EnvBatch, Step
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.policy_step import Step
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
 from fbid_gym.options import Flag, Whole, options_of
 from fbid_gym.runtime.config import EnvConfig

@@ -1,7 +1,7 @@
 """N environments stepped together on one thread: the one code path of scalar and vector envs."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +9,8 @@ from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
 from fbid_gym.envs.moment import Moment
 from fbid_gym.envs.plant import Plant
+from fbid_gym.envs.policy_step import Step
+from fbid_gym.envs.saved import check_bounds, gathered, give_back, rows_of, under
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import RobotState, some_of
@@ -18,22 +20,10 @@ from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.runtime.control_loop import ControlLoop
 from fbid_gym.runtime.effort import Effort
 from fbid_gym.runtime.given import checked_action, checked_command, clip
-from fbid_gym.tasks.observation import columns
+from fbid_gym.runtime.observer import Observer
+from fbid_gym.runtime.perception import Perception
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
-
-TERMINATIONS = ("", "fall", "diverged")
-"""How an episode ended; its place here is `termination` in the info."""
-
-
-class Step(NamedTuple):
-    """What one policy step returns for N environments."""
-
-    observation: np.ndarray  # (N, O) float32
-    reward: np.ndarray  # (N,)
-    terminated: np.ndarray  # (N,) bool
-    truncated: np.ndarray  # (N,) bool
-    info: dict[str, np.ndarray]  # name -> (N, ...) arrays
 
 
 class EnvBatch:
@@ -50,9 +40,12 @@ class EnvBatch:
         loop: task and layer at work.
         reward_terms: the table of the reward, as it was asked for.
         observation_groups: the table of the observation.
-        observation_columns: name of a group -> where in an observation it is.
         num_steps: of a whole episode.
+        perception: sensors and estimator of the robots; None where sensors are perfect.
+        notes: what was changed of the robot's file, and what is assumed beside it.
         limits: (N,) steps after which the present episodes are truncated; those of `stagger` fewer.
+        observation_names: what each entry of the observation is, with its unit.
+        observation_columns: name of a group -> where in an observation it is.
         observation_bound: (O,) largest size of each entry; observations are clipped to it.
     """
 
@@ -78,11 +71,17 @@ class EnvBatch:
         self.task = config.make_task(self.robot).on(self.terrain.grid)
         self.reward_terms = config.reward_terms(self.task)
         self._reward_names = [f"reward_{name}" for name in self.reward_terms]
-        self._reward_parts = answers.Parts.of_rows("reward term", self.reward_terms, num_envs)
+        self._reward_parts = answers.Parts.ofrows_of("reward term", self.reward_terms, num_envs)
         self._weights = np.repeat([term.weight for term in self.reward_terms.values()], num_envs)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
-        randomisation = config.randomisations()
-        self.plant = Plant(self.simulation, randomisation)
+        randomisation, sensors = config.randomisations(), config.perceived()
+        self._tick = np.zeros(num_envs, np.int64)
+        self.perception, self.notes = None, self.robot.notes
+        if sensors is not None:
+            self.perception = Perception(self.robot, sensors, self.rates.control, self._tick)
+            self.notes += self.perception.notes
+        guess = self.perception.state if self.perception and config.estimates else None
+        self.plant = Plant(self.simulation, randomisation, guess)
         self.num_envs = num_envs
         self.num_steps = round(self.task.seconds * self.rates.policy)
         self.num_steps = min(self.num_steps, most or self.num_steps)
@@ -93,15 +92,19 @@ class EnvBatch:
         answers.check_plan(self.task, drawn)
         answers.check_size(drawn, num_envs if of is None else of, self.task.seconds)
         simulation, longest = self.simulation, randomisation.action_delay[1]
-        self.loop = ControlLoop(config, self.task, drawn, simulation.terms(), longest)
+        kind = config.observation, config.history, num_envs
+        self.observer = Observer(self.task, *kind, self.perception, self.plant.drawn)
+        own = config, self.task, drawn, simulation.terms(), self.observer
+        self.loop = ControlLoop(*own, longest)
         self.layer, self.footholds = self.loop.layer, self.loop.footholds
-        self.observation_groups = self.loop.observation_groups
-        self.observation_bound = self.loop.observation_bound
-        self.observation_columns = columns(self.observation_groups)
+        self.observation_groups = self.observer.groups
+        self.observation_names, self.observation_bound = self.observer.names, self.observer.bound
+        self.observation_columns = self.observer.columns
         self._plan = self.loop.plan
-        self._tick = np.zeros(num_envs, np.int64)
-        own = simulation.qpos.copy(), simulation.qvel.copy()
-        self._state = RobotState(*own, simulation.contact_force, self._tick)
+        where = simulation.qpos.copy(), simulation.qvel.copy()
+        self._state = RobotState(*where, simulation.contact_force, self._tick)
+        # As layer, gait and policy know it.
+        self._known = self._state if guess is None else guess
         self._effort = Effort.none(num_envs, self.robot.num_joints)
         self._observation = np.zeros((num_envs, len(self.observation_bound)), np.float32)
         # What the episodes have come to so far.
@@ -113,13 +116,8 @@ class EnvBatch:
         outcome = self._outcome(Effort.none(num_envs, self.robot.num_joints))
         measured = self.loop.measure(outcome)
         self._metric_names = answers.metric_names(self.task.metrics(measured), self.task)
-        self._metric_parts = answers.Parts.of_rows("metric", self._metric_names, num_envs)
+        self._metric_parts = answers.Parts.ofrows_of("metric", self._metric_names, num_envs)
         self._metrics = self._evaluate(measured)
-
-    @property
-    def observation_names(self) -> tuple[str, ...]:
-        """What each entry of the observation is, with its unit."""
-        return self.loop.observation_names
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -155,6 +153,8 @@ class EnvBatch:
                 self.terrain.starts, env, self._rngs[env]
             )
             self.plant.draw(env, self._rngs[env])
+            if self.perception is not None:
+                self.perception.draw(env, self._rngs[env])
         if command is not None:
             self.set_command(ids, command)
         self.plant.apply(ids)
@@ -168,10 +168,11 @@ class EnvBatch:
         self._com_velocity[ids] = np.nan
         for total in self._sums.values():
             total[ids] = 0.0
-        self.loop.begin(ids, self.plant.terms())
+        self._begin(ids)
         rest = Effort.none(self.num_envs, self.robot.num_joints)
         outcome = self._outcome(rest._replace(torque=self._effort.torque))
-        self._observation[ids] = self.loop.observe(self.loop.measure(outcome))[ids]
+        actual, known = self._measures(outcome)
+        self._observation[ids] = self.observer.observe(known, actual, ids)[ids]
 
     @property
     def lengths(self) -> np.ndarray:
@@ -207,9 +208,9 @@ class EnvBatch:
         self._retire(np.flatnonzero(lost))
         self._add_up()
         outcome = self._outcome(self._effort)
-        measured = self.loop.measure(outcome)
+        measured, known = self._measures(outcome)
         shares, metrics = self._judge(measured), self._evaluate(measured)
-        seen = self.loop.observe(measured)
+        seen = self.observer.observe(known, measured)
         if np.count_nonzero(lost):
             self._show_last_seen(lost, shares, metrics, seen)
         reward = answers.summed(shares, self.reward_terms, self.task)
@@ -244,6 +245,14 @@ class EnvBatch:
         lasted = truncated & (self.limits == self.num_steps)
         return self._progress.advance(error, self.task.tolerance, terminated, lasted)
 
+    def _measures(self, outcome: Outcome) -> tuple[Any, Any]:
+        """What reward and metrics are made of, and what the observation is: as controllers know."""
+        actual = self.loop.measure(outcome)
+        if self._known is self._state:
+            return actual, actual
+        believed = self.loop.believed(outcome, self._known, self.plant.terms())
+        return actual, self.loop.measure(believed)
+
     def _judge(self, measured: Any) -> np.ndarray:
         """The terms of the reward: (T, N), a row for each."""
         shares = [term.share(measured) for term in self.reward_terms.values()]
@@ -259,7 +268,9 @@ class EnvBatch:
 
     def _act(self, action: np.ndarray) -> dict[str, np.ndarray]:
         """Run the control ticks of a policy step; what the pushes did."""
-        state, terms = self._look(), self.plant.terms
+        self._look()
+        state, terms = self._known, self.plant.terms
+        actual = terms if state is self._state else self.simulation.terms
         self._effort.begin()
         self._com_velocity[:] = self.simulation.terms().com_velocity
         when = self._tick, self.rates.ticks, self.rates.control
@@ -269,8 +280,12 @@ class EnvBatch:
             if pushed.jumping[tick]:
                 self.simulation.jump(pushed.jump[tick])
                 self._look()
-            torque = self.loop.torque(tick, state, terms)
+            torque = self.loop.torque(tick, state, terms, actual)
+            if self.perception is not None:
+                self.perception.prepare(terms)
             self.simulation.tick(torque, push, self._effort, self._state)
+            if self.perception is not None:
+                self.perception.update(self._state, self._effort.torque)
         return {"push": pushed.force[-1], "push_velocity": pushed.jump.sum(axis=0)}
 
     def _report(self, fallen: np.ndarray, lost: np.ndarray) -> dict[str, np.ndarray]:
@@ -281,6 +296,7 @@ class EnvBatch:
             "layer_saturation": self._effort.saturation.copy(),
             **{f"layer_{name}": self.loop.memory[name].copy() for name in self.layer.diagnostics},
             "termination": np.where(lost, 2, 1 * fallen),
+            **({} if self.perception is None else self.perception.errors(self._state)),
         }
 
     def _look(self) -> RobotState:
@@ -307,26 +323,30 @@ class EnvBatch:
         ground = self.terrain.height(home[:, 0], home[:, 1])
         self.simulation.place(ids, home, np.zeros((len(ids), self.robot.nv)), ground)
         self._com_velocity[ids] = np.nan
+        self._begin(ids)
+
+    def _begin(self, ids: np.ndarray) -> None:
+        """Have robots `ids` (K,) estimate, forget and plan anew where they are."""
+        if self.perception is not None:
+            self.perception.begin(ids, self._look())
+            self.simulation.note_change()
         self.loop.begin(ids, self.plant.terms())
 
     def moment(self, env: int) -> Moment:
         """Return what the layer would see of one robot now, in copies."""
-        action = self.loop.delay.arrived(self.rates.ticks - 1)[env : env + 1]
-        steering, only = (
-            self.footholds.steering(action[:, len(self.layer.action_names) :]),
-            np.array([env]),
-        )
+        (action, steering), only = self.loop.arrived(self.rates.ticks - 1), np.array([env])
         terms, actual = some_of(self.plant.terms(), only), some_of(self.simulation.terms(), only)
-        state = some_of(self._look(), only)
-        now = Now(state, lambda: terms, some_of(steering, only), _rows(self.loop.planned, only))
+        self._look()
+        state, planned = some_of(self._known, only), rows_of(self.loop.planned, only)
+        now = Now(state, lambda: terms, some_of(steering, only), planned, lambda: actual)
         gained = actual.com_velocity[0] - self._com_velocity[env]
         return Moment(
             action=action[only],
             state=state,
-            target=self.task.target(_rows(self._plan, only), now),
+            target=self.task.target(rows_of(self._plan, only), now),
             terms=terms,
             actual=actual,
-            memory=_rows(self.loop.memory, only),
+            memory=rows_of(self.loop.memory, only),
             acceleration=gained * self.rates.policy,
         )
 
@@ -335,10 +355,8 @@ class EnvBatch:
 
         One row per environment in each array.
         """
-        state = {f"simulation.{k}": v for k, v in self.simulation.state_dict().items()}
-        state |= {f"plant.{k}": v for k, v in self.plant.state_dict().items()}
-        for part, arrays in self._remembered().items():
-            state |= {f"{part}.{name}": value.copy() for name, value in arrays.items()}
+        own = {"simulation": self.simulation.state_dict(), "plant": self.plant.state_dict()}
+        state = gathered(own | self._remembered())
         state |= {"tick": self._tick.copy(), "torque": self._effort.torque.copy()}
         state["limits"] = self.limits.copy()
         state["observation"] = self.observation()
@@ -355,6 +373,8 @@ class EnvBatch:
             "episode": self._sums,
             "delay": self.loop.delay.arrays,
             "progress": self._progress.arrays,
+            "observer": self.observer.arrays,
+            "perception": {} if self.perception is None else self.perception.arrays,
         }
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
@@ -369,30 +389,17 @@ class EnvBatch:
             "planned.carrier": self.robot.num_feet - 1,
             "generator": MOST_NUMBERS,
         }
-        for name, last in most.items():
-            value = state.get(name, np.zeros(6, np.uint64))
-            if (value < 0).any() or (value > last).any():
-                raise InvalidValueError(f"state {name!r}", value, f"from 0 to {last}")
+        if self.perception is not None:
+            most |= {f"perception.{k}": v for k, v in self.perception.greatest.items()}
+        check_bounds(state, most)
 
     def load_state_dict(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state_dict` that has been checked, bit for bit."""
-        self.plant.load_state_dict(_under("plant", state))
-        self.simulation.load_state_dict(_under("simulation", state))
-        for part, arrays in self._remembered().items():
-            for name, value in arrays.items():
-                value[:] = state[f"{part}.{name}"]
+        self.plant.load_state_dict(under("plant", state))
+        self.simulation.load_state_dict(under("simulation", state))
+        give_back(self._remembered(), state)
         self._tick[:], self._effort.torque[:] = state["tick"], state["torque"]
         self.limits[:] = state["limits"]
         self._observation = state["observation"].copy()
         self._com_velocity[:] = np.nan
         self._rngs = [unpacked(row) for row in state["generator"]]
-
-
-def _rows(arrays: Mapping[str, np.ndarray], ids: np.ndarray) -> dict[str, np.ndarray]:
-    """Return copies of the rows of some robots."""
-    return {name: value[ids] for name, value in arrays.items()}
-
-
-def _under(prefix: str, state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    start = prefix + "."
-    return {k.removeprefix(start): v for k, v in state.items() if k.startswith(start)}

@@ -21,6 +21,7 @@ from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.options import Option, options_of
 from fbid_gym.robots import terrain
 from fbid_gym.runtime.config import EnvConfig
+from fbid_gym.runtime.perception import ERRORS
 from fbid_gym.tasks import TASKS
 from fbid_gym.tasks.reward import Terms
 
@@ -59,6 +60,7 @@ INFO = {
     "termination": "0, 1 after a fall, 2 where the simulation diverged: places in "
     '`env.metadata["terminations"]`',
     "clipped_actions": "Share of the action's entries outside [-1, 1], which were clipped",
+    **ERRORS,
     "terrain_level": "With a curriculum: of the present episode, 0 to 10",
 }
 """What the entries of `info` are, beside the terms of the reward."""

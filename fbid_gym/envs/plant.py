@@ -1,5 +1,7 @@
 """Which robot is simulated, and which one the model-based layers believe in."""
 
+import copy
+
 import mujoco
 import mujoco.batch
 import numpy as np
@@ -8,7 +10,8 @@ from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.dynamics.trunk import base_from_trunk
 from fbid_gym.envs.loop_delay import LoopDelay
 from fbid_gym.envs.simulation import Simulation, hush
-from fbid_gym.quantities import DynamicsTerms
+from fbid_gym.quantities import DynamicsTerms, RobotState
+from fbid_gym.robots import Robot
 from fbid_gym.robots.mjcf import moving_joints
 from fbid_gym.runtime.randomisation import Randomisation
 
@@ -26,20 +29,27 @@ class Plant:
 
     Where nothing is random all robots are as their MJCF says, and controllers know it. Else each
     robot differs from its MJCF, and the controller's model differs from the MJCF too. That model is
-    a second batch that only computes dynamics terms, so this costs about as much again as the
-    position and velocity stages of the simulation.
+    a second batch that only computes dynamics terms, without any contact: so this costs less than
+    the position and velocity stages of the simulation. It is also what terms come from where
+    controllers have but an estimate of the state.
 
     Attributes:
         action_delay: (N,) s, from the choice of an action to its arrival at the action layer.
     """
 
-    def __init__(self, simulation: Simulation, randomisation: Randomisation) -> None:
-        """Draw from the ranges of `randomisation`."""
+    def __init__(
+        self,
+        simulation: Simulation,
+        randomisation: Randomisation,
+        estimate: RobotState | None = None,
+    ) -> None:
+        """Draw from the ranges of `randomisation`; controllers know the state, or its estimate."""
         self._simulation, self._ranges = simulation, randomisation
-        model, count = simulation.robot.model, simulation.num_robots
+        count = simulation.num_robots
         self._drawn: dict[str, np.ndarray] = {}
         self.action_delay = np.zeros(count)
-        if not randomisation.any:
+        self._apart = randomisation.any or estimate is not None
+        if not self._apart:
             return
         simulation.loop = LoopDelay.of(
             count,
@@ -47,12 +57,17 @@ class Plant:
             simulation.loop.control_hz,
             randomisation.loop_delay[1],
         )
+        model = _without_contact(simulation.robot)
         self._believed = mujoco.batch.Batch(model, count, 1, persistent=True)
         hush(self._believed, np.arange(count))
         self._live = LiveTerms(simulation.robot, self._believed)
         self._qpos, self._qvel = self._believed.bind("qpos"), self._believed.bind("qvel")
         self._terms: DynamicsTerms
         self._seen = -1  # `Simulation.changes` when they were computed
+        actual = simulation.qpos, simulation.qvel
+        self._where = actual if estimate is None else (estimate.qpos, estimate.qvel)
+        if not randomisation.any:
+            return
         bodies = (count, model.nbody)
         self._drawn = {
             "mass": np.ones(bodies),
@@ -68,6 +83,11 @@ class Plant:
             "model_com_ahead": np.zeros(count),
             **{name: np.full(count, getattr(randomisation, name)[0]) for name in _YOUNGER},
         }
+
+    @property
+    def drawn(self) -> dict[str, np.ndarray]:
+        """What was drawn of the robots, not of the controllers' model: (N, ...) by name; live."""
+        return {name: value for name, value in self._drawn.items() if "model" not in name}
 
     def draw(self, env: int, rng: np.random.Generator) -> None:
         """Draw the parameters of one robot for its next episode."""
@@ -120,12 +140,12 @@ class Plant:
         self._seen = -1
 
     def terms(self) -> DynamicsTerms:
-        """Return the terms of the controllers' model at the robots' state."""
-        if not self._drawn:
+        """Return the terms of the controllers' model, where they believe the robots to be."""
+        if not self._apart:
             return self._simulation.terms()
         if self._seen == self._simulation.changes:
             return self._terms
-        self._qpos[:], self._qvel[:] = self._simulation.qpos, self._simulation.qvel
+        self._qpos[:], self._qvel[:] = self._where
         self._believed.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
         self._seen, self._terms = self._simulation.changes, self._live()
         return self._terms
@@ -139,6 +159,14 @@ class Plant:
         for name, value in self._drawn.items():
             value[:] = state[name]
         self.apply(np.arange(self._simulation.num_robots))
+
+
+def _without_contact(robot: Robot) -> mujoco.MjModel:
+    """Return a model of which only the dynamics terms are computed."""
+    model = copy.copy(robot.model)
+    unused = mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    model.opt.disableflags |= int(unused[0]) | int(unused[1])
+    return model
 
 
 def _weigh(

@@ -42,8 +42,10 @@ class RobotEnv(Interface, gym.Env):
     ## Observation Space
     A `Box` of float32, the same for every layer. Values are clipped to their ranges.
     `env.unwrapped.observation_names` names each entry, `env.unwrapped.batch.observation_columns`
-    says where each group of them is ("command", "base", "up", ...). "From home" is the difference
-    to the home stance. The last torque is that of the last control tick, the normal force that of
+    says where each group of them is ("command", "base", "up", ...). With sensors that are not
+    perfect, layer and policy know the state by an estimate; `observation="measured"` is for robots:
+    the group "policy" of what they can know, then "critic", the truth. "From home" is what differs
+    from the home stance. The last torque is that of the last control tick, the normal force that of
     the last physics step. Slide joints have m where hinges have rad.
 
     ## Rewards
@@ -88,7 +90,8 @@ class RobotEnv(Interface, gym.Env):
     `TypeError` for an unknown keyword, `ValueError` for a bad value.
 
     ## Info
-    `reset` returns an empty dictionary.
+    `reset` returns an empty dictionary. Where robots have sensors, `step` also tells by how much
+    their estimate errs: `estimate_tilt_error` and others, see docs/measured.md.
 
     ## Version History
     * v0: Initial version.

@@ -10,10 +10,13 @@ from tensordict import TensorDict
 
 from fbid_gym.envs.registered import registered
 from fbid_gym.envs.vector_env import RobotVectorEnv
+from fbid_gym.runtime.observer import CRITIC, POLICY
 
 
 class RslRlVecEnv(VecEnv):
-    """N environments for rsl_rl, which reset themselves; all it observes is one group, "policy".
+    """N environments for rsl_rl, which reset themselves.
+
+    All that is observed is one group, "policy"; observations for robots have "critic" as another.
 
     `extras` has "time_outs" (N,) of episodes that were truncated, and in "log" the mean over the
     robots of each number that `gym.make_vec` gives: terms of the reward, metrics, levels.
@@ -27,11 +30,15 @@ class RslRlVecEnv(VecEnv):
         self.envs, self.device, self.cfg = envs, device, envs.config.resolved()
         self.num_envs, self.num_actions = envs.num_envs, len(envs.action_names)
         self.max_episode_length = envs.chunks.num_steps
+        columns = envs.chunks.batches[0].observation_columns
+        self._groups = {name: columns[name] for name in (POLICY, CRITIC) if name in columns}
+        self._groups = self._groups or {POLICY: slice(None)}
         self._observation = self._tensor(envs.reset(seed=seed)[0])
 
     def get_observations(self) -> TensorDict:
-        """Return the current observations, "policy" (N, O)."""
-        return TensorDict({"policy": self._observation}, batch_size=[self.num_envs])
+        """Return the current observations, by group: (N, O) each."""
+        groups = {name: self._observation[:, part] for name, part in self._groups.items()}
+        return TensorDict(groups, batch_size=[self.num_envs])
 
     def step(
         self, actions: torch.Tensor

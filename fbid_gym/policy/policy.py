@@ -141,6 +141,11 @@ class Policy:
         return self.mean.shape[0]
 
     @property
+    def leads(self) -> bool:
+        """Whether its environment observes more after what the policy sees: for a critic."""
+        return bool(self.env_args.get("observation", "full") != "full")
+
+    @property
     def action_size(self) -> int:
         """A, the number of actions it gives."""
         return self.biases[-1].shape[0]
@@ -149,7 +154,8 @@ class Policy:
         """Return the action for each observation.
 
         Args:
-            observation: (N, O), as the environment gives it (not normalised).
+            observation: (N, O), as the environment gives it (not normalised); of one for robots
+                also with what follows for a critic.
 
         Returns:
             (N, A) float32, in [-1, 1]. The same input gives the same output; matrix products may
@@ -161,6 +167,8 @@ class Policy:
         """
         expected = f"numbers of shape (N, {self.observation_size})"
         observation = real_numbers("observation", observation, expected)
+        if self.leads and observation.ndim == 2:
+            observation = observation[:, : self.observation_size]
         if observation.ndim != 2 or observation.shape[1] != self.observation_size:
             raise ShapeError(
                 "observation", observation.shape, f"(N, {self.observation_size}) for {self.source}"
@@ -184,6 +192,8 @@ class Policy:
         Raises:
             PolicyFileError: it was made for another environment, names both.
         """
+        if self.leads and observation_size is not None:
+            observation_size = min(observation_size, self.observation_size)
         for name, found, expected in (
             ("env_id", self.env_id, env_id),
             ("observation_size", self.observation_size, observation_size),

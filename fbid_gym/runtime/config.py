@@ -19,6 +19,7 @@ from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.checks import by_name, check_choices
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import InvalidValueError, UnknownArgumentError, UnknownOptionError
+from fbid_gym.estimation import Sensors, sensors_of
 from fbid_gym.options import Choice, Named, Number, Whole, check_fields, options_of
 from fbid_gym.robots import MENAGERIE, ROBOTS, Robot, load
 from fbid_gym.robots.contact_pairs import compile_paired
@@ -34,6 +35,7 @@ from fbid_gym.robots.terrain import (
     make_terrain,
     world_of,
 )
+from fbid_gym.runtime.observer import OBSERVATIONS
 from fbid_gym.runtime.randomisation import Randomisation
 from fbid_gym.runtime.rates import Rate, Rates
 from fbid_gym.tasks import (
@@ -50,6 +52,9 @@ from fbid_gym.tasks import (
 from fbid_gym.tasks.pushes import Duration, Force, Interval, Jump
 from fbid_gym.tasks.reward import SCALE, WEIGHT
 from fbid_gym.tasks.start import Noise
+
+STATES = ("estimated", "true")
+"""What controllers may know of the state."""
 
 _MOST_OF_PYRAMIDS = 10.0  # impratio
 _CONES = {
@@ -162,6 +167,18 @@ class EnvConfig:
     `fbid_gym.robots.drives.MotorTable`."""
     randomisation: dict[str, Any] | None = None
     """Arguments of `fbid_gym.runtime.randomisation.Randomisation`; none by default."""
+    sensors: Any = "perfect"
+    """What robots measure of themselves with: "perfect", "good", "mems", or a table of options of
+    `fbid_gym.estimation.Sensors`, such as {"like": "mems", "scale": 2}."""
+    state: Annotated[str, Choice(STATES)] | None = None
+    """What layer, gait and policy know: "true", or "estimated" from the sensors. Default:
+    "estimated" unless these are perfect. Reward, metrics and ends of episodes are those of the
+    truth."""
+    observation: Annotated[str, Choice(OBSERVATIONS)] = "full"
+    """"full", or for robots, with sensors that are not perfect, "measured": what they tell and what
+    the robot is told, and apart from it what a critic may know; or "measured+estimate"."""
+    history: Annotated[int, Whole(1, 1000)] = 1
+    """Policy steps that are observed together, newest first; at most an episode's."""
 
     def __post_init__(self) -> None:
         """Check each value that can be checked without a robot."""
@@ -171,7 +188,16 @@ class EnvConfig:
         check_motors(self.motors)
         self.rates()
         _check_felt(self.motors, self.randomisations())
-        for name in ("layer_options", "task_options", "motors", "randomisation"):
+        if self.perceived() is None and self.state == "estimated":
+            expected = '"true" with perfect sensors, of which nothing has to be estimated'
+            raise InvalidValueError("state", self.state, expected)
+        if self.observation != "full" and (self.perceived() is None or not self.estimates):
+            expected = '"full", or sensors that are not perfect and state="estimated"'
+            raise InvalidValueError("observation", self.observation, expected)
+        if self.history > self.episode_seconds * self.policy_hz:
+            expected = f"at most the {self.episode_seconds * self.policy_hz:g} steps of an episode"
+            raise InvalidValueError("history", self.history, expected)
+        for name in ("layer_options", "task_options", "motors", "randomisation", "sensors"):
             # Copies: whoever gave them may go on to change what is his.
             object.__setattr__(self, name, copy.deepcopy(getattr(self, name)))
 
@@ -278,6 +304,19 @@ class EnvConfig:
         """Return what varies from robot to robot."""
         return Randomisation.of(by_name("randomisation", self.randomisation))
 
+    def perceived(self) -> Sensors | None:
+        """Return the sensors of the robots; None where they are perfect."""
+        sensors = sensors_of(self.sensors)
+        for name in ("imu", "encoder", "contact"):
+            if sensors is not None:
+                sensors.every(name, self.rates().control)
+        return sensors
+
+    @property
+    def estimates(self) -> bool:
+        """Whether layer, gait and policy know the state by an estimate only."""
+        return self.perceived() is not None and self.state != "true"
+
     @property
     def arguments(self) -> dict[str, Any]:
         """The keyword arguments that make it again, see `of`."""
@@ -300,7 +339,7 @@ class EnvConfig:
         plain_robot, robot = self._plain_robot(), self.load_robot()
         task = self.make_task(robot)
         layer, steering = self.layer(robot, task)
-        terms = self.reward_terms(task)
+        terms, sensors = self.reward_terms(task), self.perceived()
         options = self.every_layer_option()
         options["footholds"] = bool(steering.feet)
         for name, value in options.items():
@@ -318,6 +357,8 @@ class EnvConfig:
             "randomisation": asdict(self.randomisations()),
             "reward_weights": {name: term.weight for name, term in terms.items()},
             "reward_scales": {n: term.scale for n, term in terms.items() if term.scale is not None},
+            "sensors": "perfect" if sensors is None else asdict(sensors),
+            "state": "estimated" if self.estimates else "true",
             "solver_iterations": self.solver_iterations or int(robot.model.opt.iterations),
             "terrain_height": _derived(self._terrain_height(robot)),
         }

@@ -15,8 +15,8 @@ from fbid_gym.runtime import answers
 from fbid_gym.runtime.action_delay import ActionDelay
 from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.runtime.effort import Effort
+from fbid_gym.runtime.observer import Observer
 from fbid_gym.tasks import Plan, Task
-from fbid_gym.tasks.observation import entry_bounds, entry_names
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
 
@@ -34,8 +34,7 @@ class ControlLoop:
         planned: memory of the task.
         delay: actions on their way.
         num_actions: A, of layer and footholds.
-        observation_groups: the table of the observation.
-        observation_bound: (O,) largest size of each entry; observations are clipped to it.
+        observer: of the robots.
     """
 
     def __init__(
@@ -44,6 +43,7 @@ class ControlLoop:
         task: Task,
         drawn: Plan,
         terms: DynamicsTerms,
+        observer: Observer,
         longest_delay: float = 0.0,
     ) -> None:
         """Set the robots to work; `begin` their episodes before the first tick.
@@ -53,6 +53,7 @@ class ControlLoop:
             task: the task.
             drawn: an episode of it, which all robots have at first.
             terms: where the N robots are.
+            observer: of them.
             longest_delay: s, of an action.
 
         Raises:
@@ -60,8 +61,7 @@ class ControlLoop:
                 not what it promises.
         """
         count, robot = len(terms.com), task.body.robot
-        self.rates, self.task = config.rates(), task
-        self.observation_groups = answers.checked_groups(task)
+        self.rates, self.task, self.observer = config.rates(), task, observer
         self.layer, self.footholds = config.layer(robot, task)
         self.plan = {name: np.repeat(value[None], count, axis=0) for name, value in drawn.items()}
         self.memory, self._fresh = self.layer.memory(count), self.layer.memory(count)
@@ -72,16 +72,6 @@ class ControlLoop:
         self._num_own, self.num_actions = len(self.layer.action_names), len(self.action_names)
         self.delay = ActionDelay.of(count, self.num_actions, self.rates, longest_delay)
         self._torque_shape = count, robot.num_joints
-        self.observation_bound = entry_bounds(self.observation_groups)
-        # As large as what is clipped to them: NumPy is faster so.
-        self._most = np.tile(self.observation_bound, (count, 1))
-        self._least = -self._most
-        self._parts = answers.Parts.of_observation(self.observation_groups, count)
-
-    @property
-    def observation_names(self) -> tuple[str, ...]:
-        """What each entry of the observation is, with its unit."""
-        return entry_names(self.observation_groups)
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -107,7 +97,11 @@ class ControlLoop:
         return own, self.footholds.steering(action[:, self._num_own :])
 
     def torque(
-        self, tick: int, state: RobotState, terms: Callable[[], DynamicsTerms]
+        self,
+        tick: int,
+        state: RobotState,
+        terms: Callable[[], DynamicsTerms],
+        actual: Callable[[], DynamicsTerms],
     ) -> np.ndarray:
         """Return the torques (N, n) N·m of a tick, before limits; task and layer go on by it.
 
@@ -115,10 +109,11 @@ class ControlLoop:
             tick: of the policy step, the first is 0; after `send`.
             state: of the robots, measured or estimated.
             terms: returns the dynamics at this state.
+            actual: returns them where the robots are, see `Now`.
         """
         if tick in self._arrivals:
             self._own, self._steering = self.arrived(tick)
-        now = Now(state, terms, self._steering, self.planned)
+        now = Now(state, terms, self._steering, self.planned, actual)
         self.task.advance(self.plan, now)
         target = self.task.target(self.plan, now)
         torque = self.layer.torque(self._own, state, target, terms, self.memory)
@@ -145,15 +140,14 @@ class ControlLoop:
             torque_rms=np.sqrt(square),
             power=effort.power / ticks,
             **{name: total.copy() for name, total in sums.items()},
+            actual=terms,
         )
 
     def measure(self, outcome: Outcome) -> Any:
         """Return what observation, reward and metrics are made of."""
         return self.task.measure(outcome, self.plan, self.planned)
 
-    def observe(self, measured: Any) -> np.ndarray:
-        """Return the observations (N, O) float32, clipped."""
-        parts = [group.function(measured) for group in self.observation_groups.values()]
-        seen = self._parts.joined(parts, self.task)
-        np.minimum(np.maximum(seen, self._least, out=seen), self._most, out=seen)
-        return seen.astype(np.float32)
+    def believed(self, outcome: Outcome, state: RobotState, terms: DynamicsTerms) -> Outcome:
+        """Return an outcome as robots believe it to be, who take themselves to be at a state."""
+        posture = self.task.body.posture(state, terms)
+        return outcome._replace(state=state, terms=terms, posture=posture)

@@ -22,6 +22,7 @@ from fbid_gym.runtime.config import AROUND, EnvConfig
 from fbid_gym.runtime.control_loop import ControlLoop
 from fbid_gym.runtime.effort import Effort, add_power, limit
 from fbid_gym.runtime.given import checked_action, checked_command
+from fbid_gym.runtime.observer import Observer
 from fbid_gym.runtime.sensors import Sensing
 
 _DRAWN = ("qpos", "qvel", "push_start", "push_force", "push_velocity")  # by chance, of simulations
@@ -56,14 +57,18 @@ class Controller:
         """
         self.config, self.robot, self.rates = config, config.load_robot(), config.rates()
         task = config.make_task(self.robot)
+        if config.observation != "full":
+            expected = '"full": a controller is given a state, not what sensors read'
+            raise InvalidValueError("observation", config.observation, expected)
         drawn = task.draw(np.random.default_rng(0))
         answers.check_plan(task, drawn)
-        if "scan" in task.observation_groups:
+        observer = Observer(task, config.observation, config.history, 1)
+        if "scan" in observer.groups:
             expected = "False: a controller is not told the height of the ground"
             raise InvalidValueError("height_scan", True, expected)
         self._sensing, self._dynamics = Sensing.of(self.robot), MuJoCoDynamics(self.robot)
         home = self._dynamics.terms(self.robot.home_qpos[None], np.zeros((1, self.robot.nv)))
-        self.loop = ControlLoop(config, task, drawn, home)
+        self.loop = ControlLoop(config, task, drawn, home, observer)
         self.policy = policy or self._zero
         self._zero_action = np.zeros((1, self.loop.num_actions))
         self._effort = Effort.none(1, self.robot.num_joints)
@@ -123,14 +128,14 @@ class Controller:
         config = EnvConfig.of({name: v for name, v in given.items() if name not in AROUND})
         made = cls(config, policy)
         if policy is not None:
-            size = len(made.loop.observation_bound)
+            size = len(made.loop.observer.bound)
             policy.check(observation_size=size, action_size=made.loop.num_actions)
         return made
 
     @property
     def observation_names(self) -> tuple[str, ...]:
         """What each entry of the policy's observation is, with its unit."""
-        return self.loop.observation_names
+        return self.loop.observer.names
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -178,7 +183,7 @@ class Controller:
         Raises:
             FbidError: a task without commands, or another number of them.
         """
-        plan, group = self.loop.plan, self.loop.observation_groups.get("command")
+        plan, group = self.loop.plan, self.loop.observer.groups.get("command")
         if group is None or "command" not in plan:
             raise InvalidValueError("command", command, f"none in task {self.config.task!r}")
         shape = plan["command"].shape[2:]
@@ -212,11 +217,13 @@ class Controller:
                 self._sums["distance"] += np.hypot(*state.qvel[0, :2]) / self.rates.policy
                 self._sums["energy"] += effort.power / self.rates.control
             self.measured = loop.measure(loop.outcome(state, terms(), effort, self._sums))
-            action = self.policy(loop.observe(self.measured))
+            just_begun = np.zeros(1, int) if self._ticks == 0 else None
+            seen = loop.observer.observe(self.measured, self.measured, just_begun)
+            action = self.policy(seen)
             action = checked_action(action, (1, loop.num_actions), refuse=False)
             loop.send(np.clip(action, -1.0, 1.0))
             effort.begin()
-        torque = loop.torque(tick, state, terms)
+        torque = loop.torque(tick, state, terms, terms)
         limit(effort, self.robot.torque_limit, torque)
         if effort.lost[0]:
             raise NonFiniteError("torque", (int(np.isnan(torque[0]).argmax()),))

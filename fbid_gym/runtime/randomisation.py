@@ -19,8 +19,8 @@ class Randomisation:
 
     The plant is the simulated robot; the model is what model-based layers compute with. The model
     starts from the robot's MJCF and sees nothing of how the plant differs, nor does the policy;
-    observations have no noise. Nor does anybody see how strong the motors are: torques that are
-    observed, rewarded and reported are those that a motor of strength 1 gives.
+    noise is that of `sensors`. Nor does anybody see how strong the motors are: torques that are
+    observed, rewarded and reported are those commanded.
     """
 
     mass: Share = 0.0

@@ -18,7 +18,7 @@ from fbid_gym.motions.target import home_target, in_world
 from fbid_gym.options import Pair, checked
 from fbid_gym.quantities import Memory, Target
 from fbid_gym.tasks.body import FALLEN_HEIGHT, Units
-from fbid_gym.tasks.observation import Group, Groups
+from fbid_gym.tasks.observation import KNOWN, Group, Groups
 from fbid_gym.tasks.outcome import Outcome, lengths
 from fbid_gym.tasks.plan import Plan, check_schedule, command_at, drawn_commands
 from fbid_gym.tasks.reward import Term, Terms, bell, torque, upright
@@ -115,7 +115,8 @@ class Balance(PlannedEpisode):
     def observation_groups(self) -> Groups:
         """See `Task.observation_groups`."""
         asked = ("commanded height - home height (m)",)
-        return {"command": Group(asked, 10.0, lambda m: m.from_home[:, None]), **self.body.groups}
+        command = Group(asked, 10.0, lambda m: m.from_home[:, None], KNOWN)
+        return {"command": command, **self.body.groups}
 
     def draw(self, rng: np.random.Generator) -> Plan:
         """Draw all random parts of one episode."""

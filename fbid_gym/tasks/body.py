@@ -13,7 +13,7 @@ from fbid_gym.dynamics.support import support_frame
 from fbid_gym.quantities import ContactGeometry, DynamicsTerms, Heading, RobotState, SupportFrame
 from fbid_gym.robots import Robot
 from fbid_gym.small_matrices import dot
-from fbid_gym.tasks.observation import Group
+from fbid_gym.tasks.observation import FORCES, KNOWN, MEASURED, Group
 from fbid_gym.tasks.outcome import Posture
 
 FALLEN_HEIGHT = 0.6
@@ -125,21 +125,28 @@ class Body:
                 joints,
                 10.0,
                 lambda m: m.outcome.state.qpos[:, 7:] - home,
+                MEASURED,
             ),
             "joint_velocity": Group.of(
-                "{} velocity (rad/s)", joints, 100.0, lambda m: m.outcome.state.qvel[:, 6:]
+                "{} velocity (rad/s)",
+                joints,
+                100.0,
+                lambda m: m.outcome.state.qvel[:, 6:],
+                MEASURED,
             ),
             "torque": Group.of(
                 "{} last torque (share of its limit)",
                 joints,
                 1.0,
                 lambda m: m.outcome.torque / limit,
+                KNOWN,
             ),
             "load": Group.of(
                 "normal force on point {} (share of the weight)",
                 points,
                 100.0,
                 lambda m: m.outcome.state.contact_force[:, :, 2] / weight,
+                FORCES,
             ),
         }
 

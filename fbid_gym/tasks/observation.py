@@ -5,6 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+KNOWN, MEASURED, ESTIMATED, FORCES = "known", "measured", "estimated", "forces"
+"""How a robot comes by a part of its observation: it is told or its own doing, as commands, clocks
+and torques are; joints measure it; it has to be estimated; or forces at the feet, which few can."""
+
 
 class Group(NamedTuple):
     """A part of the observation.
@@ -14,18 +18,25 @@ class Group(NamedTuple):
         bound: largest size of an entry; what is larger is clipped.
         function: takes what the task measured of N robots, see `Task.measure`, and returns
             (N, number of names). It changes nothing.
+        source: how a robot comes by it: `KNOWN`, `MEASURED`, `ESTIMATED` or `FORCES`.
     """
 
     names: tuple[str, ...]
     bound: float
     function: Callable[[Any], np.ndarray]
+    source: str = ESTIMATED
 
     @classmethod
     def of(
-        cls, name: str, words: Iterable[str], bound: float, function: Callable[[Any], np.ndarray]
+        cls,
+        name: str,
+        words: Iterable[str],
+        bound: float,
+        function: Callable[[Any], np.ndarray],
+        source: str = ESTIMATED,
     ) -> "Group":
         """Return a group with an entry for each word, which stands where {} does in the name."""
-        return cls(tuple(name.format(word) for word in words), bound, function)
+        return cls(tuple(name.format(word) for word in words), bound, function, source)
 
 
 Groups = Mapping[str, Group]

@@ -31,7 +31,7 @@ class Posture(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Outcome of one policy step of N robots.
+    """Outcome of one policy step of N robots: as it is, or as the robots believe it to be.
 
     Attributes:
         state: at the end of the step.
@@ -42,6 +42,7 @@ class Outcome(NamedTuple):
         power: (N,) W, mean over the ticks of the joints' summed |torque * velocity|.
         distance: (N,) m, horizontal way of the base since the episode began.
         energy: (N,) J, the integral of the power since then.
+        actual: dynamics where the robots are; the same as `terms` unless these are an estimate's.
     """
 
     state: RobotState
@@ -52,6 +53,12 @@ class Outcome(NamedTuple):
     power: np.ndarray
     distance: np.ndarray
     energy: np.ndarray
+    actual: DynamicsTerms
+
+    @property
+    def estimated(self) -> bool:
+        """Whether this is what robots believe, and not what is."""
+        return self.terms is not self.actual
 
     @property
     def metrics(self) -> dict[str, np.ndarray]:

@@ -23,16 +23,19 @@ class Now(NamedTuple):
     """Inputs of a target at a control tick, beside the plan.
 
     Attributes:
-        state: of the robots.
+        state: of the robots, as controllers know it.
         terms: returns the dynamics at this state.
         steering: the policy's changes to a gait.
         memory: of the robots, begun by `Task.memory`; updated.
+        actual: returns the dynamics where the robots are. The same function as `terms` where
+            controllers know that; where they estimate it, terrain and measures need this one.
     """
 
     state: RobotState
     terms: Callable[[], DynamicsTerms]
     steering: Steering
     memory: Memory
+    actual: Callable[[], DynamicsTerms]
 
 
 class Task(Protocol):

@@ -19,7 +19,7 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.target import in_world
 from fbid_gym.quantities import Memory, Target
 from fbid_gym.tasks.body import Units
-from fbid_gym.tasks.observation import Group, Groups
+from fbid_gym.tasks.observation import KNOWN, Group, Groups
 from fbid_gym.tasks.outcome import Outcome, lengths
 from fbid_gym.tasks.plan import Plan
 from fbid_gym.tasks.reward import Term, Terms, bell, level, torque
@@ -126,22 +126,29 @@ class Tracking(PlannedEpisode):
                 ("sine", "cosine"),
                 1.0,
                 lambda m: np.stack([np.sin(m.phase), np.cos(m.phase)], axis=1),
+                KNOWN,
             ),
-            "command": Group(("commanded speed (m/s)",), 10.0, lambda m: m.speed[:, None]),
+            "command": Group(("commanded speed (m/s)",), 10.0, lambda m: m.speed[:, None], KNOWN),
             "planted": Group.of(
-                "{} planned to stand (1)", robot.foot_names, 1.0, lambda m: m.reference.planted
+                "{} planned to stand (1)",
+                robot.foot_names,
+                1.0,
+                lambda m: m.reference.planted,
+                KNOWN,
             ),
             "base_reference": Group.of(
                 "base {} of the reference from home (m, support frame)",
                 "xyz",
                 10.0,
                 lambda m: m.reference.qpos[:, :3] - home,
+                KNOWN,
             ),
             "joint_reference": Group.of(
                 "{} reference from home (rad)",
                 robot.joint_names,
                 10.0,
                 lambda m: m.reference.qpos[:, 7:] - robot.home_qpos[7:],
+                KNOWN,
             ),
             **self.body.groups,
         }

@@ -40,8 +40,8 @@ from fbid_gym.options import Pair, checked
 from fbid_gym.quantities import DynamicsTerms, Memory, Target
 from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
 from fbid_gym.tasks.body import ANGULAR_VELOCITY, UP, Body, Units
-from fbid_gym.tasks.height_scan import SCAN, scan_heights
-from fbid_gym.tasks.observation import Group, Groups
+from fbid_gym.tasks.height_scan import SCAN, in_place, scan_heights
+from fbid_gym.tasks.observation import KNOWN, Group, Groups
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.plan import Plan, check_schedule, command_at, drawn_commands
 from fbid_gym.tasks.reward import Terms
@@ -151,11 +151,17 @@ class Walk(Episode):
         lacking = tuple(one.format(" short of the command") for one in asked)
         return {
             "clock": Group.of(
-                "{} of the gait's cycle (1)", ("sine", "cosine"), 1.0, lambda m: m.motion.clock
+                "{} of the gait's cycle (1)",
+                ("sine", "cosine"),
+                1.0,
+                lambda m: m.motion.clock,
+                KNOWN,
             ),
-            "command": Group(commanded, 10.0, lambda m: m.motion.command),
+            "command": Group(commanded, 10.0, lambda m: m.motion.command, KNOWN),
             "lack": Group(lacking, 100.0, lambda m: m.motion.lack),
-            "planted": Group.of("{} planned to stand (1)", feet, 1.0, lambda m: m.notes.planted),
+            "planted": Group.of(
+                "{} planned to stand (1)", feet, 1.0, lambda m: m.notes.planted, KNOWN
+            ),
             "height": Group(
                 ("height of the base above the ground, from home (m)",),
                 10.0,
@@ -181,8 +187,9 @@ class Walk(Episode):
         names = tuple(f"ground {x:.2f} m ahead, {y:.2f} m to the left (m)" for x, y in self.scan)
 
         def seen(measured: WalkMeasures) -> np.ndarray:
+            notes = measured.notes
             return scan_heights(
-                self.ground, self.scan, measured.outcome.terms, measured.notes.ground
+                self.ground, self.scan, measured.outcome.actual, notes.actual_ground
             )
 
         return {"scan": Group(names, 10.0, seen)}
@@ -218,11 +225,11 @@ class Walk(Episode):
             velocity=self.command(plan, now.state.tick),
             shift=now.steering.shift,
             rate=now.steering.rate,
-            ground=self._foreseen(notes.foothold),
+            ground=self._foreseen(notes.foothold, now),
             lowered=plan["lowered"],
         )
         self.gait.advance(command, terms, now.state.contact_force, now.memory)
-        note(self.gait.target(now.memory), terms.foot_position, notes)
+        note(self.gait.target(now.memory), terms.foot_position, now.actual().foot_position, notes)
 
     def target(self, plan: Plan, now: Now) -> Target:
         """Return the gait's target."""
@@ -241,6 +248,7 @@ class Walk(Episode):
             plan["command"],
             outcome.state.tick,
             notes,
+            notes.ground if outcome.estimated else notes.actual_ground,
         )
         return WalkMeasures(outcome, self._units, notes, motion)
 
@@ -269,14 +277,19 @@ class Walk(Episode):
         """Error of the velocity, m/s, up to which a robot follows its commands."""
         return _TOLERANCE * self._units.speed
 
-    def _foreseen(self, foothold: np.ndarray) -> np.ndarray:
+    def _foreseen(self, foothold: np.ndarray, now: Now) -> np.ndarray:
         """(N, F) m, height of the ground at footholds (N, F, 3); NaN for the blind.
 
         A foothold moves little from tick to tick: the next one is looked up where the last was.
+        Robots that estimate where they are see the ground around themselves, as a camera of theirs
+        would show it: the map moves with the estimate, and its drift does no harm.
         """
         if not len(self.scan):
             return np.full(foothold.shape[:2], np.nan)
-        return heights_below(self.ground, foothold)
+        if now.actual is now.terms:
+            return heights_below(self.ground, foothold)
+        places, above = in_place(foothold, now.terms(), now.actual())
+        return heights_below(self.ground, places) + above[:, None]
 
     @cached_property
     def _units(self) -> Units:

@@ -25,6 +25,7 @@ class Notes(NamedTuple):
     cycle: np.ndarray  # (N,) share of the gait's cycle that has passed
     height: np.ndarray  # (N,) m, of the base, as the gait has it
     ground: np.ndarray  # (N,) m, height of the ground below the feet that last stood
+    actual_ground: np.ndarray  # (N,) m, likewise, where the robots are and not where they believe
     clipped: np.ndarray  # (N,) int64, ticks and feet at which a foothold was out of reach
     landed: np.ndarray  # (N,) int64, feet that came down
     missed: np.ndarray  # (N,) m, horizontal distances of those from their footholds, summed
@@ -39,6 +40,7 @@ class Notes(NamedTuple):
             cycle=np.zeros(count),
             height=terms.base_position[:, 2].copy(),
             ground=terms.foot_position[:, :, 2].min(axis=1),
+            actual_ground=terms.foot_position[:, :, 2].min(axis=1),
             clipped=np.zeros(count, np.int64),
             landed=np.zeros(count, np.int64),
             missed=np.zeros(count),
@@ -118,21 +120,25 @@ REWARD_TERMS: Terms = {
 
 
 @kernel
-def note(target: Target, foot_position: np.ndarray, notes: Notes) -> None:
+def note(
+    target: Target, foot_position: np.ndarray, actual_position: np.ndarray, notes: Notes
+) -> None:
     """Note the gait's target at a control tick, and the distance of a landing from its foothold.
 
     Args:
         target: of the gait.
-        foot_position: (N, F, 3) m, world.
+        foot_position: (N, F, 3) m, world, as controllers know it.
+        actual_position: likewise, as it is.
         notes: updated.
     """
     count, feet = target.planted.shape
     for i in range(count):
-        ground = np.inf
+        ground, actual = np.inf, np.inf
         for foot in range(feet):
             stands = target.planted[i, foot]
             if stands:
                 ground = min(ground, foot_position[i, foot, 2])
+                actual = min(actual, actual_position[i, foot, 2])
             if stands and not notes.planted[i, foot]:
                 x = foot_position[i, foot, 0] - notes.foothold[i, foot, 0]
                 y = foot_position[i, foot, 1] - notes.foothold[i, foot, 1]
@@ -143,7 +149,7 @@ def note(target: Target, foot_position: np.ndarray, notes: Notes) -> None:
             for axis in range(3):
                 notes.foothold[i, foot, axis] = target.foothold[i, foot, axis]
         if ground < np.inf:
-            notes.ground[i] = ground
+            notes.ground[i], notes.actual_ground[i] = ground, actual
         notes.cycle[i], notes.height[i] = target.cycle[i], target.qpos[i, 2]
 
 
@@ -158,6 +164,7 @@ def measure_motion(
     commands: np.ndarray,
     tick: np.ndarray,
     notes: Notes,
+    ground: np.ndarray,
 ) -> Motion:
     """Return how robots move.
 
@@ -171,6 +178,7 @@ def measure_motion(
         commands: (N, K, 3) m/s ahead, m/s and rad/s to the left.
         tick: (N,) control ticks since the episode began.
         notes: of the gait.
+        ground: (N,) m, height of the ground, in the world of `terms`.
     """
     command = command_at(command_start, commands, tick)
     count, feet = notes.planted.shape
@@ -189,7 +197,9 @@ def measure_motion(
         np.empty(count),
         np.empty(count),
     )
-    _measure(units, foot_of_point, qvel, terms, touching, notes, motion, np.empty(feet, np.bool_))
+    _measure(
+        units, foot_of_point, qvel, terms, touching, notes, ground, motion, np.empty(feet, np.bool_)
+    )
     return motion
 
 
@@ -201,6 +211,7 @@ def _measure(
     terms: DynamicsTerms,
     touching: np.ndarray,
     notes: Notes,
+    ground: np.ndarray,
     motion: Motion,
     down: np.ndarray,
 ) -> None:
@@ -232,6 +243,6 @@ def _measure(
         rolling, rising = np.sqrt(roll**2 + pitch**2), abs(velocity[2])
         motion.tumble[i] = rolling / units.rate + rising / units.speed
         motion.speed_command[i] = np.hypot(command[i, 0], command[i, 1])
-        motion.height[i] = terms.base_position[i, 2] - notes.ground[i]
+        motion.height[i] = terms.base_position[i, 2] - ground[i]
         motion.height_command[i] = notes.height[i] - notes.ground[i]
         motion.foothold_error[i] = notes.missed[i] / max(notes.landed[i], 1)

@@ -21,6 +21,7 @@ from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.rendering import RobotRenderer
 from fbid_gym.errors import FbidError, shown
+from fbid_gym.estimation import Sensors
 from fbid_gym.motions.target import MotionKind, planned_kind
 from fbid_gym.options import Choice, Flag, Named, Number, Pair, Whole, options_of
 from fbid_gym.robots import load
@@ -105,6 +106,9 @@ def tried():
             yield "environment", option, own
     for option in options_of(Randomisation).values():
         yield "randomisation", option, randomised
+
+    for option in options_of(Sensors).values():
+        yield "sensors", option, lambda name, value: EnvConfig.of({"sensors": {name: value}})
 
     for option in options_of(Drawing).values():
         if option.kind is not None:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from eval import zoo
-from fbid_gym.envs.env_batch import EnvBatch, Step
+from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.policy_step import Step
 from tests.batches import started
 
 # On soles with five joints a leg, two, four and six of them, 1.3 to 4.4 kg: closed chains that can

@@ -58,3 +58,12 @@ def test_torchrl_makes_and_wraps_them(mode):
     rolled = many.rollout(12, break_when_any_done=False)
     assert rolled["next", "reward"].shape == (3, 12, 1)
     assert rolled["next", "truncated"].sum() == 3
+
+
+def test_rsl_rl_has_the_groups_of_robots():
+    pytest.importorskip("rsl_rl", reason="pip install -c constraints.txt 'fbid_gym[clients]'")
+    envs = fbid_gym.make_rsl_rl(BIPED, 2, sensors="mems", observation="measured", **ARGUMENTS)
+    columns = envs.envs.chunks.batches[0].observation_columns
+    seen = envs.get_observations()
+    for name in ("policy", "critic"):
+        assert seen[name].shape[1] == columns[name].stop - columns[name].start

@@ -70,7 +70,7 @@ def outcome_of(robot: Robot, qpos: np.ndarray) -> Outcome:
     terms = MuJoCoDynamics(robot).terms(qpos, qvel)
     state = RobotState(qpos, qvel, force, np.zeros(count, np.int64))
     posture = Body.of(robot).posture(state, terms)
-    return Outcome(state, terms, posture, joints, *np.zeros((4, count)))
+    return Outcome(state, terms, posture, joints, *np.zeros((4, count)), terms)
 
 
 @pytest.mark.parametrize("up", [-0.9, 0.3])

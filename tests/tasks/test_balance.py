@@ -59,6 +59,7 @@ def outcome_at(task, qpos, qvel, *, contact=None, tick=None, torque=None):
         np.abs(torque * qvel[:, 6:]).sum(axis=1),
         np.zeros(count),
         np.zeros(count),
+        terms,
     )
 
 

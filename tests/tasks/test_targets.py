@@ -35,7 +35,8 @@ def begun(name):
     state = RobotState(plan["qpos"].copy(), plan["qvel"].copy(), force, np.zeros(COUNT, np.int64))
     terms = MuJoCoDynamics(robot).terms(state.qpos, state.qvel)
     steering = Steering(np.zeros((COUNT, robot.num_feet, 2)), np.ones(COUNT))
-    return task, plan, Now(state, lambda: terms, steering, task.memory(terms))
+    known = lambda: terms  # noqa: E731
+    return task, plan, Now(state, known, steering, task.memory(terms), known)
 
 
 def kept(plan, memory):
@@ -125,9 +126,10 @@ def test_a_robots_target_is_its_own(name):
     for row in range(COUNT):
         part = np.array([row])
         memory = {key: value[part] for key, value in only.items()}
-        known = some_of(now.terms(), part)
+        own = some_of(now.terms(), part)
         steering = Steering(now.steering.shift[part], now.steering.rate[part])
-        mine = Now(some_of(now.state, part), lambda known=known: known, steering, memory)
+        known = lambda own=own: own  # noqa: E731
+        mine = Now(some_of(now.state, part), known, steering, memory, known)
         rows = {key: value[part] for key, value in plan.items()}
         task.advance(rows, mine)
         alone.append(task.target(rows, mine))

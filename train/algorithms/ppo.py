@@ -7,6 +7,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
+from fbid_gym.runtime.observer import POLICY
 from train.algorithms.algorithm import (
     ACTIVATIONS,
     Algorithm,
@@ -15,6 +16,7 @@ from train.algorithms.algorithm import (
     learning_rate,
     torch_threads,
 )
+from train.algorithms.asymmetric import AsymmetricPolicy, is_for_robots
 from train.runs.config import PPOConfig, TrainConfig
 
 _METRICS = {
@@ -31,8 +33,9 @@ _METRICS = {
 def _build(config: TrainConfig, env: VecNormalize) -> PPO:
     own = config.hyperparameters
     assert isinstance(own, PPOConfig)
+    for_actor = _entries_of_actor(config, env)
     learner = PPO(
-        "MlpPolicy",
+        AsymmetricPolicy if for_actor else "MlpPolicy",
         env,
         **config.as_they_are,
         batch_size=config.batch_size,
@@ -44,11 +47,20 @@ def _build(config: TrainConfig, env: VecNormalize) -> PPO:
             "log_std_init": own.log_std_init,
             # eps as stable-baselines3 sets it; one fused step saves a fifth of the update
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},
+            **for_actor,
         },
     )
     begin_at_zero(cast(torch.nn.Linear, learner.policy.action_net))
     torch.nn.init.constant_(learner.policy.value_net.bias, expected_return(own))
     return learner
+
+
+def _entries_of_actor(config: TrainConfig, env: VecNormalize) -> dict[str, int]:
+    """Return how many entries the actor sees, where the critic sees others; else nothing."""
+    if not is_for_robots(config):
+        return {}
+    (chunks, *_) = env.venv.get_attr("chunks")
+    return {"split": chunks.batches[0].observation_columns[POLICY].stop}
 
 
 def _iterate(learner: PPO, config: TrainConfig, callback: BaseCallback) -> dict[str, float]:

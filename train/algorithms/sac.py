@@ -11,6 +11,7 @@ from stable_baselines3.common.type_aliases import TrainFreq, TrainFrequencyUnit
 from stable_baselines3.common.vec_env import VecNormalize
 
 from fbid_gym.bundles import Tensors
+from fbid_gym.errors import InvalidValueError
 from train.algorithms.algorithm import (
     ACTIVATIONS,
     Algorithm,
@@ -19,6 +20,7 @@ from train.algorithms.algorithm import (
     learning_rate,
     torch_threads,
 )
+from train.algorithms.asymmetric import is_for_robots
 from train.runs.config import SACConfig, TrainConfig
 
 _METRICS = {
@@ -33,6 +35,9 @@ _ONE_STEP = TrainFreq(1, TrainFrequencyUnit.STEP)
 def _build(config: TrainConfig, env: VecNormalize) -> SAC:
     own = config.hyperparameters
     assert isinstance(own, SACConfig)
+    if is_for_robots(config):  # its actor would see what only a critic may
+        given = config.make_args()["observation"]
+        raise InvalidValueError("observation for sac", given, '"full"; or --algorithm ppo')
     (actions,) = env.action_space.shape or ()
     learner = SAC(
         "MlpPolicy",

@@ -1,0 +1,318 @@
+"""Correction: where standing feet are seen tells of all errors; and the state it comes to."""
+
+import numpy as np
+
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.dynamics.rotations import rotation_at
+from fbid_gym.dynamics.vectors import (
+    Rotation,
+    Vector,
+    add,
+    cross,
+    dot,
+    matrix,
+    product,
+    scale,
+    store,
+    subtract,
+    transposed,
+    turn,
+    vector,
+)
+from fbid_gym.estimation.invariant_filter import (
+    BA,
+    BG,
+    Belief,
+    D,
+    Filter,
+    P,
+    V,
+    store_quaternion,
+    turn_quaternion,
+)
+from fbid_gym.estimation.legs import Legs, place_foot, turning
+from fbid_gym.estimation.restart import begin_anew, has_gone_wrong
+from fbid_gym.estimation.sensing import Readings
+from fbid_gym.quantities import RobotState
+
+
+@kernel
+def correct(
+    own: Filter,
+    legs: Legs,
+    readings: Readings,
+    which: np.ndarray,
+    belief: Belief,
+    seen: RobotState,
+) -> None:
+    """Correct the estimate by where the standing feet are seen, and write it as a robot's state.
+
+    Args:
+        own: constants.
+        legs: of the robots.
+        readings: of the robots.
+        which: (N,) bool, robots to go on with.
+        belief: updated.
+        seen: the state that it means, without the tick; written.
+    """
+    joints, feet = legs.joint.shape[1], legs.joint.shape[0]
+    size = D + 3 * feet
+    axis, arm = np.empty((joints, 3)), np.empty((joints, 3))
+    away, noise = np.empty((feet, 3)), np.empty((feet, 3, 3))
+    column, gain, error = np.empty((size, 3)), np.empty((size, 3)), np.empty(size)
+    fresh = np.empty(feet, np.bool_)
+    for i in range(len(which)):
+        if which[i]:
+            _correct(
+                own, legs, readings, belief, axis, arm, away, noise, column, gain, error, fresh, i
+            )
+            _write(own, readings, belief, seen, i)
+
+
+@compiled
+def _correct(
+    own: Filter,
+    legs: Legs,
+    readings: Readings,
+    belief: Belief,
+    axis: np.ndarray,
+    arm: np.ndarray,
+    away: np.ndarray,
+    noise: np.ndarray,
+    column: np.ndarray,
+    gain: np.ndarray,
+    error: np.ndarray,
+    fresh: np.ndarray,
+    i: int,
+) -> None:
+    """Correct one robot; the arrays from `axis` to `fresh` are buffers."""
+    if belief.lost[i] or has_gone_wrong(own, belief, i):
+        begin_anew(own, belief, i)
+    elif belief.age[i] < own.every:
+        return
+    seconds, belief.age[i] = own.tick * belief.age[i], 0
+    feet = len(fresh)
+    rotation = rotation_at(belief.quaternion, i, 0)
+    rate = subtract(vector(readings.gyroscope, (i,)), vector(belief.gyroscope_bias, (i,)))
+    for k in range(len(error)):
+        error[k] = 0.0
+    stood, slipped = 0, 0
+    for foot in range(feet):
+        centre, spin = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
+        _see(own, legs, rotation, foot, centre, arm, away, noise)
+        loaded = readings.load[i, foot] > own.threshold
+        fresh[foot] = loaded and not belief.standing[i, foot]
+        if belief.standing[i, foot]:
+            # The point of contact of a sphere moves on as it rolls.
+            turning_rate = turn(rotation, add(rate, spin))
+            rolled = scale(seconds, cross(turning_rate, (0.0, 0.0, legs.radius[foot])))
+            store(add(vector(belief.foot, (i, foot)), rolled), belief.foot, (i, foot))
+            if not loaded:
+                _drop(belief, i, foot)
+            elif readings.fresh[i]:
+                stood += 1
+                if not _measure(own, away, noise, column, gain, error, belief, i, foot):
+                    slipped += 1
+                    fresh[foot] = True
+    belief.slipped[i] = belief.slipped[i] + 1 if stood > 0 and slipped == stood else 0
+    belief.refused[i] += slipped
+    if stood > slipped:
+        _apply(error, belief, i)
+        rotation = rotation_at(belief.quaternion, i, 0)
+    for foot in range(feet):
+        if fresh[foot]:
+            centre, _ = place_foot(legs, foot, readings.angle[i], readings.rate[i], axis, arm)
+            _see(own, legs, rotation, foot, centre, arm, away, noise)
+            _add(away, noise, belief, i, foot)
+
+
+@compiled
+def _see(
+    own: Filter,
+    legs: Legs,
+    rotation: Rotation,
+    foot: int,
+    centre: Vector,
+    arm: np.ndarray,
+    away: np.ndarray,
+    noise: np.ndarray,
+) -> None:
+    """Write where a foot is seen from the unit, world axes, and the covariance of that."""
+    seen = turn(rotation, centre)
+    store((seen[0], seen[1], seen[2] - legs.radius[foot]), away, (foot,))
+    for j in range(3):
+        for k in range(3):
+            noise[foot, j, k] = own.placing if j == k else 0.0
+    for one in range(legs.joint.shape[1]):
+        if legs.joint[foot, one] >= 0:
+            along = turn(rotation, vector(arm, (one,)))
+            for j in range(3):
+                for k in range(3):
+                    noise[foot, j, k] += own.encoder * along[j] * along[k]
+
+
+@compiled
+def _measure(
+    own: Filter,
+    away: np.ndarray,
+    noise: np.ndarray,
+    column: np.ndarray,
+    gain: np.ndarray,
+    error: np.ndarray,
+    belief: Belief,
+    i: int,
+    foot: int,
+) -> bool:
+    """Learn from a standing foot, H = (… 1 at p … -1 at d …); False if it has slipped.
+
+    The estimate moves when all feet have told: until then `error` sums up what is known of xi.
+    """
+    covariance, row = belief.covariance[i], D + 3 * foot
+    size = len(covariance)
+    for k in range(size):
+        for axis in range(3):
+            column[k, axis] = covariance[k, P + axis] - covariance[k, row + axis]
+    a = (
+        _innovation(column, noise, row, foot, 0, 0),
+        _innovation(column, noise, row, foot, 0, 1),
+        _innovation(column, noise, row, foot, 0, 2),
+    )
+    b = (
+        _innovation(column, noise, row, foot, 1, 0),
+        _innovation(column, noise, row, foot, 1, 1),
+        _innovation(column, noise, row, foot, 1, 2),
+    )
+    c = (
+        _innovation(column, noise, row, foot, 2, 0),
+        _innovation(column, noise, row, foot, 2, 1),
+        _innovation(column, noise, row, foot, 2, 2),
+    )
+    # The inverse of a symmetric matrix with rows a, b, c.
+    bc, ca, ab = cross(b, c), cross(c, a), cross(a, b)
+    size_of_it = dot(a, bc)
+    z = subtract(
+        add(vector(away, (foot,)), vector(belief.position, (i,))), vector(belief.foot, (i, foot))
+    )
+    told = (
+        z[0] - error[P] + error[row],
+        z[1] - error[P + 1] + error[row + 1],
+        z[2] - error[P + 2] + error[row + 2],
+    )
+    weighed = (
+        dot((bc[0], ca[0], ab[0]), told) / size_of_it,
+        dot((bc[1], ca[1], ab[1]), told) / size_of_it,
+        dot((bc[2], ca[2], ab[2]), told) / size_of_it,
+    )
+    if not dot(told, weighed) < own.gate:
+        return False
+    for k in range(size):
+        own_row = vector(column, (k,))
+        gain[k, 0] = dot(own_row, bc) / size_of_it
+        gain[k, 1] = dot(own_row, ca) / size_of_it
+        gain[k, 2] = dot(own_row, ab) / size_of_it
+        error[k] += dot(own_row, weighed)
+    for k in range(size):
+        own_row = vector(gain, (k,))
+        for j in range(k + 1):
+            value = covariance[k, j] - dot(own_row, vector(column, (j,)))
+            covariance[k, j] = value
+            covariance[j, k] = value
+    return True
+
+
+@compiled
+def _innovation(
+    column: np.ndarray, noise: np.ndarray, row: int, foot: int, j: int, k: int
+) -> float:
+    """Entry j, k of H P H^T + N."""
+    return column[P + j, k] - column[row + j, k] + noise[foot, j, k]
+
+
+@compiled
+def _apply(error: np.ndarray, belief: Belief, i: int) -> None:
+    """Take a known error out of the estimate: X = Exp(-xi) X, bias = bias - zeta."""
+    by = (-error[0], -error[1], -error[2])
+    turned = turning(by)
+    _move(error, V, by, turned, belief.velocity, (i,))
+    _move(error, P, by, turned, belief.position, (i,))
+    for foot in range(belief.foot.shape[1]):
+        if belief.standing[i, foot]:
+            _move(error, D + 3 * foot, by, turned, belief.foot, (i, foot))
+    turn_quaternion(belief.quaternion, i, by)
+    for axis in range(3):
+        belief.gyroscope_bias[i, axis] -= error[BG + axis]
+        belief.accelerometer_bias[i, axis] -= error[BA + axis]
+
+
+@compiled
+def _move(
+    error: np.ndarray,
+    first: int,
+    by: Vector,
+    turned: Rotation,
+    values: np.ndarray,
+    row: tuple[int, ...],
+) -> None:
+    """Apply Exp(-xi) to a column of X: turned, and shifted by the left Jacobian of SO(3)."""
+    angle = np.sqrt(dot(by, by))
+    shift = (-error[first], -error[first + 1], -error[first + 2])
+    if angle < 1e-6:
+        versine, rest = 0.5, 1.0 / 6.0
+    else:
+        versine = (1.0 - np.cos(angle)) / (angle * angle)
+        rest = (angle - np.sin(angle)) / (angle * angle * angle)
+    once = cross(by, shift)
+    shift = add(shift, add(scale(versine, once), scale(rest, cross(by, once))))
+    store(add(turn(turned, vector(values, row)), shift), values, row)
+
+
+@compiled
+def _drop(belief: Belief, i: int, foot: int) -> None:
+    """Take a foot out of the state."""
+    belief.standing[i, foot] = False
+    covariance, row = belief.covariance[i], D + 3 * foot
+    for k in range(len(covariance)):
+        for axis in range(3):
+            covariance[k, row + axis], covariance[row + axis, k] = 0.0, 0.0
+
+
+@compiled
+def _add(away: np.ndarray, noise: np.ndarray, belief: Belief, i: int, foot: int) -> None:
+    """Add a foot where it is seen: xi_d = xi_p + R noise."""
+    belief.standing[i, foot] = True
+    store(add(vector(belief.position, (i,)), vector(away, (foot,))), belief.foot, (i, foot))
+    covariance, row = belief.covariance[i], D + 3 * foot
+    for k in range(len(covariance)):
+        for axis in range(3):
+            covariance[row + axis, k] = covariance[P + axis, k]
+    for k in range(len(covariance)):
+        for axis in range(3):
+            covariance[k, row + axis] = covariance[k, P + axis]
+    for j in range(3):
+        for k in range(3):
+            covariance[row + j, row + k] = covariance[P + j, P + k] + noise[foot, j, k]
+
+
+@compiled
+def _write(own: Filter, readings: Readings, belief: Belief, seen: RobotState, i: int) -> None:
+    """Write the state of the robot's base, joints and feet."""
+    to_base = matrix(own.mounting.base_from_imu, ())
+    base = product(rotation_at(belief.quaternion, i, 0), transposed(to_base))
+    store_quaternion(base, seen.qpos, i, 3)
+    place = vector(own.mounting.place, ())
+    spin = turn(
+        to_base,
+        subtract(vector(readings.gyroscope, (i,)), vector(belief.gyroscope_bias, (i,))),
+    )
+    middle = add(vector(belief.origin, (i,)), vector(belief.position, (i,)))
+    store(subtract(middle, turn(base, place)), seen.qpos, (i,))
+    moved = subtract(vector(belief.velocity, (i,)), turn(base, cross(spin, place)))
+    store(moved, seen.qvel, (i,))
+    store(spin, seen.qvel, (i,), 3)
+    for j in range(readings.angle.shape[1]):
+        seen.qpos[i, 7 + j], seen.qvel[i, 6 + j] = readings.angle[i, j], readings.rate[i, j]
+    for point in range(len(own.foot_of_point)):
+        foot = own.foot_of_point[point]
+        load = readings.load[i, foot] / own.points[foot]
+        standing = readings.load[i, foot] > own.threshold
+        store((0.0, 0.0, load if standing else 0.0), seen.contact_force, (i, point))

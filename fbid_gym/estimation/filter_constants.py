@@ -1,0 +1,62 @@
+"""What the filter assumes of a robot, from its sensors, its size and its weight."""
+
+import numpy as np
+
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.estimation.invariant_filter import Filter
+from fbid_gym.estimation.legs import Mounting
+from fbid_gym.estimation.sensors import Sensors
+from fbid_gym.robots import Robot
+
+# In units of the robot: of the height h of its centre of mass, the speed sqrt(g h), the pendulum
+# time sqrt(h / g), gravity g. What sensors do not err by, a filter still has to allow for: a foot
+# that creeps, a sole that tips, a tick that is not short enough.
+_SLIPPING = 0.006  # of the speed, per sqrt(Hz)
+_PLACING = 0.002  # of the height
+_TURNING = 0.001  # of the rate, per sqrt(Hz)
+_PUSHING = 0.004  # of gravity, per sqrt(Hz)
+_START = 0.05  # of the speed
+_TILT = 0.01  # rad
+_FASTEST = 6.0  # of the speed
+_VAGUEST = 0.6  # of the speed
+_PATIENCE = 1.0  # pendulum times
+_SETTLE = 1.0  # pendulum times
+_CORRECTIONS = 30.0  # in a pendulum time, at most one each tick
+_GATE = 16.27  # 99.9 % of chi-square with three degrees of freedom
+
+
+def filter_of(sensors: Sensors, robot: Robot, mounting: Mounting, hz: int) -> Filter:
+    """Return the filter's constants for a robot at its control rate, Hz."""
+    own, stance, tick = sensors.scaled, Stance.of(robot), 1.0 / hz
+    height = float(stance.home_com[2])
+    speed, time = np.sqrt(robot.gravity * height), np.sqrt(height / robot.gravity)
+    every = max(1, int(time * hz / _CORRECTIONS))
+    step = every * tick
+    turning = np.hypot(own.gyroscope_noise, _TURNING / time)
+    pushing = np.hypot(own.accelerometer_noise, _PUSHING * robot.gravity)
+    return Filter(
+        tick=tick,
+        every=every,
+        gravity=robot.gravity,
+        turning=float(turning**2 * step),
+        pushing=float(pushing**2 * step),
+        gyroscope_drift=own.gyroscope_drift**2 * step,
+        accelerometer_drift=own.accelerometer_drift**2 * step,
+        slipping=float((_SLIPPING * speed) ** 2 * step),
+        placing=(_PLACING * height) ** 2,
+        encoder=own.encoder_noise**2 + own.encoder_resolution**2 / 12.0,
+        threshold=own.contact_threshold * robot.weight,
+        gate=_GATE,
+        tilt_variance=_TILT**2 + own.misalignment**2,
+        velocity_variance=float((_START * speed) ** 2),
+        gyroscope_variance=own.gyroscope_bias**2,
+        accelerometer_variance=own.accelerometer_bias**2
+        + (own.accelerometer_scale * robot.gravity) ** 2,
+        fastest=float(_FASTEST * speed),
+        vaguest=float((_VAGUEST * speed) ** 2),
+        patience=round(_PATIENCE * time / step),
+        settle=float(min(tick / (_SETTLE * time), 1.0)),
+        mounting=mounting,
+        foot_of_point=stance.geometry.foot_of_point,
+        points=np.array([float(foot.num_points) for foot in robot.feet]),
+    )

@@ -1,0 +1,199 @@
+"""Prediction: what the inertial unit read, integrated over a tick, and how errors grow in it."""
+
+import numpy as np
+
+from fbid_gym.compiled import compiled, kernel
+from fbid_gym.dynamics.rotations import rotation_at
+from fbid_gym.dynamics.vectors import (
+    Rotation,
+    Vector,
+    add,
+    cross,
+    dot,
+    product,
+    scale,
+    store,
+    subtract,
+    turn,
+    vector,
+)
+from fbid_gym.estimation.invariant_filter import (
+    BA,
+    BG,
+    Belief,
+    D,
+    Filter,
+    P,
+    R,
+    V,
+    turn_quaternion,
+)
+from fbid_gym.estimation.legs import turning
+from fbid_gym.estimation.sensing import Readings
+
+
+@kernel
+def predict(own: Filter, readings: Readings, which: np.ndarray, belief: Belief) -> None:
+    """Integrate what the inertial unit read over a tick, and how errors grow in it.
+
+    Args:
+        own: constants.
+        readings: of the robots.
+        which: (N,) bool, robots to go on with.
+        belief: updated.
+    """
+    for i in range(len(which)):
+        if which[i] and not belief.lost[i]:
+            _predict(own, readings, belief, i)
+
+
+@compiled
+def _predict(own: Filter, readings: Readings, belief: Belief, i: int) -> None:
+    dt = own.tick
+    spin = subtract(vector(readings.gyroscope, (i,)), vector(belief.gyroscope_bias, (i,)))
+    force = subtract(vector(readings.accelerometer, (i,)), vector(belief.accelerometer_bias, (i,)))
+    for axis in range(3):
+        read = readings.accelerometer[i, axis]
+        belief.felt[i, axis] += own.settle * (read - belief.felt[i, axis])
+    # Force and rotation are those of the middle of the tick.
+    middle = product(rotation_at(belief.quaternion, i, 0), turning(scale(0.5 * dt, spin)))
+    push = turn(middle, force)
+    push = push[0], push[1], push[2] - own.gravity
+    velocity, position = vector(belief.velocity, (i,)), vector(belief.position, (i,))
+    belief.age[i] += 1
+    if belief.age[i] >= own.every:
+        _spread(own, middle, velocity, position, belief, i)
+    change = scale(dt, push)
+    store(add(velocity, change), belief.velocity, (i,))
+    way = scale(dt, add(velocity, scale(0.5, change)))
+    store(add(position, way), belief.position, (i,))
+    turn_quaternion(belief.quaternion, i, turn(middle, scale(dt, spin)))
+
+
+@compiled
+def _spread(
+    own: Filter, middle: Rotation, velocity: Vector, position: Vector, belief: Belief, i: int
+) -> None:
+    """Take the covariance to the next correction: Phi P Phi^T + Q, see the equations above."""
+    covariance, dt = belief.covariance[i], own.every * own.tick
+    size = len(covariance)
+    for k in range(size):
+        _flow(own, middle, velocity, position, belief.foot[i], belief.standing[i], covariance, k)
+    for k in range(size):
+        for j in range(k):
+            # The rows are done: the same for the columns, by way of the transposed.
+            covariance[k, j], covariance[j, k] = covariance[j, k], covariance[k, j]
+    for k in range(size):
+        _flow(own, middle, velocity, position, belief.foot[i], belief.standing[i], covariance, k)
+    # The gyroscope's noise comes in as its bias does: by 1, [v], [p], [d].
+    feet = belief.foot.shape[1]
+    for one in range(3 + feet):
+        first = _lever(one, velocity, position, belief, i)
+        if one < 3 or belief.standing[i, one - 3]:
+            for other in range(one + 1):
+                if other < 3 or belief.standing[i, other - 3]:
+                    second = _lever(other, velocity, position, belief, i)
+                    _add_turning(own.turning, one, other, first, second, covariance)
+    for axis in range(3):
+        covariance[V + axis, V + axis] += own.pushing
+        covariance[V + axis, P + axis] += 0.5 * dt * own.pushing
+        covariance[P + axis, V + axis] += 0.5 * dt * own.pushing
+        covariance[P + axis, P + axis] += dt * dt / 3.0 * own.pushing
+        covariance[BG + axis, BG + axis] += own.gyroscope_drift
+        covariance[BA + axis, BA + axis] += own.accelerometer_drift
+        for foot in range(feet):
+            if belief.standing[i, foot]:
+                place = D + 3 * foot + axis
+                covariance[place, place] += own.slipping
+
+
+@compiled
+def _row(part: int) -> int:
+    """Where a part begins: rotation, velocity, place, then the feet."""
+    return 3 * part if part < 3 else D + 3 * (part - 3)
+
+
+@compiled
+def _lever(part: int, velocity: Vector, position: Vector, belief: Belief, i: int) -> Vector:
+    """By which a turn of the world moves a part; that of the rotation is not used."""
+    if part < 2:
+        return velocity
+    return position if part == 2 else vector(belief.foot, (i, part - 3))
+
+
+@compiled
+def _add_turning(
+    variance: float,
+    one: int,
+    other: int,
+    first: Vector,
+    second: Vector,
+    covariance: np.ndarray,
+) -> None:
+    """Add the part of the gyroscope's noise that two parts share, `other` not after `one`.
+
+    [a][b]^T = a.b - b a^T.
+    """
+    inner, a, b = dot(first, second), _row(one), _row(other)
+    for j in range(3):
+        for k in range(3):
+            if one == 0:
+                value = 1.0 if j == k else 0.0
+            elif other == 0:
+                value = _skew(first, j, k)
+            else:
+                value = (inner if j == k else 0.0) - second[j] * first[k]
+            covariance[a + j, b + k] += variance * value
+            if one != other:
+                covariance[b + k, a + j] += variance * value
+
+
+@compiled
+def _skew(a: Vector, j: int, k: int) -> float:
+    """Entry j, k of the matrix [a] with [a] b = a × b."""
+    if j == k:
+        return 0.0
+    return a[3 - j - k] if (j + 1) % 3 != k else -a[3 - j - k]
+
+
+@compiled
+def _flow(
+    own: Filter,
+    middle: Rotation,
+    velocity: Vector,
+    position: Vector,
+    foot: np.ndarray,
+    standing: np.ndarray,
+    covariance: np.ndarray,
+    k: int,
+) -> None:
+    """Apply Phi to column k of a matrix."""
+    dt = own.every * own.tick
+    turned = _column(covariance, R, k)
+    bias = scale(dt, turn(middle, _column(covariance, BG, k)))
+    pushed = scale(dt, turn(middle, _column(covariance, BA, k)))
+    moved = _column(covariance, V, k)
+    # [g] xi with g = (0, 0, -gravity).
+    fall = (own.gravity * turned[1], -own.gravity * turned[0], 0.0)
+    place = add(_column(covariance, P, k), scale(dt, moved))
+    place = add(place, scale(0.5 * dt * dt, fall))
+    place = subtract(place, scale(0.5 * dt, pushed))
+    _store_column(subtract(place, cross(position, bias)), covariance, P, k)
+    moved = subtract(add(moved, scale(dt, fall)), pushed)
+    _store_column(subtract(moved, cross(velocity, bias)), covariance, V, k)
+    _store_column(subtract(turned, bias), covariance, R, k)
+    for one in range(len(standing)):
+        if standing[one]:
+            row = D + 3 * one
+            held = subtract(_column(covariance, row, k), cross(vector(foot, (one,)), bias))
+            _store_column(held, covariance, row, k)
+
+
+@compiled
+def _column(values: np.ndarray, row: int, k: int) -> Vector:
+    return values[row, k], values[row + 1, k], values[row + 2, k]
+
+
+@compiled
+def _store_column(a: Vector, values: np.ndarray, row: int, k: int) -> None:
+    values[row, k], values[row + 1, k], values[row + 2, k] = a
