@@ -27,7 +27,6 @@ from fbid_gym.dynamics.contacts import (
     point_positions,
     reduced_contacts,
 )
-from fbid_gym.errors import InvalidValueError, ShapeError
 
 MAPS = (torque_map_ott2011, torque_map_garofalo2015, torque_map_inverse_dynamics)
 COUNT = 8
@@ -271,27 +270,3 @@ def test_straight_legs_stay_finite(torque_map, rng):
     for part in result:
         assert np.isfinite(part).all()
     assert (np.abs(result.offset) < 100.0 * robot.torque_limit).all()
-
-
-@pytest.mark.parametrize("torque_map", MAPS)
-def test_what_belongs_to_other_robots_is_refused(torque_map, rng):
-    terms, body, contacts = scene("quadruped", rng, 0.1, 0.5).model
-    for name in ("matrix", "mass", "inverse_inertia", "to_com", "wrench_map"):
-        one_robots = body._replace(**{name: getattr(body, name)[:1]})
-        with pytest.raises(ShapeError, match=f"body.{name} has shape .* Expected"):
-            torque_map(terms, one_robots, contacts)
-    for name in ("mass_matrix", "bias"):
-        one_robots = terms._replace(**{name: getattr(terms, name)[:1]})
-        with pytest.raises(ShapeError, match=f"{name} has shape .* Expected"):
-            torque_map(one_robots, body, contacts)
-    with pytest.raises(ShapeError, match="contacts.bias has shape .* Expected"):
-        torque_map(terms, body, contacts._replace(bias=contacts.bias[:1]))
-
-
-def test_joints_that_cannot_depart_are_refused(rng):
-    standing = scene("quadruped", rng, 0.1, 0.5)
-    for bad in (0.0, -1.0, np.nan, np.inf):
-        mobility = np.ones_like(standing.posture)
-        mobility[1, 2] = bad
-        with pytest.raises(InvalidValueError, match="Invalid mobility: .*positive"):
-            torque_map_inverse_dynamics(*standing.model, standing.posture, mobility)
