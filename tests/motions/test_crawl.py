@@ -136,20 +136,6 @@ def test_between_planned_speeds_it_is_nearly_what_would_be_planned(walk: Crawl) 
     np.testing.assert_allclose(np.linalg.norm(found.qpos[:, 3:7], axis=1), 1.0, atol=1e-12)
 
 
-def test_planned_speeds_are_gathered_and_robots_differ(walk: Crawl) -> None:
-    tick = np.array([0, 100, walk.period + 100, 333])
-    reference = walk.reference(tick, walk.speeds[[0, 2, 2, 3]])
-    assert np.array_equal(reference.qpos[1], reference.qpos[2])
-    np.testing.assert_allclose(reference.qpos[1], walk.tables[2].rows.qpos[100], atol=1e-12)
-    np.testing.assert_allclose(reference.qacc[3], walk.tables[3].rows.qacc[333], atol=1e-9)
-
-
-@pytest.mark.parametrize("speed", [-0.01, 0.2, float("nan")])
-def test_a_speed_beyond_the_gaits_is_refused(walk: Crawl, speed: float) -> None:
-    with pytest.raises(FbidError, match=r"Invalid speed: .* Expected a speed in \[0, 0\.08\] m/s"):
-        walk.reference(np.zeros(2, int), np.array([0.05, speed]))
-
-
 @pytest.mark.parametrize(
     ("numbers", "message"),
     [
@@ -166,12 +152,6 @@ def test_a_speed_beyond_the_gaits_is_refused(walk: Crawl, speed: float) -> None:
 def test_numbers_that_make_no_gait_are_refused(numbers: dict[str, float], message: str) -> None:
     with pytest.raises(FbidError, match=message):
         crawl(load("quadruped"), CrawlGait()._replace(**{"tables": 2, **numbers}))
-
-
-def test_the_quadrupeds_own_numbers_are_littledogs() -> None:
-    np.testing.assert_allclose(gait_for(load("quadruped"), 500), CrawlGait(), rtol=1e-6)
-    own = gait_for(load("quadruped"), 500, period=2.0, swing_height=0.03, speeds=(0.01, 0.05))
-    assert own[0::2][:2] == (2.0, 0.03) and (own.slowest, own.fastest) == (0.01, 0.05)
 
 
 def test_a_robot_of_four_times_the_size_takes_steps_of_four_times_the_length() -> None:

@@ -342,21 +342,6 @@ def test_a_robot_four_times_as_long_walks_half_as_fast(gait: FlatFootGait) -> No
     np.testing.assert_allclose(a.com_acceleration, b.com_acceleration, atol=1e-7)
 
 
-def test_each_robot_walks_alone(gait: FlatFootGait) -> None:
-    velocity = commands(gait, 4)
-    together = Pendulums(gait, np.linspace(0.0, 1.0, 4))
-    alone = [Pendulums(gait, np.linspace(0.0, 1.0, 4)[[i]]) for i in range(4)]
-    for _ in range(ticks(gait, 3)):
-        all_of_them = together.step(velocity)
-        each = [walker.step(velocity[[i]]) for i, walker in enumerate(alone)]
-    for name in Target._fields:
-        found = np.concatenate([getattr(target, name) for target in each])
-        np.testing.assert_array_equal(getattr(all_of_them, name), found)
-    for name in FlatGaitMemory._fields:
-        found = np.concatenate([getattr(walker.memory, name) for walker in alone])
-        np.testing.assert_array_equal(getattr(together.memory, name), found)
-
-
 def test_steps_come_as_often_as_asked(gait: FlatFootGait) -> None:
     rate = np.array([0.8, 1.0, 1.25])
     walkers = Pendulums(gait, np.zeros(3))
@@ -422,16 +407,12 @@ def test_feet_aim_at_the_plane_on_which_they_stood(gait: FlatFootGait) -> None:
         np.testing.assert_allclose(flat.qpos[:, 2], gait.height, atol=late)
 
 
-def test_four_feet_are_refused() -> None:
+def test_robots_that_cannot_walk_on_two_flat_feet_are_refused() -> None:
     with pytest.raises(RobotError, match="'quadruped' has 4 feet. Expected two flat feet"):
         biped_gait(robots.load("quadruped"))
-
-
-@pytest.mark.parametrize("corners", [("toe_in",), ("toe_in", "heel_in")])
-def test_feet_that_are_not_flat_are_refused(corners: tuple[str, ...]) -> None:
     biped = robots.load("biped")
-    feet = {side: [f"{side}_{corner}" for corner in corners] for side in ("left", "right")}
-    home = biped.home_qpos
-    robot = robots.Robot.from_mjcf(biped.spec.copy(), feet, name="blades", home=home)
-    with pytest.raises(RobotError, match="foot 'left' of 'blades' span no area. Expected two flat"):
-        biped_gait(robot)
+    for corners in (("toe_in",), ("toe_in", "heel_in")):
+        feet = {side: [f"{side}_{corner}" for corner in corners] for side in ("left", "right")}
+        robot = robots.Robot.from_mjcf(biped.spec.copy(), feet, name="edge", home=biped.home_qpos)
+        with pytest.raises(RobotError, match="foot 'left' of 'edge' span no area. Expected two"):
+            biped_gait(robot)

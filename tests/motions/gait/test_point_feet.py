@@ -324,20 +324,6 @@ def turned_moments(moments: np.ndarray, turn: np.ndarray) -> np.ndarray:
     return np.column_stack([square[:, 0, 0], square[:, 0, 1], square[:, 1, 1], across])
 
 
-def test_many_robots_are_as_each_alone(rng: np.random.Generator) -> None:
-    command, terms, memory = scattered(7, rng)
-    force = rng.uniform(0.0, 0.05 * ROBOT.weight, (7, 4, 3))
-    alone = [
-        (rows(command, [i]), rows(terms, [i]), force[[i]].copy(), rows(memory, [i]))
-        for i in range(7)
-    ]
-    together = walked(GAIT, command, terms, force, memory)
-    for i, (own, state, pressed, past) in enumerate(alone):
-        target = walked(GAIT, own, state, pressed, past)
-        for one, all_of_them in zip((*target, *past), (*together, *memory), strict=True):
-            assert (one[0] == all_of_them[i]).all()
-
-
 def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> None:
     command, terms, memory = scattered(9, rng)
     angle = 1.1
