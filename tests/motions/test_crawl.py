@@ -1,5 +1,7 @@
 """The crawl: three feet down, the centre of mass between them, as fast as it is told."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -14,16 +16,20 @@ from fbid_gym.robots import ROBOTS, load
 from tests.robots.similar import moved, similar
 
 
+@functools.cache
+def crawled(robot: str | int) -> Crawl:
+    """The crawl of a built-in robot or of one of the zoo."""
+    return crawl(load(robot) if robot in ROBOTS else zoo.built(zoo.draw(robot)))
+
+
 @pytest.fixture(scope="module")
 def walk() -> Crawl:
-    return crawl(load("quadruped"))
+    return crawled("quadruped")
 
 
-@pytest.fixture(scope="module", params=["quadruped", "go1", 22, 42])
+@pytest.fixture(scope="module", params=["quadruped", "go1", 42])  # five joints a leg
 def any_walk(request: pytest.FixtureRequest) -> Crawl:
-    if request.param in ROBOTS:
-        return crawl(load(request.param))
-    return crawl(zoo.built(zoo.draw(request.param)))  # three and five joints a leg
+    return crawled(request.param)
 
 
 def feet_of(motion: MotionTable, rows: np.ndarray) -> np.ndarray:

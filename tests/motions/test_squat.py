@@ -12,7 +12,7 @@ TOE = 0.112  # m, half the length of a sole
 
 @pytest.fixture(scope="module", params=[5.0, 1.0])
 def bow(request: pytest.FixtureRequest) -> MotionTable:
-    return squat_bow(load("biped"), speed=request.param)
+    return squat_bow(load("biped"), speed=request.param, hz=500 if request.param > 1.0 else 200)
 
 
 def joint(motion: MotionTable, name: str) -> np.ndarray:

@@ -55,10 +55,6 @@ def test_another_file_in_the_folder_is_not_meant(folder: Path) -> None:
         Robot.load(folder / "other.xml")
 
 
-def test_without_a_description_it_is_the_file() -> None:
-    assert Robot.load(zoo.zoo(22)).name == "zoo22"
-
-
 @pytest.mark.parametrize(
     "text, kind, message",
     [
@@ -82,11 +78,3 @@ def test_bad_descriptions(
     for given in ("robot.toml", "zoo.xml" if content else "robot.toml"):
         with pytest.raises(kind, match=message):
             Robot.load(folder / given)
-
-
-def test_a_description_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(RobotError, match="robot.toml: cannot be read"):
-        Robot.load(tmp_path / "robot.toml")
-    (tmp_path / "robot.toml").mkdir()
-    with pytest.raises(RobotError, match="robot.toml: cannot be read"):
-        Robot.load(tmp_path / "robot.toml")

@@ -187,11 +187,6 @@ def test_sensors_hold_the_force_on_each_point(robot: Robot) -> None:
     np.testing.assert_allclose(data.sensordata[robot.contact_sensor], expected, atol=1e-9)
 
 
-def test_solver_settings(robot: Robot) -> None:
-    assert robot.model.opt.jacobian == mujoco.mjtJacobian.mjJAC_DENSE
-    assert robot.model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-
-
 def test_there_is_exactly_one_ground(robot: Robot) -> None:
     static = robot.model.body_weldid[robot.model.geom_bodyid] == 0
     assert static.sum() == 1
@@ -249,11 +244,6 @@ def test_what_is_written_out_can_be_read_back(robot: Robot) -> None:
         assert again.model.ngeom == robot.model.ngeom
         np.testing.assert_allclose(again.home_qpos, robot.home_qpos, atol=1e-5)
         np.testing.assert_allclose(again.torque_limit, robot.torque_limit, rtol=1e-5)
-
-
-def test_load_returns_the_same_object() -> None:
-    assert ROBOTS == ("biped", "quadruped", "humanoid", "go1", "g1")
-    assert load("biped") is load("biped")
 
 
 @pytest.mark.parametrize(

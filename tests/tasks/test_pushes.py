@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fbid_gym.errors import InvalidValueError
 from fbid_gym.tasks import Pushes
 
 SECONDS, HZ = 10.0, 500
@@ -91,21 +90,3 @@ def test_no_pushes_at_all():
     plan = Pushes((0.0, 0.0), 0.15, (1.5, 3.0)).draw(np.random.default_rng(0), 10.0, HZ)
     assert len(plan["push_start"]) == len(plan["push_force"]) == len(plan["push_velocity"])
     assert not plan["push_force"].any() and not plan["push_velocity"].any()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            {"force": (50.0, 20.0)},
-            r"Invalid push_force: \(50.0, 20.0\). Expected a pair 0 <= least",
-        ),
-        ({"velocity": (0.5, 0.1)}, r"Invalid push_velocity: \(0.5, 0.1\). Expected a pair 0 <="),
-        ({"interval": (0.1, 1.0)}, r"push_interval: \(0.1, 1.0\). Expected at least push_duration"),
-        ({"duration": 0.0}, "Invalid push_duration: 0.0. Expected a number from 0.0001"),
-    ],
-)
-def test_bad_ranges_are_errors(arguments, message):
-    good = {"force": (20.0, 100.0), "duration": 0.15, "interval": (1.5, 3.0)}
-    with pytest.raises(InvalidValueError, match=message):
-        Pushes(**(good | arguments))
