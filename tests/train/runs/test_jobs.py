@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from fbid_gym.errors import InvalidValueError
 from train.runs import jobs
 from train.runs.jobs import Job, Progress, run_jobs
 
@@ -77,13 +76,6 @@ def test_a_failure_is_shown_and_stops_the_others(tmp_path):
     assert "KeyboardInterrupt" in good.log.read_text() and not never.log.exists()
 
 
-def test_others_go_on_where_that_is_wanted(tmp_path):
-    bad, good = _job(tmp_path, "bad", "1 / 0"), _job(tmp_path, "good", "time.sleep(1)")
-    console = _console()
-    assert run_jobs([bad, good], 1, console, keep_going=True) == [bad]
-    assert "ZeroDivisionError" in _text(console) and "good: done, 1 of 2" in _text(console)
-
-
 def test_a_stop_is_passed_on_once_and_starts_no_more(tmp_path):
     save = (
         "\ntry:\n    open('started', 'w'); time.sleep(60)\n"
@@ -106,11 +98,6 @@ def test_a_stop_is_passed_on_once_and_starts_no_more(tmp_path):
     thread.join()
     assert (tmp_path / "saved").exists() and not second.log.exists()
     assert "Stopping" in _text(console) and "failed" not in _text(console)
-
-
-def test_at_least_one_at_a_time(tmp_path):
-    with pytest.raises(InvalidValueError, match="Invalid jobs: 0. Expected at least 1 at a time"):
-        run_jobs([_job(tmp_path, "a", "pass")], 0, _console())
 
 
 STUBBORN = """

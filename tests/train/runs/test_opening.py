@@ -31,27 +31,6 @@ def _contents(path: Path) -> dict[Path, bytes]:
     }
 
 
-def test_new_folder_records_what_was_asked_and_with_what(tmp_path):
-    config = stand_in.config(tmp_path / "a" / "run")
-    with open_run(config) as run:
-        assert not run.resumes
-        run.begin()
-        assert json.loads(run.folder.config.read_text()) == config.to_json()
-        versions = json.loads(run.folder.versions.read_text())
-    assert {"python", "packages", "commit", "platform"} <= set(versions)
-    assert {"torch", "numpy", "mujoco", "stable-baselines3"} <= set(versions["packages"])
-
-
-def test_nothing_but_the_lock_is_written_before_the_run_begins(tmp_path):
-    with open_run(stand_in.config(tmp_path / "run")):
-        assert [path.name for path in (tmp_path / "run").iterdir()] == [".lock"]
-    _begin(stand_in.config(tmp_path / "run"), checkpoint=True)
-    before = _contents(tmp_path)
-    for changes in ({"total_steps": 9999}, {"overwrite": True}, {"seed": 4, "overwrite": True}):
-        with open_run(stand_in.config(tmp_path / "run", **changes)):
-            assert _contents(tmp_path) == before
-
-
 def test_a_run_goes_on_with_the_threads_of_torch_that_it_began_with(tmp_path):
     """Whatever machine it goes on on, unless it is told otherwise, which is another run."""
     began = stand_in.config(tmp_path, num_threads=3)
@@ -229,12 +208,6 @@ def test_what_the_arguments_of_the_environment_mean_is_kept(tmp_path):
     file.unlink()
     with open_run(config) as run:
         assert run.changes == ()
-
-
-def test_of_foreign_environments_the_meaning_is_not_known(tmp_path):
-    (tmp_path / "environment.json").write_text("left by a run that was killed at its beginning")
-    _begin(stand_in.config(tmp_path))
-    assert not (tmp_path / "environment.json").exists()
 
 
 def _overwritten(name: str, content: bytes):
