@@ -1,6 +1,5 @@
 """A stand-in environment with known outcomes, and run folders that hold policies for it."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -106,6 +105,21 @@ def make_policy(
     )
 
 
+def write_policy(folder: Path, env_id: str, sizes: tuple[int, int], **env_args: Any) -> Path:
+    """Write a policy of zeros that acts on joint positions; sizes are of what it sees and does."""
+    seen, done = sizes
+    Policy(
+        env_id=env_id,
+        env_args={"action_layer": "joint_position", **env_args},
+        mean=np.zeros(seen),
+        variance=np.ones(seen),
+        weights=(np.zeros((done, seen)),),
+        biases=(np.zeros(done),),
+        trained_steps=1000,
+    ).save(folder)
+    return folder
+
+
 def typical_return(strength: float, layer: str) -> float:
     """Mean return over many episodes."""
     env, returns = StandIn(layer), []
@@ -148,13 +162,13 @@ def write_run(folder: Path, layer: str, seed: int, **changes: Any) -> Path:
 
 
 @pytest.fixture
-def policy() -> Callable[..., Policy]:
+def policy():
     """Make a policy of a given strength."""
     return make_policy
 
 
 @pytest.fixture
-def run_folder(tmp_path: Path) -> Callable[..., Path]:
+def run_folder(tmp_path):
     """Write a run folder: layer, seed and what differs in its configuration."""
 
     def build(layer: str = "base_acceleration", seed: int = 0, **changes: Any) -> Path:
@@ -165,6 +179,6 @@ def run_folder(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def stand_in() -> Callable[..., Any]:
+def stand_in():
     """Make scalar stand-in environments."""
     return StandIn
