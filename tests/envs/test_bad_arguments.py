@@ -5,10 +5,8 @@ The list is made of the options themselves: a new one is tried, too.
 
 import itertools
 import json
-from collections.abc import Mapping
 from dataclasses import MISSING
 from decimal import Decimal
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +14,6 @@ import pytest
 
 import fbid_gym
 from fbid_gym.actions import LAYERS, layer_choices, make_layer
-from fbid_gym.envs.__main__ import arguments_page
 from fbid_gym.envs.chunks import Chunks
 from fbid_gym.envs.config import Drawing, EnvConfig
 from fbid_gym.envs.overlays import RenderOptions
@@ -298,14 +295,3 @@ def test_without_stable_baselines3_the_extra_is_named(monkeypatch):
     monkeypatch.delitem(__import__("sys").modules, "fbid_gym.envs.sb3", raising=False)
     with pytest.raises(FbidError, match=r"stable_baselines3.*pip install 'fbid_gym\[train\]'"):
         _ = fbid_gym.make_sb3
-
-
-def test_the_page_of_arguments_is_what_the_code_says():
-    path = Path(__file__).resolve().parents[2] / "docs" / "arguments.md"
-    assert path.read_text(encoding="utf-8") == arguments_page(), (
-        "python -m fbid_gym.envs > docs/arguments.md"
-    )
-    for mapping in (LAYERS, TASKS):
-        assert isinstance(mapping, Mapping)
-        for name in mapping:
-            assert f"`{name}`" in arguments_page()

@@ -72,19 +72,6 @@ def test_asking_twice_gives_the_same_and_changes_nothing(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_groups_side_by_side_are_the_observation(name: str) -> None:
-    batch = on_the_way(name)
-    found, bound = measured(batch), batch.observation_bound
-    for key, group in batch.observation_groups.items():
-        columns = batch.observation_columns[key]
-        assert batch.observation_names[columns] == group.names
-        assert (bound[columns] == group.bound).all()
-        part = np.clip(group.function(found), -group.bound, group.bound)
-        np.testing.assert_array_equal(batch.observation()[:, columns], part.astype(np.float32))
-    assert len(batch.observation_names) == len(set(batch.observation_names)) == len(bound)
-
-
-@pytest.mark.parametrize("name", NAMES)
 def test_terms_lie_between_zero_and_their_weights_which_scale_them(name: str) -> None:
     """Whatever the weights, the reward is their sum, and nothing else changes."""
     names = list(on_the_way(name).reward_terms)
@@ -116,14 +103,6 @@ def test_a_scale_is_where_a_term_has_fallen_to_1_over_e(name: str) -> None:
             assert (at[0] <= at[1]).all() and (at[1] <= flat).all() and (at[0] < flat).any()
             continue
         np.testing.assert_allclose(at[0], at[1] ** 4 / np.where(flat > 0, flat, 1) ** 3, rtol=1e-4)
-
-
-def test_a_scale_is_given_in_its_unit() -> None:
-    narrow = on_the_way(WALK, reward_scales={"velocity": 0.1})
-    step = narrow.step(np.zeros((3, len(narrow.action_names))))
-    speed = np.sqrt(narrow.robot.gravity * narrow.task.body.stance.home_com[2])
-    expected = 0.4 * np.exp(-((step.info["velocity_error"] / (0.1 * speed)) ** 2))
-    np.testing.assert_allclose(step.info["reward_velocity"], expected)
 
 
 @pytest.mark.parametrize(
@@ -215,17 +194,6 @@ def test_an_own_term_that_answers_another_shape_is_refused() -> None:
     envs.reset(seed=0)
     with pytest.raises(FbidError, match=r"reward term 'quiet' of Walk has shape \(\)"):
         envs.step(np.zeros(envs.action_space.shape))
-
-
-@pytest.mark.parametrize("name", [WALK, "fbid_gym/BipedBalance-v0"])
-def test_names_of_all_kinds_of_environments_are_the_same(name: str) -> None:
-    one, several = gym.make(name).unwrapped, gym.make_vec(name, num_envs=2).unwrapped
-    sb3 = fbid_gym.make_sb3(name, 2)
-    for envs, space in ((several, several.single_observation_space), (sb3, sb3.observation_space)):
-        assert envs.observation_names == one.observation_names
-        assert envs.action_names == one.action_names
-        assert len(envs.observation_names) == space.shape[0]
-    assert len(one.action_names) == one.action_space.shape[0]
 
 
 def test_way_and_energy_go_on_from_a_state_to_the_bit() -> None:

@@ -83,17 +83,7 @@ def test_a_state_continues_on_another_object(name, layer, options, randomisation
     assert_same_steps(first, third, rng, 3)
 
 
-def test_a_reset_right_after_loading(rng):
-    first = fbid_gym.make_sb3(BIPED, 2, seed=1, action_layer="torque")
-    first.reset()
-    for _ in range(10):
-        first.step(rng.uniform(-0.5, 0.5, (2, *first.action_space.shape)))
-    second = fbid_gym.make_sb3(BIPED, 2, seed=4, action_layer="torque")
-    second.load_state_dict(first.state_dict())
-    np.testing.assert_array_equal(first.reset(), second.reset())
-
-
-@pytest.mark.parametrize("name", ENVIRONMENTS)
+@pytest.mark.parametrize("name", list(ENVIRONMENTS)[::3])
 def test_the_state_after_a_reset_can_be_put_back(name):
     """All robots stand: the biped's gait had not begun any phase, which was infinitely long ago."""
     envs = fbid_gym.make_sb3(name, 2, seed=1, action_layer="joint_position")
@@ -101,11 +91,6 @@ def test_the_state_after_a_reset_can_be_put_back(name):
     state = envs.state_dict()
     assert all(np.isfinite(value).all() for value in state.values())
     envs.load_state_dict(state)
-
-
-def test_the_state_has_the_observation():
-    envs = fbid_gym.make_sb3(BIPED, 2, seed=1, action_layer="torque")
-    np.testing.assert_array_equal(envs.reset(), envs.state_dict()["observation"])
 
 
 @pytest.mark.parametrize(
