@@ -40,7 +40,7 @@ def combine(outer: Outer, shift: float, x: np.ndarray, other: Inner) -> Inner:
 
 
 @pytest.fixture
-def arguments(rng) -> tuple:
+def arguments(rng):
     outer = Outer(
         count=2,
         inner=Inner(rng.normal(size=5), rng.normal()),

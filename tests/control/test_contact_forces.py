@@ -134,7 +134,7 @@ LIMITS = {
 
 
 @pytest.mark.parametrize(("limits", "push"), pairs(LIMITS, [0.0, 0.5, 0.1, 2.0]))
-def test_equals_clarabel(rng: np.random.Generator, limits: str, push: float) -> None:
+def test_equals_clarabel(rng, limits, push):
     case = scene(rng, push)
     active = rng.random((12, 8)) < 0.8
     active[0], active[1] = True, False
@@ -181,7 +181,7 @@ def test_error_with_the_default_options(rng, limits):
 
 
 @pytest.mark.parametrize(("limits", "push"), pairs(LIMITS, [0.1, 2.0, 0.5, 5.0]))
-def test_every_problem_is_solved(rng: np.random.Generator, limits: str, push: float) -> None:
+def test_every_problem_is_solved(rng, limits, push):
     """By its optimality condition, S^-1 y = w - G f with f the projection of G^T y / eps."""
     case = scene(rng, push, count=1000)
     found = solve(case, ContactLimits(*LIMITS[limits]))
@@ -195,7 +195,7 @@ def test_every_problem_is_solved(rng: np.random.Generator, limits: str, push: fl
     np.testing.assert_allclose(found.force[slides], expected, atol=1e-9 * WEIGHT)
 
 
-def test_a_spent_budget_leaves_usable_forces(rng: np.random.Generator) -> None:
+def test_a_spent_budget_leaves_usable_forces(rng):
     """One Newton step a round: feasible, and no worse than the warm start's forces."""
     case, limits = scene(rng, 0.8, count=50), ContactLimits(0.6, 5.0, 90.0)
     warm = rng.normal(size=(50, 6)) * WEIGHT
@@ -210,7 +210,7 @@ def test_a_spent_budget_leaves_usable_forces(rng: np.random.Generator) -> None:
         assert (solution.residual <= before * (1.0 + 1e-9)).all()
 
 
-def test_a_warm_start_follows_a_moving_wrench(rng: np.random.Generator) -> None:
+def test_a_warm_start_follows_a_moving_wrench(rng):
     """Tick by tick through a push of half a weight, in few steps and with the same result."""
     case, limits = scene(rng, 0.0, count=50), ContactLimits(0.7)
     direction = rng.normal(size=(50, 6)) * [1, 1, 0.2, LENGTH, LENGTH, LENGTH]
@@ -226,7 +226,7 @@ def test_a_warm_start_follows_a_moving_wrench(rng: np.random.Generator) -> None:
     assert np.linalg.norm(error, axis=1).max() < 2.0 * TOLERANCE
 
 
-def test_a_feasible_wrench_is_delivered(rng: np.random.Generator) -> None:
+def test_a_feasible_wrench_is_delivered(rng):
     """Exactly where points stick; elsewhere the regularisation costs some 1e-4 of the weight."""
     case = scene(rng, 0.01, count=50)
     solution = solve(case, ContactLimits(0.7))
@@ -260,7 +260,7 @@ def test_infeasible_wrenches_are_reported(rng):
             np.testing.assert_allclose(solution.residual, 0.0, atol=1e-100)
 
 
-def test_without_contacts_there_are_no_forces(rng: np.random.Generator) -> None:
+def test_without_contacts_there_are_no_forces(rng):
     case = scene(rng, 0.1)
     solution = solve(case, ContactLimits(0.7, 10.0), active=np.zeros((12, 8), bool))
     np.testing.assert_array_equal(solution.force, 0.0)
@@ -273,7 +273,7 @@ def test_without_contacts_there_are_no_forces(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(landed.wrench, cold.wrench, atol=2.0 * TOLERANCE * WEIGHT)
 
 
-def test_wrench_cost_decides_what_gives_way(rng: np.random.Generator) -> None:
+def test_wrench_cost_decides_what_gives_way(rng):
     case = scene(rng, 0.0)
     case.wrench[:, 0] += 1.5 * WEIGHT
     limits = ContactLimits(0.5)
@@ -294,7 +294,7 @@ def brute_force(free: np.ndarray, friction: float, lowest: float, highest: float
 
 
 @pytest.mark.parametrize("bounds", [(0.7, 0.0, np.inf), (0.0, 0.0, 5.0), (1.5, 0.5, 2.0)])
-def test_projection(rng: np.random.Generator, bounds: tuple[float, float, float]) -> None:
+def test_projection(rng, bounds):
     free = rng.normal(0.0, 3.0, (2, 60, 3))
     force = project(free, *bounds)
     for one, other in zip(free.reshape(-1, 3), force.reshape(-1, 3), strict=True):
@@ -309,7 +309,7 @@ def test_projection(rng: np.random.Generator, bounds: tuple[float, float, float]
 
 
 @pytest.mark.parametrize("limits", LIMITS)
-def test_jacobian_equals_finite_differences(rng: np.random.Generator, limits: str) -> None:
+def test_jacobian_equals_finite_differences(rng, limits):
     case, box = scene(rng, 0.0), np.empty((12, 8, 3))
     for column, limit in enumerate(LIMITS[limits]):
         box[..., column] = limit

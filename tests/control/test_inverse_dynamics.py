@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from fbid_gym.control import orthogonal_inverse_dynamics
-from tests.control.systems import MakeSystem
 
 
 def null_space(matrix: np.ndarray) -> np.ndarray:
@@ -88,7 +87,7 @@ def test_equals_the_papers_equations(make_system, rng, contacts):
             np.testing.assert_allclose(solution.contact_force[i], contact_force, atol=1e-7)
 
 
-def test_equals_the_papers_equations_with_householder_qr(make_system: MakeSystem) -> None:
+def test_equals_the_papers_equations_with_householder_qr(make_system):
     """Eqs. (9), (15) and (17) to the letter, on independent rows."""
     system = make_system("four point feet")
     solution = orthogonal_inverse_dynamics(*system.law)
@@ -103,7 +102,7 @@ def test_equals_the_papers_equations_with_householder_qr(make_system: MakeSystem
         np.testing.assert_allclose(solution.contact_force[i], contact_force, atol=1e-8)
 
 
-def test_a_base_first_priority_moves_the_base_less_off_its_command(make_system: MakeSystem) -> None:
+def test_a_base_first_priority_moves_the_base_less_off_its_command(make_system):
     system = make_system("four point feet")
     error = [
         np.linalg.norm(
@@ -143,7 +142,7 @@ def test_what_contacts_can_push_does_not_depend_on_weights(make_system, contacts
             np.testing.assert_array_equal(one, two)
 
 
-def test_a_costly_joint_does_less(make_system: MakeSystem) -> None:
+def test_a_costly_joint_does_less(make_system):
     """[M10] IV.C: W is a cost, a larger entry means less torque."""
     system = make_system("two flat feet")
     plain = orthogonal_inverse_dynamics(*system.law)
@@ -156,9 +155,7 @@ def test_a_costly_joint_does_less(make_system: MakeSystem) -> None:
     assert (norms[1] > norms[0]).all()
 
 
-def test_torque_does_not_depend_on_how_contacts_are_written(
-    make_system: MakeSystem, rng: np.random.Generator, contacts: str
-) -> None:
+def test_torque_does_not_depend_on_how_contacts_are_written(make_system, rng, contacts):
     """Rows rotated, permuted, scaled or repeated: same contacts, same torque ([M10] III.B.6)."""
     system = make_system(contacts)
     base = orthogonal_inverse_dynamics(*system.law)
@@ -179,7 +176,7 @@ def test_torque_does_not_depend_on_how_contacts_are_written(
         )
 
 
-def test_in_flight_momentum_is_kept(make_system: MakeSystem) -> None:
+def test_in_flight_momentum_is_kept(make_system):
     for drop_rows in (False, True):
         system = make_system("flight", drop_rows=drop_rows)
         solution = orthogonal_inverse_dynamics(*system.law)
@@ -189,7 +186,7 @@ def test_in_flight_momentum_is_kept(make_system: MakeSystem) -> None:
         assert np.isfinite(solution.torque).all()
 
 
-def test_contacts_nearly_in_line_do_not_ask_for_huge_forces(make_system: MakeSystem) -> None:
+def test_contacts_nearly_in_line_do_not_ask_for_huge_forces(make_system):
     """Three contact points within micrometres of a line cannot hold a moment about it."""
     system = make_system("trot pair", count=1)
     jacobian = system.jacobian.copy()

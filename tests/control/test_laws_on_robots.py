@@ -76,7 +76,7 @@ def truth(name: str, case: Scene, torque: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_every_law_does_what_is_asked_if_it_knows_the_truth(name: str) -> None:
+def test_every_law_does_what_is_asked_if_it_knows_the_truth(name):
     """Eqs. (15), (7) and (8): one acceleration; (8) with the forces of any torque that gives it."""
     case = scene(name, seed=1)
     least = orthogonal_inverse_dynamics(*case.law)
@@ -101,7 +101,7 @@ def test_every_law_does_what_is_asked_if_it_knows_the_truth(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_a_wrong_inertia_costs_eq_7_and_eq_15_the_same(name: str) -> None:
+def test_a_wrong_inertia_costs_eq_7_and_eq_15_the_same(name):
     """The error is N (N^T M N)^-1 N^T (dM a + dh) for both: the projection does not matter."""
     case = scene(name, seed=3)
     robot = robots.load(name)
@@ -153,7 +153,7 @@ def largest_step(values: np.ndarray) -> float:
 
 @pytest.mark.parametrize("pivoting", [False, True])
 @pytest.mark.parametrize("name", ROBOTS)
-def test_torque_is_continuous_along_a_motion_where_q_is_not(name: str, pivoting: bool) -> None:
+def test_torque_is_continuous_along_a_motion_where_q_is_not(name, pivoting):
     """[M10] III-B.6: Q jumps however small the step is; the torque's step shrinks with it.
 
     Householder QR flips a column's sign, and with column pivoting the pivots trade places. Eq. (15)
@@ -189,7 +189,7 @@ def test_torque_is_continuous_along_a_motion_where_q_is_not(name: str, pivoting:
 # Legs of four and five joints on soles: contacts that leave the body two or four motions.
 @pytest.mark.parametrize("seed", [2, 3, 20, 38])
 @pytest.mark.parametrize("base_priority", [1.0, 1e3])
-def test_what_limited_forces_give_is_what_is_promised(seed: int, base_priority: float) -> None:
+def test_what_limited_forces_give_is_what_is_promised(seed, base_priority):
     """M a + h = S^T tau + J^T lambda, though the contacts leave the body hardly a motion."""
     animal, rng = zoo.draw(seed), np.random.default_rng(seed)
     limit = zoo.torque_limit(animal) if animal.actuators == "none" else None

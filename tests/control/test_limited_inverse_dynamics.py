@@ -13,7 +13,6 @@ from fbid_gym.control import (
 )
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
 from tests.control.cones import contact_forces
-from tests.control.systems import MakeSystem
 
 LENGTH, GRAVITY = 0.3, 9.81
 EXACT = DEFAULT_ACCURACY._replace(tolerance=1e-9, max_iterations=50)
@@ -87,7 +86,7 @@ def test_what_is_promised_comes_true_within_limits(make_system, contacts, push, 
     assert (np.linalg.norm(force[..., :2], axis=-1) <= 0.7 * force[..., 2] + slack).all()
 
 
-def test_where_limits_do_not_bind_it_is_eq_15(make_system: MakeSystem) -> None:
+def test_where_limits_do_not_bind_it_is_eq_15(make_system):
     """Same acceleration; the torque may differ by internal forces only."""
     system = gentle(make_system("two flat feet", count=60))
     limited = solve(system, base_priority=10.0)
@@ -102,7 +101,7 @@ def test_where_limits_do_not_bind_it_is_eq_15(make_system: MakeSystem) -> None:
     assert (cost[0] <= cost[1] + 1e-6).all()
 
 
-def test_the_base_wrench_is_the_nearest_the_limits_allow(make_system: MakeSystem) -> None:
+def test_the_base_wrench_is_the_nearest_the_limits_allow(make_system):
     system = make_system("two flat feet", count=20)
     consistent = orthogonal_inverse_dynamics(*system.law).acceleration
     wanted = (np.matvec(system.mass_matrix, consistent) + system.bias)[:, :6]
@@ -120,7 +119,7 @@ def test_the_base_wrench_is_the_nearest_the_limits_allow(make_system: MakeSystem
     np.testing.assert_allclose(solution.residual, missed, atol=1e-4)
 
 
-def test_rows_may_be_compressed(make_system: MakeSystem, contacts: str) -> None:
+def test_rows_may_be_compressed(make_system, contacts):
     """J in independent rows with a point map: the same forces and torques."""
     system = make_system(contacts)
     active = active_points(system)
@@ -145,14 +144,14 @@ def test_rows_may_be_compressed(make_system: MakeSystem, contacts: str) -> None:
     )
 
 
-def test_a_base_first_by_any_weight_is_first_in_effect(make_system: MakeSystem) -> None:
+def test_a_base_first_by_any_weight_is_first_in_effect(make_system):
     system = make_system("two flat feet")
     one, other = (solve(system, base_priority=priority) for priority in (1e9, 1e12))
     for a, b in zip(one, other, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
-def test_without_contacts_the_base_falls_freely(make_system: MakeSystem) -> None:
+def test_without_contacts_the_base_falls_freely(make_system):
     system = make_system("flight")
     solution = solve(system)
     wrench = np.matvec(system.mass_matrix, solution.acceleration)[:, :6] + system.bias[:, :6]

@@ -15,7 +15,6 @@ from fbid_gym.control import (
 )
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_positions, reduced_contacts
-from tests.control.systems import MakeSystem
 
 EXACT = {"least_gain": 1e-4}
 
@@ -46,12 +45,12 @@ def velocities(
 
 @pytest.mark.parametrize(("rows", "with_reference"), [(1, True), (2, False), (4, True)])
 def test_equals_the_stacked_pseudo_inverse(
-    make_system: MakeSystem,
-    rng: np.random.Generator,
-    contacts: str,
-    rows: int,
-    with_reference: bool,
-) -> None:
+    make_system,
+    rng,
+    contacts,
+    rows,
+    with_reference,
+):
     system = make_system(contacts)
     task_jacobian, task_bias, task = task_of(rng, system, rows)
     reference = system.acceleration if with_reference else np.zeros_like(system.acceleration)
@@ -80,7 +79,7 @@ def test_equals_the_stacked_pseudo_inverse(
     np.testing.assert_allclose(kinematics.task_error, 0.0, atol=1e-8)
 
 
-def test_one_task_jacobian_serves_all_robots(make_system: MakeSystem) -> None:
+def test_one_task_jacobian_serves_all_robots(make_system):
     """J_b,xy in coordinates with the base's position first; its rate is zero."""
     system = make_system("two flat feet")
     count, nv = system.bias.shape
@@ -123,9 +122,7 @@ def test_motion_is_the_nearest_to_the_reference(make_system, rng, contacts, weig
             np.testing.assert_allclose(found.task_error, expected.task_error, atol=1e-6)
 
 
-def test_contacts_outrank_a_task_that_contradicts_them(
-    make_system: MakeSystem, rng: np.random.Generator, contacts: str
-) -> None:
+def test_contacts_outrank_a_task_that_contradicts_them(make_system, rng, contacts):
     """Lift a planted foot: it stays, the error says so, and the rest of the task is served."""
     system = make_system(contacts)
     count, nv = system.bias.shape
@@ -139,7 +136,7 @@ def test_contacts_outrank_a_task_that_contradicts_them(
     np.testing.assert_allclose(found.task_error, left, atol=1e-8)
 
 
-def test_weak_directions_fade_out_as_promised() -> None:
+def test_weak_directions_fade_out_as_promised():
     """One coordinate moves the task by `gain`: shares, bounds and smoothness over all gains."""
     least, gains = 0.05, np.concatenate([[0.0], np.geomspace(1e-9, 1.0, 4000)])
     task_jacobian = np.zeros((len(gains), 2, 8))
@@ -168,7 +165,7 @@ def biped_squatting(knee: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return qpos, np.random.default_rng(3).normal(size=(len(knee), robot.nv))
 
 
-def test_straight_knees_ask_for_no_unbounded_motion() -> None:
+def test_straight_knees_ask_for_no_unbounded_motion():
     """Lift the base over knees that straighten: the plain pseudo-inverse grows without bound."""
     robot = robots.load("biped")
     qpos, qvel = biped_squatting(np.geomspace(1.0, 1e-5, 200))
@@ -192,7 +189,7 @@ def test_straight_knees_ask_for_no_unbounded_motion() -> None:
 
 
 @pytest.mark.parametrize("name", robots.ROBOTS)
-def test_eq_15_realises_the_superposition(name: str) -> None:
+def test_eq_15_realises_the_superposition(name):
     """Joint-space motion and base task through eq. (15): the command arrives unchanged."""
     robot = robots.load(name)
     rng = np.random.default_rng(5)
@@ -216,7 +213,7 @@ FLAT = [r for r in robots.ROBOTS if all(f.num_points > 2 for f in robots.load(r)
 
 
 @pytest.mark.parametrize("name", FLAT)
-def test_integrated_velocities_move_the_base_over_feet_that_stay(name: str) -> None:
+def test_integrated_velocities_move_the_base_over_feet_that_stay(name):
     """The base goes 2 cm aside in its plane; joints follow; contact points drift with the step."""
     robot = robots.load(name)
     geometry, dynamics = contact_geometry(robot), MuJoCoDynamics(robot)
@@ -238,7 +235,7 @@ def test_integrated_velocities_move_the_base_over_feet_that_stay(name: str) -> N
     assert drift[1] < 0.6 * drift[0]
 
 
-def test_eq_20_pulls_towards_the_target() -> None:
+def test_eq_20_pulls_towards_the_target():
     desired, position = np.array([[1.0, 2.0]]), np.array([[0.5, 2.5]])
     velocity = np.array([[0.1, -0.2]])
     found = task_acceleration(desired, position, velocity, 9.0, 6.0)

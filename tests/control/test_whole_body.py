@@ -45,7 +45,7 @@ class Scene(NamedTuple):
 
 
 @pytest.fixture(scope="module", params=robots.ROBOTS)
-def robot(request: pytest.FixtureRequest) -> Robot:
+def robot(request):
     return robots.load(request.param)
 
 

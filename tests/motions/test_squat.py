@@ -11,7 +11,7 @@ TOE = 0.112  # m, half the length of a sole
 
 
 @pytest.fixture(scope="module", params=[5.0, 1.0])
-def bow(request: pytest.FixtureRequest) -> MotionTable:
+def bow(request):
     return squat_bow(load("biped"), speed=request.param, hz=500 if request.param > 1.0 else 200)
 
 
@@ -23,11 +23,11 @@ def some(motion: MotionTable) -> np.ndarray:
     return np.linspace(0, motion.period - 1, 97).astype(int)
 
 
-def test_the_bow_keeps_its_feet_in_place(bow: MotionTable, laws) -> None:
+def test_the_bow_keeps_its_feet_in_place(bow, laws):
     laws(bow, some(bow))
 
 
-def test_the_squat_keeps_its_feet_in_place(laws) -> None:
+def test_the_squat_keeps_its_feet_in_place(laws):
     motion = periodic_squat(load("biped"))
     laws(motion, some(motion))
     knee = joint(motion, "left_knee")
@@ -36,7 +36,7 @@ def test_the_squat_keeps_its_feet_in_place(laws) -> None:
     assert not motion.rows.qvel[0].any()
 
 
-def test_the_knees_extend_to_their_limit_and_not_beyond(bow: MotionTable) -> None:
+def test_the_knees_extend_to_their_limit_and_not_beyond(bow):
     knee, speed = joint(bow, "left_knee"), round(30.0 / bow.seconds)
     assert knee.min() == 0.0
     top = round(20.0 / speed * bow.hz)
@@ -46,14 +46,7 @@ def test_the_knees_extend_to_their_limit_and_not_beyond(bow: MotionTable) -> Non
     assert np.abs(bow.rows.qvel[[0, -1]]).max() < 1e-12
 
 
-def test_each_joint_moves_visibly_and_the_trunk_bows(bow: MotionTable) -> None:
-    for name in ("left_hip_pitch", "left_knee", "left_ankle_pitch"):
-        assert np.ptp(joint(bow, name)) > 0.4
-    pitch = 2 * np.arctan2(bow.rows.qpos[:, 5], bow.rows.qpos[:, 3])
-    assert pitch.max() == pytest.approx(0.6, abs=1e-6) and pitch.min() > -1e-9
-
-
-def test_the_centre_of_mass_stays_over_the_soles(bow: MotionTable, pressure) -> None:
+def test_the_centre_of_mass_stays_over_the_soles(bow, pressure):
     assert np.abs(bow.rows.com[:, 0]).max() < 0.012
     assert np.abs(bow.rows.com[:, 1]).max() < 1e-9
     point, force = pressure(bow, some(bow))
@@ -62,7 +55,7 @@ def test_the_centre_of_mass_stays_over_the_soles(bow: MotionTable, pressure) -> 
     assert force[:, 2].min() > (0.95 if slow else 0.6) * bow.robot.weight
 
 
-def test_the_squat_stays_within_its_soles_at_two_hertz(pressure) -> None:
+def test_the_squat_stays_within_its_soles_at_two_hertz(pressure):
     motion = periodic_squat(load("biped"))
     point, force = pressure(motion, some(motion))
     assert np.abs(point[:, 0]).max() < 0.75 * TOE
@@ -77,7 +70,7 @@ def test_the_squat_stays_within_its_soles_at_two_hertz(pressure) -> None:
         ({"knee": 0.2, "amplitude": 0.3}, r"Invalid motion of joint 'left_knee': -0\.1.*\[0, 2\.4"),
     ],
 )
-def test_numbers_that_make_no_squat_are_refused(numbers, message) -> None:
+def test_numbers_that_make_no_squat_are_refused(numbers, message):
     with pytest.raises(FbidError, match=message):
         periodic_squat(load("biped"), **numbers)
     with pytest.raises(FbidError, match="Invalid speed: nan. Expected a positive finite number"):

@@ -12,16 +12,16 @@ from fbid_gym.robots import load
 
 
 @pytest.fixture(scope="module")
-def periodic() -> MotionTable:
+def periodic():
     return periodic_squat(load("biped"))
 
 
 @pytest.fixture(scope="module")
-def finite() -> MotionTable:
+def finite():
     return squat_bow(load("biped"), speed=30)
 
 
-def test_a_periodic_motion_starts_again(periodic: MotionTable) -> None:
+def test_a_periodic_motion_starts_again(periodic):
     tick = np.array([3, periodic.period + 3, 7 * periodic.period + 3, 10])
     reference = periodic.reference(tick)
     for part in reference:
@@ -31,7 +31,7 @@ def test_a_periodic_motion_starts_again(periodic: MotionTable) -> None:
     assert reference.planted.all() and (reference.load == 1.0).all()
 
 
-def test_a_finite_motion_ends_in_its_last_posture_at_rest(finite: MotionTable) -> None:
+def test_a_finite_motion_ends_in_its_last_posture_at_rest(finite):
     reference = finite.reference(np.array([finite.period - 1, finite.period, 10**6]))
     assert np.array_equal(reference.qpos, np.tile(finite.rows.qpos[-1], (3, 1)))
     assert np.array_equal(reference.com, np.tile(finite.rows.com[-1], (3, 1)))
@@ -68,7 +68,7 @@ def halve(rates):
         ("qacc", halve, r"Invalid qacc of the motion: .* for joint '\w+' at tick"),
     ],
 )
-def test_what_is_no_motion_is_refused(periodic, finite, name, change, message) -> None:
+def test_what_is_no_motion_is_refused(periodic, finite, name, change, message):
     with pytest.raises(FbidError, match=message):
         dataclasses.replace(periodic, **changed(periodic, name, change))
     with pytest.raises(FbidError, match="Invalid qvel of the motion: .* at tick 0"):
@@ -83,14 +83,14 @@ def test_what_is_no_motion_is_refused(periodic, finite, name, change, message) -
         ("qacc", np.full((250, 22), np.nan), "qacc of the motion is not finite"),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(periodic, name, value, message) -> None:
+def test_arrays_that_do_not_fit_are_refused(periodic, name, value, message):
     with pytest.raises(FbidError, match=message):
         dataclasses.replace(periodic, rows=periodic.rows._replace(**{name: value}))
     with pytest.raises(FbidError, match=r"jumps has shape \(3,\). Expected \(250,\)"):
         dataclasses.replace(periodic, jumps=np.ones(3, bool))
 
 
-def test_a_jump_is_refused_unless_announced(finite: MotionTable) -> None:
+def test_a_jump_is_refused_unless_announced(finite):
     hip = 7 + finite.robot.joint_names.index("left_hip_roll")
 
     def jump(qpos: np.ndarray) -> None:

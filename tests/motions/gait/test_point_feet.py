@@ -93,7 +93,7 @@ def commanded(ghost: Ghost, *velocity: float) -> Ghost:
     return ghost
 
 
-def test_a_robot_that_is_told_to_stand_stands_still() -> None:
+def test_a_robot_that_is_told_to_stand_stands_still():
     ghost = Ghost(GAIT, home())
     before = ghost.terms.foot_position.copy()
     for _ in range(500):
@@ -104,7 +104,7 @@ def test_a_robot_that_is_told_to_stand_stands_still() -> None:
     assert not ghost.memory.walking.any() and target.cycle == 0.0
 
 
-def test_a_robot_that_is_pushed_far_enough_steps_though_told_to_stand() -> None:
+def test_a_robot_that_is_pushed_far_enough_steps_though_told_to_stand():
     for share, steps in ((0.8, False), (1.2, True)):
         terms = home()
         middle = terms.foot_position[0, :, :2].mean(axis=0)
@@ -115,7 +115,7 @@ def test_a_robot_that_is_pushed_far_enough_steps_though_told_to_stand() -> None:
         assert ghost.memory.walking[0] == steps
 
 
-def test_the_base_is_lowered_and_raised_at_a_limited_rate() -> None:
+def test_the_base_is_lowered_and_raised_at_a_limited_rate():
     ghost = Ghost(GAIT, home())
     upright = ghost.tick().qpos[0, 2]
     for asked in (0.05, 0.0):
@@ -125,7 +125,7 @@ def test_the_base_is_lowered_and_raised_at_a_limited_rate() -> None:
         assert np.abs(np.diff(heights)).max() == pytest.approx(GAIT.bend * TICK, rel=1e-6)
 
 
-def test_starting_walking_and_stopping_are_without_jumps() -> None:
+def test_starting_walking_and_stopping_are_without_jumps():
     ghost = commanded(Ghost(GAIT, home()), 0.2, 0.05, 0.3)
     last = ghost.tick()
     walked = False
@@ -157,7 +157,7 @@ def test_starting_walking_and_stopping_are_without_jumps() -> None:
     )
 
 
-def test_feet_land_where_they_were_told_and_stand_as_long_as_planned() -> None:
+def test_feet_land_where_they_were_told_and_stand_as_long_as_planned():
     ghost = commanded(Ghost(GAIT, home()), 0.3, 0.0, 0.0)
     landed, stood, last = 0, 0, ghost.tick()
     for tick in range(3000):
@@ -176,7 +176,7 @@ def test_feet_land_where_they_were_told_and_stand_as_long_as_planned() -> None:
     assert np.abs(last.com_velocity[0] - [0.3, 0.0, 0.0]).max() < 1e-9
 
 
-def test_a_swinging_foot_has_the_rates_of_its_way() -> None:
+def test_a_swinging_foot_has_the_rates_of_its_way():
     ghost = commanded(Ghost(GAIT, home()), 0.3, 0.0, 0.0)
     rows = [ghost.tick() for _ in range(2000)][1000:]
     in_air = ~np.array([row.planted[0] for row in rows])
@@ -191,7 +191,7 @@ def test_a_swinging_foot_has_the_rates_of_its_way() -> None:
         assert np.median(error) < 0.02 * np.linalg.norm(said, axis=1).max()
 
 
-def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands() -> None:
+def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands():
     ghost = commanded(Ghost(GAIT, home()), 0.1, 0.0, 0.0)
     ghost.tick()
     ghost.floor = -0.02
@@ -210,42 +210,35 @@ def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands() -> None:
     assert ghost.tick().planted[0, 0]
 
 
-def test_footholds_out_of_reach_are_clipped_and_counted() -> None:
+def test_footholds_are_clipped_within_reach_and_lie_on_the_ground_that_is_known() -> None:
     ghost = commanded(Ghost(GAIT, home()), 0.1, 0.0, 0.0)
     while not (ghost.memory.mode == 1).any():
         ghost.tick()
     swinging = ghost.memory.mode == 1
-    near = walked(GAIT, ghost.command, ghost.terms, ghost.force, ghost.memory)
-    assert not near.clipped.any()
-    far = ghost.command._replace(shift=np.full((1, 4, 2), 1.0))
-    target = walked(GAIT, far, ghost.terms, ghost.force, ghost.memory)
-    assert (target.clipped == swinging).all()
-    assert np.abs(target.foothold - near.foothold)[swinging].max() > 0.02
+
+    def target(**changes):
+        command = ghost.command._replace(**changes)
+        memory = rows(ghost.memory, slice(None))
+        return walked(GAIT, command, ghost.terms, ghost.force, memory)
+
+    near, far = target(), target(shift=np.full((1, 4, 2), 1.0))
+    assert not near.clipped.any() and (far.clipped == swinging).all()
+    assert np.abs(far.foothold - near.foothold)[swinging].max() > 0.02
     hip = ghost.terms.base_position + GAIT.hip
-    distance = np.linalg.norm(target.foothold[0] - hip, axis=1)[swinging[0]]
+    distance = np.linalg.norm(far.foothold[0] - hip, axis=1)[swinging[0]]
     # The hips go on until the foot lands.
     assert (distance < GAIT.reach[swinging[0]] + 0.1 * GAIT.schedule.period).all()
-
-
-def test_a_foothold_lies_on_the_ground_that_is_known_there() -> None:
-    ghost = commanded(Ghost(GAIT, home()), 0.1, 0.0, 0.0)
-    while not (ghost.memory.mode == 1).any():
-        ghost.tick()
-    foot = int(np.flatnonzero(ghost.memory.mode[0])[0])
+    one, other, *_ = np.flatnonzero(ghost.memory.mode[0])
     ground = np.full((1, 4), np.nan)
-    ground[0, foot] = 0.03
-    command = ghost.command._replace(ground=ground)
-    target = walked(GAIT, command, ghost.terms, ghost.force, ghost.memory)
-    assert target.foothold[0, foot, 2] == 0.03
-    other = np.flatnonzero(ghost.memory.mode[0])[1]
-    assert target.foothold[0, other, 2] == pytest.approx(0.0, abs=1e-9)
+    ground[0, one] = 0.03
+    raised = target(ground=ground)
+    assert raised.foothold[0, one, 2] == 0.03
+    assert raised.foothold[0, other, 2] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("velocity", [(0.2, 0.0, 0.0), (-0.1, 0.1, 0.0), (0.1, -0.05, 0.3)])
 @pytest.mark.parametrize("slope", [(0.25, 0.0), (-0.2, 0.15)])
-def test_feet_aim_at_the_plane_on_which_they_stood(
-    slope: tuple[float, float], velocity: tuple[float, float, float]
-) -> None:
+def test_feet_aim_at_the_plane_on_which_they_stood(slope, velocity):
     terms, steep = home(), np.linalg.norm(slope)
     feet = terms.foot_position.copy()
     feet[:, :, 2] += feet[:, :, :2] @ slope
@@ -262,7 +255,7 @@ def test_feet_aim_at_the_plane_on_which_they_stood(
         assert above == pytest.approx(GAIT.height, abs=0.05 * steep * reach)
 
 
-def test_level_ground_is_level_exactly() -> None:
+def test_level_ground_is_level_exactly():
     ghost = commanded(Ghost(GAIT, home(), floor=0.0), 0.2, 0.1, 0.3)
     feet = ghost.terms.foot_position
     feet[:, :, 2] = 0.0
@@ -274,7 +267,7 @@ def test_level_ground_is_level_exactly() -> None:
         assert target.qpos[0, 2] == pytest.approx(GAIT.height, abs=1e-12)
 
 
-def test_feet_land_around_the_point_below_the_centre_of_mass() -> None:
+def test_feet_land_around_the_point_below_the_centre_of_mass():
     level = GAIT.place + home().base_position[0, :2]
     np.testing.assert_array_equal(level, home().foot_position[0, :, :2])  # where it is their middle
     spec = ROBOT.spec.copy()
@@ -324,7 +317,7 @@ def turned_moments(moments: np.ndarray, turn: np.ndarray) -> np.ndarray:
     return np.column_stack([square[:, 0, 0], square[:, 0, 1], square[:, 1, 1], across])
 
 
-def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> None:
+def test_which_way_the_world_lies_does_not_matter(rng):
     command, terms, memory = scattered(9, rng)
     angle = 1.1
     turn = np.array(
@@ -370,7 +363,7 @@ def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> N
     assert turned.qvel[:, 3:] == pytest.approx(here.qvel[:, 3:])
 
 
-def test_a_robot_of_another_size_walks_alike_in_its_own_time() -> None:
+def test_a_robot_of_another_size_walks_alike_in_its_own_time():
     small, large, scale = quadruped_gait(dog(1.0)), quadruped_gait(dog(4.0)), 4.0
     time, speed = math.sqrt(scale), math.sqrt(scale)
     for name in ("astray", "margin", "height", "lift", "place", "hip", "reach"):
@@ -383,6 +376,6 @@ def test_a_robot_of_another_size_walks_alike_in_its_own_time() -> None:
     assert large.agility == pytest.approx(small.agility / [1.0, 1.0, scale], rel=1e-6)
 
 
-def test_robots_that_cannot_walk_on_points_are_refused() -> None:
+def test_robots_that_cannot_walk_on_points_are_refused():
     with pytest.raises(RobotError, match="has 2 feet.*Expected four to walk on"):
         quadruped_gait(load("humanoid"))
