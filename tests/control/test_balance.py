@@ -178,39 +178,6 @@ def test_at_rest_where_it_should_be_a_robot_wants_its_weight(orientations):
     np.testing.assert_allclose(wrench, expected, atol=1e-12)
 
 
-def test_gains_turn_with_their_axes(rng, measured):
-    target, state = measured
-    gains = gains_of(rng)
-    momentum = rng.normal(size=(COUNT, 6))
-    angle = rng.uniform(-np.pi, np.pi, COUNT)
-    turn = Rotation.from_rotvec(angle[:, None] * [0.0, 0.0, 1.0]).as_matrix()
-
-    def turned(vector):
-        return np.matvec(turn, vector)
-
-    expected = desired_wrench_garofalo2015(gains, target, momentum=momentum, **state)
-    rate = target.momentum_rate
-    elsewhere = BalanceTarget(
-        turned(target.com),
-        turn @ target.world_from_base,
-        turned(target.com_velocity),
-        turned(target.angular_velocity),
-        turned(target.angular_momentum),
-        np.concatenate([turned(rate[:, :3]), turned(rate[:, 3:])], axis=1),
-    )
-    wrench = desired_wrench_garofalo2015(
-        gains,
-        elsewhere,
-        com=turned(state["com"]),
-        rotation=turn @ state["rotation"],
-        momentum=np.concatenate([turned(momentum[:, :3]), turned(momentum[:, 3:])], axis=1),
-        mass=state["mass"],
-        axes=turn,
-    )
-    np.testing.assert_allclose(wrench[:, :3], turned(expected[:, :3]), atol=1e-9)
-    np.testing.assert_allclose(wrench[:, 3:], turned(expected[:, 3:]), atol=1e-9)
-
-
 def test_both_laws_damp_a_rigid_body_alike(rng, orientations):
     rotation, desired = orientations
     mass, inertia = 60.0, np.diag([3.0, 2.0, 0.4])

@@ -130,14 +130,6 @@ def test_ott2011_is_minus_jcheck_transposed(moving):
     assert_close(np.matvec(jacobian[:, :, :6].mT, moving.row_force), moving.wrench)
 
 
-def test_quasi_static_maps_differ_by_the_moments_way_through_the_joints(moving):
-    ott = torque_map_ott2011(*moving.model).torque(moving.row_force, moving.wrench)
-    garofalo = torque_map_garofalo2015(*moving.model).torque(moving.row_force, moving.wrench)
-    angular = moving.body.matrix[:, 3:, 6:].mT @ moving.body.inverse_inertia
-    assert_close(garofalo - ott, np.matvec(angular, moving.wrench[:, 3:]))
-    assert np.abs(garofalo - ott).max() > 1e-2 * np.abs(ott).max()
-
-
 def test_quasi_static_torques_do_the_work_of_the_wrench(moving):
     """On the base's angular velocity after Ott, on the average one, Lambda_l l, after [G15]."""
     jacobian = moving.contacts.jacobian

@@ -9,7 +9,7 @@ import pytest
 
 from fbid_gym.control import Accuracy, ContactLimits
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
-from fbid_gym.control.dual_newton import Point, Points, Step, evaluate, jacobian_at, nearest_force
+from fbid_gym.control.dual_newton import nearest_force
 from tests.control.cones import ContactForces, contact_forces, solved_by_clarabel
 from tests.pairs import pairs
 
@@ -226,21 +226,6 @@ def test_a_warm_start_follows_a_moving_wrench(rng):
     assert np.linalg.norm(error, axis=1).max() < 2.0 * TOLERANCE
 
 
-def test_a_feasible_wrench_is_delivered(rng):
-    """Exactly where points stick; elsewhere the regularisation costs some 1e-4 of the weight."""
-    case = scene(rng, 0.01, count=50)
-    solution = solve(case, ContactLimits(0.7))
-    delivered = np.matvec(case.wrench_map, solution.force.reshape(50, 24))
-    np.testing.assert_allclose(solution.wrench, delivered, atol=1e-6 * WEIGHT)
-    sticks = solution.residual == 0.0
-    assert sticks.mean() > 0.5
-    smallest = np.matvec(np.linalg.pinv(case.wrench_map[sticks]), case.wrench[sticks])
-    found = solution.force[sticks].reshape(-1, 24)
-    np.testing.assert_allclose(found, smallest, atol=1e-6 * WEIGHT)
-    pressed = solve(case, ContactLimits(0.7, 40.0))
-    assert (pressed.residual < 1e-3).mean() > 0.8
-
-
 def test_infeasible_wrenches_are_reported(rng):
     for wrench in (
         [50.0, 0.0, 1.0, 0.0, 0.0, 0.0],  # a huge side push
@@ -273,16 +258,6 @@ def test_without_contacts_there_are_no_forces(rng):
     np.testing.assert_allclose(landed.wrench, cold.wrench, atol=2.0 * TOLERANCE * WEIGHT)
 
 
-def test_wrench_cost_decides_what_gives_way(rng):
-    case = scene(rng, 0.0)
-    case.wrench[:, 0] += 1.5 * WEIGHT
-    limits = ContactLimits(0.5)
-    even = solve(case, limits, **EXACT)
-    force_first = solve(case, limits, wrench_cost=(1, 1, 1, 1e-3, 1e-3, 1e-3), **EXACT)
-    missing = [np.linalg.norm((s.wrench - case.wrench)[:, :3], axis=1) for s in (even, force_first)]
-    assert (missing[1] < missing[0]).all()
-
-
 def brute_force(free: np.ndarray, friction: float, lowest: float, highest: float) -> np.ndarray:
     """Nearest feasible force by trying normal forces: given one, the tangential part is clipped."""
     size = np.linalg.norm(free[:2])
@@ -306,28 +281,3 @@ def test_projection(rng, bounds):
     vertical = project(np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0]]]), *bounds)
     assert np.isfinite(vertical).all()
     np.testing.assert_array_equal(vertical[..., :2], 0.0)
-
-
-@pytest.mark.parametrize("limits", LIMITS)
-def test_jacobian_equals_finite_differences(rng, limits):
-    case, box = scene(rng, 0.0), np.empty((12, 8, 3))
-    for column, limit in enumerate(LIMITS[limits]):
-        box[..., column] = limit
-    jacobian, step = np.empty((6, 6)), 1e-5
-    for i, dual in enumerate(rng.normal(0.0, 100.0, (12, 6))):
-        wrenches = case.wrench_map[i].T.reshape(8, 3, 6)
-        robot = Points(np.array([8]), wrenches, case.wrench[i], box[i])
-
-        def point_at(dual: np.ndarray, robot: Points = robot) -> Point:
-            point = Point(dual, *(np.empty(shape) for shape in ((8, 3), (8, 3), 6, 6)))
-            evaluate(robot, REGULARISATION, point)
-            return point
-
-        newton = Step(np.empty(6), jacobian, np.empty(6))
-        jacobian_at(robot, REGULARISATION, point_at(dual), newton)
-        jacobian = np.tril(jacobian) + np.tril(jacobian, -1).T
-        for axis in range(6):
-            shift = step * np.eye(6)[axis]
-            ahead, behind = point_at(dual + shift), point_at(dual - shift)
-            slope = (ahead.gradient - behind.gradient) / (2.0 * step)
-            np.testing.assert_allclose(jacobian[:, axis], slope, atol=1e-5)

@@ -87,37 +87,6 @@ def test_equals_the_papers_equations(make_system, rng, contacts):
             np.testing.assert_allclose(solution.contact_force[i], contact_force, atol=1e-7)
 
 
-def test_equals_the_papers_equations_with_householder_qr(make_system):
-    """Eqs. (9), (15) and (17) to the letter, on independent rows."""
-    system = make_system("four point feet")
-    solution = orthogonal_inverse_dynamics(*system.law)
-    nv, k = system.jacobian.shape[2], system.rank
-    select = np.eye(nv)[6:]
-    for i, jacobian in enumerate(system.jacobian):
-        q, r = np.linalg.qr(jacobian.T, mode="complete")
-        force = system.mass_matrix[i] @ solution.acceleration[i] + system.bias[i]
-        torque = np.linalg.pinv(q[:, k:].T @ select.T) @ q[:, k:].T @ force
-        contact_force = np.linalg.solve(r[:k], q[:, :k].T @ (force - select.T @ torque))
-        np.testing.assert_allclose(solution.torque[i], torque, atol=1e-8)
-        np.testing.assert_allclose(solution.contact_force[i], contact_force, atol=1e-8)
-
-
-def test_a_base_first_priority_moves_the_base_less_off_its_command(make_system):
-    system = make_system("four point feet")
-    error = [
-        np.linalg.norm(
-            (
-                orthogonal_inverse_dynamics(*system.law, base_priority=priority).acceleration
-                - system.acceleration
-            )[:, :6],
-            axis=1,
-        )
-        for priority in (1.0, 1e2, 1e4)
-    ]
-    assert (error[1] < error[0]).all()
-    assert (error[2] < 0.01 * error[0]).all()
-
-
 def test_what_contacts_can_push_does_not_depend_on_weights(make_system, contacts):
     """Weights without bound would leave to rounding what joints alone, or the base alone, hold."""
     system = make_system(contacts)
@@ -142,19 +111,6 @@ def test_what_contacts_can_push_does_not_depend_on_weights(make_system, contacts
             np.testing.assert_array_equal(one, two)
 
 
-def test_a_costly_joint_does_less(make_system):
-    """[M10] IV.C: W is a cost, a larger entry means less torque."""
-    system = make_system("two flat feet")
-    plain = orthogonal_inverse_dynamics(*system.law)
-    cost = np.ones(system.bias.shape[1] - 6)
-    cost[3] = 1e5
-    spared = orthogonal_inverse_dynamics(*system.law, torque_cost=cost)
-    assert (np.abs(spared.torque[:, 3]) < 0.02 * np.abs(plain.torque[:, 3]) + 1e-3).all()
-    np.testing.assert_allclose(spared.acceleration, plain.acceleration, atol=1e-9)
-    norms = [np.linalg.norm(s.torque, axis=1) for s in (plain, spared)]
-    assert (norms[1] > norms[0]).all()
-
-
 def test_torque_does_not_depend_on_how_contacts_are_written(make_system, rng, contacts):
     """Rows rotated, permuted, scaled or repeated: same contacts, same torque ([M10] III.B.6)."""
     system = make_system(contacts)
@@ -174,16 +130,6 @@ def test_torque_does_not_depend_on_how_contacts_are_written(make_system, rng, co
             np.matvec(system.jacobian.mT, base.contact_force),
             atol=1e-6,
         )
-
-
-def test_in_flight_momentum_is_kept(make_system):
-    for drop_rows in (False, True):
-        system = make_system("flight", drop_rows=drop_rows)
-        solution = orthogonal_inverse_dynamics(*system.law)
-        wrench = np.matvec(system.mass_matrix, solution.acceleration)[:, :6] + system.bias[:, :6]
-        np.testing.assert_allclose(wrench, 0.0, atol=1e-9)
-        np.testing.assert_array_equal(solution.contact_force, 0.0)
-        assert np.isfinite(solution.torque).all()
 
 
 def test_contacts_nearly_in_line_do_not_ask_for_huge_forces(make_system):

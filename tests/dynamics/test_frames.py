@@ -142,24 +142,6 @@ def test_velocity_product_is_the_rate_of_x_times_v(model, states, base, integrat
         np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-8)
 
 
-def test_acceleration_is_the_rate_of_pinocchios_velocity(rng, model, states, base, integrate):
-    step = 1e-5
-    for qpos, qvel, rotation in zip(*states, base, strict=True):
-        acceleration = rng.normal(size=model.nv) * 5
-        before, after = (
-            frames.velocity_to_pinocchio(
-                qvel + acceleration * t,
-                frames.quaternion_to_matrix(
-                    integrate(model, qpos, qvel + acceleration * t / 2, t)[3:7]
-                ),
-            )
-            for t in (-step, step)
-        )
-        expected = (after - before) / (2 * step)
-        actual = acceleration_to_pinocchio(acceleration, qvel, rotation)
-        np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-7)
-
-
 def test_power_energy_and_task_velocity_do_not_depend_on_coordinates(rng, states, base):
     """What has a meaning without coordinates: f·v, vᵀMv and Jv."""
     _, velocity = states

@@ -201,27 +201,6 @@ def envs():
     return made
 
 
-@pytest.mark.parametrize(
-    "action",
-    [
-        [["0"] * 16] * 2,
-        np.zeros((2, 16), complex),
-        np.ma.masked_all((2, 16)),
-        np.zeros((2, 16), object),
-        np.zeros((2, 16), "timedelta64[s]"),
-        [[10**400] * 16] * 2,
-        [[Decimal(0)] * 16] * 2,
-        itertools.count(),
-        Hostile(),
-    ],
-    ids=lambda action: type(action).__name__,
-)
-def test_actions_are_numbers(envs, action):
-    with pytest.raises(FbidError, match=r"Invalid action: .*Expected numbers of shape \(2, 16\)"):
-        envs.step(action)
-    envs.step(np.zeros((2, 16), np.int8))
-
-
 def spoilt(state, name, value):
     return state | {name: np.full(np.shape(state[name]), value)}
 

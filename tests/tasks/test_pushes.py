@@ -47,13 +47,6 @@ def test_pushes_are_horizontal_isotropic_and_of_the_given_size(pushes):
     assert np.abs((direction * size).mean()) < 5.0 * 100.0 / np.sqrt(count)
 
 
-def test_the_same_generator_draws_the_same_pushes(pushes):
-    first, second, other = (drawn(pushes, 3, seed=seed) for seed in (5, 5, 6))
-    for name, value in first.items():
-        np.testing.assert_array_equal(value, second[name])
-    assert (first["push_force"] != other["push_force"]).any()
-
-
 def test_a_push_lasts_its_duration(pushes):
     plan = drawn(pushes, 4)
     ticks = np.arange(int(SECONDS * HZ))
