@@ -113,12 +113,7 @@ def test_a_scale_is_where_a_term_has_fallen_to_1_over_e(name: str) -> None:
             "reward term 'torqe' of task 'walk'. Did you mean 'torque'",
         ),
         ({"reward_scales": {"speed": 0.1}}, "with a scale 'speed' of task 'walk'.*velocity"),
-        ({"reward_weights": {"torque": -1.0}}, r"reward_weights\['torque'\]: -1.0.*number from 0"),
-        ({"reward_weights": {"torque": np.nan}}, r"reward_weights\['torque'\]: nan"),
-        ({"reward_weights": {"torque": np.inf}}, r"reward_weights\['torque'\]: inf"),
-        ({"reward_weights": {"torque": "much"}}, r"reward_weights\['torque'\]: 'much'"),
         ({"reward_scales": {"torque": 0}}, r"reward_scales\['torque'\]: 0. Expected a number from"),
-        ({"reward_scales": [0.1]}, r"reward_scales: \[0.1\]. Expected a dictionary"),
     ],
 )
 def test_what_no_term_has_is_one_error(arguments: dict[str, Any], words: str) -> None:
@@ -176,9 +171,7 @@ def test_a_subclass_has_a_table_of_its_own() -> None:
     [
         (("run", "quiet", quiet, 0.1), "Unknown task 'run'.*walk"),
         (("walk", "velocity", quiet, 0.1), "name of reward term: 'velocity'.*turning"),
-        (("walk", "two words", quiet, 0.1), "name of reward term: 'two words'"),
         (("walk", "quiet", 3.0, 0.1), "function of reward term 'quiet': 3.0"),
-        (("walk", "quiet", quiet, -0.1), "weight of reward term 'quiet': -0.1"),
         (("walk", "quiet", quiet, 0.1, 0.0), "scale of reward term 'quiet': 0.0"),
     ],
 )

@@ -8,9 +8,9 @@ import pytest
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.errors import RobotError
-from fbid_gym.motions.gait.command import GaitCommand, no_command
+from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.point_feet import walk
-from fbid_gym.motions.gait.point_gait import PointFootGait, PointGaitMemory, standing
+from fbid_gym.motions.gait.point_gait import PointFootGait, standing
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
@@ -286,81 +286,39 @@ def test_feet_land_around_the_point_below_the_centre_of_mass():
     assert np.abs(landed[-1] - ghost.terms.com[0, :2]).max() < 0.002
 
 
-def scattered(
-    count: int, rng: np.random.Generator
-) -> tuple[GaitCommand, DynamicsTerms, PointGaitMemory]:
-    """Robots on the move, each another way."""
-    terms = home(count)
-    terms = terms._replace(com_velocity=rng.normal(0.0, 0.3, (count, 3)))
-    command = no_command(count, 4)
-    command.velocity[:] = rng.normal(0.0, 0.3, (count, 3))
-    command.shift[:] = rng.normal(0.0, 0.01, (count, 4, 2))
-    command.rate[:] = rng.uniform(0.8, 1.2, count)
-    memory = standing(rng.normal(0.0, 0.1, count), terms.foot_position)
-    memory.phase[:] = rng.random(count)
-    memory.walking[:] = rng.random(count) < 0.8
-    memory.mode[:] = rng.integers(0, 3, (count, 4))
-    memory.velocity[:] = command.velocity * 0.9
-    memory.settled[:] = rng.random(count)
-    memory.load[:] = rng.random((count, 4))
-    memory.touched[:] += rng.normal(0.0, 0.02, memory.touched.shape)
-    memory.moments[:, 3:] = rng.normal(0.0, 0.002, (count, 2))
-    return command, terms, memory
-
-
-def turned_moments(moments: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """The moments (N, 5) of places that are turned about the vertical."""
-    xx, xy, yy = moments[:, :3].T
-    square = np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0)
-    square = turn[:2, :2] @ square @ turn[:2, :2].T
-    across = moments[:, 3:] @ turn[:2, :2].T
-    return np.column_stack([square[:, 0, 0], square[:, 0, 1], square[:, 1, 1], across])
-
-
-def test_which_way_the_world_lies_does_not_matter(rng):
-    command, terms, memory = scattered(9, rng)
-    angle = 1.1
-    turn = np.array(
-        [
-            [math.cos(angle), -math.sin(angle), 0.0],
-            [math.sin(angle), math.cos(angle), 0.0],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    moved = np.array([0.7, -2.0, 0.3])
-    there = terms._replace(
-        base_position=terms.base_position @ turn.T + moved,
+def test_which_way_the_world_lies_does_not_matter():
+    """Nor where the robot is in it; on a slope, which turns with it."""
+    angle, moved, slope = 1.1, np.array([0.7, -2.0, 0.0]), np.array([0.1, -0.05])
+    cosine, sine = math.cos(angle), math.sin(angle)
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    terms = home()
+    terms.foot_position[:, :, 2] += terms.foot_position[:, :, :2] @ slope
+    steep = turn[:2, :2] @ slope
+    up = np.array([0.0, 0.0, moved[:2] @ steep])  # the slope goes through the origin there, too
+    turned = terms._replace(
+        base_position=terms.base_position @ turn.T + moved + up,
         world_from_base=turn @ terms.world_from_base,
         world_from_trunk=turn @ terms.world_from_trunk,
-        com=terms.com @ turn.T + moved,
-        com_velocity=terms.com_velocity @ turn.T,
-        foot_position=terms.foot_position @ turn.T + moved,
+        com=terms.com @ turn.T + moved + up,
+        foot_position=terms.foot_position @ turn.T + moved + up,
     )
-    past = rows(memory, slice(None))._replace(
-        heading=memory.heading + angle,
-        begun=memory.begun @ turn.T + moved,
-        touched=memory.touched @ turn.T + moved,
-        moments=turned_moments(memory.moments, turn),
-    )
-    force = rng.uniform(0.0, 0.05 * ROBOT.weight, (9, 4, 3))
-    here = walked(GAIT, command, terms, force, memory)
-    turned = walked(GAIT, command, there, force, past)
-    assert (here.planted == turned.planted).all() and (here.clipped == turned.clipped).all()
-    for name in ("foot_position", "foothold"):
-        assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T + moved)
-    for name in ("foot_velocity", "foot_acceleration"):
-        assert getattr(turned, name)[..., :3] == pytest.approx(
-            getattr(here, name)[..., :3] @ turn.T
-        )
-    for name in ("com_velocity", "com_acceleration"):
-        assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T)
-    assert heading_of(turned) - heading_of(here) == pytest.approx(np.full(9, angle))
-    for name in ("load", "cycle"):
-        assert getattr(turned, name) == pytest.approx(getattr(here, name))
-    assert turned.com == pytest.approx(here.com @ turn.T + moved)
-    assert turned.qpos[:, :3] == pytest.approx(here.qpos[:, :3] @ turn.T + moved)
-    assert turned.qvel[:, :3] == pytest.approx(here.qvel[:, :3] @ turn.T)
-    assert turned.qvel[:, 3:] == pytest.approx(here.qvel[:, 3:])
+    here, there = Ghost(GAIT, terms, 0.0, slope), Ghost(GAIT, turned, 0.0, steep)
+    there.memory = standing(np.full(1, angle), turned.foot_position)
+    for ghost in (here, there):
+        commanded(ghost, 0.2, -0.1, 0.3)
+    for _ in range(round(3.0 * GAIT.schedule.period / TICK)):
+        one, other = here.tick(), there.tick()
+        assert (one.planted == other.planted).all()
+        assert heading_of(other) - heading_of(one) == pytest.approx([angle])
+        for name in ("foot_position", "foothold", "com"):
+            expected = getattr(one, name) @ turn.T + moved + up
+            assert getattr(other, name) == pytest.approx(expected, abs=1e-8), name
+        for name in ("foot_velocity", "foot_acceleration", "com_velocity", "com_acceleration"):
+            expected = getattr(one, name)[..., :3] @ turn.T
+            assert getattr(other, name)[..., :3] == pytest.approx(expected, abs=1e-6), name
+        assert other.qvel[:, 3:] == pytest.approx(one.qvel[:, 3:])
+        for name in ("load", "cycle"):
+            assert getattr(other, name) == pytest.approx(getattr(one, name))
 
 
 def test_a_robot_of_another_size_walks_alike_in_its_own_time():
