@@ -52,16 +52,6 @@ def test_unknown_keywords_are_type_errors_in_pythons_words():
             make(BIPED, frameskip=1)
 
 
-def test_the_nearest_of_many_choices_come_first():
-    many = [f"option_{k}" for k in range(30)]
-    said = str(UnknownOptionError("option of layer 'x'", "optoin_7", many))
-    assert said.startswith(
-        "Unknown option 'optoin_7' of layer 'x'. Did you mean 'option_7'? Nearest"
-    )
-    assert said.count("option_") == 6 and "of 30 choices: option_7, " in said
-    assert "Did you mean" not in str(UnknownOptionError("option", "obs_noise", ["joint_noise"]))
-
-
 def test_actions_are_clipped_and_their_share_is_told():
     arguments = {"num_envs": 3, "action_layer": "base_acceleration"}
     ours, clipped = (gym.make_vec(BIPED, **arguments) for _ in range(2))

@@ -13,11 +13,6 @@ from tests.pairs import pairs
 every_env = pytest.mark.parametrize(("name", "layer"), pairs(ENVIRONMENTS, LAYERS, 1))
 
 
-def test_all_of_ours_are_registered():
-    assert set(ENVIRONMENTS) == {name for name in gym.registry if name.startswith("fbid_gym/")}
-    assert len(ENVIRONMENTS) >= 8
-
-
 @every_env
 def test_gymnasium_and_sb3_find_nothing_to_complain_about(name, layer):
     # Warnings are errors here.

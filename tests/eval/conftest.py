@@ -105,10 +105,10 @@ def make_policy(
     )
 
 
-def write_policy(folder: Path, env_id: str, sizes: tuple[int, int], **env_args: Any) -> Path:
-    """Write a policy of zeros that acts on joint positions; sizes are of what it sees and does."""
+def zero_policy(env_id: str, sizes: tuple[int, int], **env_args: Any) -> Policy:
+    """A policy of zeros that acts on joint positions; sizes are of what it sees and does."""
     seen, done = sizes
-    Policy(
+    return Policy(
         env_id=env_id,
         env_args={"action_layer": "joint_position", **env_args},
         mean=np.zeros(seen),
@@ -116,8 +116,7 @@ def write_policy(folder: Path, env_id: str, sizes: tuple[int, int], **env_args: 
         weights=(np.zeros((done, seen)),),
         biases=(np.zeros(done),),
         trained_steps=1000,
-    ).save(folder)
-    return folder
+    )
 
 
 def typical_return(strength: float, layer: str) -> float:

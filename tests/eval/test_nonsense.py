@@ -15,7 +15,7 @@ from eval.tools import soak
 from eval.tools.bench import __main__ as bench
 from eval.zero_actions.__main__ import main as zero_actions
 from fbid_gym.exit_status import exit_status
-from tests.eval.conftest import ENV_ID, make_policy, write_policy
+from tests.eval.conftest import ENV_ID, make_policy, zero_policy
 from train import ppo, sweep
 from train.runs.command_line import parse
 
@@ -130,7 +130,7 @@ def test_nonsense_is_one_line(main, capsys, tmp_path, monkeypatch):
     for name, env_id, sizes in (
         ("walk", WALK, (62, 12)), ("small", WALK, (3, 2)), ("balance", BALANCE, (69, 16)),
     ):  # fmt: skip
-        write_policy(Path(name), env_id, sizes)
+        zero_policy(env_id, sizes).save(Path(name))
     before = sorted(tmp_path.rglob("*"))
     for words, message in COMMANDS[main]:
         assert main(shlex.split(words)) == 2, words

@@ -18,7 +18,7 @@ from eval.robustness.tables import markdown
 from eval.robustness.wording import headline, leader
 from eval.rollout import Player, play_player
 from fbid_gym.errors import RunError, UnknownOptionError
-from tests.eval.conftest import write_policy
+from tests.eval.conftest import zero_policy
 from train.runs.folder import RunFolder
 from train.runs.opening import open_run
 from train.runs.study import read_study
@@ -91,13 +91,6 @@ def test_robots_without_strength_or_under_huge_pushes_fall():
     assert play_player(at(often, "push", 0.0), 2, seed=5).survived.min() == 1.0
 
 
-def test_soles_get_the_slopes_that_there_are():
-    biped = meant(zero_action("fbid_gym/BipedWalk-v0", "torque", {}).players[0])
-    assert FACTOR["slope"].values_in(biped) == (0.0, 5.0)
-    assert FACTOR["slope"].values_in(meant(player()))[-1] == 25.0
-    assert meant(at(player(), "slope", 25.0)).difficulty == 1.0
-
-
 def test_the_area_is_the_mean_along_the_axis(rng):
     np.testing.assert_allclose(area(np.array([[0.0, 1.0, 1.0]]), [0.0, 1.0, 3.0]), 2.5 / 3.0)
     np.testing.assert_allclose(area(np.full((2, 4), 0.7), [-1.0, 0.0, 0.1, 5.0]), 0.7)
@@ -166,7 +159,7 @@ def finish(cell) -> None:
         for steps in (0, 1000):
             table.append(dict.fromkeys(EVALUATIONS, 0.0) | {"steps": steps, "episodes": 8})
         table.close()
-        write_policy(run.folder.policy, WALK, SIZES)
+        zero_policy(WALK, SIZES).save(run.folder.policy)
         progress = RunFolder.of(run.folder.path).progress
         progress.write_text("steps,return_mean\n1000,1.0\n")
 

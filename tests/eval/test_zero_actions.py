@@ -1,17 +1,13 @@
 """Tables of zero actions: how walks are summarised, which rows there are, and where they go."""
 
-import math
-
 import numpy as np
 import pytest
 
 from eval.zero_actions import measures
-from eval.zero_actions.__main__ import Sum, main
+from eval.zero_actions.__main__ import main
 from eval.zero_actions.measures import noise_torque, summarised, walk
-from eval.zero_actions.tables import EXACT, SETTINGS, ZeroActionConfig, cases, environment
+from eval.zero_actions.tables import EXACT, ZeroActionConfig, cases, environment
 from fbid_gym import robots
-from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from train.runs.tables import read_rows
 
 SHORT = ["walking", "--robots", "biped", "--layers", "torque", "base_acceleration"]
@@ -40,24 +36,6 @@ def test_moments_count_until_a_robot_falls():
     # The reward counts the step of a fall as well.
     numbers["velocity_error"][2, 0] = 7.5
     assert summarised(numbers, 2, 3.0)["velocity_error_of_the_reward"] == pytest.approx(1.5)
-
-
-def test_differences_are_shares_of_the_exact_walk():
-    assert Sum(9, 10, 0.11).apart(Sum(10, 10, 0.1)) == pytest.approx((-0.1, 0.1))
-    assert Sum(10, 10, 0.1).apart(Sum(10, 10, 0.1)) == (0.0, 0.0)
-    assert Sum(0, 10, 0.2).apart(Sum(0, 10, 0.1)) == pytest.approx((0.0, 1.0))
-    assert Sum(5, 10, 0.1).apart(Sum(0, 10, 0.1))[0] == math.inf
-
-
-def test_each_setting_is_cheaper_by_one_thing_than_the_one_before():
-    for env in ("fbid_gym/QuadrupedWalk-v0", "fbid_gym/BipedWalk-v0"):
-        its = [EnvConfig.of(ENVIRONMENTS[env] | each) for each in SETTINGS.values()]
-        differ = [
-            sum(getattr(one, name) != getattr(other, name) for name in EXACT)
-            for one, other in zip(its, its[1:], strict=False)
-        ]
-        assert differ == [1, 1, 1, 1] and its[-1] == EnvConfig.of(ENVIRONMENTS[env])
-        assert (its[0].rates().physics, its[0].rates().control) == (1000, 500)
 
 
 @pytest.mark.slow

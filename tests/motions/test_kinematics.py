@@ -122,16 +122,6 @@ def test_too_few_planted_points_are_refused():
         )
 
 
-def test_moving_too_few_joints_is_refused(biped):
-    states = States(biped.home_qpos[None], np.zeros((1, biped.nv)), np.zeros((1, biped.nv)))
-    place = Curve(*np.zeros((3, 1, 2, 3)))
-    planted = np.ones((1, 2), bool)
-    with pytest.raises(FbidError, match="Invalid moving: 3. Expected 12 joints"):
-        joints_on_feet(
-            biped, states, lambda *_: place, planted, range(3), biped.home_qpos[None, 7:]
-        )
-
-
 def test_what_is_seen_from_the_feet_does_not_depend_on_where_they_stand(biped):
     rng = np.random.default_rng(0)
     qvel, qacc = rng.normal(size=(2, 1, biped.nv))

@@ -11,7 +11,7 @@ from eval import zoo
 from fbid_gym.robots import Robot
 from tests.pairs import pairs
 
-SEEDS = range(26, 38)  # of every kind, as a test below says
+SEEDS = range(26, 38)  # all numbers of legs and joints, all feet and actuators
 
 
 @pytest.fixture(params=SEEDS)
@@ -72,17 +72,13 @@ def test_it_loads_as_drawn_by_the_bodies_of_its_feet(animal: zoo.Morphology) -> 
         assert gap.min(axis=0).max() < 1e-9 and gap.min(axis=1).max() < 1e-9
 
 
-def test_its_servos_gains_are_kept(animal: zoo.Morphology) -> None:
-    gains = load_animal(animal).servo_gains
-    if animal.actuators == "servo":
-        assert gains is not None
-        np.testing.assert_allclose(gains.stiffness, 4 * zoo.torque_limit(animal), rtol=1e-6)
-    else:
-        assert gains is None
-
-
-def test_its_feet_are_found(animal: zoo.Morphology) -> None:
-    assert load_animal(animal).foot_names == animal.foot_names
+def test_its_feet_are_found_and_its_servos_gains_kept(animal: zoo.Morphology) -> None:
+    robot = load_animal(animal)
+    assert robot.foot_names == animal.foot_names
+    assert (robot.servo_gains is not None) == (animal.actuators == "servo")
+    if robot.servo_gains is not None:
+        stiffness = 4 * zoo.torque_limit(animal)
+        np.testing.assert_allclose(robot.servo_gains.stiffness, stiffness, rtol=1e-6)
 
 
 def test_a_standing_pose_is_found(animal: zoo.Morphology) -> None:

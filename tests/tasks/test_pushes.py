@@ -77,9 +77,3 @@ def test_a_jump_of_velocity_is_at_one_instant_and_as_strong_as_the_force(pushes)
     newtons, speed = np.linalg.norm(force, axis=1), np.linalg.norm(jump, axis=1)
     np.testing.assert_allclose((speed - 0.1) / 0.4, (newtons - 20.0) / 80.0)
     np.testing.assert_allclose(jump / speed[:, None], force / newtons[:, None])
-
-
-def test_no_pushes_at_all():
-    plan = Pushes((0.0, 0.0), 0.15, (1.5, 3.0)).draw(np.random.default_rng(0), 10.0, HZ)
-    assert len(plan["push_start"]) == len(plan["push_force"]) == len(plan["push_velocity"])
-    assert not plan["push_force"].any() and not plan["push_velocity"].any()

@@ -97,13 +97,6 @@ def test_an_unknown_recipe_names_those_that_there_are():
         parse(["--recipe", "run"])
 
 
-def test_two_recipes_for_one_environment_are_refused(tmp_path):
-    for name in ("one", "two"):
-        _write(tmp_path, f"envs = ['{WALK}']", name)
-    with pytest.raises(FbidError, match=f"one and two are both for {WALK}"):
-        recipes(tmp_path)
-
-
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_rl_zoo_is_told_the_same(algorithm):
     assert (zoo.FOLDER / f"{algorithm}.yml").read_text() == zoo.text(algorithm)

@@ -13,9 +13,8 @@ from eval.study.findings import findings
 from eval.study.fresh import FIRST_SEED, Falls, fresh_file, kept, measure
 from eval.study.tables import table
 from fbid_gym.errors import FbidError
-from fbid_gym.policy import Policy
+from tests.eval.conftest import zero_policy
 from tests.eval.study.small import FEW, fill
-from train.environments import make_env
 from train.runs.folder import RunFolder
 from train.runs.reading import load
 
@@ -23,20 +22,9 @@ from train.runs.reading import load
 @pytest.fixture(scope="module")
 def standing_and_thrashing():
     """Two policies of `one`, of which the first stands by its zero action and the other falls."""
-    env = make_env("fbid_gym/QuadrupedWalk-v0", {"action_layer": "torque"})
-    (seen,), (moved,) = env.observation_space.shape, env.action_space.shape
-    env.close()
-    return [
-        Policy(
-            "fbid_gym/QuadrupedWalk-v0",
-            {"action_layer": "torque", "episode_seconds": 0.6},
-            np.zeros(seen),
-            np.ones(seen),
-            (np.zeros((moved, seen)),),
-            (np.full(moved, bias),),
-        )
-        for bias in (0.0, 1.0)
-    ]
+    args = {"action_layer": "torque", "episode_seconds": 0.6}
+    still = zero_policy("fbid_gym/QuadrupedWalk-v0", (62, 12), **args)
+    return [still, replace(still, biases=(np.ones(12),))]
 
 
 @pytest.fixture

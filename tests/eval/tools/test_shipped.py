@@ -19,6 +19,7 @@ from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.policy import Card, Measured, Policy, place_of, shipped
 from fbid_gym.policy.__main__ import main as list_main
+from tests.eval.conftest import zero_policy
 from train.runs.environment import changed_meaning
 
 EPISODES, SEED = 20, 50_000
@@ -62,27 +63,10 @@ def own(tmp_path, monkeypatch):
         measured_with={}, episodes=20, first_seed=0, confidence=0.95,
         metrics={"survived": Measured(1.0, 0.9, 1.0, "share")},
     )  # fmt: skip
-    replace(standing(), card=card).save(tmp_path / "QuadrupedWalk-v0" / "mine.safetensors")
-    return "shipped:QuadrupedWalk-v0/mine"
-
-
-def standing() -> Policy:
-    import gymnasium as gym
-
-    import fbid_gym  # noqa: F401
-
-    arguments = {"action_layer": "joint_position"}
-    env = gym.make("fbid_gym/QuadrupedWalk-v0", **arguments)
-    observations, actions = env.observation_space.shape[0], env.action_space.shape[0]
-    env.close()
-    return Policy(
-        env_id="fbid_gym/QuadrupedWalk-v0",
-        env_args=arguments,
-        mean=np.zeros(observations),
-        variance=np.ones(observations),
-        weights=(np.zeros((actions, observations)),),
-        biases=(np.zeros(actions),),
+    replace(zero_policy("fbid_gym/QuadrupedWalk-v0", (62, 12)), card=card).save(
+        tmp_path / "QuadrupedWalk-v0" / "mine.safetensors"
     )
+    return "shipped:QuadrupedWalk-v0/mine"
 
 
 def test_a_name_stands_for_a_path(own, capsys):
