@@ -88,6 +88,7 @@ LINES = {
     "robots": 5210,
     "tasks": 2120,
 }
+TEST_LINES = 26_900  # of all that is in tests/; 31,347 once, 24,000 is where this shall go
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (34, 6340)}
@@ -318,6 +319,11 @@ def test_the_library_grows_in_no_folder():
     assert {name: lines for name, lines in found.items() if lines > LINES[name]} == {}
 
 
+def test_the_tests_grow_no_more() -> None:
+    tests = (ROOT / "tests").rglob("*.py")
+    assert sum(len(path.read_text().splitlines()) for path in tests) <= TEST_LINES
+
+
 @pytest.mark.parametrize("module", READING)
 def test_a_layer_can_be_read(module):
     known, most = modules(ROOT), READING[module]
@@ -334,68 +340,47 @@ def test_every_error_is_raised_and_tested():
     assert idle_errors(ROOT) == []
 
 
-def write_tree(root: Path, files: dict[str, str]) -> None:
-    for name, text in files.items():
-        path = root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-
-
 LAWFUL = {
-    "fbid_gym/__init__.py": "from fbid_gym.envs import make\nfrom .errors import FbidError",
+    "fbid_gym/__init__.py": "from fbid_gym.control import Law\nfrom .errors import FbidError",
     "fbid_gym/errors.py": "class FbidError(Exception): ...\nclass RobotError(FbidError): ...",
-    "fbid_gym/policy.py": "import numpy\nfrom fbid_gym.errors import FbidError",
-    "fbid_gym/robots/__init__.py": "from .robot import Robot",
-    "fbid_gym/robots/robot.py": "import mujoco\nfrom ..errors import RobotError\n"
+    "fbid_gym/robots/__init__.py": "import mujoco\nfrom ..errors import RobotError\n"
     "def f():\n    raise RobotError('no feet')",
-    "fbid_gym/dynamics/__init__.py": "import pinocchio\nfrom fbid_gym.robots import Robot",
+    "fbid_gym/dynamics/__init__.py": "import pinocchio\nfrom fbid_gym.robots import f",
     "fbid_gym/control/__init__.py": "from fbid_gym.dynamics import Terms",
-    "fbid_gym/actions/__init__.py": "from fbid_gym import control",
     "fbid_gym/tasks/__init__.py": "from fbid_gym import robots, errors",
-    "fbid_gym/envs/__init__.py": "import gymnasium\nfrom fbid_gym import tasks, actions",
     "fbid_gym/envs/sb3.py": "import stable_baselines3, torch",
     "train/ppo.py": "import torch, fbid_gym\nfrom train.runs.reading import load",
     "train/runs/reading.py": "from fbid_gym import policy",
-    "eval/rollout.py": "from train import ppo\nfrom fbid_gym import make, policy",
     "tests/test_robot.py": "from fbid_gym.errors import RobotError",
 }
 
 
-def test_a_lawful_tree_passes(tmp_path):
-    write_tree(tmp_path, LAWFUL)
+def tree(root: Path, changed: dict[str, str] | None = None) -> Path:
+    """The lawful tree, with other files in it."""
+    for name, text in (LAWFUL | (changed or {})).items():
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return root
+
+
+def test_rules_object_to_what_breaks_them(tmp_path: Path) -> None:
+    lawful = tree(tmp_path / "lawful")
     every = (import_violations, import_circles, long_modules, idle_errors, asked_classes)
-    for rule in (*every, heavy_machinery):
-        assert rule(tmp_path) == []
-
-
-def test_a_forbidden_import_is_found(tmp_path):
-    for name, text, complaint in (
-        ("robots/a.py", "import fbid_gym.dynamics", "robots imports dynamics"),
-        ("robots/a.py", "from ..dynamics import Terms", "robots imports dynamics"),
-        ("robots/a.py", "from fbid_gym import make", "robots imports fbid_gym"),
-        ("robots/a.py", "def f():\n    from fbid_gym.control import f", "robots imports control"),
-        ("robots/a.py", "import_module('fbid_gym.envs')", "robots imports envs"),
-        ("control/a.py", "importlib.import_module('mujoco')", "fbid_gym.control.a imports mujoco"),
-        ("control/a.py", "import pinocchio as pin", "fbid_gym.control.a imports pinocchio"),
-        ("actions/a.py", "from fbid_gym.tasks import Balance", "actions imports tasks"),
-        ("envs/a.py", "from eval import rollout", "envs imports eval"),
-        ("errors.py", "from .robots import Robot", "errors imports robots"),
-        ("utils.py", "", "'utils' has no place"),
-        ("../train/runs/a.py", "from train import ppo", "train.runs imports train"),
-        ("../train/runs/a.py", "import torch", "train.runs.a imports torch"),
-    ):
-        root = tmp_path / str(len(list(tmp_path.iterdir())))
-        write_tree(root, LAWFUL | {f"fbid_gym/{name}": text})
-        (found,) = import_violations(root)
+    assert [rule(lawful) for rule in (*every, heavy_machinery)] == [[]] * 6
+    for i, (name, text, complaint) in enumerate((
+        ("robots/a", "import fbid_gym.dynamics", "robots imports dynamics"),
+        ("robots/a", "from ..dynamics import Terms", "robots imports dynamics"),
+        ("robots/a", "def f():\n    from fbid_gym.control import f", "robots imports control"),
+        ("control/a", "importlib.import_module('mujoco')", "fbid_gym.control.a imports mujoco"),
+        ("actions/a", "from fbid_gym.tasks import Balance", "actions imports tasks"),
+        ("envs/a", "from eval import rollout", "envs imports eval"),
+        ("utils", "", "'utils' has no place"),
+        ("../train/runs/a", "import torch", "train.runs.a imports torch"),
+    )):  # fmt: skip
+        (found,) = import_violations(tree(tmp_path / str(i), {f"fbid_gym/{name}.py": text}))
         assert complaint in found
-
-
-def test_a_circle_is_found(tmp_path):
-    write_tree(tmp_path, LAWFUL | {"train/ppo.py": "def f():\n    from train import learner"})
-    write_tree(tmp_path, {"train/learner.py": "from train import ppo"})
-    assert import_violations(tmp_path) == []
-    (circle,) = import_circles(tmp_path)
-    assert sorted(set(circle.split(" -> "))) == ["train.learner", "train.ppo"]
-    # What only a type checker sees makes no circle.
-    write_tree(tmp_path, {"train/learner.py": "if TYPE_CHECKING:\n    from train import ppo"})
-    assert import_circles(tmp_path) == []
+    learner = {"train/learner.py": "from train import ppo"}
+    circle = {"train/ppo.py": "def f():\n    from train import learner"} | learner
+    (found,) = import_circles(tree(tmp_path / "circle", circle))
+    assert sorted(set(found.split(" -> "))) == ["train.learner", "train.ppo"]
