@@ -1,12 +1,14 @@
 """The page of an environment has what Gymnasium's pages have, and names all that the code has."""
 
 import re
+from pathlib import Path
 
 import gymnasium as gym
 import pytest
 
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
+from fbid_gym.envs.__main__ import arguments_page
 from fbid_gym.envs.page import INFO, page
 
 
@@ -31,3 +33,9 @@ def test_all_of_info_has_a_meaning():
             *_, info = env.step(0.0 * env.action_space.sample())
             own = {name for name in info if not name.startswith("reward_")}
             assert own <= INFO.keys(), layer
+
+
+def test_the_page_of_arguments_is_current():
+    """Written by `python -m fbid_gym.envs > docs/arguments.md`."""
+    path = Path(__file__).resolve().parents[2] / "docs" / "arguments.md"
+    assert path.read_text(encoding="utf-8") == arguments_page()
