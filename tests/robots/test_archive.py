@@ -170,9 +170,7 @@ def test_files_that_are_no_robot_are_refused(name: str, tmp_path: Path) -> None:
         Robot.load(tmp_path / "robot.zip")
 
 
-def test_every_damaged_archive_is_refused_or_is_another_robot(
-    tmp_path: Path, rng: np.random.Generator
-) -> None:
+def test_every_damaged_archive_is_refused_or_is_another_robot(tmp_path, rng):
     path = tmp_path / "robot.zip"
     told(22).save(path)
     whole, digest = path.read_bytes(), told(22).digest

@@ -57,9 +57,7 @@ def test_a_robot_is_described_and_drawn(path: Path, capsys: pytest.CaptureFixtur
         assert picture.size == (1280, 960)
 
 
-def test_feet_as_json_and_what_speaks_against_a_home(
-    path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_feet_as_json_and_what_speaks_against_a_home(path, capsys):
     feet = '{"left": ["foot0"], "right": ["foot1"]}'
     assert main([str(path), "--feet", feet, "--torque-limit", "20", "--picture", "a/b.png"]) == 0
     told = capsys.readouterr().out

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eval import zoo
-from fbid_gym.errors import FbidError, InvalidValueError, RobotError, UnknownOptionError
+from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
 from fbid_gym.robots import Robot
 
 ANIMAL = zoo.draw(26)  # of no actuators
@@ -69,9 +69,7 @@ def test_another_file_in_the_folder_is_not_meant(folder: Path) -> None:
         ("", RobotError, "robot.xml' does not exist."),
     ],
 )
-def test_bad_descriptions(
-    folder: Path, text: str | bytes, kind: type[FbidError], message: str
-) -> None:
+def test_bad_descriptions(folder, text, kind, message):
     """Whether they are given, or stand beside what is."""
     content = text if isinstance(text, bytes) else text.encode()
     (folder / "robot.toml").write_bytes(content)

@@ -373,9 +373,7 @@ def mirror(robot: Robot, pairs: dict[str, str], vector: np.ndarray) -> tuple[np.
         ("g1", 1, {"left": "right"}),
     ],
 )
-def test_the_robot_is_its_own_mirror_image(
-    name: str, flip: int, pairs: dict[str, str], rng: np.random.Generator
-) -> None:
+def test_the_robot_is_its_own_mirror_image(name, flip, pairs, rng):
     """Same kinetic energy, centre of mass and limits, at random configurations and velocities."""
     robot = load(name)
     reflection = np.eye(3)
@@ -535,9 +533,7 @@ def test_home_as_mapping_vector_and_keyframe(tmp_path: Path) -> None:
         ('ctrlrange="-60 60"', 'actuatorfrcrange="-30 35"', 30.0),
     ],
 )
-def test_torque_limit_is_what_the_motor_can_give_both_ways(
-    tmp_path: Path, motor: str, joint: str, limit: float
-) -> None:
+def test_torque_limit_is_what_the_motor_can_give_both_ways(tmp_path, motor, joint, limit):
     path = tmp_path / "robot.xml"
     text = BOX_FOOT.replace('ctrlrange="-60 60"', motor)
     path.write_text(text.replace('range="-0.1 0.1"', f'range="-0.1 0.1" {joint}'))

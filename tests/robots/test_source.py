@@ -41,9 +41,7 @@ def test_path_text_and_spec_give_the_same_robot(tmp_path: Path) -> None:
     assert len(list(spec.sensors)) == 0  # the user's own spec stays as it was
 
 
-def test_a_published_robot_is_loaded_by_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_published_robot_is_loaded_by_its_name(tmp_path, monkeypatch):
     path = tmp_path / "dog.xml"
     path.write_text(TEXT)
     published(tmp_path, monkeypatch, f"MJCF_PATH = {str(path)!r}")
@@ -52,9 +50,7 @@ def test_a_published_robot_is_loaded_by_its_name(
         Robot.from_mjcf("cat_description")
 
 
-def test_a_published_urdf_is_loaded_by_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_published_urdf_is_loaded_by_its_name(tmp_path, monkeypatch):
     path = tmp_path / "dog.urdf"
     path.write_text(urdf())
     published(tmp_path, monkeypatch, f"URDF_PATH = {str(path)!r}")
@@ -74,9 +70,7 @@ def test_a_published_robot_of_neither_kind(tmp_path: Path, monkeypatch: pytest.M
         ("import no_such_module", "'dog_description': No module named 'no_such_module'"),
     ],
 )
-def test_a_published_robot_that_cannot_be_fetched(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str, message: str
-) -> None:
+def test_a_published_robot_that_cannot_be_fetched(tmp_path, monkeypatch, module, message):
     published(tmp_path, monkeypatch, module)
     with pytest.raises(RobotError, match=f"robot_descriptions cannot provide {message}"):
         Robot.from_mjcf("dog_description")

@@ -291,9 +291,7 @@ def test_names_of_ours_may_be_in_a_file() -> None:
 @pytest.mark.parametrize(
     "attribute", ['armature="-1"', 'damping="1e30"', 'stiffness="1e30"', 'pos="0 0 1e30"']
 )
-def test_numbers_that_no_simulation_carries_are_refused(
-    attribute: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_numbers_that_no_simulation_carries_are_refused(attribute, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     name = attribute.partition("=")[0]
     text = re.sub(
