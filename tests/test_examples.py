@@ -19,9 +19,7 @@ SHORT = {
     "recurrent": ["--steps", "64", "--num-envs", "2"],
     "sb3": ["--steps", "96", "--num-envs", "2"],
 }
-NEEDS = {
-    "recurrent": ("sb3_contrib", "pip install -c constraints.txt sb3-contrib"),
-}
+NEEDS = {"recurrent": ("sb3_contrib", "pip install -c constraints.txt sb3-contrib")}
 PAGES = (
     "README.md",
     "docs/arguments.md",

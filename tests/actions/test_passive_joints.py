@@ -77,8 +77,7 @@ def test_friction_given_back_never_drives(rng):
 
 
 @pytest.mark.parametrize(
-    ("name", "limits"),
-    [*zip(MODEL_BASED, ["none", "friction", "none", "friction"], strict=True)],
+    ("name", "limits"), [*zip(MODEL_BASED, ["none", "friction", "none", "friction"], strict=True)]
 )
 def test_springs_and_damping_are_added_to_the_same_torque(name, limits, rng):
     strong = 1e4  # N·m: no motor comes to its limit

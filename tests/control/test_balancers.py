@@ -140,10 +140,7 @@ def test_quasi_static_torques_do_the_work_of_the_wrench(moving):
     linear = momentum[:, :3] / moving.robot.mass
     average = np.matvec(moving.body.inverse_inertia, momentum[:, 3:])
     of_base = np.matvec(moving.terms.world_from_base, velocity[:, 3:6])
-    for torque_map, angular in (
-        (torque_map_ott2011, of_base),
-        (torque_map_garofalo2015, average),
-    ):
+    for torque_map, angular in ((torque_map_ott2011, of_base), (torque_map_garofalo2015, average)):
         torque = torque_map(*moving.model).torque(moving.row_force, moving.wrench)
         power = np.vecdot(moving.wrench, np.concatenate([linear, angular], axis=1))
         assert_close(np.vecdot(torque, velocity[:, 6:]), power)

@@ -126,12 +126,7 @@ def test_rows_may_be_compressed(make_system, contacts):
     full = solve(system, accuracy=EXACT)
     compressed, point_map = reduced(system)
     short = limited_inverse_dynamics(
-        *compressed.law,
-        LIMITS,
-        point_map=point_map,
-        active=active,
-        length=LENGTH,
-        accuracy=EXACT,
+        *compressed.law, LIMITS, point_map=point_map, active=active, length=LENGTH, accuracy=EXACT
     )
     scale = 1.0 + np.abs(full.torque).max()
     np.testing.assert_allclose(short.point_force, full.point_force, atol=1e-4 * scale)

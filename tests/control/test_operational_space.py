@@ -43,13 +43,7 @@ def velocities(
 
 
 @pytest.mark.parametrize(("rows", "with_reference"), [(1, True), (2, False), (4, True)])
-def test_equals_the_stacked_pseudo_inverse(
-    make_system,
-    rng,
-    contacts,
-    rows,
-    with_reference,
-):
+def test_equals_the_stacked_pseudo_inverse(make_system, rng, contacts, rows, with_reference):
     system = make_system(contacts)
     task_jacobian, task_bias, task = task_of(rng, system, rows)
     reference = system.acceleration if with_reference else np.zeros_like(system.acceleration)

@@ -145,8 +145,7 @@ def tight_limits(stance):
 
 
 @pytest.mark.parametrize(
-    ("steps", "wrench_error", "excess"),
-    [(STEPS, 0.12, 0.15), (8000, 1e-3, 1e-3)],
+    ("steps", "wrench_error", "excess"), [(STEPS, 0.12, 0.15), (8000, 1e-3, 1e-3)]
 )
 def test_forces_under_torque_limits_are_clarabels(stance, steps, wrench_error, excess):
     """By default roughly, with enough steps exactly."""

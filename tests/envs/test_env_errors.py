@@ -6,13 +6,7 @@ import pytest
 
 import fbid_gym
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.errors import (
-    FbidError,
-    InvalidValueError,
-    NonFiniteError,
-    RobotError,
-    ShapeError,
-)
+from fbid_gym.errors import FbidError, InvalidValueError, NonFiniteError, RobotError, ShapeError
 from fbid_gym.robots import Robot
 from tests.robots.similar import turned
 

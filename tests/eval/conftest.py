@@ -24,11 +24,7 @@ class StandIn(gym.Env[np.ndarray, np.ndarray]):
     the hardest push survived. Everything random is drawn at reset.
     """
 
-    metadata = {
-        "render_modes": ["rgb_array"],
-        "render_fps": 10,
-        "terminations": ("", "fall"),
-    }
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "terminations": ("", "fall")}
 
     def __init__(
         self,

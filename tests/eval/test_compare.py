@@ -81,9 +81,7 @@ def test_the_order_of_the_runs_does_not_matter(four_runs):
     assert repr(asdict(one)) == repr(asdict(compare(runs, QUICK)))
 
 
-def test_a_threshold_that_one_layer_never_reaches_is_said_to_be_that(
-    four_runs,
-):
+def test_a_threshold_that_one_layer_never_reaches_is_said_to_be_that(four_runs):
     result = compare(
         [load(path) for path in four_runs], Settings(**{**asdict(QUICK), "threshold": 36.5})
     )

@@ -32,9 +32,7 @@ def curves_of(svg: str, colour: int) -> list[np.ndarray]:
     return [np.array(re.findall(r"-?[\d.]+", path), float).reshape(-1, 2) for path in drawn]
 
 
-def test_labels_are_moved_apart_stay_in_order_and_move_no_more_than_they_must(
-    rng,
-):
+def test_labels_are_moved_apart_stay_in_order_and_move_no_more_than_they_must(rng):
     for _ in range(100):
         wanted, heights = rng.uniform(20, 180, size=5), rng.uniform(8, 24, size=5)
         placed = apart(wanted, heights, 0.0, 200.0)

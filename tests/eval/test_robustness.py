@@ -60,9 +60,7 @@ def test_the_nominal_point_is_the_plain_evaluation_to_the_bit():
         assert curve.points[0].value == np.mean([row[name] for row in plain])
 
 
-def test_nothing_is_called_nominal_that_training_randomised(
-    monkeypatch,
-):
+def test_nothing_is_called_nominal_that_training_randomised(monkeypatch):
     once = play_player(player(0.1), 1, seed=5)
     monkeypatch.setattr("eval.robustness.curves.play_player", lambda *arguments: once)
     values = {"mass": (0.0, 0.3), "motor": (0.7, 1.0)}

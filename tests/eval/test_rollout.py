@@ -91,11 +91,7 @@ def test_videos_show_what_layers_see_unless_told_otherwise():
 
 
 def test_a_module_is_imported_only_where_the_user_names_it(
-    exported,
-    policy,
-    tmp_path,
-    monkeypatch,
-    capsys,
+    exported, policy, tmp_path, monkeypatch, capsys
 ):
     (tmp_path / "own_robots.py").write_text(
         "import gymnasium as gym\n"

@@ -14,9 +14,7 @@ def chance(seed: int = 0, samples: int = 2000) -> st.Chance:
     return st.Chance(np.random.default_rng(seed), samples, 0.95)
 
 
-def test_interquartile_mean_ignores_an_outlier_and_moves_with_its_data(
-    rng,
-):
+def test_interquartile_mean_ignores_an_outlier_and_moves_with_its_data(rng):
     values = rng.normal(size=9)
     far = np.where(values == values.max(), 1e9, values)
     assert st.interquartile_mean(far) == st.interquartile_mean(values)

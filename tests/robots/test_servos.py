@@ -39,10 +39,7 @@ LEG = """
 
 HIP = '<motor name="hip" joint="hip" ctrlrange="-5 5"/>'
 SERVOS = {
-    "position": (
-        '<position joint="knee" kp="40" kv="3" forcerange="-8 8" ctrlrange="-1 1"/>',
-        8.0,
-    ),
+    "position": ('<position joint="knee" kp="40" kv="3" forcerange="-8 8" ctrlrange="-1 1"/>', 8.0),
     "position by default": ('<position joint="knee" class="strong"/>', 8.0),
     "position with a gear": (
         '<position joint="knee" kp="4" kv="0.5" gear="3" forcerange="-2 2"/>',

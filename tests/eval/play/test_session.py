@@ -28,11 +28,7 @@ def policy(observations: int, actions: int, **env_args: Any) -> Policy:
     )
 
 
-STAGE = Stage.of(
-    WALK,
-    {"action_layer": "base_acceleration"},
-    {},
-)
+STAGE = Stage.of(WALK, {"action_layer": "base_acceleration"}, {})
 
 
 def walking(**settings: Any) -> Session:

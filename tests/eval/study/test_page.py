@@ -59,10 +59,7 @@ def test_the_command_writes_page_and_numbers_and_shows_kept_robustness(study, tm
     assert main(replace(config, video_seconds=1.0)) == 0  # of a run that has no policy
     assert f"There is no clip of {first.config.folder.name}" in out.read_text()
     for data, message in (
-        (
-            {**kept, "runs": {"one": ["stranger"]}},
-            "is of arm one, run stranger. Expected",
-        ),
+        ({**kept, "runs": {"one": ["stranger"]}}, "is of arm one, run stranger. Expected"),
         ({**kept, "arms": {"one": "torque", "two": "torque"}}, "not the numbers of"),
         ({**kept, "along": [{**kept["along"][0], "name": "<b>"}]}, "not the numbers of"),
         ({**kept, "along": 3}, "not the numbers of eval.robustness, or corrupt"),

@@ -10,12 +10,7 @@ from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.flat_feet import walk
-from fbid_gym.motions.gait.flat_gait import (
-    STAND,
-    FlatFootGait,
-    FlatGaitMemory,
-    standing,
-)
+from fbid_gym.motions.gait.flat_gait import STAND, FlatFootGait, FlatGaitMemory, standing
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
 

@@ -5,12 +5,7 @@ import pytest
 from fbid_gym.actions.ranges import Falling
 from fbid_gym.errors import FbidError
 from train.runs.command_line import parse
-from train.runs.config import (
-    EvaluationConfig,
-    PPOConfig,
-    SACConfig,
-    TrainConfig,
-)
+from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfig
 
 
 def test_command_line_reaches_every_level(capsys):
