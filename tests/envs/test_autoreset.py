@@ -7,6 +7,7 @@ from gymnasium.vector import AutoresetMode
 
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
+from tests.batches import assert_same
 
 NUM_ENVS = 4
 ARGUMENTS = {"action_layer": "torque", "episode_seconds": 0.44}
@@ -133,8 +134,7 @@ def test_what_is_no_seed_seeds_nothing(bad):
     before = env.chunks.state_dict()
     with pytest.raises(InvalidValueError, match="Invalid seed.* Expected a whole number of at lea"):
         env.reset(seed=bad)
-    for name, value in env.chunks.state_dict().items():
-        np.testing.assert_array_equal(value, before[name], err_msg=name)
+    assert_same(env.chunks.state_dict(), before)
 
 
 def test_without_an_episode_there_is_no_step():

@@ -7,6 +7,7 @@ import pytest
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import load
+from tests.batches import RANDOM, SHORT
 from tests.pairs import pairs
 from tests.postures import turned
 
@@ -15,15 +16,6 @@ MEASURED = {"contacts": "measured"}
 EXACT = {"contact_limits": "none"}
 SCHEDULE = {"contacts": [(0.1, ["left", "right"]), (0.05, ["left"]), (0.02, [])]}
 RAMPED = SCHEDULE | {"contact_ramp": 0.03}
-RANDOM = {
-    "mass": 0.2,
-    "com": 0.01,
-    "friction": (0.5, 1.0),
-    "motor_strength": (0.8, 1.2),
-    "action_delay": (0.0, 0.05),
-    "model_mass": 0.1,
-    "model_com": 0.005,
-}
 
 # Every environment, every layer; every way to assume contacts; with and without limits on forces.
 CASES = [
@@ -35,13 +27,6 @@ CASES = [
     (BIPED, "joint_position_feedforward", SCHEDULE | EXACT),
     (QUADRUPED, "joint_acceleration", EXACT),
 ]
-# Episodes end by falling and by the clock, and pushes come soon.
-SHORT = {
-    "episode_seconds": 0.3,
-    "push_duration": 0.05,
-    "push_interval": (0.1, 0.2),
-    "push_velocity": (0.0, 0.2),
-}
 
 
 def actions(env, steps, size=0.6, seed=0):

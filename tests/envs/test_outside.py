@@ -23,6 +23,7 @@ from fbid_gym.errors import (
 )
 from fbid_gym.robots import Robot, load, quadruped
 from fbid_gym.robots.assets import asset_path
+from tests.batches import assert_same
 
 BIPED, WALK = "fbid_gym/BipedBalance-v0", "fbid_gym/QuadrupedWalk-v0"
 TORQUE = {"action_layer": "torque"}
@@ -86,8 +87,7 @@ def test_actions_are_refused_where_that_is_asked_for():
     bad[1, 3] = -1.01
     with pytest.raises(InvalidValueError, match=r"action at index \(1, 3\): -1.01. Expected a num"):
         envs.step(bad)
-    for name, value in envs.chunks.state_dict().items():
-        np.testing.assert_array_equal(value, before[name])
+    assert_same(envs.chunks.state_dict(), before)
 
 
 @pytest.mark.parametrize("env_id", [BIPED, WALK])
@@ -262,8 +262,7 @@ def test_bad_commands_change_nothing(env_id, command, message):
     ):
         with pytest.raises(FbidError, match=message):
             give()
-        for name, value in envs.chunks.state_dict().items():
-            np.testing.assert_array_equal(value, before[name])
+        assert_same(envs.chunks.state_dict(), before)
 
 
 def test_a_curriculum_of_commands():

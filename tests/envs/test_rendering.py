@@ -16,6 +16,7 @@ from fbid_gym.envs.overlays import LABELS, RenderOptions, marks, size_of
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot
 from fbid_gym.robots.geoms import add_arrow, add_thread
+from tests.batches import assert_same
 from tests.dynamics.models import ASSETS
 from tests.pairs import pairs
 
@@ -195,8 +196,7 @@ def test_drawing_changes_nothing(name, layer):
         np.testing.assert_array_equal(one[0], other[0])
         np.testing.assert_array_equal(one[1], other[1])
     one, other = plain.chunks.state_dict(), drawn.chunks.state_dict()
-    for key, value in one.items():
-        np.testing.assert_array_equal(value, other[key], err_msg=key)
+    assert_same(one, other)
     for envs in (plain, drawn):
         envs.close()
 

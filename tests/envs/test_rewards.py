@@ -14,7 +14,7 @@ from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import FbidError, UnknownOptionError
 from fbid_gym.tasks import TASKS, Term, Walk, bell, register_reward_term, register_task
 from fbid_gym.tasks.body import Units
-from tests.batches import started
+from tests.batches import assert_same, started
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
 NAMES = (
@@ -49,12 +49,6 @@ def measured(batch: EnvBatch) -> Any:
     return batch._measure(batch._outcome(batch._effort))
 
 
-def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
-    assert one.keys() == other.keys()
-    for key, value in one.items():
-        np.testing.assert_array_equal(value, other[key], err_msg=key)
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_asking_twice_gives_the_same_and_changes_nothing(name: str) -> None:
     batch = on_the_way(name)
@@ -67,8 +61,8 @@ def test_asking_twice_gives_the_same_and_changes_nothing(name: str) -> None:
         for key, group in batch.observation_groups.items():
             answer[f"group {key}"] = group.function(found).copy()
         answers.append(answer)
-    same(*answers)
-    same(before, batch.state_dict())
+    assert_same(*answers)
+    assert_same(before, batch.state_dict())
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -187,17 +181,3 @@ def test_an_own_term_that_answers_another_shape_is_refused() -> None:
     envs.reset(seed=0)
     with pytest.raises(FbidError, match=r"reward term 'quiet' of Walk has shape \(\)"):
         envs.step(np.zeros(envs.action_space.shape))
-
-
-def test_way_and_energy_go_on_from_a_state_to_the_bit() -> None:
-    first, second = on_the_way(WALK), on_the_way(WALK)
-    second.reset(np.arange(3))
-    second.load_state_dict(first.state_dict())
-    for _ in range(3):
-        steps = [batch.step(np.zeros((3, len(batch.action_names)))) for batch in (first, second)]
-        for key in ("distance", "cost_of_transport", "reward_velocity"):
-            np.testing.assert_array_equal(*(step.info[key] for step in steps))
-    before = steps[0].info["distance"]
-    first.reset(np.array([1]))
-    after = first.step(np.zeros((3, len(first.action_names)))).info["distance"]
-    assert after[1] < 0.5 * before[1] and (after[[0, 2]] > before[[0, 2]]).all()

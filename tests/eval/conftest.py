@@ -82,37 +82,26 @@ class StandIn(gym.Env[np.ndarray, np.ndarray]):
 gym.register(ENV_ID, entry_point=StandIn)
 
 
+def constant_policy(env_id: str, seen: int, action: Any, **others: Any) -> Policy:
+    """A policy that always does the same, on so many entries of an observation."""
+    bias = np.array(action)
+    weights = (np.zeros((len(bias), seen)),)
+    given = {"mean": np.zeros(seen), "variance": np.ones(seen), "weights": weights} | others
+    return Policy(env_id=env_id, biases=(bias,), **{"trained_steps": 1_000_000} | given)
+
+
 def make_policy(
-    strength: float,
-    action_layer: str = "base_acceleration",
-    algorithm: str = "ppo",
-    **env_args: Any,
+    strength: float, layer: str = "base_acceleration", algorithm: str = "ppo", **env_args: Any
 ) -> Policy:
     """A policy that always acts with the same strength."""
-    return Policy(
-        env_id=ENV_ID,
-        env_args={"action_layer": action_layer, **env_args},
-        mean=np.zeros(3),
-        variance=np.ones(3),
-        weights=(np.zeros((2, 3)),),
-        biases=(np.array([strength, 0.0]),),
-        algorithm=algorithm,
-        trained_steps=1_000_000,
-    )
+    env_args = {"action_layer": layer} | env_args
+    return constant_policy(ENV_ID, 3, [strength, 0.0], env_args=env_args, algorithm=algorithm)
 
 
 def zero_policy(env_id: str, sizes: tuple[int, int], **env_args: Any) -> Policy:
     """A policy of zeros that acts on joint positions; sizes are of what it sees and does."""
-    seen, done = sizes
-    return Policy(
-        env_id=env_id,
-        env_args={"action_layer": "joint_position", **env_args},
-        mean=np.zeros(seen),
-        variance=np.ones(seen),
-        weights=(np.zeros((done, seen)),),
-        biases=(np.zeros(done),),
-        trained_steps=1000,
-    )
+    env_args = {"action_layer": "joint_position"} | env_args
+    return constant_policy(env_id, sizes[0], np.zeros(sizes[1]), env_args=env_args)
 
 
 def typical_return(strength: float, layer: str) -> float:

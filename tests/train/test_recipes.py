@@ -50,29 +50,6 @@ def test_an_exception_is_for_its_layer_with_its_options():
     assert one != other and one.hidden == other.hidden
 
 
-def test_an_exception_may_be_for_some_of_the_environments(tmp_path):
-    _write(
-        tmp_path,
-        f"""
-        envs = ["{WALK}", "mine/One-v0"]
-        num_envs = 8
-        [[exceptions]]
-        envs = ["mine/One-v0"]
-        num_envs = 9
-        [[exceptions]]
-        envs = ["{WALK}"]
-        algorithm = "sac"
-        num_envs = 10
-        """,
-    )
-
-    def robots(env, algorithm="ppo"):
-        return config_for(env, "torque", folder=tmp_path, algorithm=algorithm).num_envs
-
-    assert (robots(WALK), robots("mine/One-v0")) == (8, 9)
-    assert (robots(WALK, "sac"), robots("mine/One-v0", "sac")) == (10, 9)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -106,10 +83,10 @@ def test_rl_zoo_is_told_the_same(algorithm):
         assert f"  {name}: {value}\n" in entry
 
 
-def test_an_exception_may_be_for_an_algorithm(tmp_path):
+def test_an_exception_may_be_for_an_algorithm_and_for_environments(tmp_path):
     """Alone, or together with a layer; settings of the other algorithm are left out."""
     text = f"""
-    envs = ['{WALK}']
+    envs = ['{WALK}', 'mine/One-v0']
     num_envs = 512
     ppo = {{ gamma = 0.9 }}
     sac = {{ gamma = 0.8 }}
@@ -120,6 +97,9 @@ def test_an_exception_may_be_for_an_algorithm(tmp_path):
     algorithm = 'sac'
     layers = [{{ action_layer = 'torque' }}]
     sac = {{ tau = 0.1 }}
+    [[exceptions]]
+    envs = ['mine/One-v0']
+    num_envs = 9
     """
     folder = _write(tmp_path, text)
     ppo, sac, torque = (
@@ -129,6 +109,7 @@ def test_an_exception_may_be_for_an_algorithm(tmp_path):
     assert (ppo.num_envs, ppo.ppo, ppo.sac) == (512, PPOConfig(gamma=0.9), None)
     assert (sac.num_envs, sac.ppo, sac.sac) == (32, None, SACConfig(gamma=0.8))
     assert torque.sac == SACConfig(gamma=0.8, tau=0.1)
+    assert config_for("mine/One-v0", "torque", folder=folder).num_envs == 9
 
 
 RL_ZOO = importlib.util.find_spec("rl_zoo3")

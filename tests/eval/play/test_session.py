@@ -12,20 +12,9 @@ from eval.play.texts import from_query, to_query
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
+from tests.eval.conftest import constant_policy
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
-
-
-def policy(observations: int, actions: int, **env_args: Any) -> Policy:
-    """A policy that asks for a tenth of everything."""
-    return Policy(
-        env_id=WALK,
-        env_args=env_args,
-        mean=np.zeros(observations),
-        variance=np.ones(observations),
-        weights=(np.zeros((actions, observations)),),
-        biases=(np.full(actions, 0.1),),
-    )
 
 
 STAGE = Stage.of(WALK, {"action_layer": "base_acceleration"}, {})
@@ -166,8 +155,10 @@ def session_():
 
 def test_a_policy_brings_its_layer_and_leaves_with_it(session_):
     seen = session_.lanes[0].batch.observation().shape[1]
-    good = policy(seen, 12, action_layer="joint_position", layer_options={"scale": 0.1})
-    stage = Stage.of(WALK, {}, {"good": good, "odd": policy(7, 12, action_layer="torque")})
+    own = {"action_layer": "joint_position", "layer_options": {"scale": 0.1}}
+    good = constant_policy(WALK, seen, np.full(12, 0.1), env_args=own)
+    odd = constant_policy(WALK, 7, np.zeros(12), env_args={"action_layer": "torque"})
+    stage = Stage.of(WALK, {}, {"good": good, "odd": odd})
     session = Session(stage, {"policy": "good"})
     assert session.settings["layer"] == "joint_position"
     session.play([(2, Change("policy", "zero action"))], 4)
