@@ -41,10 +41,7 @@ def test_every_argument_has_a_value_that_json_keeps(name, layer):
         ("BipedWalk-v0", {"action_layer": "base_acceleration"}),
         ("QuadrupedWalk-v0", {"action_layer": "com_wrench"}),
         ("BipedStep-v0", {"action_layer": "joint_position_feedforward"}),
-        (
-            "BipedStep-v0",
-            {"action_layer": "com_wrench", "layer_options": {"balancer": "ott2011"}},
-        ),
+        ("BipedStep-v0", {"action_layer": "com_wrench", "layer_options": {"balancer": "ott2011"}}),
     ],
 )
 def test_what_is_resolved_is_the_same_environment(name, arguments):

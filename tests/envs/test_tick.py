@@ -77,16 +77,6 @@ def test_torques_that_are_no_numbers_lose_one_robot(rng):
     assert not effort.lost.any()
 
 
-def test_torques_of_one_robot_stand_for_all():
-    ours, theirs = standing("quadruped"), standing("quadruped")
-    torque = np.linspace(-1.0, 1.0, ours.robot.num_joints)
-    ours.step(torque[None])
-    theirs.step(np.asfortranarray(np.tile(torque, (COUNT, 1))))
-    np.testing.assert_array_equal(ours.batch.state, theirs.batch.state)
-    with pytest.raises(ValueError, match="broadcast"):
-        ours.step(np.zeros((COUNT, 3)))
-
-
 def test_who_has_diverged():
     simulation = standing("biped")
     simulation.qvel[0, -1], simulation.qvel[1, 2] = 0.99 * MAX_SPEED, -1.01 * MAX_SPEED

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import Walk
 from tests.batches import started
@@ -14,7 +13,7 @@ WALK = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"]
 
 
 @pytest.fixture(scope="module")
-def batch() -> EnvBatch:
+def batch():
     """Robots on their way, with a random action: nothing is zero."""
     arguments = {"action_layer": "torque", "command_interval": (0.1, 0.1)}
     return started(WALK | arguments, NUM_ENVS)
