@@ -146,7 +146,7 @@ def standings(rows: Sequence[Row], ours: Sequence[str]) -> tuple[str, dict[str, 
     means = {layer: over_tasks(tasks, chance) for layer, tasks in of.items()}
     best = max(ours, key=lambda layer: means[layer].value)
     others = [layer for layer in of if layer != best]
-    p_values = holm({x: p_value(*(_centred(of, x, best)), rng) for x in others})
+    p_values = holm({x: p_value(*_centred(of[x], of[best]), rng) for x in others})
     found = {}
     for layer in sorted(of, key=lambda layer: -means[layer].value):
         better = improvement(of[layer], of[best], chance)
@@ -154,11 +154,14 @@ def standings(rows: Sequence[Row], ours: Sequence[str]) -> tuple[str, dict[str, 
     return best, found
 
 
-def _centred(of: dict[str, list[np.ndarray]], *layers: str) -> list[np.ndarray]:
-    """The scores of layers over all tasks, each less what the layers' robots earn in the task."""
-    tasks = zip(*(of[layer] for layer in layers), strict=True)
-    centred = [[each - np.mean(task) for each in task] for task in tasks]
-    return [np.concatenate(side) for side in zip(*centred, strict=True)]
+def _centred(x: list[np.ndarray], y: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """The scores of two layers over all tasks, each less what both layers' robots earn in it."""
+    means = [np.mean(task) for task in zip(x, y, strict=True)]
+    own, other = (
+        np.concatenate([scores - mean for scores, mean in zip(side, means, strict=True)])
+        for side in (x, y)
+    )
+    return own, other
 
 
 def holm(p_values: dict[str, float]) -> dict[str, float]:

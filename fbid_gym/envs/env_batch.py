@@ -71,7 +71,7 @@ class EnvBatch:
         self.task = config.make_task(self.robot).on(self.terrain.grid)
         self.reward_terms = config.reward_terms(self.task)
         self._reward_names = [f"reward_{name}" for name in self.reward_terms]
-        self._reward_parts = answers.Parts.ofrows_of("reward term", self.reward_terms, num_envs)
+        self._reward_parts = answers.Parts.of_rows("reward term", self.reward_terms, num_envs)
         self._weights = np.repeat([term.weight for term in self.reward_terms.values()], num_envs)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
         randomisation, sensors = config.randomisations(), config.perceived()
@@ -116,7 +116,7 @@ class EnvBatch:
         outcome = self._outcome(Effort.none(num_envs, self.robot.num_joints))
         measured = self.loop.measure(outcome)
         self._metric_names = answers.metric_names(self.task.metrics(measured), self.task)
-        self._metric_parts = answers.Parts.ofrows_of("metric", self._metric_names, num_envs)
+        self._metric_parts = answers.Parts.of_rows("metric", self._metric_names, num_envs)
         self._metrics = self._evaluate(measured)
 
     @property
