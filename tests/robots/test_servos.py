@@ -210,17 +210,17 @@ def test_a_solver_that_stops_early_is_told_to_go_on() -> None:
         (
             {"torque_limit": {"knee": "strong"}},
             InvalidValueError,
-            "Invalid torque_limit of knee: 'strong'. Expected a number.",
+            "Invalid torque_limit of knee: 'strong'. Expected a positive finite number.",
         ),
         (
             {"torque_limit": -3},
             InvalidValueError,
-            "Invalid torque_limit of *: -3. Expected a positive number.",
+            "Invalid torque_limit of *: -3. Expected a positive finite number.",
         ),
         (
             {"torque_limit": 3, "armature": {"knee": 0.0}},
             InvalidValueError,
-            "Invalid armature of knee: 0.0. Expected a positive number.",
+            "Invalid armature of knee: 0.0. Expected a positive finite number.",
         ),
         (
             {"torque_limit": {"knee": 3.0}},
