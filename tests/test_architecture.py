@@ -37,7 +37,7 @@ RANK = {
     "bundles": 2,
     "small_matrices": 2,
     "policy": 3,
-    "robots": 3,
+    "robots": 4924,
     "dynamics": 4,
     "control": 5,
     "estimation": 5,
