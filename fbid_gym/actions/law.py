@@ -37,6 +37,7 @@ from fbid_gym.robots import Robot
 LEAST_GAIN = 0.05
 """Of a task of the body, see `fbid_gym.control.operational_space`."""
 
+_LEAST_INERTIA = 0.05  # of the locked robot's: below it the base turns too easily to tell
 _SOLE = 0.9  # of a flat foot, that carries: its edges are where it tips
 _MOST_LOAD = 1.5  # of the weight, on a point foot
 
@@ -98,7 +99,7 @@ class Law:
                 layer asks for both.
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
-        cost = (1.0,) * 3 + (moment_priority,) * 3
+        cost, inertia = (1.0,) * 3 + (moment_priority,) * 3, _turning_inertia(robot)
         constants = LawConstants(
             gains=gains,
             limbs=stance.limbs,
@@ -110,7 +111,8 @@ class Law:
             nearness=wrench_scale(stance.length, cost),
             gravity=robot.gravity,
             ahead=np.ascontiguousarray(base_from_trunk(robot)[:, 0]),
-            turning_inertia=_turning_inertia(robot),
+            turning_inertia=inertia,
+            turning_mobility=np.linalg.inv(inertia),
             feet_first=feet_first,
             passive=contact.passive(robot),
         )
@@ -186,4 +188,14 @@ def _turning_inertia(robot: Robot) -> np.ndarray:
     turn = np.zeros((len(held), 3))
     turn[-3:] = terms.world_from_base[0].T
     inertia = body.matrix[0, 3:] @ np.linalg.pinv(held, rcond=1e-6) @ turn
-    return 0.5 * (inertia + inertia.T)
+    return no_lighter(inertia, body.inertia[0])
+
+
+def no_lighter(inertia: np.ndarray, locked: np.ndarray) -> np.ndarray:
+    """Return the symmetric part of an inertia (3, 3), none less than a share of the locked one's.
+
+    About an axis in which a robot hardly resists, the inertia does not say how it turns.
+    """
+    values, vectors = np.linalg.eigh(0.5 * (inertia + inertia.T))
+    least = _LEAST_INERTIA * np.linalg.eigvalsh(0.5 * (locked + locked.T))[0]
+    return (vectors * np.maximum(values, least)) @ vectors.T

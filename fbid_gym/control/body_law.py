@@ -84,6 +84,7 @@ class LawConstants(NamedTuple):
         gravity: m/s^2.
         ahead: (3,) the trunk's forward direction in the base's axes.
         turning_inertia: (3, 3) kg·m^2, what a moment has to overcome to turn the base.
+        turning_mobility: (3, 3) its inverse.
         feet_first: whether feet in the air are moved as tasks; else they follow their joints.
         passive: what joints take of their torques, to be given back.
     """
@@ -99,6 +100,7 @@ class LawConstants(NamedTuple):
     gravity: float
     ahead: np.ndarray
     turning_inertia: np.ndarray
+    turning_mobility: np.ndarray
     feet_first: bool
     passive: PassiveJoints
 
@@ -356,7 +358,9 @@ def _move_momentum(
     with springs on the base's height and rotation error e. I is the mass, and for the rotation what
     a moment has to overcome to turn the base between feet that stay: a sixth to a third of the
     locked robot's inertia on long legs, which turn against the trunk. For the same reason h_d' is
-    no detail: a moment that ignored what the legs' swing takes would turn the trunk instead.
+    no detail: a moment that ignored what the legs' swing takes would turn the trunk instead. In the
+    same units, accelerations of the base, moments are weighed against forces where legs of too few
+    joints cannot give both.
 
     `motion` comes with the accelerations that h_d' is of; `carried` has room for velocities.
     """
@@ -393,7 +397,8 @@ def _move_momentum(
     arm = subtract(vector(terms.base_position, (i,)), vector(terms.com, (i,)))
     late = turn(rotation, vector(carried.momentum, (), 3))
     late = add(late, cross(arm, vector(carried.momentum, ())))
-    inverse = _locked_inverse(terms, rotation, arm, i)
+    along = (cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)
+    inverse = product(product(along, matrix(law.turning_mobility, ())), transposed(along))
     sped = turn(inverse, add(moment, scale(gains.rotation_damping, late)))
     work.share[0] = (cosine * ahead - sine * left) / mass
     work.share[1] = (sine * ahead + cosine * left) / mass
@@ -416,39 +421,12 @@ def _momentum_column(
     column: int,
     rows: np.ndarray,
 ) -> None:
-    """Write momentum per mass and per inertia to a column of rows (6, ...), from rows b of M."""
+    """Write momentum per mass and per `inverse` inertia to a column (6,), from rows b of M."""
     force = forces[0, column], forces[1, column], forces[2, column]
     moment = forces[3, column], forces[4, column], forces[5, column]
     turning = turn(inverse, add(turn(rotation, moment), cross(arm, force)))
     for k in range(3):
         rows[k, column], rows[3 + k, column] = force[k] / mass, turning[k]
-
-
-@compiled
-def _locked_inverse(terms: DynamicsTerms, rotation: Rotation, arm: Vector, i: int) -> Rotation:
-    """Inverse inertia of robot i with locked joints about its centre of mass, world axes."""
-    mass = terms.mass_matrix[i, 0, 0]
-    rows = (
-        vector(terms.mass_matrix, (i, 3), 3),
-        vector(terms.mass_matrix, (i, 4), 3),
-        vector(terms.mass_matrix, (i, 5), 3),
-    )
-    about_base = product(product(rotation, rows), transposed(rotation))
-    square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2]
-    a, b, c = (
-        subtract(
-            about_base[0], scale(mass, (square - arm[0] ** 2, -arm[0] * arm[1], -arm[0] * arm[2]))
-        ),
-        subtract(
-            about_base[1], scale(mass, (-arm[1] * arm[0], square - arm[1] ** 2, -arm[1] * arm[2]))
-        ),
-        subtract(
-            about_base[2], scale(mass, (-arm[2] * arm[0], -arm[2] * arm[1], square - arm[2] ** 2))
-        ),
-    )
-    first, second, third = cross(b, c), cross(c, a), cross(a, b)
-    size = 1.0 / (a[0] * first[0] + a[1] * first[1] + a[2] * first[2])
-    return transposed((scale(size, first), scale(size, second), scale(size, third)))
 
 
 @compiled
