@@ -12,6 +12,7 @@ import hashlib
 import math
 import shlex
 import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -263,7 +264,7 @@ def headline(best: str, found: dict[str, Standing], own: Sequence[str]) -> str:
 
 
 def _wrapped(text: str) -> str:
-    return text.replace(": ", ":\n").replace(", ", ",\n")
+    return "\n".join(textwrap.wrap(text, 18))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -79,14 +79,14 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 # another, or says in the commit why the house has to grow.
 LONGER = {"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2255,
+    ".": 2262,
     "actions": 2560,
     "control": 4490,
     "dynamics": 1650,
-    "envs": 3905,
+    "envs": 3908,
     "motions": 3690,
     "policy": 574,
-    "robots": 5210,
+    "robots": 5252,
     "tasks": 2120,
 }
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.

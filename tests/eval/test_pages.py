@@ -45,7 +45,7 @@ PAGES = [BENCHMARK_PAGE, PAPERS_PAGE, ROBUSTNESS_PAGE]
 PAGES += [DOCS / f"{name}.md" for name in ("walking", "terrain", "rates", "zoo")]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [*PAGES, DOCS / "layer_benchmark.md"], ids=lambda page: page.stem)
 def test_the_pages_have_the_marks(page: Path) -> None:
     assert "tables" in spliced(page, "tables")
 
