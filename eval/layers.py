@@ -12,6 +12,7 @@ import hashlib
 import math
 import shlex
 import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -114,9 +115,8 @@ def check_builds(layers: Sequence[str], config: ZeroActionConfig) -> None:
         try:
             make_layer(layer, robot, known.control_hz, known.make_task(robot).kind)
         except Exception as error:  # code of the user's
-            said = (
-                str(error) if isinstance(error, FbidError) else f"{type(error).__name__}: {error}"
-            )
+            kind = "" if isinstance(error, FbidError) else f"{type(error).__name__}: "
+            said = kind + " ".join(str(error).split())
             raise RunError(f"Layer {layer!r} cannot be built for {robot.name}: {said}") from error
 
 
@@ -181,13 +181,9 @@ def run(config: LayersConfig, command: Sequence[str]) -> None:
     if config.write_docs:
         spliced(_PAGE, "")
     own = registered(config.files)
-    layers = (*own, *(name for name in config.against if name not in own))
-    ours = [name for name in layers if name not in own]
-    if not ours:
-        raise RunError("There is no layer to compare with. Expected one or more for --against.")
     what = ZeroActionConfig(
         "layers",
-        layers=layers,
+        layers=(*own, *config.against),
         only=config.only,
         episodes=config.episodes,
         seconds=config.seconds,
@@ -196,7 +192,7 @@ def run(config: LayersConfig, command: Sequence[str]) -> None:
     check_builds(list(own), what)
     file = config.out.with_suffix(".csv")
     rows = list(measured(_versioned(cases(what), own), TABLE, file, config.overwrite))
-    best, found = standings(rows, ours)
+    best, found = standings(rows, config.against)
     heads, lines = summary(best, found)
     text = "\n\n".join(_markdown(*each) for each in ((heads, lines), _by_task(rows)))
     print(f"\n{text}")
@@ -266,7 +262,7 @@ def headline(best: str, found: dict[str, Standing], own: Sequence[str]) -> str:
 
 
 def _wrapped(text: str) -> str:
-    return text.replace(": ", ":\n").replace(", ", ",\n")
+    return "\n".join(textwrap.wrap(text, 18))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -177,10 +177,10 @@ TABLES = {
         tuple(LAYERS),
         {
             "task": {
-                "stand, pushed by 0.3 weights": {"env": None, "task": "balance", "push": 0.3},
+                "stand pushed by 0.3 weights": {"env": None, "task": "balance", "push": 0.3},
                 "walk": {},
-                "walk, pushed by 0.5 weights": {"push": 0.5},
-                "walk, masses 30 % otherwise": {"randomisation": {"mass": 0.3}},
+                "walk pushed by 0.5 weights": {"push": 0.5},
+                "walk with masses 30 % off": {"randomisation": {"mass": 0.3}},
                 "walk on slopes": {"env": "Terrain", "terrain": "slopes", "difficulty": 0.5},
             }
         },

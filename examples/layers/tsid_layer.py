@@ -1,9 +1,9 @@
 """TSID as an action layer: a QP over accelerations and contact forces, solved for each robot.
 
 Needs the package `tsid`, see docs/layer_benchmark.md. References and gains are those that our own
-`base_acceleration` has; what differs is the law: here the contacts are exact, all else are weighted
-squares (A. Del Prete et al., "Implementing torque control with high-ratio gear boxes and without
-joint-torque sensors", 2016, describes the library).
+`base_acceleration` has; what differs is the law: here all but friction cones and motors' limits is
+a weighted square (A. Del Prete et al., "Implementing torque control with high-ratio gear boxes and
+without joint-torque sensors", 2016, describes the library).
 """
 
 import warnings
@@ -25,7 +25,7 @@ from fbid_gym.dynamics.stance import Stance
 from fbid_gym.errors import RobotError
 from fbid_gym.options import Number, checked
 
-FRICTION = 0.6
+FRICTION, STANDS = 0.6, 1e3
 UP = np.array([0.0, 0.0, 1.0])
 TURN, MOVE = np.array([0, 0, 0, 1, 1, 1.0]), np.array([1, 1, 1, 0, 0, 0.0])
 
@@ -75,7 +75,8 @@ class Problem:
                 size = 6
             contact.setKp(np.zeros(size))  # where a foot stands it stays
             contact.setKd(gains.swing_damping * np.ones(size))
-            self.qp.addRigidContact(contact, forces)
+            # As constraints, on a straight leg they leave no solution, and the solver never ends.
+            self.qp.addRigidContact(contact, forces, STANDS, 1)
             self.feet.append(contact)
         qp = self.qp
         self.solver.resize(qp.nVar, qp.nEq, qp.nIn)
