@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fbid_gym.actions import ActionLayer, Footholds
 from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
 from fbid_gym.envs.moment import Moment
@@ -43,8 +44,6 @@ class EnvBatch:
         config: what they are.
         robot: the robot.
         task: the task.
-        layer: the action layer.
-        footholds: what of an action steers a gait, after what is the layer's.
         terrain: the ground.
         simulation: the physics.
         loop: task and layer at work.
@@ -94,7 +93,6 @@ class EnvBatch:
         answers.check_size(drawn, num_envs if of is None else of, self.task.seconds)
         simulation, longest = self.simulation, randomisation.action_delay[1]
         self.loop = ControlLoop(config, self.task, drawn, simulation.terms(), longest)
-        self.layer, self.footholds = self.loop.layer, self.loop.footholds
         self.observation_groups = self.loop.observation_groups
         self.observation_bound = self.loop.observation_bound
         self.observation_columns = columns(self.observation_groups)
@@ -115,6 +113,16 @@ class EnvBatch:
         self._metric_names = answers.metric_names(self.task.metrics(measured), self.task)
         self._metric_parts = answers.Parts.of_rows("metric", self._metric_names, num_envs)
         self._metrics = self._evaluate(measured)
+
+    @property
+    def layer(self) -> ActionLayer:
+        """The action layer."""
+        return self.loop.layer
+
+    @property
+    def footholds(self) -> Footholds:
+        """What of an action steers a gait, after what is the layer's."""
+        return self.loop.footholds
 
     @property
     def observation_names(self) -> tuple[str, ...]:
