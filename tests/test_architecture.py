@@ -89,7 +89,7 @@ LINES = {
     "actions": 2560,
     "control": 4490,
     "dynamics": 1650,
-    "envs": 2990,
+    "envs": 3000,
     "motions": 3690,
     "policy": 577,
     "robots": 5210,

@@ -42,10 +42,11 @@ ENV_ID = {env_id!r}
 ARGUMENTS = json.loads({arguments!r})
 
 
-def make_env(n_envs: int = 1, use_async_envs: bool = False, **arguments):
+def make_env(n_envs: int = 1, use_async_envs: bool = False, cfg=None, **arguments):
     """Make a `gymnasium.vector.VectorEnv`; asynchronous ones are stepped by threads.
 
-    Other arguments are those of the environment, and go before the policy's.
+    LeRobot may give a `cfg`: it says nothing that this environment could be told. Other arguments
+    are those of the environment, and go before the policy's.
     """
     robot = Path(__file__).with_name("robot.zip")
     if robot.exists():
@@ -69,14 +70,14 @@ tags:
 # {title}
 
 A policy for `{env_id}` of fbid_gym: robot {robot}, action layer `{layer}`, {steps:,} steps of
-{algorithm}. It takes {observations} observations at {policy_hz} Hz and gives {actions} actions; the
+{learner}. It takes {observations} observations at {policy_hz} Hz and gives {actions} actions; the
 action layer turns these into the torques of {joints} joints at {control_hz} Hz.
 
 ## What it does
 {metrics}
 
 ## How to run it
-In its environment (`pip install fbid_gym`):
+With fbid_gym installed, in its environment:
 
 ```python
 from env import make_env
@@ -156,6 +157,7 @@ def _card(policy: Policy, controller: Controller, name: str, own: bool) -> str:
     rates = controller.rates
     return _CARD.format(
         algorithm=policy.algorithm,
+        learner=policy.algorithm.upper(),
         robot=controller.robot.name,
         title=name,
         env_id=policy.env_id,

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from fbid_gym.actions import ActionLayer, Footholds
 from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
 from fbid_gym.envs.moment import Moment
@@ -33,8 +34,6 @@ class EnvBatch:
         config: what they are.
         robot: the robot.
         task: the task.
-        layer: the action layer.
-        footholds: what of an action steers a gait, after what is the layer's.
         terrain: the ground.
         simulation: the physics.
         loop: task and layer at work.
@@ -96,7 +95,6 @@ class EnvBatch:
         self.observer = Observer(self.task, *kind, self.perception, self.plant.drawn)
         own = config, self.task, drawn, simulation.terms(), self.observer
         self.loop = ControlLoop(*own, longest)
-        self.layer, self.footholds = self.loop.layer, self.loop.footholds
         self.observation_groups = self.observer.groups
         self.observation_names, self.observation_bound = self.observer.names, self.observer.bound
         self.observation_columns = self.observer.columns
@@ -118,6 +116,16 @@ class EnvBatch:
         self._metric_names = answers.metric_names(self.task.metrics(measured), self.task)
         self._metric_parts = answers.Parts.of_rows("metric", self._metric_names, num_envs)
         self._metrics = self._evaluate(measured)
+
+    @property
+    def layer(self) -> ActionLayer:
+        """The action layer."""
+        return self.loop.layer
+
+    @property
+    def footholds(self) -> Footholds:
+        """What of an action steers a gait, after what is the layer's."""
+        return self.loop.footholds
 
     @property
     def action_names(self) -> tuple[str, ...]:

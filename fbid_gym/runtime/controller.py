@@ -143,7 +143,7 @@ class Controller:
         return self.loop.action_names
 
     def reset(self, **planned: Any) -> None:
-        """Begin anew: the next tick's sensors tell where.
+        """Begin anew: the next tick's sensors tell where. There is no command, until `set_command`.
 
         Args:
             **planned: entries of the task's plan other than its command, such as the `phase` and
@@ -154,17 +154,18 @@ class Controller:
         """
         plan, command = self.loop.plan, self.loop.plan.get("command")
         names = [n for n in plan if n not in (*_DRAWN, "command", "command_start")]
-        check_choices("entry of the plan", planned, names or ("none",))
+        check_choices("entry of the plan", planned, names)
+        given = {}
+        for name, value in planned.items():
+            shape = plan[name].shape[1:]
+            given[name] = real_numbers(name, value, f"numbers of shape {shape}")
+            if given[name].shape != shape:
+                raise ShapeError(name, given[name].shape, f"{shape}")
         for name, value in plan.items():
-            value[:] = 0
-            if name in planned:
-                given = real_numbers(name, planned[name], f"numbers of shape {value.shape[1:]}")
-                if given.shape != value.shape[1:]:
-                    raise ShapeError(name, given.shape, f"{value.shape[1:]}")
-                value[:] = given
+            value[:] = given.get(name, 0)
         if command is not None:
             # None where that is a command, else the greatest: to stand as high as at home.
-            ranges = np.array([pair for pair in self.loop.task.commands.values()])
+            ranges = np.array(list(self.loop.task.commands.values())).reshape(-1, 2)
             stays = ((ranges[:, 0] <= 0.0) & (ranges[:, 1] >= 0.0)).all()
             command[:] = 0.0 if stays else ranges[:, 1].reshape(command.shape[2:])
         self._ticks, self.measured = 0, None
@@ -203,7 +204,7 @@ class Controller:
         Raises:
             FbidError: a sensor that is missing, of another shape or not finite; names it. The
                 controller has not gone on.
-            NonFiniteError: torques that are no numbers.
+            NonFiniteError: torques that are no numbers; it has to be reset then.
         """
         state = self._sensing.state(sensors, self._ticks)
         terms = cache(lambda: self._dynamics.live(state.qpos, state.qvel))

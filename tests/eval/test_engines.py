@@ -72,6 +72,69 @@ def test_feet_feel_the_weight_of_a_robot_that_stands(name):
     world.close()
 
 
+def at_their_limit(controller: Controller, read, step, ticks: int) -> float:
+    """Share of the ticks at which a motor of a robot that shall stand is at its limit."""
+    controller.reset()
+    full = 0
+    for _ in range(ticks):
+        torque = controller.tick(read())
+        full += (abs(torque) >= controller.robot.torque_limit).any()
+        step(torque)
+    return full / ticks
+
+
+def test_rotors_in_links_and_not_contacts_shake_a_biped_on_stiff_joints():
+    """With its rotors' inertia moved into links as in Bullet, MuJoCo's biped is shaken as well."""
+    own = {"action_layer": "joint_position"}
+    controller = Controller.of_environment("fbid_gym/BipedWalk-v0", own)
+    robot, ticks = controller.robot, 60
+    shaken = {}
+    for moved in (False, True):
+        model = copy.copy(robot.model)
+        model.opt.timestep = 0.001
+        if moved:
+            for joint in range(1, model.njnt):
+                body, dof = model.jnt_bodyid[joint], model.jnt_dofadr[joint]
+                axes, axis = np.zeros(9), model.jnt_axis[joint]
+                mujoco.mju_quat2Mat(axes, model.body_iquat[body])
+                axes = axes.reshape(3, 3)
+                tensor = axes @ np.diag(model.body_inertia[body]) @ axes.T
+                tensor += model.dof_armature[dof] * np.outer(axis, axis)
+                model.body_inertia[body], axes = np.linalg.eigh(tensor)
+                axes[:, 2] *= np.linalg.det(axes)
+                mujoco.mju_mat2Quat(model.body_iquat[body], np.ascontiguousarray(axes).ravel())
+            model.dof_armature[:] = 0.0
+        data = mujoco.MjData(model)
+        mujoco.mj_setConst(model, data)
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = robot.home_qpos
+        mujoco.mj_forward(model, data)
+
+        def read(data=data):
+            return {
+                "position": data.qpos[:3],
+                "orientation": data.qpos[3:7],
+                "velocity": data.qvel[:3],
+                "angular_velocity": data.qvel[3:6],
+                "joint_position": data.qpos[7:],
+                "joint_velocity": data.qvel[6:],
+                "contact_force": data.sensordata[robot.contact_sensor],
+            }
+
+        def step(torque, model=model, data=data):
+            data.ctrl[robot.actuator] = torque / robot.gear
+            mujoco.mj_step(model, data, 4)
+
+        shaken[moved] = at_their_limit(controller, read, step, ticks)
+    world = BulletWorld(robot, 1000)
+    world.place(robot.home_qpos, np.zeros(robot.nv))
+    in_bullet = at_their_limit(
+        controller, world.sensors, lambda u: [world.step(u, np.zeros(3)) for _ in range(4)], ticks
+    )
+    world.close()
+    assert shaken[False] < 0.2 < 0.8 < min(shaken[True], in_bullet)
+
+
 def test_what_bullet_cannot_do_is_one_error(monkeypatch):
     own = {"action_layer": "joint_position", "terrain": "obstacles"}
     for arguments, hz in ((own, 1000), ({"action_layer": "joint_position"}, 300)):
