@@ -11,7 +11,12 @@ from tests.batches import started
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
 LAYER = {"action_layer": "base_acceleration", "sensors": "mems"}
-SHORT = {"episode_seconds": 0.3, "push_interval": (0.1, 0.2), "push_velocity": (0.0, 0.2)}
+SHORT = {
+    "episode_seconds": 0.3,
+    "push_duration": 0.05,
+    "push_interval": (0.1, 0.2),
+    "push_velocity": (0.0, 0.2),
+}
 ROBOT = {"observation": "measured+estimate", "history": 2}
 
 
@@ -185,7 +190,8 @@ def test_what_does_not_fit_is_refused_by_name(more, message):
 
 
 def test_what_sensors_mean_is_saved_in_full():
-    config = EnvConfig.of(arguments(sensors={"like": "good", "scale": 2.0}))
+    given = {"action_layer": "torque", "sensors": {"like": "good", "scale": 2.0}}
+    config = EnvConfig.of(arguments(**given))
     again = EnvConfig.of(config.resolved())
     assert again.perceived() == config.perceived()
     assert again.resolved() == config.resolved()
