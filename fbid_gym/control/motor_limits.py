@@ -30,7 +30,8 @@ from fbid_gym.small_matrices import dot
 PASSES = 2
 """Times that forces are solved for with the torques' bounds, at most."""
 
-_CLOSE = 0.01  # of a limit: torques that exceed it by less are left to the clip
+# Of a limit: torques that exceed it by less are left to the clip. So close comes the first pass.
+_CLOSE = 0.05
 _LEAST, _MOST = 0.25, 2.0  # strengths that are believed
 _TRUSTED, _DOUBTED = 0.1, 0.2  # errors of the share: torques are trusted to here, doubted from here
 
