@@ -96,7 +96,7 @@ LINES = {
     "runtime": 1375,
     "tasks": 2120,
 }
-TEST_LINES = 26_900  # of all that is in tests/; 31,347 once, 24,000 is where this shall go
+TEST_LINES = 26_750  # of all that is in tests/; 31,347 once, 24,000 is where this shall go
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (36, 6740)}
