@@ -37,7 +37,7 @@ RANK = {
     "bundles": 2,
     "small_matrices": 2,
     "policy": 3,
-    "robots": 4924,
+    "robots": 3,
     "dynamics": 4,
     "control": 5,
     "estimation": 5,
@@ -86,17 +86,19 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 LONGER = {"fbid_gym/control/body_law.py": 575, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
     ".": 2320,
-    "actions": 2560,
-    "control": 4490,
+    "actions": 2580,
+    "control": 4720,
     "dynamics": 1650,
-    "envs": 3000,
-    "motions": 3690,
-    "policy": 577,
-    "robots": 5210,
-    "runtime": 1375,
-    "tasks": 2120,
+    "envs": 3360,
+    "estimation": 1650,
+    "motions": 3685,
+    "policy": 590,
+    "robots": 5300,
+    "runtime": 1830,
+    "tasks": 2210,
 }
-TEST_LINES = 26_750  # of all that is in tests/; 31,347 once, 24,000 is where this shall go
+# Of all that is in tests/; 24,000 is where this shall go.
+TEST_LINES = 28_900
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
 READING = {"fbid_gym.actions.base_acceleration": (36, 6740)}
