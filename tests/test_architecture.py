@@ -36,7 +36,7 @@ RANK = {
     "bundles": 2,
     "small_matrices": 2,
     "policy": 3,
-    "robots": 4924,
+    "robots": 4930,
     "dynamics": 4,
     "control": 5,
     "motions": 6,
@@ -85,7 +85,7 @@ LINES = {
     "envs": 3905,
     "motions": 3690,
     "policy": 574,
-    "robots": 4924,
+    "robots": 4930,
     "tasks": 2120,
 }
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
