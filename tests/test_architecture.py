@@ -36,7 +36,7 @@ RANK = {
     "bundles": 2,
     "small_matrices": 2,
     "policy": 3,
-    "robots": 4930,
+    "robots": 3,
     "dynamics": 4,
     "control": 5,
     "motions": 6,
