@@ -38,6 +38,7 @@ _CARRIES_NOTHING, _STILL, _ENOUGH = 0.001, 0.01, 0.9  # of the weight
 _TICKS_PER_PERIOD = 10
 _STEP, _WINDOW, _PATIENCE = 1e-3, 200, 10  # s, steps, windows
 
+_TOPPLED = 0.1  # rad, from home
 _LOCKED = 1e4
 """m²: this times the mass is an inertia that no contact moves."""
 
@@ -156,7 +157,8 @@ def _unloaded(robot: "Robot") -> Iterator[str]:
 def _settled(robot: "Robot") -> np.ndarray:
     """Forces upwards on the points, (P,) N, once they and the fall of the base change no more.
 
-    Soft feet give way for long. Not finite where the simulation diverges.
+    Soft feet give way for long. Of a robot that topples it is what was before. Not finite where the
+    simulation diverges.
     """
     model = copy.copy(robot.model)
     model.opt.timestep = _STEP  # environments have one of their own, too
@@ -164,12 +166,16 @@ def _settled(robot: "Robot") -> np.ndarray:
     data = mujoco.MjData(model)
     data.qpos[:] = robot.home_qpos
     forces, mean = np.zeros((_WINDOW, robot.num_points)), np.full(robot.num_points, np.inf)
+    turned = np.empty(3)
     for _ in range(_PATIENCE):
         before, falling = mean, float(data.qvel[2])
         for step in range(_WINDOW):
             mujoco.mj_step(model, data)
             forces[step] = data.sensordata[robot.contact_sensor[:, 2]]
         mean = forces.mean(axis=0)
+        mujoco.mju_subQuat(turned, data.qpos[3:7], robot.home_qpos[3:7])
+        if np.linalg.norm(turned) > _TOPPLED:
+            return before if np.isfinite(before).all() else mean
         lost = abs(data.qvel[2] - falling) / (_WINDOW * _STEP) * robot.mass
         if not max(lost, np.abs(mean - before).max()) > _STILL * robot.weight:
             break
