@@ -146,7 +146,11 @@ def standings(rows: Sequence[Row], ours: Sequence[str]) -> tuple[str, dict[str, 
     means = {layer: over_tasks(tasks, chance) for layer, tasks in of.items()}
     best = max(ours, key=lambda layer: means[layer].value)
     others = [layer for layer in of if layer != best]
-    p_values = holm({x: p_value(*(_centred(of, x, best)), rng) for x in others})
+    p_values = {}
+    for layer in others:
+        its, those = _centred(of[layer], of[best])
+        p_values[layer] = p_value(its, those, rng)
+    p_values = holm(p_values)
     found = {}
     for layer in sorted(of, key=lambda layer: -means[layer].value):
         better = improvement(of[layer], of[best], chance)
@@ -154,11 +158,16 @@ def standings(rows: Sequence[Row], ours: Sequence[str]) -> tuple[str, dict[str, 
     return best, found
 
 
-def _centred(of: dict[str, list[np.ndarray]], *layers: str) -> list[np.ndarray]:
-    """The scores of layers over all tasks, each less what the layers' robots earn in the task."""
-    tasks = zip(*(of[layer] for layer in layers), strict=True)
-    centred = [[each - np.mean(task) for each in task] for task in tasks]
-    return [np.concatenate(side) for side in zip(*centred, strict=True)]
+def _centred(
+    one: Sequence[np.ndarray], other: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The scores of two layers over all tasks, each less what both earn in its task."""
+    middles = [np.mean(task) for task in zip(one, other, strict=True)]
+    left, right = (
+        np.concatenate([each - middle for each, middle in zip(side, middles, strict=True)])
+        for side in (one, other)
+    )
+    return left, right
 
 
 def holm(p_values: dict[str, float]) -> dict[str, float]:
