@@ -103,7 +103,7 @@ def _programs() -> Path:
 
 def _help() -> str:
     lines = [f"usage: {PROGRAM} COMMAND [OPTIONS]", "", "Commands:"]
-    lines += [f"  {name:<11}{command.about}" for name, command in COMMANDS.items()]
+    lines += [f"  {name:<14}{command.about}" for name, command in COMMANDS.items()]
     return "\n".join([*lines, "", f"{PROGRAM} COMMAND --help shows the options of a command."])
 
 

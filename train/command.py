@@ -33,7 +33,8 @@ def run_command(
     def asked() -> int | None:
         prog = " ".join(called(module))
         # The examples of the help are run in the same way; a line that is indented stays one.
-        text = about.replace(f"\npython -m {module} ", f"\n    {prog} ") if about else about
+        line = f"python -m {module} "
+        text = about and about.replace(f"\n{line}", f"\n    {prog} ").replace(line, f"{prog} ")
         return work(read_options(options, prog=prog, args=given, description=text))
 
     return exit_status(asked)
