@@ -1,16 +1,18 @@
 """How far robots' estimates of their state are off while they walk: `python -m eval.estimates`.
 
 The zero action walks with each preset of sensors; the picture has the errors over time, median and
-the middle 80 % of the robots.
+the middle 80 % of the robots. `--cost` times sensors and estimate beside the physics instead.
 """
 
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
+import tyro
 
 from eval.files import check_output, write
 from eval.page.figures import Series, panel, sheet
@@ -29,13 +31,17 @@ SHOWN = {
 }
 """Entry of the info -> title of its panel, and the factor on its values."""
 
+_TIMED = 64  # robots
+
 
 @dataclass(frozen=True)
 class EstimatesConfig:
     """What is drawn."""
 
-    out: Path
-    """The picture, an SVG."""
+    out: Path | None = None
+    """The picture, an SVG. Default: none."""
+    cost: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Only print what share of the physics sensors and estimate take, of 64 robots."""
     envs: Annotated[tuple[str, ...], Each(Choice(ENVIRONMENTS))] = (
         "fbid_gym/QuadrupedWalk-v0",
         "fbid_gym/BipedWalk-v0",
@@ -49,13 +55,45 @@ class EstimatesConfig:
     """Length of an episode."""
 
 
+def begun(env: str, preset: str, config: EstimatesConfig, count: int) -> EnvBatch:
+    """Return robots that begin to walk."""
+    own = {"episode_seconds": config.seconds, "sensors": preset, "action_layer": config.layer}
+    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[env] | own), count)
+    for robot in range(count):
+        batch.seed(robot, np.random.default_rng(robot))
+    batch.reset(np.arange(count))
+    return batch
+
+
+def print_cost(env: str, config: EstimatesConfig) -> None:
+    """Time control ticks of walking robots in one process; corrections come every few of them."""
+    batch = begun(env, "mems", config, _TIMED)
+    perception, simulation = batch.perception, batch.simulation
+    assert perception is not None
+    tick, update, parts = simulation.tick, perception.update, ([], [])  # type: ignore[var-annotated]
+
+    def timed(work: Callable[..., None], times: list[float]) -> Callable[..., None]:
+        def measured(*arguments: Any) -> None:
+            start = time.perf_counter()
+            work(*arguments)
+            times.append(time.perf_counter() - start)
+
+        return measured
+
+    simulation.tick, perception.update = timed(tick, parts[0]), timed(update, parts[1])  # type: ignore[method-assign]
+    for _ in range(50):
+        batch.step(np.zeros((_TIMED, len(batch.action_names))))
+    physics, estimate = (np.array(values[60:240]).reshape(-1, 6).min(axis=0) for values in parts)
+    for name, of in (("mean", np.mean), ("median", np.median)):
+        share, size = float(of(estimate) / of(physics)), 1e6 * float(of(physics)) / _TIMED
+        print(
+            f"{env}: {name} physics {size:.3g} us a robot, sensors and estimate {share:.2f} of it"
+        )
+
+
 def errors_over_time(env: str, preset: str, config: EstimatesConfig) -> dict[str, np.ndarray]:
     """Return the errors of robots that walk by the zero action, (T, N) by name; NaN once fallen."""
-    own = {"episode_seconds": config.seconds, "sensors": preset, "action_layer": config.layer}
-    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[env] | own), config.episodes)
-    for robot in range(config.episodes):
-        batch.seed(robot, np.random.default_rng(robot))
-    batch.reset(np.arange(config.episodes))
+    batch = begun(env, preset, config, config.episodes)
     zero, up = np.zeros((config.episodes, len(batch.action_names))), np.ones(config.episodes, bool)
     found: dict[str, list[np.ndarray]] = {name: [] for name in SHOWN}
     for _ in range(batch.num_steps):
@@ -69,7 +107,12 @@ def errors_over_time(env: str, preset: str, config: EstimatesConfig) -> dict[str
 def run(config: EstimatesConfig) -> None:
     """Play, print the root mean squares, draw."""
     check_fields(config)
-    check_output(config.out, "out", (".svg",))
+    if config.out is not None:
+        check_output(config.out, "out", (".svg",))
+    if config.cost:
+        for env in config.envs:
+            print_cost(env, config)
+        return
     panels = []
     for env in config.envs:
         hz = EnvConfig.of(ENVIRONMENTS[env]).policy_hz
@@ -80,13 +123,14 @@ def run(config: EstimatesConfig) -> None:
                 values = factor * played[preset][name]
                 values = values[:, ~np.isnan(values).all(axis=0)]
                 low, middle, high = np.nanquantile(values, (0.1, 0.5, 0.9), axis=1)
-                time = np.arange(1, len(values) + 1) / hz
-                series.append(Series(preset, colour, time, middle, low, high))
+                seconds = np.arange(1, len(values) + 1) / hz
+                series.append(Series(preset, colour, seconds, middle, low, high))
                 size = np.sqrt(np.nanmean(np.square(values)))
                 print(f"{env} {preset}: {title}, root mean square {size:.3g}", flush=True)
             short = env.removeprefix("fbid_gym/").removesuffix("-v0")
             panels.append(panel(series, f"{short}: {title}", "s"))
-    write(config.out, sheet(panels))
+    if config.out is not None:
+        write(config.out, sheet(panels))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -21,7 +21,7 @@ _FASTEST = 6.0  # of the speed
 _VAGUEST = 0.6  # of the speed
 _PATIENCE = 1.0  # pendulum times
 _SETTLE = 1.0  # pendulum times
-_CORRECTIONS = 30.0  # in a pendulum time, at most one each tick
+_CORRECTIONS, _SELDOM = 13.0, 0.0125  # in a pendulum time, at least, and s from one to the next
 _GATE = 16.27  # 99.9 % of chi-square with three degrees of freedom
 
 
@@ -30,7 +30,7 @@ def filter_of(sensors: Sensors, robot: Robot, mounting: Mounting, hz: int) -> Fi
     own, stance, tick = sensors.scaled, Stance.of(robot), 1.0 / hz
     height = float(stance.home_com[2])
     speed, time = np.sqrt(robot.gravity * height), np.sqrt(height / robot.gravity)
-    every = max(1, int(time * hz / _CORRECTIONS))
+    every = max(1, int(hz * min(time / _CORRECTIONS, _SELDOM)))
     step = every * tick
     turning = np.hypot(own.gyroscope_noise, _TURNING / time)
     pushing = np.hypot(own.accelerometer_noise, _PUSHING * robot.gravity)
