@@ -144,7 +144,10 @@ def test_a_page_has_the_command_and_the_short_table(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["flying"], "Unknown table 'flying'. Valid choices: walking, terrain, rates, zoo, noise"),
+        (
+            ["flying"],
+            "Unknown table 'flying'. Valid choices: walking, terrain, rates, zoo, layers, noise",
+        ),
         (["walking", "--seconds", "1e300"], "Invalid seconds: 1e+300"),
         (["walking", "--seconds", "-1"], "Invalid seconds: -1.0. Expected a number from"),
         (["terrain", "--seconds", "nan"], "Invalid seconds: nan. Expected a number from"),
