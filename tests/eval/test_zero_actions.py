@@ -146,7 +146,7 @@ def test_a_page_has_the_command_and_the_short_table(
     [
         (
             ["flying"],
-            "Unknown table 'flying'. Valid choices: walking, terrain, rates, zoo, layers, noise",
+            "Unknown table 'flying'. Valid choices: walking, terrain, rates, zoo, layers",
         ),
         (["walking", "--seconds", "1e300"], "Invalid seconds: 1e+300"),
         (["walking", "--seconds", "-1"], "Invalid seconds: -1.0. Expected a number from"),
