@@ -237,7 +237,7 @@ def page(
         [_wrapped(group) for group in groups],
         [(n, colours[n], [float(np.mean(x)) for x in of[n]]) for n in found],
         "Score: mean over robots",
-        top=1.0,
+        top=1.1,
     )
     return render(
         "layers.html",
@@ -262,7 +262,7 @@ def headline(best: str, found: dict[str, Standing], own: Sequence[str]) -> str:
 
 
 def _wrapped(text: str) -> str:
-    return "\n".join(textwrap.wrap(text, 18))
+    return "\n".join(textwrap.wrap(text, 14))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
