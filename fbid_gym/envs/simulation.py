@@ -152,7 +152,7 @@ class Simulation:
             self.note_change()
 
     def step(self, torque: np.ndarray, ids: np.ndarray | None = None) -> None:
-        """Advance one control tick under (N, n) N·m: all robots, or those of `ids`."""
+        """Advance one control tick under (N, n) N·m of ideal motors: all robots, or some `ids`."""
         if torque.shape != self._shape:
             torque = np.broadcast_to(torque, self._shape)
         torque = np.ascontiguousarray(torque, dtype=float)
