@@ -17,6 +17,7 @@ from eval.comparison import compare, film
 from eval.files import check_output, to_json, write
 from eval.report import headline, page
 from eval.results import Settings
+from fbid_gym.__main__ import called
 from fbid_gym.options import check_fields
 from train.command import run_command
 from train.environments import register
@@ -71,7 +72,7 @@ def run(config: CompareConfig, console: Console, command: list[str]) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Command line."""
     given = sys.argv[1:] if arguments is None else arguments
-    line = ["python", "-m", "eval.compare", *given]
+    line = [*called("eval.compare"), *given]
     work = partial(run, console=Console(), command=line)
     return run_command("eval.compare", CompareConfig, work, given, __doc__)
 

@@ -19,10 +19,10 @@ from eval.page.figures import Series, panel, sheet
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import NUM_ENVS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.estimation import PRESETS
 from fbid_gym.options import Choice, Each, Number, check_fields
+from fbid_gym.runtime.config import EnvConfig
 from train.command import run_command
 
 SHOWN = {

@@ -13,8 +13,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.options import Each, Number, Whole
+from fbid_gym.runtime.config import EnvConfig
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,9 @@ from fbid_gym.options import Number, Whole, check_fields
 from fbid_gym.policy import Policy, place_of
 from fbid_gym.robots import Robot
 from train.command import run_command
-from train.environments import make_env, make_envs, register, step_seconds
+from train.environments import make_env, make_envs, parse_env_args, register, step_seconds
 from train.episodes import METRICS, Actor, Episodes, play
 from train.progress import progress
-from train.runs.config import parse_object
 from train.runs.environment import changed_meaning, load_policy
 from train.runs.reading import Run
 from train.runs.robots import another, chosen, named, of_policy
@@ -143,15 +142,6 @@ def load_player(source: Path, env_args: Mapping[str, Any], robot: Robot | None =
     robot = of_policy(source, policy.env_args, robot)
     name = source.name.removesuffix(SUFFIX)
     return Player(name, policy.env_id, {**policy.env_args, **env_args}, policy, robot)
-
-
-def parse_env_args(text: str) -> dict[str, Any]:
-    """Read environment arguments given as a JSON object."""
-    try:
-        return parse_object(text)
-    except ValueError as error:
-        expected = f'a JSON object such as {{"push_force": [80, 80]}} ({error})'
-        raise InvalidValueError("env_args", text, expected) from error
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get(
     # MuJoCo chooses its renderer when it is imported, and its default needs a display.
     os.environ.setdefault("MUJOCO_GL", "egl")
 
-from fbid_gym.envs import register
 from fbid_gym.errors import FbidError
 
 if TYPE_CHECKING:
@@ -23,7 +22,13 @@ __version__: str
 _EXTRAS = {"make_rsl_rl": ("rsl_rl", "clients"), "make_sb3": ("sb3", "train")}
 """Public name -> module in `envs`, and the extra of what that needs."""
 
-register()
+try:
+    from fbid_gym.envs import register
+except ModuleNotFoundError as error:  # a robot that runs a policy needs no Gymnasium
+    if (error.name or "").partition(".")[0] != "gymnasium":
+        raise
+else:
+    register()
 
 
 def __getattr__(name: str) -> Any:

@@ -91,9 +91,8 @@ def check_shape(name: str, array: np.ndarray, expected: tuple[int, ...], axes: s
 
 def check_finite(name: str, array: np.ndarray) -> None:
     """Raise NonFiniteError that names the first entry which is NaN or infinite."""
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        raise NonFiniteError(name, tuple(int(i) for i in bad[0]))
+    if not np.isfinite(array).all():
+        raise NonFiniteError(name, tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0]))
 
 
 def contiguous(array: np.ndarray) -> np.ndarray:

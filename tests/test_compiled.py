@@ -9,8 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numba.core.runtime import rtsys
+from numba.core.runtime._nrt_python import memsys_enable_stats
 
-from fbid_gym.compiled import kernel
+from fbid_gym.compiled import compiled, kernel
 
 
 class Inner(NamedTuple):
@@ -40,7 +42,7 @@ def combine(outer: Outer, shift: float, x: np.ndarray, other: Inner) -> Inner:
 
 
 @pytest.fixture
-def arguments(rng) -> tuple:
+def arguments(rng):
     outer = Outer(
         count=2,
         inner=Inner(rng.normal(size=5), rng.normal()),
@@ -77,3 +79,37 @@ def test_without_compilation_everything_runs_in_python():
         text=True,
     )
     assert done.stdout.split()[-1:] == ["function"], done.stderr
+
+
+@compiled
+def _highest(inner: Inner, first: int) -> float:
+    """Makes no array: it looks at a view of one."""
+    best, row = inner.values[first], inner.values[first:]
+    for i in range(len(row)):
+        best = max(best, row[i])
+    return best
+
+
+@compiled
+def _widest(inner: Inner) -> float:
+    """Makes an array, and copies of others."""
+    wide = np.empty(len(inner.values))
+    for i in range(len(wide)):
+        wide[i] = inner.values[i] - inner.share
+    return _highest(Inner(wide, 0.0), 0) + wide[np.array([0, 2])].sum()
+
+
+@kernel
+def summary(inner: Inner) -> np.ndarray:
+    return np.array([_highest(inner, 1), _widest(inner)])
+
+
+def test_parts_answer_as_in_python_and_what_they_make_is_given_back():
+    inner, kept = Inner(np.array([9.0, 3.0, 5.0]), 1.0), []
+    assert _highest(inner, 1) == 5.0
+    memsys_enable_stats()
+    for _ in range(3):
+        np.testing.assert_array_equal(summary(inner), [5.0, 20.0])
+        stats = rtsys.get_allocation_stats()
+        kept.append(stats.alloc - stats.free)
+    assert kept[0] == kept[1] == kept[2]

@@ -1,7 +1,6 @@
 """What is read from strangers is small, whole and a file, or refused in one sentence."""
 
 import os
-from pathlib import Path
 
 import pytest
 
@@ -9,7 +8,7 @@ from fbid_gym.errors import RunError
 from fbid_gym.reading import MOST_JSON, read_file, read_object
 
 
-def test_files_are_read_as_they_are(tmp_path: Path) -> None:
+def test_files_are_read_as_they_are(tmp_path):
     (tmp_path / "a").write_bytes(bytes(range(256)))
     assert read_file(tmp_path / "a", 256, RunError) == bytes(range(256))
     (tmp_path / "b").symlink_to(tmp_path / "a")
@@ -19,7 +18,7 @@ def test_files_are_read_as_they_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder", "absent", "link", "large", "nul"])
-def test_what_is_no_file_or_too_large_is_refused(kind: str, tmp_path: Path) -> None:
+def test_what_is_no_file_or_too_large_is_refused(kind, tmp_path):
     path = tmp_path / "x"
     if kind == "pipe":
         os.mkfifo(path)
@@ -47,7 +46,7 @@ def test_what_is_no_file_or_too_large_is_refused(kind: str, tmp_path: Path) -> N
     ],
     ids=range(10),
 )
-def test_what_is_no_object_of_numbers_and_words_is_refused(text: str, tmp_path: Path) -> None:
+def test_what_is_no_object_of_numbers_and_words_is_refused(text, tmp_path):
     (tmp_path / "x").write_text(text, encoding="latin-1")
     with pytest.raises(RunError, match=r"x: (not JSON, truncated or corrupt|holds )"):
         read_object(tmp_path / "x", RunError)

@@ -10,12 +10,12 @@ SIZES = (0, 1, 3, 12, 33)
 
 
 @pytest.fixture
-def rng() -> np.random.Generator:
+def rng():
     return np.random.default_rng(0)
 
 
 @pytest.mark.parametrize(("rows", "inner"), pairs(SIZES, SIZES))
-def test_products(rng: np.random.Generator, rows: int, inner: int) -> None:
+def test_products(rng, rows, inner):
     left, right = rng.normal(size=(rows, inner)), rng.normal(size=(inner, 6))
     vector, result = rng.normal(size=inner), rng.normal(size=(rows, 6))
     small.multiply(left, right, result)
@@ -40,7 +40,7 @@ def product_of(factors: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_factors(rng: np.random.Generator, size: int) -> None:
+def test_factors(rng, size):
     root, ridge = rng.normal(size=(size, size + 2)), 0.1
     lower = np.full((size, size), np.nan)
     small.gram(root, root, ridge, lower)
@@ -58,7 +58,7 @@ def test_factors(rng: np.random.Generator, size: int) -> None:
     np.testing.assert_allclose(matrix @ solutions, columns, atol=1e-10)
 
 
-def test_what_cannot_be_factored_is_nan_and_raises_nothing() -> None:
+def test_what_cannot_be_factored_is_nan_and_raises_nothing():
     for matrix in (-np.eye(3), np.full((3, 3), np.nan), np.full((3, 3), np.inf)):
         small.factor(matrix)
         vector = np.ones(3)
@@ -82,7 +82,7 @@ def of_all_ranks(rng: np.random.Generator) -> np.ndarray:
     return np.array([root @ root.T for root in (full, low, twice, holes, both, np.zeros((6, 1)))])
 
 
-def test_pseudo_inverse_is_numpys_in_any_unit(rng: np.random.Generator) -> None:
+def test_pseudo_inverse_is_numpys_in_any_unit(rng):
     matrix = of_all_ranks(rng)
     expected = np.linalg.pinv(matrix, rcond=1e-10, hermitian=True)
     for unit in (1.0, 1e-9, 1e9):
@@ -92,7 +92,7 @@ def test_pseudo_inverse_is_numpys_in_any_unit(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("size", [*SIZES, 24])
-def test_pseudo_inverse_of_any_size_and_rank(rng: np.random.Generator, size: int) -> None:
+def test_pseudo_inverse_of_any_size_and_rank(rng, size):
     """Against NumPy, and by Penrose's conditions; of what is no number it is none."""
     for lost in (0, 1, 2, 5):
         root = rng.normal(size=(size, max(size - lost, 0)))
@@ -111,7 +111,7 @@ def test_pseudo_inverse_of_any_size_and_rank(rng: np.random.Generator, size: int
             assert rank == 0 and np.isnan(inverse).all()
 
 
-def test_rank_follows_the_tolerance() -> None:
+def test_rank_follows_the_tolerance():
     matrix = np.diag([1.0, 1e-4, 1e-8])[None]
     for rtol, rank in ((1e-10, 3), (1e-6, 2), (1e-2, 1)):
         (inverse,), found = inverted(matrix, rtol)
@@ -121,7 +121,7 @@ def test_rank_follows_the_tolerance() -> None:
 
 
 @pytest.mark.parametrize(("size", "lost"), [(1, 0), (6, 0), (6, 1), (6, 3), (9, 2), (6, 6)])
-def test_rank(rng: np.random.Generator, size: int, lost: int) -> None:
+def test_rank(rng, size, lost):
     for _ in range(20):
         basis, _ = np.linalg.qr(rng.normal(size=(size, size)))
         values = np.append(rng.uniform(0.01, 1.0, size - lost), np.zeros(lost))
@@ -132,7 +132,7 @@ def test_rank(rng: np.random.Generator, size: int, lost: int) -> None:
 
 
 @pytest.mark.parametrize("size", SIZES[1:])
-def test_factor_damped(rng: np.random.Generator, size: int) -> None:
+def test_factor_damped(rng, size):
     """Eigenvalues below the least are raised as promised, the others kept."""
     basis, _ = np.linalg.qr(rng.normal(size=(size, size)))
     for least in (1e-6, 0.01, 10.0):

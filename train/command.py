@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
+from fbid_gym.__main__ import called
 from fbid_gym.exit_status import exit_status
 from train.runs.command_line import read_options
 
@@ -30,7 +31,10 @@ def run_command(
     """
 
     def asked() -> int | None:
-        prog = f"python -m {module}"
-        return work(read_options(options, prog=prog, args=given, description=about))
+        prog = " ".join(called(module))
+        # The examples of the help are run in the same way; a line that is indented stays one.
+        line = f"python -m {module} "
+        text = about and about.replace(f"\n{line}", f"\n    {prog} ").replace(line, f"{prog} ")
+        return work(read_options(options, prog=prog, args=given, description=text))
 
     return exit_status(asked)

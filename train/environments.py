@@ -1,8 +1,11 @@
 """Environments as episodes are played in them: many at a time, or one that draws itself."""
 
 import importlib
+import importlib.util
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -10,18 +13,55 @@ from gymnasium.vector import VectorEnv
 
 from fbid_gym.envs import ENVIRONMENTS  # with fbid_gym itself, which registers them
 from fbid_gym.envs.overlays import EVERYTHING
-from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
-from train.runs.config import threads_for
+from fbid_gym.errors import FbidError, InvalidValueError, RunError, UnknownOptionError
+from train.runs.config import parse_object, threads_for
 
 
 def register(modules: Iterable[str]) -> None:
     """Import modules that register environments: those that the user has named, and no others.
 
+    Args:
+        modules: their names, or paths of files that end in ".py".
+
     Raises:
-        InvalidValueError: one that cannot be imported.
+        FbidError: one that cannot be imported.
     """
     for module in modules:
-        _import("register", module)
+        if module.endswith(".py"):
+            run_file(Path(module))
+        else:
+            _import("register", module)
+
+
+def parse_env_args(text: str) -> dict[str, Any]:
+    """Read environment arguments given as a JSON object; InvalidValueError for others."""
+    try:
+        return parse_object(text)
+    except ValueError as error:
+        expected = f'a JSON object such as {{"push_force": [80, 80]}} ({error})'
+        raise InvalidValueError("env_args", text, expected) from error
+
+
+def run_file(file: Path) -> None:
+    """Run a file of the user's, which registers what it holds.
+
+    Raises:
+        FbidError: of its own; or RunError, in one line, whatever else it raises.
+    """
+    if file.suffix != ".py" or not file.is_file():
+        raise InvalidValueError("file", str(file), "the path of a Python file")
+    name = f"run_{file.stem}"  # not that of a library that the file may be about
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look themselves up there
+    try:
+        spec.loader.exec_module(module)
+    except FbidError:
+        raise
+    except Exception as error:
+        said = " ".join(str(error).split())
+        raise RunError(f"{file}: cannot be run: {type(error).__name__}: {said}") from error
 
 
 def make_envs(env_id: str, env_args: Mapping[str, Any], num_envs: int) -> VectorEnv:

@@ -37,6 +37,7 @@ from train.runs.robots import chosen, is_built_in, with_robot
 from train.runs.tables import EVALUATIONS, PROGRESS, TableWriter, check_kept
 from train.runs.versions import package_versions
 from train.tensorboard import TensorBoardLog
+from train.tracking import TrackedLog
 
 
 def main(config: TrainConfig, make_env: MakeEnv = make_sb3) -> Path:
@@ -137,15 +138,19 @@ class _Training:
             if (buffer := self.algorithm.replay(learner)) is not None:
                 self.replay_files = counters.get("replay", [])
                 replay.restore(folder.replay, buffer, self.rows, self.replay_files)
+        opened = stack.enter_context
+        tracked: list[TensorBoardLog | TrackedLog] = []
+        if config.track:
+            log = TrackedLog(folder.path.resolve().name, config.to_json())
+            tracked.append(opened(closing(log)))
         # All that can be refused has been.
         run.begin()
         self.saved_steps = self.steps if run.resumes else -1
-        opened = stack.enter_context
         self.progress, self.evaluations = (
             opened(closing(TableWriter(path, columns[name], sizes.get(name))))
             for name, path in tables.items()
         )
-        self.tensorboard = opened(closing(TensorBoardLog(folder.tensorboard, self.steps)))
+        self.curves = [opened(closing(TensorBoardLog(folder.tensorboard, self.steps))), *tracked]
         self.console = Console(stderr=sys.stderr.isatty())
         self.tell = opened(progress(self.console, folder.path.name, every=2.0, start=self.steps))
         self.tell(self.steps, config.total_steps, "")
@@ -216,7 +221,8 @@ class _Training:
             **{name: float(metrics.get(name, math.nan)) for name in self.algorithm.metrics},
         }
         self.progress.append(row)
-        self.tensorboard.append("train", row)
+        for curve in self.curves:
+            curve.append("train", row)
         told = f"{_episodes(row)}, {row['fps']:.0f} steps/s"
         self.tell(self.steps, self.config.total_steps, told)
 
@@ -231,7 +237,8 @@ class _Training:
             self.best_return = row["return_mean"]
             policy.save(self.folder.best_policy)
         self.evaluations.append(row)
-        self.tensorboard.append("eval", row)
+        for curve in self.curves:
+            curve.append("eval", row)
         self.note(
             f"step {self.steps}: evaluation return {row['return_mean']:.1f} "
             f"± {row['return_std']:.1f}, survival {row['survival']:.0%}"
@@ -246,7 +253,7 @@ class _Training:
     def checkpoint(self) -> None:
         """Save the state and its policy, after the rows that the state says are on the disk."""
         self.export_policy()
-        for log in (self.progress, self.evaluations, self.tensorboard):
+        for log in (self.progress, self.evaluations, *self.curves):
             log.sync()
         buffer = self.algorithm.replay(self.learner)
         if buffer is not None:

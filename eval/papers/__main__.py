@@ -1,7 +1,7 @@
 """Run the papers' experiments and write one page: `make papers`, or `python -m eval.papers`.
 
-Every experiment is a script of its own, run as a process of its own with one core; this starts
-them, shows how far they are, and puts their sections together.
+Every experiment is a process of its own with one core; this starts them, shows how far they are,
+and puts their sections together.
 """
 
 import shlex
@@ -19,9 +19,10 @@ from rich.console import Console
 
 from eval.files import check_folder, read_json, write
 from eval.page.docs import PAPERS_PAGE, splice, spliced
-from eval.papers.experiment import OUT, Experiment, drawn, load
+from eval.papers.experiment import OUT, Experiment, load
 from eval.papers.page import Paper, Section, page, summary
 from eval.papers.registry import PAPERS, experiments
+from fbid_gym.__main__ import called
 from fbid_gym.errors import RunError
 from fbid_gym.options import Whole, check_fields
 from train.command import run_command
@@ -36,7 +37,7 @@ class PapersConfig:
     """Run the papers' experiments and write one page."""
 
     only: tuple[str, ...] = ()
-    """Names of scripts (fig4_slow_squat) or papers (mistry2010). Default: everything."""
+    """Names of experiments (fig4_slow_squat) or papers (mistry2010). Default: everything."""
     quick: bool = False
     """Fewer robots, shorter runs, coarser sweeps: to see that everything works."""
     out: Path = OUT
@@ -59,23 +60,21 @@ def _job(experiment: Experiment, config: PapersConfig) -> Job:
         except (TypeError, RunError):  # not there yet
             return Progress(0.0)
 
-    command = (sys.executable, "-m", experiment.module, "--out", str(config.out))
-    quick = ("--quick",) if config.quick else ()
-    return Job(experiment.name, command + quick, folder / _LOG, progress)
+    command = (sys.executable, "-m", "eval.papers.script", experiment.name)
+    options = ("--out", str(config.out), *(("--quick",) if config.quick else ()))
+    return Job(experiment.name, command + options, folder / _LOG, progress)
 
 
 def _section(experiment: Experiment, config: PapersConfig) -> Section:
     """Its section, or what there is to say when it has none."""
-    folder = experiment.folder(config.out)
-    body, log = folder / "section.html", folder / _LOG
     about = experiment.name, experiment.title, experiment.about
-    if not body.is_file():
+    saved, log = load(experiment, config.out), experiment.folder(config.out) / _LOG
+    if saved is None:
         tail = log.read_text().splitlines()[-1:] if log.is_file() else ["not run"]
         wrong = f"This did not run to the end: {tail}."
         return Section(*about, (), wrong, experiment.command(config.quick), 0.0, failed=True)
-    result, run = load(experiment, config.out)
-    command = experiment.command(run.quick)
-    return Section(*about, result.findings, drawn(experiment, result), command, run.seconds)
+    run, body = saved
+    return Section(*about, run.findings, body, experiment.command(run.quick), run.seconds)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -102,17 +101,19 @@ def run(config: PapersConfig, given: Sequence[str]) -> int:
     failed: list[Job] = []
     if not config.page_only:
         # The longest first, so that all cores are busy to the end.
-        order = sorted(sum(chosen.values(), []), key=lambda experiment: -experiment.minutes)
+        order = sorted(
+            (e for _, some in chosen for e in some), key=lambda experiment: -experiment.minutes
+        )
         for experiment, stale in product(order, ("progress.json", "section.html")):
             (experiment.folder(config.out) / stale).unlink(missing_ok=True)
         jobs = [_job(experiment, config) for experiment in order]
         failed = run_jobs(jobs, config.jobs, console, keep_going=True)
     papers = [
         Paper(entry.title, entry.about, [_section(experiment, config) for experiment in some])
-        for entry, some in chosen.items()
+        for entry, some in chosen
     ]
     seconds = time.monotonic() - began
-    command = shlex.join(["python", "-m", "eval.papers", *given])
+    command = shlex.join([*called("eval.papers"), *given])
     report = config.out / "report.html"
     write(report, page(papers, command, seconds, config.quick))
     if config.write_docs:

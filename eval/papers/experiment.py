@@ -1,30 +1,23 @@
-"""What an experiment is: it runs and saves data, then draws its section from what it saved."""
+"""What an experiment is: a function that measures, and returns its findings and its section."""
 
-import io
+import importlib
 import json
 import shlex
-import sys
 import time
-import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
-from functools import partial
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, Literal, TypeVar
 
 import msgspec
-import numpy as np
 from markupsafe import Markup
 
 from eval.files import read_json, to_json, write
-from eval.papers.page import Finding
+from eval.page.html import text
 from fbid_gym.errors import RunError
-from fbid_gym.reading import MOST_DATA, read_file
-from train.command import run_command
 
 OUT = Path("runs/papers")
-_SHOWN_EVERY = 1.0
+_SHOWN_EVERY = 1.0  # s
 Item = TypeVar("Item")
 
 
@@ -82,18 +75,37 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Result:
-    """What a run found.
+class Finding:
+    """One number of a paper beside ours.
 
     Attributes:
-        findings: the paper's numbers beside ours, for the head of the section and of the page.
-        numbers: everything else that tables need, as JSON can hold it.
-        arrays: what figures need.
+        what: is measured.
+        paper: what the paper has.
+        ours: what came out here.
+        verdict: "met" or "missed" where ours has a target, else "shown".
+        target: what ours should be; empty without a target.
     """
 
-    findings: list[Finding]
-    numbers: dict[str, Any]
-    arrays: dict[str, Any]
+    what: str
+    paper: str
+    ours: str
+    verdict: Literal["met", "missed", "shown"] = "shown"
+    target: str = ""
+
+
+def judged(what: str, paper: str, ours: str, target: str, holds: bool) -> Finding:
+    """Return a finding that has a target."""
+    return Finding(what, paper, ours, "met" if holds else "missed", target)
+
+
+def fate(fell: float | None) -> str:
+    """Say whether a robot stayed up; `fell` is when it fell, s."""
+    return "stays up" if fell is None else f"falls at {fell:.1f} s"
+
+
+def prose(words: str) -> Markup:
+    """Paragraphs, parted by empty lines."""
+    return text(*words.strip().split("\n\n"))
 
 
 def row(rows: Sequence[dict[str, Any]], **values: Any) -> dict[str, Any]:
@@ -102,34 +114,61 @@ def row(rows: Sequence[dict[str, Any]], **values: Any) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
+class Result:
+    """What a run found.
+
+    Attributes:
+        findings: the paper's numbers beside ours, for the head of the section and of the page.
+        numbers: all that was measured, as JSON can hold it.
+        body: pieces of the section, HTML where they are Markup.
+    """
+
+    findings: list[Finding]
+    numbers: dict[str, Any]
+    body: Sequence[str]
+
+
+class Run(msgspec.Struct):
+    """What a run has left in `numbers.json`.
+
+    Attributes:
+        findings: the paper's numbers beside ours.
+        numbers: all that was measured.
+        quick: whether this was the quick form.
+        seconds: that it took.
+    """
+
+    findings: list[Finding]
+    numbers: dict[str, Any]
+    quick: bool
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Experiment:
     """One figure or claim of a paper.
 
     Attributes:
-        module: dotted name of its script.
         title: what it shows.
         about: what was done, in one or two sentences.
-        run: does it.
-        show: turns a result, as it was saved, into the pieces of its section.
         minutes: that it takes, roughly; the longest are started first.
+        run: does it.
     """
 
-    module: str
     title: str
     about: str
+    minutes: float
     run: Callable[[Setting], Result]
-    show: Callable[[Result], Sequence[str]]
-    minutes: float = 1.0
 
     @property
     def name(self) -> str:
-        """Last part of the module's name."""
-        return self.module.rpartition(".")[2]
+        """That of its function."""
+        return self.run.__name__
 
     @property
     def paper(self) -> str:
         """Name of the paper's package."""
-        return self.module.split(".")[-2]
+        return self.run.__module__.split(".")[2]
 
     def folder(self, out: Path) -> Path:
         """Where its data lie."""
@@ -137,115 +176,43 @@ class Experiment:
 
     def command(self, quick: bool) -> str:
         """Return the command that runs it alone."""
-        return shlex.join(["python", "-m", self.module, *(["--quick"] if quick else [])])
+        quickly = ["--quick"] if quick else []
+        return shlex.join(["python", "-m", "eval.papers", "--only", self.name, *quickly])
 
 
-def save(experiment: Experiment, out: Path, result: Result, about: dict[str, Any]) -> None:
-    """Write `data.npz` and `numbers.json` into the experiment's folder."""
-    folder, buffer = experiment.folder(out), io.BytesIO()
-    np.savez_compressed(buffer, **result.arrays)
-    write(folder / "data.npz", buffer.getvalue())
-    findings = [asdict(finding) for finding in result.findings]
-    numbers = {"findings": findings, "numbers": result.numbers, "run": about}
-    write(folder / "numbers.json", to_json(numbers))
+def experiment(
+    title: str, about: str, minutes: float = 1.0
+) -> Callable[[Callable[[Setting], Result]], Experiment]:
+    """Make a function an experiment; see `Experiment`."""
+    return lambda run: Experiment(title, " ".join(about.split()), minutes, run)
 
 
-@dataclass(frozen=True)
-class Run:
-    """How an experiment was run.
-
-    Attributes:
-        quick: in the quick form.
-        seconds: that it took.
-    """
-
-    quick: bool
-    seconds: float
+def found(package: str, module: str, name: str) -> Experiment:
+    """Import an experiment of a paper's package."""
+    there = importlib.import_module(f"eval.papers.{package}.{module}")
+    return getattr(there, name)
 
 
-class _Saved(msgspec.Struct):
-    """What stands in `numbers.json`."""
+def perform(experiment: Experiment, out: Path, quick: bool) -> Run:
+    """Run an experiment and save its numbers and its section."""
+    folder, began = experiment.folder(out), time.monotonic()
+    result = experiment.run(Setting(quick, Progress(folder / "progress.json")))
+    run = Run(result.findings, result.numbers, quick, time.monotonic() - began)
+    write(folder / "numbers.json", to_json(msgspec.to_builtins(run)))
+    write(folder / "section.html", Markup("").join(result.body))
+    return run
 
-    findings: list[Finding]
-    numbers: dict[str, Any]
-    run: Run
 
-
-_UNFIT = (KeyError, ValueError, IndexError, TypeError, AttributeError, StopIteration)
-
-
-def load(experiment: Experiment, out: Path) -> tuple[Result, Run]:
-    """Read what `save` wrote: the result, and how it was run.
+def load(experiment: Experiment, out: Path) -> tuple[Run, Markup] | None:
+    """Read what `perform` saved, its section as HTML; None where it did not run to the end.
 
     Raises:
-        RunError: the experiment has not been run, or its files are not what `save` wrote.
+        RunError: the files are not what `perform` wrote.
     """
-    folder = experiment.folder(out)
-    for name in ("data.npz", "numbers.json"):
-        if not (folder / name).is_file():
-            raise RunError(f"{folder} holds no {name}. Run: {experiment.command(False)}")
-    arrays, saved = _arrays(folder / "data.npz"), read_json(folder / "numbers.json")
+    numbers, section = (experiment.folder(out) / n for n in ("numbers.json", "section.html"))
+    if not section.is_file():
+        return None
     try:
-        read = msgspec.convert(saved, _Saved)
-    except msgspec.ValidationError as error:
-        raise RunError(f"{folder / 'numbers.json'}: not of this experiment ({error}).") from error
-    return Result(read.findings, read.numbers, arrays), read.run
-
-
-def drawn(experiment: Experiment, result: Result) -> Markup:
-    """Return the section of a result.
-
-    Raises:
-        RunError: numbers or arrays that the experiment needs are not there, or others.
-    """
-    try:
-        return Markup("").join(experiment.show(result))
-    except _UNFIT as error:
-        kind = type(error).__name__
-        raise RunError(f"{experiment.name}: its data do not fit it ({kind}: {error}).") from error
-
-
-def _arrays(path: Path) -> dict[str, np.ndarray]:
-    packed = io.BytesIO(read_file(path, MOST_DATA, RunError))
-    try:
-        with zipfile.ZipFile(packed) as file:
-            size = sum(entry.file_size for entry in file.infolist())
-        if size > MOST_DATA:
-            raise RunError(f"{path}: unpacks to more than {MOST_DATA >> 20} MB.")
-        with np.load(packed, allow_pickle=False) as arrays:
-            return dict(arrays)
-    except (*_UNFIT, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise RunError(f"{path}: no arrays, truncated or corrupt ({error}).") from error
-
-
-@dataclass(frozen=True)
-class ScriptConfig:
-    """Run one experiment, save its data, draw its section."""
-
-    quick: bool = False
-    """Fewer robots, shorter runs, coarser sweeps."""
-    out: Path = OUT
-    """Folder of the papers' experiments."""
-    draw_only: bool = False
-    """Draw the section from the data that are there."""
-
-
-def main(experiment: Experiment) -> NoReturn:
-    """Command line of one experiment. An error of ours is one line and exit status 2."""
-    about, work = f"{experiment.title}. {experiment.about}", partial(_perform, experiment)
-    sys.exit(run_command(experiment.module, ScriptConfig, work, about=about))
-
-
-def _perform(experiment: Experiment, config: ScriptConfig) -> None:
-    folder = experiment.folder(config.out)
-    if not config.draw_only:
-        began = time.monotonic()
-        setting = Setting(config.quick, Progress(folder / "progress.json"))
-        result = experiment.run(setting)
-        seconds = time.monotonic() - began
-        save(experiment, config.out, result, {"quick": config.quick, "seconds": seconds})
-    result, run = load(experiment, config.out)
-    write(folder / "section.html", drawn(experiment, result))
-    for finding in result.findings:
-        print(f"{finding.what}: {finding.ours} (paper: {finding.paper})")
-    print(f"{run.seconds:.0f} s. Section: {folder / 'section.html'}")
+        return msgspec.convert(read_json(numbers), Run), Markup(section.read_text())
+    except (msgspec.ValidationError, UnicodeDecodeError) as error:
+        raise RunError(f"{numbers.parent}: not of this experiment ({error}).") from error

@@ -88,17 +88,6 @@ class Log:
         late = np.searchsorted(self.time, np.asarray(moments) - _SAME)
         return np.minimum(late, len(self.time) - 1)
 
-    def arrays(self, prefix: str = "") -> dict[str, np.ndarray]:
-        """Return all arrays by name, for `numpy.savez`."""
-        named = {"time": self.time, "fell": self.fell, **self.signals}
-        return {f"{prefix}{name}": single(value) for name, value in named.items()}
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray], prefix: str = "") -> "Log":
-        """Rebuild a log from `arrays` of the same prefix."""
-        own = {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
-        return cls(own.pop("time"), own.pop("fell"), own)
-
 
 def single(value: np.ndarray) -> np.ndarray:
     """Return a copy, in single precision if it was in double."""

@@ -2,40 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 from eval.page.html import render
-
-Verdict = Literal["met", "missed", "shown"]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One number of a paper beside ours.
-
-    Attributes:
-        what: is measured.
-        paper: what the paper has.
-        ours: what came out here.
-        verdict: "met" or "missed" where ours has a target, else "shown".
-        target: what ours should be; empty without a target.
-    """
-
-    what: str
-    paper: str
-    ours: str
-    verdict: Verdict = "shown"
-    target: str = ""
-
-
-def judged(what: str, paper: str, ours: str, target: str, holds: bool) -> Finding:
-    """Return a finding that has a target."""
-    return Finding(what, paper, ours, "met" if holds else "missed", target)
-
-
-def fate(fell: float | None) -> str:
-    """Say whether a robot stayed up; `fell` is when it fell, s."""
-    return "stays up" if fell is None else f"falls at {fell:.1f} s"
+from eval.papers.experiment import Finding
 
 
 @dataclass(frozen=True)
@@ -75,7 +44,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Paper:
-    """A paper and its experiments."""
+    """A paper and its experiments; `about` is what stands above them."""
 
     title: str
     about: str
@@ -91,15 +60,9 @@ def page(papers: Sequence[Paper], command: str, seconds: float, quick: bool) -> 
         seconds: that everything took.
         quick: whether this is the quick form.
     """
-    return render(
-        "papers.html",
-        title="The papers, reproduced",
-        papers=papers,
-        sections=[section for paper in papers for section in paper.sections],
-        command=command,
-        seconds=seconds,
-        quick=quick,
-    )
+    sections = [section for paper in papers for section in paper.sections]
+    content = {"papers": papers, "sections": sections, "command": command, "seconds": seconds}
+    return render("papers.html", title="The papers, reproduced", quick=quick, **content)
 
 
 def summary(papers: Sequence[Paper]) -> str:

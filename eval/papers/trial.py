@@ -1,40 +1,32 @@
 """One experiment's robots: N of them follow a plan under one controller, and all is logged."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
 
 from eval.papers.log import Log, single
-from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics
-from fbid_gym.envs.rates import Rates
+from fbid_gym.dynamics import DynamicsTerms
+from fbid_gym.dynamics.stance import Stance
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
+from fbid_gym.runtime.rates import Rates
+from fbid_gym.tasks.body import FALLEN_HEIGHT, FALLEN_TILT
 
 RATES = Rates(physics=1000, control=500)
 """[M10] IV.A: integration at 1000 Hz, feedback at 500 Hz."""
-
-FALLEN_HEIGHT = 0.6
-"""Share of the height that the plan has below which a robot counts as fallen. Of the plan and not
-of the home stance: a deep squat is no fall."""
-
-FALLEN_TILT = np.cos(np.radians(60.0))
-"""Cosine of the tilt of the base beyond which the robot counts as fallen."""
 
 COLLAPSE_SECONDS = 1.0
 """How long a fallen robot is simulated on, for the pictures. A heap on the ground is slow."""
 
 _TOLD_EVERY = 250  # ticks
-
 Memory = dict[str, Any]
-GoalT = TypeVar("GoalT")
-GoalT_contra = TypeVar("GoalT_contra", contravariant=True)
 
 
-class Wanted(NamedTuple, Generic[GoalT]):
+class Wanted(NamedTuple):
     """What the robots shall do on one tick.
 
     Attributes:
@@ -43,12 +35,12 @@ class Wanted(NamedTuple, Generic[GoalT]):
         seen: returns what the log shall keep of it, arrays with a row per robot by name.
     """
 
-    goal: GoalT
+    goal: Any
     height: np.ndarray
     seen: Callable[[], dict[str, np.ndarray]]
 
 
-Plan = Callable[[Simulation, np.ndarray], Callable[[np.ndarray], Wanted[GoalT]]]
+Plan = Callable[[Simulation, np.ndarray], Callable[[np.ndarray], Wanted]]
 """Places the robots where the plan has them at their ticks (N,); returns what they shall do, as a
 function of their ticks (N,)."""
 
@@ -70,7 +62,7 @@ class Command(Protocol):
     def _asdict(self) -> dict[str, Any]: ...
 
 
-class Controller(Protocol[GoalT_contra]):
+class Controller(Protocol):
     """From state, dynamics and goal to torques; it keeps what it remembers in `memory`."""
 
     def memory(self, num_robots: int) -> Memory:
@@ -78,144 +70,10 @@ class Controller(Protocol[GoalT_contra]):
         ...
 
     def __call__(
-        self, state: RobotState, terms: DynamicsTerms, goal: GoalT_contra, memory: Memory
+        self, state: RobotState, terms: DynamicsTerms, goal: Any, memory: Memory
     ) -> Command:
         """Return the command for one control tick."""
         ...
-
-
-@dataclass(frozen=True, eq=False)
-class Trial(Generic[GoalT]):
-    """What happens to N robots, whoever controls them.
-
-    Attributes:
-        robot: the robot.
-        plan: what it shall do.
-        seconds: how long.
-        num_robots: N.
-        start: (N,) s into the plan at which each robot begins; None for its beginning.
-        world: compiled from `robot.spec` and what was added to it; None for the robot's own.
-        prepare: changes the simulated world before the robots are placed.
-        believe: by default the controller knows the robot.
-        disturb: by default nothing does.
-        every: control ticks from one logged tick to the next.
-        watch: entries of the controller's memory to log, each (N, ...).
-    """
-
-    robot: Robot
-    plan: Plan[GoalT]
-    seconds: float
-    num_robots: int = 1
-    start: np.ndarray | None = None
-    world: mujoco.MjModel | None = None
-    prepare: Callable[[Simulation], None] | None = None
-    believe: Belief | None = None
-    disturb: Disturbance | None = None
-    every: int = 1
-    watch: tuple[str, ...] = ()
-
-
-def simulate(
-    trial: Trial[GoalT],
-    controller: Controller[GoalT],
-    progress: Callable[[float], None] = lambda share: None,
-) -> Log:
-    """Run a trial.
-
-    A robot that has fallen, whose torques are not finite or whose simulation diverged gets no more
-    torque, and comes to a halt after `COLLAPSE_SECONDS`; the time is in the log, and statistics end
-    there. The trial ends early when none is left.
-
-    Args:
-        trial: what happens.
-        controller: who controls.
-        progress: called now and then with the share that is done.
-    """
-    robot, count, limit = trial.robot, trial.num_robots, trial.robot.torque_limit
-    simulation = Simulation(robot, count, RATES, world=trial.world)
-    if trial.prepare is not None:
-        trial.prepare(simulation)
-    start = np.zeros(count) if trial.start is None else trial.start
-    start = np.round(start * RATES.control).astype(np.int64)
-    wanted_at = trial.plan(simulation, start)
-    believed = simulation.terms if trial.believe is None else trial.believe(simulation)
-    push_at = (pushed() if trial.disturb is None else trial.disturb)(simulation)
-    memory, upright = controller.memory(count), _upright(robot)
-    recorder = _Recorder(simulation, trial.every)
-    steps = round(trial.seconds * RATES.control)
-    for step in range(steps):
-        tick = start + step
-        wanted = wanted_at(tick)
-        qpos, qvel = simulation.qpos.copy(), simulation.qvel.copy()
-        state = RobotState(qpos, qvel, simulation.contact_force, tick)
-        command = controller(state, believed(), wanted.goal, memory)
-        torque = np.clip(command.torque, -limit, limit)
-        broken = simulation.diverged() | ~np.isfinite(torque).all(axis=1)
-        lost = recorder.lose(broken | _fallen(simulation.terms(), wanted.height, upright), step)
-        torque[lost] = 0.0
-        push = push_at(step)
-        if step % trial.every == 0:
-            watched = {name: memory[name] for name in trial.watch}
-            signals = wanted.seen() | command._asdict() | watched
-            recorder.add(signals | {"torque": torque, "push": push})
-        if lost.all():
-            break
-        simulation.push(push)
-        simulation.step(torque, recorder.moving(step))
-        if step % _TOLD_EVERY == 0:
-            progress(step / steps)
-    return recorder.log()
-
-
-def _upright(robot: Robot) -> np.ndarray:
-    """The vertical (3,) in the base's axes at home."""
-    home = MuJoCoDynamics(robot).terms(robot.home_qpos[None], np.zeros((1, robot.nv)))
-    return home.world_from_base[0, 2]
-
-
-def _fallen(terms: DynamicsTerms, height: np.ndarray, upright: np.ndarray) -> np.ndarray:
-    """Which robots lie: (N,) bool."""
-    low = height_of(terms) < FALLEN_HEIGHT * height
-    return low | (np.vecdot(terms.world_from_base[:, 2], upright) < FALLEN_TILT)
-
-
-def height_of(terms: DynamicsTerms) -> np.ndarray:
-    """Return the height of each base above the lowest foot, (N,) m."""
-    return terms.base_position[:, 2] - terms.foot_position[:, :, 2].min(axis=1)
-
-
-class _Recorder:
-    """Collects the ticks of a trial, every so many control ticks, and who was lost when."""
-
-    def __init__(self, simulation: Simulation, every: int) -> None:
-        """Start empty."""
-        self._simulation, self._world = simulation, simulation.batch.bind("qpos")
-        self._tick_seconds, self._every = 1.0 / RATES.control, every
-        self._rows: dict[str, list[np.ndarray]] = {}
-        self._fell = np.full(simulation.num_robots, np.nan)
-
-    def lose(self, robots: np.ndarray, step: int) -> np.ndarray:
-        """Note that robots (N,) bool are lost by now; return all that are."""
-        self._fell[robots & np.isnan(self._fell)] = step * self._tick_seconds
-        return ~np.isnan(self._fell)
-
-    def moving(self, step: int) -> np.ndarray | None:
-        """Return the robots that stand or collapse still; None for all."""
-        halted = step * self._tick_seconds - self._fell >= COLLAPSE_SECONDS
-        return np.flatnonzero(~halted) if halted.any() else None
-
-    def add(self, signals: Mapping[str, np.ndarray]) -> None:
-        """Keep one tick."""
-        now = self._simulation
-        always = {"qpos": self._world, "qvel": now.qvel, "contact_force": now.contact_force}
-        for name, value in (always | dict(signals)).items():
-            self._rows.setdefault(name, []).append(single(value))
-
-    def log(self) -> Log:
-        """Return what was collected."""
-        signals = {name: np.array(rows) for name, rows in self._rows.items()}
-        time = np.arange(len(signals["qpos"])) * self._every * self._tick_seconds
-        return Log(time, self._fell, signals)
 
 
 class Push(NamedTuple):
@@ -236,10 +94,8 @@ def pushed(*pushes: Push) -> Disturbance:
     """Return what pushes the robots."""
 
     def begin(simulation: Simulation) -> Callable[[int], np.ndarray]:
-        still = np.zeros((simulation.num_robots, 3))
-
         def force(step: int) -> np.ndarray:
-            total = still
+            total = np.zeros((simulation.num_robots, 3))
             for push in pushes:
                 since = step - np.round(push.start * RATES.control)
                 on = (since >= 0) & (since < round(push.duration * RATES.control))
@@ -249,3 +105,98 @@ def pushed(*pushes: Push) -> Disturbance:
         return force
 
     return begin
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What happens to N robots, whoever controls them.
+
+    Attributes:
+        robot: the robot.
+        plan: what it shall do.
+        seconds: how long.
+        num_robots: N.
+        start: (N,) s into the plan at which each robot begins; None for its beginning.
+        world: compiled from `robot.spec` and what was added to it; None for the robot's own.
+        prepare: changes the simulated world before the robots are placed.
+        believe: by default the controller knows the robot.
+        disturb: by default nothing does.
+        every: control ticks from one logged tick to the next.
+        watch: entries of the controller's memory to log, each (N, ...).
+    """
+
+    robot: Robot
+    plan: Plan
+    seconds: float
+    num_robots: int = 1
+    start: np.ndarray | None = None
+    world: mujoco.MjModel | None = None
+    prepare: Callable[[Simulation], None] = lambda simulation: None
+    believe: Belief = lambda simulation: simulation.terms
+    disturb: Disturbance = pushed()
+    every: int = 1
+    watch: tuple[str, ...] = ()
+
+
+def simulate(
+    trial: Trial, controller: Controller, progress: Callable[[float], None] = lambda share: None
+) -> Log:
+    """Run a trial.
+
+    A robot that has fallen, whose torques are not finite or whose simulation diverged gets no more
+    torque, and comes to a halt after `COLLAPSE_SECONDS`; the time is in the log, and statistics end
+    there. The trial ends early when none is left.
+
+    Args:
+        trial: what happens.
+        controller: who controls.
+        progress: called now and then with the share that is done.
+    """
+    robot, count, limit = trial.robot, trial.num_robots, trial.robot.torque_limit
+    simulation = Simulation(robot, count, RATES, world=trial.world)
+    trial.prepare(simulation)
+    start = np.zeros(count) if trial.start is None else trial.start
+    start = np.round(start * RATES.control).astype(np.int64)
+    wanted_at, believed = trial.plan(simulation, start), trial.believe(simulation)
+    push_at, memory = trial.disturb(simulation), controller.memory(count)
+    upright, world = Stance.of(robot).terms.world_from_base[0, 2], simulation.batch.bind("qpos")
+    fell, rows, tick = np.full(count, np.nan), [], 1.0 / RATES.control
+    steps = round(trial.seconds * RATES.control)
+    for step in range(steps):
+        wanted = wanted_at(start + step)
+        qpos, qvel = simulation.qpos.copy(), simulation.qvel.copy()
+        state = RobotState(qpos, qvel, simulation.contact_force, start + step)
+        command = controller(state, believed(), wanted.goal, memory)
+        torque = np.clip(command.torque, -limit, limit)
+        lost = simulation.diverged() | ~np.isfinite(torque).all(axis=1)
+        lost |= _fallen(simulation.terms(), wanted.height, upright)
+        fell[lost & np.isnan(fell)] = step * tick
+        lost = ~np.isnan(fell)
+        torque[lost] = 0.0
+        push = push_at(step)
+        if step % trial.every == 0:
+            now = {"qpos": world, "qvel": qvel, "contact_force": simulation.contact_force}
+            now |= wanted.seen() | command._asdict() | {name: memory[name] for name in trial.watch}
+            now |= {"torque": torque, "push": push}
+            rows.append({name: single(value) for name, value in now.items()})
+        if lost.all():
+            break
+        halted = step * tick - fell >= COLLAPSE_SECONDS
+        simulation.push(push)
+        simulation.step(torque, np.flatnonzero(~halted) if halted.any() else None)
+        if step % _TOLD_EVERY == 0:
+            progress(step / steps)
+    signals = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    return Log(np.arange(len(rows)) * trial.every * tick, fell, signals)
+
+
+def _fallen(terms: DynamicsTerms, height: np.ndarray, upright: np.ndarray) -> np.ndarray:
+    """Which robots lie: (N,) bool. Of the plan's height, not of home: a deep squat is no fall."""
+    low = height_of(terms) < FALLEN_HEIGHT * height
+    tilted = np.vecdot(terms.world_from_base[:, 2], upright) < np.cos(np.radians(FALLEN_TILT))
+    return np.asarray(low | tilted)
+
+
+def height_of(terms: DynamicsTerms) -> np.ndarray:
+    """Return the height of each base above the lowest foot, (N,) m."""
+    return terms.base_position[:, 2] - terms.foot_position[:, :, 2].min(axis=1)

@@ -6,7 +6,7 @@ import mujoco
 import mujoco.batch
 import numpy as np
 
-from eval.papers.inertial_parameters import (
+from eval.papers.inertial_parameters.inertia import (
     body_parameters,
     parameters_of_pseudo_inertia,
     pseudo_inertia,

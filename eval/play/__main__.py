@@ -18,12 +18,12 @@ from eval.play.serving import close_server, measured, open_server, show
 from eval.play.session import Session
 from eval.play.stage import NO_POLICY, OWNED, Stage, check_stage
 from eval.play.texts import from_query
-from eval.rollout import parse_env_args
 from fbid_gym.checks import check_positive
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.runtime.config import EnvConfig
 from train.command import run_command
+from train.environments import parse_env_args
 from train.runs.robots import chosen
 
 DEFAULT_ENV = "fbid_gym/QuadrupedWalk-v0"

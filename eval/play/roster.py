@@ -8,11 +8,11 @@ from eval.play.controls import ALONE
 from eval.play.stage import NO_POLICY
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy, place_of, shipped
 from fbid_gym.policy.policy_file import PREFIX
 from fbid_gym.robots import Robot, load
+from fbid_gym.runtime.config import EnvConfig
 from train.runs.environment import load_policy
 from train.runs.robots import of_policy
 

@@ -52,7 +52,8 @@ def open_server(session: Session, host: str, port: int) -> Any:
         import viser
     except ImportError as error:
         raise FbidError(
-            f"The page needs viser ({error}). Install it: make play, or pip install viser."
+            f"The page needs viser ({error}). It comes with the extra 'play': "
+            "pip install 'fbid_gym[play]'."
         ) from error
     Whole(0, 65535).check("port", port)
     with socket.socket() as probe:

@@ -8,9 +8,9 @@ from typing import Any
 
 from fbid_gym.actions import layer_options
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
 from fbid_gym.policy import Policy
+from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import Task
 from train.runs.differences import differences, in_words
 

@@ -22,13 +22,13 @@ from eval.robustness.factors import FACTORS
 from eval.robustness.page import drawn, page
 from eval.robustness.tables import markdown, numbers, said, shown
 from eval.robustness.wording import headline
-from eval.rollout import parse_env_args
+from fbid_gym.__main__ import called
 from fbid_gym.actions import LAYERS
 from fbid_gym.checks import check_choices, check_positive
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.options import Whole, check_fields
 from train.command import run_command
-from train.environments import register
+from train.environments import parse_env_args, register
 from train.progress import progress
 from train.runs.reading import LAYER_ARGS
 from train.runs.robots import chosen
@@ -149,7 +149,7 @@ def tell(found: Robustness, console: Console) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Command line."""
     given = sys.argv[1:] if arguments is None else arguments
-    line = ["python", "-m", "eval.robustness", *given]
+    line = [*called("eval.robustness"), *given]
     work = partial(run, console=Console(), command=line)
     return run_command("eval.robustness", RobustnessConfig, work, given, __doc__)
 

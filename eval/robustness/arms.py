@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 from eval.comparable import check_comparable, group
 from eval.rollout import Player
 from fbid_gym.checks import check_choices
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.vector_env import RobotVectorEnv
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.robots import Robot
+from fbid_gym.runtime.config import EnvConfig
 from train.environments import make_envs
 from train.runs.reading import Run, layer_name, load
 from train.runs.robots import named

@@ -16,10 +16,10 @@ from eval.robustness.arms import Arm, environment
 from eval.robustness.factors import FACTORS, Factor, changed
 from eval.rollout import Player, play_player
 from eval.statistics import Chance, interquartile_mean
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import RunError
 from fbid_gym.policy import Policy
 from fbid_gym.reading import read_object
+from fbid_gym.runtime.config import EnvConfig
 from train.episodes import METRICS, Episodes
 from train.progress import Tell
 

@@ -13,8 +13,10 @@ import numpy as np
 from eval.wording import number, percent
 from eval.zero_actions.tables import EXACT
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.envs.config import EnvConfig
+from fbid_gym.robots.data_sheets import motor_sheet
+from fbid_gym.robots.drives import IDEAL, SHEET
 from fbid_gym.robots.terrain import hardest
+from fbid_gym.runtime.config import EnvConfig
 
 PAPERS_PHYSICS: dict[str, Any] = EXACT | {"solver_warm_start": True}
 """Rates, cones and contact solver of the papers' experiments; see also `eval.zero_actions`."""
@@ -93,6 +95,37 @@ def _scaled(name: str) -> Callable[[float, EnvConfig], Changes]:
 def _late(milliseconds: float, config: EnvConfig) -> Changes:
     seconds = 1e-3 * milliseconds
     return {"randomisation": {"action_delay": (seconds, seconds)}}
+
+
+def _latent(milliseconds: float, config: EnvConfig) -> Changes:
+    seconds = 1e-3 * milliseconds
+    return {"randomisation": {"loop_delay": (seconds, seconds)}}
+
+
+def _motor_table(config: EnvConfig) -> Changes:
+    """The environment's motors as a table."""
+    if isinstance(config.motors, str):
+        return {} if config.motors == IDEAL else {"base": config.motors}
+    return dict(config.motors)
+
+
+def _sped(share: float, config: EnvConfig) -> Changes:
+    motors = SHEET if config.motors == IDEAL else config.motors
+    return {"motors": motors, "randomisation": {"motor_speed": (share, share)}}
+
+
+def _without_line(config: EnvConfig) -> str:
+    own = config.load_robot()
+    if config.motors == IDEAL:
+        return "" if motor_sheet(own) else f"robot {own.name!r} has no data sheet of its motors"
+    fades = own.drives is not None and own.drives.line.fading.any()
+    return "" if fades else "its motors have no no_load_speed"
+
+
+def _lagging(milliseconds: float, config: EnvConfig) -> Changes:
+    if milliseconds == 0.0:
+        return {}
+    return {"motors": _motor_table(config) | {"lag": 1e-3 * milliseconds}}
 
 
 def _noisy(scale: float, config: EnvConfig) -> Changes:
@@ -206,6 +239,35 @@ FACTORS = (
         nominal=1.0,
     ),
     Factor(
+        "latency",
+        "delay of the inner loop",
+        "ms",
+        (0.0, 2.5, 5.0, 10.0, 15.0, 20.0),
+        _latent,
+        "Time from the state that an action layer sees to the torque that answers it. No layer "
+        "knows. Policies learn without it.",
+        nominal=0.0,
+    ),
+    Factor(
+        "motor_speed",
+        "speed of the motors",
+        "share of the data sheet's",
+        (0.25, 0.4, 0.6, 0.8, 1.0, 1.3),
+        _sped,
+        "Motors as in the robot's data sheet, whose torque falls to nothing at a no-load speed; "
+        "full and no-load speeds are this share of the data sheet's. Laws believe in the whole.",
+        missing=_without_line,
+    ),
+    Factor(
+        "motor_lag",
+        "lag of the motors",
+        "time constant, ms",
+        (0.0, 2.5, 5.0, 10.0, 20.0),
+        _lagging,
+        "The torque follows what is asked for with this time constant.",
+        nominal=0.0,
+    ),
+    Factor(
         "sensors",
         "errors of the sensors",
         "times those of training, or of cheap ones",
@@ -216,7 +278,7 @@ FACTORS = (
         "perfect ones.",
     ),
     Factor(
-        "contact-errors",
+        "contact_errors",
         "wrong contacts",
         "share of the time for which a foot's sensor is wrong",
         (0.0, 0.05, 0.1, 0.2, 0.3),

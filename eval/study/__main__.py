@@ -31,6 +31,7 @@ from eval.study.findings import checked_reference, findings
 from eval.study.page import page
 from eval.study.results import RETURN, ArmFound, Findings, Settings
 from eval.study.tables import drawn, numbers, table
+from fbid_gym.__main__ import called
 from fbid_gym.errors import FbidError, InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
 from train.command import run_command
@@ -202,6 +203,6 @@ def _outdated(study: Study, kept: Robustness) -> list[str]:
 
 
 if __name__ == "__main__":
-    line = shlex.join(["python", "-m", "eval.study", *sys.argv[1:]])
+    line = shlex.join([*called("eval.study"), *sys.argv[1:]])
     run = partial(main, command=line)
     sys.exit(run_command("eval.study", StudyConfig, run, about=__doc__))

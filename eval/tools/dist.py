@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import tarfile
+import time
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -120,13 +121,18 @@ def user(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> User:
     return User(tmp_path_factory.mktemp("user"), wheel)
 
 
-def test_the_wheel_holds_the_library_with_robots_and_policies_and_nothing_else(wheel: Path) -> None:
+def test_the_wheel_holds_the_library_robots_policies_programs_and_nothing_else(wheel: Path) -> None:
     """And the licence."""
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
         (licence,) = (archive.read(name) for name in names if name.endswith("/LICENSE"))
-    tracked = call("git", "ls-files", "fbid_gym", "assets").split()
-    expected = {name.replace("assets/", "fbid_gym/assets/", 1) for name in tracked}
+    tracked = call("git", "ls-files", "fbid_gym", "assets", "train", "eval").split()
+    places = {"fbid_gym": "", "assets": "fbid_gym/"}
+    expected = {
+        places.get(name.partition("/")[0], "fbid_gym_programs/") + name
+        for name in tracked
+        if not name.startswith("eval/tools/")
+    }
     assert {name for name in names if ".dist-info/" not in name} == expected
     assert "fbid_gym/py.typed" in names and licence == (ROOT / "LICENSE").read_bytes()
 
@@ -194,6 +200,40 @@ def test_the_commands_of_the_package_work(user: User) -> None:
     picture = user.folder / "biped.png"
     assert "biped" in user.run("-m", "fbid_gym.robots", "biped", "--picture", picture)
     assert picture.is_file()
+
+
+def test_commands_name_the_extra_that_is_missing(user: User) -> None:
+    """From any folder; what needs none works."""
+    command = user.environment / "bin" / "fbid-gym"
+    assert "QuadrupedWalk-v0" in call(command, "policies", cwd="/")
+    assert "usage: fbid-gym robots" in call(command, "robots", "--help", cwd="/")
+    for name, extra in (("play", "play"), ("train", "train"), ("benchmark", "train")):
+        done = subprocess.run([command, name], cwd="/", capture_output=True, text=True)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
+        assert f"pip install 'fbid_gym[{extra}]'" in done.stderr
+
+
+@pytest.mark.parametrize("runner", ["uvx", "pipx"])
+def test_one_line_shows_a_robot_that_walks(runner: str, user: User, wheel: Path) -> None:
+    """From nothing, in an environment that the runner makes; prints what each part took."""
+    began, spec = time.monotonic(), f"{wheel}[play]"
+    uvx, pinned = Path(sys.executable).with_name("uvx"), ROOT / "constraints.txt"
+    line: list[str | Path] = [uvx, "--constraints", pinned, "--from", spec, "fbid-gym"]
+    if runner == "pipx":
+        pip = f"--pip-args=--constraint {pinned}"
+        line = [uvx, "pipx", "run", f"--python={sys.executable}", pip, "--spec", spec, "fbid-gym"]
+    folder = user.folder / runner
+    folder.mkdir()
+    own = {"HOME": str(folder), "UV_CACHE_DIR": str(folder / "cache")}
+    env = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"} | own
+    assert "QuadrupedWalk-v0" in call(*line, "policies", cwd="/", env=env)
+    installed = time.monotonic()
+    told = call(*line, "play", "--port=0", "--measure=20", cwd="/", env=env)
+    walked = float(told.partition("frames/s, ")[2].split()[0])  # s of the robots per s
+    assert walked > 0.2, told
+    spent = time.monotonic() - installed - 20.0
+    print(f"{runner}: installed in {installed - began:.0f} s, walks after {spent:.0f} s more")
+    assert not (folder / "runs").exists()
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from eval.rollout import Player, play_player
 from eval.statistics import Chance
 from eval.unseen import check_unseen
 from fbid_gym.bundles import SUFFIX
-from fbid_gym.envs.config import resolved_arguments
+from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.options import Number, Whole, check_fields
 from fbid_gym.policy import Card, Measured, Policy, Shipped

@@ -14,6 +14,7 @@ from eval.files import check_output, write
 from eval.page.docs import DOCS, command_block, splice, spliced
 from eval.zero_actions.measures import Row
 from eval.zero_actions.tables import TABLES, Case, Table, ZeroActionConfig, cases
+from fbid_gym.__main__ import called
 from fbid_gym.errors import InvalidValueError, RunError
 from fbid_gym.options import check_fields
 from train.command import run_command
@@ -119,7 +120,8 @@ def kept_rows(file: Path, table: Table) -> list[Row]:
 def said(table: Table, rows: Sequence[Row], page: Path) -> str:
     """Say of what the short table of a page is, and where the rows are."""
     episodes, seconds, push = (rows[0][name] for name in ("episodes", "seconds", "push"))
-    told = "return" if table.error == "return" else "velocity error in m/s"
+    means = {"reward": "reward a step until they fell", "return": "return"}
+    told = means.get(table.error, "velocity error in m/s")
     error = f", and their mean {told}" if table.error else ""
     return (
         f"{episodes} robots each, {seconds} s, pushes of {push} N. Cells: how many of them stayed "
@@ -153,7 +155,7 @@ def matched(row: Row, first: Row) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line."""
     given = sys.argv[1:] if arguments is None else arguments
-    work = partial(run, command=["python", "-m", "eval.zero_actions", *given])
+    work = partial(run, command=[*called("eval.zero_actions"), *given])
     about = "\n\n".join(f"{name}: {table.about}." for name, table in TABLES.items())
     return run_command("eval.zero_actions", ZeroActionConfig, work, given, f"{__doc__}\n{about}")
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
+from fbid_gym.runtime.config import EnvConfig
 from train.environments import make_envs
 from train.recipes import config_for
 
@@ -36,7 +36,8 @@ def walk(arguments: Mapping[str, Any], count: int, seed: int) -> Row:
     numbers = summarised(told, batch.rates.policy, batch.robot.weight)
     numbers |= {"share_low": low, "share_high": high}
     cells = {name: f"{value:.4g}" for name, value in numbers.items() if math.isfinite(value)}
-    return cells | {"up": str(up)}
+    scores = scores_of(told, batch.num_steps)
+    return cells | {"up": str(up), "score_of_each": " ".join(f"{each:.4g}" for each in scores)}
 
 
 def play(batch: EnvBatch, count: int, seed: int) -> dict[str, np.ndarray]:
@@ -70,6 +71,17 @@ def play(batch: EnvBatch, count: int, seed: int) -> dict[str, np.ndarray]:
         if not up.any():
             break
     return {name: np.array(values) for name, values in found.items()}
+
+
+def scores_of(told: Mapping[str, np.ndarray], steps: int) -> np.ndarray:
+    """Return (N,), the share of the greatest return that robots earn: nothing after a fall.
+
+    Args:
+        told: "up" (T, N) bool, until a robot falls; "reward" (T, N), at most 1.
+        steps: of an episode that nothing ends.
+    """
+    scores: np.ndarray = np.where(told["up"], told["reward"], 0.0).sum(axis=0) / steps
+    return scores
 
 
 def summarised(told: Mapping[str, np.ndarray], hz: int, weight: float) -> dict[str, float]:

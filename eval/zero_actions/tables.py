@@ -41,6 +41,17 @@ SETTINGS: dict[str, dict[str, Any]] = {
 """Name -> arguments that differ from the environment's, from the dearest to the cheapest."""
 
 
+_LATE = {"randomisation": {"loop_delay": (0.005, 0.005)}}
+
+MOTORS: dict[str, dict[str, Any]] = {
+    "ideal": {},
+    "ideal, 5 ms": _LATE,
+    "data sheet": {"motors": "data_sheet"},
+    "data sheet, 5 ms": {"motors": "data_sheet", **_LATE},
+}
+"""Motors, and the delay of the loop from the state that a layer sees to its torque."""
+
+
 class Table(NamedTuple):
     """A table: the product of robots, layers and factors, which the command line can change."""
 
@@ -48,7 +59,8 @@ class Table(NamedTuple):
     robots: tuple[str, ...]
     layers: tuple[str, ...]
     factors: Mapping[str, Mapping[str, Mapping[str, Any]]]
-    """Name of a factor -> its values, in words -> what they are for the environment."""
+    """Name of a factor -> its values, in words -> what they are for the environment; "push" in
+    weights of the robot."""
     names: tuple[str, ...]
     """Columns that say what is measured; those of SHARED follow."""
     numbers: tuple[str, ...]
@@ -64,11 +76,13 @@ class Table(NamedTuple):
     seconds: float = 20.0
     without: tuple[str, ...] = ()
     """Options that it does not have."""
+    of_each: tuple[str, ...] = ()
+    """Columns with a number for each robot, separated by spaces."""
 
     @property
     def columns(self) -> tuple[str, ...]:
         """All columns of a row."""
-        return (*self.names, *SHARED, *self.numbers)
+        return (*self.names, *SHARED, *self.numbers, *self.of_each)
 
 
 SHARED = ("episodes", "seconds", "push", "first_seed")
@@ -116,6 +130,20 @@ TABLES = {
         error="velocity_error",
         compared=True,
     ),
+    "motors": Table(
+        "every layer with ideal motors and those of data sheets, without and with a delay of 5 ms",
+        ("go1", "biped", "humanoid"),
+        tuple(LAYERS),
+        {"motors": MOTORS},
+        ("robot", "layer", "motors"),
+        (*_UP, "reward", "velocity_error"),
+        rows=("robot", "layer"),
+        across="motors",
+        error="reward",
+        compared=True,
+        episodes=16,
+        seconds=5.0,
+    ),
     "measured": Table(
         "what layers lose where robots know their state by sensors and an estimate only",
         ("go1", "biped", "humanoid"),
@@ -142,6 +170,28 @@ TABLES = {
         episodes=8,
         seconds=5.0,
         without=("feet",),
+    ),
+    "layers": Table(
+        "a fixed set of tasks for any layer, also those of others (`eval.layers`)",
+        ("go1", "biped"),
+        tuple(LAYERS),
+        {
+            "task": {
+                "stand pushed by 0.3 weights": {"env": None, "task": "balance", "push": 0.3},
+                "walk": {},
+                "walk pushed by 0.5 weights": {"push": 0.5},
+                "walk with masses 30 % off": {"randomisation": {"mass": 0.3}},
+                "walk on slopes": {"env": "Terrain", "terrain": "slopes", "difficulty": 0.5},
+            }
+        },
+        ("robot", "task", "layer", "code"),
+        (*_UP, "reward", "velocity_error", "yaw_rate_error", "cost_of_transport"),
+        rows=("robot", "task"),
+        across="layer",
+        error="velocity_error",
+        seconds=10.0,
+        without=("push",),
+        of_each=("score_of_each",),
     ),
     "noise": Table(
         "the torque of exploration noise through a layer, and the noise that is that of the first",
@@ -235,13 +285,14 @@ def _of(name: str, config: ZeroActionConfig, table: Table) -> Iterator[Case]:
             yield Case(names, partial(noise, name, layer, count, config.seed))
         return
     its, robot = (_drawn if config.table == "zoo" else _named)(name, config.feet)
-    run = {"episode_seconds": seconds, "push_force": (config.push, config.push), "robot": robot}
+    run = {"episode_seconds": seconds, "robot": robot}
     walks, refused = [], None
     for levels in product(*(values.items() for values in table.factors.values())):
         own = {key: value for _, level in levels for key, value in level.items()}
         names = dict(zip(table.factors, (value for value, _ in levels), strict=True))
+        push = own.pop("push", 0.0) * robot.weight or config.push
         try:
-            walks.append((names, environment(robot, own) | run))
+            walks.append((names, environment(robot, own) | run | {"push_force": (push, push)}))
         except FbidError as error:  # its feet have not this gait, or none
             refused = error
     if refused and not walks:

@@ -9,7 +9,7 @@ import numpy as np
 from fbid_gym.actions.balance_law import BalanceLaw
 from fbid_gym.actions.contact_options import CONTACT_DEFAULTS, ContactOptions
 from fbid_gym.actions.gains import BODY_DEFAULTS, BodyOptions, meant
-from fbid_gym.actions.law import Law, LawLayer
+from fbid_gym.actions.law import Law, LawLayer, no_lighter
 from fbid_gym.actions.layer import scaled_names
 from fbid_gym.actions.ranges import Falling, in_hertz
 from fbid_gym.compiled import compiled, kernel
@@ -32,7 +32,6 @@ BALANCERS = {"garofalo2015": GAROFALO2015, "ott2011": OTT2011}
 
 _INVERSE_DYNAMICS = "inverse_dynamics"
 _VERTICAL_SCALE = 0.5  # of the weight
-_LEAST_INERTIA = 0.05  # of the locked robot's: below it the base turns too easily to tell
 _PAPERS = {
     "balance": Falling(1.2),
     "height": Falling(2.0),
@@ -218,10 +217,10 @@ def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:
     """Return what a moment at the centre of mass must overcome to turn the base: (3, 3) kg·m².
 
     In the home stance, with the feet and the centre of mass in place and the joints moving as they
-    do when the base turns with the least kinetic energy. Through full inverse dynamics it is the
-    angular momentum per angular velocity of the base. The torques of Ott's balancer do the work of
-    the moment on the base's angular velocity, so it is twice the kinetic energy per square of that.
-    Those of [G15] do it on the average angular velocity, which takes the locked robot's inertia.
+    do when the base turns with the least kinetic energy. The torques of Ott's balancer do the work
+    of the moment on the base's angular velocity, so it is twice the kinetic energy per square of
+    that. Those of [G15] do it on the average angular velocity, which takes the locked robot's
+    inertia.
 
     Args:
         robot: the robot.
@@ -241,13 +240,7 @@ def turning_inertia(robot: Robot, balancer: str) -> np.ndarray:
     turn = turn @ root
     turn -= (turn @ np.linalg.pinv(held, rcond=1e-6)) @ held
     motion = root @ np.linalg.pinv(turn, rcond=1e-6)
-    if balancer == "ott2011":
-        inertia = motion.T @ terms.mass_matrix[0] @ motion
-    else:
-        inertia = body.matrix[0, 3:] @ motion
-    values, vectors = np.linalg.eigh(0.5 * (inertia + inertia.T))
-    least = _LEAST_INERTIA * np.linalg.eigvalsh(locked)[0]
-    return (vectors * np.maximum(values, least)) @ vectors.T
+    return no_lighter(motion.T @ terms.mass_matrix[0] @ motion, locked)
 
 
 def wrench_scale_of(robot: Robot, stance: Stance, friction: float) -> np.ndarray:

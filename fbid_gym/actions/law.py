@@ -21,6 +21,7 @@ from fbid_gym.control.contact_forces import (
     limit_rows,
     wrench_scale,
 )
+from fbid_gym.control.motor_limits import MotorModel
 from fbid_gym.dynamics.centroidal import centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry
 from fbid_gym.dynamics.stance import Stance
@@ -33,21 +34,30 @@ from fbid_gym.quantities import (
     Target,
 )
 from fbid_gym.robots import Robot
+from fbid_gym.robots.drives import torque_line
 
 LEAST_GAIN = 0.05
 """Of a task of the body, see `fbid_gym.control.operational_space`."""
 
+_LEAST_INERTIA = 0.05  # of the locked robot's: below it the base turns too easily to tell
 _SOLE = 0.9  # of a flat foot, that carries: its edges are where it tips
 _MOST_LOAD = 1.5  # of the weight, on a point foot
 
 
-DIAGNOSTICS = LawMemory._fields[1:]
+DIAGNOSTICS = ("residual", "underactuation")
 """Entries of a memory that are worth reporting."""
 
 
 def fresh_memory(robot: Robot, ramp: ContactRamp | None, num_robots: int) -> Memory:
     """Return a law's memory, and its ramp's if any, of robots that have not moved yet."""
-    own: Memory = LawMemory(np.zeros((num_robots, 6)), *np.zeros((2, num_robots)))._asdict()
+    residual, underactuation = np.zeros((2, num_robots))
+    own: Memory = LawMemory(
+        warm_start=np.zeros((num_robots, 6)),
+        residual=residual,
+        underactuation=underactuation,
+        strength=np.ones(num_robots),
+        vertical=np.zeros((num_robots, 4)),
+    )._asdict()
     if ramp is not None:
         own |= ramp.memory(num_robots, robot.num_points, robot.num_joints)
     return own
@@ -98,7 +108,7 @@ class Law:
                 layer asks for both.
         """
         stance, limits = Stance.of(robot), contact.limits(robot)
-        cost = (1.0,) * 3 + (moment_priority,) * 3
+        cost, inertia = (1.0,) * 3 + (moment_priority,) * 3, _turning_inertia(robot)
         constants = LawConstants(
             gains=gains,
             limbs=stance.limbs,
@@ -110,9 +120,11 @@ class Law:
             nearness=wrench_scale(stance.length, cost),
             gravity=robot.gravity,
             ahead=np.ascontiguousarray(base_from_trunk(robot)[:, 0]),
-            turning_inertia=_turning_inertia(robot),
+            turning_inertia=inertia,
+            turning_mobility=np.linalg.inv(inertia),
             feet_first=feet_first,
             passive=contact.passive(robot),
+            motors=MotorModel(torque_line(robot), 1.0 / control_hz, 1.0 / stance.falling_rate),
         )
         belief = contact_belief(contact.contacts, robot, control_hz)
         return cls(robot, constants, belief, contact.ramp(control_hz), limits is not None)
@@ -120,7 +132,7 @@ class Law:
     @property
     def diagnostics(self) -> tuple[str, ...]:
         """What of its memory it reports; by [M10] eq. (15) it misses no wrench that can be had."""
-        return DIAGNOSTICS if self.limited else DIAGNOSTICS[1:]
+        return (*DIAGNOSTICS, "strength") if self.limited else DIAGNOSTICS[1:]
 
     def memory(self, num_robots: int) -> Memory:
         """Return the memory of robots that have not moved yet."""
@@ -186,4 +198,14 @@ def _turning_inertia(robot: Robot) -> np.ndarray:
     turn = np.zeros((len(held), 3))
     turn[-3:] = terms.world_from_base[0].T
     inertia = body.matrix[0, 3:] @ np.linalg.pinv(held, rcond=1e-6) @ turn
-    return 0.5 * (inertia + inertia.T)
+    return no_lighter(inertia, body.inertia[0])
+
+
+def no_lighter(inertia: np.ndarray, locked: np.ndarray) -> np.ndarray:
+    """Return the symmetric part of an inertia (3, 3), none less than a share of the locked one's.
+
+    About an axis in which a robot hardly resists, the inertia does not say how it turns.
+    """
+    values, vectors = np.linalg.eigh(0.5 * (inertia + inertia.T))
+    least = _LEAST_INERTIA * np.linalg.eigvalsh(0.5 * (locked + locked.T))[0]
+    return (vectors * np.maximum(values, least)) @ vectors.T

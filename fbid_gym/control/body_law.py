@@ -17,6 +17,13 @@ import numpy as np
 from fbid_gym.compiled import compiled, kernel
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
 from fbid_gym.control.inverse_dynamics import invert_dynamics
+from fbid_gym.control.motor_limits import (
+    PASSES,
+    MotorModel,
+    ask_more,
+    believed_strength,
+    bound_forces,
+)
 from fbid_gym.control.whole_body import (
     FREE,
     MOVES,
@@ -84,8 +91,10 @@ class LawConstants(NamedTuple):
         gravity: m/s^2.
         ahead: (3,) the trunk's forward direction in the base's axes.
         turning_inertia: (3, 3) kg·m^2, what a moment has to overcome to turn the base.
+        turning_mobility: (3, 3) its inverse.
         feet_first: whether feet in the air are moved as tasks; else they follow their joints.
         passive: what joints take of their torques, to be given back.
+        motors: what is believed of them.
     """
 
     gains: BodyGains
@@ -99,8 +108,10 @@ class LawConstants(NamedTuple):
     gravity: float
     ahead: np.ndarray
     turning_inertia: np.ndarray
+    turning_mobility: np.ndarray
     feet_first: bool
     passive: PassiveJoints
+    motors: MotorModel
 
 
 class Command(NamedTuple):
@@ -128,16 +139,20 @@ class LawMemory(NamedTuple):
         residual: (N,) share of the weight by which the wrench on the base misses the desired one,
             and of gravity by which contacts would move.
         underactuation: (N,) directions of the base that the contacts cannot push.
+        strength: (N,) share of their torques that the motors are taken to give.
+        vertical: (N, 4) of the robots' vertical motion, see `believed_strength`.
     """
 
     warm_start: np.ndarray
     residual: np.ndarray
     underactuation: np.ndarray
+    strength: np.ndarray
+    vertical: np.ndarray
 
     @classmethod
     def of(cls, memory: Memory) -> "LawMemory":
         """Return the law's part of a layer's memory, to be updated in place."""
-        return cls(memory["warm_start"], memory["residual"], memory["underactuation"])
+        return cls(*(memory[name] for name in cls._fields))
 
 
 @kernel
@@ -159,13 +174,16 @@ def torque_within_limits(
     torque, start = np.empty((count, size - 6)), np.empty(6)
     for i in range(count):
         _move(law, command, state, target, terms, feet, i, work, motion, carried)
-        _hold(law, terms, feet, memory, i, start, work, motion, torque)
-    return give_back(law.passive, torque, state.qpos, state.qvel)
+        _hold(law, state, terms, feet, memory, i, start, work, motion, torque)
+    give_back(law.passive, torque, state.qpos, state.qvel)
+    ask_more(memory.strength, torque)
+    return torque
 
 
 @compiled
 def _hold(
     law: LawConstants,
+    state: RobotState,
     terms: DynamicsTerms,
     feet: Feet,
     memory: LawMemory,
@@ -176,19 +194,30 @@ def _hold(
     torque: np.ndarray,
 ) -> None:
     """Write the torques (N, n) of one robot's motion, as far as forces within their limits go."""
-    weight = law.gravity * terms.mass_matrix[i, 0, 0]
+    weight, past = law.gravity * terms.mass_matrix[i, 0, 0], memory.vertical[i]
+    missing, missed = work.forces.point.missing, work.forces.trial.missing
+    strength = believed_strength(law.motors, law.gravity, terms, past, i)
     copy(memory.warm_start[i], start)
-    deliver_forces(
-        law.geometry, feet, terms, law.nearness, DEFAULT_ACCURACY, weight, start,
-        memory.warm_start[i], i, work, motion,
-    )  # fmt: skip
-    yield_to_limits(law.mobility, law.nearness, terms, i, work, motion)
-    put_together(law.limbs, work, motion)
-    joint_torques(terms, i, work, motion, torque[i])
-    missing = work.forces.point.missing
-    missed = np.sqrt(dot(missing, missing)) / weight
+    for times_bound in range(1 + PASSES):
+        if times_bound == 0:
+            deliver_forces(
+                law.geometry, feet, terms, law.nearness, DEFAULT_ACCURACY, weight, start,
+                memory.warm_start[i], i, work, motion,
+            )  # fmt: skip
+            copy(missing, missed)
+        elif not bound_forces(
+            law.motors.line, strength, DEFAULT_ACCURACY, weight, terms, state.qvel, torque[i], i,
+            work, missed,
+        ):  # fmt: skip
+            break
+        yield_to_limits(law.mobility, law.nearness, terms, i, work, motion)
+        put_together(law.limbs, work, motion)
+        joint_torques(terms, i, work, motion, torque[i])
+    missed_share = np.sqrt(dot(missed, missed)) / weight
+    memory.strength[i] = strength
+    past[1] = (motion.momentum[2] + terms.bias[i, 2]) / strength
     moved = contact_error(law.limbs, feet, i, work, motion) / law.gravity
-    memory.residual[i] = np.hypot(missed, moved)
+    memory.residual[i] = np.hypot(missed_share, moved)
     memory.underactuation[i] = missing_directions(terms, i, work)
 
 
@@ -356,7 +385,9 @@ def _move_momentum(
     with springs on the base's height and rotation error e. I is the mass, and for the rotation what
     a moment has to overcome to turn the base between feet that stay: a sixth to a third of the
     locked robot's inertia on long legs, which turn against the trunk. For the same reason h_d' is
-    no detail: a moment that ignored what the legs' swing takes would turn the trunk instead.
+    no detail: a moment that ignored what the legs' swing takes would turn the trunk instead. In the
+    same units, accelerations of the base, moments are weighed against forces where legs of too few
+    joints cannot give both.
 
     `motion` comes with the accelerations that h_d' is of; `carried` has room for velocities.
     """
@@ -393,7 +424,8 @@ def _move_momentum(
     arm = subtract(vector(terms.base_position, (i,)), vector(terms.com, (i,)))
     late = turn(rotation, vector(carried.momentum, (), 3))
     late = add(late, cross(arm, vector(carried.momentum, ())))
-    inverse = _locked_inverse(terms, rotation, arm, i)
+    along = (cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)
+    inverse = product(product(along, matrix(law.turning_mobility, ())), transposed(along))
     sped = turn(inverse, add(moment, scale(gains.rotation_damping, late)))
     work.share[0] = (cosine * ahead - sine * left) / mass
     work.share[1] = (sine * ahead + cosine * left) / mass
@@ -416,39 +448,12 @@ def _momentum_column(
     column: int,
     rows: np.ndarray,
 ) -> None:
-    """Write momentum per mass and per inertia to a column of rows (6, ...), from rows b of M."""
+    """Write momentum per mass and per `inverse` inertia to a column (6,), from rows b of M."""
     force = forces[0, column], forces[1, column], forces[2, column]
     moment = forces[3, column], forces[4, column], forces[5, column]
     turning = turn(inverse, add(turn(rotation, moment), cross(arm, force)))
     for k in range(3):
         rows[k, column], rows[3 + k, column] = force[k] / mass, turning[k]
-
-
-@compiled
-def _locked_inverse(terms: DynamicsTerms, rotation: Rotation, arm: Vector, i: int) -> Rotation:
-    """Inverse inertia of robot i with locked joints about its centre of mass, world axes."""
-    mass = terms.mass_matrix[i, 0, 0]
-    rows = (
-        vector(terms.mass_matrix, (i, 3), 3),
-        vector(terms.mass_matrix, (i, 4), 3),
-        vector(terms.mass_matrix, (i, 5), 3),
-    )
-    about_base = product(product(rotation, rows), transposed(rotation))
-    square = arm[0] * arm[0] + arm[1] * arm[1] + arm[2] * arm[2]
-    a, b, c = (
-        subtract(
-            about_base[0], scale(mass, (square - arm[0] ** 2, -arm[0] * arm[1], -arm[0] * arm[2]))
-        ),
-        subtract(
-            about_base[1], scale(mass, (-arm[1] * arm[0], square - arm[1] ** 2, -arm[1] * arm[2]))
-        ),
-        subtract(
-            about_base[2], scale(mass, (-arm[2] * arm[0], -arm[2] * arm[1], square - arm[2] ** 2))
-        ),
-    )
-    first, second, third = cross(b, c), cross(c, a), cross(a, b)
-    size = 1.0 / (a[0] * first[0] + a[1] * first[1] + a[2] * first[2])
-    return transposed((scale(size, first), scale(size, second), scale(size, third)))
 
 
 @compiled

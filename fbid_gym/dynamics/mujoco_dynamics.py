@@ -16,8 +16,7 @@ class MuJoCoDynamics:
 
     def __init__(self, robot: Robot, *, num_threads: int = 1) -> None:
         """Compute on `num_threads` threads."""
-        self.robot = robot
-        self._num_threads = num_threads
+        self.robot, self._num_threads = robot, num_threads
         self._batch: mujoco.batch.Batch | None = None
 
     def terms(self, qpos: np.ndarray, qvel: np.ndarray) -> DynamicsTerms:
@@ -35,6 +34,10 @@ class MuJoCoDynamics:
             NonFiniteError: a state holds NaN or infinity.
         """
         qpos, qvel = check_states(self.robot, qpos, qvel)
+        return DynamicsTerms(*(part.copy() for part in self.live(qpos, qvel)))
+
+    def live(self, qpos: np.ndarray, qvel: np.ndarray) -> DynamicsTerms:
+        """Return the same at states that have been checked, in arrays that the next writes anew."""
         if self._batch is None or self._batch.nsim != len(qpos):
             self._batch = mujoco.batch.Batch(
                 self.robot.model, len(qpos), self._num_threads, persistent=True
@@ -43,7 +46,7 @@ class MuJoCoDynamics:
             self._state = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._state[0][:], self._state[1][:] = qpos, qvel
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
-        return DynamicsTerms(*(part.copy() for part in self._live()))
+        return self._live()
 
 
 def check_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

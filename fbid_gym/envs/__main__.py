@@ -14,15 +14,16 @@ from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.actions.gains import BodyOptions, default_gains, default_moment_priority
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.chunks import MOST_STEPS, NUM_ENVS, NUM_THREADS
-from fbid_gym.envs.config import Drawing, EnvConfig
 from fbid_gym.envs.overlays import RenderOptions
 from fbid_gym.envs.page import code, meanings, option_table, page, sections, table, term_rows
-from fbid_gym.envs.randomisation import Randomisation
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.estimation import Sensors, sensors
 from fbid_gym.motions.target import MotionKind
 from fbid_gym.options import Flag, Option, options_of
 from fbid_gym.robots import load
+from fbid_gym.robots.drives import MotorTable
+from fbid_gym.runtime.config import Drawing, EnvConfig
+from fbid_gym.runtime.randomisation import Randomisation
 from fbid_gym.tasks import TASKS
 
 _HEAD = """\
@@ -158,6 +159,8 @@ def arguments_page() -> str:
     for what, group in shared.items():
         section(f"### About {what}", options_of(group), meanings(group))
     section("### Steering a gait, of every layer", options_of(Footholds.of), meanings(Footholds.of))
+    section("## `motors`", options_of(MotorTable), meanings(MotorTable))
+    parts.append(getdoc(MotorTable) or "")
     section("## `randomisation`", options_of(Randomisation), meanings(Randomisation))
     parts.extend([getdoc(Randomisation) or "", _RANDOMISED])
     parts.append("## `sensors`")

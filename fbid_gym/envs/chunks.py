@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.checks import check_finite, real_numbers
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.policy_step import Step
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError
 from fbid_gym.options import Flag, Whole, options_of
+from fbid_gym.runtime.config import EnvConfig
 
 NUM_ENVS = Whole(1, 65_536)
 """So many of the humanoid take some 20 GiB."""

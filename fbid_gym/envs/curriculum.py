@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.robots.terrain import NUM_LEVELS, Tiles
+from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import Plan
 
 

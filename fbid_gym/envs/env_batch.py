@@ -5,23 +5,24 @@ from typing import Any
 
 import numpy as np
 
-from fbid_gym.envs import answers
-from fbid_gym.envs.action_delay import ActionDelay
-from fbid_gym.envs.config import EnvConfig
+from fbid_gym.actions import ActionLayer, Footholds
 from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.generators import MOST_NUMBERS, packed, unpacked
-from fbid_gym.envs.given import checked_action, checked_command, clip
 from fbid_gym.envs.moment import Moment
-from fbid_gym.envs.observer import Observer
-from fbid_gym.envs.perception import Perception
 from fbid_gym.envs.plant import Plant
 from fbid_gym.envs.policy_step import Step
 from fbid_gym.envs.saved import check_bounds, gathered, give_back, rows_of, under
 from fbid_gym.envs.simulation import Simulation
-from fbid_gym.envs.tick import Effort
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.quantities import RobotState, some_of
 from fbid_gym.robots.undrawn import alone, undrawn
+from fbid_gym.runtime import answers
+from fbid_gym.runtime.config import EnvConfig
+from fbid_gym.runtime.control_loop import ControlLoop
+from fbid_gym.runtime.effort import Effort
+from fbid_gym.runtime.given import checked_action, checked_command, clip
+from fbid_gym.runtime.observer import Observer
+from fbid_gym.runtime.perception import Perception
 from fbid_gym.tasks.outcome import Outcome
 from fbid_gym.tasks.task import Now
 
@@ -33,10 +34,9 @@ class EnvBatch:
         config: what they are.
         robot: the robot.
         task: the task.
-        layer: the action layer.
-        footholds: what of an action steers a gait, after what is the layer's.
         terrain: the ground.
         simulation: the physics.
+        loop: task and layer at work.
         reward_terms: the table of the reward, as it was asked for.
         observation_groups: the table of the observation.
         num_steps: of a whole episode.
@@ -72,7 +72,6 @@ class EnvBatch:
         self._reward_names = [f"reward_{name}" for name in self.reward_terms]
         self._reward_parts = answers.Parts.of_rows("reward term", self.reward_terms, num_envs)
         self._weights = np.repeat([term.weight for term in self.reward_terms.values()], num_envs)
-        self.layer, self.footholds = config.layer(self.robot, self.task)
         self.simulation = Simulation(self.robot, num_envs, self.rates, alone(world))
         randomisation, sensors = config.randomisations(), config.perceived()
         self._tick = np.zeros(num_envs, np.int64)
@@ -91,31 +90,21 @@ class EnvBatch:
         drawn = self.task.draw(np.random.default_rng(0))
         answers.check_plan(self.task, drawn)
         answers.check_size(drawn, num_envs if of is None else of, self.task.seconds)
-        self._plan = {
-            name: np.repeat(value[None], num_envs, axis=0) for name, value in drawn.items()
-        }
-        self._memory = self.layer.memory(num_envs)
-        answers.check_layer(self.layer, self._memory, num_envs)
-        self._fresh_memory = self.layer.memory(num_envs)
-        simulation = self.simulation
-        own = simulation.qpos.copy(), simulation.qvel.copy()
-        self._state = RobotState(*own, simulation.contact_force, self._tick)
-        # As layer, gait and policy know it.
-        self._known = self._state if guess is None else guess
-        self._effort = Effort.none(num_envs, self.robot.num_joints)
-        kind = config.observation, config.history, self.plant, self.perception
-        self.observer = Observer(self.task, *kind, num_envs)
+        simulation, longest = self.simulation, randomisation.action_delay[1]
+        kind = config.observation, config.history, num_envs
+        self.observer = Observer(self.task, *kind, self.perception, self.plant.drawn)
+        own = config, self.task, drawn, simulation.terms(), self.observer
+        self.loop = ControlLoop(*own, longest)
         self.observation_groups = self.observer.groups
         self.observation_names, self.observation_bound = self.observer.names, self.observer.bound
         self.observation_columns = self.observer.columns
+        self._plan = self.loop.plan
+        where = simulation.qpos.copy(), simulation.qvel.copy()
+        self._state = RobotState(*where, simulation.contact_force, self._tick)
+        # As layer, gait and policy know it.
+        self._known = self._state if guess is None else guess
+        self._effort = Effort.none(num_envs, self.robot.num_joints)
         self._observation = np.zeros((num_envs, len(self.observation_bound)), np.float32)
-        self._num_own = len(self.layer.action_names)
-        self._num_actions = len(self.action_names)
-        longest = randomisation.action_delay[1]
-        self._delay = ActionDelay.of(num_envs, self._num_actions, self.rates, longest)
-        planned = self.task.memory(simulation.terms())
-        answers.check_memory(planned, num_envs, self.task)
-        self._planned = {name: value.copy() for name, value in planned.items()}
         # What the episodes have come to so far.
         self._sums = {"distance": np.zeros(num_envs), "energy": np.zeros(num_envs)}
         self._progress = Climb.of(num_envs, self.terrain.tiles, config)
@@ -123,15 +112,25 @@ class EnvBatch:
         self._com_velocity = np.full((num_envs, 3), np.nan)
         # Of the last policy step.
         outcome = self._outcome(Effort.none(num_envs, self.robot.num_joints))
-        measured = self._measure(outcome)
+        measured = self.loop.measure(outcome)
         self._metric_names = answers.metric_names(self.task.metrics(measured), self.task)
         self._metric_parts = answers.Parts.of_rows("metric", self._metric_names, num_envs)
         self._metrics = self._evaluate(measured)
 
     @property
+    def layer(self) -> ActionLayer:
+        """The action layer."""
+        return self.loop.layer
+
+    @property
+    def footholds(self) -> Footholds:
+        """What of an action steers a gait, after what is the layer's."""
+        return self.loop.footholds
+
+    @property
     def action_names(self) -> tuple[str, ...]:
         """What each entry of the action commands: of the layer, then of the footholds."""
-        return (*self.layer.action_names, *self.footholds.action_names)
+        return self.loop.action_names
 
     def seed(self, env: int, rng: np.random.Generator) -> None:
         """Give one environment a random generator of its own, and begin its curriculum anew."""
@@ -167,7 +166,7 @@ class EnvBatch:
         if command is not None:
             self.set_command(ids, command)
         self.plant.apply(ids)
-        self._delay.begin(ids, self.plant.action_delay[ids])
+        self.loop.delay.begin(ids, self.plant.action_delay[ids])
         self._progress.set_out(ids)
         qpos = self._plan["qpos"][ids]
         ground = self.terrain.height(qpos[:, 0], qpos[:, 1])
@@ -177,9 +176,7 @@ class EnvBatch:
         self._com_velocity[ids] = np.nan
         for total in self._sums.values():
             total[ids] = 0.0
-        self._forget(ids)
-        self._perceive_anew(ids)
-        self._plan_anew(ids)
+        self._begin(ids)
         rest = Effort.none(self.num_envs, self.robot.num_joints)
         outcome = self._outcome(rest._replace(torque=self._effort.torque))
         actual, known = self._measures(outcome)
@@ -207,7 +204,7 @@ class EnvBatch:
 
     def check_action(self, action: np.ndarray, *num_envs: int) -> np.ndarray:
         """Return actions (*num_envs, A) as floats, or raise one error before anything is lost."""
-        shape = *num_envs, self._num_actions
+        shape = *num_envs, self.loop.num_actions
         return checked_action(action, shape, refuse=self.config.actions == "refuse")
 
     def step(self, action: np.ndarray) -> Step:
@@ -223,10 +220,7 @@ class EnvBatch:
         shares, metrics = self._judge(measured), self._evaluate(measured)
         seen = self.observer.observe(known, measured)
         if np.count_nonzero(lost):
-            # A diverged robot has no state worth judging or observing: what was last seen stands.
-            before = lost & (self._tick > self.rates.ticks)
-            shares[:, lost], metrics[:, before] = 0.0, self._metrics[:, before]
-            seen[lost] = self._observation[lost]
+            self._show_last_seen(lost, shares, metrics, seen)
         reward = answers.summed(shares, self.reward_terms, self.task)
         self._metrics, self._observation = metrics, seen
         fallen = outcome.posture.fallen
@@ -237,6 +231,14 @@ class EnvBatch:
         info |= pushed | self._report(fallen, lost) | self._climb(terminated, truncated)
         info["clipped_actions"] = clipped
         return Step(self.observation(), reward, terminated, truncated, info)
+
+    def _show_last_seen(
+        self, lost: np.ndarray, shares: np.ndarray, metrics: np.ndarray, seen: np.ndarray
+    ) -> None:
+        """A diverged robot has no state worth judging or observing: what was last seen stands."""
+        before = lost & (self._tick > self.rates.ticks)
+        shares[:, lost], metrics[:, before] = 0.0, self._metrics[:, before]
+        seen[lost] = self._observation[lost]
 
     def _over(self) -> np.ndarray:
         """Which episodes have lasted their time or left their ground: (N,) bool."""
@@ -251,19 +253,13 @@ class EnvBatch:
         lasted = truncated & (self.limits == self.num_steps)
         return self._progress.advance(error, self.task.tolerance, terminated, lasted)
 
-    def _measure(self, outcome: Outcome) -> Any:
-        """What observation, reward and metrics are made of."""
-        return self.task.measure(outcome, self._plan, self._planned)
-
     def _measures(self, outcome: Outcome) -> tuple[Any, Any]:
         """What reward and metrics are made of, and what the observation is: as controllers know."""
-        actual = self._measure(outcome)
+        actual = self.loop.measure(outcome)
         if self._known is self._state:
             return actual, actual
-        terms = self.plant.terms()
-        posture = self.task.body.posture(self._known, terms)
-        believed = outcome._replace(state=self._known, terms=terms, posture=posture)
-        return actual, self._measure(believed)
+        believed = self.loop.believed(outcome, self._known, self.plant.terms())
+        return actual, self.loop.measure(believed)
 
     def _judge(self, measured: Any) -> np.ndarray:
         """The terms of the reward: (T, N), a row for each."""
@@ -281,27 +277,18 @@ class EnvBatch:
     def _act(self, action: np.ndarray) -> dict[str, np.ndarray]:
         """Run the control ticks of a policy step; what the pushes did."""
         self._look()
-        state, terms, shape = self._known, self.plant.terms, self._effort.torque.shape
+        state, terms = self._known, self.plant.terms
         actual = terms if state is self._state else self.simulation.terms
         self._effort.begin()
         self._com_velocity[:] = self.simulation.terms().com_velocity
         when = self._tick, self.rates.ticks, self.rates.control
         pushed = self.task.pushes.during(self._plan, *when)
-        self._delay.send(action)
-        arrivals = self._delay.arrivals()
+        self.loop.send(action)
         for tick, push in enumerate(pushed.force):
-            if tick in arrivals:
-                arrived = self._delay.arrived(tick)
-                own = np.ascontiguousarray(arrived[:, : self._num_own])
-                steering = self.footholds.steering(arrived[:, self._num_own :])
-                now = Now(state, terms, steering, self._planned, actual)
             if pushed.jumping[tick]:
                 self.simulation.jump(pushed.jump[tick])
                 self._look()
-            self.task.advance(self._plan, now)
-            target = self.task.target(self._plan, now)
-            torque = self.layer.torque(own, state, target, terms, self._memory)
-            torque = answers.as_numbers(torque, shape, self.layer, "torque")
+            torque = self.loop.torque(tick, state, terms, actual)
             if self.perception is not None:
                 self.perception.prepare(terms)
             self.simulation.tick(torque, push, self._effort, self._state)
@@ -315,7 +302,7 @@ class EnvBatch:
             "torque": self._effort.torque.copy(),
             "contact_force": self._state.contact_force.copy(),
             "layer_saturation": self._effort.saturation.copy(),
-            **{f"layer_{name}": self._memory[name].copy() for name in self.layer.diagnostics},
+            **{f"layer_{name}": self.loop.memory[name].copy() for name in self.layer.diagnostics},
             "termination": np.where(lost, 2, 1 * fallen),
             **({} if self.perception is None else self.perception.errors(self._state)),
         }
@@ -332,32 +319,7 @@ class EnvBatch:
         self._sums["energy"] += self._effort.power / rates.control
 
     def _outcome(self, effort: Effort) -> Outcome:
-        state, terms, ticks = self._look(), self.simulation.terms(), self.rates.ticks
-        square = effort.torque_square / (ticks * self.robot.num_joints)
-        return Outcome(
-            state=state,
-            terms=terms,
-            posture=self.task.body.posture(state, terms),
-            torque=effort.torque.copy(),
-            torque_rms=np.sqrt(square),
-            power=effort.power / ticks,
-            **{name: total.copy() for name, total in self._sums.items()},
-            actual=terms,
-        )
-
-    def _perceive_anew(self, ids: np.ndarray) -> None:
-        """Begin the estimate of robots `ids` (K,) anew, where they are."""
-        if self.perception is not None:
-            self.perception.begin(ids, self._look())
-            self.simulation.note_change()
-
-    def _forget(self, ids: np.ndarray) -> None:
-        for name, value in self._fresh_memory.items():
-            self._memory[name][ids] = value[ids]
-
-    def _plan_anew(self, ids: np.ndarray) -> None:
-        for name, value in self.task.memory(self.plant.terms()).items():
-            self._planned[name][ids] = value[ids]
+        return self.loop.outcome(self._look(), self.simulation.terms(), effort, self._sums)
 
     def _retire(self, ids: np.ndarray) -> None:
         """Stand diverged robots back in the home pose, where they harm nobody until reset."""
@@ -369,26 +331,30 @@ class EnvBatch:
         ground = self.terrain.height(home[:, 0], home[:, 1])
         self.simulation.place(ids, home, np.zeros((len(ids), self.robot.nv)), ground)
         self._com_velocity[ids] = np.nan
-        self._forget(ids)
-        self._perceive_anew(ids)
-        self._plan_anew(ids)
+        self._begin(ids)
+
+    def _begin(self, ids: np.ndarray) -> None:
+        """Have robots `ids` (K,) estimate, forget and plan anew where they are."""
+        if self.perception is not None:
+            self.perception.begin(ids, self._look())
+            self.simulation.note_change()
+        self.loop.begin(ids, self.plant.terms())
 
     def moment(self, env: int) -> Moment:
         """Return what the layer would see of one robot now, in copies."""
-        action = self._delay.arrived(self.rates.ticks - 1)[env : env + 1]
-        steering, only = self.footholds.steering(action[:, self._num_own :]), np.array([env])
+        (action, steering), only = self.loop.arrived(self.rates.ticks - 1), np.array([env])
         terms, actual = some_of(self.plant.terms(), only), some_of(self.simulation.terms(), only)
         self._look()
-        state = some_of(self._known, only)
-        now = Now(state, lambda: terms, steering, rows_of(self._planned, only), lambda: actual)
+        state, planned = some_of(self._known, only), rows_of(self.loop.planned, only)
+        now = Now(state, lambda: terms, some_of(steering, only), planned, lambda: actual)
         gained = actual.com_velocity[0] - self._com_velocity[env]
         return Moment(
-            action=np.ascontiguousarray(action[:, : self._num_own]),
+            action=action[only],
             state=state,
             target=self.task.target(rows_of(self._plan, only), now),
             terms=terms,
             actual=actual,
-            memory=rows_of(self._memory, only),
+            memory=rows_of(self.loop.memory, only),
             acceleration=gained * self.rates.policy,
         )
 
@@ -409,11 +375,11 @@ class EnvBatch:
         """What goes on from step to step beside the physics, by its part of a state; live."""
         return {
             "plan": self._plan,
-            "memory": self._memory,
-            "planned": self._planned,
+            "memory": self.loop.memory,
+            "planned": self.loop.planned,
             "metric": dict(zip(self._metric_names, self._metrics, strict=True)),
             "episode": self._sums,
-            "delay": self._delay.arrays,
+            "delay": self.loop.delay.arrays,
             "progress": self._progress.arrays,
             "observer": self.observer.arrays,
             "perception": {} if self.perception is None else self.perception.arrays,
@@ -421,11 +387,12 @@ class EnvBatch:
 
     def check_state(self, state: Mapping[str, np.ndarray]) -> None:
         """Raise InvalidValueError for numbers of a state that look up what is not there."""
-        history = self._delay.arrays["action"].shape[1] - 1
+        history = self.loop.delay.arrays["action"].shape[1] - 1
         most = {
             "tick": self.num_steps * self.rates.ticks + 2**32,  # some step on after the end
             "limits": self.num_steps,
             "delay.ticks": history * self.rates.ticks,
+            "simulation.loop_ticks": self.simulation.loop.most_ticks,
             "progress.level": self._progress.levels - 1,
             "planned.carrier": self.robot.num_feet - 1,
             "generator": MOST_NUMBERS,

@@ -9,11 +9,11 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
-from fbid_gym.envs.config import AROUND, Drawing, EnvConfig, plain
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.policy_step import TERMINATIONS
 from fbid_gym.envs.rendering import RobotRenderer
 from fbid_gym.options import Whole
+from fbid_gym.runtime.config import AROUND, Drawing, EnvConfig, plain
 
 METADATA: dict[str, Any] = {
     "render_modes": ["human", "rgb_array"],

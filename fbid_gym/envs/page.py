@@ -17,11 +17,11 @@ import numpy as np
 
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS, curriculum
-from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.perception import ERRORS
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.options import Option, options_of
 from fbid_gym.robots import terrain
+from fbid_gym.runtime.config import EnvConfig
+from fbid_gym.runtime.perception import ERRORS
 from fbid_gym.tasks import TASKS
 from fbid_gym.tasks.reward import Terms
 
@@ -57,6 +57,8 @@ INFO = {
     "layer_residual": "Share of the weight by which the base wrench misses the commanded one; "
     "model-based layers tell it (without limits on contact forces only `com_wrench`)",
     "layer_underactuation": "Base directions that the assumed contacts cannot push; likewise",
+    "layer_strength": "Share of their torques that the motors are taken to give; of model-based "
+    "layers with limited contact forces",
     "termination": "0, 1 after a fall, 2 where the simulation diverged: places in "
     '`env.metadata["terminations"]`',
     "clipped_actions": "Share of the action's entries outside [-1, 1], which were clipped",

@@ -8,17 +8,20 @@ import numpy as np
 
 from fbid_gym.dynamics.live_terms import LiveTerms
 from fbid_gym.dynamics.trunk import base_from_trunk
-from fbid_gym.envs.randomisation import Randomisation
+from fbid_gym.envs.loop_delay import LoopDelay
 from fbid_gym.envs.simulation import Simulation, hush
 from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots import Robot
 from fbid_gym.robots.mjcf import moving_joints
+from fbid_gym.runtime.randomisation import Randomisation
 
 # What is drawn for a whole robot, or for each of its motors, from a (least, most).
 _RANGES = (
     *("friction", "motor_strength", "action_delay"),
     *("total_mass", "model_total_mass", "model_inertia", "model_com_ahead"),
 )
+# Likewise; younger, so drawn last and only where they vary: seeds go on to mean the same robots.
+_YOUNGER = ("loop_delay", "motor_speed", "motor_lag")
 
 
 class Plant:
@@ -48,6 +51,12 @@ class Plant:
         self._apart = randomisation.any or estimate is not None
         if not self._apart:
             return
+        simulation.loop = LoopDelay.of(
+            count,
+            simulation.robot.num_joints,
+            simulation.loop.control_hz,
+            randomisation.loop_delay[1],
+        )
         model = _without_contact(simulation.robot)
         self._believed = mujoco.batch.Batch(model, count, 1, persistent=True)
         hush(self._believed, np.arange(count))
@@ -72,6 +81,7 @@ class Plant:
             "model_total_mass": np.ones(count),
             "model_inertia": np.ones(count),
             "model_com_ahead": np.zeros(count),
+            **{name: np.full(count, getattr(randomisation, name)[0]) for name in _YOUNGER},
         }
 
     @property
@@ -91,6 +101,9 @@ class Plant:
         for name in _RANGES:
             least, most = getattr(ranges, name)
             self._drawn[name][env] = rng.uniform(least, most, self._drawn[name].shape[1:])
+        for name in _YOUNGER:
+            least, most = getattr(ranges, name)
+            self._drawn[name][env] = rng.uniform(least, most) if least < most else least
 
     def apply(self, ids: np.ndarray) -> None:
         """Give the robots `ids` (K,) their drawn parameters."""
@@ -105,6 +118,9 @@ class Plant:
         ahead = base_from_trunk(robot)[:, 0]
         com[:, robot.base_body] += drawn["model_com_ahead"][:, None] * ahead
         _weigh(self._believed, self._simulation.robot.model, ids, mass, inertia, com)
+        self._simulation.loop.begin(ids, drawn["loop_delay"])
+        if (motors := self._simulation.motors) is not None:
+            motors.speed[ids], motors.lag[ids] = drawn["motor_speed"], drawn["motor_lag"]
         # A motor whose gear is larger gives more torque for the same control, and a joint lets as
         # much more through.
         for field, index in (

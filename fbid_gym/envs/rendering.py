@@ -9,13 +9,13 @@ import mujoco.viewer
 import numpy as np
 
 from fbid_gym.checks import by_name
-from fbid_gym.envs.config import Drawing
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
 from fbid_gym.envs.overlays import Mark, RenderOptions, marks, size_of
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
 from fbid_gym.robots import Robot
 from fbid_gym.robots.geoms import Colour, add_arrow, add_ball, add_thread, offscreen
+from fbid_gym.runtime.config import Drawing
 
 _ARROW_COLOUR = (0.9, 0.25, 0.1, 1.0)
 DISTANCE = 2.5

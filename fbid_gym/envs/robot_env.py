@@ -6,10 +6,10 @@ import gymnasium as gym
 import numpy as np
 
 from fbid_gym.checks import by_name
-from fbid_gym.envs.config import Drawing, EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.interface import METADATA, Interface, checked_seed
 from fbid_gym.errors import FbidError
+from fbid_gym.runtime.config import Drawing, EnvConfig
 
 
 class RobotEnv(Interface, gym.Env):

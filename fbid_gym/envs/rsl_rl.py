@@ -8,9 +8,9 @@ import torch
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
-from fbid_gym.envs.config import registered
-from fbid_gym.envs.observer import CRITIC, POLICY
+from fbid_gym.envs.registered import registered
 from fbid_gym.envs.vector_env import RobotVectorEnv
+from fbid_gym.runtime.observer import CRITIC, POLICY
 
 
 class RslRlVecEnv(VecEnv):

@@ -11,8 +11,8 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from fbid_gym.checks import by_name
 from fbid_gym.envs.chunks import checked_array
-from fbid_gym.envs.config import registered
 from fbid_gym.envs.interface import checked_seed
+from fbid_gym.envs.registered import registered
 from fbid_gym.envs.vector_env import RobotVectorEnv
 from fbid_gym.errors import FbidError, InvalidValueError, UnknownOptionError
 

@@ -9,11 +9,14 @@ import numpy as np
 from fbid_gym.dynamics.contacts import point_positions
 from fbid_gym.dynamics.live_terms import LiveTerms, column_of
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.envs.rates import Rates
-from fbid_gym.envs.tick import Effort, Wiring, drive, find_diverged, read, write_controls
+from fbid_gym.envs.loop_delay import LoopDelay
+from fbid_gym.envs.motors import MotorState, turn_motors
+from fbid_gym.envs.tick import Wiring, drive, find_diverged, read, write_controls
 from fbid_gym.errors import RobotError
 from fbid_gym.quantities import DynamicsTerms, RobotState
 from fbid_gym.robots import Robot
+from fbid_gym.runtime.effort import Effort
+from fbid_gym.runtime.rates import Rates
 
 MAX_SPEED = 500.0
 """Generalized speed (m/s, rad/s) beyond which a simulation counts as diverged."""
@@ -39,6 +42,8 @@ class Simulation:
         qpos: (N, nq) and
         qvel: (N, nv), live; the robot's.
         contact_force: (N, P, 3) N, world, of the ground on each contact point, last physics step.
+        loop: delays torques on their way to the motors, by nothing unless it is replaced.
+        motors: what goes on in the motors; None of ideal ones.
         changes: how often the state has changed.
     """
 
@@ -89,6 +94,8 @@ class Simulation:
         self.contact_force = np.zeros(self._sensors.shape)
         self._live = LiveTerms(robot, self.batch)
         self._terms: DynamicsTerms | None = None
+        self.loop = LoopDelay.of(*self._shape, rates.control, 0.0)
+        self.motors = None if robot.drives is None else MotorState.cold(*self._shape)
         self.changes = 0
         hush(self.batch, np.arange(num_robots))
         self.batch.forward()
@@ -122,6 +129,8 @@ class Simulation:
         """
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
         self.qpos[ids], self.qvel[ids] = qpos, qvel
+        if self.motors is not None:
+            self.motors.cool(ids)
         self.batch.forward(ids, stage=_VELOCITY)
         lowest = point_positions(self._geometry, self._live())[ids, :, 2].min(axis=1)
         self.qpos[ids, 2] -= lowest - ground
@@ -143,7 +152,7 @@ class Simulation:
             self.note_change()
 
     def step(self, torque: np.ndarray, ids: np.ndarray | None = None) -> None:
-        """Advance one control tick under (N, n) N·m: all robots, or those of `ids`."""
+        """Advance one control tick under (N, n) N·m of ideal motors: all robots, or some `ids`."""
         if torque.shape != self._shape:
             torque = np.broadcast_to(torque, self._shape)
         torque = np.ascontiguousarray(torque, dtype=float)
@@ -161,8 +170,17 @@ class Simulation:
             state: of all robots, in arrays of its own but for `contact_force`, which is the
                 simulation's; updated.
         """
-        drive(self._wiring, effort, torque, push)
-        self._advance(None)
+        torque = self.loop.arriving(torque, state.tick)
+        if self.motors is None or self.robot.drives is None:
+            drive(self._wiring, effort, torque, push)
+            self._advance(None)
+        else:
+            own = self._wiring, self.robot.drives, self.motors
+            share = 1.0 / self._substeps
+            for _ in range(self._substeps):
+                turn_motors(*own, effort, torque, push, self.model.opt.timestep, share)
+                self.batch.step(None, nstep=1, stage=_VELOCITY)
+            self.note_change()
         read(self._wiring, effort, state)
 
     def _advance(self, ids: np.ndarray | None) -> None:
@@ -185,16 +203,27 @@ class Simulation:
     def state_dict(self) -> dict[str, np.ndarray]:
         """Return copies of all that the future depends on."""
         state = {name: self.batch.bind(name).copy() for name in _STATE}
+        state |= {name: value.copy() for name, value in self._actuation().items()}
         return state | {"contact_force": self.contact_force.copy()}
 
     def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
         """Continue from a `state_dict`, bit for bit."""
         for name in _STATE:
             self.batch.bind(name)[:] = state[name]
+        for name, value in self._actuation().items():
+            value[:] = state[name]
         self.batch.forward(stage=_VELOCITY)
         hush(self.batch, np.arange(self.num_robots))
         self.contact_force[:] = state["contact_force"]
         self.note_change()
+
+    def _actuation(self) -> dict[str, np.ndarray]:
+        """What goes on between layer and joints, by its name in a state; live."""
+        motors = {} if self.motors is None else self.motors._asdict()
+        waiting = self.loop.arrays if self.loop.most_ticks else {}
+        return {f"motor_{name}": value for name, value in motors.items()} | {
+            f"loop_{name}": value for name, value in waiting.items()
+        }
 
 
 def hush(batch: mujoco.batch.Batch, ids: np.ndarray) -> None:

@@ -10,27 +10,7 @@ import numpy as np
 
 from fbid_gym.compiled import kernel
 from fbid_gym.quantities import RobotState
-
-
-class Effort(NamedTuple):
-    """What the motors of N robots did during a policy step; n joints."""
-
-    torque: np.ndarray  # (N, n) N·m, on the last control tick
-    saturation: np.ndarray  # (N,) share of the joints at their limit, then
-    torque_square: np.ndarray  # (N,) (N·m)^2, sum of torque^2 over joints and ticks
-    lost: np.ndarray  # (N,) bool, robots whose torques were no numbers on some tick
-    power: np.ndarray  # (N,) W, sum of |torque * velocity| over joints and ticks
-
-    @classmethod
-    def none(cls, num_robots: int, num_joints: int) -> "Effort":
-        """At the beginning of a step."""
-        saturation, torque_square, power = np.zeros((3, num_robots))
-        torque, lost = np.zeros((num_robots, num_joints)), np.zeros(num_robots, bool)
-        return cls(torque, saturation, torque_square, lost, power)
-
-    def begin(self) -> None:
-        """Begin another step: nothing has been added up."""
-        self.torque_square[:], self.lost[:], self.power[:] = 0.0, False, 0.0
+from fbid_gym.runtime.effort import Effort, add_power, limit
 
 
 class Wiring(NamedTuple):
@@ -59,9 +39,7 @@ def write_controls(wiring: Wiring, torque: np.ndarray) -> None:
 
 @kernel
 def drive(wiring: Wiring, effort: Effort, wanted: np.ndarray, push: np.ndarray) -> None:
-    """Limit the torques of N robots, and write them and the pushes into the batch.
-
-    A robot whose torques are no numbers gets none, and is lost.
+    """Limit the torques of N robots, and write them and the pushes into the batch, see `limit`.
 
     Args:
         wiring: of the robots.
@@ -69,24 +47,13 @@ def drive(wiring: Wiring, effort: Effort, wanted: np.ndarray, push: np.ndarray) 
         wanted: (N, n) N·m, of the action layer.
         push: (N, 3) N.
     """
-    limit, rows = wiring.torque_limit, wiring.rows
-    joints = len(limit)
+    rows, torque = wiring.rows, effort.torque
+    limit(effort, wiring.torque_limit, wanted)
     for i in range(len(rows)):
-        broken = False
-        for j in range(joints):
-            broken |= np.isnan(wanted[i, j])
-        square, full = 0.0, 0
-        for j in range(joints):
-            given = 0.0 if broken else min(max(wanted[i, j], -limit[j]), limit[j])
-            effort.torque[i, j] = given
-            rows[i, wiring.controls[j]] = given / wiring.gear[j]
-            square += given * given
-            full += abs(given) >= limit[j]
+        for j in range(torque.shape[1]):
+            rows[i, wiring.controls[j]] = torque[i, j] / wiring.gear[j]
         for axis in range(3):
             rows[i, wiring.push + axis] = push[i, axis]
-        effort.saturation[i] = full / joints
-        effort.torque_square[i] += square
-        effort.lost[i] |= broken
 
 
 @kernel
@@ -102,11 +69,8 @@ def read(wiring: Wiring, effort: Effort, state: RobotState) -> None:
             for axis in range(3):
                 column = wiring.contact + 3 * j + axis
                 state.contact_force[i, j, axis] = wiring.sensors[i, column]
-        total = 0.0
-        for j in range(effort.torque.shape[1]):
-            total += abs(effort.torque[i, j] * state.qvel[i, 6 + j])
-        effort.power[i] += total
         state.tick[i] += 1
+    add_power(effort, state.qvel)
 
 
 @kernel

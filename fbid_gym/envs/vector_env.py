@@ -11,9 +11,9 @@ from gymnasium.vector.utils import batch_space
 
 from fbid_gym.checks import by_name, real_numbers
 from fbid_gym.envs.chunks import Chunks
-from fbid_gym.envs.config import Drawing, EnvConfig
 from fbid_gym.envs.interface import Interface, checked_seed
 from fbid_gym.errors import FbidError, InvalidValueError, ShapeError, UnknownOptionError
+from fbid_gym.runtime.config import Drawing, EnvConfig
 
 
 class RobotVectorEnv(Interface, VectorEnv):

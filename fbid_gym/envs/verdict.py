@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot
+from fbid_gym.runtime.config import EnvConfig
 
 _LAYERS = ("joint_position", "base_acceleration", "com_wrench")
 _RATES = (500, 1000)  # Hz that are tried where a robot falls at an environment's own
@@ -19,12 +19,13 @@ _ROBOTS, _SECONDS, _SHARE = 8, 5.0, 0.8
 def verdict(robot: Robot) -> Iterator[str]:
     """Say in which layers a robot stands and walks by the zero action, and what to change else.
 
-    Eight robots each, for five seconds, without pushes; walking as the environments command it. A
-    robot does so where four of five stay up.
+    Eight robots each, for five seconds, without pushes, at the rates at which robots walk; walking
+    as the environments command it. A robot does so where four of five stay up.
     """
     legs = "Biped" if robot.num_feet == 2 else "Quadruped"
-    for word, name in (("Stands", f"{legs}Balance-v0"), ("Walks", f"{legs}Walk-v0")):
-        arguments = ENVIRONMENTS[f"fbid_gym/{name}"]
+    stand, walk = (ENVIRONMENTS[f"fbid_gym/{legs}{task}-v0"] for task in ("Balance", "Walk"))
+    rates = {name: walk[name] for name in ("physics_hz", "control_hz")}
+    for word, arguments in (("Stands", stand | rates), ("Walks", walk)):
         told, advice = list[str](), list[str]()
         for layer in _LAYERS:
             try:
@@ -62,9 +63,8 @@ def survival(robot: Robot, arguments: Mapping[str, Any]) -> float:
 def _faster(robot: Robot, arguments: Mapping[str, Any]) -> list[str]:
     """Try greater rates: light legs cannot be damped at low ones."""
     for hz in _RATES:
-        if hz > arguments.get("physics_hz", 1000):
-            rates = {"physics_hz": hz, "control_hz": hz}
-            share = survival(robot, {**arguments, **rates})
+        if hz > arguments["physics_hz"]:
+            share = survival(robot, {**arguments, "physics_hz": hz, "control_hz": hz})
             if share >= _SHARE:
                 return [
                     f"In {arguments['action_layer']} it does at physics_hz={hz}, control_hz={hz}: "

@@ -8,6 +8,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from fbid_gym.__main__ import called
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.exit_status import exit_status
 from fbid_gym.policy.shipping import shipped
@@ -15,11 +16,9 @@ from fbid_gym.policy.shipping import shipped
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the names, or the cards of those that are named; returns 2 on errors."""
-    parser = argparse.ArgumentParser(
-        prog="python -m fbid_gym.policy",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    about = "List the policies that come with the package, or print the cards of some."
+    prog = " ".join(called("fbid_gym.policy"))
+    parser = argparse.ArgumentParser(prog=prog, description=about)
     parser.add_argument("names", nargs="*", help="of which the cards are printed")
     asked = parser.parse_args(arguments).names
     return exit_status(lambda: _show(asked))

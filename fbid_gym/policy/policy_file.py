@@ -72,6 +72,9 @@ def read_policy(path: Path) -> tuple[Path, Bundle]:
             f"{path}: no policy here. Expected a policy's file, or a run folder with {NAME}, which "
             "training writes at every evaluation and checkpoint."
         )
+    if file.suffix == ".onnx":
+        expected = "the policy that such a model is exported from, a run folder or a"
+        raise PolicyFileError(f"{file}: an ONNX model. Expected {expected} {SUFFIX} file.")
     bundle = load_bundle(file, PolicyFileError)
     _check_format(file, bundle.data.pop("format", None), FORMAT)
     return file, bundle

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from fbid_gym.__main__ import called
 from fbid_gym.envs.verdict import verdict
 from fbid_gym.exit_status import exit_status
 from fbid_gym.robots import ROBOTS, load
@@ -45,9 +46,11 @@ def _show(given: argparse.Namespace) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m fbid_gym.robots", description=__doc__)
+    prog = " ".join(called("fbid_gym.robots"))
+    parser = argparse.ArgumentParser(prog=prog, description="Show what is understood of a robot.")
     parser.add_argument(
-        "robot", help="path of an MJCF, URDF or robot.toml, or a name of robot_descriptions"
+        "robot",
+        help="path of an MJCF, URDF or robot.toml, a name of robot_descriptions, or menagerie:NAME",
     )
     parser.add_argument(
         "--feet",

@@ -16,8 +16,9 @@ from typing import Any
 
 import mujoco
 
-from fbid_gym.errors import RobotError, UnknownOptionError
-from fbid_gym.reading import read_file
+from fbid_gym.checks import check_choices
+from fbid_gym.errors import RobotError
+from fbid_gym.reading import parse_object, read_file
 from fbid_gym.robots import meshes
 from fbid_gym.robots.mjcf import compile_spec
 
@@ -105,17 +106,16 @@ def with_arguments(packed: bytes, arguments: Mapping[str, Any]) -> bytes:
 
 
 def split(archive: bytes, name: str) -> tuple[bytes, dict[str, Any]]:
-    """Take an archive apart, and return what `pack` gave and the arguments.
+    """Take apart what `with_arguments` gave, which messages call `name`.
 
-    Args:
-        archive: as `with_arguments` gives it.
-        name: what messages call it.
+    Returns:
+        What `pack` gave, and the arguments.
 
     Raises:
         RobotError: no archive of a robot, or more than 256 MB of it.
         UnknownOptionError: an argument that there is not.
     """
-    label = f"Robot file {name}"
+    label = f"Robot file {name!r}"
     try:
         with zipfile.ZipFile(io.BytesIO(archive)) as opened:
             entries = opened.infolist()
@@ -127,7 +127,11 @@ def split(archive: bytes, name: str) -> tuple[bytes, dict[str, Any]]:
         *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
     ) as error:
         raise RobotError(f"{label} is not a zip that can be read: {error}") from error
-    arguments = _arguments(label, contents.pop(_FILE, None))
+    text = contents.pop(_FILE, None)
+    if text is None:
+        raise RobotError(f"{label} holds no {_FILE}. Expected a file that `Robot.save` wrote.")
+    arguments = parse_object(text, Path(name, _FILE), RobotError)
+    check_choices(f"argument in {_FILE}", arguments, ARGUMENTS)
     return _zipped(contents), arguments
 
 
@@ -139,18 +143,3 @@ def digest(archive: bytes) -> str:
             for part in (name.encode(), file.read(name)):
                 found.update(len(part).to_bytes(8, "big") + part)
     return found.hexdigest()
-
-
-def _arguments(label: str, text: bytes | None) -> dict[str, Any]:
-    if text is None:
-        raise RobotError(f"{label} holds no {_FILE}. Expected a file that `Robot.save` wrote.")
-    try:
-        arguments = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise RobotError(f"{label}: {_FILE} is not JSON ({error}).") from error
-    if not isinstance(arguments, dict):
-        raise RobotError(f"{label}: {_FILE} is not a JSON object.")
-    for name in arguments:
-        if name not in ARGUMENTS:
-            raise UnknownOptionError(f"argument in {_FILE}", name, ARGUMENTS)
-    return arguments

@@ -2,7 +2,7 @@
 
 MuJoCo does what a file says: a `<replicate>` of a billion, or a texture of a million by a million
 pixels, takes all time or all memory there is, and no error comes back. So the numbers that say how
-many are looked at first. Whether the text is an MJCF or a URDF at all, MuJoCo knows best.
+many are looked at first. Whether it is an MJCF or a URDF at all, MuJoCo knows best.
 """
 
 import io
@@ -11,8 +11,10 @@ import re
 import stat
 import zipfile
 from collections.abc import Iterator
+from os.path import exists
 from pathlib import Path
 from typing import NoReturn
+from xml.parsers import expat
 
 from fbid_gym.errors import RobotError
 from fbid_gym.reading import MOST_DATA, read_file
@@ -34,10 +36,12 @@ MOST_MEMORY = 2**32
 
 _MOST_FILES = 1000
 _FOLDERS = {"meshdir", "texturedir", "assetdir"}
-# What is never closed goes on to the end, and is not looked for again.
+# MuJoCo does not look into these: comments may hold "--", and letters of any encoding. What takes
+# their place is no part of an attribute, in which they would be none. What is never closed goes on
+# to the end, and is not looked for again.
 _SKIPPED = re.compile(r"<!--(?:.*?-->|.*)|<\?(?:.*?\?>|.*)|<!\[CDATA\[(?:.*?\]\]>|.*)", re.DOTALL)
-_TAG = re.compile(r"""<(/?)([A-Za-z_][\w.:-]*)((?:[^"'<>]|"[^"<]*+"|'[^'<]*+')*+)>""")
-_ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_NOTHING = "<!---->"
+_AMPERSAND = re.compile(r"&(?!#?\w+;)")  # as MuJoCo reads it
 _UNITS = {"K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40, "P": 2**50, "E": 2**60}
 # Elements that stand for many, and the attributes whose product says how many.
 _REPEATING = {"replicate": ("count",), "composite": ("count",), "flexcomp": ("count",)}
@@ -54,81 +58,79 @@ def check_bounds(content: Path | str | bytes, label: str) -> None:
     Raises:
         RobotError: it asks for too much, is no text, holds a number that is not finite, or names a
             pipe or a device, which may never end.
+        ExpatError: it is no XML.
     """
-    named, folders = set[str](), {""}
-    for number, encoded in enumerate(_texts(content, label)):
-        if number == _MOST_FILES:
-            _refuse(label, f"includes more than {_MOST_FILES} files")
-        # Comments may be of any encoding; MuJoCo does not read them.
-        text = _SKIPPED.sub("", encoded.decode(errors="surrogateescape"))
-        _check(text, label)
-        for name, value in _attributes(text):
-            if name in _FOLDERS:
-                folders.add(value)
-            elif name.startswith("file") and "\0" not in value:
-                named.add(value)
+    named, folders, seen = set[str](), {""}, set[Path]()
+    beside = content.parent if isinstance(content, Path) else Path()
+    queue: list[Path | bytes] = (
+        [content] if isinstance(content, Path) else [*_texts(content, label)]
+    )
+    while queue:
+        text = queue.pop()
+        if isinstance(text, Path):
+            seen.add(text)
+            if len(seen) > _MOST_FILES:
+                _refuse(label, f"includes more than {_MOST_FILES} files")
+            text = read_file(text, MOST_TEXT, RobotError)
+        for element, attributes in _elements(text, label):
+            for name, value in attributes.items():
+                if name in _FOLDERS:
+                    folders.add(value)
+                elif name.startswith("file"):
+                    named.add(value)
+            part = beside / attributes.get("file", "")
+            # MuJoCo looks beside the first file, and says what is missing.
+            if element == "include" and seen and part not in seen and exists(part):
+                queue.append(part)
     if not isinstance(content, bytes):
-        _check_files(content.parent if isinstance(content, Path) else Path(), folders, named)
+        _check_files(beside, folders, named)
 
 
-def _texts(content: Path | str | bytes, label: str) -> Iterator[bytes]:
+def _texts(content: str | bytes, label: str) -> Iterator[bytes]:
     if isinstance(content, str):
         try:
             yield content.encode()
         except UnicodeEncodeError:
             _refuse(label, "is not UTF-8 text")
-    elif isinstance(content, bytes):
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            for entry in archive.infolist():
-                if entry.filename.endswith((".xml", ".urdf")):
-                    if entry.file_size > MOST_TEXT:
-                        _refuse(label, f"has more than {MOST_TEXT >> 20} MB of text")
-                    yield archive.read(entry)
-    else:
-        yield from _included(content, content.parent, set())
-
-
-def _included(path: Path, folder: Path, seen: set[Path]) -> Iterator[bytes]:
-    """The file's text, and that of all it includes, each once."""
-    if path in seen:
         return
-    seen.add(path)
-    text = read_file(path, MOST_TEXT, RobotError)
-    yield text
-    for match in _TAG.finditer(_SKIPPED.sub("", text.decode(errors="replace"))):
-        if match[2] == "include":
-            named = dict(_attributes(match[3])).get("file", "")
-            # MuJoCo looks beside the first file, and says what is missing.
-            if named and "\0" not in named and (folder / named).exists():
-                yield from _included(folder / named, folder, seen)
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        for entry in archive.infolist():
+            if entry.filename.endswith((".xml", ".urdf")):
+                if entry.file_size > MOST_TEXT:
+                    _refuse(label, f"has more than {MOST_TEXT >> 20} MB of text")
+                yield archive.read(entry)
 
 
-def _check(text: str, label: str) -> None:
-    """Walk through the tags of a text without comments."""
-    if "\0" in text or any("\udc80" <= letter <= "\udcff" for letter in text):
+def _elements(encoded: bytes, label: str) -> list[tuple[str, dict[str, str]]]:
+    """Return the elements of a text, each checked, with their attributes."""
+    text = _SKIPPED.sub(_NOTHING, encoded.decode(errors="surrogateescape").removeprefix("\ufeff"))
+    try:
+        plain = _AMPERSAND.sub("&amp;", text).encode()
+    except UnicodeEncodeError:
         _refuse(label, "is not UTF-8 text")
-    if "<!ENTITY" in text:
-        _refuse(label, "declares entities, which MuJoCo does not know")
-    repeats, total, tags = [1.0], 0.0, 0
-    for match in _TAG.finditer(text):
-        tags += 1
-        closing, name, rest = match.groups()
-        if closing:
-            repeats = repeats[:-1] or [1.0]
-            continue
-        attributes = dict(_attributes(rest))
-        _check_numbers(name, attributes, label)
-        times = _product(attributes, _REPEATING.get(name, ()))
-        total += repeats[-1] * times
+    found, repeats = list[tuple[str, dict[str, str]]](), [1.0]
+    total = 0.0
+
+    def begin(element: str, attributes: dict[str, str]) -> None:
+        nonlocal total
+        found.append((element, attributes))
+        _check_numbers(element, attributes, label)
+        repeats.append(repeats[-1] * _product(attributes, _REPEATING.get(element, ())))
+        total += repeats[-1]
         if total > MOST_ELEMENTS:
-            _refuse(label, f"describes more than {MOST_ELEMENTS} elements, <{name}> among them")
-        if not rest.rstrip().endswith("/"):
-            repeats.append(repeats[-1] * times)
-            if len(repeats) > MOST_DEPTH:
-                _refuse(label, f"nests more than {MOST_DEPTH} elements")
-    doctypes = len(re.findall(r"<!DOCTYPE", text, re.IGNORECASE))
-    if text.count("<") != tags + doctypes:
-        _refuse(label, "has a '<' that begins no tag")
+            _refuse(label, f"describes more than {MOST_ELEMENTS} elements, <{element}> among them")
+        if len(repeats) > MOST_DEPTH:
+            _refuse(label, f"nests more than {MOST_DEPTH} elements")
+
+    def declare(name: str, *more: object) -> None:
+        if any(more):
+            _refuse(label, "declares entities, which MuJoCo does not know")
+
+    parser = expat.ParserCreate("utf-8")
+    parser.StartElementHandler, parser.StartDoctypeDeclHandler = begin, declare
+    parser.EndElementHandler = lambda element: repeats.pop()
+    parser.Parse(plain, True)
+    return found
 
 
 def _check_files(beside: Path, folders: set[str], named: set[str]) -> None:
@@ -158,11 +160,6 @@ def _check_numbers(element: str, attributes: dict[str, str], label: str) -> None
             _refuse(label, f"asks for more than {MOST_ELEMENTS} by {where}{value[:40]!r}>")
     if _product(attributes, _GRIDS.get(element, ())) > MOST_CELLS:
         _refuse(label, f"asks for a <{element}> of more than {MOST_CELLS} cells")
-
-
-def _attributes(text: str) -> Iterator[tuple[str, str]]:
-    for name, double, single in _ATTRIBUTE.findall(text):
-        yield name, double or single
 
 
 def _product(attributes: dict[str, str], names: tuple[str, ...]) -> float:

@@ -3,10 +3,8 @@
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 
-import numpy as np
-
-from fbid_gym.checks import is_number
-from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.checks import check_positive
+from fbid_gym.errors import UnknownOptionError
 
 ByJoint = float | Mapping[str, float]
 """One number for every joint, or joint name or pattern ("*_knee") -> number."""
@@ -15,13 +13,8 @@ ByJoint = float | Mapping[str, float]
 def by_joint(what: str, given: ByJoint | None, joints: Sequence[str]) -> dict[str, float]:
     """Return joint name -> value, for the joints that `given` speaks of; later patterns win.
 
-    Args:
-        what: the argument's name.
-        given: what the user gave.
-        joints: names of all joints.
-
     Raises:
-        UnknownOptionError: a pattern that fits no joint.
+        UnknownOptionError: a pattern that fits none of the joints.
         InvalidValueError: a value that is not a positive number.
     """
     if given is None:
@@ -33,9 +26,6 @@ def by_joint(what: str, given: ByJoint | None, joints: Sequence[str]) -> dict[st
         fitting = exact or [joint for joint in joints if fnmatchcase(joint, str(pattern))]
         if not fitting:
             raise UnknownOptionError(f"joint in {what}", pattern, joints)
-        if not is_number(value):
-            raise InvalidValueError(f"{what} of {pattern}", value, "a number")
-        if not (np.isfinite(value) and value > 0):
-            raise InvalidValueError(f"{what} of {pattern}", value, "a positive number")
+        check_positive(**{f"{what} of {pattern}": value})
         values |= dict.fromkeys(fitting, float(value))
     return values

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
+from fbid_gym.checks import check_choices
+from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.reading import read_file
 from fbid_gym.robots.archive import ARGUMENTS, MOST_BYTES, SUFFIX, split
 from fbid_gym.robots.bounds import MOST_TEXT
@@ -41,7 +42,7 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
         return _read(path)
     if path.suffix == SUFFIX:
         archive = read_file(path, MOST_BYTES, RobotError)
-        packed, options = split(archive, repr(str(path)))
+        packed, options = split(archive, str(path))
         return Source.known(packed), options
     beside = path.parent / FILE
     if not (is_file(path) and is_file(beside)):
@@ -51,10 +52,7 @@ def described(source: Any) -> tuple[Any, dict[str, Any]]:
 
 
 def feet_in_words(words: Sequence[str] | None) -> Any:
-    """Return the argument `feet` of `Robot.from_mjcf` from the words of a command line.
-
-    Args:
-        words: names of feet, or what JSON says; None or none: the feet are found.
+    """Return the argument `feet` of `Robot.from_mjcf` from words: names, or what JSON says.
 
     Raises:
         InvalidValueError: text that begins as JSON and is none.
@@ -65,11 +63,7 @@ def feet_in_words(words: Sequence[str] | None) -> Any:
 
 
 def in_json(name: str, text: str) -> Any:
-    """Return what JSON says.
-
-    Raises:
-        InvalidValueError: it is none.
-    """
+    """Return what JSON says; InvalidValueError where it is none."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -83,9 +77,7 @@ def _read(path: Path) -> tuple[Path, dict[str, Any]]:
         options = tomllib.loads(text.decode())
     except (ValueError, RecursionError) as error:  # no UTF-8, no TOML, or too deep
         raise RobotError(f"Robot file {str(path)!r} is not valid TOML: {error}") from error
-    for key in options:
-        if key not in KEYS:
-            raise UnknownOptionError(f"key in {path.name}", key, KEYS)
+    check_choices(f"key in {path.name}", options, KEYS)
     mjcf = options.pop("mjcf", "robot.xml")
     if not isinstance(mjcf, str) or "\0" in mjcf:
         raise InvalidValueError(f"mjcf in {path.name}", mjcf, "the path of a file")

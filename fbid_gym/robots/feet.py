@@ -1,8 +1,8 @@
 """Feet and their contact points: found in a compiled model and checked."""
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -60,14 +60,10 @@ def contacts(feet: Sequence[Foot], data: mujoco.MjData) -> np.ndarray:
 
 
 def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Bring both ways of naming feet into one form.
+    """Return foot name -> names of its points, or the one of its body, for both ways to name them.
 
     Args:
-        feet: foot name -> names of its points, or of its body; or a sequence of names, each of a
-            foot with one point, or of its body.
-
-    Returns:
-        Foot name -> names of its points, or the one of its body.
+        feet: the same; or a sequence of names, each of a foot with one point, or of its body.
 
     Raises:
         InvalidValueError: neither form, or no foot.
@@ -81,33 +77,25 @@ def group_points(feet: Mapping[str, Sequence[str]] | Sequence[str]) -> dict[str,
     given = list(feet.items()) if isinstance(feet, Mapping) else [(foot, foot) for foot in feet]
     if not given:
         raise InvalidValueError("feet", feet, f"at least one foot: {expected}")
-    points = [(p,) if isinstance(p, str) else _listed(p) for _, p in given]
-    every = [name for names in points for name in names]
-    if not all(isinstance(name, str) for name in [*(foot for foot, _ in given), *every]):
+    points = [
+        tuple(p) if isinstance(p, Iterable) and not isinstance(p, str) else (p,) for _, p in given
+    ]
+    names, every = [foot for foot, _ in given], [name for part in points for name in part]
+    if not all(isinstance(name, str) for name in [*names, *every]):
         raise InvalidValueError("feet", feet, expected)
-    groups = {foot: names for (foot, _), names in zip(given, points, strict=True)}
-    if len(groups) < len(given):
-        repeated = _first_repeated([foot for foot, _ in given])
-        raise RobotError(f"Foot {repeated!r} is given twice. Expected distinct feet.")
-    for foot, names in groups.items():
-        if not 1 <= len(names) <= MAX_POINTS_PER_FOOT:
+    _expect_distinct("Foot", "feet", names)
+    for foot, part in zip(names, points, strict=True):
+        if not 1 <= len(part) <= MAX_POINTS_PER_FOOT:
             raise RobotError(
-                f"Foot {foot!r} has {len(names)} contact points. "
-                f"Expected 1 to {MAX_POINTS_PER_FOOT}."
+                f"Foot {foot!r} has {len(part)} contact points. Expected 1 to "
+                f"{MAX_POINTS_PER_FOOT}."
             )
-    if len(set(every)) < len(every):
-        raise RobotError(
-            f"Contact point {_first_repeated(every)!r} is given twice. Expected distinct points."
-        )
-    return groups
+    _expect_distinct("Contact point", "points", every)
+    return dict(zip(names, points, strict=True))
 
 
 def find_feet(home: MeasuredModel, named: Mapping[str, Sequence[str]] | None) -> tuple[Foot, ...]:
-    """Find the feet that are named, or those that stand on the ground.
-
-    Args:
-        home: the robot at home.
-        named: see `group_points`; None: find the feet, too.
+    """Find the feet that are named, see `group_points`; for None, those that stand on the ground.
 
     Raises:
         RobotError: no feet are found; nothing on a foot's body can touch; or a point cannot be
@@ -155,27 +143,21 @@ def _find_foot(home: MeasuredModel, foot: str, names: Sequence[str]) -> Foot:
         body = mujoco.mj_name2id(home.model, _OBJ.mjOBJ_BODY, names[0])
         return foot_of_body(home, foot, body)
     points = [_find_point(home, name) for name in names]
-    if len({p.body for p in points}) > 1:
-        where = ", ".join(f"{p.name} on {home.body_name(p.body)}" for p in points)
-        raise RobotError(
-            f"Foot {foot!r} has points on different bodies: {where}. Expected one body."
-        )
-    if len({len(p.geoms) for p in points}) > 1:
-        kinds = ", ".join(f"{p.name} ({'geom' if p.geoms else 'site'})" for p in points)
-        raise RobotError(f"Foot {foot!r} mixes sites and geoms: {kinds}. Expected one kind.")
+    for what, expected, told in (
+        ("has points on different bodies", "one body", [home.body_name(p.body) for p in points]),
+        ("mixes sites and geoms", "one kind", ["geom" if p.geoms else "site" for p in points]),
+        ("has spheres of different radii", "one radius", [f"{p.radius:g} m" for p in points]),
+    ):
+        if len(set(told)) > 1:
+            which = ", ".join(f"{p.name} ({one})" for p, one in zip(points, told, strict=True))
+            raise RobotError(f"Foot {foot!r} {what}: {which}. Expected {expected}.")
     places = np.concatenate([p.points for p in points])
-    for i, first in enumerate(points):
-        for j, second in enumerate(points[:i]):
-            if np.linalg.norm(places[i] - places[j]) < _DISTINCT:
-                raise RobotError(
-                    f"Foot {foot!r} has points at the same place: {second.name}, {first.name}. "
-                    "Expected distinct points."
-                )
-    if len({p.radius for p in points}) > 1:
-        radii = ", ".join(f"{p.name} {p.radius:g} m" for p in points)
-        raise RobotError(
-            f"Foot {foot!r} has spheres of different radii: {radii}. Expected one radius."
-        )
+    for i, j in itertools.combinations(range(len(points)), 2):
+        if np.linalg.norm(places[i] - places[j]) < _DISTINCT:
+            raise RobotError(
+                f"Foot {foot!r} has points at the same place: {points[i].name}, {points[j].name}. "
+                "Expected distinct points."
+            )
     geoms = tuple(geom for p in points for geom in p.geoms)
     return Foot(foot, points[0].body, tuple(names), places, points[0].radius, geoms)
 
@@ -203,7 +185,8 @@ def _find_point(home: MeasuredModel, name: str) -> Foot:
         body, geoms = int(model.geom_bodyid[geom]), (geom,)
         position, radius = model.geom_pos[geom].copy(), float(model.geom_size[geom, 0])
         if model.geom_type[geom] == _GEOM.mjGEOM_CAPSULE:
-            half = model.geom_size[geom, 1] * _axis(model.geom_quat[geom])
+            half = np.array([0.0, 0.0, model.geom_size[geom, 1]])
+            mujoco.mju_rotVecQuat(half, half.copy(), model.geom_quat[geom])
             position = max(position + half, position - half, key=lambda p: float(p @ p))
         elif model.geom_type[geom] != _GEOM.mjGEOM_SPHERE:
             shape = _GEOM(model.geom_type[geom]).name.removeprefix("mjGEOM_").lower()
@@ -235,8 +218,8 @@ def _point_names(model: mujoco.MjModel) -> list[str]:
 def _body_names(home: MeasuredModel) -> list[str]:
     """Names of the robot's bodies that have something to touch the ground with."""
     bodies = np.unique(home.model.geom_bodyid[home.touching])
-    names = [home.model.body(int(b)).name for b in bodies if home.model.body_weldid[b] != 0]
-    return [name for name in names if name]
+    moving = bodies[home.model.body_weldid[bodies] != 0]
+    return [*filter(None, (home.model.body(int(body)).name for body in moving))]
 
 
 def _radius_about(home: MeasuredModel, body: int, place: np.ndarray) -> float:
@@ -250,17 +233,7 @@ def _radius_about(home: MeasuredModel, body: int, place: np.ndarray) -> float:
     return 0.0
 
 
-def _axis(quaternion: np.ndarray) -> np.ndarray:
-    """(3,) z axis of a frame."""
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, quaternion)
-    return matrix.reshape(3, 3)[:, 2]
-
-
-def _listed(names: Any) -> tuple[Any, ...]:
-    """What is given as names; what is none, by itself."""
-    return tuple(names) if isinstance(names, Iterable) else (names,)
-
-
-def _first_repeated(names: Sequence[str]) -> str:
-    return next(name for i, name in enumerate(names) if name in names[:i])
+def _expect_distinct(what: str, plural: str, names: Sequence[str]) -> None:
+    twice = [name for i, name in enumerate(names) if name in names[:i]]
+    if twice:
+        raise RobotError(f"{what} {twice[0]!r} is given twice. Expected distinct {plural}.")

@@ -5,16 +5,11 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from fbid_gym.errors import (
-    InvalidValueError,
-    NonFiniteError,
-    RobotError,
-    ShapeError,
-    UnknownOptionError,
-)
+from fbid_gym.checks import check_finite, check_shape, number, real_numbers
+from fbid_gym.errors import RobotError, UnknownOptionError
 from fbid_gym.robots.feet import Foot, contacts
 from fbid_gym.robots.measured_model import MeasuredModel
-from fbid_gym.robots.mjcf import joint_range, moving_joints, object_names
+from fbid_gym.robots.mjcf import joint_range
 
 STAND = "stand"
 """Name of the home pose that `fbid_gym.robots.stand` finds."""
@@ -25,7 +20,9 @@ _VERTICAL = 0.25  # shorter than this seen from above, of 1, an axis points up o
 
 
 def home_pose(
-    model: mujoco.MjModel, home: Mapping[str, float] | Sequence[float] | np.ndarray | str | None
+    model: mujoco.MjModel,
+    names: Sequence[str],
+    home: Mapping[str, float] | Sequence[float] | np.ndarray | str | None,
 ) -> np.ndarray:
     """Resolve the home pose: above the origin and facing along x; its height is still as given.
 
@@ -33,48 +30,39 @@ def home_pose(
 
     Args:
         model: compiled model with the free joint first.
+        names: of the joints without the base, in the order of qpos.
         home: see `Robot.from_mjcf`. For STAND this is the pose from which to stand up.
 
     Returns:
-        qpos (nq,), base quaternion normalised. Seen from above, the base's x axis is the world's; a
-        base whose x axis is within 15 degrees of the vertical keeps its orientation.
+        qpos (nq,), its base quaternion normalised, see `_at_the_origin`.
 
     Raises:
-        UnknownOptionError: unknown keyframe or joint name.
-        InvalidValueError: not a number.
-        ShapeError: a qpos of another length.
-        NonFiniteError: NaN or infinity.
-        RobotError: a zero base quaternion, or joints outside their range.
+        FbidError: unknown names, no numbers, another shape, no orientation, or joints outside their
+            range.
     """
     keyframes = {model.key(i).name: model.key(i).qpos.copy() for i in range(model.nkey)}
     if isinstance(home, str) and not stands_up(model, home):
         if home not in keyframes:
-            names = [name for name in keyframes if name]
-            raise UnknownOptionError("keyframe", home, [*names, STAND])
+            raise UnknownOptionError("keyframe", home, [*filter(None, keyframes), STAND])
         qpos = keyframes[home]
     elif home is None or isinstance(home, str | Mapping):
-        qpos = keyframes.get(_KEYFRAME, _reference_pose(model))
-        names = _joint_names(model)
+        low, high = joint_range(model).T
+        reference = np.concatenate([model.qpos0[:7], np.clip(model.qpos0[7:], low, high)])
+        qpos = keyframes.get(_KEYFRAME, reference)
         for joint, value in (home if isinstance(home, Mapping) else {}).items():
             if joint not in names:
                 raise UnknownOptionError("joint in home", joint, names)
-            qpos[7 + names.index(joint)] = _number(joint, value)
+            qpos[7 + list(names).index(joint)] = number(f"home of {joint}", value)
     else:
-        try:
-            qpos = np.array(home, dtype=float)
-        except (TypeError, ValueError, OverflowError):
-            raise InvalidValueError(
-                "home", home, "a mapping joint -> angle, a qpos of numbers, or a keyframe's name"
-            ) from None
-        if qpos.shape != (model.nq,):
-            raise ShapeError("home", qpos.shape, f"({model.nq},), a whole qpos")
-    if not np.all(np.isfinite(qpos)):
-        raise NonFiniteError("home", (int(np.flatnonzero(~np.isfinite(qpos))[0]),))
+        expected = "a mapping joint -> angle, a qpos of numbers, or a keyframe's name"
+        qpos = np.array(real_numbers("home", home, expected), float)
+        check_shape("home", qpos, (model.nq,), "a whole qpos, (nq,)")
+    check_finite("home", qpos)
     length = np.linalg.norm(qpos[3:7])
     if length < 1e-9:
         raise RobotError("The base quaternion home[3:7] is zero. Expected a unit quaternion.")
     qpos[3:7] /= length
-    _check_ranges(model, qpos)
+    _check_ranges(model, names, qpos)
     return _at_the_origin(qpos)
 
 
@@ -92,7 +80,10 @@ def on_the_ground(model: mujoco.MjModel, qpos: np.ndarray, feet: Sequence[Foot])
 
 
 def _at_the_origin(qpos: np.ndarray) -> np.ndarray:
-    """Return a pose (nq,) moved above the origin and turned about the vertical to face along x."""
+    """Return a pose (nq,) moved above the origin and turned about the vertical to face along x.
+
+    A base whose x axis is within 15 degrees of the vertical keeps its orientation.
+    """
     placed, rotation = qpos.copy(), np.empty(9)
     placed[:2] = 0.0
     mujoco.mju_quat2Mat(rotation, qpos[3:7])
@@ -104,31 +95,10 @@ def _at_the_origin(qpos: np.ndarray) -> np.ndarray:
     return placed
 
 
-def _number(joint: str, value: float) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise InvalidValueError(f"home of {joint}", value, "a number") from None
-
-
-def _joint_names(model: mujoco.MjModel) -> list[str]:
-    """Names of the joints without the base, in the order of qpos."""
-    return object_names(model, mujoco.mjtObj.mjOBJ_JOINT, moving_joints(model))
-
-
-def _reference_pose(model: mujoco.MjModel) -> np.ndarray:
-    """The model's qpos0 with every joint moved into its range."""
-    qpos = model.qpos0.copy()
-    qpos[7:] = np.clip(qpos[7:], *joint_range(model).T)
-    return qpos
-
-
-def _check_ranges(model: mujoco.MjModel, qpos: np.ndarray) -> None:
+def _check_ranges(model: mujoco.MjModel, names: Sequence[str], qpos: np.ndarray) -> None:
     outside = [
         f"{name} = {value:g} not in [{low:g}, {high:g}]"
-        for name, value, (low, high) in zip(
-            _joint_names(model), qpos[7:], joint_range(model), strict=True
-        )
+        for name, value, (low, high) in zip(names, qpos[7:], joint_range(model), strict=True)
         if not low - _TOLERANCE <= value <= high + _TOLERANCE
     ]
     if outside:

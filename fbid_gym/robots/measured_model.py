@@ -7,7 +7,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.mjcf import object_name
+from fbid_gym.robots.mjcf import object_name, warnings_heard
 
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
@@ -38,6 +38,13 @@ class MeasuredModel:
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
         return data
+
+    @cached_property
+    def forward(self) -> mujoco.MjData:
+        """The same with all that MuJoCo computes of it at rest, contacts and forces among it."""
+        with warnings_heard():
+            mujoco.mj_forward(self.model, self.data)
+        return self.data
 
     @cached_property
     def base(self) -> int:

@@ -24,8 +24,8 @@ def mend_meshes(
 
     Args:
         spec: the spec to change.
-        folder: where the file lies; None for a text.
-        is_urdf: whether it is a URDF, whose links never weigh by what is drawn.
+        folder: of the file; None for a text.
+        is_urdf: links of a URDF never weigh by what is drawn.
 
     Returns:
         Notes of what was changed; and names of the bodies that lost a mesh which they collide with.

@@ -1,4 +1,4 @@
-"""An MJCF's spec and model: compiled, made to float, their joints and the names of their parts."""
+"""An MJCF's spec and model: compiled, their joints and the names of their parts."""
 
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -62,47 +62,6 @@ def refuse(model: mujoco.MjModel, kind: int, found: Sequence[int] | np.ndarray, 
     """
     if len(found):
         raise RobotError(why.format(listed(object_names(model, kind, found))))
-
-
-def float_base(spec: mujoco.MjSpec, base: str, label: str) -> list[str]:
-    """Give a free joint to a top-level body of a file that has none.
-
-    Files converted from URDF often fix the robot to the world. Their keyframes begin with the
-    first joint's angle: the body's place goes before it, or MuJoCo would take angles for places.
-
-    Args:
-        spec: the spec to change.
-        base: name of the body.
-        label: what messages call the spec.
-
-    Returns:
-        Notes of what was changed.
-
-    Raises:
-        RobotError: no such top-level body, the body already has joints, or there are keyframes and
-            the spec does not compile.
-    """
-    top_level = [body.name for body in spec.worldbody.bodies]
-    body = next((b for b in spec.worldbody.bodies if b.name == base), None)
-    if body is None:
-        raise RobotError(f"No top-level body {base!r}. Valid choices: {listed(top_level)}.")
-    if len(body.joints) > 0:
-        names = [joint.name for joint in body.joints]
-        raise RobotError(
-            f"Body {base!r} cannot be made to float: it already has the joints {listed(names)}."
-        )
-    notes = [f"Body {base!r} was made to float."]
-    posed = [key for key in spec.keys if len(key.qpos) or len(key.qvel)]
-    if posed:
-        fixed = compile_spec(spec.copy(), label).body(base)
-        place = [*fixed.pos, *fixed.quat]
-        for key in posed:
-            key.qpos = [*place, *key.qpos] if len(key.qpos) else []
-            key.qvel = [*np.zeros(6), *key.qvel] if len(key.qvel) else []
-        names = [key.name or "(unnamed)" for key in posed]
-        notes.append(f"Its place was put before the joints of the keyframes {listed(names)}.")
-    body.add_freejoint()
-    return notes
 
 
 def moving_joints(model: mujoco.MjModel) -> list[int]:

@@ -47,13 +47,18 @@ def servo_gains(model: mujoco.MjModel) -> ServoGains | None:
     servos = _servos(model)
     if not servos:
         return None
-    gains = ServoGains(np.zeros(model.nv - 6), np.zeros(model.nv - 6))
-    for a in servos:
-        dof = int(model.jnt_dofadr[model.actuator_trnid[a, 0]]) - 6
-        gear = float(model.actuator_gear[a, 0])
-        gains.stiffness[dof] += -model.actuator_biasprm[a, 1] * gear**2
-        gains.damping[dof] += -model.actuator_biasprm[a, 2] * gear**2
-    return gains
+    gains, dofs = np.zeros((2, model.nv - 6)), model.jnt_dofadr[model.actuator_trnid[servos, 0]] - 6
+    by_position, by_velocity = model.actuator_biasprm[servos, 1:3].T
+    np.add.at(gains[0], dofs, -by_position * model.actuator_gear[servos, 0] ** 2)
+    np.add.at(gains[1], dofs, -by_velocity * model.actuator_gear[servos, 0] ** 2)
+    return ServoGains(*gains)
+
+
+def set_armature(spec: mujoco.MjSpec, armature: Mapping[str, float]) -> list[str]:
+    """Set joints' armature, kg·m² (kg for slides); returns notes."""
+    for joint in spec.joints:
+        joint.armature = armature.get(joint.name, joint.armature)
+    return [f"Armature as given on {listed(armature)}."] if armature else []
 
 
 def use_motors(
@@ -79,28 +84,24 @@ def use_motors(
         _make_motor(actuators[a])
     driven = {int(model.actuator_trnid[a, 0]): a for a in range(model.nu) if _on_joint(model, a)}
     joints = {joint.id: joint for joint in spec.joints}
-    added, limited = [], []
+    added = list[str]()
     for j in moving_joints(model):
-        name = joints[j].name
+        name, unit = joints[j].name, 1.0
         if j in driven:
             motor = actuators[driven[j]]
+            unit = 1.0 if driven[j] in servos else float(model.actuator_gainprm[driven[j], 0])
         elif name in torque_limit or model.jnt_actfrclimited[j]:
-            motor = spec.add_actuator(
-                name=f"{name}_motor", trntype=_TRANSMISSION.mjTRN_JOINT, target=name
-            )
+            target = {"trntype": _TRANSMISSION.mjTRN_JOINT, "target": name}
+            motor = spec.add_actuator(name=f"{name}_motor", **target)
             _make_motor(motor)
             # The file's defaults are meant for its own.
             motor.gear, motor.forcelimited, motor.forcerange = _GEAR, False, [0.0, 0.0]
             added.append(name)
         if name in torque_limit:
-            unit = 1.0
-            if j in driven:
-                limited.append(name)
-                unit = 1.0 if driven[j] in servos else float(model.actuator_gainprm[driven[j], 0])
             most = abs(torque_limit[name] / (float(motor.gear[0]) * unit))
             motor.ctrllimited, motor.ctrlrange = True, [-most, most]
-            motor.forcelimited = False
-            joints[j].actfrclimited = False
+            motor.forcelimited = joints[j].actfrclimited = False
+    given = [joints[j].name for j in sorted(driven) if joints[j].name in torque_limit]
     if servos or added:
         # What a keyframe says of controls was meant for the servos, and counts actuators.
         for key in spec.keys:
@@ -108,7 +109,7 @@ def use_motors(
     return [
         *[f"Torque motors in place of {len(servos)} servos: see servo_gains."] * bool(servos),
         *_note("Torque motors added", added, model),
-        *_note("Torque limits as given", limited, model),
+        *_note("Torque limits as given", given, model),
     ]
 
 
@@ -195,15 +196,14 @@ def _not_a_motor(model: mujoco.MjModel, a: int) -> str:
 
 def _torque_limit(model: mujoco.MjModel, a: int, j: int) -> float:
     """Symmetric torque limit of actuator `a` on joint `j`, N·m. Raises if there is none."""
-    gear = model.actuator_gear[a, 0]
-    ranges = []
-    if model.actuator_ctrllimited[a]:
-        ranges.append(gear * model.actuator_gainprm[a, 0] * model.actuator_ctrlrange[a])
-    if model.actuator_forcelimited[a]:
-        ranges.append(gear * model.actuator_forcerange[a])
-    if model.jnt_actfrclimited[j]:
-        ranges.append(model.jnt_actfrcrange[j])
-    name = object_name(model, _OBJ.mjOBJ_ACTUATOR, a)
+    gear, name = model.actuator_gear[a, 0], object_name(model, _OBJ.mjOBJ_ACTUATOR, a)
+    unit = gear * model.actuator_gainprm[a, 0]
+    known = (
+        (model.actuator_ctrllimited[a], unit * model.actuator_ctrlrange[a]),
+        (model.actuator_forcelimited[a], gear * model.actuator_forcerange[a]),
+        (model.jnt_actfrclimited[j], model.jnt_actfrcrange[j]),
+    )
+    ranges = [torques for limited, torques in known if limited]
     if not ranges:
         raise RobotError(
             f"Motor {name!r} has no torque limit. Give it a ctrlrange or forcerange, or its joint "

@@ -6,118 +6,126 @@ refused by `unmodelled`.
 """
 
 from collections.abc import Mapping
-from contextlib import suppress
-from pathlib import Path
-from xml.etree import ElementTree
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots import mjcf
 from fbid_gym.robots.contact_sensors import remove_contact_sensors
+from fbid_gym.robots.locks import leave_out_idle, lock_equal_limits, lock_tied
 from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.meshes import mend_meshes
-from fbid_gym.robots.mjcf import listed
+from fbid_gym.robots.mjcf import compile_spec, listed
 from fbid_gym.robots.source import Source
-from fbid_gym.robots.touching import bodies_of_feet
 
 _JOINT = mujoco.mjtJoint
 _DISABLE = mujoco.mjtDisableBit
 
 # Of the robot's mass, and of that times the square of its longest link: a dummy link's.
 _DUMMY = 1e-6
-
+_LEAST_ITERATIONS = 10
+_ENOUGH = {"iterations": ("Solver iterations", 100), "ls_iterations": ("Line searches", 50)}
 _SWITCHES = {
-    "spring": (_DISABLE.mjDSBL_SPRING, ("stiffness",)),
-    "damper": (_DISABLE.mjDSBL_DAMPER, ("damping",)),
-    "frictionloss": (_DISABLE.mjDSBL_FRICTIONLOSS, ("frictionloss",)),
+    "spring": (_DISABLE.mjDSBL_SPRING, "stiffness"),
+    "damper": (_DISABLE.mjDSBL_DAMPER, "damping"),
+    "frictionloss": (_DISABLE.mjDSBL_FRICTIONLOSS, "frictionloss"),
 }
+_OF_JOINTS = ("armature", "damping", "frictionloss", "stiffness")
 
 
-def read_plain(source: Source, base: str | None) -> tuple[mujoco.MjSpec, list[str], list[str]]:
-    """Read a file, and set its parts right; a URDF's root, or the body that shall, floats.
+class Normal(NamedTuple):
+    """A description set right: what `Robot.save` writes."""
 
-    Returns:
-        The spec, notes of what was changed, and names of bodies that lost a mesh they collide with.
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel  # the same, compiled
+    notes: list[str]  # of what was changed
+    bare: list[str]  # names of bodies that lost a mesh which they collide with
+
+
+def normalise(source: Source, base: str | None) -> Normal:
+    """Read a description, and set its parts right; a URDF's root, or the body that shall, floats.
 
     Raises:
-        RobotError: the file cannot be read, or has no body of that name.
+        RobotError: it cannot be read or compiled, or has no body of that name.
     """
     spec, notes = source.read()
     remove_contact_sensors(spec)
     spec.compiler.fusestatic = False  # or feet could not be named
-    folder = source.content.parent if isinstance(source.content, Path) else None
     bare = list[str]()
     if not isinstance(source.content, bytes):
-        changes, bare = mend_meshes(spec, folder, source.is_urdf)
+        changes, bare = mend_meshes(spec, source.folder, source.is_urdf)
         notes += changes
     if source.is_urdf:
-        told = _limits(source.text)
-        locked = {joint: told[joint.name] for joint in spec.joints if joint.name in told}
-        notes += _lock(spec, locked, "whose limits are equal")
-    notes += _free_root(spec) if source.is_urdf and base is None else []
-    if base is None and source.is_urdf and not _floats(spec):
-        base = _root_link(spec)
-    if base is not None and not _floats(spec):
-        notes += mjcf.float_base(spec, base, source.label)
+        notes += lock_equal_limits(spec, source.text)
+        if base is None:
+            notes += _free_root(spec)
+            base = _root_link(spec)
+    if base is not None and not any(map(_is_free, spec.joints)):
+        notes += _float(spec, base, source.label)
     notes += _switch_off(spec)
-    return spec, notes, bare
-
-
-def compile_plain(spec: mujoco.MjSpec, label: str) -> tuple[mujoco.MjModel, list[str]]:
-    """Compile a spec for the first time, and mend what MuJoCo cannot: inertias, idle joints, poses.
-
-    Returns:
-        The model, and notes of what was changed.
-
-    Raises:
-        RobotError: MuJoCo cannot compile it.
-    """
-    notes: list[str] = []
-    for mend in (_mend_shells, _mend_inertias):
+    mends = [_mend_shells, _mend_inertias]
+    while True:
         try:
-            with mjcf.warnings_heard():
-                spec.compile()
+            model = compile_spec(spec, source.label)
             break
-        except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
-            notes += mend(spec, str(error))
-    model = mjcf.compile_spec(spec, label)
-    for change in (_lock_tied, _weld_idle, _clip_keyframes):
+        except RobotError as error:
+            if not mends:
+                raise
+            notes += mends.pop(0)(spec, str(error))
+    for change in (lock_tied, leave_out_idle):
         changed = change(spec, model)
         if changed:
-            model, notes = mjcf.compile_spec(spec, label), notes + changed
-    return model, notes
+            model, notes = compile_spec(spec, source.label), notes + changed
+    notes += _clip_keyframes(spec, model)
+    return Normal(spec, model, notes, bare)
+
+
+def simulate_well(spec: mujoco.MjSpec) -> list[str]:
+    """Free the base of what no floating body has, and let the solver converge; returns notes.
+
+    A floating body's momentum would not be its own. Defaults for joints reach the free joint as
+    well, if it is written as a joint.
+    """
+    option, notes = spec.option, []
+    free = next(joint for joint in spec.joints if _is_free(joint))
+    held = {name: float(np.max(getattr(free, name))) for name in _OF_JOINTS}
+    losses = ", ".join(f"{name} {value:g}" for name, value in held.items() if value)
+    if losses:
+        notes.append(f"Removed from the free joint, where it would falsify the momentum: {losses}.")
+        for name in _OF_JOINTS:
+            setattr(free, name, np.zeros_like(getattr(free, name)))
+    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    for name, (what, enough) in _ENOUGH.items():
+        if getattr(option, name) < _LEAST_ITERATIONS:
+            notes.append(f"{what} raised from {getattr(option, name)} to {enough}.")
+            setattr(option, name, enough)
+    return notes
 
 
 def exclude_overlaps(
     spec: mujoco.MjSpec, home: MeasuredModel, bodies: Mapping[int, mujoco.MjsBody]
 ) -> list[str]:
     """Let bodies of the robot that lie in one another at home touch no more; returns notes."""
-    model, data = home.model, mujoco.MjData(home.model)
-    data.qpos[:] = home.qpos
-    mujoco.mj_fwdPosition(model, data)
-    deepest = dict[tuple[int, int], float]()
-    for contact in data.contact:
+    model, deepest = home.model, dict[tuple[int, int], float]()
+    for contact in home.forward.contact:
         first, second = sorted(int(body) for body in model.geom_bodyid[contact.geom])
         if contact.dist < 0.0 and model.body_weldid[first] and model.body_weldid[second]:
             pair = first, second
             deepest[pair] = min(deepest.get(pair, 0.0), float(contact.dist))
     told = []
     for pair, depth in deepest.items():
-        one, other = (_named(bodies[body]) for body in pair)
+        for body in pair:
+            bodies[body].name = bodies[body].name or f"fbid_body_{body}"
+        one, other = (str(bodies[body].name) for body in pair)
         spec.add_exclude(bodyname1=one, bodyname2=other)
         told.append(f"{one} and {other} ({-1e3 * depth:.2g} mm)")
     return [f"Lie in one another at home, and touch no more: {listed(told)}."] if told else []
 
 
-def _named(body: mujoco.MjsBody) -> str:
-    body.name = body.name or f"fbid_body_{body.id}"
-    return str(body.name)
-
-
-def _floats(spec: mujoco.MjSpec) -> bool:
-    return any(joint.type == _JOINT.mjJNT_FREE for joint in spec.joints)
+def _is_free(joint: mujoco.MjsJoint) -> bool:
+    return bool(joint.type == _JOINT.mjJNT_FREE)
 
 
 def _root_link(spec: mujoco.MjSpec) -> str | None:
@@ -131,125 +139,59 @@ def _free_root(spec: mujoco.MjSpec) -> list[str]:
 
     By these somebody moves the robot about; here it floats.
     """
-    taken, top = list[str](), list(spec.worldbody.bodies)
+    taken, top = list[mujoco.MjsJoint](), list(spec.worldbody.bodies)
     body = top[0] if len(top) == 1 else None
     while body is not None:
-        taken += [joint.name for joint in body.joints if body is not top[0] or not _is_free(joint)]
+        taken += [joint for joint in body.joints if body is not top[0] or not _is_free(joint)]
         inside = list(body.bodies)
         hollow = body.mass == 0.0 and not list(body.geoms) and len(inside) == 1
         body = inside[0] if hollow else None
     if not taken or top[0].mass > 0.0 or list(top[0].geoms):
         return []
-    for joint in [joint for joint in spec.joints if joint.name in taken]:
+    names = [joint.name for joint in taken]
+    for joint in taken:
         spec.delete(joint)
-    return [f"Joints that move the base about left out: {listed(taken)}."]
+    return [f"Joints that move the base about left out: {listed(names)}."]
 
 
-def _is_free(joint: mujoco.MjsJoint) -> bool:
-    return bool(joint.type == _JOINT.mjJNT_FREE)
+def _float(spec: mujoco.MjSpec, base: str, label: str) -> list[str]:
+    """Give a free joint to a top-level body of a file that has none.
 
-
-def _limits(urdf: bytes) -> dict[str, float]:
-    """Joints whose lower and upper limit a URDF gives, and gives as one: MuJoCo ignores these."""
-    found = {}
-    with suppress(ElementTree.ParseError, ValueError):  # MuJoCo is less strict
-        for joint in ElementTree.fromstring(urdf).iter("joint"):
-            limit = joint.find("limit")
-            if limit is not None and joint.get("type") in ("revolute", "prismatic"):
-                low, high = limit.get("lower"), limit.get("upper")
-                if low and high and float(low) == float(high):
-                    found[joint.get("name", "")] = float(low)
-    return found
-
-
-def _lock_tied(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
-    """Lock joints that an `<equality>` ties to a constant, or to each other where no foot hangs.
-
-    Fingers that follow one another do not walk; legs whose joints do are refused, see `unmodelled`.
+    Files converted from URDF often fix the robot to the world. Their keyframes begin with the
+    first joint's angle: the body's place goes before it, or MuJoCo would take angles for places.
     """
-    joints, legs = {joint.name: joint for joint in spec.joints}, _joints_of_legs(model)
-    tied, ties = dict[mujoco.MjsJoint, float](), list[mujoco.MjsEquality]()
-    for tie in spec.equalities:
-        ends = [joints[name] for name in (tie.name1, tie.name2) if name in joints]
-        is_joint = tie.type == mujoco.mjtEq.mjEQ_JOINT and tie.active and ends
-        if is_joint and (len(ends) == 1 or not legs & {joint.name for joint in ends}):
-            ties.append(tie)
-            tied |= {joint: 0.0 for joint in ends[1:] if joint not in tied}
-            tied[ends[0]] = float(tie.data[0])
-    for tie in ties:
-        spec.delete(tie)
-    return _lock(spec, tied, "which an <equality> or <mimic> ties", model)
-
-
-def _joints_of_legs(model: mujoco.MjModel) -> set[str]:
-    """Names of the joints that feet hang from, as far as they are found; else of all joints."""
-    drawn = MeasuredModel(model, model.qpos0)
-    every = set(range(model.njnt))
-    with suppress(RobotError):
-        every = {joint for foot in bodies_of_feet(drawn) for joint in drawn.joints_above(foot)}
-    return {model.joint(int(joint)).name for joint in every}
-
-
-def _lock(
-    spec: mujoco.MjSpec,
-    locked: Mapping[mujoco.MjsJoint, float],
-    why: str,
-    model: mujoco.MjModel | None = None,
-) -> list[str]:
-    """Take joints, and leave their bodies where the joints' values (rad, m) have them."""
-    if not locked:
-        return []
-    names = [joint.name for joint in locked]
-    for joint, value in locked.items():
-        _move(joint.parent, joint, value - joint.ref)
-    _forget(spec, list(locked), model)
-    return [f"Joints locked, {why}: {listed(names)}."]
-
-
-def _forget(
-    spec: mujoco.MjSpec, joints: list[mujoco.MjsJoint], model: mujoco.MjModel | None
-) -> None:
-    """Take joints, what acts on them, and their places in keyframes of a spec that is `model`."""
-    names = {joint.name for joint in joints}
-    if model is not None:
-        gone = [j for j in range(model.njnt) if model.joint(j).name in names]
-        places = [model.jnt_qposadr[j] + np.arange(_width(model, j)) for j in gone]
-        kept = np.delete(np.arange(model.nq), np.concatenate(places))
-        for key in spec.keys:
-            key.qpos = np.array(key.qpos)[kept] if len(key.qpos) == model.nq else []
-            key.qvel, key.ctrl, key.act = [], [], []
-    acting = [part for part in spec.actuators if part.target in names]
-    seeing = [part for part in spec.sensors if part.objname in names]
-    for part in (*acting, *seeing, *joints):
-        spec.delete(part)
-
-
-def _move(body: mujoco.MjsBody, joint: mujoco.MjsJoint, by: float) -> None:
-    """Move a body as its joint would."""
-    turn, quat, way = np.empty(4), np.empty(4), np.empty(3)
-    axis = np.asarray(joint.axis, float) / np.linalg.norm(joint.axis)
-    if joint.type == _JOINT.mjJNT_SLIDE:
-        mujoco.mju_rotVecQuat(way, by * axis, body.quat)
-        body.pos = body.pos + way
-        return
-    mujoco.mju_axisAngle2Quat(turn, axis, by)
-    mujoco.mju_rotVecQuat(way, joint.pos, turn)
-    shift = joint.pos - way
-    mujoco.mju_rotVecQuat(way, shift, body.quat)
-    mujoco.mju_mulQuat(quat, body.quat, turn)
-    body.pos, body.quat = body.pos + way, quat
+    top_level = {body.name: body for body in spec.worldbody.bodies}
+    if base not in top_level:
+        raise RobotError(f"No top-level body {base!r}. Valid choices: {listed(top_level)}.")
+    body = top_level[base]
+    if len(body.joints) > 0:
+        names = [joint.name for joint in body.joints]
+        raise RobotError(
+            f"Body {base!r} cannot be made to float: it already has the joints {listed(names)}."
+        )
+    notes = [f"Body {base!r} was made to float."]
+    posed = [key for key in spec.keys if len(key.qpos) or len(key.qvel)]
+    if posed:
+        fixed = compile_spec(spec.copy(), label).body(base)
+        place = [*fixed.pos, *fixed.quat]
+        for key in posed:
+            key.qpos = [*place, *key.qpos] if len(key.qpos) else []
+            key.qvel = [*np.zeros(6), *key.qvel] if len(key.qvel) else []
+        names = [key.name or "(unnamed)" for key in posed]
+        notes.append(f"Its place was put before the joints of the keyframes {listed(names)}.")
+    body.add_freejoint()
+    return notes
 
 
 def _switch_off(spec: mujoco.MjSpec) -> list[str]:
     """Take what a `<flag>` switches off, or overrides: laws would count on what the file says."""
     off, option = list[str](), spec.option
-    for name, (bit, fields) in _SWITCHES.items():
+    for name, (bit, field) in _SWITCHES.items():
         if option.disableflags & int(bit):
             option.disableflags &= ~int(bit)
             off.append(name)
             for joint in spec.joints:
-                for field in fields:
-                    setattr(joint, field, np.zeros_like(getattr(joint, field)))
+                setattr(joint, field, np.zeros_like(getattr(joint, field)))
     notes = [f"Taken, as <flag> switches them off: {listed(off)}."] if off else []
     override = int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
     if option.enableflags & override:
@@ -299,27 +241,8 @@ def _mend_inertias(spec: mujoco.MjSpec, error: str) -> list[str]:
     ]
 
 
-def _weld_idle(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
-    """Weld to the world what hangs there from joints that nothing drives."""
-    free = np.flatnonzero(model.jnt_type == _JOINT.mjJNT_FREE)
-    if len(free) != 1:
-        return []
-    root = int(model.jnt_bodyid[free[0]])
-    outside = np.flatnonzero(model.body_rootid[model.jnt_bodyid] != root).tolist()
-    if not outside or np.isin(outside, model.actuator_trnid[:, 0]).any():
-        return []
-    joints = {joint.id: joint for joint in spec.joints}
-    names = mjcf.object_names(model, mujoco.mjtObj.mjOBJ_JOINT, outside)
-    _forget(spec, [joints[j] for j in outside], model)
-    return [f"Idle joints beside the robot left out: {listed(names)}."]
-
-
-def _width(model: mujoco.MjModel, joint: int) -> int:
-    return 4 if model.jnt_type[joint] == _JOINT.mjJNT_BALL else 1
-
-
 def _clip_keyframes(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
-    """Bring the joints of keyframes into their ranges, where little is missing."""
+    """Bring the joints of keyframes into their ranges, where little is missing, of both."""
     limited = np.flatnonzero(model.jnt_limited)
     place = model.jnt_qposadr[limited]
     low, high = model.jnt_range[limited].T
@@ -332,6 +255,6 @@ def _clip_keyframes(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
         off = np.abs(inside - qpos[place])
         if np.any((off > 1e-6) & (off <= near)) and np.all(off <= near):
             qpos[place] = inside
-            key.qpos = qpos
+            key.qpos = model.key_qpos[key.id] = qpos
             names.append(key.name or "(unnamed)")
     return [f"Keyframes clipped to the joints' ranges: {listed(names)}."] if names else []

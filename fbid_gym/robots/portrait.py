@@ -8,7 +8,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.feet import contacts
 from fbid_gym.robots.geoms import add_ball, add_line, offscreen
 from fbid_gym.robots.polygon import convex_hull
 from fbid_gym.robots.robot import Robot
@@ -29,10 +28,7 @@ def portrait(robot: Robot) -> np.ndarray:
     Raises:
         FbidError: nothing to draw with.
     """
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.home_qpos
-    mujoco.mj_forward(robot.model, data)
-    points, com = contacts(robot.feet, data), robot.at_home.com
+    data, points, com = robot.at_home.forward, robot.points_at_home, robot.at_home.com
     robots_own = robot.model.body_weldid[robot.model.geom_bodyid] != 0
     centres = np.concatenate([data.geom_xpos[robots_own], points])
     middle, size = 0.5 * (centres.min(axis=0) + centres.max(axis=0)), np.ptp(centres, axis=0)

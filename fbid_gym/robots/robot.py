@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -15,18 +15,26 @@ from fbid_gym.errors import InvalidValueError, RobotError
 from fbid_gym.robots import archive, home_check, mjcf
 from fbid_gym.robots.by_joint import ByJoint, by_joint
 from fbid_gym.robots.contact_sensors import add_contact_sensors
-from fbid_gym.robots.corrections import free_the_base, set_armature, set_solver
 from fbid_gym.robots.description import described
 from fbid_gym.robots.feet import Foot, contacts, find_feet, group_points
 from fbid_gym.robots.home import home_pose, on_the_ground, stands_up
 from fbid_gym.robots.measured_model import LEGS, MeasuredModel
-from fbid_gym.robots.motors import ServoGains, motor_of_each_joint, servo_gains, use_motors
-from fbid_gym.robots.normalise import compile_plain, exclude_overlaps, read_plain
+from fbid_gym.robots.motors import (
+    ServoGains,
+    motor_of_each_joint,
+    servo_gains,
+    set_armature,
+    use_motors,
+)
+from fbid_gym.robots.normalise import exclude_overlaps, normalise, simulate_well
 from fbid_gym.robots.scene import add_ground
-from fbid_gym.robots.soles import stand_up
 from fbid_gym.robots.source import RobotSource, Source
+from fbid_gym.robots.stand import stand_up
 from fbid_gym.robots.touching import refuse_wheels
 from fbid_gym.robots.unmodelled import refuse_diverging, refuse_unmodelled
+
+if TYPE_CHECKING:
+    from fbid_gym.robots.drives import Drives
 
 _LOG = logging.getLogger("fbid_gym")
 
@@ -61,6 +69,8 @@ class Robot:
         mass: kg.
         notes: what was changed of the file, one sentence each.
         servo_gains: of the file's servos, which are torque motors now; None if it had none.
+        drives: what its motors can give beyond `torque_limit`; None if they are ideal, see
+            `fbid_gym.robots.drives`.
     """
 
     name: str
@@ -78,6 +88,7 @@ class Robot:
     mass: float
     notes: tuple[str, ...] = ()
     servo_gains: ServoGains | None = None
+    drives: "Drives | None" = None
 
     _made: ClassVar[tuple[Callable[..., "Robot"], tuple[Any, ...]] | None] = None
 
@@ -127,6 +138,11 @@ class Robot:
         """Its model in the home pose, measured."""
         return MeasuredModel(self.model, self.home_qpos)
 
+    @cached_property
+    def points_at_home(self) -> np.ndarray:
+        """(P, 3) m, world: where its contact points touch at home, the lowest at z = 0."""
+        return contacts(self.feet, self.at_home.data)
+
     @property
     def weight(self) -> float:
         """Weight in N."""
@@ -147,7 +163,7 @@ class Robot:
 
         See `fbid_gym.robots.home_check`.
         """
-        return home_check.findings(self.at_home, self.feet, self.contact_sensor)
+        return home_check.findings(self)
 
     def __repr__(self) -> str:
         """Say what it is, and what was changed of its file."""
@@ -192,7 +208,7 @@ class Robot:
 
     def portable(self) -> "Robot":
         """Return this robot as `load` reads it from what `save` writes: equal to the last bit."""
-        packed, options = archive.split(self._archive(), repr(self.name))
+        packed, options = archive.split(self._archive(), self.name)
         return Robot.from_mjcf(Source.known(packed), **options)
 
     @property
@@ -201,15 +217,11 @@ class Robot:
         return archive.digest(self._archive())
 
     def _archive(self) -> bytes:
-        source, feet, _, home, base, torque_limit, armature = self.__reduce__()[1]
-        content = source.content
-        packed = content
-        if not isinstance(content, bytes):
-            spec, *_ = read_plain(source, base)
-            compile_plain(spec, source.label)
-            packed = archive.pack(spec)
-        options = {"home": home, "base": base, "torque_limit": torque_limit, "armature": armature}
-        return archive.with_arguments(packed, {"feet": feet, "name": self.name, **options})
+        source, given = self.__reduce__()[1]
+        packed = source.content
+        if not isinstance(packed, bytes):
+            packed = archive.pack(normalise(source, given["base"]).spec)
+        return archive.with_arguments(packed, {**given, "name": self.name})
 
     def made_by(self, function: Callable[..., "Robot"], *arguments: Any) -> "Robot":
         """Remember how this robot was made, for pickling; returns it."""
@@ -260,9 +272,11 @@ class Robot:
         dense; everything else in the file stays. What `check` finds is logged as warnings.
 
         Args:
-            source: path or text of an MJCF or URDF, an `mujoco.MjSpec`, or a name of
-                `robot_descriptions`. It holds one robot of hinges and slides: in an MJCF with one
-                free joint on a top-level body; a URDF's root link is made to float.
+            source: path or text of an MJCF or URDF, an `mujoco.MjSpec`, a name of
+                `robot_descriptions`, or "menagerie:NAME" for one of `mujoco_menagerie`
+                ("menagerie:NAME/FILE" for another of its files than the usual one). It holds one
+                robot of hinges and slides: in an MJCF with one free joint on a top-level body; a
+                URDF's root link is made to float.
             feet: foot name -> names of its contact points, or of its body; or a sequence of names,
                 each of a foot with one point, or of its body. A point is a site, a sphere, or a
                 capsule (its end farther from the body's origin). The points of one foot lie on one
@@ -285,42 +299,37 @@ class Robot:
             RobotError: the file or the robot in it cannot be used.
             FbidError: an argument cannot be used. Both name the value and the valid choices.
         """
-        source = Source.of(source)
-        robot = _build(source, feet, name, home, base, torque_limit, armature)
+        given = {
+            **{"feet": feet, "name": name, "home": home},
+            **{"base": base, "torque_limit": torque_limit, "armature": armature},
+        }
+        robot = _build(Source.of(source), given)
         for sentence in robot.check():
             _LOG.warning("%s: %s", robot.name, sentence)
         return robot
 
 
-def _build(
-    source: Source,
-    feet: Any,
-    name: str | None,
-    home: Any,
-    base: str | None,
-    torque_limit: ByJoint | None,
-    armature: ByJoint | None,
-) -> Robot:
-    """Load a robot, see `Robot.from_mjcf`; unpickling does this once more."""
+def _build(source: Source, given: dict[str, Any]) -> Robot:
+    """Load a robot by arguments of `Robot.from_mjcf`; unpickling does this once more."""
+    feet, name, home, base = (given[key] for key in ("feet", "name", "home", "base"))
     if not isinstance(name, str | None):
         raise InvalidValueError("name", name, "text")
     named = None if feet is None else group_points(feet)
-    spec, notes, bare = read_plain(source, base)
-    plain, changed = compile_plain(spec, source.label)
-    notes += changed
+    spec, plain, notes, bare = normalise(source, base)
     base_body = refuse_unmodelled(plain)
     floating = mjcf.object_name(plain, _OBJ.mjOBJ_BODY, base_body)
     if base not in (None, floating):
         raise RobotError(f"The free joint is on body {floating!r}, not on base={base!r}.")
+    # Bodies, joints and actuators keep their ids, but are not told them once something is added.
+    bodies = {body.id: body for body in spec.bodies}
     joint_names = mjcf.name_joints(spec, plain)
     gains = servo_gains(plain)
-    notes += free_the_base(spec, plain)
-    notes += set_armature(spec, by_joint("armature", armature, joint_names))
-    notes += use_motors(spec, plain, by_joint("torque_limit", torque_limit, joint_names))
-    notes += set_solver(spec)
-    plain = mjcf.compile_spec(spec, source.label)
-    actuator, gear, limit = motor_of_each_joint(plain)
-    start = MeasuredModel(plain, home_pose(plain, home))
+    notes += simulate_well(spec)
+    notes += set_armature(spec, by_joint("armature", given["armature"], joint_names))
+    limits = by_joint("torque_limit", given["torque_limit"], joint_names)
+    notes += use_motors(spec, plain, limits)
+
+    start = MeasuredModel(plain, home_pose(plain, joint_names, home))
     qpos, found = start.qpos, find_feet(start, named)
     _refuse_bare(start, found, bare)
     refuse_wheels(start, [foot.body for foot in found])
@@ -330,13 +339,11 @@ def _build(
         found, qpos = stand_up(start, found, named)
     at_home = MeasuredModel(plain, on_the_ground(plain, qpos, found))
 
-    # Bodies, joints and actuators keep their ids: only geoms, sites, lights and sensors join.
-    bodies = {body.id: body for body in spec.bodies}  # ids are gone once something is added
     notes += exclude_overlaps(spec, at_home, bodies)
     add_ground(spec, at_home, bodies[base_body], found)
     sensors = add_contact_sensors(spec, at_home, bodies, found)
     model = mjcf.compile_spec(spec, source.label)
-
+    actuator, gear, limit = motor_of_each_joint(model)
     refuse_diverging(MeasuredModel(model, at_home.qpos), source.label)
     own_name = "" if spec.modelname == _UNNAMED else str(spec.modelname)
     columns = [model.sensor_adr[model.sensor(s).id] + np.arange(3) for s in sensors]
@@ -357,7 +364,7 @@ def _build(
         notes=tuple(notes),
         servo_gains=gains,
     )
-    return robot.made_by(_build, source, feet, name, home, base, torque_limit, armature)
+    return robot.made_by(_build, source, given)
 
 
 def _refuse_bare(start: MeasuredModel, feet: tuple[Foot, ...], bare: list[str]) -> None:

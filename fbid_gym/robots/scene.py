@@ -1,16 +1,17 @@
-"""What is added to a robot's MJCF: something to stand on, and light."""
+"""What a robot has below its feet, and what is added to its MJCF: a ground, and light."""
 
+import copy
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from fbid_gym.robots.feet import Foot
-from fbid_gym.robots.ground import heights_below
+from fbid_gym.robots.feet import Foot, contacts
 from fbid_gym.robots.measured_model import MeasuredModel
 
 _GEOM = mujoco.mjtGeom
+_DOWN = np.array([0.0, 0.0, -1.0])
 _EMPTY = mujoco.MjSpec()
 _PLAIN = _EMPTY.worldbody.add_geom()
 _INHERITED = (
@@ -19,16 +20,35 @@ _INHERITED = (
 )
 
 
+def heights_below(home: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
+    """Return how high the ground is below each contact point: (P,) m, NaN where there is none.
+
+    Ground is what does not move and touches the feet. What lies higher than the centre of mass is
+    none.
+    """
+    model, ground = home.model, home.ground
+    own = np.concatenate([home.welded_geoms(foot.body) for foot in feet])
+    if own.size:
+        ground = ground & home.meeting(own).any(axis=1)
+    # Rays meet the geoms of some groups alone, none that is invisible, of planes what is drawn.
+    seen = copy.copy(model)
+    seen.geom_group[:], seen.geom_matid[:], seen.geom_rgba[:, 3] = ground, -1, 1.0
+    seen.geom_size[model.geom_type == _GEOM.mjGEOM_PLANE, :2] = 0.0
+    groups, met = np.array([0, 1, 0, 0, 0, 0], np.uint8), np.zeros(1, np.int32)
+    top, found = home.com[2], []
+    for point in contacts(feet, home.data):
+        above = np.array([*point[:2], top])
+        distance = mujoco.mj_ray(seen, home.data, above, _DOWN, groups, 1, -1, met)
+        found.append(top - distance if distance >= 0.0 else np.nan)
+    return np.array(found)
+
+
 def add_ground(
     spec: mujoco.MjSpec, home: MeasuredModel, base: mujoco.MjsBody, feet: Sequence[Foot]
 ) -> None:
     """Add a ground plane, a light and a sky to a file whose static world has nothing to stand on.
 
-    Args:
-        spec: the spec to extend.
-        home: of the same, compiled before anything was added.
-        base: the floating body; the light follows it, so that its shadow stays sharp.
-        feet: of the robot.
+    The light follows the base, the floating body, so that its shadow stays sharp.
     """
     screen = spec.visual.global_
     screen.offwidth, screen.offheight = max(screen.offwidth, 1920), max(screen.offheight, 1080)
@@ -102,14 +122,9 @@ def collision_bits(spec: mujoco.MjSpec) -> int:
 
 
 def add_solid(spec: mujoco.MjSpec, bits: int, **geom: Any) -> None:
-    """Add a geom to the static world.
+    """Add a geom of these attributes to the static world, which meets geoms of these bits.
 
     It is as MuJoCo makes it: the file's own defaults are meant for the robot's geoms.
-
-    Args:
-        spec: the spec to extend.
-        bits: of the geoms that it meets, see `collision_bits`.
-        **geom: attributes of the geom.
     """
     usual = {name: getattr(_PLAIN, name) for name in _INHERITED}
     spec.worldbody.add_geom(**usual, contype=bits, conaffinity=bits, **geom)

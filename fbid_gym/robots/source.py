@@ -8,20 +8,25 @@ import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Union
+from typing import TypeGuard, Union
+from xml.parsers.expat import ExpatError
 
 import mujoco
 
-from fbid_gym.errors import InvalidValueError, RobotError, shown
+from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError, shown
 from fbid_gym.reading import read_file
 from fbid_gym.robots.archive import pack
 from fbid_gym.robots.bounds import MOST_TEXT, check_bounds
 from fbid_gym.robots.mjcf import warnings_heard
 
-_EXPECTED = "the path or text of an MJCF or URDF, an mujoco.MjSpec, or a name of robot_descriptions"
+MENAGERIE = "menagerie:"
+"""How the names of robots of `mujoco_menagerie` begin."""
+_EXPECTED = (
+    "the path or text of an MJCF or URDF, an mujoco.MjSpec, a name of robot_descriptions, or "
+    f"{MENAGERIE}NAME"
+)
 _SUFFIXES = (".xml", ".urdf")  # that MuJoCo knows a file by
-PUBLISHED = "_description"
-"""How the names of `robot_descriptions` end."""
+_DESCRIPTION = "_description"  # the end of the names of robot_descriptions
 
 RobotSource = Union[str, Path, mujoco.MjSpec, "Source"]
 
@@ -46,6 +51,7 @@ class Source:
         Raises:
             InvalidValueError: none of the kinds.
             RobotError: no such file, or no such published robot.
+            UnknownOptionError: `mujoco_menagerie` has no robot or no file of this name.
         """
         if isinstance(source, Source):
             return source
@@ -56,8 +62,8 @@ class Source:
         if not isinstance(source, str | Path):
             raise InvalidValueError("robot", source, _EXPECTED)
         path = Path(source)
-        if isinstance(source, str) and source.endswith(PUBLISHED) and not is_file(path):
-            path = _published(source)
+        if is_published(source) and not is_file(path):
+            path = (_of_menagerie if source.startswith(MENAGERIE) else _described)(source)
         if not is_file(path):
             given = f"Robot file {shown(str(path))}"
             raise RobotError(f"{given} does not exist. Expected the path of an MJCF or URDF.")
@@ -77,6 +83,11 @@ class Source:
     def is_file(self) -> bool:
         """Whether it is a file."""
         return isinstance(self.content, Path)
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder of a file."""
+        return self.content.parent if isinstance(self.content, Path) else None
 
     @property
     def name(self) -> str:
@@ -106,11 +117,13 @@ class Source:
         """
         if self.is_file and self.known(self.content).digest != self.digest:
             raise RobotError(f"{self.label} has changed since the robot was loaded.")
-        check_bounds(self.content, self.label)
         try:
+            check_bounds(self.content, self.label)
             with warnings_heard() as heard:
                 spec = self._parsed()
-        except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
+        except RobotError:
+            raise
+        except (ExpatError, ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
             kind = "URDF" if self.is_urdf else "MJCF"
             raise RobotError(f"{self.label} is not a valid {kind}: {error}") from error
         # Equal limits are locked joints, which they are made.
@@ -130,6 +143,13 @@ class Source:
         return spec
 
 
+def is_published(source: object) -> TypeGuard[str]:
+    """Whether a source is the name of a published robot, or could be: who publishes it knows."""
+    return isinstance(source, str) and (
+        source.startswith(MENAGERIE) or source.endswith(_DESCRIPTION)
+    )
+
+
 def is_file(path: Path) -> bool:
     """Whether a path is that of a file; one that is too long, or no path at all, is not."""
     try:
@@ -144,7 +164,7 @@ def _bytes(content: Path | str | bytes) -> bytes:
     return content.encode(errors="surrogatepass") if isinstance(content, str) else content
 
 
-def _published(name: str) -> Path:
+def _described(name: str) -> Path:
     """Path of a robot of `robot_descriptions`, which keeps a cache of its own."""
     if importlib.util.find_spec("robot_descriptions") is None:
         raise RobotError(
@@ -163,3 +183,25 @@ def _published(name: str) -> Path:
     if path is None:
         raise RobotError(f"{name!r} of robot_descriptions has neither an MJCF nor a URDF.")
     return Path(path)
+
+
+def _of_menagerie(name: str) -> Path:
+    """Path of a robot of `mujoco_menagerie`, which fetches it at its first use and keeps it."""
+    if importlib.util.find_spec("mujoco_menagerie") is None:
+        raise RobotError(
+            f"{name!r} is a robot of the package mujoco-menagerie, which is not installed: "
+            "pip install 'fbid_gym[menagerie]'."
+        )
+    import mujoco_menagerie as menagerie
+
+    robot, _, file = name.removeprefix(MENAGERIE).partition("/")
+    if robot not in (known := menagerie.names()):
+        raise UnknownOptionError("robot of mujoco_menagerie", robot, known)
+    found = menagerie.get(robot)
+    if file and file not in found.entry_names:
+        raise UnknownOptionError(f"file of {MENAGERIE}{robot}", file, found.entry_names)
+    try:
+        return Path(found.xml(file or found.default_model))
+    except (menagerie.MenagerieError, OSError) as error:
+        reason = " ".join(str(error).split())
+        raise RobotError(f"mujoco_menagerie cannot provide {name!r}: {reason}") from error

@@ -1,15 +1,23 @@
-"""A standing pose found from the model: legs bent, the centre of mass above the feet."""
+"""A standing pose found from the model: legs bent, the centre of mass above the feet.
 
-from collections.abc import Sequence
+A foot that is tilted where this begins touches level ground with less than its sole: with an edge,
+a corner, or a sliver of what is round. What a foot known by its body shall stand on is then what
+touches where the file draws it, with its joints within their ranges or not, or as it is, each
+tipped until the flat side that comes down first is level.
+"""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from fbid_gym.errors import RobotError
-from fbid_gym.robots.feet import Foot
+from fbid_gym.robots.feet import Foot, foot_of_body, named_by_body
 from fbid_gym.robots.measured_model import MeasuredModel
 from fbid_gym.robots.mjcf import joint_range, moving_joints, refuse
+from fbid_gym.robots.touching import TILTED, side_below, tilt_of
 
 _STRETCH = {False: 0.95, True: 0.7}
 """Length of a leg in the pose, of its length when straight: on two feet, and on more, which walk
@@ -21,14 +29,36 @@ _TOLERANCE = 0.01  # of a leg's length
 _STRAIGHT = 0.995
 _DIGITS = 7
 
+_NARROW = 0.05  # width per length below which points span no area
+_LARGER = 1.2  # area, or length where there is none, by which what a foot may stand on is better
 
-class _View(NamedTuple):
-    """What a pose looks like, world; F feet."""
 
-    points: np.ndarray  # (P, 3) m, contacts
-    com: np.ndarray  # (3,) m
-    legs: np.ndarray  # (F, 3, 3) m, hip, knee and foot of each
-    soles: np.ndarray  # (S, 3, 3) orientation of the feet with more than a point
+def stand_up(
+    start: MeasuredModel, feet: tuple[Foot, ...], named: Mapping[str, Sequence[str]] | None
+) -> tuple[tuple[Foot, ...], np.ndarray]:
+    """Find a standing pose, see `standing_pose`: on soles, where feet known by bodies have some.
+
+    Args:
+        start: the pose to begin with.
+        feet: as they touch in that pose.
+        named: how the feet were named; None: not at all.
+
+    Returns:
+        The feet, and qpos (nq,).
+
+    Raises:
+        RobotError: no such pose was found.
+    """
+    soles = tuple(
+        _sole(start, foot)
+        if named is None or named_by_body(start.model, named[foot.name])
+        else foot
+        for foot in feet
+    )
+    if soles != feet:
+        with suppress(RobotError):
+            return soles, standing_pose(start, soles)
+    return feet, standing_pose(start, feet)
 
 
 def standing_pose(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
@@ -76,8 +106,22 @@ def standing_pose(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
     return np.concatenate([start.qpos[:7], np.clip(np.round(found.x, _DIGITS), low, high)])
 
 
+class _View(NamedTuple):
+    """What a pose looks like, world; F feet."""
+
+    points: np.ndarray  # (P, 3) m, contacts
+    off: np.ndarray  # (2,) m, of the centre of mass from above the middle of them
+    legs: np.ndarray  # (F, 3, 3) m, hip, knee and foot of each
+    soles: np.ndarray  # (S, 3, 3) orientation of the feet with more than a point
+
+    @property
+    def stretch(self) -> np.ndarray:
+        """(F,) m, from hip to foot."""
+        return np.asarray(np.linalg.norm(self.legs[:, 2] - self.legs[:, 0], axis=1))
+
+
 class _Scene:
-    """Poses to choose from, in lengths of a straight leg."""
+    """Poses to choose from."""
 
     def __init__(self, start: MeasuredModel, feet: Sequence[Foot]) -> None:
         self._start, self._feet = start, feet
@@ -86,7 +130,6 @@ class _Scene:
         links = np.diff(self._before.legs, axis=1)
         self._straight = np.linalg.norm(links, axis=2).sum(axis=1)
         self.length = float(self._straight.mean())
-        self._stretch = _STRETCH[len(feet) > 2]
 
     def bent(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Bend knees: a straight leg does not know which way.
@@ -98,23 +141,23 @@ class _Scene:
         for knee in knees:
             if np.isfinite(low[knee]) and np.isfinite(high[knee]):
                 angles[knee] += 0.4 * (0.5 * (low[knee] + high[knee]) - angles[knee])
-        before = self._look(angles).legs
-        for leg in np.flatnonzero(_stretch(before) > _STRAIGHT * self._straight):
+        before = self._look(angles)
+        for leg in np.flatnonzero(before.stretch > _STRAIGHT * self._straight):
             turned = angles.copy()
             turned[knees[leg]] += 0.5
-            ahead = self._look(turned).legs[leg, 2, 0] - before[leg, 2, 0]
+            ahead = self._look(turned).legs[leg, 2, 0] - before.legs[leg, 2, 0]
             angles[knees[leg]] += -0.5 if ahead > 0.0 else 0.5
         return np.clip(angles, low + 1e-9, high - 1e-9)
 
     def residuals(self, angles: np.ndarray) -> np.ndarray:
         """What shall vanish."""
-        points, com, legs, soles = self._look(angles)
-        sideways = legs[:, 2] - legs[:, 0] - (self._before.legs[:, 2] - self._before.legs[:, 0])
-        turned = soles @ self._before.soles.transpose(0, 2, 1)
+        view, before = self._look(angles), self._before
+        sideways = view.legs[:, 2] - view.legs[:, 0] - (before.legs[:, 2] - before.legs[:, 0])
+        turned = view.soles @ before.soles.transpose(0, 2, 1)
         parts = [
-            _FIRM * (points[:, 2] - points[:, 2].mean()) / self.length,
-            _FIRM * (com - points.mean(axis=0))[:2] / self.length,
-            _stretch(legs) / self._straight - self._stretch,
+            _FIRM * (view.points[:, 2] - view.points[:, 2].mean()) / self.length,
+            _FIRM * view.off / self.length,
+            view.stretch / self._straight - _STRETCH[len(self._feet) > 2],
             _WISH * sideways[:, :2].ravel() / self.length,
             _FACING * 0.5 * (turned[:, 1, 0] - turned[:, 0, 1]),  # sines, about the vertical
         ]
@@ -122,22 +165,18 @@ class _Scene:
 
     def failings(self, angles: np.ndarray) -> tuple[float, float]:
         """How far the points are from level, and the centre of mass from above their middle."""
-        points, com, _, _ = self._look(angles)
-        off = float(np.linalg.norm((com - points.mean(axis=0))[:2]))
-        return float(np.ptp(points[:, 2])) / self.length, off / self.length
+        view = self._look(angles)
+        uneven, off = float(np.ptp(view.points[:, 2])), float(np.linalg.norm(view.off))
+        return uneven / self.length, off / self.length
 
     def _look(self, angles: np.ndarray) -> _View:
         pose = MeasuredModel(self._start.model, np.concatenate([self._start.qpos[:7], angles]))
         touches = [foot.touching(pose.data) for foot in self._feet]
-        ends = np.array([touch.mean(axis=0) for touch in touches])
-        legs = np.concatenate([pose.data.xanchor[self._joints], ends[:, None]], axis=1)
+        points, ends = np.concatenate(touches), [touch.mean(axis=0) for touch in touches]
+        legs = np.concatenate([pose.data.xanchor[self._joints], np.array(ends)[:, None]], axis=1)
         soles = [pose.rotation(foot.body) for foot in self._feet if foot.num_points > 1]
-        return _View(np.concatenate(touches), pose.com, legs, np.array(soles).reshape(-1, 3, 3))
-
-
-def _stretch(legs: np.ndarray) -> np.ndarray:
-    """(F,) m, from hip to foot."""
-    return np.asarray(np.linalg.norm(legs[:, 2] - legs[:, 0], axis=1))
+        off = (pose.com - points.mean(axis=0))[:2]
+        return _View(points, off, legs, np.array(soles).reshape(-1, 3, 3))
 
 
 def _hips_and_knees(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
@@ -161,3 +200,40 @@ def _hips_and_knees(start: MeasuredModel, feet: Sequence[Foot]) -> np.ndarray:
         )
         found.append((own[0], own[int(np.argmax(reach))]))
     return np.array(found)
+
+
+def _sole(start: MeasuredModel, foot: Foot) -> Foot:
+    """What a foot shall stand on, which as it is given touches in the pose to begin with."""
+    area, tilt = _extent(foot.points), tilt_of(start, foot.body)
+    if area[0] > 0.0 and tilt is not None and tilt <= TILTED:
+        return foot
+    drawn = np.concatenate([start.qpos[:7], start.model.qpos0[7:]])
+    others = [
+        foot_of_body(_tipped(pose, foot.body), foot.name, foot.body)
+        for pose in (MeasuredModel(start.model, drawn), start)
+    ]
+    for size in range(2):
+        for other in others:
+            if _extent(other.points)[size] > _LARGER * area[size]:
+                return other
+        if area[size] > 0.0:
+            break
+    return foot
+
+
+def _extent(places: np.ndarray) -> tuple[float, float]:
+    """Measures of the area that points (P, 3) span, 0 for a line, and of their length."""
+    sizes = np.zeros(3)
+    found = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    sizes[: len(found)] = found
+    wide = sizes[1] > _NARROW * sizes[0]
+    return float(wide * sizes[0] * sizes[1]), float(sizes[0])
+
+
+def _tipped(pose: MeasuredModel, body: int) -> MeasuredModel:
+    """The whole robot turned until the flat side of a body that comes down first is level."""
+    turned, side, turn = pose.qpos.copy(), side_below(pose, body), np.empty(4)
+    if side is not None:
+        mujoco.mju_quatZ2Vec(turn, -side)
+        mujoco.mju_mulQuat(turned[3:7], turn * [1.0, -1.0, -1.0, -1.0], pose.qpos[3:7])
+    return MeasuredModel(pose.model, turned)

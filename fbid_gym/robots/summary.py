@@ -51,17 +51,10 @@ def _listed(sentences: Sequence[str]) -> str:
 
 
 def _table(columns: dict[str, Sequence[str]]) -> str:
-    """Columns side by side: the first and the last, if words, to the left, numbers to the right."""
-    lines = []
-    widths = {name: max(len(name), *map(len, cells)) for name, cells in columns.items()}
-    for row in [list(columns), *map(list, zip(*columns.values(), strict=True))]:
-        cells = [
-            cell.ljust(width) if _is_words(columns[name]) else cell.rjust(width)
-            for (name, width), cell in zip(widths.items(), row, strict=True)
-        ]
-        lines.append("  ".join(cells).rstrip())
-    return "\n".join(lines)
-
-
-def _is_words(cells: Sequence[str]) -> bool:
-    return any(cell[:1].isalpha() and cell not in ("inf", "nan") for cell in cells)
+    """Columns side by side: words to the left, numbers to the right."""
+    padded = []
+    for name, cells in columns.items():
+        words = any(cell[:1].isalpha() and cell not in ("inf", "nan") for cell in cells)
+        width = max(map(len, [name, *cells]))
+        padded.append([f"{cell:{'<>'[not words]}{width}}" for cell in [name, *cells]])
+    return "\n".join("  ".join(row).rstrip() for row in zip(*padded, strict=True))

@@ -19,6 +19,8 @@ _SMALL = 0.15
 """Width of a round foot, in heights of the centre of mass, above which it is a sole."""
 _TIPS = np.radians(45.0)
 """A body tips by no more than this: farther, and it is not its sole that comes down."""
+TILTED = np.radians(5.0)
+"""Soles that are tilted by more are not stood on."""
 _SIDE = 0.1
 """Share of all its surface that a side of a body must have to stand on it."""
 _SAME = 1e-3  # of normals that are one side's
@@ -100,13 +102,24 @@ def _is_flat(home: MeasuredModel, body: int, geoms: np.ndarray, low: float) -> b
     return bool(touch) and side_below(home, body, touch) is not None
 
 
-def side_below(
-    pose: MeasuredModel, body: int, geoms: Sequence[int] | np.ndarray
-) -> np.ndarray | None:
-    """Outward normal (3,), world, of the flat side of geoms of a body that faces down the most.
+def tilt_of(pose: MeasuredModel, body: int) -> float | None:
+    """Return how far the flat side of a body that faces down the most is from level, rad.
 
-    None where no side of some size does by `_TIPS`.
+    None where no side of some size is nearer to that than to upright.
     """
+    side = side_below(pose, body)
+    return None if side is None else float(np.arccos(np.clip(-side[2], -1.0, 1.0)))
+
+
+def side_below(
+    pose: MeasuredModel, body: int, geoms: Sequence[int] | np.ndarray | None = None
+) -> np.ndarray | None:
+    """Outward normal (3,), world, of the flat side of a body that faces down the most.
+
+    None where no side of some size does by `_TIPS`. Sides are those of some geoms; by default, of
+    all that can touch, with what is welded to the body.
+    """
+    geoms = pose.welded_geoms(body) if geoms is None else geoms
     # Half a second that only those who ask should wait for.
     from scipy.spatial import ConvexHull, QhullError
 

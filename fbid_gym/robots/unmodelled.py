@@ -26,11 +26,8 @@ _DISABLED = {
 }
 _STEPS = 5
 _MOST = 1e6  # m, rad, or times what the weight does
-_BAD = tuple(
-    getattr(mujoco.mjtWarning, f"mjWARN_{name}")
-    for name in ("INERTIA", "BADQPOS", "BADQVEL", "BADQACC")
-)
-_FLUID = ("density", "viscosity", "wind")
+_WARN = mujoco.mjtWarning
+_BAD = _WARN.mjWARN_INERTIA, _WARN.mjWARN_BADQPOS, _WARN.mjWARN_BADQVEL, _WARN.mjWARN_BADQACC
 
 
 def refuse_unmodelled(model: mujoco.MjModel) -> int:
@@ -42,9 +39,7 @@ def refuse_unmodelled(model: mujoco.MjModel) -> int:
         Id of the floating body.
 
     Raises:
-        RobotError: no free joint, several, one below another body, ball joints, joints outside the
-            robot, closed loops, tendons that act, compensated gravity, motors or gravity switched
-            off, a fluid, or a `<pair>` of the robot and the static world.
+        RobotError: with the names of what is refused.
     """
     base = _base_of_tree(model)
     _refuse_extremes(model)
@@ -66,32 +61,29 @@ def refuse_unmodelled(model: mujoco.MjModel) -> int:
 def _base_of_tree(model: mujoco.MjModel) -> int:
     """Id of the floating body of a model that is one floating tree of hinges and slides."""
     free = np.flatnonzero(model.jnt_type == _JOINT.mjJNT_FREE)
-    bases = object_names(model, _OBJ.mjOBJ_BODY, model.jnt_bodyid[free])
-    if not bases:
+    if not free.size:
         inside = np.flatnonzero(model.body_parentid[1:] == 0) + 1
         top_level = object_names(model, _OBJ.mjOBJ_BODY, inside)
         raise RobotError(
             "The robot has no free joint, so its base does not float. Add one to the base body, or "
             f"pass base= one of the top-level bodies: {listed(top_level)}."
         )
-    if len(bases) > 1:
-        raise RobotError(
-            f"The file has {len(bases)} free joints, on bodies {listed(bases)}. "
-            "Expected exactly one."
-        )
+    refuse(
+        *(model, _OBJ.mjOBJ_BODY, model.jnt_bodyid[free] if len(free) > 1 else []),
+        f"The file has {len(free)} free joints, on bodies {{}}. Expected exactly one.",
+    )
     base = int(model.jnt_bodyid[free[0]])
     refuse(
         *(model, _OBJ.mjOBJ_JOINT, np.flatnonzero(model.jnt_type == _JOINT.mjJNT_BALL)),
         "Ball joints are not supported: {}. Expected hinges and slides only "
         "(three hinges on one body make a ball).",
     )
-    outside = np.flatnonzero(model.body_rootid[model.jnt_bodyid] != base)
-    if outside.size:
-        names = object_names(model, _OBJ.mjOBJ_JOINT, outside)
-        raise RobotError(
-            f"Joints {listed(names)} do not belong to the floating tree of {bases[0]!r}. "
-            "Expected one robot and a static world."
-        )
+    floating = object_name(model, _OBJ.mjOBJ_BODY, base)
+    refuse(
+        *(model, _OBJ.mjOBJ_JOINT, np.flatnonzero(model.body_rootid[model.jnt_bodyid] != base)),
+        f"Joints {{}} do not belong to the floating tree of {floating!r}. "
+        "Expected one robot and a static world.",
+    )
     ties = [_tie(model, int(tie)) for tie in np.flatnonzero(model.eq_active0)]
     if ties:
         raise RobotError(
@@ -104,9 +96,8 @@ def _base_of_tree(model: mujoco.MjModel) -> int:
 def _tie(model: mujoco.MjModel, tie: int) -> str:
     """Name of an equality constraint, with that of the parts it ties."""
     kind = mujoco.mjtEq(model.eq_type[tie]).name.removeprefix("mjEQ_").lower()
-    parts = _OBJ(model.eq_objtype[tie])
-    if kind in ("joint", "tendon"):
-        parts = _OBJ.mjOBJ_JOINT if kind == "joint" else _OBJ.mjOBJ_TENDON
+    of_kind = {"joint": _OBJ.mjOBJ_JOINT, "tendon": _OBJ.mjOBJ_TENDON}
+    parts = of_kind.get(kind, _OBJ(model.eq_objtype[tie]))
     ends = [end for end in (model.eq_obj1id[tie], model.eq_obj2id[tie]) if end >= 0]
     name = object_name(model, _OBJ.mjOBJ_EQUALITY, tie)
     return f"{name} ({kind} of {listed(object_names(model, parts, ends))})"
@@ -130,7 +121,7 @@ def _refuse_options(option: mujoco.MjOption) -> None:
             f"The file switches actuators off: actuatorgroupdisable of the groups {listed(groups)}."
             " Expected motors that work."
         )
-    for name in _FLUID:
+    for name in ("density", "viscosity", "wind"):
         value = getattr(option, name)
         if np.any(value):
             raise RobotError(
@@ -140,17 +131,16 @@ def _refuse_options(option: mujoco.MjOption) -> None:
 
 def _refuse_pairs(model: mujoco.MjModel) -> None:
     """Terrain is in no pair, and a pair has a friction of its own, which nothing randomises."""
-    for pair in zip(model.pair_geom1, model.pair_geom2, strict=True):
-        bodies = model.geom_bodyid[list(pair)]
-        static = (model.body_weldid[bodies] == 0).tolist()
-        if static[0] != static[1]:
-            robots_own = static.index(False)
-            body = object_names(model, _OBJ.mjOBJ_BODY, bodies)[robots_own]
+    for pair in np.column_stack([model.pair_geom1, model.pair_geom2]):
+        bodies = model.geom_bodyid[pair]
+        still, moving = np.argsort(model.body_weldid[bodies] != 0, kind="stable")
+        if model.body_weldid[bodies[still]] == 0 != model.body_weldid[bodies[moving]]:
+            body = object_name(model, _OBJ.mjOBJ_BODY, int(bodies[moving]))
             names = object_names(model, _OBJ.mjOBJ_GEOM, pair)
             raise RobotError(
-                f"Geom {names[robots_own]!r} of body {body!r} touches the ground "
-                f"({names[1 - robots_own]!r}) by a <pair>. Expected feet that touch by contype and "
-                "conaffinity, as every terrain does, and no pair with the ground."
+                f"Geom {names[moving]!r} of body {body!r} touches the ground ({names[still]!r}) "
+                "by a <pair>. Expected feet that touch by contype and conaffinity, as every "
+                "terrain does, and no pair with the ground."
             )
 
 

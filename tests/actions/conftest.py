@@ -1,7 +1,5 @@
 """States for action layers: settled in stance, random, in flight."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -11,13 +9,13 @@ from fbid_gym.quantities import RobotState
 
 
 @pytest.fixture(scope="module", params=robots.ROBOTS)
-def robot(request: pytest.FixtureRequest) -> robots.Robot:
+def robot(request):
     """Each built-in robot."""
     return robots.load(request.param)
 
 
 @pytest.fixture
-def states(robot: robots.Robot, rng: np.random.Generator) -> Callable[..., tuple]:
+def states(robot, rng):
     """(count, noise) -> (state, terms) near home and moving, all points loaded alike."""
 
     def make(count: int, noise: float = 0.1) -> tuple:

@@ -104,7 +104,7 @@ def test_predicted_contact_forces_are_measured_in_stance(robot, limits):
     assert said[..., 2].min() > 0.1 * robot.weight / robot.num_feet
 
 
-@pytest.mark.parametrize("limits", LIMITS)
+@either_limits
 def test_promised_accelerations_come_true(robot, limits):
     """For 60 ms of each action: the velocity gained is the promised acceleration's integral.
 

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from fbid_gym.actions.contact_ramp import ContactRamp
-from fbid_gym.dynamics import MuJoCoDynamics
-from fbid_gym.quantities import RobotState
 from fbid_gym.robots import ROBOTS
 from tests.actions.cases import home_of, layer_of
 from tests.pairs import pairs
@@ -104,20 +102,3 @@ def test_layers_lead_from_one_law_to_the_other(robot, states, name, limits):
     assert step > 0.01 * robot.weight
     assert np.abs(np.diff(ramp, axis=0)).max() < step / TICKS + 2 * tolerance
     assert np.abs(np.diff(ramp[11:21], axis=0)).max() > 0.9 * step / TICKS
-
-
-@pytest.mark.parametrize(("robot", "name"), pairs(ROBOTS, RAMPED, 1), indirect=["robot"])
-def test_a_ramp_is_each_robots_own(robot, states, name):
-    """Robots whose contacts switch at different ticks, together and one by one: the same bits."""
-    feet = list(robot.foot_names)
-    options = {"contacts": [(0.02, feet), (0.02, feet[1:])], "contact_ramp": 0.008}
-    layer = layer_of(name, robot, **options)
-    state, terms = states(8)
-    state = state._replace(tick=3 * np.arange(8))
-    together = sequence(layer, state, terms, home_of(robot, terms), 25)
-    for row in (0, 5):
-        part = slice(row, row + 1)
-        one = RobotState(*(value[part] for value in state))
-        alone = MuJoCoDynamics(robot).terms(one.qpos, one.qvel)
-        found = sequence(layer, one, alone, home_of(robot, alone), 25)
-        np.testing.assert_array_equal(found[:, 0], together[:, row])

@@ -16,7 +16,7 @@ from fbid_gym.errors import InvalidValueError
 from fbid_gym.motions.gait.gait import gait_of
 from fbid_gym.motions.target import MotionKind, standing_target
 from fbid_gym.quantities import RobotState
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots.built_in import asset_path
 from tests.actions.cases import without_self_motion
 from tests.postures import bent, turned
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from fbid_gym.actions import LAYERS, layer_options
+from fbid_gym.actions import LAYERS
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian
-from fbid_gym.quantities import some_of
 from fbid_gym.robots import ROBOTS
 from tests.actions.cases import at_rest, home_of, layer_of, torque_of
 from tests.pairs import pairs
@@ -37,27 +36,6 @@ def holding_torque(robot):
 
 
 @every_layer
-def test_a_row_does_not_depend_on_the_others(robot, states, name, options, rng):
-    layer = layer_of(name, robot, **options)
-    state, terms = states(64)
-    contact = state.contact_force * rng.integers(0, 2, (64, robot.num_points, 1))
-    state = state._replace(contact_force=contact)
-    target, action = home_of(robot, terms), rng.uniform(-1, 1, (64, len(layer.action_names)))
-    together, memory = [], layer.memory(64)
-    for _ in range(3):  # the second and third time with a warm start
-        together.append(layer.torque(action, state, target, lambda: terms, memory))
-    for row in (0, 17, 63):
-        part = np.array([row])
-        mine, goal, given = (some_of(values, part) for values in (state, target, terms))
-        alone = layer.memory(1)
-        for torque in together:
-            ours = layer.torque(action[part], mine, goal, lambda given=given: given, alone)
-            np.testing.assert_array_equal(ours[0], torque[row])
-        for key in layer.diagnostics:
-            assert alone[key][0] == memory[key][row]
-
-
-@every_layer
 def test_flight_is_no_special_case(robot, states, name, options):
     """Half a metre up and tumbling, whatever the layer takes to be on the ground."""
     layer = layer_of(name, robot, **options)
@@ -73,17 +51,6 @@ def test_flight_is_no_special_case(robot, states, name, options):
     assert np.abs(torque / robot.torque_limit).max() < 100.0
     if options.get("contacts") == "measured":
         np.testing.assert_array_equal(memory["underactuation"], 6.0)
-
-
-@every_layer
-def test_names_and_memory(robot, name, options):
-    layer = layer_of(name, robot, **options)
-    assert len(set(layer.action_names)) == len(layer.action_names)
-    memory = layer.memory(5)
-    assert all(len(value) == 5 for value in memory.values())
-    assert set(layer.diagnostics) <= set(memory)
-    assert options.keys() <= layer_options(name).keys()
-    assert all(default is not ... for default in layer_options(name).values())
 
 
 @pytest.mark.parametrize(("name", "options", "robot"), pairs(FREELY, ROBOTS), indirect=["robot"])

@@ -51,22 +51,6 @@ def test_thrown_half_a_metre_up(robot, layer, options):
     assert airborne.all() and (touched.all() or layer == "torque")
 
 
-@pytest.mark.parametrize(("layer", "robot"), pairs(LAYERS, ROBOTS, 1), indirect=["robot"])
-def test_info_tells_what_the_layer_did(robot, layer):
-    env = gym.make(ENV, robot=robot.name, action_layer=layer)
-    env.reset(seed=0)
-    *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
-    rewards = {"height", "upright", "position", "stillness", "contact", "torque"}
-    assert {key for key in info if key.startswith("reward_")} == {f"reward_{r}" for r in rewards}
-    diagnostics = {"layer_saturation"}
-    if layer not in ("torque", "joint_position"):
-        diagnostics |= {"layer_residual", "layer_underactuation"}
-    assert {key for key in info if key.startswith("layer_")} == diagnostics
-    rest = {"height", "height_command", "height_error", "torque_rms", "power", "slip"}
-    rest |= {"push", "push_velocity", "torque", "contact_force", "termination", "clipped_actions"}
-    assert info.keys() == {f"reward_{r}" for r in rewards} | diagnostics | rest
-
-
 @pytest.mark.parametrize(
     ("env_id", "layer", "options", "misses"),
     [

@@ -9,11 +9,11 @@ from eval import zoo
 from fbid_gym.actions.joint_gains import JointGains, missing_damping, sampled_growth
 from fbid_gym.actions.ranges import Falling
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.verdict import survival
 from fbid_gym.errors import InvalidValueError
-from fbid_gym.robots import Robot, go1, load
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots import Robot
+from fbid_gym.robots.built_in import GO1, asset_path
+from fbid_gym.runtime.config import EnvConfig
 from tests.actions.cases import layer_of
 
 ANIMAL = next(
@@ -29,7 +29,7 @@ def with_servos(stiffness: float, damping: float) -> Robot:
     return Robot.from_mjcf(re.sub('kp="[^"]*"', servos, zoo.mjcf(ANIMAL)), ANIMAL.foot_names)
 
 
-def test_steady_servos_give_the_default_gains() -> None:
+def test_steady_servos_give_the_default_gains():
     robot = with_servos(STIFF, 0.02 * STIFF)
     layer = layer_of("joint_position", robot)
     np.testing.assert_allclose(layer.gains.stiffness, STIFF)
@@ -39,14 +39,14 @@ def test_steady_servos_give_the_default_gains() -> None:
     np.testing.assert_array_equal(named.gains.stiffness, layer.gains.stiffness)
 
 
-def test_a_frequency_that_is_given_goes_first() -> None:
+def test_a_frequency_that_is_given_goes_first():
     robot = with_servos(STIFF, 0.02 * STIFF)
     layer = layer_of("joint_position", robot, natural_frequency=0.5)
     assert layer.natural_frequency == 0.5
     assert not np.allclose(layer.gains.stiffness, STIFF)
 
 
-def test_servos_that_oscillate_when_sampled_are_left_alone() -> None:
+def test_servos_that_oscillate_when_sampled_are_left_alone():
     robot = with_servos(100.0 * STIFF, 0.0)
     assert robot.servo_gains is not None
     damping = robot.servo_gains.damping + robot.joint_damping
@@ -57,25 +57,25 @@ def test_servos_that_oscillate_when_sampled_are_left_alone() -> None:
         layer_of("joint_position", robot, natural_frequency="servo")
 
 
-def test_servos_too_soft_to_carry_the_robot_are_left_alone() -> None:
+def test_servos_too_soft_to_carry_the_robot_are_left_alone():
     robot = with_servos(0.1 * STIFF, 0.02 * STIFF)
     assert isinstance(layer_of("joint_position", robot).natural_frequency, float)
     named = layer_of("joint_position", robot, natural_frequency="servo")
     np.testing.assert_allclose(named.gains.stiffness, 0.1 * STIFF)
 
 
-GO1 = asset_path("go1.xml").read_text()
-DAMPED = re.sub(r'damping="[^"]*"', 'damping="1.5"', GO1)
-LIGHT = re.sub(r'armature="[^"]*"', 'armature="0"', GO1)
+MODEL = asset_path("go1.xml").read_text()
+DAMPED = re.sub(r'damping="[^"]*"', 'damping="1.5"', MODEL)
+LIGHT = re.sub(r'armature="[^"]*"', 'armature="0"', MODEL)
 
 
-def dog(text: str, home: dict[str, float] | str = go1.HOME) -> Robot:
-    return Robot.from_mjcf(text, go1.FEET, home=home)
+def dog(text: str, home: dict[str, float] | str = GO1.home) -> Robot:
+    return Robot.from_mjcf(text, GO1.feet, home=home)
 
 
-def test_what_is_fed_on_and_what_is_calmed_is_nothing_where_joints_are_damped_well() -> None:
+def test_what_is_fed_on_and_what_is_calmed_is_nothing_where_joints_are_damped_well():
     """Joints' own damping is overcome where it counts; light legs have the base damped."""
-    plain, damped, light = (dog(text) for text in (GO1, DAMPED, LIGHT))
+    plain, damped, light = (dog(text) for text in (MODEL, DAMPED, LIGHT))
     for robot, drag, calm in ((plain, 0.0, False), (damped, 1.5, False), (light, 0.0, True)):
         layer = layer_of("joint_position", robot)
         np.testing.assert_array_equal(layer.gains.drag, drag)
@@ -84,28 +84,14 @@ def test_what_is_fed_on_and_what_is_calmed_is_nothing_where_joints_are_damped_we
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("text, home", [(DAMPED, go1.HOME), (LIGHT, go1.HOME), (LIGHT, "stand")])
+@pytest.mark.parametrize("text, home", [(DAMPED, GO1.home), (LIGHT, GO1.home), (LIGHT, "stand")])
 def test_they_walk_by_the_zero_action(text: str, home: dict[str, float] | str) -> None:
     """With damped joints, without armature, and from a pose that was searched for."""
     arguments = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"] | {"action_layer": "joint_position"}
     assert survival(dog(text, home), arguments) >= 0.8
 
 
-def test_robots_without_servos_have_none_to_offer() -> None:
-    with pytest.raises(InvalidValueError, match="go1 came without position servos on all joints"):
-        layer_of("joint_position", load("go1"), natural_frequency="servo")
-    with pytest.raises(InvalidValueError, match='from 0.001 to 1,000 Hz or "servo"'):
-        layer_of("joint_position", load("go1"), natural_frequency="fast")
-
-
-def test_servos_are_damped_as_they_are() -> None:
-    robot = with_servos(STIFF, 0.02 * STIFF)
-    with pytest.raises(InvalidValueError, match="damping_ratio: 2.0. Expected 1 beside the gains"):
-        layer_of("joint_position", robot, damping_ratio=2)
-    layer_of("joint_position", robot, damping_ratio=2.0, natural_frequency=0.5)
-
-
-def test_what_is_saved_says_servo() -> None:
+def test_what_is_saved_says_servo():
     robot = with_servos(STIFF, 0.02 * STIFF)
     saved = EnvConfig.of({"robot": robot, "action_layer": "joint_position"}).resolved()
     assert saved["layer_options"]["natural_frequency"] == "servo"

@@ -51,7 +51,7 @@ def test_torques_of_joint_pd_go_through_lift_off():
             torque.append(said.copy())
             return said
 
-    batch.layer = Watched()
+    batch.loop.layer = Watched()
     for _ in range(batch.num_steps):
         batch.step(zero)
     stood = np.array(planted)

@@ -12,7 +12,6 @@ from fbid_gym.control.balance import (
     resting_target,
 )
 from fbid_gym.control.balance_gains import BalanceGains
-from fbid_gym.errors import InvalidValueError, ShapeError
 
 COUNT = 20
 GOOD = {"stiffness": 1.0, "damping": 1.0, "rotation_stiffness": 1.0, "rotation_damping": 1.0}
@@ -60,51 +59,43 @@ def moment_of(gains, rotation, desired):
 # --- the rotational spring -------------------------------------------------------------------
 
 
-def test_moment_is_the_papers_with_the_error_that_restores(rng, orientations):
+def test_the_moment_is_the_papers_and_the_gradient_of_a_potential(rng, orientations):
     rotation, desired = orientations
     stiffness = symmetric(rng)
-    moment = moment_of(spring(stiffness), rotation, desired)
-    # -tau_P with the error R^T R_d, in the axes of the base
-    scalar, vector = quaternion(rotation.mT @ desired)
-    turned = vector @ stiffness
-    in_base = 2.0 * (scalar[:, None] * turned + np.cross(vector, turned))
-    np.testing.assert_allclose(moment, np.matvec(rotation, in_base), atol=1e-12)
-    # tau_P, with the error as printed, in the axes of the desired orientation
-    scalar, vector = quaternion(desired.mT @ rotation)
-    turned = vector @ stiffness
-    in_desired = -2.0 * (scalar[:, None] * turned + np.cross(vector, turned))
-    np.testing.assert_allclose(moment, np.matvec(desired, in_desired), atol=1e-12)
-
-
-def test_moment_is_the_gradient_of_a_potential(rng, orientations):
-    rotation, desired = orientations
-    stiffness = symmetric(rng)
+    gains = spring(stiffness)
+    moment = moment_of(gains, rotation, desired)
+    # -tau_P with the error R^T R_d, in the axes of the base; tau_P, with the error as printed, in
+    # the axes of the desired orientation.
+    for axes, error, sign in (
+        (rotation, rotation.mT @ desired, 2.0),
+        (desired, desired.mT @ rotation, -2.0),
+    ):
+        scalar, vector = quaternion(error)
+        turned = vector @ stiffness
+        expected = np.matvec(axes, sign * (scalar[:, None] * turned + np.cross(vector, turned)))
+        np.testing.assert_allclose(moment, expected, atol=1e-12)
 
     def energy(rotation):
         _, vector = quaternion(desired.mT @ rotation)
         return 2.0 * np.vecdot(vector, vector @ stiffness)
 
-    moment = moment_of(spring(stiffness), rotation, desired)
-    step = 1e-5
     for axis in np.eye(3):
-        turn = Rotation.from_rotvec(step * axis).as_matrix()
-        slope = (energy(turn @ rotation) - energy(turn.T @ rotation)) / (2.0 * step)
+        turn = Rotation.from_rotvec(1e-5 * axis).as_matrix()
+        slope = (energy(turn @ rotation) - energy(turn.T @ rotation)) / 2e-5
         np.testing.assert_allclose(moment @ axis, -slope, atol=1e-8)
-
-
-def test_moment_is_linear_for_small_errors(rng):
-    stiffness, error = symmetric(rng), 1e-6 * rng.normal(size=(COUNT, 3))
-    desired = Rotation.random(COUNT, rng=rng).as_matrix()
-    rotation = desired @ Rotation.from_rotvec(error).as_matrix()
-    moment = moment_of(spring(stiffness), rotation, desired)
-    np.testing.assert_allclose(moment, -np.matvec(desired @ stiffness, error), atol=1e-11)
+    # Linear for small errors, and finite half a turn away.
+    error = 1e-6 * rng.normal(size=(COUNT, 3))
+    near = moment_of(gains, desired @ Rotation.from_rotvec(error).as_matrix(), desired)
+    np.testing.assert_allclose(near, -np.matvec(desired @ stiffness, error), atol=1e-11)
+    opposite = np.diag([1.0, -1.0, -1.0])[None]
+    np.testing.assert_allclose(moment_of(spring(5.0), opposite, np.eye(3)[None]), 0.0, atol=1e-12)
 
 
 def turn_freely(rotation, desired, stiffness, sign):
     """Angle to the desired orientation after 12 s of a damped rigid body under sign * moment."""
     inertia, gains, spin = np.diag([0.5, 0.8, 1.1]), spring(stiffness), np.zeros((COUNT, 3))
-    step = 0.002
-    for _ in range(6000):
+    step = 0.01
+    for _ in range(1200):
         axes = rotation @ inertia @ rotation.mT
         moment = sign * moment_of(gains, rotation, desired) - 6.0 * spin
         moment -= np.cross(spin, np.matvec(axes, spin))
@@ -121,12 +112,6 @@ def test_spring_restores_and_with_the_other_sign_does_not(rng):
     stiffness = np.diag([9.0, 12.0, 7.0])
     assert (turn_freely(rotation, desired, stiffness, 1.0) < 1e-2).all()
     assert (turn_freely(rotation, desired, stiffness, -1.0) > 1.0).all()
-
-
-def test_half_a_turn_away_the_moment_is_finite():
-    desired = np.eye(3)[None]
-    rotation = np.diag([1.0, -1.0, -1.0])[None]
-    np.testing.assert_allclose(moment_of(spring(5.0), rotation, desired), 0.0, atol=1e-12)
 
 
 # --- the laws ----------------------------------------------------------------------------------
@@ -155,35 +140,28 @@ def gains_of(rng):
     return BalanceGains(*(symmetric(rng) for _ in range(4)))
 
 
-def test_eq_36(rng, measured):
+def test_eqs_36_38_and_39(rng, measured):
     target, state = measured
-    gains = gains_of(rng)
-    velocity, spin = rng.normal(size=(COUNT, 3)), rng.normal(size=(COUNT, 3))
-    wrench = desired_wrench_ott2011(
+    gains, mass = gains_of(rng), state["mass"][:, None]
+    velocity, spin, momentum = *rng.normal(size=(2, COUNT, 3)), rng.normal(size=(COUNT, 6))
+    ott = desired_wrench_ott2011(
         gains, target, com_velocity=velocity, angular_velocity=spin, **state
     )
-    force = state["mass"][:, None] * [0.0, 0.0, 9.81] + target.momentum_rate[:, :3]
-    force = force - (state["com"] - target.com) @ gains.stiffness
-    force = force - (velocity - target.com_velocity) @ gains.damping
-    np.testing.assert_allclose(wrench[:, :3], force, atol=1e-10)
-    moment = moment_of(gains, state["rotation"], target.world_from_base)
-    moment = moment - (spin - target.angular_velocity) @ gains.rotation_damping
-    np.testing.assert_allclose(wrench[:, 3:], moment + target.momentum_rate[:, 3:], atol=1e-10)
-
-
-def test_eqs_38_and_39(rng, measured):
-    target, state = measured
-    gains = gains_of(rng)
-    momentum = rng.normal(size=(COUNT, 6))
-    wrench = desired_wrench_garofalo2015(gains, target, momentum=momentum, **state)
-    mass = state["mass"][:, None]
-    force = mass * [0.0, 0.0, 9.81] + target.momentum_rate[:, :3]
-    force = force - (state["com"] - target.com) @ gains.stiffness
-    force = force - (momentum[:, :3] - mass * target.com_velocity) @ gains.damping
-    np.testing.assert_allclose(wrench[:, :3], force, atol=1e-10)
-    moment = moment_of(gains, state["rotation"], target.world_from_base)
-    moment = moment - (momentum[:, 3:] - target.angular_momentum) @ gains.rotation_damping
-    np.testing.assert_allclose(wrench[:, 3:], moment + target.momentum_rate[:, 3:], atol=1e-10)
+    garofalo = desired_wrench_garofalo2015(gains, target, momentum=momentum, **state)
+    rest = np.zeros((COUNT, 6))
+    rest[:, :3] = mass * [0.0, 0.0, 9.81] - (state["com"] - target.com) @ gains.stiffness
+    rest[:, 3:] = moment_of(gains, state["rotation"], target.world_from_base)
+    rest += target.momentum_rate
+    for wrench, late, turning in (
+        (ott, velocity - target.com_velocity, spin - target.angular_velocity),
+        (
+            garofalo,
+            momentum[:, :3] - mass * target.com_velocity,
+            momentum[:, 3:] - target.angular_momentum,
+        ),
+    ):
+        damped = np.concatenate([late @ gains.damping, turning @ gains.rotation_damping], axis=1)
+        np.testing.assert_allclose(wrench, rest - damped, atol=1e-10)
 
 
 def test_at_rest_where_it_should_be_a_robot_wants_its_weight(orientations):
@@ -198,69 +176,6 @@ def test_at_rest_where_it_should_be_a_robot_wants_its_weight(orientations):
     velocities = {"com_velocity": still[:, :3], "angular_velocity": still[:, 3:]}
     wrench = desired_wrench_ott2011(TABLE_1, target, **velocities, **state)
     np.testing.assert_allclose(wrench, expected, atol=1e-12)
-
-
-def test_one_mass_stands_for_all(measured):
-    target, state = measured
-    momentum = np.zeros((COUNT, 6))
-    velocities = {"com_velocity": momentum[:, :3], "angular_velocity": momentum[:, 3:]}
-    for law, motion in (
-        (desired_wrench_garofalo2015, {"momentum": momentum}),
-        (desired_wrench_ott2011, velocities),
-    ):
-        expected = law(TABLE_1, target, **motion, **state | {"mass": np.full(COUNT, 50.0)})
-        for mass in (50, 50.0, np.float64(50.0), np.array([50.0])):
-            found = law(TABLE_1, target, **motion, **state | {"mass": mass})
-            np.testing.assert_array_equal(found, expected)
-        with pytest.raises(InvalidValueError, match="Invalid mass: .*positive"):
-            law(TABLE_1, target, **motion, **state | {"mass": 0.0})
-
-
-def test_what_belongs_to_other_robots_is_refused(measured):
-    target, state = measured
-    motion = {"momentum": np.zeros((COUNT, 6)), "axes": np.tile(np.eye(3), (COUNT, 1, 1))}
-    for name in ("com", "rotation", "momentum", "axes", "mass"):
-        given = state | motion
-        given[name] = given[name][:2]
-        with pytest.raises(ShapeError, match="has shape .* Expected"):
-            desired_wrench_garofalo2015(TABLE_1, target, **given)
-    for name in BalanceTarget._fields:
-        one_row = target._replace(**{name: getattr(target, name)[:1]})
-        with pytest.raises(ShapeError, match=f"target.{name} has shape .* Expected"):
-            desired_wrench_garofalo2015(TABLE_1, one_row, **state, **motion)
-
-
-def test_gains_turn_with_their_axes(rng, measured):
-    target, state = measured
-    gains = gains_of(rng)
-    momentum = rng.normal(size=(COUNT, 6))
-    angle = rng.uniform(-np.pi, np.pi, COUNT)
-    turn = Rotation.from_rotvec(angle[:, None] * [0.0, 0.0, 1.0]).as_matrix()
-
-    def turned(vector):
-        return np.matvec(turn, vector)
-
-    expected = desired_wrench_garofalo2015(gains, target, momentum=momentum, **state)
-    rate = target.momentum_rate
-    elsewhere = BalanceTarget(
-        turned(target.com),
-        turn @ target.world_from_base,
-        turned(target.com_velocity),
-        turned(target.angular_velocity),
-        turned(target.angular_momentum),
-        np.concatenate([turned(rate[:, :3]), turned(rate[:, 3:])], axis=1),
-    )
-    wrench = desired_wrench_garofalo2015(
-        gains,
-        elsewhere,
-        com=turned(state["com"]),
-        rotation=turn @ state["rotation"],
-        momentum=np.concatenate([turned(momentum[:, :3]), turned(momentum[:, 3:])], axis=1),
-        mass=state["mass"],
-        axes=turn,
-    )
-    np.testing.assert_allclose(wrench[:, :3], turned(expected[:, :3]), atol=1e-9)
-    np.testing.assert_allclose(wrench[:, 3:], turned(expected[:, 3:]), atol=1e-9)
 
 
 def test_both_laws_damp_a_rigid_body_alike(rng, orientations):
@@ -300,18 +215,6 @@ def test_gains_are_matrices():
     np.testing.assert_array_equal(gains.rotation_stiffness, np.diag([4.0, 5.0, 0.0]))
 
 
-@pytest.mark.parametrize("name", GOOD)
-def test_bad_gains_are_refused(name):
-    uneven, indefinite = np.eye(3), np.eye(3)
-    uneven[0, 1], indefinite[:2, :2] = 0.5, [[1.0, 2.0], [2.0, 1.0]]
-    numbers = (-1.0, (1.0, -0.1, 1.0), np.nan, np.inf, (1.0, 2.0), "stiff", None)
-    for value in (*numbers, np.ones((4, 4)), uneven, indefinite):
-        with pytest.raises(
-            InvalidValueError, match=f"(?s)Invalid {name}: .*symmetric, without negative"
-        ):
-            BalanceGains(**GOOD | {name: value})
-
-
 def test_frequencies_become_gains(rng):
     inertia = symmetric(rng)
     gains = BalanceGains.from_frequencies(
@@ -325,24 +228,6 @@ def test_frequencies_become_gains(rng):
     omega = 3.0 * np.pi
     np.testing.assert_allclose(gains.rotation_stiffness, omega**2 * inertia)
     np.testing.assert_allclose(gains.rotation_damping, 1.4 * omega * np.eye(3))
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("mass", 0.0),
-        ("mass", "heavy"),
-        ("linear", -1.0),
-        ("linear", (1.0, 2.0)),
-        ("rotation", np.nan),
-        ("damping_ratio", 0.0),
-        ("inertia", -np.eye(3)),
-    ],
-)
-def test_bad_frequencies_are_refused(name, value):
-    given = {"mass": 50.0, "inertia": np.eye(3), "linear": 1.0, "rotation": 1.0}
-    with pytest.raises(InvalidValueError, match=f"Invalid {name}: "):
-        BalanceGains.from_frequencies(**given | {name: value})
 
 
 def test_table_1_is_nearly_critical_damping_of_the_hips_rotation():

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from fbid_gym.control import Accuracy, ContactLimits
-from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, wrench_scale
-from fbid_gym.control.dual_newton import Point, Points, Step, evaluate, jacobian_at, nearest_force
-from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
+from fbid_gym.control.dual_newton import nearest_force
 from tests.control.cones import ContactForces, contact_forces, solved_by_clarabel
 from tests.pairs import pairs
 
@@ -135,7 +134,7 @@ LIMITS = {
 
 
 @pytest.mark.parametrize(("limits", "push"), pairs(LIMITS, [0.0, 0.5, 0.1, 2.0]))
-def test_equals_clarabel(rng: np.random.Generator, limits: str, push: float) -> None:
+def test_equals_clarabel(rng, limits, push):
     case = scene(rng, push)
     active = rng.random((12, 8)) < 0.8
     active[0], active[1] = True, False
@@ -165,20 +164,24 @@ def test_equals_clarabel(rng: np.random.Generator, limits: str, push: float) -> 
     assert compared >= 6
 
 
-@pytest.mark.parametrize("push", [0.0, 0.1, 0.5, 2.0])
-def test_error_with_the_default_options(rng: np.random.Generator, push: float) -> None:
-    """From a cold start the wrench is that of the exact solution to 1e-6 of the weight."""
-    case = scene(rng, push, count=200)
-    limits = ContactLimits(0.7)
-    exact = solve(case, limits, **EXACT)
-    default = solve(case, limits)
-    assert_feasible(default.force, 0.7, 0.0, np.inf)
-    error = (default.wrench - exact.wrench) / [1, 1, 1, LENGTH, LENGTH, LENGTH] / WEIGHT
-    assert np.linalg.norm(error, axis=1).max() < TOLERANCE
+@pytest.mark.parametrize("limits", ["friction", "pressed", "bounded", "each its own"])
+def test_error_with_the_default_options(rng, limits):
+    """From a cold start the wrench is that of the exact solution to 1e-6 of the weight.
+
+    Also where it takes more than `MAX_ITERATIONS`: bounds on both sides, and infeasible.
+    """
+    for push in (0.0, 0.1, 0.5, 2.0):
+        case, bounds = scene(rng, push, count=100), ContactLimits(*LIMITS[limits])
+        exact, default = solve(case, bounds, **EXACT), solve(case, bounds)
+        assert_feasible(default.force, *LIMITS[limits])
+        error = (default.wrench - exact.wrench) / [1, 1, 1, LENGTH, LENGTH, LENGTH] / WEIGHT
+        assert np.linalg.norm(error, axis=1).max() < TOLERANCE
+        if push == 0.5 and limits != "friction":
+            assert (default.iterations > MAX_ITERATIONS).any()
 
 
 @pytest.mark.parametrize(("limits", "push"), pairs(LIMITS, [0.1, 2.0, 0.5, 5.0]))
-def test_every_problem_is_solved(rng: np.random.Generator, limits: str, push: float) -> None:
+def test_every_problem_is_solved(rng, limits, push):
     """By its optimality condition, S^-1 y = w - G f with f the projection of G^T y / eps."""
     case = scene(rng, push, count=1000)
     found = solve(case, ContactLimits(*LIMITS[limits]))
@@ -192,18 +195,7 @@ def test_every_problem_is_solved(rng: np.random.Generator, limits: str, push: fl
     np.testing.assert_allclose(found.force[slides], expected, atol=1e-9 * WEIGHT)
 
 
-@pytest.mark.parametrize("limits", ["pressed", "bounded", "each its own"])
-def test_wrenches_newton_alone_would_not_solve(rng: np.random.Generator, limits: str) -> None:
-    """Cold, infeasible, with bounds on both sides: more than `MAX_ITERATIONS`, still solved."""
-    case = scene(rng, 0.5, count=50)
-    default = solve(case, ContactLimits(*LIMITS[limits]))
-    exact = solve(case, ContactLimits(*LIMITS[limits]), **EXACT)
-    assert (default.iterations > MAX_ITERATIONS).any()
-    error = (default.wrench - exact.wrench) / [1, 1, 1, LENGTH, LENGTH, LENGTH] / WEIGHT
-    assert np.linalg.norm(error, axis=1).max() < TOLERANCE
-
-
-def test_a_spent_budget_leaves_usable_forces(rng: np.random.Generator) -> None:
+def test_a_spent_budget_leaves_usable_forces(rng):
     """One Newton step a round: feasible, and no worse than the warm start's forces."""
     case, limits = scene(rng, 0.8, count=50), ContactLimits(0.6, 5.0, 90.0)
     warm = rng.normal(size=(50, 6)) * WEIGHT
@@ -218,7 +210,7 @@ def test_a_spent_budget_leaves_usable_forces(rng: np.random.Generator) -> None:
         assert (solution.residual <= before * (1.0 + 1e-9)).all()
 
 
-def test_a_warm_start_follows_a_moving_wrench(rng: np.random.Generator) -> None:
+def test_a_warm_start_follows_a_moving_wrench(rng):
     """Tick by tick through a push of half a weight, in few steps and with the same result."""
     case, limits = scene(rng, 0.0, count=50), ContactLimits(0.7)
     direction = rng.normal(size=(50, 6)) * [1, 1, 0.2, LENGTH, LENGTH, LENGTH]
@@ -234,58 +226,26 @@ def test_a_warm_start_follows_a_moving_wrench(rng: np.random.Generator) -> None:
     assert np.linalg.norm(error, axis=1).max() < 2.0 * TOLERANCE
 
 
-@pytest.mark.parametrize("limits", LIMITS)
-def test_optimality_conditions(rng: np.random.Generator, limits: str) -> None:
-    """No feasible direction lowers the cost: f = Pi_C(f - gradient)."""
-    case = scene(rng, 0.5)
-    friction, lowest, highest = (np.broadcast_to(x, (8,)) for x in LIMITS[limits])
-    force = solve(case, ContactLimits(*LIMITS[limits]), **EXACT).force
-    scale = np.array([1, 1, 1, 1 / LENGTH, 1 / LENGTH, 1 / LENGTH])
-    maps, target = case.wrench_map * scale[:, None], case.wrench * scale
-    stacked = force.reshape(12, 24)
-    gradient = np.matvec(maps.mT, np.matvec(maps, stacked) - target) + REGULARISATION * stacked
-    moved = project(force - gradient.reshape(12, 8, 3), friction, lowest, highest)
-    np.testing.assert_allclose(moved, force, atol=1e-6 * WEIGHT)
-
-
-def test_a_feasible_wrench_is_delivered(rng: np.random.Generator) -> None:
-    """Exactly where points stick; elsewhere the regularisation costs some 1e-4 of the weight."""
-    case = scene(rng, 0.01, count=50)
-    solution = solve(case, ContactLimits(0.7))
-    delivered = np.matvec(case.wrench_map, solution.force.reshape(50, 24))
-    np.testing.assert_allclose(solution.wrench, delivered, atol=1e-6 * WEIGHT)
-    sticks = solution.residual == 0.0
-    assert sticks.mean() > 0.5
-    smallest = np.matvec(np.linalg.pinv(case.wrench_map[sticks]), case.wrench[sticks])
-    found = solution.force[sticks].reshape(-1, 24)
-    np.testing.assert_allclose(found, smallest, atol=1e-6 * WEIGHT)
-    pressed = solve(case, ContactLimits(0.7, 40.0))
-    assert (pressed.residual < 1e-3).mean() > 0.8
-
-
-@pytest.mark.parametrize(
-    "wrench",
-    [
+def test_infeasible_wrenches_are_reported(rng):
+    for wrench in (
         [50.0, 0.0, 1.0, 0.0, 0.0, 0.0],  # a huge side push
         [0.0, 0.0, -2.0, 0.0, 0.0, 0.0],  # pull
         [0.0, 0.0, 1.0, 30.0, -30.0, 30.0],  # huge moments
         [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-    ],
-)
-def test_infeasible_wrenches_are_reported(rng: np.random.Generator, wrench: list[float]) -> None:
-    target = np.array(wrench) * WEIGHT
-    case = Scene(feet(rng, 3), np.tile(target, (3, 1)))
-    solution = solve(case, ContactLimits(0.7))
-    assert_feasible(solution.force, 0.7, 0.0, np.inf)
-    assert all(np.isfinite(x).all() for x in solution)
-    if target.any():
-        assert (solution.residual > 0.5).all()
-    else:
-        np.testing.assert_allclose(solution.force, 0.0, atol=1e-100)
-        np.testing.assert_allclose(solution.residual, 0.0, atol=1e-100)
+    ):
+        solution = solve(
+            Scene(feet(rng, 3), np.tile(WEIGHT * np.array(wrench), (3, 1))), ContactLimits(0.7)
+        )
+        assert_feasible(solution.force, 0.7, 0.0, np.inf)
+        assert all(np.isfinite(x).all() for x in solution)
+        if any(wrench):
+            assert (solution.residual > 0.5).all()
+        else:
+            np.testing.assert_allclose(solution.force, 0.0, atol=1e-100)
+            np.testing.assert_allclose(solution.residual, 0.0, atol=1e-100)
 
 
-def test_without_contacts_there_are_no_forces(rng: np.random.Generator) -> None:
+def test_without_contacts_there_are_no_forces(rng):
     case = scene(rng, 0.1)
     solution = solve(case, ContactLimits(0.7, 10.0), active=np.zeros((12, 8), bool))
     np.testing.assert_array_equal(solution.force, 0.0)
@@ -296,25 +256,6 @@ def test_without_contacts_there_are_no_forces(rng: np.random.Generator) -> None:
     landed = solve(case, ContactLimits(0.7, 10.0), warm_start=solution.dual)
     cold = solve(case, ContactLimits(0.7, 10.0))
     np.testing.assert_allclose(landed.wrench, cold.wrench, atol=2.0 * TOLERANCE * WEIGHT)
-
-
-def test_wrench_cost_decides_what_gives_way(rng: np.random.Generator) -> None:
-    case = scene(rng, 0.0)
-    case.wrench[:, 0] += 1.5 * WEIGHT
-    limits = ContactLimits(0.5)
-    even = solve(case, limits, **EXACT)
-    force_first = solve(case, limits, wrench_cost=(1, 1, 1, 1e-3, 1e-3, 1e-3), **EXACT)
-    missing = [np.linalg.norm((s.wrench - case.wrench)[:, :3], axis=1) for s in (even, force_first)]
-    assert (missing[1] < missing[0]).all()
-
-
-def test_inputs_are_left_alone(rng: np.random.Generator) -> None:
-    case, warm = scene(rng, 0.5), rng.normal(size=(12, 6))
-    copies = [x.copy() for x in (*case, warm)]
-    for accuracy in (within(2), DEFAULT_ACCURACY):
-        solve(case, ContactLimits(0.7), warm_start=warm, accuracy=accuracy)
-    for before, after in zip(copies, (*case, warm), strict=True):
-        np.testing.assert_array_equal(before, after)
 
 
 def brute_force(free: np.ndarray, friction: float, lowest: float, highest: float) -> np.ndarray:
@@ -328,7 +269,7 @@ def brute_force(free: np.ndarray, friction: float, lowest: float, highest: float
 
 
 @pytest.mark.parametrize("bounds", [(0.7, 0.0, np.inf), (0.0, 0.0, 5.0), (1.5, 0.5, 2.0)])
-def test_projection(rng: np.random.Generator, bounds: tuple[float, float, float]) -> None:
+def test_projection(rng, bounds):
     free = rng.normal(0.0, 3.0, (2, 60, 3))
     force = project(free, *bounds)
     for one, other in zip(free.reshape(-1, 3), force.reshape(-1, 3), strict=True):
@@ -340,73 +281,3 @@ def test_projection(rng: np.random.Generator, bounds: tuple[float, float, float]
     vertical = project(np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0]]]), *bounds)
     assert np.isfinite(vertical).all()
     np.testing.assert_array_equal(vertical[..., :2], 0.0)
-
-
-@pytest.mark.parametrize("limits", LIMITS)
-def test_jacobian_equals_finite_differences(rng: np.random.Generator, limits: str) -> None:
-    case, box = scene(rng, 0.0), np.empty((12, 8, 3))
-    for column, limit in enumerate(LIMITS[limits]):
-        box[..., column] = limit
-    jacobian, step = np.empty((6, 6)), 1e-5
-    for i, dual in enumerate(rng.normal(0.0, 100.0, (12, 6))):
-        wrenches = case.wrench_map[i].T.reshape(8, 3, 6)
-        robot = Points(np.array([8]), wrenches, case.wrench[i], box[i])
-
-        def point_at(dual: np.ndarray, robot: Points = robot) -> Point:
-            point = Point(dual, *(np.empty(shape) for shape in ((8, 3), (8, 3), 6, 6)))
-            evaluate(robot, REGULARISATION, point)
-            return point
-
-        newton = Step(np.empty(6), jacobian, np.empty(6))
-        jacobian_at(robot, REGULARISATION, point_at(dual), newton)
-        jacobian = np.tril(jacobian) + np.tril(jacobian, -1).T
-        for axis in range(6):
-            shift = step * np.eye(6)[axis]
-            ahead, behind = point_at(dual + shift), point_at(dual - shift)
-            slope = (ahead.gradient - behind.gradient) / (2.0 * step)
-            np.testing.assert_allclose(jacobian[:, axis], slope, atol=1e-5)
-
-
-def test_limits_name_what_is_wrong() -> None:
-    for name, wrong in {
-        "friction": [(bad,) for bad in (-0.1, np.inf, np.nan, "rough", np.array([0.5, -0.5]))],
-        "min_normal_force": [(0.7, -1.0), (0.7, 10.0, 5.0), (0.7, np.zeros(3), np.ones(4))],
-        "max_normal_force": [(0.7, 0.0, -1.0), (0.7, 0.0, np.nan)],
-    }.items():
-        for given in wrong:
-            with pytest.raises(InvalidValueError, match=f"Invalid {name}.*Expected"):
-                ContactLimits(*given)
-
-
-def test_limits_are_those_they_were_made_of(rng: np.random.Generator) -> None:
-    friction = np.full((12, 8), 0.7)
-    limits, case = ContactLimits(friction), scene(rng, 0.5)
-    before = solve(case, limits)
-    friction[:] = 0.05
-    np.testing.assert_array_equal(limits.friction, 0.7)
-    np.testing.assert_array_equal(solve(case, limits).force, before.force)
-    with pytest.raises(ValueError, match="read-only"):
-        limits.friction[:] = 0.05
-
-
-def test_numbers_may_come_in_any_kind_of_sequence() -> None:
-    cost = (1.0, 1.0, 25.0, 0.04, 0.04, 1.0)
-    expected = wrench_scale(LENGTH, cost)
-    for length, same in ((LENGTH, list(cost)), (LENGTH, np.array(cost)), (np.array(LENGTH), cost)):
-        np.testing.assert_array_equal(wrench_scale(length, same), expected)
-
-
-def test_numbers_that_are_not_positive_are_named() -> None:
-    with pytest.raises(InvalidValueError, match=r"Invalid length: .*positive"):
-        wrench_scale([LENGTH, LENGTH], None)  # type: ignore[arg-type]
-    for cost in ([1.0, 1.0], [[1.0] * 6], [1.0, 1.0, 1.0, 1.0, 1.0, 0.0]):
-        with pytest.raises(InvalidValueError, match=r"Invalid wrench_cost: .*positive"):
-            wrench_scale(LENGTH, cost)  # type: ignore[arg-type]
-
-
-def test_wrong_shapes_are_named(rng: np.random.Generator) -> None:
-    case, limits = scene(rng, 0.0), ContactLimits(0.7)
-    with pytest.raises(ShapeError, match="active has shape"):
-        solve(case, limits, active=np.ones((12, 7), bool))
-    with pytest.raises(ShapeError, match="friction has shape"):
-        solve(case, ContactLimits(np.full(5, 0.7)))

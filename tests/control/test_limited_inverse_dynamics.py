@@ -12,9 +12,7 @@ from fbid_gym.control import (
     orthogonal_inverse_dynamics,
 )
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
-from fbid_gym.errors import InvalidValueError, ShapeError
 from tests.control.cones import contact_forces
-from tests.control.systems import MakeSystem
 
 LENGTH, GRAVITY = 0.3, 9.81
 EXACT = DEFAULT_ACCURACY._replace(tolerance=1e-9, max_iterations=50)
@@ -57,13 +55,11 @@ def reduced(system: Any) -> tuple[Any, np.ndarray]:
 
 
 @pytest.mark.parametrize(("push", "base_priority"), [(0.1, 100.0), (1.0, 1.0), (10.0, 100.0)])
-def test_dynamics_contacts_and_limits_hold(
-    make_system: MakeSystem, contacts: str, push: float, base_priority: float
-) -> None:
+def test_what_is_promised_comes_true_within_limits(make_system, contacts, push, base_priority):
+    """Simulated by dense least squares; absurd commands stay within limits as well."""
     system = make_system(contacts)
     system = system._replace(acceleration=push * system.acceleration)
-    limits = ContactLimits(0.5, 2.0, 300.0)
-    solution = solve(system, limits, base_priority=base_priority)
+    solution = solve(system, ContactLimits(0.5, 2.0, 300.0), base_priority=base_priority)
     required = np.matvec(system.mass_matrix, solution.acceleration) + system.bias
     given = np.matvec(system.jacobian.mT, solution.contact_force)
     given[:, 6:] += solution.torque
@@ -73,18 +69,8 @@ def test_dynamics_contacts_and_limits_hold(
     force, active = solution.point_force, active_points(system)
     normal = force[..., 2]
     assert (np.linalg.norm(force[..., :2], axis=-1) <= 0.5 * normal + 1e-6).all()
-    assert (normal[active] >= 2.0 - 1e-6).all()
-    assert (normal[active] <= 300.0 + 1e-6).all()
+    assert (normal[active] >= 2.0 - 1e-6).all() and (normal[active] <= 300.0 + 1e-6).all()
     np.testing.assert_array_equal(force[~active], 0.0)
-
-
-@pytest.mark.parametrize("push", [0.1, 3.0])
-def test_forward_dynamics_give_the_limited_acceleration_back(
-    make_system: MakeSystem, contacts: str, push: float
-) -> None:
-    system = make_system(contacts)
-    system = system._replace(acceleration=push * system.acceleration)
-    solution = solve(system)
     nv = system.bias.shape[1]
     for i, jacobian in enumerate(system.jacobian):
         rows = len(jacobian)
@@ -92,12 +78,15 @@ def test_forward_dynamics_give_the_limited_acceleration_back(
         right = np.concatenate([-system.bias[i], -system.jacobian_bias[i]])
         right[6:nv] += solution.torque[i]
         achieved = np.linalg.lstsq(kkt, right, rcond=1e-11)[0][:nv]
-        np.testing.assert_allclose(
-            achieved, solution.acceleration[i], atol=1e-4 * (1.0 + np.abs(achieved).max())
-        )
+        slack = 1e-4 * (1.0 + np.abs(achieved).max())
+        np.testing.assert_allclose(achieved, solution.acceleration[i], atol=slack)
+    absurd = solve(system._replace(acceleration=1e6 * system.acceleration))
+    assert all(np.isfinite(field).all() for field in absurd)
+    force, slack = absurd.point_force, 1e-9 * 1e6 * push * 1e3
+    assert (np.linalg.norm(force[..., :2], axis=-1) <= 0.7 * force[..., 2] + slack).all()
 
 
-def test_where_limits_do_not_bind_it_is_eq_15(make_system: MakeSystem) -> None:
+def test_where_limits_do_not_bind_it_is_eq_15(make_system):
     """Same acceleration; the torque may differ by internal forces only."""
     system = gentle(make_system("two flat feet", count=60))
     limited = solve(system, base_priority=10.0)
@@ -112,7 +101,7 @@ def test_where_limits_do_not_bind_it_is_eq_15(make_system: MakeSystem) -> None:
     assert (cost[0] <= cost[1] + 1e-6).all()
 
 
-def test_the_base_wrench_is_the_nearest_the_limits_allow(make_system: MakeSystem) -> None:
+def test_the_base_wrench_is_the_nearest_the_limits_allow(make_system):
     system = make_system("two flat feet", count=20)
     consistent = orthogonal_inverse_dynamics(*system.law).acceleration
     wanted = (np.matvec(system.mass_matrix, consistent) + system.bias)[:, :6]
@@ -130,19 +119,14 @@ def test_the_base_wrench_is_the_nearest_the_limits_allow(make_system: MakeSystem
     np.testing.assert_allclose(solution.residual, missed, atol=1e-4)
 
 
-def test_rows_may_be_compressed(make_system: MakeSystem, contacts: str) -> None:
+def test_rows_may_be_compressed(make_system, contacts):
     """J in independent rows with a point map: the same forces and torques."""
     system = make_system(contacts)
     active = active_points(system)
     full = solve(system, accuracy=EXACT)
     compressed, point_map = reduced(system)
     short = limited_inverse_dynamics(
-        *compressed.law,
-        LIMITS,
-        point_map=point_map,
-        active=active,
-        length=LENGTH,
-        accuracy=EXACT,
+        *compressed.law, LIMITS, point_map=point_map, active=active, length=LENGTH, accuracy=EXACT
     )
     scale = 1.0 + np.abs(full.torque).max()
     np.testing.assert_allclose(short.point_force, full.point_force, atol=1e-4 * scale)
@@ -155,14 +139,14 @@ def test_rows_may_be_compressed(make_system: MakeSystem, contacts: str) -> None:
     )
 
 
-def test_a_base_first_by_any_weight_is_first_in_effect(make_system: MakeSystem) -> None:
+def test_a_base_first_by_any_weight_is_first_in_effect(make_system):
     system = make_system("two flat feet")
     one, other = (solve(system, base_priority=priority) for priority in (1e9, 1e12))
     for a, b in zip(one, other, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
-def test_without_contacts_the_base_falls_freely(make_system: MakeSystem) -> None:
+def test_without_contacts_the_base_falls_freely(make_system):
     system = make_system("flight")
     solution = solve(system)
     wrench = np.matvec(system.mass_matrix, solution.acceleration)[:, :6] + system.bias[:, :6]
@@ -174,77 +158,3 @@ def test_without_contacts_the_base_falls_freely(make_system: MakeSystem) -> None
     solution = limited_inverse_dynamics(*empty.law, LIMITS, length=LENGTH)
     assert solution.point_force.shape == (4, 0, 3)
     assert np.isfinite(solution.torque).all()
-
-
-@pytest.mark.parametrize("command", [1e3, 1e6])
-def test_absurd_commands_stay_within_limits(
-    make_system: MakeSystem, contacts: str, command: float
-) -> None:
-    system = make_system(contacts)
-    solution = solve(system._replace(acceleration=command * system.acceleration))
-    for field in solution:
-        assert np.isfinite(field).all()
-    force = solution.point_force
-    slack = 1e-9 * command * 1e3
-    assert (np.linalg.norm(force[..., :2], axis=-1) <= 0.7 * force[..., 2] + slack).all()
-
-
-def test_neighbours_change_no_bit_of_the_limited_law(make_system: MakeSystem) -> None:
-    """Standing, pushed, on one foot, on two points and flying side by side."""
-    system = make_system("two flat feet", count=6)
-    jacobian, bias = system.jacobian.copy(), system.jacobian_bias.copy()
-    acceleration = system.acceleration * np.array([0.0, 5.0, 1.0, 1.0, 1.0, 0.0])[:, None]
-    for robot, rows in ((2, slice(12, 24)), (3, slice(6, 24)), (4, slice(0, 24))):
-        jacobian[robot, rows], bias[robot, rows] = 0.0, 0.0
-    changed = system._replace(jacobian=jacobian, jacobian_bias=bias, acceleration=acceleration)
-    active, warm = active_points(changed), np.full((6, 6), 3.0)
-    options = {"length": LENGTH, "base_priority": 10.0}
-    together = limited_inverse_dynamics(
-        *changed.law, LIMITS, active=active, warm_start=warm, **options
-    )
-    assert (together.residual > 0.0).any()
-    for i in range(6):
-        alone = limited_inverse_dynamics(
-            *(x[i : i + 1] for x in changed.law),
-            LIMITS,
-            active=active[i : i + 1],
-            warm_start=warm[i : i + 1],
-            **options,
-        )
-        for one, all_ in zip(alone, together, strict=True):
-            np.testing.assert_array_equal(one[0], all_[i])
-
-
-def test_inputs_of_the_law_are_left_alone(make_system: MakeSystem) -> None:
-    system, warm = make_system("two flat feet"), np.ones((4, 6))
-    before = [x.copy() for x in system.law]
-    solve(system, warm_start=warm, base_priority=10.0)
-    orthogonal_inverse_dynamics(*system.law, base_priority=10.0)
-    for then, now in zip(before, system.law, strict=True):
-        np.testing.assert_array_equal(then, now)
-    np.testing.assert_array_equal(warm, 1.0)
-
-
-def test_the_limited_law_names_what_is_wrong(make_system: MakeSystem) -> None:
-    system = make_system("two flat feet")
-    with pytest.raises(ShapeError, match="bias has shape"):
-        limited_inverse_dynamics(*system._replace(bias=system.bias[:, 1:]).law, LIMITS)
-    with pytest.raises(ShapeError, match="active has shape"):
-        limited_inverse_dynamics(*system.law, LIMITS, active=np.ones((4, 3), bool))
-    with pytest.raises(ShapeError, match="warm_start has shape"):
-        limited_inverse_dynamics(*system.law, LIMITS, warm_start=np.ones((4, 5)))
-    with pytest.raises(ShapeError, match="point_map has shape"):
-        limited_inverse_dynamics(*system.law, LIMITS, point_map=np.ones((4, 23, 24)))
-    with pytest.raises(ShapeError, match="point_map has shape"):
-        limited_inverse_dynamics(*system.law, LIMITS, point_map=np.ones((4, 24, 23)))
-    uneven = system._replace(
-        jacobian=system.jacobian[:, 1:], jacobian_bias=system.jacobian_bias[:, 1:]
-    )
-    with pytest.raises(ShapeError, match="jacobian has shape .*3 P rows"):
-        limited_inverse_dynamics(*uneven.law, LIMITS)
-    with pytest.raises(InvalidValueError, match="Invalid base_priority"):
-        solve(system, base_priority=-1.0)
-    with pytest.raises(InvalidValueError, match="Invalid length"):
-        limited_inverse_dynamics(*system.law, LIMITS, length=0.0)
-    with pytest.raises(InvalidValueError, match="Invalid wrench_cost"):
-        solve(system, wrench_cost=(1.0, 1.0, 1.0))

@@ -1,5 +1,6 @@
 """The law, leg by leg, against dense laws and forward dynamics."""
 
+from dataclasses import replace
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -25,7 +26,9 @@ from fbid_gym.dynamics.contacts import reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.motions.target import planned_kind, standing_target
 from fbid_gym.quantities import DynamicsTerms, RobotState, Target, some_of
-from fbid_gym.robots import Robot, quadruped
+from fbid_gym.robots import Robot
+from fbid_gym.robots.built_in import QUADRUPED
+from fbid_gym.robots.drives import TorqueLine
 from tests import postures
 from tests.pairs import pairs
 from tests.postures import bent
@@ -45,14 +48,23 @@ class Scene(NamedTuple):
 
 
 @pytest.fixture(scope="module", params=robots.ROBOTS)
-def robot(request: pytest.FixtureRequest) -> Robot:
+def robot(request):
     return robots.load(request.param)
 
 
 def law_of(robot: Robot, moment_priority: float = 1.0, **options: Any) -> Law:
     contact = ContactOptions(**{"friction": FRICTION, "compensate_damping": False} | options)
     gains = default_gains(robot, planned_kind(robot))
-    return Law.of(robot, HZ, contact, gains, moment_priority)
+    law = Law.of(robot, HZ, contact, gains, moment_priority)
+    # Scenes ask for more than motors give; those are the matter of `test_motor_limits`.
+    line = law.constants.motors.line._replace(torque=np.full(robot.num_joints, 1e9))
+    return with_line(law, line)
+
+
+def with_line(law: Law, line: TorqueLine) -> Law:
+    """The law with motors of another torque-speed line."""
+    motors = law.constants.motors._replace(line=line)
+    return replace(law, constants=law.constants._replace(motors=motors))
 
 
 def planted_sets(robot: Robot) -> np.ndarray:
@@ -151,38 +163,28 @@ def body_rows(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 # --- the motion --------------------------------------------------------------------------------
 
 
-def test_feet_go_first(robot, rng):
-    """Those that stand stay, those in the air go where they shall; but for the ridges on G."""
-    scene, law = scene_of(robot, rng), law_of(robot)
-    jacobian, bias = rows_of(scene, law)
-    missed = np.abs(np.matvec(jacobian, desired_of(law, scene)) + bias)
-    missed = missed.reshape(*scene.target.planted.shape, -1).max(axis=-1)
-    size = np.abs(asked_of_feet(law, scene)).max()
-    assert missed[scene.target.planted].max() < 1e-6 * size
-    assert missed[~scene.target.planted].max() < 1e-4 * size
-
-
-def test_the_motion_is_that_of_the_dense_law(robot, rng):
+def test_feet_go_first_and_the_motion_is_that_of_the_dense_law(robot, rng):
     """Feet as contacts, the body as a task, the same reference and metric: [M10] eq. (19)."""
     scene, law = scene_of(robot, rng), law_of(robot)
-    jacobian, bias = rows_of(scene, law)
-    rows, rate = body_rows(scene)
+    (jacobian, bias), (rows, rate) = rows_of(scene, law), body_rows(scene)
+    found, planted = desired_of(law, scene), scene.target.planted
+    # Feet that stand stay, those in the air go where they shall; but for the ridges on G.
+    missed = np.abs(np.matvec(jacobian, found) + bias).reshape(*planted.shape, -1).max(axis=-1)
+    size = np.abs(asked_of_feet(law, scene)).max()
+    assert missed[planted].max() < 1e-6 * size and missed[~planted].max() < 1e-4 * size
+    metric = 1.0 / law.constants.mobility
     dense = operational_space_acceleration(
         *(jacobian, bias, rows, rate, scene.command.body, scene.command.reference),
-        motion_cost=1.0 / law.constants.mobility,
+        motion_cost=metric,
         least_gain=1e-6,
     )
-    found = desired_of(law, scene)
     np.testing.assert_allclose(np.matvec(rows, found) + rate, scene.command.body, atol=1e-6)
     if robot.name not in SPARE:
         size = np.abs(dense.motion).max(axis=1, keepdims=True)
         np.testing.assert_allclose(found / size, dense.motion / size, atol=1e-4)
     else:  # near it: no more motion than a tenth beside the least
-        metric = 1.0 / law.constants.mobility
-        least, own = (
-            np.vecdot(metric * (a - scene.command.reference), a - scene.command.reference)
-            for a in (dense.motion, found)
-        )
+        away = (a - scene.command.reference for a in (dense.motion, found))
+        least, own = (np.vecdot(metric * gap, gap) for gap in away)
         assert (least <= own * (1.0 + 1e-6)).all() and (own < 1.1 * least).all()
 
 
@@ -334,25 +336,32 @@ def turned(scene: Scene, angle: float, shift: np.ndarray) -> Scene:
     return Scene(scene.robot, state, terms, target, command)
 
 
-either_limits = pytest.mark.parametrize(
+@pytest.mark.parametrize(
     ("robot", "limits"), pairs(robots.ROBOTS, ["friction", "none"], 1), indirect=["robot"]
 )
-
-
-@either_limits
-def test_where_a_robot_is_and_which_way_it_faces_does_not_matter(robot, rng, limits):
-    scene, law = scene_of(robot, rng), law_of(robot, contact_limits=limits)
-    here, there = (
-        torque_of(law, one)[0] for one in (scene, turned(scene, 2.1, np.array([3.0, -7.0, 0.5])))
-    )
+def test_neither_place_and_heading_nor_other_robots_matter(robot, rng, limits):
+    """The others to the bit, also beside one that is not finite."""
+    scene, law = scene_of(robot, rng, each=1), law_of(robot, contact_limits=limits)
+    here, _ = torque_of(law, scene)
+    there, _ = torque_of(law, turned(scene, 2.1, np.array([3.0, -7.0, 0.5])))
     # The forces' solver stops at its accuracy.
     np.testing.assert_allclose(there, here, atol=1e-3 * robot.weight * Stance.of(robot).size)
+    for i in range(len(here)):
+        alone, _ = torque_of(law, some_of_scene(scene, np.array([i])))
+        np.testing.assert_array_equal(alone[0], here[i])
+    for name in ("mass_matrix", "foot_jacobian", "foot_bias"):
+        broken = getattr(scene.terms, name).copy()
+        broken[1].flat[0] = np.nan
+        torque, _ = torque_of(law, scene._replace(terms=scene.terms._replace(**{name: broken})))
+        others = np.arange(len(torque)) != 1
+        np.testing.assert_array_equal(torque[others], here[others])
+        assert np.isnan(torque[1]).any()
 
 
 def test_the_order_of_the_feet_does_not_matter(rng):
     one, order = robots.load("quadruped"), [2, 0, 3, 1]
-    feet = {one.foot_names[foot]: quadruped.FEET[one.foot_names[foot]] for foot in order}
-    other = Robot.from_mjcf(one.spec.copy(), feet, name="shuffled", home=quadruped.HOME)
+    feet = {one.foot_names[foot]: QUADRUPED.feet[one.foot_names[foot]] for foot in order}
+    other = Robot.from_mjcf(one.spec.copy(), feet, name="shuffled", home=QUADRUPED.home)
     scene = scene_of(one, rng)
     of_feet = ("planted", "load", "foot_position", "world_from_foot", "foot_velocity")
     of_feet = (*of_feet, "foot_acceleration", "foothold", "clipped")
@@ -363,23 +372,6 @@ def test_the_order_of_the_feet_does_not_matter(rng):
     shuffled = Scene(other, scene.state, terms, target, scene.command)
     here, there = torque_of(law_of(one), scene)[0], torque_of(law_of(other), shuffled)[0]
     np.testing.assert_allclose(there, here, atol=1e-3 * one.weight * Stance.of(one).size)
-
-
-@either_limits
-def test_robots_are_each_on_their_own(robot, rng, limits):
-    """To the bit, also beside one that is not finite."""
-    scene, law = scene_of(robot, rng, each=1), law_of(robot, contact_limits=limits)
-    together, _ = torque_of(law, scene)
-    for i in range(len(together)):
-        alone, _ = torque_of(law, some_of_scene(scene, np.array([i])))
-        np.testing.assert_array_equal(alone[0], together[i])
-    for name in ("mass_matrix", "foot_jacobian", "foot_bias"):
-        broken = getattr(scene.terms, name).copy()
-        broken[1].flat[0] = np.nan
-        torque, _ = torque_of(law, scene._replace(terms=scene.terms._replace(**{name: broken})))
-        others = np.arange(len(torque)) != 1
-        np.testing.assert_array_equal(torque[others], together[others])
-        assert np.isnan(torque[1]).any()
 
 
 # --- near singularities ------------------------------------------------------------------------

@@ -12,7 +12,6 @@ from fbid_gym.control import ContactLimits, TorqueMap, distribute, torque_map_in
 from fbid_gym.control.contact_forces import DEFAULT_ACCURACY, wrench_scale
 from fbid_gym.dynamics import MuJoCoDynamics, centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry, point_positions, reduced_contacts
-from fbid_gym.errors import InvalidValueError, ShapeError
 from tests.control.cones import solved_by_clarabel
 
 EXACT = DEFAULT_ACCURACY._replace(tolerance=1e-9, max_iterations=50)
@@ -146,8 +145,7 @@ def tight_limits(stance):
 
 
 @pytest.mark.parametrize(
-    ("steps", "wrench_error", "excess"),
-    [(STEPS, 0.12, 0.15), (8000, 1e-3, 1e-3)],
+    ("steps", "wrench_error", "excess"), [(STEPS, 0.12, 0.15), (8000, 1e-3, 1e-3)]
 )
 def test_forces_under_torque_limits_are_clarabels(stance, steps, wrench_error, excess):
     """By default roughly, with enough steps exactly."""
@@ -194,13 +192,6 @@ def test_result_is_consistent(hard):
     assert (result.residual > 1e-3).any()
 
 
-def test_moderate_wrenches_are_delivered(rng):
-    for name in robots.ROBOTS:
-        stance = scene(name, rng, push=0.02)
-        result = stance.solve(torque_limit=stance.robot.torque_limit)
-        assert (result.residual < 2e-3).all()
-
-
 def test_centre_of_pressure_and_yaw_stay_within_the_foot(hard):
     result, robot = hard.solve(), hard.robot
     start = 0
@@ -235,24 +226,6 @@ def test_what_costs_more_goes_first(hard):
         assert (errors[100.0] < 0.5 * errors[0.01]).any()
 
 
-def test_robots_do_not_depend_on_each_other(hard):
-    limit = tight_limits(hard)
-    together = hard.solve(torque_limit=limit)
-    some = np.array([3, 8])
-    alone = distribute(
-        TorqueMap(*(x[some] for x in hard.torque_map)),
-        hard.wrench[some],
-        LIMITS,
-        to_com=hard.options["to_com"][some],
-        point_map=hard.options["point_map"][some],
-        weight=hard.robot.weight,
-        length=hard.options["length"],
-        torque_limit=limit,
-    )
-    for ours, theirs in zip(alone, together, strict=True):
-        np.testing.assert_allclose(ours, theirs[some], atol=1e-9 * hard.robot.weight)
-
-
 def test_a_slope_is_level_ground_seen_from_aside(stance, rng):
     """Tilting world, robot and wrench together changes nothing but the axes."""
     turn = Rotation.from_rotvec([0.2, -0.15, 0.4]).as_matrix()
@@ -276,35 +249,27 @@ def test_a_slope_is_level_ground_seen_from_aside(stance, rng):
 # --- too little to stand on ----------------------------------------------------------------------
 
 
-def test_without_contacts_nothing_is_delivered(stance):
-    for changes in (
-        {"active": np.zeros((COUNT, stance.robot.num_points), bool)},
-        {"limits": ContactLimits(FRICTION, 0.0, 0.0)},
-    ):
-        result = stance.solve(torque_limit=stance.robot.torque_limit, **changes)
-        np.testing.assert_array_equal(result.point_force, 0.0)
+def test_with_too_little_the_rest_is_delivered(stance):
+    """Without contacts, without rows, without friction, and with motors that can do nothing."""
+    nobody = np.zeros((COUNT, stance.robot.num_points), bool)
+    no_rows = {
+        "torque_map": stance.torque_map._replace(jacobian=stance.torque_map.jacobian[:, :0]),
+        "point_map": stance.options["point_map"][:, :0, :0],
+    }
+    for changes in ({"active": nobody}, {"limits": ContactLimits(FRICTION, 0.0, 0.0)}, no_rows):
+        limit = None if changes is no_rows else stance.robot.torque_limit
+        result = stance.solve(torque_limit=limit, **changes)
+        assert result.point_force.shape[1] == (0 if limit is None else stance.robot.num_points)
+        assert not result.point_force.any() and (result.residual > 0.5).all()
         np.testing.assert_allclose(result.wrench, 0.0, atol=1e-9)
         np.testing.assert_allclose(result.torque, stance.torque_map.offset)
-        assert (result.residual > 0.5).all()
-
-
-def test_without_contact_rows_nothing_is_delivered(stance):
-    torque_map = stance.torque_map._replace(jacobian=stance.torque_map.jacobian[:, :0])
-    result = stance.solve(
-        torque_map=torque_map, point_map=stance.options["point_map"][:, :0, :0], torque_limit=None
-    )
-    assert result.point_force.shape == (COUNT, 0, 3)
-    np.testing.assert_allclose(result.wrench, 0.0, atol=1e-9)
-    np.testing.assert_allclose(result.torque, stance.torque_map.offset)
-    assert np.isfinite(result.residual).all()
-
-
-def test_without_friction_forces_are_vertical(stance):
-    result = stance.solve(limits=ContactLimits(0.0))
-    np.testing.assert_array_equal(result.point_force[..., :2], 0.0)
-    assert np.isfinite(result.torque).all()
-    np.testing.assert_allclose(result.wrench[:, :2], 0.0, atol=1e-9 * stance.robot.weight)
-    assert (np.abs(result.wrench[:, 2] / stance.robot.weight - 1.0) < 0.5).all()
+    smooth = stance.solve(limits=ContactLimits(0.0))
+    assert not smooth.point_force[..., :2].any() and np.isfinite(smooth.torque).all()
+    np.testing.assert_allclose(smooth.wrench[:, :2], 0.0, atol=1e-9 * stance.robot.weight)
+    assert (np.abs(smooth.wrench[:, 2] / stance.robot.weight - 1.0) < 0.5).all()
+    weak = stance.solve(torque_limit=1e-6 * stance.robot.torque_limit)
+    assert all(np.isfinite(part).all() for part in weak)
+    assert_within_friction(weak.point_force)
 
 
 @pytest.mark.parametrize("name", robots.ROBOTS)
@@ -321,30 +286,3 @@ def test_two_points_cannot_turn_about_the_line_through_them(name, rng):
     moment = result.wrench[:, 3:] + np.cross(arm, result.wrench[:, :3])
     np.testing.assert_allclose(np.vecdot(moment, line), 0.0, atol=1e-9 * stance.robot.weight)
     assert (result.residual > 1e-3).all()
-
-
-def test_torque_limits_that_contradict_the_weight_stay_finite(stance):
-    result = stance.solve(torque_limit=1e-6 * stance.robot.torque_limit)
-    for part in result:
-        assert np.isfinite(part).all()
-    assert_within_friction(result.point_force)
-
-
-def test_bad_shapes_and_options_are_refused(rng):
-    stance = scene("quadruped", rng)
-    for name, wrong in {
-        "wrench": stance.wrench[:, :5],
-        "to_com": stance.options["to_com"][:3],
-        "point_map": stance.options["point_map"][:, :, :-1],
-        "warm_start": np.zeros((COUNT + 1, 6)),
-        "active": np.ones((COUNT, 1), bool),
-        "torque_limit": np.ones(3),
-        "weight": np.ones(COUNT + 1),
-    }.items():
-        with pytest.raises(ShapeError, match=f"{name} has shape"):
-            stance.solve(**{name: wrong})
-    for name, bad in (("weight", 0.0), ("weight", "heavy"), ("length", 0.0)):
-        with pytest.raises(InvalidValueError, match=f"Invalid {name}: .*positive"):
-            stance.solve(**{name: bad})
-    with pytest.raises(InvalidValueError, match="Invalid wrench_cost"):
-        stance.solve(wrench_cost=(1.0, 1.0))

@@ -97,40 +97,26 @@ def subsets(robot, geometry, random_states):
 
 
 def test_reduced_rows_stand_for_the_active_points(robot, geometry, subsets):
-    active, terms, jacobian, _ = subsets
+    active, terms, jacobian, bias = subsets
     reduced = reduced_contacts(geometry, terms, active)
-    feet, _, rows, _ = geometry.motion.shape
-    assert reduced.jacobian.shape[1] == feet * rows
-    np.testing.assert_allclose(
-        reduced.jacobian.mT @ reduced.jacobian, jacobian.mT @ jacobian, atol=1e-10
-    )
-    np.testing.assert_array_equal(
-        np.linalg.matrix_rank(reduced.jacobian, rtol=1e-9),
-        np.linalg.matrix_rank(jacobian, rtol=1e-9),
-    )
+    rows, point_map = reduced.jacobian, reduced.point_map
+    assert rows.shape[1] == geometry.motion.shape[0] * geometry.motion.shape[2]
+    np.testing.assert_allclose(rows.mT @ rows, jacobian.mT @ jacobian, atol=1e-10)
+    ranks = (np.linalg.matrix_rank(matrix, rtol=1e-9) for matrix in (rows, jacobian))
+    np.testing.assert_array_equal(*ranks)
     # One point of a foot fixes 3 directions, two fix 5, more fix 6; the other rows are zero.
-    rank = np.array([0, 3, 5, 6, 6])
+    rank, used = np.array([0, 3, 5, 6, 6]), np.abs(rows).max(axis=2) > 1e-9
     feet = [active[:, geometry.foot_of_point == foot].sum(axis=1) for foot in range(robot.num_feet)]
-    used = (np.abs(reduced.jacobian).max(axis=2) > 1e-9).sum(axis=1)
-    np.testing.assert_array_equal(used, rank[feet].sum(axis=0))
-
-
-def test_point_forces_act_through_the_point_map(geometry, subsets):
-    active, terms, jacobian, _ = subsets
-    reduced = reduced_contacts(geometry, terms, active)
-    np.testing.assert_allclose(reduced.point_map.mT @ reduced.jacobian, jacobian, atol=1e-11)
+    np.testing.assert_array_equal(used.sum(axis=1), rank[feet].sum(axis=0))
+    # Point forces act through the point map, which is orthonormal where it is not zero: the
+    # smallest row forces are the smallest point forces.
+    np.testing.assert_allclose(point_map.mT @ rows, jacobian, atol=1e-11)
     idle = np.repeat(~active, 3, axis=1)
-    assert np.abs(reduced.point_map.swapaxes(1, 2)[idle]).max() < 1e-15
-    # Orthonormal where it is not zero: the smallest row forces are the smallest point forces.
-    gram = reduced.point_map @ reduced.point_map.mT
-    used = np.abs(reduced.jacobian).max(axis=2) > 1e-9
+    assert np.abs(point_map.swapaxes(1, 2)[idle]).max() < 1e-15
+    gram = point_map @ point_map.mT
     np.testing.assert_allclose(gram, used[:, :, None] * np.eye(gram.shape[1]), atol=1e-12)
-
-
-def test_reduced_bias_is_the_part_of_the_point_bias_that_rows_can_see(geometry, subsets):
-    active, terms, _, bias = subsets
-    reduced = reduced_contacts(geometry, terms, active)
-    np.testing.assert_allclose(reduced.bias, np.matvec(reduced.point_map, bias), atol=1e-9)
+    # The bias is that part of the points' which rows can see.
+    np.testing.assert_allclose(reduced.bias, np.matvec(point_map, bias), atol=1e-9)
 
 
 def test_all_points_at_once_is_the_full_subset(robot, geometry, random_states):
@@ -147,40 +133,6 @@ def test_all_points_at_once_is_the_full_subset(robot, geometry, random_states):
     np.testing.assert_allclose(free.jacobian, masked.jacobian, atol=1e-14)
     np.testing.assert_allclose(free.point_map, masked.point_map, atol=1e-14)
     np.testing.assert_allclose(free.bias, masked.bias, atol=1e-9)
-
-
-def everything(geometry, terms, active):
-    """All that is computed of N robots' contacts."""
-    return (
-        *reduced_contacts(geometry, terms, active),
-        *reduced_contacts(geometry, terms),
-        point_positions(geometry, terms),
-        point_velocities(geometry, terms),
-    )
-
-
-def test_a_robots_contacts_are_the_same_bits_alone_and_among_others(geometry, subsets):
-    active, terms, _, _ = subsets
-    robot = len(active) // 3
-    alone = type(terms)(*(value[robot : robot + 1] for value in terms))
-    together = everything(geometry, terms, active)
-    for one, all_of_them in zip(
-        everything(geometry, alone, active[robot : robot + 1]), together, strict=True
-    ):
-        assert all_of_them.flags.c_contiguous
-        np.testing.assert_array_equal(one[0], all_of_them[robot])
-
-
-def test_a_robot_that_is_not_finite_leaves_the_others_alone(geometry, subsets):
-    active, terms, _, _ = subsets
-    robot, others = len(active) // 3, np.arange(len(active)) != len(active) // 3
-    broken = type(terms)(*(value.copy() for value in terms))
-    for value in broken:
-        value[robot] = np.nan
-    sound = everything(geometry, terms, active)
-    for value, expected in zip(everything(geometry, broken, active), sound, strict=True):
-        np.testing.assert_array_equal(value[others], expected[others])
-        assert np.isnan(value[robot]).any()
 
 
 def test_a_mask_of_another_shape_is_an_error(robot, geometry, random_states):

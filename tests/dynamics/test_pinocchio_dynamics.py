@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from fbid_gym import robots
-from fbid_gym.dynamics import MuJoCoDynamics, frames
+from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError, UnknownOptionError
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots.built_in import asset_path
 
 RANDOM_FEET = {"flat": [f"corner{index}" for index in range(4)], "ball": ["ball"]}
 GYMNASIUM = {
@@ -193,72 +193,52 @@ def biped():
     return robots.load("biped")
 
 
-def test_unknown_body_is_named_with_the_choices(biped):
+def test_bodies_scales_and_offsets_are_checked(biped):
     body = biped.model.body(biped.base_body).name
-    for options in ({"mass_scale": {"wing": 2.0}}, {"com_offset": {"wing": (0, 0, 0)}}):
-        argument = next(iter(options))
+    for argument, value in (("mass_scale", 2.0), ("com_offset", (0, 0, 0))):
         message = f"Unknown body 'wing' in {argument}. Valid choices: .*{body}"
         with pytest.raises(UnknownOptionError, match=message):
-            PinocchioDynamics(biped, **options)
-
-
-def test_scale_must_be_positive(biped):
-    body = biped.model.body(biped.base_body).name
+            PinocchioDynamics(biped, **{argument: {"wing": value}})
     for value in (0.0, -1.0, np.nan, np.inf, "2.0", True, None):
         for given, name in ((value, ""), ({body: value}, rf"\['{body}'\]")):
             message = rf"Invalid mass_scale{name}: {value!r}\. Expected a positive number"
             with pytest.raises(InvalidValueError, match=message):
                 PinocchioDynamics(biped, mass_scale=given)
-
-
-def test_offset_must_be_three_finite_numbers(biped):
-    body = biped.model.body(biped.base_body).name
-    message = rf"com_offset\['{body}'\] has shape \(2,\). Expected \(3,\)"
-    with pytest.raises(ShapeError, match=message):
+    with pytest.raises(ShapeError, match=rf"com_offset\['{body}'\] has shape \(2,\). Expected \(3"):
         PinocchioDynamics(biped, com_offset={body: (0.0, 0.1)})
     for value in ((0.0, np.nan, 0.0), ("a", "b", "c")):
-        message = rf"Invalid com_offset\['{body}'\]: .* Expected three"
-        with pytest.raises(InvalidValueError, match=message):
+        with pytest.raises(InvalidValueError, match=rf"com_offset\['{body}'\]: .* Expected three"):
             PinocchioDynamics(biped, com_offset={body: value})
 
 
-def test_states_are_checked(biped, random_states):
-    dynamics = PinocchioDynamics(biped)
-    qpos, qvel = random_states(biped.model, 2)
-    with pytest.raises(ShapeError, match=rf"qpos has shape .*Expected \(N, {biped.nq}\)"):
-        dynamics.terms(qpos[:, :-1], qvel)
-    with pytest.raises(ShapeError, match=r"qpos has shape"):
-        dynamics.terms(qpos[0], qvel[0])
-    with pytest.raises(ShapeError, match=rf"qvel has shape .*Expected \(2, {biped.nv}\)"):
-        dynamics.terms(qpos, qvel[:1])
-    qvel[1, 4] = np.nan
-    with pytest.raises(NonFiniteError, match=r"qvel is not finite: .* index \(1, 4\)"):
-        dynamics.terms(qpos, qvel)
-    qvel[1, 4] = 0.0
-    qpos[1, 3:7] = 0.0
-    with pytest.raises(InvalidValueError, match=r"Invalid qpos\[1, 3:7\].* a nonzero quaternion"):
-        dynamics.terms(qpos, qvel)
-
-
-def test_quaternion_need_not_be_of_unit_length(biped, random_states):
-    qpos, qvel = random_states(biped.model, 2)
-    expected = PinocchioDynamics(biped).terms(qpos, qvel)
-    qpos[:, 3:7] *= 5.0
-    actual = PinocchioDynamics(biped).terms(qpos, qvel)
-    for name in expected._fields:
-        np.testing.assert_allclose(getattr(actual, name), getattr(expected, name), atol=1e-9)
-    np.testing.assert_allclose(
-        actual.world_from_base, frames.quaternion_to_matrix(qpos[:, 3:7]), atol=0
-    )
-
-
-def test_empty_batch_and_own_arrays(biped, random_states):
-    dynamics = PinocchioDynamics(biped)
+@pytest.mark.parametrize("kind", [MuJoCoDynamics, PinocchioDynamics])
+def test_states_are_checked_and_answers_are_the_callers_own(biped, random_states, kind):
+    dynamics = kind(biped)
     qpos, qvel = random_states(biped.model, 2)
     terms = dynamics.terms(qpos, qvel)
     kept = [array.copy() for array in terms]
     dynamics.terms(-qpos, 3 * qvel)
     for array, copy in zip(terms, kept, strict=True):
         np.testing.assert_array_equal(array, copy)
-    empty = dynamics.terms(qpos[:0], qvel[:0])
-    assert [array.shape for array in empty] == [(0, *array.shape[1:]) for array in terms]
+    for states, message in (
+        ((qpos[:, :-1], qvel), rf"qpos has shape .*Expected \(N, {biped.nq}\)"),
+        ((qpos[0], qvel[0]), "qpos has shape"),
+        ((qpos, qvel[:1]), rf"qvel has shape .*Expected \(2, {biped.nv}\)"),
+    ):
+        with pytest.raises(ShapeError, match=message):
+            dynamics.terms(*states)
+    for k, name in enumerate(("qpos", "qvel")):
+        bad = [qpos.copy(), qvel.copy()]
+        bad[k][1, 8] = np.nan
+        with pytest.raises(NonFiniteError, match=rf"{name} is not finite: .* index \(1, 8\)"):
+            dynamics.terms(*bad)
+    if kind is PinocchioDynamics:
+        empty = dynamics.terms(qpos[:0], qvel[:0])
+        assert [array.shape for array in empty] == [(0, *array.shape[1:]) for array in terms]
+        # Quaternions need not be of unit length, but of some.
+        qpos[:, 3:7] *= 5.0
+        for array, copy in zip(dynamics.terms(qpos, qvel), kept, strict=True):
+            np.testing.assert_allclose(array, copy, atol=1e-9)
+        qpos[1, 3:7] = 0.0
+        with pytest.raises(InvalidValueError, match=r"Invalid qpos\[1, 3:7\].* nonzero quatern"):
+            dynamics.terms(qpos, qvel)

@@ -79,32 +79,6 @@ def test_bodies_are_mujocos(model, states, relative_error):
             assert relative_error(np.asarray(actual), rate @ data.qvel) < 1e-9
 
 
-def test_acceleration_is_the_second_derivative_of_position(model, states, integrate):
-    """By MuJoCo's positions alone, along a path of constant generalized velocity."""
-    pin_model = pinocchio_model(model)
-    pin_data = pin_model.createData()
-    data = mujoco.MjData(model)
-    step = 1e-4
-
-    def positions(qpos, qvel, time):
-        data.qpos[:] = integrate(model, qpos, qvel, time)
-        mujoco.mj_kinematics(model, data)
-        return data.xpos.copy()
-
-    for qpos, qvel in states:
-        path = [positions(qpos, qvel, k * step) for k in (-2, -1, 0, 1, 2)]
-        weights = np.array([-1, 16, -30, 16, -1]) / (12 * step**2)
-        expected = np.tensordot(weights, path, axes=1)
-        q, v, a, _ = to_pinocchio(model, qpos, qvel)
-        pin.forwardKinematics(pin_model, pin_data, q, v, a)
-        actual = [
-            pin.getFrameClassicalAcceleration(pin_model, pin_data, body, AXES).linear
-            for body in range(model.nbody)
-        ]
-        # Rounding in the second difference is a few 1e-15 / step² = 1e-7 of the positions.
-        np.testing.assert_allclose(actual, expected, rtol=1e-5, atol=1e-5)
-
-
 def test_armature_of_actuators_is_in_the_mass_matrix(random_mjcf, random_states):
     """Reflected through the gear, as MuJoCo does."""
     spec = mujoco.MjSpec.from_string(random_mjcf(4))
@@ -122,16 +96,6 @@ def test_armature_of_actuators_is_in_the_mass_matrix(random_mjcf, random_states)
     )
     np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-9)
     assert not np.allclose(pin_model.armature, model.dof_armature)
-
-
-def test_dofs_and_gravity_keep_their_order(random_mjcf):
-    model = mujoco.MjModel.from_xml_string(random_mjcf(3))
-    pin_model = pinocchio_model(model)
-    names = [model.joint(joint).name for joint in range(model.njnt)]
-    assert list(pin_model.names)[1:] == names
-    np.testing.assert_array_equal(pin_model.gravity.linear, model.opt.gravity)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_GRAVITY
-    np.testing.assert_array_equal(pinocchio_model(model).gravity.linear, np.zeros(3))
 
 
 TREE = """

@@ -61,19 +61,6 @@ def test_the_centre_is_the_mean_of_the_points(robot, support, rng):
     np.testing.assert_allclose(support.frame(terms).centre, points.mean(axis=1), atol=1e-12)
 
 
-def test_a_robots_frame_is_the_same_bits_alone_and_among_others(robot, support, rng):
-    """And does not notice one that is not finite."""
-    qpos = near_home(robot, rng, 7)
-    terms = MuJoCoDynamics(robot).terms(qpos, np.zeros((7, robot.nv)))
-    terms.foot_position[3] = np.nan
-    together = support.frame(terms)
-    for index in range(7):
-        alone = support.frame(type(terms)(*(value[index : index + 1] for value in terms)))
-        for one, all_of_them in zip(alone, together, strict=True):
-            np.testing.assert_array_equal(one[0], all_of_them[index])
-            assert np.isnan(one).any() == (index == 3)
-
-
 def test_the_frame_goes_with_the_robot(robot, support, rng):
     qpos = near_home(robot, rng, 6)
     before = frames(robot, support, qpos)

@@ -7,6 +7,7 @@ import pytest
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.robots import load
+from tests.batches import RANDOM, SHORT
 from tests.pairs import pairs
 from tests.postures import turned
 
@@ -15,15 +16,6 @@ MEASURED = {"contacts": "measured"}
 EXACT = {"contact_limits": "none"}
 SCHEDULE = {"contacts": [(0.1, ["left", "right"]), (0.05, ["left"]), (0.02, [])]}
 RAMPED = SCHEDULE | {"contact_ramp": 0.03}
-RANDOM = {
-    "mass": 0.2,
-    "com": 0.01,
-    "friction": (0.5, 1.0),
-    "motor_strength": (0.8, 1.2),
-    "action_delay": (0.0, 0.05),
-    "model_mass": 0.1,
-    "model_com": 0.005,
-}
 
 # Every environment, every layer; every way to assume contacts; with and without limits on forces.
 CASES = [
@@ -35,14 +27,6 @@ CASES = [
     (BIPED, "joint_position_feedforward", SCHEDULE | EXACT),
     (QUADRUPED, "joint_acceleration", EXACT),
 ]
-every_case = pytest.mark.parametrize(("name", "layer", "options"), CASES)
-# Episodes end by falling and by the clock, and pushes come soon.
-SHORT = {
-    "episode_seconds": 0.3,
-    "push_duration": 0.05,
-    "push_interval": (0.1, 0.2),
-    "push_velocity": (0.0, 0.2),
-}
 
 
 def actions(env, steps, size=0.6, seed=0):
@@ -51,37 +35,16 @@ def actions(env, steps, size=0.6, seed=0):
     return [rng.uniform(-size, size, shape).astype(np.float32) for _ in range(steps)]
 
 
-def trajectory(env, seed, steps):
-    """All that a vector environment returns, in one list of arrays."""
-    found = [env.reset(seed=seed)[0]]
-    for action in actions(env, steps):
-        *step, info = env.step(action)
-        found += [*step, *(info[key] for key in sorted(info))]
-    env.close()
-    return found
-
-
-@every_case
-def test_same_seed_same_trajectory_on_any_threads(name, layer, options):
-    arguments = SHORT | {"action_layer": layer, "layer_options": options, "num_envs": 3}
-    first = trajectory(gym.make_vec(name, **arguments), 7, 20)
-    again = trajectory(gym.make_vec(name, **arguments, num_threads=2), 7, 20)
-    for one, other in zip(first, again, strict=True):
-        np.testing.assert_array_equal(one, other)
-    different = trajectory(gym.make_vec(name, **arguments), 8, 1)
-    assert (different[0] != first[0]).any()
-
-
 @pytest.mark.parametrize(
     ("name", "layer", "options", "randomisation"),
     [(*case, RANDOM if i % 2 else None) for i, case in enumerate(CASES)],
 )
 def test_a_batch_is_its_scalar_environments(name, layer, options, randomisation):
-    """Bit for bit, across ends of episodes: the same code runs and no row sees the others."""
+    """Bit for bit, on several threads, across ends of episodes: no row sees the others."""
     arguments = SHORT | {"action_layer": layer, "layer_options": options}
     arguments["randomisation"] = randomisation
     num_envs = 3
-    batch = gym.make_vec(name, num_envs=num_envs, **arguments)
+    batch = gym.make_vec(name, num_envs=num_envs, num_threads=2, **arguments)
     alone = [gym.make(name, **arguments) for _ in range(num_envs)]
     observation, _ = batch.reset(seed=11)
     for index, env in enumerate(alone):
@@ -101,19 +64,6 @@ def test_a_batch_is_its_scalar_environments(name, layer, options, randomisation)
         done = terminated | truncated
         ends += done.sum()
     assert ends >= num_envs
-
-
-@pytest.mark.parametrize(("name", "layer"), pairs(ENVIRONMENTS, LAYERS, 1))
-def test_one_of_many_is_the_same_as_one_of_few(name, layer):
-    """The size of the batch changes nothing either: 64 rows against 2."""
-    many = gym.make_vec(name, num_envs=64, action_layer=layer)
-    few = gym.make_vec(name, num_envs=2, action_layer=layer)
-    many.reset(seed=0)
-    few.reset(seed=0)
-    for action in actions(many, 4, size=1.0):
-        whole, part = many.step(action), few.step(action[:2])
-        np.testing.assert_array_equal(whole[0][:2], part[0])
-        np.testing.assert_array_equal(whole[1][:2], part[1])
 
 
 def turned_state(state, heading):

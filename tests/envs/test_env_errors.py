@@ -5,24 +5,14 @@ import numpy as np
 import pytest
 
 import fbid_gym
-from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.errors import (
-    FbidError,
-    InvalidValueError,
-    NonFiniteError,
-    RobotError,
-    ShapeError,
-)
+from fbid_gym.errors import FbidError, InvalidValueError, NonFiniteError, RobotError, ShapeError
 from fbid_gym.robots import Robot
+from tests.batches import assert_same
 from tests.robots.similar import turned
 
 BIPED = next(iter(ENVIRONMENTS))
 ALL_ROBOTS = "biped, quadruped, humanoid, go1, g1"
-ALL_LAYERS = (
-    "torque, joint_position, joint_position_feedforward, joint_acceleration, base_acceleration, "
-    "com_wrench"
-)
 FEEDFORWARD = "joint_position_feedforward"
 BASE = {"action_layer": "base_acceleration"}
 
@@ -34,57 +24,32 @@ def options(layer="base_acceleration", **values):
 # A value outside its option's kind is refused in tests/envs/test_bad_arguments.py; here is one of
 # each kind, for the words and the doors, and all that no kind can know.
 ARGUMENTS = [
-    ({"action_layer": "force"}, f"Unknown action layer 'force'. Valid choices: {ALL_LAYERS}."),
     ({"action_layer": ["torque"]}, r"Unknown action layer \['torque'\]. Valid choices: torque,"),
     ({"action_layr": "torque"}, "argument 'action_layr'. Did you mean 'action_layer'"),
-    ({"zzz": 1}, "an unexpected keyword argument 'zzz'. Valid choices: robot, t"),
     ({"robot": "horse"}, f"Unknown robot 'horse'. Valid choices: {ALL_ROBOTS}, a Robot such"),
     ({"robot": "dog.xml"}, r"robot 'dog.xml'. .* a Robot such as Robot.load\(path\) makes."),
-    ({"robot": 3}, f"Invalid robot: 3. Expected a Robot or one of {ALL_ROBOTS}."),
     # Options of the layers.
     (options("torque", gain=1.0), "'gain' of action layer 'torque'. Valid choices: footholds, ste"),
     ({"layer_options": "none"}, "Invalid layer_options: 'none'. Expected a dictionary"),
-    ({"layer_options": {1: 2}}, "Invalid layer_options: {1: 2}. Expected a dictionary"),
-    (
-        options("joint_position", scale=-1.0),
-        "scale: -1.0. Expected a number from 0.000001 to 100",
-    ),
     (options(FEEDFORWARD, natural_frequency=90.0), "frequency: 90.0. Expected at most .* H"),
-    (options(contact_limits="cone"), "contact_limits 'cone'. Valid choices: friction, none."),
-    (options(contacts="some"), "Unknown contacts 'some'. Valid choices: planned, all, measured"),
     (options(contacts=[(1.0, ["arm"])]), "foot 'arm' in contacts. Valid choices: left, right."),
     (options(contacts=[(1.0, "left")]), "Invalid contacts: .*'left'.*Expected phases .seconds >="),
-    (options(contacts=[(0.0, ["left"])]), "Invalid contacts: .*Expected phases"),
-    (options(contacts=[("left",)]), "Invalid contacts: .*Expected phases"),
-    (options(contacts=[]), r"Invalid contacts: \[\]. Expected at least one phase"),
     (options(min_normal_force=2.0, max_normal_force=1.0), "Invalid min_normal_force"),
-    (options(compensate_damping="yes"), "compensate_damping: 'yes'. Expected True or False"),
     # Tasks and ground.
-    ({"task": "fly"}, "Unknown task 'fly'. Valid choices: balance, squat, step, crawl."),
     ({"task": "squat", "height_range": (0.9, 1.0)}, "unexpected keyword argument 'height_range'"),
-    ({"task": "step", "lift_seconds": 2.0}, "Invalid .*2.0. Expected seconds between 0 and half"),
     ({"task": "crawl"}, "Robot 'biped' cannot crawl: it has 16 joints and the feet left, right."),
-    ({"terrain": "lava"}, "Unknown terrain 'lava'. Valid choices: flat, obstacles, rocks, sl"),
     ({"terrain": "mixed", "curriculum": True}, r"\('balance', 'mixed'\). Expected task 'walk' on"),
-    ({"height_scan": True}, "unexpected keyword argument 'height_scan'"),
-    ({"terrain": "rocks", "terrain_height": 5.0}, "terrain height: 5.0. Expected metres from 0 to"),
     ({"terrain": "stairs", "terrain_height": 0}, "height: 0.0. Expected none on terrain 'stairs'"),
-    ({"terrain_seed": 0.5}, "Invalid terrain_seed: 0.5. Expected a whole number from 0 to"),
     # Rates and times.
-    ({"physics_hz": 0}, "Invalid physics_hz: 0. Expected a whole number from 1 to 100,000 Hz"),
     ({"control_hz": 300}, r"control_hz: 300. Expected a divisor of physics_hz = 1000 .*3.33333"),
     ({"policy_hz": 60}, r"policy_hz: 60. Expected a divisor of control_hz = 500"),
-    ({"control_hz": 2000}, r"control_hz: 2000. Expected a divisor of physics_hz = 1000"),
     ({"episode_seconds": 0.01}, "episode_seconds: 0.01. Expected a time of at least 0.02 s"),
     # The task.
-    ({"push_force": (100.0, 20.0)}, r"Invalid push_force: \(100.0, 20.0\). Expected a pair 0 <="),
     ({"push_duration": 0.0001}, "push_duration: 0.0001. Expected a time of at least 0.002 s"),
     ({"push_interval": (0.1, 1.0)}, "push_interval: .*Expected at least push_duration = 0.15 s"),
     ({"height_range": (0.5, 1.0)}, r"Invalid height_range: \(0.5, 1.0\). Expected a pair 0.61 <="),
     # Domain randomisation.
     ({"randomisation": {"masses": 0.1}}, "randomisation 'masses'. Valid choices: mass, com, fric"),
-    ({"randomisation": True}, "Invalid randomisation: True. Expected a dictionary"),
-    ({"randomisation": {"mass": 1.0}}, "randomisation mass: 1.0. Expected a number from 0 to 0.99"),
 ]
 
 
@@ -97,10 +62,6 @@ def test_bad_arguments_through_every_door(arguments, message):
     ):
         with pytest.raises(FbidError, match=message):
             make()
-
-
-def test_the_list_of_layers_above_is_complete():
-    assert ", ".join(LAYERS) == ALL_LAYERS
 
 
 def test_bad_render_modes():
@@ -155,8 +116,7 @@ def test_bad_actions_step_nothing(spoil, error, message):
         before = state_of()
         with pytest.raises(error, match=message):
             env.step(spoil(np.zeros((*count, 6))))
-        for key, value in state_of().items():
-            np.testing.assert_array_equal(value, before[key], err_msg=key)
+        assert_same(state_of(), before)
 
 
 def test_bad_actions_through_gymnasiums_checker():

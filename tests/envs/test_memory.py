@@ -9,11 +9,12 @@ import pytest
 
 from fbid_gym import make_sb3
 from fbid_gym.envs.chunks import Chunks
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.envs.vector_env import RobotVectorEnv
 from fbid_gym.errors import FbidError
-from fbid_gym.robots import Robot, asset_path
+from fbid_gym.robots import Robot
+from fbid_gym.robots.built_in import asset_path
+from fbid_gym.runtime.config import EnvConfig
 
 KINDS: dict[str, Callable[..., Any]] = {
     "one": lambda robot: RobotEnv(robot),

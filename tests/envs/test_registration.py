@@ -4,21 +4,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.utils.passive_env_checker import env_render_passive_checker
 from stable_baselines3.common.env_checker import check_env as check_sb3_env
-from stable_baselines3.common.vec_env import VecCheckNan
 
-import fbid_gym
 from fbid_gym.actions import LAYERS
 from fbid_gym.envs import ENVIRONMENTS
 from tests.pairs import pairs
 
 every_env = pytest.mark.parametrize(("name", "layer"), pairs(ENVIRONMENTS, LAYERS, 1))
-
-
-def test_all_of_ours_are_registered():
-    assert set(ENVIRONMENTS) == {name for name in gym.registry if name.startswith("fbid_gym/")}
-    assert len(ENVIRONMENTS) >= 8
 
 
 @every_env
@@ -27,15 +19,6 @@ def test_gymnasium_and_sb3_find_nothing_to_complain_about(name, layer):
     env = gym.make(name, action_layer=layer)
     check_env(env.unwrapped, skip_render_check=True)
     check_sb3_env(env, warn=True)
-    env.close()
-
-
-@pytest.mark.parametrize("name", ENVIRONMENTS)
-def test_gymnasium_finds_nothing_to_complain_about_in_pictures(name):
-    # Its own render check would open windows as well.
-    env = gym.make(name, render_mode="rgb_array")
-    env.reset(seed=0)
-    env_render_passive_checker(env.unwrapped)
     env.close()
 
 
@@ -98,7 +81,7 @@ def stands(name, layer):
 
 
 @pytest.mark.parametrize(
-    ("name", "layer"), [row for row in pairs(ENVIRONMENTS, LAYERS, 3) if stands(*row)]
+    ("name", "layer"), [row for row in pairs(ENVIRONMENTS, LAYERS, 2) if stands(*row)]
 )
 def test_the_zero_action_stands(name, layer):
     arguments = {"push_force": (0.0, 0.0)}
@@ -121,20 +104,6 @@ def test_the_zero_action_stands(name, layer):
     env.close()
 
 
-@every_env
-def test_sb3_vector_environment(name, layer):
-    envs = VecCheckNan(fbid_gym.make_sb3(name, num_envs=3, seed=0, action_layer=layer))
-    observation = envs.reset()
-    assert observation.shape == (3, *envs.observation_space.shape)
-    rng = np.random.default_rng(0)
-    for _ in range(30):
-        action = rng.uniform(-1, 1, (3, *envs.action_space.shape)).astype(np.float32)
-        observation, reward, done, infos = envs.step(action)
-        assert all(envs.observation_space.contains(row) for row in observation)
-        assert reward.dtype == np.float32 and done.dtype == bool and len(infos) == 3
-    envs.close()
-
-
 def test_the_observation_does_not_depend_on_the_layer():
     for name in ENVIRONMENTS:
         envs = [gym.make(name, action_layer=layer) for layer in LAYERS]
@@ -142,31 +111,3 @@ def test_the_observation_does_not_depend_on_the_layer():
         for other in others:
             np.testing.assert_array_equal(first, other)
         assert all(env.observation_space == envs[0].observation_space for env in envs)
-
-
-def test_rates_of_ones_own():
-    env = gym.make(
-        "fbid_gym/QuadrupedBalance-v0",
-        action_layer="base_acceleration",
-        physics_hz=800,
-        control_hz=400,
-        policy_hz=100,
-        episode_seconds=0.5,
-        push_force=(0, 0),
-    )
-    env.reset(seed=0)
-    assert env.metadata["render_fps"] == 100
-    for step in range(50):
-        _, _, terminated, truncated, _ = env.step(np.zeros(6, np.float32))
-        assert not terminated and truncated == (step == 49)
-    assert env.unwrapped.batch.simulation.batch.time[0] == pytest.approx(0.5)
-
-
-def test_a_robot_of_ones_own():
-    robot = fbid_gym.robots.load("quadruped")
-    env = gym.make("fbid_gym/BipedBalance-v0", robot=robot, action_layer="base_acceleration")
-    same = gym.make("fbid_gym/QuadrupedBalance-v0", action_layer="base_acceleration")
-    np.testing.assert_array_equal(env.reset(seed=3)[0], same.reset(seed=3)[0])
-    zero = np.zeros(6, np.float32)
-    for _ in range(5):
-        np.testing.assert_array_equal(env.step(zero)[0], same.step(zero)[0])

@@ -10,9 +10,10 @@ import pytest
 from fbid_gym.actions import LAYERS, layer_options
 from fbid_gym.actions.joint_position import JointPosition
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig, resolved_arguments
+from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import UnknownOptionError
 from fbid_gym.robots.terrain import LEVELLED
+from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import task_options
 from tests.pairs import pairs
 
@@ -40,10 +41,7 @@ def test_every_argument_has_a_value_that_json_keeps(name, layer):
         ("BipedWalk-v0", {"action_layer": "base_acceleration"}),
         ("QuadrupedWalk-v0", {"action_layer": "com_wrench"}),
         ("BipedStep-v0", {"action_layer": "joint_position_feedforward"}),
-        (
-            "BipedStep-v0",
-            {"action_layer": "com_wrench", "layer_options": {"balancer": "ott2011"}},
-        ),
+        ("BipedStep-v0", {"action_layer": "com_wrench", "layer_options": {"balancer": "ott2011"}}),
     ],
 )
 def test_what_is_resolved_is_the_same_environment(name, arguments):

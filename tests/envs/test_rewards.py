@@ -9,12 +9,12 @@ import pytest
 
 import fbid_gym
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import resolved_arguments
 from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import FbidError, UnknownOptionError
 from fbid_gym.tasks import TASKS, Term, Walk, bell, register_reward_term, register_task
 from fbid_gym.tasks.body import Units
-from tests.batches import started
+from tests.batches import assert_same, started
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
 NAMES = (
@@ -46,13 +46,7 @@ def on_the_way(name: str, **arguments: Any) -> EnvBatch:
 
 
 def measured(batch: EnvBatch) -> Any:
-    return batch._measure(batch._outcome(batch._effort))
-
-
-def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
-    assert one.keys() == other.keys()
-    for key, value in one.items():
-        np.testing.assert_array_equal(value, other[key], err_msg=key)
+    return batch.loop.measure(batch._outcome(batch._effort))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -67,21 +61,8 @@ def test_asking_twice_gives_the_same_and_changes_nothing(name: str) -> None:
         for key, group in batch.observation_groups.items():
             answer[f"group {key}"] = group.function(found).copy()
         answers.append(answer)
-    same(*answers)
-    same(before, batch.state_dict())
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_groups_side_by_side_are_the_observation(name: str) -> None:
-    batch = on_the_way(name)
-    found, bound = measured(batch), batch.observation_bound
-    for key, group in batch.observation_groups.items():
-        columns = batch.observation_columns[key]
-        assert batch.observation_names[columns] == group.names
-        assert (bound[columns] == group.bound).all()
-        part = np.clip(group.function(found), -group.bound, group.bound)
-        np.testing.assert_array_equal(batch.observation()[:, columns], part.astype(np.float32))
-    assert len(batch.observation_names) == len(set(batch.observation_names)) == len(bound)
+    assert_same(*answers)
+    assert_same(before, batch.state_dict())
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -118,14 +99,6 @@ def test_a_scale_is_where_a_term_has_fallen_to_1_over_e(name: str) -> None:
         np.testing.assert_allclose(at[0], at[1] ** 4 / np.where(flat > 0, flat, 1) ** 3, rtol=1e-4)
 
 
-def test_a_scale_is_given_in_its_unit() -> None:
-    narrow = on_the_way(WALK, reward_scales={"velocity": 0.1})
-    step = narrow.step(np.zeros((3, len(narrow.action_names))))
-    speed = np.sqrt(narrow.robot.gravity * narrow.task.body.stance.home_com[2])
-    expected = 0.4 * np.exp(-((step.info["velocity_error"] / (0.1 * speed)) ** 2))
-    np.testing.assert_allclose(step.info["reward_velocity"], expected)
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -134,12 +107,7 @@ def test_a_scale_is_given_in_its_unit() -> None:
             "reward term 'torqe' of task 'walk'. Did you mean 'torque'",
         ),
         ({"reward_scales": {"speed": 0.1}}, "with a scale 'speed' of task 'walk'.*velocity"),
-        ({"reward_weights": {"torque": -1.0}}, r"reward_weights\['torque'\]: -1.0.*number from 0"),
-        ({"reward_weights": {"torque": np.nan}}, r"reward_weights\['torque'\]: nan"),
-        ({"reward_weights": {"torque": np.inf}}, r"reward_weights\['torque'\]: inf"),
-        ({"reward_weights": {"torque": "much"}}, r"reward_weights\['torque'\]: 'much'"),
         ({"reward_scales": {"torque": 0}}, r"reward_scales\['torque'\]: 0. Expected a number from"),
-        ({"reward_scales": [0.1]}, r"reward_scales: \[0.1\]. Expected a dictionary"),
     ],
 )
 def test_what_no_term_has_is_one_error(arguments: dict[str, Any], words: str) -> None:
@@ -197,9 +165,7 @@ def test_a_subclass_has_a_table_of_its_own() -> None:
     [
         (("run", "quiet", quiet, 0.1), "Unknown task 'run'.*walk"),
         (("walk", "velocity", quiet, 0.1), "name of reward term: 'velocity'.*turning"),
-        (("walk", "two words", quiet, 0.1), "name of reward term: 'two words'"),
         (("walk", "quiet", 3.0, 0.1), "function of reward term 'quiet': 3.0"),
-        (("walk", "quiet", quiet, -0.1), "weight of reward term 'quiet': -0.1"),
         (("walk", "quiet", quiet, 0.1, 0.0), "scale of reward term 'quiet': 0.0"),
     ],
 )
@@ -215,28 +181,3 @@ def test_an_own_term_that_answers_another_shape_is_refused() -> None:
     envs.reset(seed=0)
     with pytest.raises(FbidError, match=r"reward term 'quiet' of Walk has shape \(\)"):
         envs.step(np.zeros(envs.action_space.shape))
-
-
-@pytest.mark.parametrize("name", [WALK, "fbid_gym/BipedBalance-v0"])
-def test_names_of_all_kinds_of_environments_are_the_same(name: str) -> None:
-    one, several = gym.make(name).unwrapped, gym.make_vec(name, num_envs=2).unwrapped
-    sb3 = fbid_gym.make_sb3(name, 2)
-    for envs, space in ((several, several.single_observation_space), (sb3, sb3.observation_space)):
-        assert envs.observation_names == one.observation_names
-        assert envs.action_names == one.action_names
-        assert len(envs.observation_names) == space.shape[0]
-    assert len(one.action_names) == one.action_space.shape[0]
-
-
-def test_way_and_energy_go_on_from_a_state_to_the_bit() -> None:
-    first, second = on_the_way(WALK), on_the_way(WALK)
-    second.reset(np.arange(3))
-    second.load_state_dict(first.state_dict())
-    for _ in range(3):
-        steps = [batch.step(np.zeros((3, len(batch.action_names)))) for batch in (first, second)]
-        for key in ("distance", "cost_of_transport", "reward_velocity"):
-            np.testing.assert_array_equal(*(step.info[key] for step in steps))
-    before = steps[0].info["distance"]
-    first.reset(np.array([1]))
-    after = first.step(np.zeros((3, len(first.action_names)))).info["distance"]
-    assert after[1] < 0.5 * before[1] and (after[[0, 2]] > before[[0, 2]]).all()

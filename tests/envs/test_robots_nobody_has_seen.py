@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from eval import zoo
+from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.policy_step import Step
+from fbid_gym.envs.verdict import survival
 from tests.batches import started
 
 # On soles with five joints a leg, two, four and six of them, 1.3 to 4.4 kg: closed chains that can
@@ -48,3 +50,10 @@ def test_joint_position_holds_a_robot_up(seed):
     batch, _ = stand(seed, "joint_position")
     home = batch.robot.home_qpos[2]
     assert batch.simulation.qpos[:, 2] == pytest.approx(home, rel=0.01)
+
+
+@pytest.mark.parametrize("layer", ["base_acceleration", "com_wrench"])
+def test_a_biped_of_five_joints_a_leg_walks(layer):
+    """Its ankles do not roll: a force to the side and a moment ahead exclude each other."""
+    arguments = ENVIRONMENTS["fbid_gym/BipedWalk-v0"] | {"action_layer": layer}
+    assert survival(zoo.built(zoo.draw(2)), arguments) >= 0.9

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import fbid_gym
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import FbidError
+from fbid_gym.runtime.config import EnvConfig
 from tests.batches import started
 
 WALK = "fbid_gym/QuadrupedWalk-v0"

@@ -111,11 +111,7 @@ def test_the_base_may_have_its_origin_anywhere(name: str, up: float) -> None:
 
 FOLLOWING = ("joint_position", "base_acceleration", "com_wrench")
 # Y up and x ahead, as computer graphics has it; x up, as some makers have it; pitched.
-AXES = [
-    ((1.0, 0.0, 0.0), -np.pi / 2),
-    ((0.0, 1.0, 0.0), -np.pi / 2 - 0.01),
-    ((0.0, 1.0, 0.0), 0.6),
-]
+AXES = [((1.0, 0.0, 0.0), -np.pi / 2), ((0.0, 1.0, 0.0), -np.pi / 2 - 0.01), ((0.0, 1.0, 0.0), 0.6)]
 
 
 def moves(robot: Robot, env: str, layer: str) -> list[tuple[np.ndarray, ...]]:

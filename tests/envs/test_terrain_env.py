@@ -52,16 +52,6 @@ def test_feet_stand_on_the_terrain_not_in_it(terrain):
     np.testing.assert_allclose(np.median(loaded), batch.robot.weight, rtol=0.3)
 
 
-def test_the_seed_decides_where_everything_lies():
-    heights = []
-    for seed in (0, 0, 1):
-        batch = gym.make(ROUGH, terrain_seed=seed).unwrapped.batch
-        line = np.linspace(-2.0, 2.0, 200)
-        heights.append(batch.terrain.height(*np.meshgrid(line, line)))
-    np.testing.assert_array_equal(heights[0], heights[1])
-    assert (heights[0] != heights[2]).any()
-
-
 def test_no_height_is_flat():
     flat = gym.make(ROUGH, terrain_height=0.0, action_layer="base_acceleration")
     level = gym.make("fbid_gym/QuadrupedCrawl-v0", action_layer="base_acceleration")

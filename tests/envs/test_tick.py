@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import MAX_SPEED, Simulation
-from fbid_gym.envs.tick import Effort
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import ROBOTS, load
+from fbid_gym.runtime.effort import Effort
+from fbid_gym.runtime.rates import Rates
 
 COUNT = 4
 
@@ -75,16 +75,6 @@ def test_torques_that_are_no_numbers_lose_one_robot(rng):
     effort.begin()
     ours.tick(wanted, nothing, effort, state)
     assert not effort.lost.any()
-
-
-def test_torques_of_one_robot_stand_for_all():
-    ours, theirs = standing("quadruped"), standing("quadruped")
-    torque = np.linspace(-1.0, 1.0, ours.robot.num_joints)
-    ours.step(torque[None])
-    theirs.step(np.asfortranarray(np.tile(torque, (COUNT, 1))))
-    np.testing.assert_array_equal(ours.batch.state, theirs.batch.state)
-    with pytest.raises(ValueError, match="broadcast"):
-        ours.step(np.zeros((COUNT, 3)))
 
 
 def test_who_has_diverged():

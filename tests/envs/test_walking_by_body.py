@@ -5,7 +5,7 @@ import pytest
 
 from eval import zoo
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.tick import Effort
+from fbid_gym.runtime.effort import Effort
 from fbid_gym.tasks.body import FALLEN_HEIGHT
 from fbid_gym.tasks.walk import MOST_LOWERED
 from tests.batches import started
@@ -126,7 +126,7 @@ class _Watched:
 @pytest.mark.parametrize("layer", LAYERS)
 def test_with_a_ramp_the_torque_goes_through_touchdown_and_lift_off(robot, options, share, layer):
     batch, zero = walking(robot, layer, 4, layer_options=options)
-    batch.layer = seen = _Watched(batch.layer)
+    batch.loop.layer = seen = _Watched(batch.layer)
     for _ in range(3 * batch.rates.policy):
         batch.step(zero)
     planted, torque = np.array(seen.planted), np.array(seen.torque_said)

@@ -6,14 +6,12 @@ import pytest
 
 from fbid_gym.dynamics.contacts import contact_geometry, point_positions
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.curriculum import Climb
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.tick import Effort
-from fbid_gym.errors import FbidError
 from fbid_gym.robots.terrain import LEVELLED, Tiles
-from fbid_gym.robots.terrain.grid import HeightGrid
-from fbid_gym.tasks.height_scan import SCAN, scan_heights
+from fbid_gym.runtime.config import EnvConfig
+from fbid_gym.runtime.effort import Effort
+from fbid_gym.tasks.height_scan import SCAN
 from tests.batches import started
 
 QUADRUPED, BIPED = "fbid_gym/QuadrupedTerrain-v0", "fbid_gym/BipedTerrain-v0"
@@ -77,7 +75,7 @@ def test_the_scan_sees_the_ground_from_where_the_robot_stands() -> None:
     np.testing.assert_array_equal(batch.observation()[:, :-size], blind.observation())
 
     batch = batch_of(terrain="stairs", difficulty=1.0, height_scan=True)
-    terms, memory = batch.simulation.terms(), batch._planned
+    terms, memory = batch.simulation.terms(), batch.loop.planned
     heading = np.arctan2(terms.world_from_base[:, 1, 0], terms.world_from_base[:, 0, 0])
     ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
@@ -85,34 +83,6 @@ def test_the_scan_sees_the_ground_from_where_the_robot_stands() -> None:
         place = terms.base_position[:, :2] + x * ahead + y * left
         told = batch.terrain.height(place[:, 0], place[:, 1]) - memory["seen_ground"]
         np.testing.assert_allclose(batch.observation()[:, k - size], told, atol=1e-6)
-
-
-def test_the_scan_turns_and_moves_and_rises_with_the_robot() -> None:
-    rng = np.random.default_rng(0)
-    line = np.linspace(-3.0, 3.0, 121)
-    x, y = np.meshgrid(line, line)
-    hill = 1.0 + 0.3 * np.sin(2.0 * x) * np.cos(1.5 * y)
-    grid = HeightGrid(line[[0, 0]], float(line[1] - line[0]), hill)
-    batch = batch_of(count=1)
-    terms = batch.simulation.terms()
-    place, level = rng.uniform(-0.3, 0.3, (1, 2)), np.array([0.7])
-
-    def seen(place: np.ndarray, angle: float, ground: HeightGrid, level: np.ndarray) -> np.ndarray:
-        cosine, sine = np.cos(angle), np.sin(angle)
-        turned = np.array([[[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]])
-        base = np.concatenate([place, [[0.3]]], axis=1)
-        moved = terms._replace(base_position=base, world_from_trunk=turned)
-        return scan_heights(ground, 0.5 * SCAN, moved, level)
-
-    first = seen(place, 0.4, grid, level)
-    raised = grid._replace(elevation=hill + 0.2)
-    np.testing.assert_allclose(seen(place, 0.4, raised, level + 0.2), first, atol=1e-12)
-    moved = grid._replace(corner=grid.corner + [0.5, -0.2])
-    np.testing.assert_allclose(seen(place + [0.5, -0.2], 0.4, moved, level), first, atol=1e-12)
-    # A quarter turn of ground and robot; the triangles' diagonals turn, too.
-    quarter = np.array([[-place[0, 1], place[0, 0]]])
-    turned = grid._replace(elevation=np.ascontiguousarray(hill.T[:, ::-1]))
-    np.testing.assert_allclose(seen(quarter, 0.4 + np.pi / 2, turned, level), first, atol=2e-3)
 
 
 def test_success_leads_to_harder_ground_and_a_fall_to_easier(rng: np.random.Generator) -> None:
@@ -188,16 +158,3 @@ def test_a_scalar_environment_goes_through_the_levels_as_a_vector_environment_do
     assert levels == [5, 4, 3, 2]
     one.reset(seed=3)
     assert one.step(-np.ones(12, np.float32))[4]["terrain_level"] == 5
-
-
-@pytest.mark.parametrize("env", [QUADRUPED, BIPED])
-def test_the_registered_environments_step(env: str) -> None:
-    made = gym.make(env, action_layer="torque")
-    observation, _ = made.reset(seed=0)
-    assert observation in made.observation_space
-    assert made.step(np.zeros(made.action_space.shape, np.float32))[0] in made.observation_space
-
-
-def test_a_scan_is_for_those_who_walk() -> None:
-    with pytest.raises(FbidError, match="unexpected keyword argument 'height_scan'. Nearest"):
-        gym.make("fbid_gym/QuadrupedCrawl-v0", height_scan=True)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import load
+from fbid_gym.runtime.rates import Rates
 
 RATES = Rates(1000, 500)
 

@@ -7,13 +7,13 @@ from scipy import stats
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.envs.perception import Perception
 from fbid_gym.errors import FbidError
 from fbid_gym.estimation import PRESETS, Sensors, sensors_of
 from fbid_gym.estimation.legs import legs_of, mounting_of, place_foot
 from fbid_gym.estimation.random_numbers import MODULI, normal_pair, seeded, uniform
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
+from fbid_gym.runtime.perception import Perception
 
 HZ, COUNT = 250, 1000
 

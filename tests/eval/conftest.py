@@ -1,6 +1,5 @@
 """A stand-in environment with known outcomes, and run folders that hold policies for it."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,11 +24,7 @@ class StandIn(gym.Env[np.ndarray, np.ndarray]):
     the hardest push survived. Everything random is drawn at reset.
     """
 
-    metadata = {
-        "render_modes": ["rgb_array"],
-        "render_fps": 10,
-        "terminations": ("", "fall"),
-    }
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "terminations": ("", "fall")}
 
     def __init__(
         self,
@@ -87,23 +82,26 @@ class StandIn(gym.Env[np.ndarray, np.ndarray]):
 gym.register(ENV_ID, entry_point=StandIn)
 
 
+def constant_policy(env_id: str, seen: int, action: Any, **others: Any) -> Policy:
+    """A policy that always does the same, on so many entries of an observation."""
+    bias = np.array(action)
+    weights = (np.zeros((len(bias), seen)),)
+    given = {"mean": np.zeros(seen), "variance": np.ones(seen), "weights": weights} | others
+    return Policy(env_id=env_id, biases=(bias,), **{"trained_steps": 1_000_000} | given)
+
+
 def make_policy(
-    strength: float,
-    action_layer: str = "base_acceleration",
-    algorithm: str = "ppo",
-    **env_args: Any,
+    strength: float, layer: str = "base_acceleration", algorithm: str = "ppo", **env_args: Any
 ) -> Policy:
     """A policy that always acts with the same strength."""
-    return Policy(
-        env_id=ENV_ID,
-        env_args={"action_layer": action_layer, **env_args},
-        mean=np.zeros(3),
-        variance=np.ones(3),
-        weights=(np.zeros((2, 3)),),
-        biases=(np.array([strength, 0.0]),),
-        algorithm=algorithm,
-        trained_steps=1_000_000,
-    )
+    env_args = {"action_layer": layer} | env_args
+    return constant_policy(ENV_ID, 3, [strength, 0.0], env_args=env_args, algorithm=algorithm)
+
+
+def zero_policy(env_id: str, sizes: tuple[int, int], **env_args: Any) -> Policy:
+    """A policy of zeros that acts on joint positions; sizes are of what it sees and does."""
+    env_args = {"action_layer": "joint_position"} | env_args
+    return constant_policy(env_id, sizes[0], np.zeros(sizes[1]), env_args=env_args)
 
 
 def typical_return(strength: float, layer: str) -> float:
@@ -148,13 +146,13 @@ def write_run(folder: Path, layer: str, seed: int, **changes: Any) -> Path:
 
 
 @pytest.fixture
-def policy() -> Callable[..., Policy]:
+def policy():
     """Make a policy of a given strength."""
     return make_policy
 
 
 @pytest.fixture
-def run_folder(tmp_path: Path) -> Callable[..., Path]:
+def run_folder(tmp_path):
     """Write a run folder: layer, seed and what differs in its configuration."""
 
     def build(layer: str = "base_acceleration", seed: int = 0, **changes: Any) -> Path:
@@ -165,6 +163,6 @@ def run_folder(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def stand_in() -> Callable[..., Any]:
+def stand_in():
     """Make scalar stand-in environments."""
     return StandIn

@@ -4,8 +4,6 @@ import base64
 import hashlib
 import json
 import re
-from collections.abc import Callable
-from pathlib import Path
 
 from eval.compare import main
 from eval.page.html import folded, render, table, text
@@ -20,7 +18,7 @@ def page(title: str, script: str = "") -> tuple[str, str]:
     return html, policy
 
 
-def test_the_only_script_is_the_one_that_the_policy_names() -> None:
+def test_the_only_script_is_the_one_that_the_policy_names():
     html, policy = page("a <b>", "let a=1<2;")
     (script,) = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
@@ -30,14 +28,14 @@ def test_the_only_script_is_the_one_that_the_policy_names() -> None:
     assert policy.startswith("default-src 'none'; img-src data:; media-src data:")
 
 
-def test_what_is_not_html_of_ours_is_escaped() -> None:
+def test_what_is_not_html_of_ours_is_escaped():
     for part in (table([EVIL], [[EVIL, EVIL]]), text(EVIL), folded(EVIL, EVIL)):
         assert "&lt;script&gt;" in part and "<script" not in part and "<img" not in part
     inner = table(["a"], [["b"]])
     assert inner in folded("c", inner)
 
 
-def test_words_of_run_folders_are_words(run_folder: Callable[..., Path], tmp_path: Path) -> None:
+def test_words_of_run_folders_are_words(run_folder, tmp_path):
     run = run_folder(name="a<b>&c")
     versions = json.loads((run / "versions.json").read_text())
     forged = versions | {"cpu_count": EVIL, "platform": EVIL, "packages": {EVIL: EVIL}}

@@ -14,9 +14,7 @@ def chance(seed: int = 0, samples: int = 2000) -> st.Chance:
     return st.Chance(np.random.default_rng(seed), samples, 0.95)
 
 
-def test_interquartile_mean_ignores_an_outlier_and_moves_with_its_data(
-    rng: np.random.Generator,
-) -> None:
+def test_interquartile_mean_ignores_an_outlier_and_moves_with_its_data(rng):
     values = rng.normal(size=9)
     far = np.where(values == values.max(), 1e9, values)
     assert st.interquartile_mean(far) == st.interquartile_mean(values)
@@ -25,14 +23,14 @@ def test_interquartile_mean_ignores_an_outlier_and_moves_with_its_data(
     assert st.interquartile_mean(np.array([1.0, 2.0, 6.0])) == 3.0
 
 
-def test_the_interval_of_two_runs_is_their_range_and_one_run_has_none() -> None:
+def test_the_interval_of_two_runs_is_their_range_and_one_run_has_none():
     assert st.estimate(np.array([1.0, 3.0]), chance()) == Estimate(2.0, 1.0, 3.0)
     assert st.estimate(np.array([1.0]), chance()) == Estimate(1.0)
     unknown = st.estimate(np.array([np.nan, np.nan]), chance())
     assert math.isnan(unknown.value) and unknown.low is None
 
 
-def test_intervals_are_those_of_all_resamplings_within_each_task(rng: np.random.Generator) -> None:
+def test_intervals_are_those_of_all_resamplings_within_each_task(rng):
     tasks = [rng.normal(size=3), rng.normal(size=3) + 5.0]
     exact = [
         np.mean([tasks[k // 3][i] for k, i in enumerate(drawn)])
@@ -44,20 +42,13 @@ def test_intervals_are_those_of_all_resamplings_within_each_task(rng: np.random.
     )
 
 
-def test_intervals_move_with_their_data_and_come_back(rng: np.random.Generator) -> None:
-    values = rng.normal(size=5)
-    one, moved = st.estimate(values, chance(4)), st.estimate(values + 11, chance(4))
-    assert (moved.low, moved.high) == pytest.approx((one.low + 11, one.high + 11))  # type: ignore[operator]
-    assert one == st.estimate(values, chance(4))
-
-
-def test_a_threshold_that_is_not_always_reached_has_an_infinite_bound() -> None:
+def test_a_threshold_that_is_not_always_reached_has_an_infinite_bound():
     found = st.crossing(np.array([10.0, 20.0, np.inf]), chance())
     assert found.median == Estimate(20.0, 10.0, np.inf) and found.reached == 2
     assert st.crossing(np.full(3, np.inf), chance()).median.low == np.inf
 
 
-def test_the_two_probabilities_of_improvement_sum_to_one(rng: np.random.Generator) -> None:
+def test_the_two_probabilities_of_improvement_sum_to_one(rng):
     x, y = (list(rng.integers(0, 5, size=(3, runs)).astype(float)) for runs in (4, 7))
     one, other = st.improvement(x, y, chance()), st.improvement(y, x, chance())
     assert one.value + other.value == pytest.approx(1.0)
@@ -69,9 +60,7 @@ def test_the_two_probabilities_of_improvement_sum_to_one(rng: np.random.Generato
 
 
 @pytest.mark.parametrize("seeds", [1, 2, 3, 5])
-def test_separated_seeds_have_the_smallest_p_value_there_is(
-    seeds: int, rng: np.random.Generator
-) -> None:
+def test_separated_seeds_have_the_smallest_p_value_there_is(seeds, rng):
     x, y = np.arange(seeds) + 100.0, np.arange(seeds) * 1.0
     assert st.p_value(x, y, rng) == pytest.approx(2 / math.comb(2 * seeds, seeds))
     assert st.p_value(y, x, rng) == st.p_value(x, y, rng)
@@ -79,15 +68,13 @@ def test_separated_seeds_have_the_smallest_p_value_there_is(
 
 
 @pytest.mark.parametrize("seeds", [2, 3, 5])
-def test_coverage_ceiling_is_how_often_the_seeds_surround_the_median(
-    seeds: int, rng: np.random.Generator
-) -> None:
+def test_coverage_ceiling_is_how_often_the_seeds_surround_the_median(seeds, rng):
     values = rng.exponential(size=(100_000, seeds))
     surrounded = (values.min(axis=1) < np.log(2)) & (np.log(2) < values.max(axis=1))
     assert surrounded.mean() == pytest.approx(st.coverage_ceiling(seeds), abs=0.01)
 
 
-def test_curves_meet_on_the_range_they_share() -> None:
+def test_curves_meet_on_the_range_they_share():
     x = [np.array([0.0, 10.0, 20.0]), np.array([5.0, 15.0])]
     y = [np.array([0.0, 1.0, 0.0]), np.array([2.0, 4.0])]
     found = st.band(x, y, chance())
@@ -98,7 +85,7 @@ def test_curves_meet_on_the_range_they_share() -> None:
     assert st.common_grid([np.array([3.0])]).tolist() == [3.0]
 
 
-def test_first_crossing() -> None:
+def test_first_crossing():
     x, y = np.array([0.0, 10.0, 20.0, 30.0]), np.array([0.0, 4.0, 2.0, 8.0])
     assert st.first_crossing(x, y, 2.0) == 5.0
     assert st.first_crossing(x, y, 5.0) == 25.0
@@ -112,9 +99,7 @@ def test_first_crossing() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("seeds", "least", "most"), [(5, 0.87, 0.94), (30, 0.92, 0.96)])
-def test_intervals_hold_the_truth_about_as_often_as_they_say(
-    seeds: int, least: float, most: float, rng: np.random.Generator
-) -> None:
+def test_intervals_hold_the_truth_about_as_often_as_they_say(seeds, least, most, rng):
     """Nominal 95 %: right for many seeds, and known to fall short for five."""
     hits = 0
     for _ in range(1500):

@@ -1,7 +1,5 @@
 """Laws that hold for every motion, whatever made it."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -57,10 +55,10 @@ def centre_of_pressure(motion: MotionTable, rows: np.ndarray) -> tuple[np.ndarra
 
 
 @pytest.fixture(scope="session")
-def laws() -> Callable[[MotionTable, np.ndarray], None]:
+def laws():
     return hold_laws
 
 
 @pytest.fixture(scope="session")
-def pressure() -> Callable[[MotionTable, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+def pressure():
     return centre_of_pressure

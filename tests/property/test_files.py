@@ -26,7 +26,7 @@ def _damage(file: Path, bits: list[float], kept: float) -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("files")
 
 

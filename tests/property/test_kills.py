@@ -3,14 +3,12 @@
 Signal 9 leaves a process no time for anything: what it was writing stays half written.
 """
 
+import contextlib
 import functools
+import subprocess
 import sys
 import tempfile
 import time
-from contextlib import redirect_stderr, redirect_stdout
-from multiprocessing import get_context
-from multiprocessing.context import ForkServerContext
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -51,14 +49,8 @@ def test_kills(seed: int, kills: list[float]) -> None:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place, "run")
         for share in kills:
-            training = _begun(folder, seed)
-            training.join(share * straight.seconds)
-            training.kill()
-            training.join()
-        training = _begun(folder, seed)
-        training.join(_MOST_SECONDS)
-        training.kill()
-        assert training.exitcode == 0, _said(folder).read_text()
+            _ended(_begun(folder, seed), share * straight.seconds)
+        assert _ended(_begun(folder, seed), _MOST_SECONDS) == 0, _said(folder).read_text()
         numbers = _numbers(folder)
         different = [name for name, value in numbers.items() if value != straight.numbers[name]]
         assert different == []
@@ -69,38 +61,29 @@ def _straight(seed: int) -> _Straight:
     with tempfile.TemporaryDirectory() as place:
         folder, training = Path(place, "run"), _begun(Path(place, "run"), seed)
         began = time.monotonic()
-        training.join(_MOST_SECONDS)
+        _ended(training, _MOST_SECONDS)
         return _Straight(time.monotonic() - began, _numbers(folder))
 
 
-def _begun(folder: Path, seed: int) -> BaseProcess:
+def _begun(folder: Path, seed: int) -> subprocess.Popen[bytes]:
     """Start or continue a training, and wait until it has begun, or has nothing left to do."""
     events = RunFolder.of(folder).tensorboard  # a file for each time that it is started
     before = len(list(events.glob("*")))
-    training = _trainings().Process(target=_train, args=(folder, seed))
-    training.start()
-    while len(list(events.glob("*"))) == before and training.is_alive():
+    words = [*_TRAINING, "--seed", str(seed), "--out", str(folder)]
+    with _said(folder).open("w") as said:
+        command = [sys.executable, "-m", "train.ppo", *words]
+        training = subprocess.Popen(command, stdout=said, stderr=said)
+    while len(list(events.glob("*"))) == before and training.poll() is None:
         time.sleep(0.01)
     return training
 
 
-@functools.cache
-def _trainings() -> ForkServerContext:
-    """What starts processes that have imported already what trains, which takes longest."""
-    context = get_context("forkserver")
-    context.set_forkserver_preload(["train.ppo"])
-    return context
-
-
-def _train(folder: Path, seed: int) -> None:
-    """The command line of `train.ppo`, in a process of its own."""
-    from train.training import command_line  # torch: those who search have no use for it
-
-    words = [*_TRAINING, "--seed", str(seed), "--out", str(folder)]
-    sys.argv = ["train.ppo", *words]
-    with _said(folder).open("w") as said, redirect_stdout(said), redirect_stderr(said):
-        status = command_line("ppo")
-    sys.exit(status)
+def _ended(training: subprocess.Popen[bytes], seconds: float) -> int:
+    """Status of a training that is killed after so many seconds."""
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        training.wait(seconds)
+    training.kill()
+    return training.wait()
 
 
 def _said(folder: Path) -> Path:

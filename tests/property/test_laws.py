@@ -188,7 +188,7 @@ def test_laws_on_numbers_that_no_robot_has(law: str, problem: Problem) -> None:
 
 
 @pytest.mark.parametrize("length", [0.05, 5e-4, 5e-6])
-def test_torque_limits_hold_on_short_levers(length: float) -> None:
+def test_torque_limits_hold_on_short_levers(length):
     """Levers are short beside the longest, not beside a metre."""
     _hold("distribute, garofalo2015", Problem(0, 3, 3, 1, "none", 10.0, length, 10.0))
 

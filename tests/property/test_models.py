@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots.built_in import asset_path
 
 NASTY = ("nan", "inf", "-1e308", "1e999", "0", "-1", "1e-300", "1e20", "", "x", "0 0 0 0 0 0 0")
 ELEMENTS = (

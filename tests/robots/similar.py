@@ -8,15 +8,14 @@ body the base has its origin, nor how its axes lie in it.
 import mujoco
 import numpy as np
 
-from fbid_gym import robots
 from fbid_gym.robots import Robot
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots.built_in import BUILT_IN, asset_path
 
 
 def similar(name: str, size: float) -> Robot:
     """A built-in robot, `size` times as long."""
-    own = getattr(robots, name)
-    spec, time = mujoco.MjSpec.from_file(str(asset_path(own.ASSET))), np.sqrt(size)
+    own = BUILT_IN[name]
+    spec, time = mujoco.MjSpec.from_file(str(asset_path(own.asset))), np.sqrt(size)
     spec.option.timestep *= time
     for body in spec.bodies:
         _multiply(body, size, "pos", "ipos")
@@ -38,20 +37,20 @@ def similar(name: str, size: float) -> Robot:
         joint.frictionloss *= size**4
     for actuator in spec.actuators:
         _multiply(actuator, size**4, "ctrlrange", "forcerange")
-    return Robot.from_mjcf(spec, own.FEET, name=f"{name} x {size:g}", home=own.HOME)
+    return Robot.from_mjcf(spec, own.feet, name=f"{name} x {size:g}", home=own.home)
 
 
 def moved(name: str, *origin: float) -> Robot:
     """A built-in robot whose base has its origin elsewhere: x, y, z (m) from where it was."""
-    own, way = getattr(robots, name), np.array(origin)
-    spec, base = _with_base(own.ASSET)
+    own, way = BUILT_IN[name], np.array(origin)
+    spec, base = _with_base(own.asset)
     base.ipos = base.ipos - way
     for part in (*base.bodies, *base.geoms, *base.sites):
         if hasattr(part, "fromto") and np.isfinite(part.fromto[0]):
             part.fromto = part.fromto - np.tile(way, 2)
         else:
             part.pos = part.pos - way
-    return Robot.from_mjcf(spec, own.FEET, name=f"{name} moved", home=own.HOME)
+    return Robot.from_mjcf(spec, own.feet, name=f"{name} moved", home=own.home)
 
 
 def turned(
@@ -61,10 +60,10 @@ def turned(
 
     Or, not as it was drawn, the robot turned with them.
     """
-    own, turn, back, ipos = getattr(robots, name), np.empty(4), np.empty(4), np.empty(3)
+    own, turn, back, ipos = BUILT_IN[name], np.empty(4), np.empty(4), np.empty(3)
     mujoco.mju_axisAngle2Quat(turn, np.array(axis), angle)
     mujoco.mju_negQuat(back, turn)
-    spec, base = _with_base(own.ASSET)
+    spec, base = _with_base(own.asset)
     base.quat = turn
     if as_drawn:
         as_before = base.add_frame(quat=back)
@@ -72,7 +71,7 @@ def turned(
             part.set_frame(as_before)
         mujoco.mju_rotVecQuat(ipos, base.ipos, back)
         base.ipos, base.iquat = ipos, back
-    return Robot.from_mjcf(spec, own.FEET, name=f"{name} turned", home=own.HOME)
+    return Robot.from_mjcf(spec, own.feet, name=f"{name} turned", home=own.home)
 
 
 def _with_base(asset: str) -> tuple[mujoco.MjSpec, mujoco.MjsBody]:

@@ -1,16 +1,19 @@
 """`python -m fbid_gym.robots`: what it prints and draws."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from eval import zoo
+from fbid_gym.envs import verdict as verdicts
 from fbid_gym.robots import load
 from fbid_gym.robots.__main__ import main
-from fbid_gym.robots.assets import asset_path
-from fbid_gym.robots.portrait import portrait, write_png
+from fbid_gym.robots.built_in import asset_path
+from fbid_gym.robots.home_check import CONTROL_HZ
+from fbid_gym.robots.portrait import portrait
 from tests.robots.test_source_urdf import urdf
 
 ANIMAL = zoo.draw(26)  # of no actuators, four feet on two points each
@@ -43,6 +46,14 @@ def test_a_verdict_by_simulation(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "Walks up to the end: joint_position 0%" in capsys.readouterr().out
 
 
+def test_a_verdict_is_at_the_rates_at_which_robots_walk(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = list[dict[str, Any]]()
+    monkeypatch.setattr(verdicts, "survival", lambda robot, given: asked.append(given) or 1.0)
+    assert len(list(verdicts.verdict(load("biped")))) == 2
+    assert {given["task"] for given in asked} == {"balance", "walk"}
+    assert all(given["physics_hz"] == given["control_hz"] == CONTROL_HZ for given in asked)
+
+
 def test_a_robot_is_described_and_drawn(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--feet", *ANIMAL.foot_names, "--torque-limit", '{"*": 20, "*knee": 40}']
     assert main([str(path), *options, "--home", "stand", "--name", "cat"]) == 0
@@ -57,9 +68,7 @@ def test_a_robot_is_described_and_drawn(path: Path, capsys: pytest.CaptureFixtur
         assert picture.size == (1280, 960)
 
 
-def test_feet_as_json_and_what_speaks_against_a_home(
-    path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_feet_as_json_and_what_speaks_against_a_home(path, capsys):
     feet = '{"left": ["foot0"], "right": ["foot1"]}'
     assert main([str(path), "--feet", feet, "--torque-limit", "20", "--picture", "a/b.png"]) == 0
     told = capsys.readouterr().out
@@ -81,25 +90,9 @@ def test_errors_are_told_in_one_line(path: Path, capsys: pytest.CaptureFixture[s
     assert capsys.readouterr().err.startswith("error: No site or geom 'paw'.")
 
 
-def test_a_picture_that_cannot_be_written_is_one_line(
-    path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    picture = str(path / "p.png")  # below a file
-    assert main([str(path), "--torque-limit", "20", "--picture", picture]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("error: ") and "zoo.xml" in said and said.count("\n") == 1
-
-
 def test_the_portrait_shows_points_hull_and_centre_of_mass() -> None:
     pixels = portrait(load("biped")).astype(int)
     red, green, blue = pixels[..., 0], pixels[..., 1], pixels[..., 2]
     assert np.sum((red > 120) & (green < 0.5 * red) & (blue < 0.4 * red)) > 50
     assert np.sum((red > 120) & (green > 0.5 * red) & (blue < 0.4 * red)) > 200
     assert np.sum((blue > 100) & (red < 0.5 * blue)) > 100
-
-
-def test_a_png_is_what_was_drawn(tmp_path: Path, rng: np.random.Generator) -> None:
-    pixels = rng.integers(0, 256, (7, 5, 3), dtype=np.uint8)
-    write_png(tmp_path / "noise.png", pixels)
-    with Image.open(tmp_path / "noise.png") as picture:
-        np.testing.assert_array_equal(np.asarray(picture), pixels)

@@ -12,11 +12,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from eval import zoo
-from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import ROBOTS, Robot, load
-from fbid_gym.robots.undrawn import undrawn
 
 ENV = "fbid_gym/QuadrupedBalance-v0"
 
@@ -59,11 +56,6 @@ def test_own_robots_are_pickled_with_all_that_was_asked_of_them(tmp_path: Path) 
     assert (again.name, again.foot_names, again.notes) == ("mine", robot.foot_names, robot.notes)
 
 
-def test_what_is_drawn_of_a_robot_is_left_out_again() -> None:
-    robot = undrawn(load("go1"))
-    assert pickle.loads(pickle.dumps(robot)).model.ngeom == robot.model.ngeom
-
-
 def test_a_robot_changed_by_hand_is_not_pickled() -> None:
     with pytest.raises(RobotError, match="Robot 'other' was changed after it was loaded"):
         pickle.dumps(replace(an_own_robot(), name="other"))
@@ -86,33 +78,6 @@ def test_environments_of_own_robots_can_be_made_again() -> None:
     for spec in (env.spec, pickle.loads(pickle.dumps(env.spec))):
         again, _ = gym.make(spec).reset(seed=3)
         np.testing.assert_array_equal(again, first)
-
-
-@pytest.mark.parametrize("name", ENVIRONMENTS)
-def test_an_environment_in_use_is_copied_as_it_was_made(name: str) -> None:
-    options = {"friction": 0.5}
-    arguments = ENVIRONMENTS[name] | {"action_layer": "base_acceleration"}
-    env = RobotEnv(
-        **arguments,
-        layer_options=options,
-        render_mode="rgb_array",
-        render_options={"com": True},
-    )
-    options["friction"] = 0.1  # whoever gave them may go on to change what is theirs
-    first, _ = env.reset(seed=3)
-    action = env.action_space.sample()
-    after, *_ = env.step(action)
-    for again in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
-        np.testing.assert_array_equal(again.reset(seed=3)[0], first)
-        np.testing.assert_array_equal(again.step(action)[0], after)
-        assert (again.config, again.drawn_over) == (env.config, env.drawn_over)
-
-
-def test_a_copy_has_the_wrappers_and_the_specification() -> None:
-    env = make()
-    env.reset(seed=3)
-    again = copy.deepcopy(env)
-    assert (again.spec, str(again)) == (env.spec, str(env))
 
 
 def test_environments_of_own_robots_run_in_processes_of_their_own() -> None:

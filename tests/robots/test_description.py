@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eval import zoo
-from fbid_gym.errors import FbidError, InvalidValueError, RobotError, UnknownOptionError
+from fbid_gym.errors import InvalidValueError, RobotError, UnknownOptionError
 from fbid_gym.robots import Robot
 
 ANIMAL = zoo.draw(26)  # of no actuators
@@ -55,10 +55,6 @@ def test_another_file_in_the_folder_is_not_meant(folder: Path) -> None:
         Robot.load(folder / "other.xml")
 
 
-def test_without_a_description_it_is_the_file() -> None:
-    assert Robot.load(zoo.zoo(22)).name == "zoo22"
-
-
 @pytest.mark.parametrize(
     "text, kind, message",
     [
@@ -73,20 +69,10 @@ def test_without_a_description_it_is_the_file() -> None:
         ("", RobotError, "robot.xml' does not exist."),
     ],
 )
-def test_bad_descriptions(
-    folder: Path, text: str | bytes, kind: type[FbidError], message: str
-) -> None:
+def test_bad_descriptions(folder, text, kind, message):
     """Whether they are given, or stand beside what is."""
     content = text if isinstance(text, bytes) else text.encode()
     (folder / "robot.toml").write_bytes(content)
     for given in ("robot.toml", "zoo.xml" if content else "robot.toml"):
         with pytest.raises(kind, match=message):
             Robot.load(folder / given)
-
-
-def test_a_description_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(RobotError, match="robot.toml: cannot be read"):
-        Robot.load(tmp_path / "robot.toml")
-    (tmp_path / "robot.toml").mkdir()
-    with pytest.raises(RobotError, match="robot.toml: cannot be read"):
-        Robot.load(tmp_path / "robot.toml")

@@ -90,6 +90,16 @@ def test_points_that_carry_nothing_and_others_that_do() -> None:
     assert robot.check() == []
 
 
+def test_soft_feet_are_waited_for_until_they_carry_or_others_do() -> None:
+    """Those that give way for 0.1 s sink 0.1 m; those that do for 0.5 s let the trunk come down."""
+    soft, softer = (
+        check(TEXT.replace('friction="0.8', f'solref="{time} 1" friction="0.8'))
+        for time in (0.1, 0.5)
+    )
+    assert soft == []
+    assert len(softer) == 1 and softer[0].endswith("% of the weight at home, others the rest.")
+
+
 def test_joints_too_light_to_be_held() -> None:
     bare = re.sub(r'armature="[^"]*"', "", TEXT)
     told = [sentence for sentence in check(bare) if "give it armature=" in sentence]

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.robots import ROBOTS, Robot, go1, load
-from fbid_gym.robots.assets import asset_path
+from fbid_gym.robots import ROBOTS, Robot, load
+from fbid_gym.robots.built_in import GO1, asset_path
 
 GYMNASIUM = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 ANT_FEET = ("left_ankle_geom", "right_ankle_geom", "third_ankle_geom", "fourth_ankle_geom")
@@ -135,31 +135,27 @@ def standing_stiffness(robot: Robot) -> np.ndarray | float:
 # What every robot promises.
 
 
-def test_shapes_and_order(robot: Robot) -> None:
+def test_what_a_robot_says_of_itself(robot: Robot) -> None:
     n, model = robot.num_joints, robot.model
     assert (robot.nq, robot.nv) == (7 + n, 6 + n) == (model.nq, model.nv)
-    assert robot.home_qpos.shape == (7 + n,)
-    assert robot.joint_range.shape == (n, 2)
+    assert robot.home_qpos.shape == (7 + n,) and robot.joint_range.shape == (n, 2)
     assert robot.contact_sensor.shape == (robot.num_points, 3)
     for array in (robot.torque_limit, robot.actuator, robot.gear, robot.joint_damping):
         assert array.shape == (n,)
-    for i, name in enumerate(robot.joint_names):
-        assert model.joint(name).dofadr[0] == 6 + i
+    assert [model.joint(name).dofadr[0] for name in robot.joint_names] == [*range(6, 6 + n)]
     assert robot.num_points == sum(len(foot.point_names) for foot in robot.feet)
     assert robot.foot_names == tuple(foot.name for foot in robot.feet)
-
-
-def test_mass_and_weight(robot: Robot) -> None:
-    assert robot.mass == pytest.approx(robot.model.body_mass[1:].sum())
+    assert robot.mass == pytest.approx(model.body_mass[1:].sum())
     assert robot.weight == pytest.approx(9.81 * robot.mass)
-
-
-def test_home_stands_on_the_ground_within_the_joint_ranges(robot: Robot) -> None:
-    data = at(robot, robot.home_qpos)
-    assert contact_heights(robot, data).min() == pytest.approx(0.0, abs=1e-12)
-    assert np.all(robot.home_qpos[7:] >= robot.joint_range[:, 0])
-    assert np.all(robot.home_qpos[7:] <= robot.joint_range[:, 1])
+    assert (model.body_weldid[model.geom_bodyid] == 0).sum() == 1  # one ground
+    # It stands on it, within the ranges of its joints.
+    assert contact_heights(robot, at(robot, robot.home_qpos)).min() == pytest.approx(0, abs=1e-12)
+    low, high = robot.joint_range.T
+    assert ((low <= robot.home_qpos[7:]) & (robot.home_qpos[7:] <= high)).all()
     assert np.linalg.norm(robot.home_qpos[3:7]) == pytest.approx(1.0)
+    for array in (robot.home_qpos, robot.torque_limit, robot.feet[0].points):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
 
 
 def test_ctrl_gives_the_torque_of_the_joint(robot: Robot, rng: np.random.Generator) -> None:
@@ -187,16 +183,6 @@ def test_sensors_hold_the_force_on_each_point(robot: Robot) -> None:
     np.testing.assert_allclose(data.sensordata[robot.contact_sensor], expected, atol=1e-9)
 
 
-def test_solver_settings(robot: Robot) -> None:
-    assert robot.model.opt.jacobian == mujoco.mjtJacobian.mjJAC_DENSE
-    assert robot.model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-
-
-def test_there_is_exactly_one_ground(robot: Robot) -> None:
-    static = robot.model.body_weldid[robot.model.geom_bodyid] == 0
-    assert static.sum() == 1
-
-
 @pytest.mark.parametrize(
     ("scenery", "known"),
     [
@@ -213,7 +199,7 @@ def test_there_is_exactly_one_ground(robot: Robot) -> None:
 )
 def test_ground_is_what_lies_below_the_robot(scenery: str, known: bool) -> None:
     text = Path(asset_path("go1.xml")).read_text().replace("<worldbody>", f"<worldbody>{scenery}")
-    robot = Robot.from_mjcf(text, go1.FEET, home=go1.HOME)
+    robot = Robot.from_mjcf(text, GO1.feet, home=GO1.home)
     static = robot.model.body_weldid[robot.model.geom_bodyid] == 0
     assert (
         "fbid_ground" in [robot.model.geom(geom).name for geom in np.flatnonzero(static)]
@@ -221,20 +207,13 @@ def test_ground_is_what_lies_below_the_robot(scenery: str, known: bool) -> None:
     assert not any("ground" in line for line in robot.check())
 
 
-@pytest.mark.parametrize(("height", "told"), [(-1.0, "1e+03 mm below"), (0.1, "100 mm above")])
-def test_a_ground_elsewhere_is_told(height: float, told: str) -> None:
-    floor = f'<geom type="plane" size="2 2 0.1" pos="0 0 {height}"/>'
-    text = Path(asset_path("go1.xml")).read_text().replace("<worldbody>", f"<worldbody>{floor}")
-    robot = Robot.from_mjcf(text, go1.FEET, home=go1.HOME)
-    assert [line for line in robot.check() if line.startswith("The file's ground is")] == [
-        f"The file's ground is {told} the feet at home, which begin at z = 0."
-    ]
-
-
-def test_shared_robots_cannot_be_written_to(robot: Robot) -> None:
-    for array in (robot.home_qpos, robot.torque_limit, robot.feet[0].points):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 1.0
+def test_a_ground_elsewhere_is_told() -> None:
+    for height, told in ((-1.0, "1e+03 mm below"), (0.1, "100 mm above")):
+        floor = f'<geom type="plane" size="2 2 0.1" pos="0 0 {height}"/>'
+        text = asset_path("go1.xml").read_text().replace("<worldbody>", f"<worldbody>{floor}")
+        robot = Robot.from_mjcf(text, GO1.feet, home=GO1.home)
+        (line,) = (line for line in robot.check() if line.startswith("The file's ground is"))
+        assert line == f"The file's ground is {told} the feet at home, which begin at z = 0."
 
 
 # Our own.
@@ -249,11 +228,6 @@ def test_what_is_written_out_can_be_read_back(robot: Robot) -> None:
         assert again.model.ngeom == robot.model.ngeom
         np.testing.assert_allclose(again.home_qpos, robot.home_qpos, atol=1e-5)
         np.testing.assert_allclose(again.torque_limit, robot.torque_limit, rtol=1e-5)
-
-
-def test_load_returns_the_same_object() -> None:
-    assert ROBOTS == ("biped", "quadruped", "humanoid", "go1", "g1")
-    assert load("biped") is load("biped")
 
 
 @pytest.mark.parametrize(
@@ -353,34 +327,21 @@ def test_g1_is_as_large_as_published() -> None:
     assert np.linalg.norm((knee - ankle)[[0, 2]]) == pytest.approx(0.3, abs=1e-3)
 
 
-def test_feet_are_flat_at_home(own: Robot) -> None:
-    np.testing.assert_allclose(contact_heights(own, at(own, own.home_qpos)), 0.0, atol=1e-12)
-
-
-def test_centre_of_mass_is_over_the_centre_of_the_feet(own: Robot) -> None:
+def test_built_in_robots_are_physical_and_stand_over_the_centre_of_their_feet(own: Robot) -> None:
     data = at(own, own.home_qpos)
-    points = np.concatenate(
-        [
-            data.xpos[foot.body] + foot.points @ data.xmat[foot.body].reshape(3, 3).T
-            for foot in own.feet
-        ]
-    )
-    offset = data.subtree_com[own.base_body] - points.mean(axis=0)
+    np.testing.assert_allclose(contact_heights(own, data), 0.0, atol=1e-12)
+    points = [
+        data.xpos[foot.body] + foot.points @ data.xmat[foot.body].reshape(3, 3).T
+        for foot in own.feet
+    ]
+    offset = data.subtree_com[own.base_body] - np.concatenate(points).mean(axis=0)
     np.testing.assert_allclose(offset[:2], 0.0, atol=1e-3)
-
-
-def test_inertias_are_physical(own: Robot) -> None:
     moments = np.sort(own.model.body_inertia[1:], axis=1)
     assert np.all(own.model.body_mass[1:] > 0) and np.all(moments > 0)
     assert np.all(moments[:, 0] + moments[:, 1] > moments[:, 2])
-
-
-def test_every_joint_has_armature_damping_and_limits(own: Robot) -> None:
-    assert np.all(own.model.dof_armature[6:] > 0)
-    assert np.all(own.model.dof_armature[:6] == 0)
-    assert np.all(own.joint_damping > 0)
+    assert np.all(own.model.dof_armature[6:] > 0) and np.all(own.model.dof_armature[:6] == 0)
+    assert np.all(own.joint_damping > 0) and np.all(own.gear == 1.0)
     assert np.all(np.isfinite(own.joint_range))
-    assert np.all(own.gear == 1.0)
 
 
 def mirror(robot: Robot, pairs: dict[str, str], vector: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -412,9 +373,7 @@ def mirror(robot: Robot, pairs: dict[str, str], vector: np.ndarray) -> tuple[np.
         ("g1", 1, {"left": "right"}),
     ],
 )
-def test_the_robot_is_its_own_mirror_image(
-    name: str, flip: int, pairs: dict[str, str], rng: np.random.Generator
-) -> None:
+def test_the_robot_is_its_own_mirror_image(name, flip, pairs, rng):
     """Same kinetic energy, centre of mass and limits, at random configurations and velocities."""
     robot = load(name)
     reflection = np.eye(3)
@@ -481,21 +440,14 @@ def test_a_fallen_robot_lies_on_the_floor(own: Robot) -> None:
 # Ways of naming feet and home, and the files that gymnasium ships.
 
 
-def test_gymnasium_humanoid() -> None:
+def test_robots_of_gymnasium() -> None:
     robot = gymnasium_humanoid()
-    assert robot.num_joints == 17 and robot.num_points == 2
+    assert (robot.name, robot.num_joints, robot.num_points) == ("humanoid", 17, 2)
     limit = dict(zip(robot.joint_names, robot.torque_limit, strict=True))
-    assert limit["right_hip_y"] == pytest.approx(0.4 * 300)
-    assert robot.name == "humanoid"
-    assert robot.feet[0].radius == 0.075
-
-
-def test_ant_feet_are_the_ends_of_its_capsules() -> None:
-    robot = ant()
-    ends = [foot.points[0] for foot in robot.feet]
-    x = [[0.4, 0.4, 0], [-0.4, 0.4, 0], [-0.4, -0.4, 0], [0.4, -0.4, 0]]
-    np.testing.assert_allclose(ends, x, atol=1e-9)
-    assert robot.feet[0].radius == 0.08
+    assert limit["right_hip_y"] == pytest.approx(0.4 * 300) and robot.feet[0].radius == 0.075
+    ends = [[0.4, 0.4, 0], [-0.4, 0.4, 0], [-0.4, -0.4, 0], [0.4, -0.4, 0]]
+    np.testing.assert_allclose([foot.points[0] for foot in ant().feet], ends, atol=1e-9)
+    assert ant().feet[0].radius == 0.08
 
 
 def test_ant_with_sites(tmp_path: Path) -> None:
@@ -581,9 +533,7 @@ def test_home_as_mapping_vector_and_keyframe(tmp_path: Path) -> None:
         ('ctrlrange="-60 60"', 'actuatorfrcrange="-30 35"', 30.0),
     ],
 )
-def test_torque_limit_is_what_the_motor_can_give_both_ways(
-    tmp_path: Path, motor: str, joint: str, limit: float
-) -> None:
+def test_torque_limit_is_what_the_motor_can_give_both_ways(tmp_path, motor, joint, limit):
     path = tmp_path / "robot.xml"
     text = BOX_FOOT.replace('ctrlrange="-60 60"', motor)
     path.write_text(text.replace('range="-0.1 0.1"', f'range="-0.1 0.1" {joint}'))
@@ -594,14 +544,3 @@ def test_torque_limit_is_what_the_motor_can_give_both_ways(
         data.ctrl[0] = sign * limit / robot.gear[0]
         mujoco.mj_forward(robot.model, data)
         assert data.qfrc_actuator[6] == pytest.approx(sign * limit)
-
-
-def test_assets_are_found_in_a_checkout_and_in_a_wheel(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert asset_path("biped.xml").is_file()
-    inside = tmp_path / "fbid_gym" / "assets"
-    inside.mkdir(parents=True)
-    (inside / "biped.xml").write_text("<mujoco/>")
-    monkeypatch.setattr("fbid_gym.own_files._PACKAGE", tmp_path / "fbid_gym")
-    assert asset_path("biped.xml") == inside / "biped.xml"

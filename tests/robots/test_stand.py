@@ -75,15 +75,6 @@ def test_a_robot_that_cannot_get_above_its_feet() -> None:
         Robot.from_mjcf(text, home="stand", torque_limit=zoo.torque_limit(animal))
 
 
-def test_a_keyframe_of_that_name_goes_before_a_search() -> None:
-    animal = zoo.draw(22)
-    pose = Robot.from_mjcf(zoo.mjcf(animal), home="stand").home_qpos.copy()
-    pose[7:] *= 0.9
-    key = f'<keyframe><key name="stand" qpos="{" ".join(map(str, pose))}"/></keyframe>'
-    robot = Robot.from_mjcf(zoo.mjcf(animal).replace("</mujoco>", key + "</mujoco>"), home="stand")
-    np.testing.assert_allclose(robot.home_qpos[7:], pose[7:])
-
-
 def test_feet_may_be_on_bodies_without_names() -> None:
     legs = "".join(
         f'<body pos="{x} 0 -0.2"><joint axis="0 1 0" range="-1 1"/><geom size="0.05"/>'

@@ -6,10 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import FbidError
 from fbid_gym.robots import Robot, load
 from fbid_gym.robots.terrain import LEVELLED, TERRAINS, make_terrain, world_of
+from fbid_gym.runtime.config import EnvConfig
+from tests.pairs import pairs
 from tests.robots.test_robot_errors import GOOD
 
 ROUGH = ("obstacles", "rocks")
@@ -17,29 +18,28 @@ QUADRUPED = Path(__file__).parents[2] / "assets" / "quadruped.xml"
 FEET = ["front_left_foot", "front_right_foot", "hind_left_foot", "hind_right_foot"]
 
 
-def heights_by_ray(name: str, seed: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What MuJoCo's rays from above hit, and what the terrain tells, at places (K, 2)."""
-    robot = load("quadruped")
-    terrain = make_terrain(name, robot, seed=seed)
-    model = world_of(robot, terrain).compile()
+@pytest.mark.parametrize(
+    ("name", "robot"),
+    [*((n, "quadruped") for n in ("flat", *ROUGH)), *pairs(LEVELLED, ["go1", "biped"], 1)],
+)
+def test_the_height_is_what_a_ray_from_above_hits(name: str, robot: str) -> None:
+    owner = load(robot)
+    given = {"difficulty": 0.9} if name in LEVELLED else {}
+    terrain = make_terrain(name, owner, seed=3, **given)
+    model = world_of(owner, terrain).compile()
     data = mujoco.MjData(model)
-    data.qpos[: robot.nq] = robot.home_qpos
+    data.qpos[: owner.nq] = owner.home_qpos
     mujoco.mj_forward(model, data)
+    half = 0.52 * terrain.tiles.edge if name in LEVELLED else 3.6  # beyond the edge, too
+    places = np.random.default_rng(2).uniform(-half, half, (600, 2))
     static, hit = np.array([1, 0, 0, 0, 0, 0], np.uint8), np.zeros(1, np.int32)
-    found = []
-    for x, y in places:
-        start, down = np.array([x, y, 1.0]), np.array([0.0, 0.0, -1.0])
-        found.append(1.0 - mujoco.mj_ray(model, data, start, down, static, 1, robot.base_body, hit))
-    return np.array(found), terrain.height(places[:, 0], places[:, 1])
-
-
-@pytest.mark.parametrize("name", ("flat", *ROUGH))
-def test_the_height_is_what_a_ray_from_above_hits(name: str) -> None:
-    places = np.random.default_rng(2).uniform(-3.6, 3.6, (800, 2))  # beyond the edges, too
-    hit, told = heights_by_ray(name, 1, places)
-    np.testing.assert_allclose(told, hit, atol=1e-6)
-    assert told.max() <= 0.04 and told.min() == 0.0
-    assert told.max() > 0.03 or name == "flat"
+    down, top, body = np.array([0.0, 0.0, -1.0]), 10.0, owner.base_body
+    starts = np.column_stack([places, np.full(600, top)])
+    found = [top - mujoco.mj_ray(model, data, at, down, static, 1, body, hit) for at in starts]
+    told = terrain.height(places[:, 0], places[:, 1])
+    np.testing.assert_allclose(told, found, atol=2e-6)
+    assert told.max() > (0.03 if name in ROUGH else 0.01) or name == "flat"
+    assert (told.min() == 0.0 and told.max() <= 0.04) or name in LEVELLED
 
 
 @pytest.mark.parametrize("name", ROUGH)
@@ -93,10 +93,16 @@ def test_the_robot_keeps_its_coordinates_and_stands_at_a_start(name: str, robot:
     assert data.contact.dist.min() > -2e-4
 
 
-@pytest.mark.parametrize("height", [-0.01, 0.5, float("nan"), float("inf")])
-def test_a_height_that_cannot_be_is_refused(height: float) -> None:
-    with pytest.raises(FbidError, match=r"Invalid terrain height: .* metres from 0 to 0\.\d+, .*"):
-        make_terrain("rocks", load("quadruped"), height=height)
+def test_grounds_that_cannot_be_are_refused() -> None:
+    for name, given, message in (
+        ("rocks", {"height": -0.01}, r"Invalid terrain height: .* metres from 0 to 0\.\d+, .*"),
+        ("rocks", {"height": float("inf")}, r"Invalid terrain height: .* metres from 0 to 0\.\d+"),
+        ("stairs", {"difficulty": float("nan")}, "Invalid difficulty: .* a number from 0 to 1"),
+        ("stairs", {"difficulty": 1.1}, "Invalid difficulty: .* a number from 0 to 1"),
+        ("sand", {}, "Unknown terrain 'sand'. Valid choices: flat, obstacles"),
+    ):
+        with pytest.raises(FbidError, match=message):
+            make_terrain(name, load("quadruped"), **given)
 
 
 LOW = GOOD.replace('pos="0 0 1"', 'pos="0 0 0"').replace(
@@ -122,11 +128,6 @@ def test_what_difficulty_decides_takes_no_height(name: str) -> None:
     with pytest.raises(FbidError, match=message):
         EnvConfig(terrain=name, terrain_height=0.0)
     assert EnvConfig(terrain=name).resolved()["terrain_height"] is None
-
-
-def test_an_unknown_terrain_is_refused() -> None:
-    with pytest.raises(FbidError, match="Unknown terrain 'sand'. Valid choices: flat, obstacles"):
-        make_terrain("sand", load("quadruped"))
 
 
 @pytest.mark.parametrize("kind", ["flat", "obstacles", "roughness"])

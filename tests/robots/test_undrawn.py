@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.robots import ROBOTS, Robot, load
-from fbid_gym.robots.undrawn import alone, undrawn
+from fbid_gym.robots.undrawn import undrawn
 
 _INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
 _HEAVY = """
@@ -47,21 +47,6 @@ def test_a_robot_moves_the_same_without_what_is_drawn(name):
     whole, part = _motion(robot.model, robot), _motion(lean.model, robot)
     assert np.abs(whole).max() > 1.0  # it does something
     np.testing.assert_allclose(part, whole, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_one_robot_is_one_island(name):
-    robot = load(name)
-    world = alone(robot.spec.copy().compile())
-    np.testing.assert_allclose(
-        _motion(world, robot, 20), _motion(robot.model, robot, 20), rtol=0, atol=1e-6
-    )
-
-
-def test_the_same_robot_is_compiled_once():
-    robot = load("go1")
-    assert undrawn(robot) is undrawn(robot)
-    assert robot.model.ngeom > undrawn(robot).model.ngeom
 
 
 def test_a_robot_whose_drawing_is_its_mass_keeps_it(tmp_path):

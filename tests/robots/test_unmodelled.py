@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.errors import RobotError
 from fbid_gym.robots import Robot
+from fbid_gym.runtime.config import EnvConfig
 from tests.robots.test_robot_errors import GOOD, fails
 
 BLIND = 'contype="0" conaffinity="0" '

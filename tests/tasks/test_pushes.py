@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fbid_gym.errors import InvalidValueError
 from fbid_gym.tasks import Pushes
 
 SECONDS, HZ = 10.0, 500
@@ -48,13 +47,6 @@ def test_pushes_are_horizontal_isotropic_and_of_the_given_size(pushes):
     assert np.abs((direction * size).mean()) < 5.0 * 100.0 / np.sqrt(count)
 
 
-def test_the_same_generator_draws_the_same_pushes(pushes):
-    first, second, other = (drawn(pushes, 3, seed=seed) for seed in (5, 5, 6))
-    for name, value in first.items():
-        np.testing.assert_array_equal(value, second[name])
-    assert (first["push_force"] != other["push_force"]).any()
-
-
 def test_a_push_lasts_its_duration(pushes):
     plan = drawn(pushes, 4)
     ticks = np.arange(int(SECONDS * HZ))
@@ -85,27 +77,3 @@ def test_a_jump_of_velocity_is_at_one_instant_and_as_strong_as_the_force(pushes)
     newtons, speed = np.linalg.norm(force, axis=1), np.linalg.norm(jump, axis=1)
     np.testing.assert_allclose((speed - 0.1) / 0.4, (newtons - 20.0) / 80.0)
     np.testing.assert_allclose(jump / speed[:, None], force / newtons[:, None])
-
-
-def test_no_pushes_at_all():
-    plan = Pushes((0.0, 0.0), 0.15, (1.5, 3.0)).draw(np.random.default_rng(0), 10.0, HZ)
-    assert len(plan["push_start"]) == len(plan["push_force"]) == len(plan["push_velocity"])
-    assert not plan["push_force"].any() and not plan["push_velocity"].any()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            {"force": (50.0, 20.0)},
-            r"Invalid push_force: \(50.0, 20.0\). Expected a pair 0 <= least",
-        ),
-        ({"velocity": (0.5, 0.1)}, r"Invalid push_velocity: \(0.5, 0.1\). Expected a pair 0 <="),
-        ({"interval": (0.1, 1.0)}, r"push_interval: \(0.1, 1.0\). Expected at least push_duration"),
-        ({"duration": 0.0}, "Invalid push_duration: 0.0. Expected a number from 0.0001"),
-    ],
-)
-def test_bad_ranges_are_errors(arguments, message):
-    good = {"force": (20.0, 100.0), "duration": 0.15, "interval": (1.5, 3.0)}
-    with pytest.raises(InvalidValueError, match=message):
-        Pushes(**(good | arguments))

@@ -6,11 +6,11 @@ import pytest
 
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.motions.gait.command import Steering
 from fbid_gym.motions.kinematics import foot_radius
-from fbid_gym.quantities import RobotState, some_of
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
+from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import Now
 
 PLANNED = ("QuadrupedBalance-v0", "BipedSquat-v0", "BipedStep-v0", "QuadrupedCrawl-v0")
@@ -115,24 +115,3 @@ def test_a_gait_begins_where_the_robot_stands(name):
     half = np.arctan2(target.qpos[:, 6], target.qpos[:, 3])
     ahead = np.arctan2(terms.world_from_trunk[:, 1, 0], terms.world_from_trunk[:, 0, 0])
     np.testing.assert_allclose(np.sin(2.0 * half - ahead), 0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", ["QuadrupedBalance-v0", "QuadrupedWalk-v0"])
-def test_a_robots_target_is_its_own(name):
-    task, plan, now = begun(name)
-    alone, only = [], {key: value.copy() for key, value in now.memory.items()}
-    task.advance(plan, now)
-    together = task.target(plan, now)
-    for row in range(COUNT):
-        part = np.array([row])
-        memory = {key: value[part] for key, value in only.items()}
-        own = some_of(now.terms(), part)
-        steering = Steering(now.steering.shift[part], now.steering.rate[part])
-        known = lambda own=own: own  # noqa: E731
-        mine = Now(some_of(now.state, part), known, steering, memory, known)
-        rows = {key: value[part] for key, value in plan.items()}
-        task.advance(rows, mine)
-        alone.append(task.target(rows, mine))
-    for field, value in together._asdict().items():
-        found = np.concatenate([getattr(target, field) for target in alone])
-        np.testing.assert_array_equal(found, value, err_msg=field)

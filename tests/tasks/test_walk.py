@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.env_batch import EnvBatch
+from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import Walk
 from tests.batches import started
 
@@ -14,7 +13,7 @@ WALK = ENVIRONMENTS["fbid_gym/QuadrupedWalk-v0"]
 
 
 @pytest.fixture(scope="module")
-def batch() -> EnvBatch:
+def batch():
     """Robots on their way, with a random action: nothing is zero."""
     arguments = {"action_layer": "torque", "command_interval": (0.1, 0.1)}
     return started(WALK | arguments, NUM_ENVS)
@@ -64,7 +63,7 @@ def test_the_observation_is_what_its_names_say(batch, step):
     seen = dict(zip(batch.observation_names, step.observation.T, strict=True))
     terms, qpos, qvel = simulation.terms(), simulation.qpos, simulation.qvel
     command = task.command(batch._plan, batch._tick)
-    memory = batch._planned
+    memory = batch.loop.planned
     phase = 2.0 * np.pi * memory["seen_cycle"]
     base = terms.world_from_base
     ahead, left = np.einsum("nij,nj->in", heading_axes(batch), qvel[:, :2])
@@ -118,7 +117,7 @@ def test_rewards_are_their_formulas(batch, step):
     np.testing.assert_allclose(info["turning_error"], turn)
     np.testing.assert_allclose(info["speed"], np.linalg.norm(velocity, axis=1))
     touching = info["contact_force"][:, :, 2] > 0.01 * robot.weight
-    planned = (touching == batch._planned["seen_planted"]).mean(axis=1)  # a point is a foot
+    planned = (touching == batch.loop.planned["seen_planted"]).mean(axis=1)  # a point is a foot
     tumble = np.linalg.norm(qvel[:, 3:5], axis=1) / rate + np.abs(qvel[:, 2]) / speed
     torque = info["torque_rms"] / robot.torque_limit.mean()
 

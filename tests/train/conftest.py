@@ -11,6 +11,6 @@ import stand_in
 
 
 @pytest.fixture(scope="session")
-def straight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def straight(tmp_path_factory):
     """A run of 6 iterations, never interrupted."""
     return stand_in.train(tmp_path_factory.mktemp("straight") / "run")

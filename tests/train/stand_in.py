@@ -86,32 +86,18 @@ class PointMasses(VecEnv):
         return self.x.astype(np.float32), reward, fell | late, infos
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        words = []
-        for generator in self.generators:
-            state = generator.bit_generator.state
-            pair = (state["state"]["state"], state["state"]["inc"])
-            words.append([half for n in pair for half in (n >> 64, n & (2**64 - 1))])
-        return {
-            "x": self.x.copy(),
-            "time": self.time.copy(),
-            "total": self.total.copy(),
-            "generators": np.array(words, dtype=np.uint64),
-        }
+        generators = json.dumps([each.bit_generator.state for each in self.generators]).encode()
+        state = {"x": self.x.copy(), "time": self.time.copy(), "total": self.total.copy()}
+        return state | {"generators": np.frombuffer(generators, np.uint8).copy()}
 
     def load_state_dict(self, state: dict[str, np.ndarray]) -> None:
         if state["x"].shape != self.x.shape:
             raise ValueError(f"x is {state['x'].shape}, not {self.x.shape}")
         self.x[:], self.time[:], self.total[:] = state["x"], state["time"], state["total"]
         self.generators = []
-        for words in state["generators"]:
-            a, b, c, d = (int(word) for word in words)
-            bits = np.random.PCG64()
-            bits.state = {
-                **bits.state,
-                "state": {"state": a << 64 | b, "inc": c << 64 | d},
-                "has_uint32": 0,
-            }
-            self.generators.append(np.random.Generator(bits))
+        for words in json.loads(bytes(state["generators"])):
+            self.generators.append(np.random.default_rng())
+            self.generators[-1].bit_generator.state = words
 
     def close(self) -> None:
         pass

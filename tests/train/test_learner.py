@@ -1,10 +1,7 @@
 import numpy as np
 import pytest
 import stand_in
-import torch
-from stable_baselines3.common.callbacks import CallbackList
 
-from train.algorithms import ALGORITHMS
 from train.learner import build, export, normaliser, seeds
 from train.runs.config import PPOConfig
 
@@ -44,30 +41,3 @@ def test_the_learning_rate_falls_to_its_end(tmp_path, end):
     last = 1e-3 if end is None else end
     rates = [learner.lr_schedule(left) for left in (1.0, 0.5, 0.0, -0.1)]
     np.testing.assert_allclose(rates, [1e-3, (1e-3 + last) / 2, last, last], atol=1e-12)
-
-
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_torch_has_its_threads_while_it_learns_and_one_while_robots_are_stepped(
-    tmp_path, monkeypatch, algorithm
-):
-    config = stand_in.config(tmp_path, algorithm=algorithm, torch_threads=3)
-    robots = stand_in.make("", num_envs=8, seed=1, num_threads=1)
-    learner, callback, told = (
-        build(config, robots),
-        CallbackList([]),
-        {"step": set(), "learn": set()},
-    )
-    learner._setup_learn(config.total_steps, callback)
-
-    def noting(what, function):
-        def noted(*args, **kwargs):
-            told[what].add(torch.get_num_threads())
-            return function(*args, **kwargs)
-
-        return noted
-
-    monkeypatch.setattr(robots, "step_wait", noting("step", robots.step_wait))
-    monkeypatch.setattr(learner, "train", noting("learn", learner.train))
-    for _ in range(3):
-        ALGORITHMS[algorithm].iterate(learner, config, callback)
-    assert told == {"step": {1}, "learn": {3}}

@@ -1,7 +1,7 @@
 """An actor that sees what a robot can, beside a critic that sees the truth.
 
 Observations for robots begin with the group "policy"; the group "critic" follows
-(`fbid_gym.envs.observer`). The critic learns faster from what is true, and is not needed on the
+(`fbid_gym.runtime.observer`). The critic learns faster from what is true, and is not needed on the
 robot (Pinto et al. 2018, "Asymmetric actor critic for image-based robot learning", RSS).
 """
 

@@ -7,7 +7,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
-from fbid_gym.envs.observer import POLICY
+from fbid_gym.runtime.observer import POLICY
 from train.algorithms.algorithm import (
     ACTIVATIONS,
     Algorithm,

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import tyro
 
+from fbid_gym.__main__ import called
 from fbid_gym.errors import FbidError, InvalidValueError
 from train.recipes import NONE, config_for, recipes
 from train.runs.config import ALGORITHMS, TrainConfig, algorithm_of, completed, parse_object
@@ -44,7 +45,7 @@ def parse(arguments: Sequence[str] | None = None, algorithm: str = "ppo") -> Tra
     names = ", ".join([*recipes(), NONE])
     return read_options(
         TrainConfig,
-        prog=f"python -m train.{algorithm}",
+        prog=" ".join(called(f"train.{algorithm}")),
         description=f"{TrainConfig.__doc__}\n\nDefaults are those of the environment's recipe in "
         f"train/recipes; --recipe NAME takes those of another: {names}.",
         default=_plain(usual),
@@ -82,7 +83,7 @@ def options(config: TrainConfig) -> tuple[str, ...]:
 def command(config: TrainConfig) -> str:
     """Return the whole command that trains a configuration, in its own folder."""
     own = replace(config, num_threads=TrainConfig.num_threads)
-    return shlex.join(["python", "-m", f"train.{config.algorithm}", *options(own)])
+    return shlex.join([*called(f"train.{config.algorithm}"), *options(own)])
 
 
 def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, ...]:
@@ -115,7 +116,7 @@ def stored_options(stored: Mapping[str, Any], folder: RunFolder) -> tuple[str, .
 def command_again(stored: Mapping[str, Any], path: Path) -> str:
     """Return the whole command that repeats the training of the `config.json` in a folder."""
     options = stored_options(stored, RunFolder.to_write(path))
-    return shlex.join(["python", "-m", f"train.{algorithm_of(stored)}", *options])
+    return shlex.join([*called(f"train.{algorithm_of(stored)}"), *options])
 
 
 def _chosen(given: list[str]) -> tuple[argparse.Namespace, list[str]]:

@@ -220,6 +220,8 @@ class TrainConfig:
     """Run folder. Default: runs/<env>-<layer>-s<seed>, with the algorithm where it is not PPO."""
     overwrite: bool = False
     """Start anew where the run folder holds a run."""
+    track: bool = False
+    """Also send the learning curve to Weights & Biases."""
     ppo: tyro.conf.AvoidSubcommands[PPOConfig | None] = None
     """Hyperparameters of PPO; None where something else learns."""
     sac: tyro.conf.AvoidSubcommands[SACConfig | None] = None
@@ -332,7 +334,7 @@ class TrainConfig:
         """Return the resolved configuration as written to `config.json`."""
         data = asdict(self)
         # A robot of its own is named among the environment's arguments, see `train.runs.robots`.
-        for name in ("env", "out", "overwrite", "robot", "feet"):
+        for name in ("env", "out", "overwrite", "track", "robot", "feet"):
             del data[name]
         for name in ALGORITHMS.keys() - {self.algorithm}:
             del data[name]

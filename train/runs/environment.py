@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fbid_gym.envs.config import resolved_arguments
+from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
 from fbid_gym.robots import Robot

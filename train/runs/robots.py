@@ -12,7 +12,7 @@ from typing import Any
 from fbid_gym.errors import InvalidValueError, RunError, UnknownOptionError
 from fbid_gym.robots import ROBOTS, Robot, load
 from fbid_gym.robots.description import feet_in_words
-from fbid_gym.robots.source import PUBLISHED
+from fbid_gym.robots.source import is_published
 from train.runs.archive import found
 from train.runs.config import TrainConfig
 from train.runs.folder import RunFolder
@@ -36,7 +36,7 @@ def chosen(robot: str | None, feet: Sequence[str] = ()) -> Robot | None:
         if feet:
             raise InvalidValueError("--feet", " ".join(feet), f"none for {robot!r}, which has its")
         return load(robot)
-    if not robot.endswith(PUBLISHED):
+    if not is_published(robot):
         robot = str(found(Path(robot)))
         if not Path(robot).exists():
             raise UnknownOptionError("robot", robot, (*ROBOTS, "the path of a file"))

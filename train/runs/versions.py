@@ -45,6 +45,7 @@ def _git(folder: Path) -> dict[str, Any]:
         ).stdout.strip()  # fmt: skip
 
     try:
+        ask("ls-files", "--error-unmatch", Path(__file__).name)  # or it is a repository of others
         commit = ask("rev-parse", "HEAD")
         dirty = bool(ask("status", "--porcelain", "--untracked-files=no"))
     except (OSError, subprocess.SubprocessError):

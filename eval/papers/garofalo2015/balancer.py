@@ -9,7 +9,6 @@ from eval.papers.garofalo2015.bout import Goal
 from eval.papers.trial import Memory
 from fbid_gym.control import (
     BalanceGains,
-    BalanceTarget,
     ContactLimits,
     TorqueMap,
     desired_wrench_garofalo2015,
@@ -19,7 +18,7 @@ from fbid_gym.control import (
     torque_map_inverse_dynamics,
     torque_map_ott2011,
 )
-from fbid_gym.dynamics import CentroidalTerms, DynamicsTerms, MuJoCoDynamics, centroidal_terms
+from fbid_gym.dynamics import DynamicsTerms, centroidal_terms
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
 from fbid_gym.quantities import RobotState
@@ -36,21 +35,13 @@ momentum, and the unit is 1/s."""
 
 OTT, GAROFALO, INVERSE = "Ott 2011", "Garofalo 2015", "inverse dynamics"
 ON_VELOCITY, ON_MOMENTUM = "(36)", "(38)"
-BALANCERS = {
-    OTT: (ON_VELOCITY, OTT),
-    GAROFALO: (ON_MOMENTUM, GAROFALO),
-    INVERSE: (ON_MOMENTUM, INVERSE),
-}
-"""The three: which wrench they want, and which map from contact forces to torques they use."""
-
+COLOUR = {OTT: 1, GAROFALO: 0, INVERSE: 2}
 _TORQUE_MAP: dict[str, Callable[..., TorqueMap]] = {
     OTT: torque_map_ott2011,
     GAROFALO: torque_map_garofalo2015,
     INVERSE: torque_map_inverse_dynamics,
 }
 _LIMITS = ContactLimits(friction=0.7)
-POSTURE_HERTZ = 1.5
-"""Hz, of the joints' return to the posture where neither contacts nor momentum are moved by it."""
 
 
 class BalancerCommand(NamedTuple):
@@ -66,27 +57,29 @@ class BalancerCommand(NamedTuple):
 
 
 class Balancer:
-    """A law for the wrench with a map to the torques; `balancer` builds the three."""
+    """A law for the wrench with a map to the torques."""
 
     def __init__(
         self,
         robot: Robot,
-        wrench: str,
         torque_map: str,
-        posture_hertz: float = POSTURE_HERTZ,
+        wrench: str | None = None,
+        posture_hertz: float = 1.5,
         compensate_damping: bool = False,
     ) -> None:
         """Measure the robot.
 
         Args:
             robot: that it believes to control.
-            wrench: which law, "(36)" or "(38)" of [G15]. (38) has the gains of [G15]'s table 1,
-                (36) those that damp a rigid body alike.
             torque_map: which map from contact forces to joint torques, by its balancer's name.
-            posture_hertz: Hz, of the posture.
+            wrench: which law, "(36)" or "(38)" of [G15]; None for the balancer's own. (38) has the
+                gains of [G15]'s table 1, (36) those that damp a rigid body alike.
+            posture_hertz: Hz, of the joints' return to the posture where neither contacts nor
+                momentum are moved by it.
             compensate_damping: add what the joints' viscous damping takes away.
         """
-        self.robot, self.wrench, self.torque_map = robot, wrench, _TORQUE_MAP[torque_map]
+        self.robot, self.torque_map = robot, _TORQUE_MAP[torque_map]
+        self.wrench = wrench or (ON_VELOCITY if torque_map == OTT else ON_MOMENTUM)
         self.posture_rate = 2.0 * np.pi * posture_hertz
         self.compensated = robot.joint_damping * compensate_damping
         self.geometry, self.length = contact_geometry(robot), Stance.of(robot).radius
@@ -107,9 +100,17 @@ class Balancer:
         posture = omega**2 * (goal.posture - state.qpos[:, 7:]) - 2.0 * omega * rate
         torque_map = self.torque_map(terms, body, contacts, posture)
         torque_map = torque_map._replace(offset=torque_map.offset + self.compensated * rate)
+        placed: dict[str, Any] = {"com": terms.com, "rotation": terms.world_from_base}
+        if self.wrench == ON_MOMENTUM:
+            placed |= {"momentum": body.momentum, "mass": body.mass}
+            wrench = desired_wrench_garofalo2015(TABLE_1, goal.target, **placed)
+        else:
+            spin = np.matvec(terms.world_from_base, state.qvel[:, 3:6])
+            placed |= {"com_velocity": terms.com_velocity, "angular_velocity": spin}
+            wrench = desired_wrench_ott2011(self.on_velocity, goal.target, mass=body.mass, **placed)
         found = distribute(
             torque_map,
-            self.desired(state, terms, body, goal.target),
+            wrench,
             _LIMITS,
             to_com=body.to_com,
             point_map=contacts.point_map,
@@ -123,35 +124,6 @@ class Balancer:
         torque = np.clip(found.torque, -robot.torque_limit, robot.torque_limit)
         return BalancerCommand(torque, found.wrench_desired)
 
-    def desired(
-        self, state: RobotState, terms: DynamicsTerms, body: CentroidalTerms, target: BalanceTarget
-    ) -> np.ndarray:
-        """Return the desired wrench at the centre of mass, (N, 6) N and N·m, world."""
-        if self.wrench == ON_MOMENTUM:
-            return desired_wrench_garofalo2015(
-                TABLE_1,
-                target,
-                com=terms.com,
-                rotation=terms.world_from_base,
-                momentum=body.momentum,
-                mass=body.mass,
-            )
-        return desired_wrench_ott2011(
-            self.on_velocity,
-            target,
-            com=terms.com,
-            com_velocity=terms.com_velocity,
-            rotation=terms.world_from_base,
-            angular_velocity=np.matvec(terms.world_from_base, state.qvel[:, 3:6]),
-            mass=body.mass,
-        )
-
-
-def balancer(robot: Robot, name: str, **options: Any) -> Balancer:
-    """Return one of `BALANCERS`."""
-    wrench, torque_map = BALANCERS[name]
-    return Balancer(robot, wrench, torque_map, **options)
-
 
 def stance_angular_momentum(robot: Robot) -> np.ndarray:
     """Return the angular momentum that goes with a motion of centre of mass and hip at home.
@@ -162,9 +134,8 @@ def stance_angular_momentum(robot: Robot) -> np.ndarray:
         (3, 6) kg m^2/s about the centre of mass per m/s of the centre of mass and rad/s of the
         base, world axes.
     """
-    rest = np.zeros((1, robot.nv))
-    terms = MuJoCoDynamics(robot).terms(robot.home_qpos[None], rest)
-    body = centroidal_terms(terms, rest)
+    terms = Stance.of(robot).terms
+    body = centroidal_terms(terms, np.zeros((1, robot.nv)))
     contacts = reduced_contacts(contact_geometry(robot), terms)
     spin = np.zeros((3, robot.nv))
     spin[:, 3:6] = terms.world_from_base[0]

@@ -14,9 +14,13 @@ here so that the tests can check every proposition of the paper. N robots, nv = 
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
+from fbid_gym.dynamics import frames
 from fbid_gym.dynamics.frames import skew
+from fbid_gym.dynamics.pinocchio_dynamics import PinocchioDynamics
 from fbid_gym.quantities import CentroidalTerms, DynamicsTerms
+from fbid_gym.robots import Robot
 
 GRAVITY = (0.0, 0.0, -9.81)
 """m/s^2, world."""
@@ -168,8 +172,7 @@ def decoupled_dynamics(
         body: `centroidal_terms(terms, velocity)`.
         terms: of the robots.
         velocity: (N, nv).
-        coriolis: (N, nv, nv) C with C v + g = bias and Mdot - 2 C skew, see
-            `eval.papers.garofalo2015.coriolis`.
+        coriolis: (N, nv, nv) `coriolis_matrix`.
     """
     forward, inverse = transform(body)
     rate = np.zeros_like(forward)
@@ -179,3 +182,38 @@ def decoupled_dynamics(
     inertia[:, 6:, 6:] = joint_inertia(body, terms.mass_matrix)
     gamma = (inverse.mT @ coriolis - inertia @ rate) @ inverse
     return DecoupledDynamics(forward, inverse, rate, inertia, gamma)
+
+
+def coriolis_matrix(robot: Robot, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
+    """Return C with C v + g the bias and Mdot - 2 C skew at N states.
+
+    Pinocchio's matrix has both properties in its own coordinates v_pin = X v. In MuJoCo's,
+
+        C = X^T C_pin X + X^T M_pin Xdot,    Xdot = blkdiag(-skew(omega) R^T, 0, 0),
+
+    has them: the second summand is what keeps C v right and Mdot - 2 C skew at once.
+
+    Args:
+        robot: whose.
+        qpos: (N, nq) m, quaternion wxyz, rad.
+        qvel: (N, nv) m/s, rad/s.
+
+    Returns:
+        (N, nv, nv).
+    """
+    dynamics = PinocchioDynamics(robot)
+    rotation = frames.quaternion_to_matrix(qpos[:, 3:7])
+    configuration = frames.configuration_to_pinocchio(qpos, robot.model.qpos0)
+    velocity = frames.velocity_to_pinocchio(qvel, rotation)
+    model, data = dynamics.model, dynamics.model.createData()
+    coriolis = np.empty((*qvel.shape, qvel.shape[1]))
+    base = np.empty((*qvel.shape, 3))  # the columns of M_pin that Xdot meets
+    for i in range(len(qvel)):
+        coriolis[i] = pin.computeCoriolisMatrix(model, data, configuration[i], velocity[i])
+        base[i] = pin.crba(model, data, configuration[i])[:, :3]
+    turn = -skew(qvel[:, 3:6]) @ rotation.mT
+    result = frames.mass_matrix_from_pinocchio(coriolis, rotation)
+    moved = base @ turn
+    moved[:, :3] = rotation @ moved[:, :3]
+    result[:, :, :3] += moved
+    return result

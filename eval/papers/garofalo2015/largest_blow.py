@@ -1,19 +1,16 @@
 """What [G15] leaves open: the largest blow that each balancer survives, by direction."""
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from eval.page.figures import polar
 from eval.page.html import figure, table, text
-from eval.papers.experiment import Experiment, Progress, Result, Setting, main
-from eval.papers.garofalo2015.balancer import BALANCERS, GAROFALO, Balancer, balancer
+from eval.papers.experiment import Finding, Result, Setting, experiment, judged
+from eval.papers.garofalo2015.balancer import COLOUR, GAROFALO, Balancer
 from eval.papers.garofalo2015.bout import Blow, bout
-from eval.papers.garofalo2015.fig2_push import COLOUR
 from eval.papers.garofalo2015.pendulum import Pendulum
-from eval.papers.page import Finding, judged
 from eval.papers.trial import simulate
 from eval.wording import number
 from fbid_gym.robots import load
@@ -25,31 +22,7 @@ SECONDS = 4.0
 FIRST = np.geomspace(8.0, 180.0, 7)
 """J, first round; the second looks between the last survived and the first that is not."""
 
-REFINED = 5
 LABELS = {0.0: "forward", 90.0: "to the left", 180.0: "backward", 270.0: "to the right"}
-
-
-def survives(
-    controller: Balancer,
-    rounds: Iterator[tuple[str, Progress]],
-    angle: np.ndarray,
-    energy: np.ndarray,
-) -> np.ndarray:
-    """Hit one robot for each direction and energy.
-
-    Args:
-        controller: of all of them.
-        rounds: progress of this round and of those that follow.
-        angle: (N,) rad, direction in which the bob flies: 0 forward, pi/2 to the robot's left.
-        energy: (N,) J.
-
-    Returns:
-        (N,) bool.
-    """
-    direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
-    blow = Blow(START, direction, energy)
-    trial = bout(controller.robot, Pendulum(), blow, SECONDS, every=100)
-    return simulate(trial, controller, next(rounds)[1]).survived
 
 
 def largest(
@@ -83,96 +56,77 @@ def largest(
     return low, high
 
 
-def run(setting: Setting) -> Result:
+@experiment(
+    "Left open: the largest blow, by direction",
+    f"""The same pendulum from all sides, at every energy that it takes: the largest after which the
+    robot still stands {SECONDS - START:g} s later.""",
+    minutes=2.2,
+)
+def largest_blow(setting: Setting) -> Result:
     """Search each balancer's limit in half the directions; the other half are their mirror."""
     robot = load("humanoid")
     angle = np.radians(np.linspace(0.0, 180.0, setting.pick(9, 3)))
-    refined = setting.pick(REFINED, 2)
-    survived, lost = {}, {}
-    for name, part in setting.progress.each(BALANCERS):
-        test = partial(survives, balancer(robot, name), part.each(("coarse", "fine")))
-        survived[name], lost[name] = largest(test, angle, refined)
-    rows = [
-        {"name": name, "survived": survived[name].tolist(), "lost": lost[name].tolist()}
-        for name in BALANCERS
-    ]
-    numbers = {"degrees": np.degrees(angle).round(6).tolist(), "rows": rows}
-    return Result(findings(numbers), numbers, {"angle": angle})
+    rows = []
+    for name, part in setting.progress.each(COLOUR):
+        rounds, controller = part.each(("coarse", "fine")), Balancer(robot, name)
 
+        def survives(
+            angle: np.ndarray, energy: np.ndarray, rounds: Any = rounds, by: Balancer = controller
+        ) -> np.ndarray:
+            # 0 is forward, pi/2 to the robot's left.
+            direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+            blow = Blow(START, direction, energy)
+            trial = bout(robot, Pendulum(), blow, SECONDS, every=100)
+            return simulate(trial, by, next(rounds)[1]).survived
 
-def findings(numbers: dict[str, Any]) -> list[Finding]:
-    """The paper's blow against the limits."""
-    side = int(np.argmin(np.abs(np.array(numbers["degrees"]) - 90.0)))
-    ours = {row["name"]: row["survived"][side] for row in numbers["rows"]}
-    found = ", ".join(f"{name}: {number(value)}" for name, value in ours.items())
-    return [
+        survived, lost = largest(survives, angle, setting.pick(5, 2))
+        rows.append({"name": name, "survived": survived.tolist(), "lost": lost.tolist()})
+    degrees = np.degrees(angle).round(6).tolist()
+    side = int(np.argmin(np.abs(np.array(degrees) - 90.0)))
+    ours = {row["name"]: row["survived"][side] for row in rows}
+    least = (f"{row['name']}: {number(min(row['survived']))}" for row in rows)
+    findings = [
         judged(
             "Largest blow from the side that is survived, J",
             "17.4 is survived",
-            found,
+            ", ".join(f"{name}: {number(value)}" for name, value in ours.items()),
             "more than 17.4",
             ours[GAROFALO] > 17.4,
         ),
-        Finding(
-            "Smallest of all directions, J",
-            "not given",
-            ", ".join(f"{row['name']}: {number(min(row['survived']))}" for row in numbers["rows"]),
-        ),
+        Finding("Smallest of all directions, J", "not given", ", ".join(least)),
     ]
+    return Result(findings, {"degrees": degrees, "rows": rows}, _body(rows, degrees))
 
 
-def show(result: Result) -> list[str]:
-    """Draw the section."""
-    numbers = result.numbers
-    half = numbers["degrees"]
+def _body(rows: list[dict[str, Any]], half: list[float]) -> list[str]:
+    def whole(values: list[float]) -> list[float]:
+        return [*values, *reversed(values[1:-1])]
+
     degrees = [*half, *(360.0 - d for d in reversed(half[1:-1]))]
-    rings = []
-    for row in numbers["rows"]:
-        values = [*row["survived"], *reversed(row["survived"][1:-1])]
-        rings.append((row["name"], COLOUR[row["name"]], values))
-    rows = [
+    rings = [(row["name"], COLOUR[row["name"]], whole(row["survived"])) for row in rows]
+    title, at = "Largest energy survived, by direction of the blow", (90.0, 17.4, "[G15]")
+    cells = [
         [
             row["name"],
             *(
-                f"{number(low)} – {number(high)}" if high is not None else f"> {number(low)}"
+                f"{number(low)} – {number(high)}" if np.isfinite(high) else f"> {number(low)}"
                 for low, high in zip(row["survived"], row["lost"], strict=True)
             ),
         ]
-        for row in numbers["rows"]
+        for row in rows
     ]
-    chart = polar(
-        degrees, rings, "Largest energy survived, by direction of the blow", "J", LABELS,
-        mark=(90.0, 17.4, "[G15]"),
-    )  # fmt: skip
     return [
         figure(
-            [chart],
-            "In the direction of the push. The robot is its own mirror image, so "
-            "the right half is the left one's; [G15]'s blow is marked.",
+            [polar(degrees, rings, title, "J", LABELS, mark=at)],
+            "In the direction of the push. The robot is its own mirror image, so the right half is "
+            "the left one's; [G15]'s blow is marked.",
             1,
         ),
-        table(["J, last survived – first not", *(f"{d:g}°" for d in half)], rows),
+        table(["J, last survived – first not", *(f"{d:g}°" for d in half)], cells),
         text(
-            "The robot may not step, so what can be survived is bounded by the soles: the "
-            "momentum of the blow moves the capture point, and beyond the edge of the feet no "
-            "balancer that keeps them in place brings it back. Sideways the two feet reach "
-            "farther than forward. Within that, what counts is how much of the wanted wrench "
-            "the torques produce."
+            "The robot may not step, so what can be survived is bounded by the soles: the momentum "
+            "of the blow moves the capture point, and beyond the edge of the feet no balancer that "
+            "keeps them in place brings it back. Sideways the two feet reach farther than forward. "
+            "Within that, what counts is how much of the wanted wrench the torques produce."
         ),
     ]
-
-
-EXPERIMENT = Experiment(
-    module="eval.papers.garofalo2015.largest_blow",
-    title="Left open: the largest blow, by direction",
-    about=(
-        "The same pendulum from all sides, at every energy that it takes: the largest after which "
-        f"the robot still stands {SECONDS - START:g} s later."
-    ),
-    run=run,
-    show=show,
-    minutes=2.2,
-)
-
-if __name__ == "__main__":
-    main(EXPERIMENT)

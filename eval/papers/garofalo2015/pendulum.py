@@ -9,13 +9,12 @@ It touches nothing but a massless sphere about the centre of mass of the robot's
 blow has no moment about that point, whatever its direction. There is no friction between the two.
 """
 
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from fbid_gym.envs.simulation import Simulation
-from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots import Robot
 
 BOB = "pendulum"
@@ -30,8 +29,7 @@ _ROPE = 2.5  # m, as drawn
 _STIFF = 0.99  # share of the contact's reference acceleration that MuJoCo realises
 
 
-@dataclass(frozen=True)
-class Pendulum:
+class Pendulum(NamedTuple):
     """The blow. Defaults are [G15]'s where it has a number.
 
     Its contact is a spring and a damper, given by what they do: how long they touch and how the bob
@@ -54,34 +52,13 @@ class Pendulum:
     target_radius: float = 0.15
     bounce: float = 0.15
     contact_seconds: float = 0.02
-    solref: tuple[float, float] = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        """Find the spring and the damper.
-
-        Raises:
-            InvalidValueError: a value is not positive and finite, or `bounce` out of range.
-        """
-        for name in ("mass", "energy", "radius", "target_radius", "contact_seconds"):
-            value = getattr(self, name)
-            if not 0.0 < value < np.inf:
-                raise InvalidValueError(name, value, "a positive finite number")
-        if not 0.14 <= self.bounce <= 0.9:
-            raise InvalidValueError("bounce", self.bounce, "a number from 0.14 to 0.9")
+    @property
+    def solref(self) -> tuple[float, float]:
+        """Spring and damper of the contact: MuJoCo takes a negative pair per unit of mass."""
         ratio = _damping_ratio(self.bounce)
         frequency = float(_phase(ratio) / np.sqrt(1.0 - ratio**2)) / self.contact_seconds
-        # MuJoCo takes a negative pair as stiffness and damping per unit of mass.
-        object.__setattr__(self, "solref", (-(frequency**2), -2.0 * ratio * frequency))
-
-    @property
-    def speed(self) -> float:
-        """Speed at the impact, m/s."""
-        return float(np.sqrt(2.0 * self.energy / self.mass))
-
-    @property
-    def momentum(self) -> float:
-        """Momentum at the impact, kg m/s."""
-        return self.mass * self.speed
+        return -(frequency**2), -2.0 * ratio * frequency
 
 
 def world_with_pendulum(robot: Robot, pendulum: Pendulum) -> mujoco.MjModel:
@@ -189,14 +166,6 @@ class Bob:
         gone = self._met & ~inside
         self.position[gone], self.velocity[gone] = self._parked, 0.0
         self._met = inside
-
-    def energy(self) -> np.ndarray:
-        """Return the kinetic energy of the bobs: (N,) J."""
-        return 0.5 * self._pendulum.mass * np.vecdot(self.velocity, self.velocity)
-
-    def momentum(self) -> np.ndarray:
-        """Return the momentum of the bobs: (N, 3) kg m/s."""
-        return self._pendulum.mass * self.velocity
 
 
 def _phase(ratio: np.ndarray | float) -> np.ndarray | float:

@@ -6,20 +6,11 @@ from typing import Any
 import numpy as np
 
 from eval.page.figures import lines
-from eval.page.html import figure, heading, text
-from eval.papers.experiment import Experiment, Result, Setting, main
-from eval.papers.garofalo2015.balancer import (
-    BALANCERS,
-    GAROFALO,
-    INVERSE,
-    OTT,
-    balancer,
-    stance_angular_momentum,
-)
+from eval.page.html import figure, heading
+from eval.papers.experiment import Finding, Result, Setting, experiment, judged, prose, row
+from eval.papers.garofalo2015.balancer import COLOUR, INVERSE, Balancer, stance_angular_momentum
 from eval.papers.garofalo2015.bout import Goal, GoalAt, balancing
-from eval.papers.garofalo2015.fig2_push import COLOUR
 from eval.papers.log import Log
-from eval.papers.page import Finding, judged
 from eval.papers.trial import Trial, simulate
 from eval.wording import number
 from fbid_gym.control import BalanceTarget
@@ -99,24 +90,6 @@ def goals(robot: Robot, pose: Pose) -> GoalAt:
     return goal
 
 
-def run(setting: Setting) -> Result:
-    """Track at every frequency at once, under each balancer."""
-    robot, hertz = load("humanoid"), np.array(setting.pick(HERTZ, (0.4, 1.0)))
-    seconds = setting.pick(SECONDS, 4.0)
-    plan = balancing(robot.home_qpos, goals(robot, swaying(hertz)))
-    trial = Trial(robot, plan, seconds, len(hertz), every=EVERY)
-    rows: list[dict[str, Any]] = []
-    logs = {}
-    for name, part in setting.progress.each(BALANCERS):
-        log = simulate(trial, balancer(robot, name, compensate_damping=True), part)
-        logs[name] = log
-        for k, value in enumerate(hertz):
-            rows.append({"name": name, "hertz": float(value)} | errors(log, k))
-    neglected = left_out(robot, logs[INVERSE])
-    numbers = {"rows": rows, "neglected": neglected, "hertz": hertz.tolist()}
-    return Result(findings(rows), numbers, {})
-
-
 def errors(log: Log, index: int) -> dict[str, Any]:
     """RMS errors of one robot once the motion has its full size.
 
@@ -124,131 +97,130 @@ def errors(log: Log, index: int) -> dict[str, Any]:
         com (m); tilt and yaw (rad), of the hip about horizontal axes and the vertical; all None
         after a fall, and fell (s).
     """
-    late = log.time >= RAMP
     if not log.survived[index]:
         return {"com": None, "tilt": None, "yaw": None, "fell": log.fall(index)}
+    late = log.time >= RAMP
     com, rotation = log["com"][late, index], log["rotation"][late, index]
     parts = {"com": com, "tilt": rotation[:, :2], "yaw": rotation[:, 2:]}
-    rms = {key: float(np.sqrt((x**2).sum(axis=1).mean())) for key, x in parts.items()}
-    return rms | {"fell": None}
+    return {key: _rms(x) for key, x in parts.items()} | {"fell": None}
 
 
-def left_out(robot: Robot, log: Log) -> list[dict[str, Any]]:
-    """What (36) leaves out of the angular momentum's rate, along the motions that were driven.
+def _rms(vectors: np.ndarray) -> float:
+    """Root mean square length of (T, k)."""
+    return float(np.sqrt((vectors**2).sum(axis=1).mean()))
+
+
+def left_out(robot: Robot, log: Log, index: int) -> dict[str, float]:
+    """What (36) leaves out of the angular momentum's rate, along a motion that was driven.
 
     (36) takes the rate to be the locked robot's inertia about the centre of mass times the base's
     angular acceleration; the rest, Mcheck_12 qddot and products of velocities, is neglected. (38)
     neglects nothing, since it has the momentum itself.
 
     Returns:
-        For each robot: rate, neglected: rms, N·m, and share of the two.
+        rate, neglected: rms, N·m, and share of the two.
     """
-    dynamics, rows = MuJoCoDynamics(robot), []
-    late = log.time >= RAMP
-    for k in range(log["com"].shape[1]):
-        qpos = log["qpos"][:, k, : robot.nq].astype(float)
-        qvel = log["qvel"][:, k].astype(float)
-        terms = dynamics.terms(qpos, qvel)
-        body = centroidal_terms(terms, qvel)
-        omega = np.matvec(terms.world_from_base, qvel[:, 3:6])
-        alpha = np.gradient(omega, log.time, axis=0)
-        rate = np.gradient(body.momentum[:, 3:], log.time, axis=0)
-        rest = rate - np.matvec(body.inertia, alpha)
-        size = [float(np.sqrt((x[late] ** 2).sum(axis=1).mean())) for x in (rate, rest)]
-        rows.append({"rate": size[0], "neglected": size[1], "share": size[1] / size[0]})
-    return rows
+    late, qvel = log.time >= RAMP, log["qvel"][:, index].astype(float)
+    qpos = log["qpos"][:, index, : robot.nq].astype(float)
+    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    body = centroidal_terms(terms, qvel)
+    omega = np.matvec(terms.world_from_base, qvel[:, 3:6])
+    alpha = np.gradient(omega, log.time, axis=0)
+    rate = np.gradient(body.momentum[:, 3:], log.time, axis=0)
+    whole, rest = (_rms(x[late]) for x in (rate, rate - np.matvec(body.inertia, alpha)))
+    return {"rate": whole, "neglected": rest, "share": rest / whole}
+
+
+@experiment(
+    "Left open: tracking a moving goal, and what (36) neglects",
+    """Centre of mass and hip follow sinusoids in all six directions, with their velocities, momenta
+    and rates ahead.""",
+    minutes=0.6,
+)
+def tracking(setting: Setting) -> Result:
+    """Track at every frequency at once, under each balancer."""
+    robot, hertz = load("humanoid"), setting.pick(HERTZ, (0.4, 1.0))
+    plan = balancing(robot.home_qpos, goals(robot, swaying(np.array(hertz))))
+    trial = Trial(robot, plan, setting.pick(SECONDS, 4.0), len(hertz), every=EVERY)
+    rows: list[dict[str, Any]] = []
+    for name, part in setting.progress.each(COLOUR):
+        log = simulate(trial, Balancer(robot, name, compensate_damping=True), part)
+        rows += [{"name": name, "hertz": f} | errors(log, k) for k, f in enumerate(hertz)]
+    # The last of them is inverse dynamics.
+    neglected = [left_out(robot, log, k) for k in range(len(hertz))]
+    numbers = {"hertz": list(hertz), "rows": rows, "neglected": neglected}
+    return Result(findings(rows), numbers, _body(hertz, rows, neglected))
 
 
 def findings(rows: list[dict[str, Any]]) -> list[Finding]:
     """Errors at the fastest motion that everyone survives."""
-    fallen = {row["hertz"] for row in rows if row["fell"] is not None}
-    shared = [row["hertz"] for row in rows if row["hertz"] not in fallen]
+    fallen = {r["hertz"] for r in rows if r["fell"] is not None}
+    shared = [r["hertz"] for r in rows if r["hertz"] not in fallen]
     if not shared:
         return [Finding("Tracking", "not given", "every motion makes somebody fall")]
     fastest = max(shared)
-    last = {row["name"]: row for row in rows if row["hertz"] == fastest}
+    last = {name: row(rows, name=name, hertz=fastest) for name in COLOUR}
+    com = {name: number(1e3 * r["com"]) for name, r in last.items()}
+    tilt = {name: number(r["tilt"], 2) for name, r in last.items()}
+    best = min(last, key=lambda name: last[name]["com"])
     return [
-        Finding(
-            f"Centre of mass, rms error at {fastest:g} Hz, mm",
-            "not given",
-            ", ".join(f"{name}: {number(1e3 * row['com'])}" for name, row in last.items()),
-        ),
-        Finding(
-            f"Tilt of the hip, rms error at {fastest:g} Hz, rad",
-            "not given",
-            ", ".join(f"{name}: {number(row['tilt'], 2)}" for name, row in last.items()),
+        *(
+            Finding(
+                f"{what} at {fastest:g} Hz, {unit}",
+                "not given",
+                ", ".join(f"{name}: {value}" for name, value in values.items()),
+            )
+            for what, unit, values in (
+                ("Centre of mass, rms error", "mm", com),
+                ("Tilt of the hip, rms error", "rad", tilt),
+            )
         ),
         judged(
             "Full inverse dynamics tracks best",
             "—",
-            f"{number(1e3 * last[INVERSE]['com'])} mm",
+            f"{com[INVERSE]} mm",
             "less than the quasi-static ones",
-            all(last[INVERSE]["com"] < last[name]["com"] for name in (OTT, GAROFALO)),
+            best == INVERSE,
         ),
     ]
 
 
-def show(result: Result) -> list[str]:
-    """Draw the section."""
-    numbers, hertz = result.numbers, result.numbers["hertz"]
+def _body(
+    hertz: tuple[float, ...], rows: list[dict[str, Any]], neglected: list[dict[str, float]]
+) -> list[str]:
     charts = []
-    for key, factor, title in (
-        ("com", 1e3, "Centre of mass, rms error, mm"),
-        ("tilt", 1e3, "Tilt of the hip, rms error, mrad"),
-        ("yaw", 1e3, "Turn of the hip about the vertical, rms error, mrad"),
+    for key, title in (
+        ("com", "Centre of mass, rms error, mm"),
+        ("tilt", "Tilt of the hip, rms error, mrad"),
+        ("yaw", "Turn of the hip about the vertical, rms error, mrad"),
     ):
-        curves = []
-        for name in BALANCERS:
-            own = [row[key] for row in numbers["rows"] if row["name"] == name]
-            curves.append((name, COLOUR[name], [np.nan if v is None else factor * v for v in own]))
+        values = {n: [row(rows, name=n, hertz=f)[key] for f in hertz] for n in COLOUR}
+        curves = [
+            (n, COLOUR[n], [np.nan if v is None else 1e3 * v for v in values[n]]) for n in COLOUR
+        ]
         charts.append(lines(hertz, curves, title, "motion, Hz"))
-    neglected = numbers["neglected"]
-    charts.append(
-        lines(
-            hertz,
-            [
-                ("of the momentum", 7, [row["rate"] for row in neglected]),
-                ("left out by (36)", 1, [row["neglected"] for row in neglected]),
-            ],
-            "Rate of the angular momentum, rms, N m",
-            "motion, Hz",
-        )
-    )
-    shares = [row["share"] for row in neglected]
+    sizes = [
+        ("of the momentum", 7, [r["rate"] for r in neglected]),
+        ("left out by (36)", 1, [r["neglected"] for r in neglected]),
+    ]
+    charts.append(lines(hertz, sizes, "Rate of the angular momentum, rms, N m", "motion, Hz"))
+    shares = [r["share"] for r in neglected]
     return [
         figure(
             charts,
-            "Errors by frequency; a curve ends where the balancer falls. Fourth: what (36) "
-            "takes for zero, along the motion as inverse dynamics drives it. Joint friction "
-            "is compensated.",
+            "Errors by frequency; a curve ends where the balancer falls. Fourth: what (36) takes "
+            "for zero, along the motion as inverse dynamics drives it. Joint friction is "
+            "compensated.",
         ),
         heading("What is neglected"),
-        text(
-            "(36) takes the angular momentum's rate for the locked robot's inertia times the "
-            "hip's angular acceleration. With planted feet that is never so: the legs do not "
-            "turn with the hip, and a swaying robot has momentum without any spin. It leaves "
-            f"out {number(min(shares), 2)} to {number(max(shares), 2)} times the rate itself. "
-            "(38) leaves nothing out of that equation, which is the paper's point. "
-            "But it needs a reference for the angular momentum, here that of the home stance "
-            "with a still upper body, and the momentum is not the hip's orientation: about the "
-            "vertical, where the spring of table 1 is soft, arms and trunk take up what the "
-            "hip should turn, under full inverse dynamics, too. And both laws lose on the way "
-            "to the torques, where the quasi-static maps leave out the joints' accelerations."
-        ),
+        prose(f"""
+(36) takes the angular momentum's rate for the locked robot's inertia times the hip's angular
+acceleration. With planted feet that is never so: the legs do not turn with the hip, and a swaying
+robot has momentum without any spin. It leaves out {number(min(shares), 2)} to
+{number(max(shares), 2)} times the rate itself. (38) leaves nothing out of that equation, which is
+the paper's point. But it needs a reference for the angular momentum, here that of the home stance
+with a still upper body, and the momentum is not the hip's orientation: about the vertical, where
+the spring of table 1 is soft, arms and trunk take up what the hip should turn, under full inverse
+dynamics, too. And both laws lose on the way to the torques, where the quasi-static maps leave out
+the joints' accelerations."""),
     ]
-
-
-EXPERIMENT = Experiment(
-    module="eval.papers.garofalo2015.tracking",
-    title="Left open: tracking a moving goal, and what (36) neglects",
-    about=(
-        "Centre of mass and hip follow sinusoids in all six directions, with their velocities, "
-        "momenta and rates ahead."
-    ),
-    run=run,
-    show=show,
-    minutes=0.6,
-)
-
-if __name__ == "__main__":
-    main(EXPERIMENT)

@@ -8,13 +8,10 @@ import numpy as np
 
 from eval.page.html import frames, table, text
 from eval.papers.camera import Camera
-from eval.papers.experiment import Experiment, Result, Setting, main
-from eval.papers.garofalo2015.balancer import BALANCERS, balancer
-from eval.papers.garofalo2015.bout import Blow, balancing, stay, struck
-from eval.papers.garofalo2015.measures import blow_numbers
+from eval.papers.experiment import Result, Setting, experiment, judged
+from eval.papers.garofalo2015.balancer import COLOUR, Balancer
+from eval.papers.garofalo2015.bout import Blow, balancing, blow_numbers, stay, struck
 from eval.papers.garofalo2015.pendulum import Pendulum, add_pendulum
-from eval.papers.log import Log
-from eval.papers.page import Finding, judged
 from eval.papers.trial import Trial, simulate
 from fbid_gym.dynamics import DynamicsTerms, MuJoCoDynamics
 from fbid_gym.dynamics.frames import rotation_vector, skew
@@ -124,104 +121,67 @@ def world(robot: Robot, block: Block, start: np.ndarray, pendulum: Pendulum) -> 
     return spec.compile()
 
 
-def run(setting: Setting) -> Result:
+@experiment(
+    "Left open: one foot on a block",
+    """The right foot stands higher, sloped or banked, the left one on the floor; then the paper's
+    blow, from either side.""",
+    minutes=0.6,
+)
+def uneven(setting: Setting) -> Result:
     """Hit each balancer from both sides on each block."""
     robot, pendulum = load("humanoid"), Pendulum()
     blocks = setting.pick(BLOCKS, (BLOCKS[0], BLOCKS[-1]))
     sides = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
     blow = Blow(START, sides, np.full(2, pendulum.energy))
     rows: list[dict[str, Any]] = []
-    arrays: dict[str, np.ndarray] = {}
+    images = []
     for block, progress in setting.progress.each(blocks, lambda block: block.name):
         start = stance(robot, block)
         turned = np.tile(np.eye(3), (2, robot.num_points, 1, 1))
         turned[:, robot.feet[0].num_points :] = block.rotation
+        model = world(robot, block, start, pendulum)
         trial = Trial(
             robot, balancing(start, stay(start[7:], turned)), SECONDS, 2, every=5,
-            world=world(robot, block, start, pendulum), disturb=struck(pendulum, blow),
+            world=model, disturb=struck(pendulum, blow),
         )  # fmt: skip
-        for name, part in progress.each(BALANCERS):
-            log = simulate(trial, balancer(robot, name), part)
+        for name, part in progress.each(COLOUR):
+            log = simulate(trial, Balancer(robot, name), part)
+            before = log["com"][np.flatnonzero(log.time < START)[-1]]
+            offset = {"offset": float(np.linalg.norm(before, axis=1).max())}
             for side in range(2):
                 row = {"ground": block.name, "name": name, "side": side}
-                rows.append(row | rest(log) | blow_numbers(log, START, side))
-        arrays[f"pose.{block.name}"] = log["qpos"][0, 0]
-    return Result(findings(rows), {"rows": rows}, arrays)
-
-
-def rest(log: Log) -> dict[str, Any]:
-    """How still they stand before the blow: offset of the centre of mass, m."""
-    before = np.flatnonzero(log.time < START)[-1]
-    return {"offset": float(np.linalg.norm(log["com"][before], axis=1).max())}
-
-
-def findings(rows: list[dict[str, Any]]) -> list[Finding]:
-    """Who stays up everywhere."""
-    cases = len(rows) // len(BALANCERS)
-    stood = {
-        name: sum(row["fell"] is None for row in rows if row["name"] == name) for name in BALANCERS
-    }
-    return [
-        judged(
-            "The paper's blow on uneven ground, from either side: stays up in",
-            "not given",
-            ", ".join(f"{name}: {count} of {cases}" for name, count in stood.items()),
-            "all cases",
-            all(count == cases for count in stood.values()),
-        )
-    ]
-
-
-def show(result: Result) -> list[str]:
-    """Draw the section."""
-    rows, robot = result.numbers["rows"], load("humanoid")
-    names = list(dict.fromkeys(row["ground"] for row in rows))
-    cells = []
-    for ground in names:
-        line = [ground]
-        for name in BALANCERS:
-            own = [r for r in rows if r["ground"] == ground and r["name"] == name]
-            fallen = [r for r in own if r["fell"] is not None]
-            if fallen:
-                line.append(f"{len(fallen)} of {len(own)} fall")
-            else:
-                com = max(r["com"][1] for r in own)
-                hip = max(r["rotation"][0] for r in own)
-                line.append(f"{1e3 * com:.0f} mm, {hip:.3f} rad")
-        cells.append(line)
-    images = []
-    for block in BLOCKS:
-        pose = result.arrays.get(f"pose.{block.name}")
-        if pose is None:
-            continue
-        model = world(robot, block, stance(robot, block), Pendulum())
-        with Camera(robot, 224, 320, 150.0, -10.0, model=model, nearer=1.0) as camera:
-            images.append(camera.picture(pose.astype(float), np.zeros(3)))
-    return [
+                rows.append(row | offset | blow_numbers(log, START, side))
+        with Camera(robot, 224, 320, 150.0, -10.0, model=model) as camera:
+            images.append(camera.picture(log["qpos"][0, 0].astype(float), np.zeros(3)))
+    of = {n: [r for r in rows if r["name"] == n] for n in COLOUR}
+    stood = {n: sum(r["fell"] is None for r in own) for n, own in of.items()}
+    cases = 2 * len(blocks)
+    finding = judged(
+        "The paper's blow on uneven ground, from either side: stays up in",
+        "not given",
+        ", ".join(f"{name}: {count} of {cases}" for name, count in stood.items()),
+        "all cases",
+        all(count == cases for count in stood.values()),
+    )
+    names = [block.name for block in blocks]
+    cells = [[g, *(_told([r for r in of[n] if r["ground"] == g]) for n in COLOUR)] for g in names]
+    what = "right foot; largest error of centre of mass in y and hip about x"
+    body = [
         frames(images, "; ".join(names) + ".", "a humanoid stands with one foot on blocks"),
-        table(
-            ["right foot; largest error of centre of mass in y and hip about x", *BALANCERS],
-            cells,
-        ),
+        table([what, *COLOUR], cells),
         text(
-            "The balancers know where the ground is and which way it faces; friction cones "
-            "stand on it. The wrench at the centre of mass does not care what the feet stand "
-            "on, and neither do the errors."
+            "The balancers know where the ground is and which way it faces; friction cones stand "
+            "on it. The wrench at the centre of mass does not care what the feet stand on, and "
+            "neither do the errors."
         ),
     ]
+    return Result([finding], {"rows": rows}, body)
 
 
-EXPERIMENT = Experiment(
-    module="eval.papers.garofalo2015.uneven",
-    title="Left open: one foot on a block",
-    about=(
-        "The right foot stands higher, sloped or banked, the left one on the floor; then the "
-        "paper's blow, from either side."
-    ),
-    run=run,
-    show=show,
-    minutes=0.6,
-)
-
-if __name__ == "__main__":
-    main(EXPERIMENT)
+def _told(rows: list[dict[str, Any]]) -> str:
+    """Write what became of robots that were hit."""
+    fallen = sum(r["fell"] is not None for r in rows)
+    if fallen:
+        return f"{fallen} of {len(rows)} fall"
+    com, hip = max(r["com"][1] for r in rows), max(r["rotation"][0] for r in rows)
+    return f"{1e3 * com:.0f} mm, {hip:.3f} rad"

@@ -18,8 +18,6 @@ M. J. Todd, "Primal-dual interior-point methods for self-scaled cones", SIAM J. 
 the data hardly tell come out as exactly as the data allow.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from eval.papers.inertial_parameters.excitation import BASIS
@@ -30,37 +28,16 @@ _TO_BORDER = 0.9
 _LEAST_CENTRING, _MOST_CENTRING = 0.05, 0.9
 
 
-class Weighed(NamedTuple):
-    """A total mass that the bodies shall have.
-
-    Attributes:
-        steps: (10 B,) kg, what each natural step adds to the total mass.
-        total: kg, wanted.
-        nominal: kg, of the nominal bodies.
-    """
-
-    steps: np.ndarray
-    total: float
-    nominal: float
-
-
 def relative_inertia(change: np.ndarray) -> np.ndarray:
-    """Pseudo-inertias relative to the nominal ones, Z (B, 4, 4), of changes (10 B,)."""
+    """Return pseudo-inertias relative to the nominal ones, Z (B, 4, 4), of changes (10 B,)."""
     return np.eye(4) + np.tensordot(change.reshape(-1, 10), BASIS, axes=1)
 
 
-def divergence(relative: np.ndarray) -> np.ndarray:
-    """Entropic divergence D (B,) of bodies from the nominal ones.
-
-    Args:
-        relative: (B, 4, 4) Z of each body, positive definite.
-    """
-    sizes = np.linalg.eigvalsh(relative)
-    return np.asarray((sizes - np.log(sizes) - 1.0).sum(axis=1))
-
-
 def fit(
-    effect: np.ndarray, error: np.ndarray, weight: float, weighed: Weighed | None = None
+    effect: np.ndarray,
+    error: np.ndarray,
+    weight: float,
+    weighed: tuple[np.ndarray, float] | None = None,
 ) -> np.ndarray:
     """Minimise |effect x - error|^2 / 2 + weight * sum_b D_b(x).
 
@@ -68,7 +45,8 @@ def fit(
         effect: (r, 10 B) A, of order one.
         error: (r,) b, of order one.
         weight: w, positive.
-        weighed: a total mass to hold exactly, if any.
+        weighed: to hold the total mass: (10 B,) kg that each step adds to it, and its ratio to the
+            nominal one.
 
     Returns:
         x: (10 B,), of bodies that can exist.
@@ -77,8 +55,9 @@ def fit(
     change, directions = np.zeros(10 * count), np.eye(10 * count)
     if weighed is not None:
         # All bodies in proportion have the right mass; from there in directions that keep it.
-        change = np.tile(_coordinates(np.eye(4) * (weighed.total / weighed.nominal - 1)), count)
-        directions = np.linalg.svd(weighed.steps[None])[2][1:].T
+        steps, ratio = weighed
+        change = np.tile(_coordinates(np.eye(4) * (ratio - 1.0)), count)
+        directions = np.linalg.svd(steps[None])[2][1:].T
     moved = effect @ directions
     dual = max(1.0, weight) * np.linalg.inv(relative_inertia(change))
     centring, before, share = _MOST_CENTRING, np.inf, np.sqrt(weight)

@@ -28,29 +28,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eval.papers.inertial_parameters.entropic_fit import (
-    Weighed,
-    divergence,
-    fit,
-    relative_inertia,
-)
+from eval.papers.inertial_parameters.entropic_fit import fit
 from eval.papers.inertial_parameters.excitation import (
     Excitation,
-    ExcitationError,
     by_steps,
     excitation_of,
     natural_steps,
 )
 from eval.papers.inertial_parameters.inertia import consistency, with_parameters
 from eval.papers.inertial_parameters.regressor import InertialRegressor
-from fbid_gym.checks import check_finite, check_positive
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
-from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics, check_states
-from fbid_gym.errors import (
-    InvalidValueError,
-    RobotError,
-    ShapeError,
-)
+from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.robots import Robot
 
 PRIOR_WEIGHT = 1e-6
@@ -58,12 +46,8 @@ PRIOR_WEIGHT = 1e-6
 thousandth of the torque. The right weight grows with the errors of the data; it is about their mean
 square, relative to that of the torque, over the number of samples that err independently."""
 
-RESOLUTION = 1e-5
-"""Default share of the torque that the data are taken to resolve."""
-
 _CHUNK = 256
 _RANK_RTOL = 1e-6
-_FLAT = 1e-12
 
 
 class Samples(NamedTuple):
@@ -75,34 +59,24 @@ class Samples(NamedTuple):
         qacc: (N, nv) m/s^2, rad/s^2, rate of qvel.
         torque: (N, n) N·m (N for slides), what the links feel: the motors' less the joints'
             damping and friction.
-        active: (N, P) bool, contact points that may carry force, in the order of the robot's feet;
-            None for all. A point too many costs information, one too few costs the truth.
+        active: (N, P) bool, contact points that may carry force, in the order of the robot's feet.
+            A point too many costs information, one too few costs the truth.
     """
 
     qpos: np.ndarray
     qvel: np.ndarray
     qacc: np.ndarray
     torque: np.ndarray
-    active: np.ndarray | None = None
+    active: np.ndarray
 
     @classmethod
-    def joined(cls, robot: Robot, parts: Sequence["Samples"]) -> "Samples":
+    def joined(cls, parts: Sequence["Samples"]) -> "Samples":
         """Return the samples of several motions of one robot, whatever their contacts."""
-        every = np.ones(robot.num_points, bool)
-        active = [np.tile(every, (len(p.qpos), 1)) if p.active is None else p.active for p in parts]
-        return cls(
-            np.concatenate([part.qpos for part in parts]),
-            np.concatenate([part.qvel for part in parts]),
-            np.concatenate([part.qacc for part in parts]),
-            np.concatenate([part.torque for part in parts]),
-            np.concatenate(active),
-        )
+        return cls(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
     def rows(self, start: int, stop: int) -> "Samples":
         """Return some of the samples."""
-        active = None if self.active is None else self.active[start:stop]
-        qpos, qvel, qacc, torque = (array[start:stop] for array in self[:4])
-        return Samples(qpos, qvel, qacc, torque, active)
+        return Samples(*(array[start:stop] for array in self))
 
 
 class Regression(NamedTuple):
@@ -114,8 +88,6 @@ class Regression(NamedTuple):
         rest: what no parameters explain.
         rows: number of projected equations.
         square: sum of squares of their right-hand sides.
-        samples: number of samples.
-        most: rows of the sample with the most of them.
     """
 
     matrix: np.ndarray
@@ -123,8 +95,6 @@ class Regression(NamedTuple):
     rest: float
     rows: int
     square: float
-    samples: int
-    most: int
 
     def residual(self, parameters: np.ndarray) -> float:
         """Root mean square error of the equations with the parameters (B, 10), N·m (N)."""
@@ -143,9 +113,6 @@ class Identification:
         parameters: (B, 10) estimates, see `eval.papers.inertial_parameters.inertia.PARAMETERS`.
         nominal: (B, 10) what they were.
         residual: root mean square error of the projected equations, N·m (N).
-        nominal_residual: the same for the nominal model.
-        torque_scale: root mean square of their right-hand sides.
-        divergence: (B,) D(P_b | P0_b), how far each body went from its nominal one.
         excitation: what the data could tell.
     """
 
@@ -155,9 +122,6 @@ class Identification:
     parameters: np.ndarray
     nominal: np.ndarray
     residual: float
-    nominal_residual: float
-    torque_scale: float
-    divergence: np.ndarray
     excitation: Excitation
 
     @property
@@ -170,50 +134,9 @@ class Identification:
         """Total mass, kg."""
         return float(self.parameters[:, 0].sum())
 
-    def model(self, name: str | None = None) -> Robot:
+    def model(self) -> Robot:
         """Return the robot with the identified parameters: a model for any provider of terms."""
-        return with_parameters(self.robot, self.bodies, self.parameters, name=name)
-
-
-def identify(
-    robot: Robot,
-    samples: Samples,
-    *,
-    prior_weight: float = PRIOR_WEIGHT,
-    total_mass: float | None = None,
-    resolution: float = RESOLUTION,
-) -> Identification:
-    """Find the inertial parameters of a robot from samples of its motion.
-
-    Armature and kinematics are taken to be known.
-
-    Args:
-        robot: the nominal robot.
-        samples: of the real one's motion.
-        prior_weight: w, how strongly the estimate is drawn to the nominal parameters.
-        total_mass: kg, if the robot was weighed; the estimate then has this mass.
-        resolution: share of the torque's root mean square that a change of the parameters by their
-            size must make for the data to count as telling it. It affects `excitation` and what
-            counts as data without excitation, not the estimate. Noise cannot be told from motion:
-            with noisy data, give what the noise leaves to be resolved.
-
-    Raises:
-        ShapeError: an array of the samples has another shape.
-        NonFiniteError: an array holds NaN or infinity.
-        InvalidValueError: an option is not a positive number, or there is no torque at all.
-        RobotError: a body of the nominal model is a point, a line or a plane, or Pinocchio cannot
-            represent the robot.
-        ExcitationError: all samples together tell no more than one of them could, as when the
-            robot stands still.
-    """
-    regressor = InertialRegressor(robot)
-    return estimate(
-        regressor,
-        regression(regressor, samples),
-        prior_weight=prior_weight,
-        total_mass=total_mass,
-        resolution=resolution,
-    )
+        return with_parameters(self.robot, self.bodies, self.parameters)
 
 
 def estimate(
@@ -222,35 +145,25 @@ def estimate(
     *,
     prior_weight: float = PRIOR_WEIGHT,
     total_mass: float | None = None,
-    resolution: float = RESOLUTION,
 ) -> Identification:
-    """Find the inertial parameters from condensed samples; arguments and errors as `identify`."""
-    check_positive(prior_weight=prior_weight, resolution=resolution)
-    if total_mass is not None:
-        check_positive(total_mass=total_mass)
-    nominal = regressor.parameters()
-    flat = consistency(nominal) <= _FLAT
-    if flat.any():
-        raise RobotError(
-            f"Body {regressor.names[int(flat.argmax())]!r} has no extent in some direction. "
-            "Expected nominal inertias of solid bodies: principal moments of which each is less "
-            "than the sum of the other two."
-        )
-    if data.square == 0.0:
-        raise InvalidValueError("torque", "zero at all samples", "torques that the joints feel")
-    steps, size = natural_steps(nominal), np.sqrt(data.square)
-    excitation = excitation_of(regressor, steps, data.matrix / size, resolution)
-    if excitation.dimension <= data.most:
-        raise ExcitationError(data.samples, excitation.dimension, excitation.attainable)
+    """Find the inertial parameters of a robot from samples of its motion.
 
-    weighed = None
-    if total_mass is not None:
-        weighed = Weighed(steps[:, 0].ravel(), total_mass, float(nominal[:, 0].sum()))
+    Armature and kinematics are taken to be known.
+
+    Args:
+        regressor: of the nominal robot, whose bodies are solid.
+        data: samples of the real one's motion, condensed.
+        prior_weight: w, how strongly the estimate is drawn to the nominal parameters.
+        total_mass: kg, if the robot was weighed; the estimate then has this mass.
+    """
+    nominal, size = regressor.parameters(), np.sqrt(data.square)
+    steps, excitation = natural_steps(nominal), excitation_of(regressor, data.matrix / size)
     change = fit(
         by_steps(data.matrix, steps) / size,
         (data.target - data.matrix @ nominal.ravel()) / size,
         prior_weight,
-        weighed,
+        # How much each step adds to the total mass, and how much of it is missing.
+        None if total_mass is None else (steps[:, 0].ravel(), total_mass / nominal[:, 0].sum()),
     )
     parameters = nominal + np.matvec(steps, change.reshape(-1, 10))
     return Identification(
@@ -260,18 +173,12 @@ def estimate(
         parameters=parameters,
         nominal=nominal,
         residual=data.residual(parameters),
-        nominal_residual=data.residual(nominal),
-        torque_scale=float(size / np.sqrt(data.rows)),
-        divergence=divergence(relative_inertia(change)),
         excitation=excitation,
     )
 
 
-# --- the projected equations -------------------------------------------------------------------
-
-
 def free_motions(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows that take contact forces out of the dynamics, [M10]'s S_u Q^T.
+    """Return rows that take contact forces out of the dynamics, [M10]'s S_u Q^T.
 
     Args:
         jacobian: (N, k, nv) of the contacts, of any rank.
@@ -290,10 +197,6 @@ def projected_equations(
     regressor: InertialRegressor, samples: Samples
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Yield N^T Y, N^T (S^T tau - armature * a) and the number of rows by sample, in chunks.
-
-    Args:
-        regressor: of the robot.
-        samples: N of them.
 
     Yields:
         (C, nv, p) and (C, nv), zero rows included, and (C,).
@@ -314,48 +217,14 @@ def regression(regressor: InertialRegressor, samples: Samples) -> Regression:
 
     By orthogonal transformations of one chunk after the other, so that nothing is squared and the
     small singular values stay what they are.
-
-    Raises:
-        ShapeError: an array of the samples has another shape.
-        NonFiniteError: an array holds NaN or infinity.
     """
-    samples = _checked(regressor.robot, samples)
     p = regressor.num_parameters
     triangle: np.ndarray = np.zeros((0, p + 1))
-    square, counts = 0.0, []
+    square, rows = 0.0, 0
     for matrix, target, count in projected_equations(regressor, samples):
         block = np.concatenate([matrix, target[:, :, None]], axis=2).reshape(-1, p + 1)
         triangle = np.asarray(np.linalg.qr(np.concatenate([triangle, block]), mode="r"))
-        square += float((target**2).sum())
-        counts.append(count)
+        square, rows = square + float((target**2).sum()), rows + int(count.sum())
     whole = np.zeros((p + 1, p + 1))
     whole[: len(triangle)] = triangle
-    rows = np.concatenate(counts)
-    return Regression(
-        matrix=whole[:p, :p],
-        target=whole[:p, p],
-        rest=float(abs(whole[p, p])),
-        rows=int(rows.sum()),
-        square=square,
-        samples=len(rows),
-        most=int(rows.max()),
-    )
-
-
-def _checked(robot: Robot, samples: Samples) -> Samples:
-    """Return samples as float arrays, or raise one error that names what is wrong."""
-    qpos, qvel = check_states(robot, samples.qpos, samples.qvel)
-    count = len(qpos)
-    if count == 0:
-        raise ShapeError("qpos", qpos.shape, f"(N, {robot.nq}) with at least one sample")
-    qacc, torque = np.asarray(samples.qacc, float), np.asarray(samples.torque, float)
-    for name, array, width in (("qacc", qacc, robot.nv), ("torque", torque, robot.num_joints)):
-        if array.shape != (count, width):
-            raise ShapeError(name, array.shape, f"({count}, {width}), one row per row of qpos")
-        check_finite(name, array)
-    active = samples.active
-    if active is not None:
-        active = np.asarray(active, bool)
-        if active.shape != (count, robot.num_points):
-            raise ShapeError("active", active.shape, f"({count}, {robot.num_points}), points")
-    return Samples(qpos, qvel, qacc, torque, active)
+    return Regression(whole[:p, :p], whole[:p, p], float(abs(whole[p, p])), rows, square)

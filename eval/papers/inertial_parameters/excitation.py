@@ -19,7 +19,10 @@ from eval.papers.inertial_parameters.inertia import (
     pseudo_inertia,
 )
 from eval.papers.inertial_parameters.regressor import InertialRegressor
-from fbid_gym.errors import FbidError
+
+RESOLUTION = 1e-5
+"""Share of the torque that the data are taken to resolve. Noise cannot be told from motion: with
+noisy data, it is more."""
 
 _TOLD, _UNTOLD = 0.01, 0.99
 _NUM_STATES = 40
@@ -51,25 +54,6 @@ def natural_steps(nominal: np.ndarray) -> np.ndarray:
     """
     root = np.linalg.cholesky(pseudo_inertia(nominal))[:, None]
     return parameters_of_pseudo_inertia(root @ BASIS @ root.mT).mT
-
-
-class ExcitationError(FbidError):
-    """Motion data that do not excite the parameters they shall identify.
-
-    Attributes:
-        samples: number of samples.
-        dimension: independent combinations of parameters that the data tell.
-        attainable: combinations that motion can tell at all: the robot's base parameters.
-    """
-
-    def __init__(self, samples: int, dimension: int, attainable: int) -> None:
-        """Store the data and build the message."""
-        self.samples, self.dimension, self.attainable = samples, dimension, attainable
-        super().__init__(
-            f"The data do not excite the parameters: {samples} samples tell {dimension} of "
-            f"{attainable} base parameters, no more than a single sample can. Expected a robot "
-            "that moves: every joint, at varying speed."
-        )
 
 
 class Excitation(NamedTuple):
@@ -114,21 +98,17 @@ class Excitation(NamedTuple):
         )
 
 
-def excitation_of(
-    regressor: InertialRegressor, steps: np.ndarray, rows: np.ndarray, resolution: float
-) -> Excitation:
+def excitation_of(regressor: InertialRegressor, rows: np.ndarray) -> Excitation:
     """Judge data by the effect of the parameters on them.
 
     Args:
-        regressor: of the robot.
-        steps: (B, 10, 10) of `natural_steps`.
+        regressor: of the nominal robot.
         rows: (r, 10 B) what the parameters do to the data, in units of the norm of the data.
-        resolution: smallest singular value that counts.
     """
-    effects = by_steps(rows, steps)
-    _, sizes, directions = np.linalg.svd(effects)
+    steps = natural_steps(regressor.parameters())
+    _, sizes, directions = np.linalg.svd(by_steps(rows, steps))
     sizes = np.concatenate([sizes, np.zeros(len(directions) - len(sizes))])
-    dimension = int((sizes > resolution).sum())
+    dimension = int((sizes > RESOLUTION).sum())
     # Each parameter as a combination of steps, and how much of it lies in what the data leave open.
     share = steps.reshape(-1, 10)
     blind = directions[dimension:].reshape(-1, len(steps), 10)

@@ -18,28 +18,16 @@ Robotics and Automation Letters 3(1), 2018). P is linear in the ten parameters.
 
 import copy
 import dataclasses
-from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 
-from fbid_gym.checks import check_finite
 from fbid_gym.dynamics.frames import matrix_to_quaternion, quaternion_to_matrix
-from fbid_gym.errors import InvalidValueError, ShapeError
+from fbid_gym.errors import InvalidValueError
 from fbid_gym.robots import Robot
 
-PARAMETERS = (
-    "mass",
-    "mass x",
-    "mass y",
-    "mass z",
-    "inertia xx",
-    "inertia xy",
-    "inertia yy",
-    "inertia xz",
-    "inertia yz",
-    "inertia zz",
-)
+_INERTIA = ("xx", "xy", "yy", "xz", "yz", "zz")
+PARAMETERS = ("mass", *(f"mass {axis}" for axis in "xyz"), *(f"inertia {at}" for at in _INERTIA))
 """Names of a body's parameters, in order: kg, three times kg m, six times kg·m²."""
 
 # Row and column of the inertia tensor for each of the last six parameters.
@@ -52,14 +40,7 @@ _WITH_INERTIA = (
 
 
 def pseudo_inertia(parameters: np.ndarray) -> np.ndarray:
-    """Pseudo-inertia matrices of bodies; linear in the parameters.
-
-    Args:
-        parameters: (..., 10).
-
-    Returns:
-        (..., 4, 4) symmetric: kg·m², kg·m in the last row and column, kg in the corner.
-    """
+    """Return the pseudo-inertias (..., 4, 4) of bodies, linear in their parameters (..., 10)."""
     tensor = np.empty((*parameters.shape[:-1], 3, 3))
     tensor[..., _ROW, _COLUMN] = tensor[..., _COLUMN, _ROW] = parameters[..., 4:]
     result = np.empty((*parameters.shape[:-1], 4, 4))
@@ -71,14 +52,7 @@ def pseudo_inertia(parameters: np.ndarray) -> np.ndarray:
 
 
 def parameters_of_pseudo_inertia(matrix: np.ndarray) -> np.ndarray:
-    """Parameters of bodies: the inverse of `pseudo_inertia`.
-
-    Args:
-        matrix: (..., 4, 4) symmetric.
-
-    Returns:
-        (..., 10).
-    """
+    """Return the parameters (..., 10) of bodies with pseudo-inertias (..., 4, 4)."""
     second = matrix[..., :3, :3]
     trace = np.trace(second, axis1=-2, axis2=-1)[..., None, None]
     tensor = trace * np.eye(3) - second
@@ -87,10 +61,7 @@ def parameters_of_pseudo_inertia(matrix: np.ndarray) -> np.ndarray:
 
 
 def consistency(parameters: np.ndarray) -> np.ndarray:
-    """How far bodies are from the border of what can exist.
-
-    Args:
-        parameters: (..., 10).
+    """Return how far bodies (..., 10) are from the border of what can exist.
 
     Returns:
         (...,) smallest eigenvalue of the pseudo-inertia, its rows and columns scaled so that the
@@ -103,23 +74,14 @@ def consistency(parameters: np.ndarray) -> np.ndarray:
     return np.linalg.eigvalsh(scaled)[..., 0]
 
 
-def body_parameters(model: mujoco.MjModel, bodies: Sequence[int] | np.ndarray) -> np.ndarray:
-    """Parameters of a model's bodies, in the bodies' frames.
-
-    Args:
-        model: compiled.
-        bodies: B body ids.
-
-    Returns:
-        (B, 10).
-    """
-    ids = np.asarray(bodies, dtype=int)
-    mass, com = model.body_mass[ids, None], model.body_ipos[ids]
-    axes = quaternion_to_matrix(model.body_iquat[ids])
-    moments = model.body_inertia[ids]
+def body_parameters(model: mujoco.MjModel, bodies: np.ndarray) -> np.ndarray:
+    """Return the parameters (B, 10) of a model's bodies, given their ids, in the bodies' frames."""
+    mass, com = model.body_mass[bodies, None], model.body_ipos[bodies]
+    axes = quaternion_to_matrix(model.body_iquat[bodies])
+    moments = model.body_inertia[bodies]
     # The second moments about the centre of mass are diagonal in the principal axes.
     spread = moments.sum(axis=1, keepdims=True) / 2 - moments
-    matrix = np.empty((len(ids), 4, 4))
+    matrix = np.empty((len(bodies), 4, 4))
     matrix[:, :3, :3] = (axes * spread[:, None]) @ axes.mT
     matrix[:, :3, :3] += mass[:, None] * com[:, :, None] * com[:, None]
     matrix[:, :3, 3] = matrix[:, 3, :3] = mass * com
@@ -127,35 +89,22 @@ def body_parameters(model: mujoco.MjModel, bodies: Sequence[int] | np.ndarray) -
     return parameters_of_pseudo_inertia(matrix)
 
 
-def with_parameters(
-    robot: Robot,
-    bodies: Sequence[int] | np.ndarray,
-    parameters: np.ndarray,
-    *,
-    name: str | None = None,
-) -> Robot:
+def with_parameters(robot: Robot, bodies: np.ndarray, parameters: np.ndarray) -> Robot:
     """Return the robot with other inertial parameters; geometry, joints and contacts stay.
 
     Args:
         robot: the robot; it is not changed.
         bodies: B body ids.
         parameters: (B, 10), each of a body that can exist.
-        name: name of the new robot; the old one by default.
 
     Raises:
-        ShapeError: `parameters` does not have ten entries per body.
-        NonFiniteError: a parameter is NaN or infinite.
         InvalidValueError: parameters that no body can have.
     """
-    ids, parameters = np.asarray(bodies, dtype=int), np.asarray(parameters, dtype=float)
-    if parameters.shape != (len(ids), 10):
-        raise ShapeError("parameters", parameters.shape, f"({len(ids)}, 10), ten for each body")
-    check_finite("parameters", parameters)
     margin = consistency(parameters)
-    if (margin <= 0.0).any():
+    if not (margin > 0.0).all():
         worst = int(np.argmin(margin))
         raise InvalidValueError(
-            f"parameters of body {robot.model.body(ids[worst]).name!r}",
+            f"parameters of body {robot.model.body(bodies[worst]).name!r}",
             [float(f"{value:.4g}") for value in parameters[worst]],
             "those of a body with positive mass everywhere: a positive definite pseudo-inertia",
         )
@@ -166,33 +115,28 @@ def with_parameters(
     about_com = matrix[:, :3, :3] - mass[:, None, None] * com[:, :, None] * com[:, None]
     spread, axes = np.linalg.eigh(about_com)
     axes[np.linalg.det(axes) < 0.0, :, 0] *= -1.0
-    model.body_mass[ids], model.body_ipos[ids] = mass, com
-    model.body_inertia[ids] = spread.sum(axis=1, keepdims=True) - spread
-    model.body_iquat[ids] = matrix_to_quaternion(axes)
+    model.body_mass[bodies], model.body_ipos[bodies] = mass, com
+    model.body_inertia[bodies] = spread.sum(axis=1, keepdims=True) - spread
+    model.body_iquat[bodies] = matrix_to_quaternion(axes)
     # The inertial frame has moved away from what lay in it.
     for frames, owners in (
         (model.geom_sameframe, model.geom_bodyid),
         (model.site_sameframe, model.site_bodyid),
     ):
-        frames[np.isin(frames, _WITH_INERTIA) & np.isin(owners, ids)] = 0
+        frames[np.isin(frames, _WITH_INERTIA) & np.isin(owners, bodies)] = 0
     mujoco.mj_setConst(model, mujoco.MjData(model))
-    return dataclasses.replace(
-        robot,
-        name=name or robot.name,
-        model=model,
-        spec=_told(robot.spec, model, ids),
-        mass=float(model.body_subtreemass[robot.base_body]),
-    )
+    whole, spec = float(model.body_subtreemass[robot.base_body]), _told(robot.spec, model, bodies)
+    return dataclasses.replace(robot, model=model, spec=spec, mass=whole)
 
 
-def _told(spec: mujoco.MjSpec, model: mujoco.MjModel, ids: np.ndarray) -> mujoco.MjSpec:
-    """Return a spec of which the bodies `ids` are those of a model: worlds are made of it."""
+def _told(spec: mujoco.MjSpec, model: mujoco.MjModel, bodies: np.ndarray) -> mujoco.MjSpec:
+    """Return a spec of which these bodies are those of a model: worlds are made of it."""
     told = spec.copy()
     told.compile()  # gives bodies their ids
     told.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
     told.compiler.settotalmass = -1.0
     for body in told.bodies:
-        if body.id in ids:
+        if body.id in bodies:
             body.explicitinertial = True
             body.mass, body.ipos = model.body_mass[body.id], model.body_ipos[body.id]
             body.iquat, body.inertia = model.body_iquat[body.id], model.body_inertia[body.id]

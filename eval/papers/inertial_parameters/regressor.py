@@ -16,19 +16,15 @@ from eval.papers.inertial_parameters.inertia import (
     parameters_of_pseudo_inertia,
     pseudo_inertia,
 )
-from fbid_gym.checks import check_finite
 from fbid_gym.dynamics import frames
-from fbid_gym.dynamics.mujoco_dynamics import check_states
 from fbid_gym.dynamics.pinocchio_model import pinocchio_model
-from fbid_gym.errors import InvalidValueError, ShapeError
 from fbid_gym.robots import Robot
 
 
 class InertialRegressor:
     """The regressor of a robot's equations of motion.
 
-    It loops over the states in Python. An instance has one working memory, so threads need one
-    each. Bodies without mass carry no parameters: they have none to find.
+    Bodies without mass carry no parameters: they have none to find.
 
     Attributes:
         robot: the robot; of its inertial parameters only the armature matters.
@@ -38,11 +34,7 @@ class InertialRegressor:
     """
 
     def __init__(self, robot: Robot) -> None:
-        """Read the robot's kinematics.
-
-        Raises:
-            RobotError: Pinocchio cannot represent the robot; see `pinocchio_model`.
-        """
+        """Read the robot's kinematics."""
         model = robot.model
         self._model = pinocchio_model(model)
         self._data = self._model.createData()
@@ -68,7 +60,7 @@ class InertialRegressor:
         return body_parameters(self.robot.model, self.bodies)
 
     def rows(self, qpos: np.ndarray, qvel: np.ndarray, qacc: np.ndarray) -> np.ndarray:
-        """Return the regressor at N states.
+        """Return the regressor at N states, in a loop over them.
 
         Args:
             qpos: (N, nq) m, quaternion wxyz, rad.
@@ -77,36 +69,19 @@ class InertialRegressor:
 
         Returns:
             Y: (N, nv, 10 B), the bodies in order, ten columns each.
-
-        Raises:
-            ShapeError: an array is not a batch of this robot's states.
-            NonFiniteError: a state holds NaN or infinity.
-            InvalidValueError: a quaternion is zero.
         """
-        qpos, qvel = check_states(self.robot, qpos, qvel)
-        qacc = np.asarray(qacc, dtype=float)
-        if qacc.shape != qvel.shape:
-            raise ShapeError("qacc", qacc.shape, f"{qvel.shape}, as qvel")
-        check_finite("qacc", qacc)
-        zero = (qpos[:, 3:7] == 0.0).all(axis=1)
-        if zero.any():
-            row = int(zero.argmax())
-            raise InvalidValueError(f"qpos[{row}, 3:7]", qpos[row, 3:7], "a nonzero quaternion")
         rotation = frames.quaternion_to_matrix(qpos[:, 3:7])
         configuration = frames.configuration_to_pinocchio(qpos, self.robot.model.qpos0)
         velocity = frames.velocity_to_pinocchio(qvel, rotation)
         acceleration = frames.velocity_to_pinocchio(qacc, rotation)
         acceleration += frames.velocity_product(qvel, rotation)
-        count, size = qvel.shape
-        result = np.empty((count, size, len(self.bodies), 10))
-        model, data = self._model, self._data
-        for i in range(count):
-            of_joints = pin.computeJointTorqueRegressor(
-                model, data, configuration[i], velocity[i], acceleration[i]
-            )
-            result[i] = of_joints[:, self._columns]
-        result = (result[..., None, :] @ self._to_joint)[..., 0, :]
-        columns = result.reshape(count, size, self.num_parameters)
+        motions = zip(configuration, velocity, acceleration, strict=True)
+        of_joints = [
+            pin.computeJointTorqueRegressor(self._model, self._data, *motion)[:, self._columns]
+            for motion in motions
+        ]
+        rows = (np.array(of_joints)[..., None, :] @ self._to_joint)[..., 0, :]
+        columns = rows.reshape(*qvel.shape, self.num_parameters)
         # A generalized force transforms as the rows of a Jacobian do: Y = X^T Y_pin.
         return frames.jacobian_from_pinocchio(columns.mT, rotation).mT
 

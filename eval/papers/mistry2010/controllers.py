@@ -1,21 +1,76 @@
-"""The controller of [M10] section IV: joint PD, with and without inverse dynamics ahead of it."""
+"""The controller of [M10] section IV, joint PD with inverse dynamics ahead of it, and its plans."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from eval.papers.mistry2010.laws import Law, Tick
-from eval.papers.trial import RATES, Memory
-from fbid_gym.actions.contact_belief import MEASURED_LOAD
+from eval.papers.trial import RATES, Memory, Plan, Wanted
+from fbid_gym.actions.contact_belief import ContactBelief, contact_belief
 from fbid_gym.actions.joint_gains import holding_torque
 from fbid_gym.control import operational_space_acceleration, task_acceleration
 from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.quantities import ContactGeometry, RobotState, Target
+from fbid_gym.envs.simulation import Simulation
+from fbid_gym.quantities import RobotState, Target
 from fbid_gym.robots import Robot
+
+
+class Motion(Protocol):
+    """What the robots shall do; see `fbid_gym.motions`."""
+
+    def reference(self, tick: np.ndarray, speed: np.ndarray) -> Target:
+        """Return what each robot shall do at its own `tick` (N,), at `speed` (N,) m/s."""
+        ...
+
+
+def following(motion: Motion, speed: float = 0.0, pose: np.ndarray | None = None) -> Plan:
+    """Return the plan to follow a motion. The log gets the "target" (T, N, n) rad of the joints.
+
+    Args:
+        motion: what to do.
+        speed: m/s commanded.
+        pose: (N, 3) m, m, rad: where each robot begins in the world, and its heading; None for the
+            origin.
+    """
+
+    def begin(simulation: Simulation, start: np.ndarray) -> Callable[[np.ndarray], Wanted]:
+        every = np.arange(simulation.num_robots)
+        speeds = np.full(len(every), speed)
+        first = motion.reference(start, speeds)
+        simulation.place(every, *_placed(first.qpos.copy(), first.qvel.copy(), pose))
+
+        def wanted(tick: np.ndarray) -> Wanted:
+            reference = motion.reference(tick, speeds)
+            target = reference.qpos[:, 7:]
+            return Wanted(reference, reference.qpos[:, 2], lambda: {"target": target})
+
+        return wanted
+
+    return begin
+
+
+def _placed(
+    qpos: np.ndarray, qvel: np.ndarray, pose: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Take states to places and headings of their own."""
+    if pose is not None:
+        heading = pose[:, 2]
+        _turn(qpos, [0, 1], heading)
+        _turn(qvel, [0, 1], heading)
+        qpos[:, :2] += pose[:, :2]
+        _turn(qpos, [3, 6], 0.5 * heading)
+        _turn(qpos, [4, 5], 0.5 * heading)
+    return qpos, qvel
+
+
+def _turn(values: np.ndarray, pair: list[int], angle: np.ndarray) -> None:
+    """Turn the vectors in two columns."""
+    x, y = values[:, pair].T
+    cosine, sine = np.cos(angle), np.sin(angle)
+    values[:, pair] = np.stack([cosine * x - sine * y, cosine * y + sine * x], axis=1)
 
 
 class SplitTorque(NamedTuple):
@@ -35,8 +90,7 @@ class SplitTorque(NamedTuple):
         return self.feedforward + self.feedback
 
 
-@dataclass(frozen=True, eq=False)
-class PdGains:
+class PdGains(NamedTuple):
     """Joint PD gains, K_P = I w^2 and K_D = 2 zeta I w; I is each joint's inertia in stance.
 
     Attributes:
@@ -83,27 +137,6 @@ def _most_damping(stance: Stance) -> np.ndarray:
     return np.minimum(np.diag(matrix), 1.5 * giving_way)[6:] * RATES.control
 
 
-ContactBelief = Callable[[RobotState, Target], np.ndarray]
-"""Which contact points a controller takes to be on the ground: (N, P) bool."""
-
-
-def planned_contacts(robot: Robot) -> ContactBelief:
-    """Believe in the points of the feet that the reference plants."""
-    geometry = contact_geometry(robot)
-    return lambda state, reference: contact_points(geometry, reference)
-
-
-def contact_points(geometry: ContactGeometry, reference: Target) -> np.ndarray:
-    """Return which contact points belong to planted feet: (N, P) bool."""
-    return reference.planted[:, geometry.foot_of_point]
-
-
-def measured_contacts(robot: Robot) -> ContactBelief:
-    """Believe in the points that carried weight during the last physics step."""
-    least = MEASURED_LOAD * robot.weight
-    return lambda state, reference: np.linalg.norm(state.contact_force, axis=2) > least
-
-
 Desire = Callable[[Tick, Memory], np.ndarray]
 """Which acceleration the robots shall have, (N, nv) m/s^2 and rad/s^2: what the inverse dynamics is
 given. It may note in the memory what the log shall have."""
@@ -122,7 +155,7 @@ def as_planned(robot: Robot) -> Desire:
     return desire
 
 
-def base_returning(robot: Robot, hertz: float) -> Desire:
+def base_returning(robot: Robot, hertz: float | np.ndarray) -> Desire:
     """[M10] eqs. (19) and (20): the contacts stay, the base's x and y return to the reference's.
 
     What is left is at rest: the acceleration of least norm, in which the reference has no part.
@@ -130,7 +163,7 @@ def base_returning(robot: Robot, hertz: float) -> Desire:
 
     Args:
         robot: the robot.
-        hertz: natural frequency of the return, critically damped.
+        hertz: natural frequency of the return, or (N, 1); critically damped.
     """
     stance, omega = Stance.of(robot), 2.0 * np.pi * hertz
 
@@ -176,8 +209,8 @@ class JointController:
             desire: which acceleration is desired; None for the reference's.
         """
         self.robot, self.gains, self.law = robot, gains, law
-        self.belief = planned_contacts(robot) if belief is None else belief
-        self.desire = as_planned(robot) if desire is None else desire
+        self.belief = belief or contact_belief("planned", robot, RATES.control)
+        self.desire = desire or as_planned(robot)
         self.geometry = contact_geometry(robot)
 
     def memory(self, num_robots: int) -> Memory:
@@ -197,7 +230,7 @@ class JointController:
         active = self.belief(state, goal)
         contacts = reduced_contacts(self.geometry, terms, active)
         tick = Tick(state, terms, goal, active, contacts)
-        torque = self.law(tick, self.desire(tick, memory), memory)
+        torque = self.law.torque(tick, self.desire(tick, memory), memory)
         limit, friction = self.robot.torque_limit, self.robot.joint_damping * state.qvel[:, 6:]
         # What acts on the robot's rigid bodies: the motors' torque less the joints' friction.
         memory["applied"] = np.clip(torque + friction + feedback, -limit, limit) - friction

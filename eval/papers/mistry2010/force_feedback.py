@@ -38,239 +38,129 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fbid_gym.checks import check_shape
-from fbid_gym.control.equations import checked_equations
-from fbid_gym.errors import ShapeError
-
 # Eigenvalues at or below this share of the largest count as zero.
 _RTOL = 1e-10
 
 
-class ForceFeedbackDynamics(NamedTuple):
-    """Torques from given contact forces, and what they rest on.
+class Equation(NamedTuple):
+    """The equation of motion of N robots with k rows of contacts: how every law's arguments begin.
 
     Attributes:
-        torque: (N, n) N·m.
-        contact_force: (N, k) generalized forces of the rows of J, as given or estimated.
-        acceleration: (N, nv) the robot will have if these are the forces: the command's joint rows
-            and the base acceleration that the forces cause.
-    """
-
-    torque: np.ndarray
-    contact_force: np.ndarray
-    acceleration: np.ndarray
-
-
-class ProjectedDynamics(NamedTuple):
-    """Torques by the inertia-weighted projection, and what they achieve if the contacts hold.
-
-    Attributes:
-        torque: (N, n) N·m.
-        contact_force: (N, k) generalized forces of the rows of J by eq. (6); the least in norm
-            where rows are redundant.
-        acceleration: (N, nv) the robot will really have.
-        rank: (N,) of the projection O, integers. n less that is the number of torque directions
-            that act on the contacts alone.
-    """
-
-    torque: np.ndarray
-    contact_force: np.ndarray
-    acceleration: np.ndarray
-    rank: np.ndarray
-
-
-def contact_force_of_torque(
-    mass_matrix: np.ndarray,
-    bias: np.ndarray,
-    jacobian: np.ndarray,
-    torque: np.ndarray,
-    jacobian_bias: np.ndarray,
-) -> np.ndarray:
-    """Contact forces that a torque causes if the contacts hold, [M10] eq. (6).
-
-    Args:
         mass_matrix: (N, nv, nv) M, symmetric positive definite.
         bias: (N, nv) h.
-        jacobian: (N, k, nv) J of the contact constraints.
-        torque: (N, n) N·m.
+        jacobian: (N, k, nv) J of the contacts; its rows may repeat.
+        acceleration: (N, nv) desired; of these the laws here use the joint rows.
         jacobian_bias: (N, k) Jdot v.
-
-    Returns:
-        (N, k) generalized forces lambda of the rows of J, the least in norm where rows repeat; zero
-        for zero rows.
-
-    Raises:
-        ShapeError: an array does not fit.
     """
-    checked_equations(mass_matrix, bias, jacobian, bias, jacobian_bias)
-    count, _, velocities = jacobian.shape
-    check_shape("torque", torque, (count, velocities - 6), "(N, n)")
+
+    mass_matrix: np.ndarray
+    bias: np.ndarray
+    jacobian: np.ndarray
+    acceleration: np.ndarray
+    jacobian_bias: np.ndarray
+
+
+class KnownForces(NamedTuple):
+    """Torques, and what they rest on.
+
+    Attributes:
+        torque: (N, n) N·m.
+        contact_force: (N, k) generalized forces of the rows of J; the least in norm where rows are
+            redundant.
+        acceleration: (N, nv) the robot will have if these are the forces.
+    """
+
+    torque: np.ndarray
+    contact_force: np.ndarray
+    acceleration: np.ndarray
+
+
+def contact_force_of_torque(equation: Equation, torque: np.ndarray) -> np.ndarray:
+    """Return the forces that a torque (N, n) causes if the contacts hold, (N, k), [M10] eq. (6).
+
+    They are the least in norm where rows of J repeat; zero for zero rows.
+    """
+    mass_matrix, bias, jacobian, _, jacobian_bias = equation
     load = bias - _joint_rows(torque)
     # M^-1 [J^T, h - S^T tau]
     response = np.linalg.solve(mass_matrix, np.concatenate([jacobian.mT, load[..., None]], axis=-1))
     projected = jacobian @ response
-    gram = projected[..., :-1]
-    inverse, _ = _pseudo_inverse(0.5 * (gram + gram.mT))
+    inverse, _ = _pseudo_inverse(projected[..., :-1])
     return np.matvec(inverse, projected[..., -1] - jacobian_bias)
 
 
-def force_feedback_inverse_dynamics(
-    mass_matrix: np.ndarray,
-    bias: np.ndarray,
-    jacobian: np.ndarray,
-    acceleration: np.ndarray,
-    jacobian_bias: np.ndarray,
-    contact_force: np.ndarray,
-) -> ForceFeedbackDynamics:
-    """Torques for desired joint accelerations under given contact forces, [M10] eq. (8).
+def force_feedback(equation: Equation, contact_force: np.ndarray) -> KnownForces:
+    """Return torques for desired joint accelerations under given forces (N, k), [M10] eq. (8).
 
-    Args:
-        mass_matrix: (N, nv, nv) M, symmetric positive definite.
-        bias: (N, nv) h.
-        jacobian: (N, k, nv) J of the contacts whose forces are given.
-        acceleration: (N, nv) desired; only the joint rows are used.
-        jacobian_bias: (N, k) Jdot v; not used, there for the sake of a common signature.
-        contact_force: (N, k) F_ext, generalized forces of the rows of J. Measured forces of contact
-            points are brought to reduced rows by their point map.
-
-    Returns:
-        ForceFeedbackDynamics.
-
-    Raises:
-        ShapeError: an array does not fit.
+    Measured forces of contact points are brought to reduced rows of J by their point map.
     """
-    checked_equations(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
-    check_shape("contact_force", contact_force, tuple(jacobian.shape[:2]), "(N, k)")
+    mass_matrix, bias, jacobian, acceleration, _ = equation
     load = bias - np.matvec(jacobian.mT, contact_force)
     joints = acceleration[:, 6:]
     push = load[:, :6] + np.matvec(mass_matrix[:, :6, 6:], joints)
     base = np.linalg.solve(mass_matrix[:, :6, :6], -push[..., None])[..., 0]
     caused = np.concatenate([base, joints], axis=-1)
     torque = np.matvec(mass_matrix[:, 6:, :], caused) + load[:, 6:]
-    return ForceFeedbackDynamics(torque, contact_force, caused)
+    return KnownForces(torque, contact_force, caused)
 
 
-def estimated_force_inverse_dynamics(
-    mass_matrix: np.ndarray,
-    bias: np.ndarray,
-    jacobian: np.ndarray,
-    acceleration: np.ndarray,
-    jacobian_bias: np.ndarray,
-    previous_torque: np.ndarray,
-) -> ForceFeedbackDynamics:
-    """Torques by eq. (8), with the contact forces that eq. (6) ascribes to the previous torque.
+def estimated_force(equation: Equation, previous_torque: np.ndarray) -> KnownForces:
+    """Return torques by eq. (8), with the forces that eq. (6) ascribes to the previous tick's.
 
-    Args:
-        mass_matrix: (N, nv, nv) M, symmetric positive definite.
-        bias: (N, nv) h.
-        jacobian: (N, k, nv) J of the contact constraints.
-        acceleration: (N, nv) desired; only the joint rows are used.
-        jacobian_bias: (N, k) Jdot v.
-        previous_torque: (N, n) N·m, of the control tick before. If that is all of the torque that
-            was applied, a feedback added to this law's is taken for a cause of the contact forces:
-            held at a fixed state, it is magnified by 1 / mu along an eigenvector of O with
-            eigenvalue mu, and sums up without bound where mu is zero.
-
-    Returns:
-        ForceFeedbackDynamics.
-
-    Raises:
-        ShapeError: an array does not fit.
+    If `previous_torque` (N, n) is all that was applied, a feedback added to this law's is taken for
+    a cause of the contact forces: held at a fixed state, it is magnified by 1 / mu along an
+    eigenvector of O with eigenvalue mu, and sums up without bound where mu is zero.
     """
-    force = contact_force_of_torque(mass_matrix, bias, jacobian, previous_torque, jacobian_bias)
-    return force_feedback_inverse_dynamics(
-        mass_matrix, bias, jacobian, acceleration, jacobian_bias, force
-    )
+    return force_feedback(equation, contact_force_of_torque(equation, previous_torque))
 
 
-def actuated_projection(
-    mass_matrix: np.ndarray, jacobian: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The operator O = Sbar^T (1 - J^T Jbar^T) S^T of [M10] eq. (7), and its rank.
-
-    Args:
-        mass_matrix: (N, nv, nv) M, symmetric positive definite.
-        jacobian: (N, k, nv) J of the contact constraints.
-
-    Returns:
-        (N, n, n), of eigenvalues in [0, 1], and the rank (N,), integers.
-
-    Raises:
-        ShapeError: an array does not fit.
-    """
-    shape = tuple(jacobian.shape)
-    if len(shape) != 3 or shape[2] < 6:
-        raise ShapeError("jacobian", shape, "(N, k, nv) with nv of at least 6")
-    check_shape("mass_matrix", mass_matrix, (shape[0], shape[2], shape[2]), "(N, nv, nv)")
-    inverse, response, _, _ = _projector(mass_matrix, jacobian)
+def actuated_projection(equation: Equation) -> tuple[np.ndarray, np.ndarray]:
+    """Return the operator O of [M10] eq. (7), (N, n, n), and its rank, (N,) integers."""
+    inverse, response, _, _ = _projector(equation)
     compliance = _without_rounding(response[:, 6:, 6:], inverse[:, 6:, 6:])
     _, rank = _pseudo_inverse(compliance)
     return np.linalg.solve(inverse[:, 6:, 6:], compliance), rank
 
 
-def inertia_weighted_inverse_dynamics(
-    mass_matrix: np.ndarray,
-    bias: np.ndarray,
-    jacobian: np.ndarray,
-    acceleration: np.ndarray,
-    jacobian_bias: np.ndarray,
-) -> ProjectedDynamics:
-    """Least torques for desired joint accelerations by the projection of [M10] eq. (7).
+def inertia_weighted(equation: Equation) -> KnownForces:
+    """Return the least torques for desired joint accelerations by the projection of eq. (7).
 
     Eq. (7) is multiplied by S M^-1 S^T, which makes it symmetric, C tau = a_q + S (P h + Jbar Jdot
     v), and solved by the pseudo-inverse of C. Joint accelerations that the contacts do not allow
     are met in the sense of least squares.
-
-    Args:
-        mass_matrix: (N, nv, nv) M, symmetric positive definite.
-        bias: (N, nv) h.
-        jacobian: (N, k, nv) J of the contact constraints.
-        acceleration: (N, nv) desired; only the joint rows are used.
-        jacobian_bias: (N, k) Jdot v.
-
-    Returns:
-        ProjectedDynamics.
-
-    Raises:
-        ShapeError: an array does not fit.
     """
-    checked_equations(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
-    inverse, response, through, inertia = _projector(mass_matrix, jacobian)
+    _, bias, _, acceleration, jacobian_bias = equation
+    inverse, response, through, inertia = _projector(equation)
     compliance = _without_rounding(response[:, 6:, 6:], inverse[:, 6:, 6:])
     # Jbar = M^-1 J^T (J M^-1 J^T)^+
     drift = -np.matvec(response, bias) - np.matvec(through.mT, np.matvec(inertia, jacobian_bias))
-    compliance_inverse, rank = _pseudo_inverse(compliance)
-    torque = np.matvec(compliance_inverse, acceleration[:, 6:] - drift[:, 6:])
+    torque = np.matvec(_pseudo_inverse(compliance)[0], acceleration[:, 6:] - drift[:, 6:])
     achieved = np.matvec(response[:, :, 6:], torque) + drift
     load = bias - _joint_rows(torque)
     contact_force = np.matvec(inertia, np.matvec(through, load) - jacobian_bias)
-    return ProjectedDynamics(torque, contact_force, achieved, rank)
+    return KnownForces(torque, contact_force, achieved)
 
 
-def _projector(
-    mass_matrix: np.ndarray, jacobian: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _projector(equation: Equation) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """M^-1, P, J M^-1 and (J M^-1 J^T)^+."""
-    inverse = np.linalg.inv(mass_matrix)
-    through = jacobian @ inverse
-    gram = through @ jacobian.mT
-    inertia, _ = _pseudo_inverse(0.5 * (gram + gram.mT))
+    inverse = np.linalg.inv(equation.mass_matrix)
+    through = equation.jacobian @ inverse
+    inertia, _ = _pseudo_inverse(through @ equation.jacobian.mT)
     response = inverse - through.mT @ inertia @ through
     return inverse, 0.5 * (response + response.mT), through, inertia
 
 
 def _pseudo_inverse(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Moore-Penrose inverse (N, k, k) and rank (N,) of symmetric positive semidefinite matrices.
+    """Moore-Penrose inverse (N, k, k) and rank (N,) of positive semidefinite matrices.
 
     A matrix that is not finite gets NaN and rank 0, and harms no other.
     """
-    finite = np.isfinite(matrix).all(axis=(1, 2))
-    values, vectors = np.linalg.eigh(np.where(finite[:, None, None], matrix, 0.0))
+    sick = ~np.isfinite(matrix).all(axis=(1, 2))
+    values, vectors = np.linalg.eigh(np.where(sick[:, None, None], 0.0, 0.5 * (matrix + matrix.mT)))
     present = values > _RTOL * values[:, -1:]
     reciprocal = np.divide(1.0, values, out=np.zeros_like(values), where=present)
-    inverse = (vectors * reciprocal[:, None]) @ vectors.mT
-    inverse[~finite] = np.nan
-    return inverse, present.sum(axis=1)
+    reciprocal[sick] = np.nan
+    return (vectors * reciprocal[:, None]) @ vectors.mT, present.sum(axis=1)
 
 
 def _without_rounding(compliance: np.ndarray, free: np.ndarray) -> np.ndarray:
@@ -281,5 +171,4 @@ def _without_rounding(compliance: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 def _joint_rows(torque: np.ndarray) -> np.ndarray:
     """S^T tau: (N, nv)."""
-    base = np.zeros((len(torque), 6))
-    return np.concatenate([base, torque], axis=-1)
+    return np.pad(torque, [(0, 0), (6, 0)])

@@ -1,15 +1,15 @@
 """Inverse dynamics of [M10] and its rivals: the torque for a desired acceleration."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from eval.papers.mistry2010.force_feedback import (
-    estimated_force_inverse_dynamics,
-    force_feedback_inverse_dynamics,
-    inertia_weighted_inverse_dynamics,
+    Equation,
+    estimated_force,
+    force_feedback,
+    inertia_weighted,
 )
 from eval.papers.mistry2010.force_sensor import ForceSensor
 from eval.papers.mistry2010.metric import metric_inverse_dynamics
@@ -18,15 +18,17 @@ from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal
 from fbid_gym.dynamics import DynamicsTerms
 from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.quantities import ContactGeometry, ReducedContacts, RobotState, Target
+from fbid_gym.quantities import ReducedContacts, RobotState, Target
 from fbid_gym.robots import Robot
 
 JOINTS_FIRST = 1e-3
 """Weight of base accelerations beside joint accelerations where the contacts do not allow both:
 the reference's joint accelerations are kept, and the base follows."""
 
-Equation = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""M, h, J, desired acceleration and Jdot v: what every law of `fbid_gym.control` begins with."""
+
+def equation(terms: DynamicsTerms, contacts: ReducedContacts, acceleration: np.ndarray) -> Equation:
+    """Return the equation of motion of N robots that shall have accelerations (N, nv)."""
+    return Equation(terms.mass_matrix, terms.bias, contacts.jacobian, acceleration, contacts.bias)
 
 
 class Tick(NamedTuple):
@@ -51,40 +53,16 @@ class Tick(NamedTuple):
         return equation(self.terms, self.contacts, acceleration)
 
 
-def equation(terms: DynamicsTerms, contacts: ReducedContacts, acceleration: np.ndarray) -> Equation:
-    """Return the equation of motion of N robots that shall have accelerations (N, nv)."""
-    return terms.mass_matrix, terms.bias, contacts.jacobian, acceleration, contacts.bias
-
-
-class Law(Protocol):
-    """From a desired acceleration (N, nv) to torques (N, n) N·m; it may remember in `memory`."""
-
-    def memory(self, num_robots: int) -> Memory:
-        """Return what the law remembers, for robots that have not moved yet."""
-        ...
-
-    def __call__(self, tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
-        """Return the torques for one control tick."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Memoryless:
-    """A law that remembers nothing.
+class Law(NamedTuple):
+    """Inverse dynamics.
 
     Attributes:
-        torque: its torques, (N, n) N·m.
+        torque: from a desired acceleration (N, nv) to torques (N, n) N·m; may remember in memory.
+        memory: what the law remembers of N robots that have not moved yet.
     """
 
-    torque: Callable[[Tick, np.ndarray], np.ndarray]
-
-    def memory(self, num_robots: int) -> Memory:
-        """Nothing to remember."""
-        return {}
-
-    def __call__(self, tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
-        """See `Law`."""
-        return self.torque(tick, acceleration)
+    torque: Callable[[Tick, np.ndarray, Memory], np.ndarray]
+    memory: Callable[[int], Memory] = lambda count: {}
 
 
 def orthogonal(torque_cost: np.ndarray | None = None) -> Law:
@@ -93,128 +71,75 @@ def orthogonal(torque_cost: np.ndarray | None = None) -> Law:
     Args:
         torque_cost: (n,) diagonal of W of eq. (16); None for the identity.
     """
-    return Memoryless(
-        lambda tick, desired: (
-            orthogonal_inverse_dynamics(
-                *tick.equation(desired), torque_cost=torque_cost, base_priority=JOINTS_FIRST
-            ).torque
-        )
-    )
+
+    def torque(tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
+        return orthogonal_inverse_dynamics(
+            *tick.equation(acceleration), torque_cost=torque_cost, base_priority=JOINTS_FIRST
+        ).torque
+
+    return Law(torque)
 
 
-def inertia_weighted() -> Law:
-    """The least torques by the inertia-weighted projection of eq. (7)."""
-    return Memoryless(
-        lambda tick, desired: inertia_weighted_inverse_dynamics(*tick.equation(desired)).torque
-    )
+WEIGHTED = Law(lambda tick, a, _: inertia_weighted(tick.equation(a)).torque)
+"""The least torques by the inertia-weighted projection of eq. (7)."""
+
+IN_METRIC = Law(
+    lambda tick, a, _: metric_inverse_dynamics(tick.equation(a), tick.terms.mass_matrix).torque
+)
+"""Eq. (15) decomposed in the metric of the kinetic energy: inertia chooses among torques."""
+
+ESTIMATED = Law(lambda tick, a, memory: estimated_force(tick.equation(a), memory["applied"]).torque)
+"""Eq. (8) with the forces that eq. (6) ascribes to all of the torque of the tick before, which the
+controller keeps in its memory as "applied"."""
 
 
-def inertia_metric() -> Law:
-    """Eq. (15) decomposed in the metric of the kinetic energy: inertia chooses among torques."""
-    return Memoryless(
-        lambda tick, desired: (
-            metric_inverse_dynamics(*tick.equation(desired), tick.terms.mass_matrix).torque
-        )
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Limited:
+def limited(robot: Robot, friction: float = 0.7, base_priority: float = JOINTS_FIRST) -> Law:
     """Eq. (15) with contact forces that the ground can deliver; not in the paper.
 
-    Attributes:
-        limits: of the contact forces.
-        length: m, lever arm that makes moments comparable to forces.
+    Args:
+        robot: whose feet.
+        friction: of the cones.
         base_priority: weight of base accelerations beside one for the joints.
     """
+    limits, length = ContactLimits(friction), Stance.of(robot).radius
 
-    limits: ContactLimits
-    length: float
-    base_priority: float
-
-    @classmethod
-    def of(
-        cls, robot: Robot, friction: float = 0.7, base_priority: float = JOINTS_FIRST
-    ) -> "Limited":
-        """Friction cones of the given coefficient."""
-        return cls(ContactLimits(friction), Stance.of(robot).radius, base_priority)
-
-    def memory(self, num_robots: int) -> Memory:
-        """The warm start of the contact forces."""
-        return {"warm_start": np.zeros((num_robots, 6))}
-
-    def __call__(self, tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
-        """See `Law`."""
+    def torque(tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
         found = limited_inverse_dynamics(
-            *tick.equation(acceleration),
-            self.limits,
-            point_map=tick.contacts.point_map,
-            active=tick.active,
-            base_priority=self.base_priority,
-            length=self.length,
+            *tick.equation(acceleration), limits, point_map=tick.contacts.point_map,
+            active=tick.active, base_priority=base_priority, length=length,
             warm_start=memory["warm_start"],
-        )
+        )  # fmt: skip
         memory["warm_start"] = found.warm_start
         return found.torque
 
+    return Law(torque, lambda count: {"warm_start": np.zeros((count, 6))})
 
-@dataclass(frozen=True, eq=False)
-class MeasuredForce:
+
+def measured(robot: Robot, noise: float = 0.0, cutoff_hz: float = np.inf, delay: int = 0) -> Law:
     """Eq. (8) with the forces that sensors at all contact points report; no contact is assumed.
 
-    Attributes:
-        geometry: of the contact points.
-        sensor: noise, filter and delay of each force component.
-        seed: of the noise.
+    Args:
+        robot: whose feet.
+        noise: N.
+        cutoff_hz: Hz, of the filter.
+        delay: control ticks.
     """
+    sensor, geometry = ForceSensor(RATES.control, noise, cutoff_hz, delay), contact_geometry(robot)
 
-    geometry: ContactGeometry
-    sensor: ForceSensor
-    seed: int = 0
-
-    @classmethod
-    def of(
-        cls, robot: Robot, noise: float = 0.0, cutoff_hz: float = np.inf, delay: int = 0
-    ) -> "MeasuredForce":
-        """Noise in N, filter in Hz, delay in control ticks."""
-        sensor = ForceSensor(RATES.control, noise, cutoff_hz, delay)
-        return cls(contact_geometry(robot), sensor)
-
-    def memory(self, num_robots: int) -> Memory:
-        """What the sensors remember."""
-        start = self.sensor.start(np.zeros((num_robots, 3 * self.geometry.num_points)))
-        return {"sensor": start, "noise": np.random.default_rng(self.seed)}
-
-    def __call__(self, tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
-        """See `Law`."""
+    def torque(tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
         force = tick.state.contact_force.reshape(len(acceleration), -1)
-        force, memory["sensor"] = self.sensor.measure(force, memory["sensor"], memory["noise"])
-        touching = reduced_contacts(self.geometry, tick.terms)
-        return force_feedback_inverse_dynamics(
-            *equation(tick.terms, touching, acceleration),
-            np.matvec(touching.point_map, force),
-        ).torque
+        force, memory["sensor"] = sensor.measure(force, memory["sensor"], memory["noise"])
+        touching = reduced_contacts(geometry, tick.terms)
+        known = np.matvec(touching.point_map, force)
+        return force_feedback(equation(tick.terms, touching, acceleration), known).torque
 
-
-@dataclass(frozen=True)
-class EstimatedForce:
-    """Eq. (8) with the forces that eq. (6) ascribes to all of the torque of the tick before."""
-
-    def memory(self, num_robots: int) -> Memory:
-        """Nothing of its own; the controller keeps what it "applied"."""
-        return {}
-
-    def __call__(self, tick: Tick, acceleration: np.ndarray, memory: Memory) -> np.ndarray:
-        """See `Law`."""
-        return estimated_force_inverse_dynamics(
-            *tick.equation(acceleration), memory["applied"]
-        ).torque
+    return Law(torque, lambda count: {"sensor": None, "noise": np.random.default_rng(0)})
 
 
 def rivals(robot: Robot) -> dict[str, Law]:
     """Return contact-force feedback as the paper compares with it, by name."""
     return {
-        "measured force, ideal sensor": MeasuredForce.of(robot),
-        "measured force, 10 ms late": MeasuredForce.of(robot, delay=5),
-        "force from the previous torque": EstimatedForce(),
+        "measured force, ideal sensor": measured(robot),
+        "measured force, 10 ms late": measured(robot, delay=5),
+        "force from the previous torque": ESTIMATED,
     }

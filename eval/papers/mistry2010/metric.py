@@ -20,76 +20,39 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fbid_gym.checks import check_positive, check_shape
-from fbid_gym.control.equations import checked_equations
-from fbid_gym.control.inverse_dynamics import InverseDynamics, orthogonal_inverse_dynamics
-from fbid_gym.errors import InvalidValueError
+from eval.papers.mistry2010.force_feedback import Equation
+from fbid_gym.control import InverseDynamics, orthogonal_inverse_dynamics
 
 
-def length_metric(rotary: Sequence[bool] | np.ndarray, length: float) -> np.ndarray:
-    """Metric in which a radian counts as `length` metres.
+def length_metric(rotary: Sequence[bool], length: float) -> np.ndarray:
+    """Return the metric in which a radian counts as `length` metres.
 
     Args:
         rotary: (n,) which joints turn; the others slide.
         length: m, characteristic, such as that of a leg.
 
     Returns:
-        (nv,) diagonal of B: 1 for the base's position and slides, length^2 (m^2/rad^2) for the
+        (nv, nv) diagonal B: 1 for the base's position and slides, length^2 (m^2/rad^2) for the
         base's rotation and hinges.
-
-    Raises:
-        InvalidValueError: `length` is not positive and finite.
     """
-    check_positive(length=length)
-    turns = np.concatenate([[False] * 3, [True] * 3, np.asarray(rotary, dtype=bool)])
-    return np.where(turns, length * length, 1.0)
+    turns = np.array([False] * 3 + [True] * 3 + list(rotary))
+    return np.diag(np.where(turns, length * length, 1.0))
 
 
-def metric_inverse_dynamics(
-    mass_matrix: np.ndarray,
-    bias: np.ndarray,
-    jacobian: np.ndarray,
-    acceleration: np.ndarray,
-    jacobian_bias: np.ndarray,
-    metric: np.ndarray,
-) -> InverseDynamics:
-    """Torques of [M10] eq. (15), the orthogonal decomposition taken in a homogeneous metric.
+def metric_inverse_dynamics(equation: Equation, metric: np.ndarray) -> InverseDynamics:
+    """Return torques of [M10] eq. (15), the orthogonal decomposition taken in a metric.
 
     Args:
-        mass_matrix: (N, nv, nv) M, symmetric positive definite.
-        bias: (N, nv) h.
-        jacobian: (N, k, nv) J of the contact constraints.
-        acceleration: (N, nv) desired.
-        jacobian_bias: (N, k) Jdot v.
-        metric: B on velocities: (nv,) positive diagonal, or (N, nv, nv) symmetric positive
-            definite, such as the mass matrix.
+        equation: of motion, with the desired accelerations.
+        metric: B on velocities, (nv, nv) or (N, nv, nv) symmetric positive definite, such as M.
 
     Returns:
-        InverseDynamics in the units of the arguments.
-
-    Raises:
-        ShapeError: an array does not fit.
-        InvalidValueError: the metric is not positive definite.
+        InverseDynamics in the units of the arguments; NaN for a robot whose metric is not finite.
     """
-    checked_equations(mass_matrix, bias, jacobian, acceleration, jacobian_bias)
-    count, _, velocities = jacobian.shape
-    if metric.ndim == 1:
-        check_shape("metric", metric, (velocities,), "(nv,)")
-        _check_diagonal(metric)
-        scale = np.sqrt(metric)
-        solution = orthogonal_inverse_dynamics(
-            mass_matrix / (scale[:, None] * scale),
-            bias / scale,
-            jacobian / scale,
-            acceleration * scale,
-            jacobian_bias,
-        )
-        return solution._replace(
-            torque=solution.torque * scale[6:], acceleration=solution.acceleration / scale
-        )
-
-    check_shape("metric", metric, (count, velocities, velocities), "(nv,) or (N, nv, nv)")
-    factor = _cholesky(metric)
+    mass_matrix, bias, jacobian, acceleration, jacobian_bias = equation
+    sick = ~np.isfinite(metric).all(axis=(-2, -1), keepdims=True)
+    factor = np.linalg.cholesky(np.where(sick, np.eye(mass_matrix.shape[-1]), metric))
+    factor = np.broadcast_to(np.where(sick, np.nan, factor), mass_matrix.shape)
     inverse = np.linalg.inv(factor)
     solution = orthogonal_inverse_dynamics(
         inverse @ mass_matrix @ inverse.mT,
@@ -102,27 +65,3 @@ def metric_inverse_dynamics(
         torque=np.matvec(factor[:, 6:, 6:], solution.torque),
         acceleration=np.matvec(inverse.mT, solution.acceleration),
     )
-
-
-def _check_diagonal(metric: np.ndarray) -> None:
-    """Raise unless the metric is a diagonal of positive, finite numbers."""
-    valid = (metric > 0.0) & np.isfinite(metric)
-    if not np.all(valid):
-        entry = int(np.flatnonzero(~valid)[0])
-        raise InvalidValueError(
-            f"metric[{entry}]", float(metric[entry]), "a positive, finite number"
-        )
-
-
-def _cholesky(metric: np.ndarray) -> np.ndarray:
-    """Lower Cholesky factors; NaN for matrices that are not finite, so that they harm no other."""
-    finite = np.all(np.isfinite(metric), axis=(-2, -1))[:, None, None]
-    stand_in = np.eye(metric.shape[-1])
-    try:
-        factor = np.linalg.cholesky(np.where(finite, metric, stand_in))
-    except np.linalg.LinAlgError:
-        smallest = np.min(np.linalg.eigvalsh(np.where(finite, metric, stand_in)))
-        raise InvalidValueError(
-            "smallest eigenvalue of metric", float(smallest), "a positive number"
-        ) from None
-    return np.where(finite, factor, np.nan)

@@ -25,7 +25,16 @@ from train.command import run_command
 from train.runs.versions import versions
 
 SectionName = Literal[
-    "laws", "controllers", "walking", "layers", "threads", "single", "ppo", "memory", "first_use"
+    "laws",
+    "controllers",
+    "walking",
+    "layers",
+    "threads",
+    "single",
+    "runtime",
+    "ppo",
+    "memory",
+    "first_use",
 ]
 
 
@@ -37,8 +46,8 @@ class BenchConfig:
         SectionName
     )
     """What to measure: the laws per control tick, layers on the tasks they are for, walking beside
-    its physics, environment steps by layer and by thread, a single robot, PPO beside Humanoid-v5,
-    resident memory, a first use with nothing compiled."""
+    its physics, environment steps by layer and by thread, a single robot, a robot's controller, PPO
+    beside Humanoid-v5, resident memory, a first use with nothing compiled."""
     robots: Annotated[tuple[str, ...], Each(Choice(ROBOTS, "robot"))] = tuple(ROBOTS)
     """Built-in robots."""
     layers: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = tuple(LAYERS)
@@ -65,6 +74,7 @@ def measure(config: BenchConfig, show: Callable[[Section], None]) -> list[Sectio
         "layers": lambda: environments.by_layer(robots, chosen, config.num_envs, rounds),
         "threads": lambda: environments.by_threads(robots, chosen, config.num_envs, rounds),
         "single": lambda: layers.single(robots, chosen, rounds),
+        "runtime": lambda: layers.controller(layers.CONTROLLED, rounds),
         "ppo": lambda: learning.frames(chosen, rounds),
         "memory": lambda: processes.resident(robots),
         "first_use": processes.first_use,

@@ -11,9 +11,9 @@ from gymnasium.vector import VectorEnv
 from eval.tools.bench.figures import Figure, Limit, Section
 from eval.tools.bench.timing import Clock, in_turns, seconds_of
 from fbid_gym.actions.joint_gains import holding_torque
-from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.robots import load
+from fbid_gym.runtime.rates import Rates
 
 STEPS = 25
 """Policy steps timed at a stretch. Each stretch starts from a reset, so that all layers are

@@ -12,12 +12,12 @@ from fbid_gym.actions.base_acceleration import BaseAcceleration
 from fbid_gym.actions.contact_options import ContactOptions
 from fbid_gym.control.body_law import desired_acceleration, stabilise
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import home_target, in_world
 from fbid_gym.motions.target import planned_kind
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
+from fbid_gym.runtime.rates import Rates
 
 SETTLE, TICKS = 25, 50
 """Control ticks of a round, after it put the robots on their feet: untimed, then timed."""

@@ -11,11 +11,12 @@ from eval.tools.bench.environments import BALANCE, zero_action
 from eval.tools.bench.figures import Figure, Limit, Section
 from eval.tools.bench.timing import Timed, in_turns, timed_physics
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
-from fbid_gym.envs.rates import Rates
 from fbid_gym.envs.robot_env import RobotEnv
 from fbid_gym.envs.vector_env import RobotVectorEnv
+from fbid_gym.runtime import Controller
+from fbid_gym.runtime.config import EnvConfig
+from fbid_gym.runtime.rates import Rates
 
 Cases = Mapping[tuple[str, str], Limit | None]
 """Environment and layer -> what the ratio shall keep to."""
@@ -36,9 +37,16 @@ WALKING: Cases = {
     ("BipedWalk-v0", "base_acceleration"): Limit(0.5),
     ("HumanoidWalk-v0", "base_acceleration"): Limit(0.4),
 }
-SINGLE_LIMIT = Limit(150.0)
+CONTROLLED = [
+    f"{env}/{layer}"
+    for env in ("QuadrupedWalk-v0", "BipedWalk-v0")
+    for layer in ("base_acceleration", "com_wrench", "joint_position_gait")
+]
+"""Shipped policies."""
+SINGLE_LIMIT, CONTROLLER_LIMIT = Limit(150.0), Limit(200.0)
 TASK_STEPS, WALKING_STEPS, SINGLE_STEPS = 25, 60, 20
 """Policy steps of a round: from a reset but for robots that walk on from round to round."""
+CONTROLLER_TICKS = 100
 SINGLE_ROUNDS = 10
 """How much oftener a single robot is timed: its rounds are short, and noise does not average out
 over a batch."""
@@ -102,6 +110,45 @@ def single(robots: list[str], layers: list[str], rounds: int) -> Section:
     )
 
 
+def controller(names: list[str], rounds: int) -> Section:
+    """Microseconds of a tick of `fbid_gym.runtime.Controller`, by the policy that it runs."""
+    found = in_turns({name: _ticks(name) for name in names}, SINGLE_ROUNDS * rounds)
+    return Section(
+        "A robot's controller",
+        f"`fbid_gym.runtime.Controller.tick` on sensors of a robot at home, {CONTROLLER_TICKS} "
+        "ticks. Figure: time per tick by the clock on the wall, the policy's share included.",
+        "µs",
+        tuple(
+            Figure.of(name, "", values[:, 0] / CONTROLLER_TICKS * 1e6, CONTROLLER_LIMIT)
+            for name, values in found.items()
+        ),
+    )
+
+
+def _ticks(name: str) -> Round:
+    """The ticks of a controller; there is no physics."""
+    made = Controller.load(f"shipped:{name}")
+    robot = made.robot
+    sensors = {
+        "position": robot.home_qpos[:3],
+        "orientation": robot.home_qpos[3:7],
+        "velocity": np.zeros(3),
+        "angular_velocity": np.zeros(3),
+        "joint_position": robot.home_qpos[7:],
+        "joint_velocity": np.zeros(robot.num_joints),
+        "contact": np.ones(robot.num_points),
+    }
+
+    def run() -> Seconds:
+        made.reset()
+        start = time.perf_counter()
+        for _ in range(CONTROLLER_TICKS):
+            made.tick(sensors)
+        return Seconds(time.perf_counter() - start, 0.0)
+
+    return run
+
+
 def _beside_physics(
     cases: Cases, begin: Callable[[str, str, int], Round], steps: int, num_envs: int, rounds: int
 ) -> tuple[Figure, ...]:
@@ -139,7 +186,7 @@ def _task(env: str, layer: str, num_envs: int) -> Round:
     """A layer and the physics, timed apart, from a reset."""
     batch = EnvBatch(EnvConfig.of({**ENVIRONMENTS[env], "action_layer": layer}), num_envs)
     physics, timed = timed_physics(batch.simulation), Timed(batch.layer, "torque")
-    batch.layer = timed
+    batch.loop.layer = timed
     action = np.zeros((num_envs, len(batch.action_names)))
 
     def run() -> Seconds:

@@ -6,9 +6,9 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.page import page, short, table
 from fbid_gym.policy import Shipped, shipped
+from fbid_gym.runtime.config import EnvConfig
 
 _FIRST = "base_acceleration"
 """Whose clip is shown: of the layers the one that stands and walks in all of them."""

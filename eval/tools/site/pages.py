@@ -17,10 +17,8 @@ OUTSIDE = {"../SECURITY.md": "security.md", "../CHANGELOG.md": "changelog.md"}
 
 REFERENCE: dict[str, tuple[str, tuple[str, ...]]] = {
     "fbid_gym": ("fbid_gym", ()),
-    "envs": (
-        "Environments",
-        ("robot_env", "vector_env", "sb3", "config", "randomisation"),
-    ),
+    "envs": ("Environments", ("robot_env", "vector_env", "sb3")),
+    "runtime": ("Runtime", ("config", "randomisation", "control_loop", "rates")),
     "tasks": ("Tasks", ("walk_measures",)),
     "actions": (
         "Action layers",

@@ -33,7 +33,6 @@ import mujoco
 import numpy as np
 
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
-from fbid_gym.robots.feet import contacts
 from fbid_gym.robots.robot import Robot
 from fbid_gym.robots.terrain.field import Field, Tiles
 from fbid_gym.robots.terrain.grid import HeightGrid, heights_below, plane
@@ -179,8 +178,7 @@ def _reach(robot: Robot) -> float:
 
     At least a share of the robot's height: it may stand on a point below its base.
     """
-    data = robot.at_home.data
-    offset = (contacts(robot.feet, data) - data.xpos[robot.base_body])[:, :2]
+    offset = (robot.points_at_home - robot.at_home.data.xpos[robot.base_body])[:, :2]
     return max(float(np.linalg.norm(offset, axis=1).max()), _LEAST_REACH * _com_height(robot))
 
 

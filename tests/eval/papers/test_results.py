@@ -5,42 +5,58 @@ from pathlib import Path
 import pytest
 from markupsafe import Markup
 
-from eval.papers.experiment import Experiment, Result, drawn, load, save
-from eval.papers.page import Finding, Paper, Section, judged, page, summary
-from fbid_gym.errors import RunError
+from eval.papers.experiment import Finding, Result, Setting, experiment, judged, load, perform
+from eval.papers.page import Paper, Section, page, summary
+from eval.papers.registry import PAPERS, experiments
+from fbid_gym.errors import RunError, UnknownOptionError
+
+FINDINGS = [judged("what", "1", "2", "at most 1", False), Finding("else", "", "3")]
 
 
-def show(result: Result) -> list[str]:
-    return [f"{result.numbers['best']:.3f}", f"{result.arrays['error'].mean():.3f}<"]
-
-
-EXPERIMENT = Experiment("eval.papers.some.example", "A", "B.", run=lambda setting: None, show=show)  # type: ignore[arg-type, return-value]
+@experiment(
+    "A title",
+    """What was
+    done.""",
+)
+def example(setting: Setting) -> Result:
+    """Find a number."""
+    setting.progress(0.5)
+    body = [f"{setting.pick(3, 2)}<", Markup("<b>drawn</b>")]
+    return Result(FINDINGS, {"best": 2.0, "none": float("inf")}, body)
 
 
 def test_a_result_is_read_as_it_was_saved(tmp_path: Path) -> None:
-    result = Result([], {"best": 2.0}, {"error": [1.0, 2.0]})
-    save(EXPERIMENT, tmp_path, result, {"quick": True, "seconds": 3.0})
-    read, run = load(EXPERIMENT, tmp_path)
-    assert (run.quick, run.seconds) == (True, 3.0)
-    assert drawn(EXPERIMENT, read) == "2.0001.500&lt;"
+    assert example.about == "What was done." and example.name == "example"
+    assert load(example, tmp_path) is None
+    perform(example, tmp_path, quick=True)
+    found = load(example, tmp_path)
+    assert found is not None
+    run, body = found
+    assert run.findings == FINDINGS and run.numbers == {"best": 2.0, "none": None}
+    assert run.quick and run.seconds >= 0.0
+    assert body == "2&lt;<b>drawn</b>"
+    assert (example.folder(tmp_path) / "progress.json").is_file()
 
 
-@pytest.mark.parametrize("name", ["numbers.json", "data.npz"])
-@pytest.mark.parametrize("content", [b"", b"{}", b"[]", b"PK\x03\x04", b"\x93NUMPY", b"\x00" * 99])
-def test_damaged_results_are_refused_in_one_sentence(
-    name: str, content: bytes, tmp_path: Path
-) -> None:
-    result = Result([], {"best": 2.0}, {"error": [1.0, 2.0]})
-    save(EXPERIMENT, tmp_path, result, {"quick": True, "seconds": 3.0})
-    (EXPERIMENT.folder(tmp_path) / name).write_bytes(content)
-    with pytest.raises(RunError, match=name):
-        load(EXPERIMENT, tmp_path)
+@pytest.mark.parametrize("content", [b"", b"{}", b"[]", b"\x00" * 99, b'{"findings": 3}'])
+def test_damaged_results_are_refused_in_one_sentence(content: bytes, tmp_path: Path) -> None:
+    perform(example, tmp_path, quick=False)
+    (example.folder(tmp_path) / "numbers.json").write_bytes(content)
+    with pytest.raises(RunError, match="example"):
+        load(example, tmp_path)
 
 
-@pytest.mark.parametrize("numbers", [{}, {"best": "x"}, {"best": None}])
-def test_results_of_something_else_are_refused(numbers: dict, tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="example: its data do not fit it"):
-        drawn(EXPERIMENT, Result([], numbers, {"error": []}))
+def test_experiments_are_chosen_by_their_names_or_their_papers() -> None:
+    every = experiments(PAPERS, ())
+    assert [len(some) for _, some in every] == [11, 5]
+    for _, some in every:
+        for one in some:
+            assert one.title and one.about and one.minutes > 0.0
+            assert one.command(True) == f"python -m eval.papers --only {one.name} --quick"
+    ((_, some),) = experiments(PAPERS, ("fig2_push", "garofalo2015"))
+    assert some == every[1][1]
+    with pytest.raises(UnknownOptionError, match="fig9.*fig2_push"):
+        experiments(PAPERS, ("fig9",))
 
 
 def test_page_and_summary_hold_every_number_that_the_paper_has() -> None:

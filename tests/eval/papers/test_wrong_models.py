@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eval.papers.inertial_parameters import InertialRegressor
+from eval.papers.inertial_parameters.regressor import InertialRegressor
 from eval.papers.trial import RATES
 from eval.papers.wrong_models import believing, wrong_model
 from fbid_gym.dynamics import MuJoCoDynamics

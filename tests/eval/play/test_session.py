@@ -5,34 +5,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eval.play.controls import ASIDE, Menu, Slider, Switch, controls
+from eval.play.controls import Menu, Slider, Switch, controls
 from eval.play.session import Change, ChangeAll, OneStep, Push, Request, Reset, Session
 from eval.play.stage import Stage
 from eval.play.texts import from_query, to_query
 from fbid_gym.envs.insight import insight
 from fbid_gym.errors import FbidError
 from fbid_gym.policy import Policy
+from tests.eval.conftest import constant_policy
 
 WALK = "fbid_gym/QuadrupedWalk-v0"
 
 
-def policy(observations: int, actions: int, **env_args: Any) -> Policy:
-    """A policy that asks for a tenth of everything."""
-    return Policy(
-        env_id=WALK,
-        env_args=env_args,
-        mean=np.zeros(observations),
-        variance=np.ones(observations),
-        weights=(np.zeros((actions, observations)),),
-        biases=(np.full(actions, 0.1),),
-    )
-
-
-STAGE = Stage.of(
-    WALK,
-    {"action_layer": "base_acceleration"},
-    {},
-)
+STAGE = Stage.of(WALK, {"action_layer": "base_acceleration"}, {})
 
 
 def walking(**settings: Any) -> Session:
@@ -44,7 +29,7 @@ def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray], but: tuple[st
     return all(np.array_equal(one[name], other[name]) for name in names)
 
 
-def test_the_same_requests_at_the_same_times_give_the_same_robots() -> None:
+def test_the_same_requests_at_the_same_times_give_the_same_robots():
     timed: list[tuple[int, Request]] = [
         (3, Change("ahead", 0.4)),
         (10, Push((20.0, 30.0, 0.0), 0.1)),
@@ -61,7 +46,7 @@ def test_the_same_requests_at_the_same_times_give_the_same_robots() -> None:
     assert not np.array_equal(first.lanes[0].qpos, other.lanes[0].qpos)
 
 
-def test_a_switch_of_layer_carries_all_but_the_layers_memory() -> None:
+def test_a_switch_of_layer_carries_all_but_the_layers_memory():
     session = walking(ahead=0.3)
     session.play([], 30)
     before, torque = session.lanes[0].state(), session.lanes[0].last.info["torque"]
@@ -79,7 +64,7 @@ def test_a_switch_of_layer_carries_all_but_the_layers_memory() -> None:
     assert session.lanes[0].fallen is None
 
 
-def test_a_push_lasts_as_long_as_asked_and_pushes_everybody() -> None:
+def test_a_push_lasts_as_long_as_asked_and_pushes_everybody():
     session, still = walking(beside="joint_position"), walking()
     seen = []
     session.submit(Push((0.0, 40.0, 0.0), 0.1))
@@ -97,7 +82,7 @@ def test_a_push_lasts_as_long_as_asked_and_pushes_everybody() -> None:
     assert not session.lanes[0].push_force.any()
 
 
-def test_settings_change_what_they_name_and_while_it_runs() -> None:
+def test_settings_change_what_they_name_and_while_it_runs():
     session = walking()
     session.play([], 5)
     lane = session.lanes[0]
@@ -130,7 +115,7 @@ def test_settings_change_what_they_name_and_while_it_runs() -> None:
     assert batch.simulation.terms().mass_matrix[0, 0, 0] == pytest.approx(mass + 3.0)
 
 
-def test_who_is_paused_goes_a_step_at_a_time_and_who_falls_starts_anew() -> None:
+def test_who_is_paused_goes_a_step_at_a_time_and_who_falls_starts_anew():
     session = walking(paused=True)
     session.play([(2, OneStep())], 5)
     assert session.steps == 1
@@ -147,39 +132,33 @@ def test_who_is_paused_goes_a_step_at_a_time_and_who_falls_starts_anew() -> None
     [
         (Change("ahead", 50.0), "Invalid ahead: 50.0. Expected a number from -0.57 to 0.945."),
         (Change("ahead", float("nan")), "Expected a number from"),
-        (Change("ahead", "fast"), "Expected a number from"),
         (Change("layer", "magic"), "Unknown layer 'magic'. Valid choices: torque,"),
         (Change("policy", "runs/other"), "Valid choices: zero action."),
-        (Change("terrain", ["flat"]), "Unknown terrain"),
-        (Change("__class__", 1), "Unknown setting '__class__'"),
-        (Change("seed", 1.5), "Expected a whole number from 0"),
-        (Change("paused", 1), "Expected True or False"),
         (Push((1e4, 0.0, 0.0), 0.1), "a force of at most 250 N"),
         (Push((float("inf"), 0.0, 0.0), 0.1), "three numbers of N"),
         (Push("abc", 0.1), "three numbers of N"),  # type: ignore[arg-type]
         (Push((1.0, 0.0, 0.0), 60.0), "a time of 0 to 2 s"),
         (ChangeAll({"ahead": 0.1, "added_mass": -1.0}), "Invalid added_mass: -1.0. Expected"),
-        (ChangeAll({"ahead": 0.1, "nothing": 1.0}), "Unknown setting 'nothing'"),
         ("import os", "a Change, ChangeAll, Push, Reset or OneStep"),
     ],
 )
-def test_what_may_not_be_asked_is_refused_before_anything_changes(
-    request_: Any, words: str, session_: Session
-) -> None:
+def test_what_may_not_be_asked_is_refused_before_anything_changes(request_, words, session_):
     with pytest.raises(FbidError, match=words.replace("(", r"\(")):
         session_.submit(request_)
     assert not session_.waiting
 
 
 @pytest.fixture(scope="module")
-def session_() -> Session:
+def session_():
     return walking()
 
 
-def test_a_policy_brings_its_layer_and_leaves_with_it(session_: Session) -> None:
+def test_a_policy_brings_its_layer_and_leaves_with_it(session_):
     seen = session_.lanes[0].batch.observation().shape[1]
-    good = policy(seen, 12, action_layer="joint_position", layer_options={"scale": 0.1})
-    stage = Stage.of(WALK, {}, {"good": good, "odd": policy(7, 12, action_layer="torque")})
+    own = {"action_layer": "joint_position", "layer_options": {"scale": 0.1}}
+    good = constant_policy(WALK, seen, np.full(12, 0.1), env_args=own)
+    odd = constant_policy(WALK, 7, np.zeros(12), env_args={"action_layer": "torque"})
+    stage = Stage.of(WALK, {}, {"good": good, "odd": odd})
     session = Session(stage, {"policy": "good"})
     assert session.settings["layer"] == "joint_position"
     session.play([(2, Change("policy", "zero action"))], 4)
@@ -199,7 +178,7 @@ def test_a_policy_brings_its_layer_and_leaves_with_it(session_: Session) -> None
     ]
 
 
-def test_it_opens_on_a_robot_that_walks_and_says_how_fast() -> None:
+def test_it_opens_on_a_robot_that_walks_and_says_how_fast():
     session = Session(STAGE)
     session.play([], 100)
     lane = session.lanes[0]
@@ -222,7 +201,7 @@ def other(control: Any) -> Any:
     return control.most if control.default == control.least else control.least
 
 
-def test_every_setting_travels_by_link_and_acts_elsewhere() -> None:
+def test_every_setting_travels_by_link_and_acts_elsewhere():
     """Also on a page that has begun with other ones."""
     policies = {"good": Policy.load("shipped:QuadrupedWalk-v0/joint_position_gait")}
     here = Stage.of(WALK, {"action_layer": "base_acceleration"}, policies)
@@ -242,19 +221,8 @@ def test_every_setting_travels_by_link_and_acts_elsewhere() -> None:
     assert Session(elsewhere, given).settings == untouched.settings
 
 
-def test_what_is_only_looked_at_leaves_the_robot_alone() -> None:
-    session = walking()
-    session.play([], 5)
-    before = session.lanes[0].state()
-    for name, control in session.offered.items():
-        if control.group in ASIDE and not control.resets:
-            session.submit(Change(name, other(control)))
-    session.settle()
-    assert same(before, session.lanes[0].state(), ())
-
-
 @pytest.mark.parametrize("layer", ["base_acceleration", "com_wrench", "joint_position"])
-def test_insight_disturbs_nothing_and_adds_up(layer: str) -> None:
+def test_insight_disturbs_nothing_and_adds_up(layer):
     stage = Stage.of("fbid_gym/BipedBalance-v0", {"action_layer": layer}, {})
     session = Session(stage, {"seed": 3})
     session.play([], 100)

@@ -34,7 +34,7 @@ KINDS = """
         ('type="hfield" hfield="h"', (2.0, 4.0, 0.5)),
     ],
 )
-def test_a_geom_keeps_its_extent_and_place(geom: str, extent: tuple[float, ...]) -> None:
+def test_a_geom_keeps_its_extent_and_place(geom, extent):
     text = KINDS.format(geom=f'<geom {geom} pos="0.5 0 0" rgba="1 0 0 1"/>')
     if "hfield" in geom:
         text = text.replace("<body pos", "<body mocap='true' pos")
@@ -49,7 +49,7 @@ def test_a_geom_keeps_its_extent_and_place(geom: str, extent: tuple[float, ...])
 
 
 @pytest.mark.parametrize("robot", list(ROBOTS))
-def test_every_robot_is_drawn_whole(robot: str) -> None:
+def test_every_robot_is_drawn_whole(robot):
     model = load(robot).model
     drawn = {shape.body for shape in shapes(model)}
     visible = {

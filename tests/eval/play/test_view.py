@@ -22,7 +22,7 @@ def pictured(place: np.ndarray, aspect: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("aspect", "lowest"), [(1.8, -1.0), (1.1, -1.0), (0.7, 0.0), (0.46, 0.0)])
-def test_robots_are_seen_whole(aspect: float, lowest: float) -> None:
+def test_robots_are_seen_whole(aspect, lowest):
     beside = 0.7 * SIZE  # two robots are so far from the middle
     for x in (-0.5, 0.5):
         for y in (-1.0, 0.0, 1.0):

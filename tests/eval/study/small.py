@@ -2,10 +2,7 @@
 
 import json
 
-import numpy as np
-
 from eval.study.results import Settings
-from fbid_gym.policy import Policy
 from train.runs.folder import RunFolder
 
 STUDY = """
@@ -39,10 +36,3 @@ def fill(cell, height, error, until=1000):
         f"1000,9,8,{2 * height},1,{height - 1},{height + 1},50,1.0,{error}\n"
     )
     folder.progress.write_text(f"steps,return_mean\n400,nan\n800,{height / 2}\n{until},{height}\n")
-
-
-def policy(bias):
-    return Policy(
-        "fbid_gym/QuadrupedWalk-v0", {"action_layer": "torque"}, np.zeros(3), np.ones(3),
-        (np.zeros((2, 3)),), (np.full(2, bias),),
-    )  # fmt: skip

@@ -3,11 +3,9 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from eval.results import Estimate
-from eval.statistics import Chance, improvement, over_tasks
 from eval.study.findings import findings
 from fbid_gym.errors import FbidError
 from tests.eval.study.small import FEW, STUDY, fill
@@ -28,17 +26,6 @@ def test_the_numbers_of_an_arm_are_of_the_trainings_that_are_done(study):
     assert walks.before["velocity_error"] == 0.2 and walks.final["falls"].value == 0.0
     assert [cell.state for cell in walks.cells] == ["done", "90%"]
     assert (squats.counted, squats.cells[0].state) == ([], "not begun")
-
-
-def test_where_none_is_done_numbers_are_as_far_as_all_are(study):
-    first, _, second = study.cells
-    fill(first, 10.0, 0.1, until=900)
-    fill(second, 20.0, 0.3, until=600)
-    evaluations = RunFolder.of(second.config.folder).evaluations
-    evaluations.write_text(evaluations.read_text().replace("1000,9,", "500,9,"))
-    arm = findings(study, FEW).arms[0]
-    assert arm.done == 0 and len(arm.counted) == 2 and arm.steps == 500.0
-    assert arm.each["velocity_error"] == pytest.approx([0.15, 0.3])
 
 
 def test_thresholds_are_reached_by_who_stays_up(study):
@@ -77,15 +64,6 @@ def test_arms_are_set_against_the_reference(tmp_path):
         findings(study, FEW, "cat")
 
 
-def test_environments_count_the_same_whatever_their_number_of_runs():
-    chance = Chance(np.random.default_rng(0), 500, 0.95)
-    both = over_tasks([np.zeros(8), np.ones(4)], chance)
-    assert (both.value, both.low, both.high) == (0.5, 0.5, 0.5)
-    better = improvement([np.ones(3), np.zeros(2)], [np.zeros(5), np.ones(2)], chance)
-    assert (better.value, better.low, better.high) == (0.5, 0.5, 0.5)
-    assert over_tasks([np.zeros(1), np.ones(4)], chance).low is None
-
-
 def test_a_folder_of_another_study_is_one_clear_error(study, tmp_path):
     first = study.cells[0]
     fill(first, 10.0, 0.1)
@@ -101,14 +79,6 @@ def test_a_folder_of_another_study_is_one_clear_error(study, tmp_path):
         assert str(first.config.folder) in str(caught.value)
     config.write_text(json.dumps(mine | {"total_steps": 500}))  # will be continued
     findings(study, FEW)
-
-
-def test_a_table_that_is_no_table_is_one_clear_error(study):
-    fill(study.cells[0], 10.0, 0.1)
-    evaluations = RunFolder.of(study.cells[0].config.folder).evaluations
-    evaluations.write_text(evaluations.read_text().replace("1000,9,", "1000,<b>,"))
-    with pytest.raises(FbidError, match="evaluations.csv: holds more than numbers"):
-        findings(study, FEW)
 
 
 def test_returns_are_compared_as_shares_of_what_can_be_earned(tmp_path):

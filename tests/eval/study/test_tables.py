@@ -2,21 +2,20 @@
 
 import csv
 import io
-import re
 from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from eval.page.docs import DOCS, marks, spliced
+from eval.page.docs import DOCS, marks
 from eval.page.figures import Series
 from eval.study.__main__ import StudyConfig, main
 from eval.study.cells import curve, exploring
 from eval.study.pace import Pace
 from eval.study.tables import drawn, numbers, table
 from fbid_gym.errors import FbidError, RunError
-from tests.eval.study.small import STUDY, fill
+from tests.eval.study.small import fill
 from train.runs.folder import RunFolder
 from train.runs.reading import load
 from train.runs.study import arms, check_cells, read_study
@@ -69,12 +68,6 @@ def test_arms_that_decide_more_often_are_drawn_over_the_same_time():
         assert pace.titled("return", "return_mean") == "return"
 
 
-def test_what_is_not_finished_counts_with_what_it_has_and_is_said(study):
-    fill(study.cells[0], 10.0, 0.1, until=900)
-    assert "0 of 2 finished" in table(study)
-    drawn(study)
-
-
 def test_what_has_only_begun_does_not_cut_short_what_has_finished(study):
     first, _, second = study.cells
     fill(first, 10.0, 0.1)
@@ -82,12 +75,6 @@ def test_what_has_only_begun_does_not_cut_short_what_has_finished(study):
     walks = arms(study)[0]
     assert curve(walks, "velocity_error").values.tolist() == [[0.2, 0.1]]
     assert "| one | 1 of 2 finished |" in table(study)
-
-
-def test_a_study_without_runs_is_said(study):
-    assert "| none |" in table(study)
-    with pytest.raises(FbidError, match=re.escape("has not been evaluated yet")):
-        drawn(study)
 
 
 def test_docs_are_written_whole_or_not_at_all(study, tmp_path, monkeypatch, capsys):
@@ -127,34 +114,7 @@ def test_curves_hold_the_evaluations_that_all_seeds_had(study):
         curve(walks, "velocity_error")
 
 
-def test_docs_are_of_the_runs_of_the_study_and_of_no_others(study, tmp_path, monkeypatch):
-    monkeypatch.setattr("eval.study.__main__.DOCS", tmp_path)
-    page_of_docs, (first, last) = tmp_path / "mine.md", marks("mine")
-    page_of_docs.write_text(f"{first}\n{last}\n")
-    fill(study.cells[0], 10.0, 0.1)
-    other = STUDY.replace("total_steps", "ppo = { learning_rate = 0.5 }\ntotal_steps")
-    (tmp_path / "mine.toml").write_text(other)
-    config = StudyConfig(tmp_path / "mine.toml", tmp_path / "out", write_docs=True)
-    for wrong, message in (
-        (config, "is not what the study says: it says ppo.learning_rate 0.5 instead of"),
-        (replace(config, write_docs=False), "is not what the study says"),
-    ):
-        with pytest.raises(FbidError, match=message):
-            main(wrong)
-    (tmp_path / "mine.toml").write_text(STUDY)
-    with pytest.raises(FbidError, match="Unknown reference 'cat'. Valid choices: one, other"):
-        main(replace(config, reference="cat"))
-    assert page_of_docs.read_text() == f"{first}\n{last}\n"
-    assert not (tmp_path / "mine.csv").exists()
-
-
 STUDIES = sorted((DOCS.parent / "studies").glob("*.toml"))
-
-
-@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
-def test_every_study_has_a_page_of_docs(path, tmp_path):
-    study = read_study(path, tmp_path)
-    assert "here" in spliced(DOCS / f"{study.page}.md", "here", study.name)
 
 
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)

@@ -30,14 +30,14 @@ def fall(timing: StepTiming, xi: float, behind: float, ahead: float) -> float:
 
 
 @pytest.mark.parametrize("timing", TIMINGS)
-def test_offset_ahead_repeats_with_every_step(timing: StepTiming) -> None:
+def test_offset_ahead_repeats_with_every_step(timing):
     stride, offset = 0.3, offset_ahead(timing, 0.3)
     lifted = offset * math.exp(timing.omega * timing.single)
     assert fall(timing, lifted, 0.0, stride) - stride == pytest.approx(offset, abs=1e-8)
 
 
 @pytest.mark.parametrize("timing", TIMINGS)
-def test_offset_inward_repeats_on_the_other_foot(timing: StepTiming) -> None:
+def test_offset_inward_repeats_on_the_other_foot(timing):
     width, offset = 0.2, offset_inward(timing, 0.2)
     landed = offset * math.exp(timing.omega * timing.single)
     assert width - fall(timing, landed, 0.0, width) == pytest.approx(offset, abs=1e-8)
@@ -45,14 +45,14 @@ def test_offset_inward_repeats_on_the_other_foot(timing: StepTiming) -> None:
 
 @pytest.mark.parametrize("timing", TIMINGS)
 @pytest.mark.parametrize("landing", [-0.2, 0.0, 0.35])
-def test_caught_pendulum_is_where_it_shall_be(timing: StepTiming, landing: float) -> None:
+def test_caught_pendulum_is_where_it_shall_be(timing, landing):
     offset = 0.03
     stride = stride_to_catch(timing, landing, offset)
     assert fall(timing, landing, 0.0, stride) - stride == pytest.approx(offset, abs=1e-8)
 
 
 @pytest.mark.parametrize("error", [-0.2, -0.04, 0.0, 0.02, 0.09])
-def test_error_to_come_where_pressure_yields_or_not(error: float) -> None:
+def test_error_to_come_where_pressure_yields_or_not(error):
     omega, gain, reach, left = 3.5, 2.0, 0.06, 0.4
     now, step = error, 1e-5
     for _ in range(round(left / step)):
@@ -68,7 +68,7 @@ def test_error_to_come_where_pressure_yields_or_not(error: float) -> None:
     assert found == -error_to_come(omega, gain, -error, reach, left)
 
 
-def test_transfer_begins_and_ends_as_given_and_obeys_the_pendulum() -> None:
+def test_transfer_begins_and_ends_as_given_and_obeys_the_pendulum():
     omega, span = 3.5, 0.3
     ends = (0.05, 0.12, 0.21, 0.18)
     assert transfer(omega, *ends, span, 0.0) == pytest.approx(ends[:2], abs=1e-12)
@@ -81,7 +81,7 @@ def test_transfer_begins_and_ends_as_given_and_obeys_the_pendulum() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 8])
-def test_nearest_point_of_a_hull(count: int) -> None:
+def test_nearest_point_of_a_hull(count):
     rng = np.random.default_rng(count)
     for _ in range(50):
         points, place = rng.normal(size=(count, 2)), 2.0 * rng.normal(size=2)
@@ -94,7 +94,7 @@ def test_nearest_point_of_a_hull(count: int) -> None:
         np.testing.assert_allclose(nearest_in_hull(points, tuple(found)), found, atol=1e-9)
 
 
-def test_swing_meets_its_ends() -> None:
+def test_swing_meets_its_ends():
     span, start, apex, ground, sink = 0.45, 0.02, 0.1, -0.03, 0.09
     curve = (span, start, apex, ground, sink)
     np.testing.assert_allclose(lift_and_land(0.0, *curve), (start, 0.0, 0.0), atol=1e-9)

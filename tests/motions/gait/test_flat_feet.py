@@ -10,12 +10,7 @@ from fbid_gym.errors import RobotError
 from fbid_gym.motions.gait.biped import biped_gait
 from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.flat_feet import walk
-from fbid_gym.motions.gait.flat_gait import (
-    STAND,
-    FlatFootGait,
-    FlatGaitMemory,
-    standing,
-)
+from fbid_gym.motions.gait.flat_gait import STAND, FlatFootGait, FlatGaitMemory, standing
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
 
@@ -130,7 +125,7 @@ class Pendulums:
 
 
 @pytest.fixture(params=FLAT)
-def gait(request: pytest.FixtureRequest) -> FlatFootGait:
+def gait(request):
     return biped_gait(robots.load(request.param))
 
 
@@ -145,35 +140,27 @@ def ticks(gait: FlatFootGait, steps: int, tick: float = TICK) -> int:
     return round(steps * (gait.single + gait.double) / tick)
 
 
-def test_it_walks_with_the_commanded_velocity(gait: FlatFootGait) -> None:
-    velocity = commands(gait, 12)
-    velocity[:, 2] = 0.0
-    walkers = Pendulums(gait, np.linspace(-3.0, 3.0, 12))
-    for _ in range(ticks(gait, 12)):
-        walkers.step(velocity)
-    total, count = np.zeros((12, 2)), ticks(gait, 20)
-    for _ in range(count):
-        walkers.step(velocity)
-        total += walkers.ahead(walkers.velocity[:, :2])
-    np.testing.assert_allclose(total / count, velocity[:, :2], atol=0.03 * gait.width * gait.omega)
-
-
-def test_it_turns_with_the_commanded_rate(gait: FlatFootGait) -> None:
-    velocity = commands(gait, 6)
-    walkers = Pendulums(gait, np.zeros(6))
-    count = ticks(gait, 10)
+def test_it_walks_and_turns_as_commanded(gait):
+    straight, count = commands(gait, 12), ticks(gait, 20)
+    straight[:, 2] = 0.0
+    walkers, total = Pendulums(gait, np.linspace(-3.0, 3.0, 12)), np.zeros((12, 2))
+    for tick in range(ticks(gait, 12) + count):
+        walkers.step(straight)
+        total += walkers.ahead(walkers.velocity[:, :2]) * (tick >= ticks(gait, 12))
+    np.testing.assert_allclose(total / count, straight[:, :2], atol=0.03 * gait.width * gait.omega)
+    velocity, walkers, count = commands(gait, 6), Pendulums(gait, np.zeros(6)), ticks(gait, 10)
     for _ in range(count):
         target = walkers.step(velocity)
     # Short of what the rate takes to come.
     ramp = 0.5 * velocity[:, 2] ** 2 / gait.agility[2]
     turn = velocity[:, 2] * count * TICK - np.sign(velocity[:, 2]) * ramp
-    tick = np.abs(velocity[:, 2]).max() * TICK
-    np.testing.assert_allclose(heading_of(target), turn, atol=tick)
+    most = np.abs(velocity[:, 2]).max()
+    np.testing.assert_allclose(heading_of(target), turn, atol=most * TICK)
     feet = np.arctan2(walkers.rotation[:, :, 1, 0], walkers.rotation[:, :, 0, 0])
-    assert np.abs(feet - turn[:, None]).max() < 2.0 * np.abs(velocity[:, 2]).max()
+    assert np.abs(feet - turn[:, None]).max() < 2.0 * most
 
 
-def test_centre_of_pressure_stays_in_the_soles(gait: FlatFootGait) -> None:
+def test_centre_of_pressure_stays_in_the_soles(gait):
     velocity = commands(gait, 16, seed=1)
     walkers = Pendulums(gait, np.linspace(-3.0, 3.0, 16))
     walkers.velocity[:, :2] = 0.1 * gait.width * gait.omega
@@ -197,7 +184,7 @@ def test_centre_of_pressure_stays_in_the_soles(gait: FlatFootGait) -> None:
             assert (walkers.memory.pressure[i] @ out <= (corners @ out).max(axis=0) + 1e-9).all()
 
 
-def test_centre_of_pressure_does_not_jump_but_for_new_feet(gait: FlatFootGait) -> None:
+def test_centre_of_pressure_does_not_jump_but_for_new_feet(gait):
     velocity = commands(gait, 8, seed=2)
     walkers = Pendulums(gait, np.zeros(8))
     walkers.step(0.0 * velocity)
@@ -212,7 +199,7 @@ def test_centre_of_pressure_does_not_jump_but_for_new_feet(gait: FlatFootGait) -
     assert fastest < 5.0 * gait.width * TICK / gait.double
 
 
-def test_a_foot_does_not_jump_when_the_command_does(gait: FlatFootGait) -> None:
+def test_a_foot_does_not_jump_when_the_command_does(gait):
     velocity = commands(gait, 8, seed=5)
     fastest = []
     for flips in (False, True):
@@ -231,7 +218,7 @@ def test_a_foot_does_not_jump_when_the_command_does(gait: FlatFootGait) -> None:
     assert (flipped < 2.0 * steady).all()
 
 
-def test_a_swinging_foot_has_the_rates_of_its_way(gait: FlatFootGait) -> None:
+def test_a_swinging_foot_has_the_rates_of_its_way(gait):
     walkers = Pendulums(gait, np.zeros(1))
     velocity = np.array([0.2 * gait.width * gait.omega, 0.0, 0.0])
     rows = [walkers.step(velocity) for _ in range(ticks(gait, 12))][ticks(gait, 6) :]
@@ -247,7 +234,7 @@ def test_a_swinging_foot_has_the_rates_of_its_way(gait: FlatFootGait) -> None:
         assert np.median(error) < 0.03 * np.linalg.norm(said, axis=1).max()
 
 
-def test_setting_out_is_without_jumps(gait: FlatFootGait) -> None:
+def test_setting_out_is_without_jumps(gait):
     aside = np.array([0.4 * gait.sole[0], 0.1 * gait.width])
     for stands in (20, ticks(gait, 3)):
         walkers = Pendulums(gait, np.zeros(1))
@@ -267,7 +254,7 @@ def test_setting_out_is_without_jumps(gait: FlatFootGait) -> None:
         assert not offset.any()
 
 
-def test_it_stops_and_stands(gait: FlatFootGait) -> None:
+def test_it_stops_and_stands(gait):
     velocity = commands(gait, 8, seed=3)
     walkers = Pendulums(gait, np.zeros(8))
     for tick in range(ticks(gait, 24)):
@@ -278,7 +265,7 @@ def test_it_stops_and_stands(gait: FlatFootGait) -> None:
     np.testing.assert_allclose(walkers.velocity, 0.0, atol=0.01 * gait.width * gait.omega)
 
 
-def test_it_steps_to_catch_a_fall(gait: FlatFootGait) -> None:
+def test_it_steps_to_catch_a_fall(gait):
     walkers = Pendulums(gait, np.zeros(16))
     angle = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     # Where it falls to is beyond the soles: standing cannot hold it.
@@ -291,7 +278,7 @@ def test_it_steps_to_catch_a_fall(gait: FlatFootGait) -> None:
     np.testing.assert_allclose(walkers.velocity, 0.0, atol=0.01 * gait.width * gait.omega)
 
 
-def test_feet_neither_cross_nor_overreach(gait: FlatFootGait) -> None:
+def test_feet_neither_cross_nor_overreach(gait):
     walkers = Pendulums(gait, np.zeros(32))
     rng = np.random.default_rng(4)
     walkers.velocity[:, :2] = rng.normal(size=(32, 2)) * gait.omega * gait.width
@@ -309,7 +296,7 @@ def test_feet_neither_cross_nor_overreach(gait: FlatFootGait) -> None:
     assert clipped
 
 
-def test_heading_does_not_matter(gait: FlatFootGait) -> None:
+def test_heading_does_not_matter(gait):
     velocity, angle = commands(gait, 5), 1.9
     here, there = Pendulums(gait, np.zeros(5)), Pendulums(gait, np.full(5, angle))
     rotation = turned(np.array([angle]))[0]
@@ -322,7 +309,7 @@ def test_heading_does_not_matter(gait: FlatFootGait) -> None:
     np.testing.assert_allclose(a.cycle, b.cycle, atol=1e-12)
 
 
-def test_a_robot_four_times_as_long_walks_half_as_fast(gait: FlatFootGait) -> None:
+def test_a_robot_four_times_as_long_walks_half_as_fast(gait):
     lengths = ("height", "width", "least_apart", "most_apart", "longest", "lift", "sole", "points")
     times = ("single", "double", "settle")
     large = gait._replace(
@@ -342,25 +329,9 @@ def test_a_robot_four_times_as_long_walks_half_as_fast(gait: FlatFootGait) -> No
     np.testing.assert_allclose(a.com_acceleration, b.com_acceleration, atol=1e-7)
 
 
-def test_each_robot_walks_alone(gait: FlatFootGait) -> None:
-    velocity = commands(gait, 4)
-    together = Pendulums(gait, np.linspace(0.0, 1.0, 4))
-    alone = [Pendulums(gait, np.linspace(0.0, 1.0, 4)[[i]]) for i in range(4)]
-    for _ in range(ticks(gait, 3)):
-        all_of_them = together.step(velocity)
-        each = [walker.step(velocity[[i]]) for i, walker in enumerate(alone)]
-    for name in Target._fields:
-        found = np.concatenate([getattr(target, name) for target in each])
-        np.testing.assert_array_equal(getattr(all_of_them, name), found)
-    for name in FlatGaitMemory._fields:
-        found = np.concatenate([getattr(walker.memory, name) for walker in alone])
-        np.testing.assert_array_equal(getattr(together.memory, name), found)
-
-
-def test_steps_come_as_often_as_asked(gait: FlatFootGait) -> None:
-    rate = np.array([0.8, 1.0, 1.25])
+def test_steps_come_as_often_and_land_where_they_are_asked_to(gait):
+    rate, velocity = np.array([0.8, 1.0, 1.25]), np.array([0.2 * gait.width * gait.omega, 0.0, 0.0])
     walkers = Pendulums(gait, np.zeros(3))
-    velocity = np.array([0.2 * gait.width * gait.omega, 0.0, 0.0])
     landed, before = np.zeros(3), walkers.memory.carrier.copy()
     count = ticks(gait, 40)
     for _ in range(count):
@@ -370,34 +341,22 @@ def test_steps_come_as_often_as_asked(gait: FlatFootGait) -> None:
     period = (gait.single + gait.double) / rate
     np.testing.assert_allclose(landed, count * TICK / period, rtol=0.08)
 
-
-def test_a_shifted_foothold_lands_there(gait: FlatFootGait) -> None:
+    walkers, step = Pendulums(gait, np.zeros(3)), 0.3 * gait.lift
     shift = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.05]]) * gait.width
-    walkers = Pendulums(gait, np.zeros(3))
-    velocity = np.array([0.2 * gait.width * gait.omega, 0.0, 0.0])
     while (target := walkers.step(velocity, shift=shift)).planted.all():
         pass
     foot = 1 - walkers.memory.carrier[0]
     moved = target.foothold[:, foot, :2] - target.foothold[0, foot, :2]
     np.testing.assert_allclose(moved, shift, atol=1e-9)
-
-
-def test_foothold_lies_on_the_ground_that_is_known(gait: FlatFootGait) -> None:
-    walkers = Pendulums(gait, np.zeros(2))
-    velocity = np.array([0.2 * gait.width * gait.omega, 0.0, 0.0])
-    while walkers.step(velocity).planted.all():
-        pass
-    step = 0.3 * gait.lift
-    highest = np.zeros(2)
+    ground, highest = np.array([np.nan, np.nan, step]), np.zeros(3)
     for _ in range(round(0.9 * gait.single / TICK)):
-        target = walkers.step(velocity, ground=np.array([np.nan, step]))
+        target = walkers.step(velocity, shift=shift, ground=ground)
         highest = np.maximum(highest, target.foot_position[:, :, 2].max(axis=1))
-    foot = 1 - walkers.memory.carrier[0]
-    np.testing.assert_allclose(target.foothold[:, foot, 2], [0.0, step], atol=1e-12)
-    np.testing.assert_allclose(highest, [gait.lift, step + gait.lift], rtol=0.02)
+    np.testing.assert_allclose(target.foothold[:, foot, 2], [0.0, 0.0, step], atol=1e-12)
+    np.testing.assert_allclose(highest - [0.0, 0.0, step], gait.lift, rtol=0.02)
 
 
-def test_feet_aim_at_the_plane_on_which_they_stood(gait: FlatFootGait) -> None:
+def test_feet_aim_at_the_plane_on_which_they_stood(gait):
     slope = np.array([0.06, -0.03])
     heading = np.linspace(-3.0, 3.0, 6)
     level = Pendulums(gait, heading)
@@ -422,16 +381,12 @@ def test_feet_aim_at_the_plane_on_which_they_stood(gait: FlatFootGait) -> None:
         np.testing.assert_allclose(flat.qpos[:, 2], gait.height, atol=late)
 
 
-def test_four_feet_are_refused() -> None:
+def test_robots_that_cannot_walk_on_two_flat_feet_are_refused():
     with pytest.raises(RobotError, match="'quadruped' has 4 feet. Expected two flat feet"):
         biped_gait(robots.load("quadruped"))
-
-
-@pytest.mark.parametrize("corners", [("toe_in",), ("toe_in", "heel_in")])
-def test_feet_that_are_not_flat_are_refused(corners: tuple[str, ...]) -> None:
     biped = robots.load("biped")
-    feet = {side: [f"{side}_{corner}" for corner in corners] for side in ("left", "right")}
-    home = biped.home_qpos
-    robot = robots.Robot.from_mjcf(biped.spec.copy(), feet, name="blades", home=home)
-    with pytest.raises(RobotError, match="foot 'left' of 'blades' span no area. Expected two flat"):
-        biped_gait(robot)
+    for corners in (("toe_in",), ("toe_in", "heel_in")):
+        feet = {side: [f"{side}_{corner}" for corner in corners] for side in ("left", "right")}
+        robot = robots.Robot.from_mjcf(biped.spec.copy(), feet, name="edge", home=biped.home_qpos)
+        with pytest.raises(RobotError, match="foot 'left' of 'edge' span no area. Expected two"):
+            biped_gait(robot)

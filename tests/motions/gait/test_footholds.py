@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from fbid_gym.motions.gait.footholds import Leap, point_ahead, within_reach
@@ -18,9 +17,7 @@ def passed_over(offset: float, velocity: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("commanded", [0.0, 0.6, -1.1])
-def test_one_step_brings_the_capture_point_to_where_the_commanded_gait_has_it(
-    commanded: float, rng: np.random.Generator
-) -> None:
+def test_one_step_brings_the_capture_point_to_where_the_commanded_gait_has_it(commanded, rng):
     leap = Leap(OMEGA, STANCE, 1.0)
     for velocity in rng.uniform(-2.0, 2.0, 20):
         ahead = point_ahead(leap, velocity, commanded)
@@ -33,7 +30,7 @@ def test_one_step_brings_the_capture_point_to_where_the_commanded_gait_has_it(
 
 @pytest.mark.parametrize("capture", [1.0, 0.85, 1.2])
 @pytest.mark.parametrize("commanded", [0.0, 0.6, -1.1])
-def test_steps_lead_to_the_commanded_velocity(commanded: float, capture: float) -> None:
+def test_steps_lead_to_the_commanded_velocity(commanded, capture):
     leap, velocity, travelled = Leap(OMEGA, STANCE, capture), 1.7, []
     for _ in range(60):
         ahead = point_ahead(leap, velocity, commanded)
@@ -44,7 +41,7 @@ def test_steps_lead_to_the_commanded_velocity(commanded: float, capture: float) 
     assert point_ahead(leap, velocity, commanded) == pytest.approx(0.5 * travelled[-1], abs=1e-9)
 
 
-def test_a_foothold_within_reach_stays_and_another_is_the_nearest_that_is() -> None:
+def test_a_foothold_within_reach_stays_and_another_is_the_nearest_that_is():
     hip = (0.3, -0.2)
     assert within_reach(hip, 0.1, 0.35, -0.2) == (0.35, -0.2, False)
     x, y, clipped = within_reach(hip, 0.1, 0.6, 0.2)
@@ -52,7 +49,7 @@ def test_a_foothold_within_reach_stays_and_another_is_the_nearest_that_is() -> N
     assert within_reach(hip, 0.0, 0.6, 0.2) == (*hip, True)
 
 
-def test_turning_keeps_lengths_and_adds_angles() -> None:
+def test_turning_keeps_lengths_and_adds_angles():
     x, y = turned(0.4, *turned(0.3, 0.2, -0.5))
     assert (x, y) == pytest.approx(turned(0.7, 0.2, -0.5))
     assert turned(math.pi / 2.0, 1.0, 0.0) == pytest.approx((0.0, 1.0))

@@ -8,13 +8,14 @@ import pytest
 from fbid_gym.dynamics import MuJoCoDynamics
 from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.errors import RobotError
-from fbid_gym.motions.gait.command import GaitCommand, no_command
+from fbid_gym.motions.gait.command import no_command
 from fbid_gym.motions.gait.point_feet import walk
-from fbid_gym.motions.gait.point_gait import PointFootGait, PointGaitMemory, standing
+from fbid_gym.motions.gait.point_gait import PointFootGait, standing
 from fbid_gym.motions.gait.quadruped import quadruped_gait
 from fbid_gym.motions.target import standing_target
 from fbid_gym.quantities import DynamicsTerms, Target
-from fbid_gym.robots import Robot, load, quadruped
+from fbid_gym.robots import Robot, load
+from fbid_gym.robots.built_in import QUADRUPED
 from tests.dogs import dog
 
 TICK = 0.002
@@ -93,7 +94,7 @@ def commanded(ghost: Ghost, *velocity: float) -> Ghost:
     return ghost
 
 
-def test_a_robot_that_is_told_to_stand_stands_still() -> None:
+def test_a_robot_that_is_told_to_stand_stands_still():
     ghost = Ghost(GAIT, home())
     before = ghost.terms.foot_position.copy()
     for _ in range(500):
@@ -104,7 +105,7 @@ def test_a_robot_that_is_told_to_stand_stands_still() -> None:
     assert not ghost.memory.walking.any() and target.cycle == 0.0
 
 
-def test_a_robot_that_is_pushed_far_enough_steps_though_told_to_stand() -> None:
+def test_a_robot_that_is_pushed_far_enough_steps_though_told_to_stand():
     for share, steps in ((0.8, False), (1.2, True)):
         terms = home()
         middle = terms.foot_position[0, :, :2].mean(axis=0)
@@ -115,7 +116,7 @@ def test_a_robot_that_is_pushed_far_enough_steps_though_told_to_stand() -> None:
         assert ghost.memory.walking[0] == steps
 
 
-def test_the_base_is_lowered_and_raised_at_a_limited_rate() -> None:
+def test_the_base_is_lowered_and_raised_at_a_limited_rate():
     ghost = Ghost(GAIT, home())
     upright = ghost.tick().qpos[0, 2]
     for asked in (0.05, 0.0):
@@ -125,7 +126,7 @@ def test_the_base_is_lowered_and_raised_at_a_limited_rate() -> None:
         assert np.abs(np.diff(heights)).max() == pytest.approx(GAIT.bend * TICK, rel=1e-6)
 
 
-def test_starting_walking_and_stopping_are_without_jumps() -> None:
+def test_starting_walking_and_stopping_are_without_jumps():
     ghost = commanded(Ghost(GAIT, home()), 0.2, 0.05, 0.3)
     last = ghost.tick()
     walked = False
@@ -157,7 +158,7 @@ def test_starting_walking_and_stopping_are_without_jumps() -> None:
     )
 
 
-def test_feet_land_where_they_were_told_and_stand_as_long_as_planned() -> None:
+def test_feet_land_where_they_were_told_and_stand_as_long_as_planned():
     ghost = commanded(Ghost(GAIT, home()), 0.3, 0.0, 0.0)
     landed, stood, last = 0, 0, ghost.tick()
     for tick in range(3000):
@@ -176,7 +177,7 @@ def test_feet_land_where_they_were_told_and_stand_as_long_as_planned() -> None:
     assert np.abs(last.com_velocity[0] - [0.3, 0.0, 0.0]).max() < 1e-9
 
 
-def test_a_swinging_foot_has_the_rates_of_its_way() -> None:
+def test_a_swinging_foot_has_the_rates_of_its_way():
     ghost = commanded(Ghost(GAIT, home()), 0.3, 0.0, 0.0)
     rows = [ghost.tick() for _ in range(2000)][1000:]
     in_air = ~np.array([row.planted[0] for row in rows])
@@ -191,7 +192,7 @@ def test_a_swinging_foot_has_the_rates_of_its_way() -> None:
         assert np.median(error) < 0.02 * np.linalg.norm(said, axis=1).max()
 
 
-def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands() -> None:
+def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands():
     ghost = commanded(Ghost(GAIT, home()), 0.1, 0.0, 0.0)
     ghost.tick()
     ghost.floor = -0.02
@@ -210,42 +211,35 @@ def test_a_foot_that_finds_no_ground_reaches_down_and_then_stands() -> None:
     assert ghost.tick().planted[0, 0]
 
 
-def test_footholds_out_of_reach_are_clipped_and_counted() -> None:
+def test_footholds_are_clipped_within_reach_and_lie_on_the_ground_that_is_known() -> None:
     ghost = commanded(Ghost(GAIT, home()), 0.1, 0.0, 0.0)
     while not (ghost.memory.mode == 1).any():
         ghost.tick()
     swinging = ghost.memory.mode == 1
-    near = walked(GAIT, ghost.command, ghost.terms, ghost.force, ghost.memory)
-    assert not near.clipped.any()
-    far = ghost.command._replace(shift=np.full((1, 4, 2), 1.0))
-    target = walked(GAIT, far, ghost.terms, ghost.force, ghost.memory)
-    assert (target.clipped == swinging).all()
-    assert np.abs(target.foothold - near.foothold)[swinging].max() > 0.02
+
+    def target(**changes):
+        command = ghost.command._replace(**changes)
+        memory = rows(ghost.memory, slice(None))
+        return walked(GAIT, command, ghost.terms, ghost.force, memory)
+
+    near, far = target(), target(shift=np.full((1, 4, 2), 1.0))
+    assert not near.clipped.any() and (far.clipped == swinging).all()
+    assert np.abs(far.foothold - near.foothold)[swinging].max() > 0.02
     hip = ghost.terms.base_position + GAIT.hip
-    distance = np.linalg.norm(target.foothold[0] - hip, axis=1)[swinging[0]]
+    distance = np.linalg.norm(far.foothold[0] - hip, axis=1)[swinging[0]]
     # The hips go on until the foot lands.
     assert (distance < GAIT.reach[swinging[0]] + 0.1 * GAIT.schedule.period).all()
-
-
-def test_a_foothold_lies_on_the_ground_that_is_known_there() -> None:
-    ghost = commanded(Ghost(GAIT, home()), 0.1, 0.0, 0.0)
-    while not (ghost.memory.mode == 1).any():
-        ghost.tick()
-    foot = int(np.flatnonzero(ghost.memory.mode[0])[0])
+    one, other, *_ = np.flatnonzero(ghost.memory.mode[0])
     ground = np.full((1, 4), np.nan)
-    ground[0, foot] = 0.03
-    command = ghost.command._replace(ground=ground)
-    target = walked(GAIT, command, ghost.terms, ghost.force, ghost.memory)
-    assert target.foothold[0, foot, 2] == 0.03
-    other = np.flatnonzero(ghost.memory.mode[0])[1]
-    assert target.foothold[0, other, 2] == pytest.approx(0.0, abs=1e-9)
+    ground[0, one] = 0.03
+    raised = target(ground=ground)
+    assert raised.foothold[0, one, 2] == 0.03
+    assert raised.foothold[0, other, 2] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("velocity", [(0.2, 0.0, 0.0), (-0.1, 0.1, 0.0), (0.1, -0.05, 0.3)])
 @pytest.mark.parametrize("slope", [(0.25, 0.0), (-0.2, 0.15)])
-def test_feet_aim_at_the_plane_on_which_they_stood(
-    slope: tuple[float, float], velocity: tuple[float, float, float]
-) -> None:
+def test_feet_aim_at_the_plane_on_which_they_stood(slope, velocity):
     terms, steep = home(), np.linalg.norm(slope)
     feet = terms.foot_position.copy()
     feet[:, :, 2] += feet[:, :, :2] @ slope
@@ -262,7 +256,7 @@ def test_feet_aim_at_the_plane_on_which_they_stood(
         assert above == pytest.approx(GAIT.height, abs=0.05 * steep * reach)
 
 
-def test_level_ground_is_level_exactly() -> None:
+def test_level_ground_is_level_exactly():
     ghost = commanded(Ghost(GAIT, home(), floor=0.0), 0.2, 0.1, 0.3)
     feet = ghost.terms.foot_position
     feet[:, :, 2] = 0.0
@@ -274,13 +268,13 @@ def test_level_ground_is_level_exactly() -> None:
         assert target.qpos[0, 2] == pytest.approx(GAIT.height, abs=1e-12)
 
 
-def test_feet_land_around_the_point_below_the_centre_of_mass() -> None:
+def test_feet_land_around_the_point_below_the_centre_of_mass():
     level = GAIT.place + home().base_position[0, :2]
     np.testing.assert_array_equal(level, home().foot_position[0, :, :2])  # where it is their middle
     spec = ROBOT.spec.copy()
     (trunk,) = (body for body in spec.bodies if body.name == ROBOT.model.body(ROBOT.base_body).name)
     trunk.ipos = trunk.ipos + [0.03, -0.01, 0.0]
-    robot = Robot.from_mjcf(spec, quadruped.FEET, name="nose-heavy", home=quadruped.HOME)
+    robot = Robot.from_mjcf(spec, QUADRUPED.feet, name="nose-heavy", home=QUADRUPED.home)
     gait, terms = quadruped_gait(robot), home(robot=robot)
     below = terms.com[0, :2] - terms.base_position[0, :2]
     assert below[0] > 0.01
@@ -293,98 +287,42 @@ def test_feet_land_around_the_point_below_the_centre_of_mass() -> None:
     assert np.abs(landed[-1] - ghost.terms.com[0, :2]).max() < 0.002
 
 
-def scattered(
-    count: int, rng: np.random.Generator
-) -> tuple[GaitCommand, DynamicsTerms, PointGaitMemory]:
-    """Robots on the move, each another way."""
-    terms = home(count)
-    terms = terms._replace(com_velocity=rng.normal(0.0, 0.3, (count, 3)))
-    command = no_command(count, 4)
-    command.velocity[:] = rng.normal(0.0, 0.3, (count, 3))
-    command.shift[:] = rng.normal(0.0, 0.01, (count, 4, 2))
-    command.rate[:] = rng.uniform(0.8, 1.2, count)
-    memory = standing(rng.normal(0.0, 0.1, count), terms.foot_position)
-    memory.phase[:] = rng.random(count)
-    memory.walking[:] = rng.random(count) < 0.8
-    memory.mode[:] = rng.integers(0, 3, (count, 4))
-    memory.velocity[:] = command.velocity * 0.9
-    memory.settled[:] = rng.random(count)
-    memory.load[:] = rng.random((count, 4))
-    memory.touched[:] += rng.normal(0.0, 0.02, memory.touched.shape)
-    memory.moments[:, 3:] = rng.normal(0.0, 0.002, (count, 2))
-    return command, terms, memory
-
-
-def turned_moments(moments: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """The moments (N, 5) of places that are turned about the vertical."""
-    xx, xy, yy = moments[:, :3].T
-    square = np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0)
-    square = turn[:2, :2] @ square @ turn[:2, :2].T
-    across = moments[:, 3:] @ turn[:2, :2].T
-    return np.column_stack([square[:, 0, 0], square[:, 0, 1], square[:, 1, 1], across])
-
-
-def test_many_robots_are_as_each_alone(rng: np.random.Generator) -> None:
-    command, terms, memory = scattered(7, rng)
-    force = rng.uniform(0.0, 0.05 * ROBOT.weight, (7, 4, 3))
-    alone = [
-        (rows(command, [i]), rows(terms, [i]), force[[i]].copy(), rows(memory, [i]))
-        for i in range(7)
-    ]
-    together = walked(GAIT, command, terms, force, memory)
-    for i, (own, state, pressed, past) in enumerate(alone):
-        target = walked(GAIT, own, state, pressed, past)
-        for one, all_of_them in zip((*target, *past), (*together, *memory), strict=True):
-            assert (one[0] == all_of_them[i]).all()
-
-
-def test_which_way_the_world_lies_does_not_matter(rng: np.random.Generator) -> None:
-    command, terms, memory = scattered(9, rng)
-    angle = 1.1
-    turn = np.array(
-        [
-            [math.cos(angle), -math.sin(angle), 0.0],
-            [math.sin(angle), math.cos(angle), 0.0],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    moved = np.array([0.7, -2.0, 0.3])
-    there = terms._replace(
-        base_position=terms.base_position @ turn.T + moved,
+def test_which_way_the_world_lies_does_not_matter():
+    """Nor where the robot is in it; on a slope, which turns with it."""
+    angle, moved, slope = 1.1, np.array([0.7, -2.0, 0.0]), np.array([0.1, -0.05])
+    cosine, sine = math.cos(angle), math.sin(angle)
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    terms = home()
+    terms.foot_position[:, :, 2] += terms.foot_position[:, :, :2] @ slope
+    steep = turn[:2, :2] @ slope
+    up = np.array([0.0, 0.0, moved[:2] @ steep])  # the slope goes through the origin there, too
+    turned = terms._replace(
+        base_position=terms.base_position @ turn.T + moved + up,
         world_from_base=turn @ terms.world_from_base,
         world_from_trunk=turn @ terms.world_from_trunk,
-        com=terms.com @ turn.T + moved,
-        com_velocity=terms.com_velocity @ turn.T,
-        foot_position=terms.foot_position @ turn.T + moved,
+        com=terms.com @ turn.T + moved + up,
+        foot_position=terms.foot_position @ turn.T + moved + up,
     )
-    past = rows(memory, slice(None))._replace(
-        heading=memory.heading + angle,
-        begun=memory.begun @ turn.T + moved,
-        touched=memory.touched @ turn.T + moved,
-        moments=turned_moments(memory.moments, turn),
-    )
-    force = rng.uniform(0.0, 0.05 * ROBOT.weight, (9, 4, 3))
-    here = walked(GAIT, command, terms, force, memory)
-    turned = walked(GAIT, command, there, force, past)
-    assert (here.planted == turned.planted).all() and (here.clipped == turned.clipped).all()
-    for name in ("foot_position", "foothold"):
-        assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T + moved)
-    for name in ("foot_velocity", "foot_acceleration"):
-        assert getattr(turned, name)[..., :3] == pytest.approx(
-            getattr(here, name)[..., :3] @ turn.T
-        )
-    for name in ("com_velocity", "com_acceleration"):
-        assert getattr(turned, name) == pytest.approx(getattr(here, name) @ turn.T)
-    assert heading_of(turned) - heading_of(here) == pytest.approx(np.full(9, angle))
-    for name in ("load", "cycle"):
-        assert getattr(turned, name) == pytest.approx(getattr(here, name))
-    assert turned.com == pytest.approx(here.com @ turn.T + moved)
-    assert turned.qpos[:, :3] == pytest.approx(here.qpos[:, :3] @ turn.T + moved)
-    assert turned.qvel[:, :3] == pytest.approx(here.qvel[:, :3] @ turn.T)
-    assert turned.qvel[:, 3:] == pytest.approx(here.qvel[:, 3:])
+    here, there = Ghost(GAIT, terms, 0.0, slope), Ghost(GAIT, turned, 0.0, steep)
+    there.memory = standing(np.full(1, angle), turned.foot_position)
+    for ghost in (here, there):
+        commanded(ghost, 0.2, -0.1, 0.3)
+    for _ in range(round(3.0 * GAIT.schedule.period / TICK)):
+        one, other = here.tick(), there.tick()
+        assert (one.planted == other.planted).all()
+        assert heading_of(other) - heading_of(one) == pytest.approx([angle])
+        for name in ("foot_position", "foothold", "com"):
+            expected = getattr(one, name) @ turn.T + moved + up
+            assert getattr(other, name) == pytest.approx(expected, abs=1e-8), name
+        for name in ("foot_velocity", "foot_acceleration", "com_velocity", "com_acceleration"):
+            expected = getattr(one, name)[..., :3] @ turn.T
+            assert getattr(other, name)[..., :3] == pytest.approx(expected, abs=1e-6), name
+        assert other.qvel[:, 3:] == pytest.approx(one.qvel[:, 3:])
+        for name in ("load", "cycle"):
+            assert getattr(other, name) == pytest.approx(getattr(one, name))
 
 
-def test_a_robot_of_another_size_walks_alike_in_its_own_time() -> None:
+def test_a_robot_of_another_size_walks_alike_in_its_own_time():
     small, large, scale = quadruped_gait(dog(1.0)), quadruped_gait(dog(4.0)), 4.0
     time, speed = math.sqrt(scale), math.sqrt(scale)
     for name in ("astray", "margin", "height", "lift", "place", "hip", "reach"):
@@ -397,6 +335,6 @@ def test_a_robot_of_another_size_walks_alike_in_its_own_time() -> None:
     assert large.agility == pytest.approx(small.agility / [1.0, 1.0, scale], rel=1e-6)
 
 
-def test_robots_that_cannot_walk_on_points_are_refused() -> None:
+def test_robots_that_cannot_walk_on_points_are_refused():
     with pytest.raises(RobotError, match="has 2 feet.*Expected four to walk on"):
         quadruped_gait(load("humanoid"))

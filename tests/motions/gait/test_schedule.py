@@ -21,7 +21,7 @@ def planned_contacts(schedule: Schedule, phases: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("gait", PATTERNS)
-def test_every_foot_stands_its_share_of_the_cycle_in_one_go(gait: str) -> None:
+def test_every_foot_stands_its_share_of_the_cycle_in_one_go(gait):
     schedule = schedule_of(load("quadruped"), gait)
     planted = planned_contacts(schedule, PHASES)
     assert planted.mean(axis=0) == pytest.approx(schedule.duty, abs=1e-3)
@@ -37,9 +37,7 @@ def test_every_foot_stands_its_share_of_the_cycle_in_one_go(gait: str) -> None:
     ("gait", "together"),
     [("trot", [(0, 3), (1, 2)]), ("pace", [(0, 2), (1, 3)]), ("bound", [(0, 1), (2, 3)])],
 )
-def test_pairs_move_together_and_half_a_cycle_apart(
-    gait: str, together: list[tuple[int, int]]
-) -> None:
+def test_pairs_move_together_and_half_a_cycle_apart(gait, together):
     robot = load("quadruped")
     assert robot.foot_names == ("front_left", "front_right", "hind_left", "hind_right")
     lift = schedule_of(robot, gait).lift
@@ -48,12 +46,12 @@ def test_pairs_move_together_and_half_a_cycle_apart(
     assert abs(lift[together[0][0]] - lift[together[1][0]]) == 0.5
 
 
-def test_a_walk_keeps_three_feet_on_the_ground() -> None:
+def test_a_walk_keeps_three_feet_on_the_ground():
     planted = planned_contacts(schedule_of(load("quadruped"), "walk"), PHASES)
     assert planted.sum(axis=1).min() == 3
 
 
-def test_the_order_of_the_feet_in_the_file_does_not_matter() -> None:
+def test_the_order_of_the_feet_in_the_file_does_not_matter():
     robot = dog()
     names = dict(zip(robot.foot_names, schedule_of(robot, "walk").lift, strict=True))
     same = dict(
@@ -62,14 +60,14 @@ def test_the_order_of_the_feet_in_the_file_does_not_matter() -> None:
     assert names == same
 
 
-def test_the_period_is_that_of_the_pendulum() -> None:
+def test_the_period_is_that_of_the_pendulum():
     small, large = schedule_of(dog(1.0)), schedule_of(dog(4.0))
     assert large.period == pytest.approx(2.0 * small.period)
     assert large.duty == small.duty
     assert math.isfinite(small.period)
 
 
-def test_bad_input_is_refused() -> None:
+def test_bad_input_is_refused():
     robot = load("quadruped")
     with pytest.raises(UnknownOptionError, match=r"gait.*gallop.*trot, walk, pace, bound, stand"):
         schedule_of(robot, "gallop")

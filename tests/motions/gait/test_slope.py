@@ -25,7 +25,7 @@ def on_plane(flat: np.ndarray, slope: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("feet", [2, 4])
-def test_on_a_plane_it_is_that_plane(feet: int, rng: np.random.Generator) -> None:
+def test_on_a_plane_it_is_that_plane(feet, rng):
     """Two feet tell of it, too, once they have stood in several places."""
     slope = np.array([0.2, -0.35])
     places = on_plane(rng.uniform(-0.3, 0.3, (3, feet, 2)), slope)
@@ -36,14 +36,14 @@ def test_on_a_plane_it_is_that_plane(feet: int, rng: np.random.Generator) -> Non
     assert 0.9 * np.linalg.norm(slope) < np.hypot(*drawn[3:]) < np.linalg.norm(slope)
 
 
-def test_level_ground_is_level_wherever_the_feet_stand(rng: np.random.Generator) -> None:
+def test_level_ground_is_level_wherever_the_feet_stand(rng):
     flat = rng.uniform(-0.3, 0.3, (5, 4, 2))
     plane = felt(np.concatenate([flat, np.full((5, 4, 1), 0.7)], axis=-1))
     assert np.hypot(*plane[3:]) < 1e-12
     assert height_on(plane, 5.0, -5.0) == pytest.approx(0.7, abs=1e-11)
 
 
-def test_across_a_line_of_feet_it_is_level() -> None:
+def test_across_a_line_of_feet_it_is_level():
     line = np.array([[-0.2, -0.1], [0.2, 0.1]])
     places = np.column_stack([line, [-0.05, 0.05]])[None]
     plane = felt(places)
@@ -51,12 +51,12 @@ def test_across_a_line_of_feet_it_is_level() -> None:
     assert height_on(plane, 0.2, 0.1) == pytest.approx(0.05, rel=0.01)
 
 
-def test_feet_that_stand_in_one_place_make_no_slope() -> None:
+def test_feet_that_stand_in_one_place_make_no_slope():
     plane = felt(np.array([[[0.1, 0.2, 0.0], [0.1, 0.2, 0.05]]]))
     assert plane == pytest.approx((0.1, 0.2, 0.025, 0.0, 0.0), abs=1e-12)
 
 
-def test_a_slope_is_felt_slowly(rng: np.random.Generator) -> None:
+def test_a_slope_is_felt_slowly(rng):
     """After the time of the sense two thirds of it are there, and a tick does little."""
     flat = rng.uniform(-0.3, 0.3, (4, 2))
     slope = np.array([0.2, 0.1])

@@ -19,7 +19,7 @@ with_ray = pytest.mark.skipif(
 
 @pytest.mark.slow
 @with_ray
-def test_jobs_of_a_lost_machine_go_on_elsewhere(tmp_path: Path) -> None:
+def test_jobs_of_a_lost_machine_go_on_elsewhere(tmp_path):
     drill = [sys.executable, "-m", "tests.train.runs.cluster_drill", str(tmp_path)]
     done = subprocess.run(drill, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-3000:]
@@ -34,13 +34,13 @@ def test_jobs_of_a_lost_machine_go_on_elsewhere(tmp_path: Path) -> None:
 
 @with_ray
 @pytest.mark.filterwarnings("ignore")
-def test_an_address_that_nobody_answers_is_one_error(tmp_path: Path) -> None:
+def test_an_address_that_nobody_answers_is_one_error(tmp_path):
     with pytest.raises(RunError, match="No Ray cluster answers at '127.0.0.1:1'"):
         with cluster("127.0.0.1:1", tmp_path):
             pass
 
 
-def test_without_ray_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_ray_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(RunError, match=r"pip install -e .\[ray\]"):
         with cluster("auto", tmp_path):

@@ -59,12 +59,6 @@ def test_options_say_only_what_is_not_the_default():
     assert options(of_none) == (*("--env", "mine/Own-v0"), *("--ppo.gamma", "0.9"))
 
 
-def test_stored_options_say_what_a_run_did_before_there_was_a_choice():
-    stored = replace(USUAL, seed=3).to_json()
-    del stored["stagger"]
-    assert stored_options(stored, FOLDER) == ("--no-stagger", "--seed", "3")
-
-
 def test_stored_options_of_another_version_are_those_that_there_are():
     stored = replace(USUAL, seed=3).to_json()
     del stored["torch_threads"]

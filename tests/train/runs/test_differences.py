@@ -4,12 +4,10 @@ from train.runs.config import EvaluationConfig, PPOConfig, SACConfig, TrainConfi
 from train.runs.differences import (
     differences,
     in_words,
-    made_with,
     run_differences,
     training_differences,
     training_settings,
 )
-from train.runs.versions import versions
 
 
 def test_what_makes_another_run():
@@ -60,22 +58,6 @@ def test_a_run_of_before_there_was_a_choice_is_not_one_of_today():
     assert in_words(run_differences(before, today)) == "stagger true instead of false"
     assert run_differences(before, TrainConfig(stagger=False).to_json()) == []
     assert [its.name for its in training_differences(before, today)] == ["stagger"]
-
-
-def test_what_the_numbers_of_a_run_were_made_with():
-    """The writer's own words: were a name changed there, this would not find it."""
-    found = made_with(versions())
-    assert {"commit", "platform", "python", "numpy", "torch", "mujoco"} <= found.keys()
-    assert not {"cpu_count", "uncommitted_changes"} & found.keys()
-
-
-def test_nested_values_differ_by_name_and_absence_is_not_none():
-    one, other = {"a": {"b": 1, "c": None}, "d": [1]}, {"a": {"b": 1}, "d": [2]}
-    assert [str(its) for its in differences(one, other)] == [
-        "a.c unset instead of null",
-        "d [2] instead of [1]",
-    ]
-    assert differences(one, one) == []
 
 
 def test_another_algorithm_is_a_difference_of_its_own():

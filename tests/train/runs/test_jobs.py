@@ -1,5 +1,6 @@
 """Programs side by side: what runs when, what is shown, and what a failure or a stop does."""
 
+import contextlib
 import io
 import os
 import signal
@@ -12,7 +13,6 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from fbid_gym.errors import InvalidValueError
 from train.runs import jobs
 from train.runs.jobs import Job, Progress, run_jobs
 
@@ -77,13 +77,6 @@ def test_a_failure_is_shown_and_stops_the_others(tmp_path):
     assert "KeyboardInterrupt" in good.log.read_text() and not never.log.exists()
 
 
-def test_others_go_on_where_that_is_wanted(tmp_path):
-    bad, good = _job(tmp_path, "bad", "1 / 0"), _job(tmp_path, "good", "time.sleep(1)")
-    console = _console()
-    assert run_jobs([bad, good], 1, console, keep_going=True) == [bad]
-    assert "ZeroDivisionError" in _text(console) and "good: done, 1 of 2" in _text(console)
-
-
 def test_a_stop_is_passed_on_once_and_starts_no_more(tmp_path):
     save = (
         "\ntry:\n    open('started', 'w'); time.sleep(60)\n"
@@ -108,18 +101,6 @@ def test_a_stop_is_passed_on_once_and_starts_no_more(tmp_path):
     assert "Stopping" in _text(console) and "failed" not in _text(console)
 
 
-def test_at_least_one_at_a_time(tmp_path):
-    with pytest.raises(InvalidValueError, match="Invalid jobs: 0. Expected at least 1 at a time"):
-        run_jobs([_job(tmp_path, "a", "pass")], 0, _console())
-
-
-STUBBORN = """
-import os, signal, time
-signal.signal(signal.SIGINT, signal.SIG_IGN)
-open('child', 'w').write(str(os.getpid()))
-os.rename('child', 'started')
-time.sleep(60)
-"""
 RUNNER = """
 import sys
 from pathlib import Path
@@ -128,22 +109,39 @@ from train.runs.jobs import Job, Progress, run_jobs
 job = Job('stubborn', (sys.executable, '-c', sys.argv[1]), Path('log'), lambda: Progress(0.0))
 run_jobs([job], 1, Console())
 """
+BEGIN = "import os, signal, time\nopen('child', 'w').write(str(os.getpid()))\n"
+STUBBORN = BEGIN + (
+    "signal.signal(signal.SIGINT, signal.SIG_IGN)\nos.rename('child', 'started'); time.sleep(60)"
+)
+SAVING = BEGIN + (
+    "try:\n    os.rename('child', 'started'); time.sleep(60)\n"
+    "except KeyboardInterrupt:\n    open('saved', 'w')"
+)
+
+
+@contextlib.contextmanager
+def _runner(folder, child):
+    """A process that runs a job which has started, and the number of the job's process."""
+    runner = subprocess.Popen(
+        [sys.executable, "-c", RUNNER, child],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[3])},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # Under nohup, whose children go on, this would be another test.
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
+    )
+    try:
+        _until((folder / "started").exists)
+        yield runner, int((folder / "started").read_text())
+    finally:
+        runner.kill()
 
 
 def test_a_second_sigterm_leaves_nothing_behind(tmp_path):
     """What ignores the first, which is passed on as Ctrl-C, ends with the runner."""
-    root = str(Path(__file__).resolve().parents[3])
-    runner = subprocess.Popen(
-        [sys.executable, "-c", RUNNER, STUBBORN],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": root},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        _until((tmp_path / "started").exists)
-        child = int((tmp_path / "started").read_text())
+    with _runner(tmp_path, STUBBORN) as (runner, child):
         runner.send_signal(signal.SIGTERM)
         assert "Stopping" in runner.stdout.readline()
         assert _lives(child)
@@ -151,37 +149,17 @@ def test_a_second_sigterm_leaves_nothing_behind(tmp_path):
         runner.communicate(timeout=60)
         assert runner.returncode != 0
         _until(lambda: not _lives(child))
-    finally:
-        runner.kill()
 
 
 @pytest.mark.parametrize("end", [signal.SIGHUP, signal.SIGKILL])
 def test_what_a_runner_began_saves_and_ends_when_it_is_gone(tmp_path, end):
     """A terminal that is closed, and a kill that nothing can answer."""
-    child = (
-        "import os, time\nopen('child', 'w').write(str(os.getpid()))\n"
-        "try:\n    os.rename('child', 'started'); time.sleep(60)\n"
-        "except KeyboardInterrupt:\n    open('saved', 'w')"
-    )
-    runner = subprocess.Popen(
-        [sys.executable, "-c", RUNNER, child],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[3])},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        # Under nohup, whose children go on, this would be another test.
-        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
-    )
-    try:
-        _until((tmp_path / "started").exists)
-        number = int((tmp_path / "started").read_text())
+    with _runner(tmp_path, SAVING) as (runner, child):
         time.sleep(0.2)
         runner.send_signal(end)
         runner.communicate(timeout=60)
-        _until(lambda: not _lives(number))
+        _until(lambda: not _lives(child))
         assert (tmp_path / "saved").exists()
-    finally:
-        runner.kill()
 
 
 @pytest.mark.parametrize(

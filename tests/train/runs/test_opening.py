@@ -1,14 +1,15 @@
+"""What a folder becomes when a run opens it: begun, continued, or left as it is."""
+
 import json
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import stand_in
 
 from fbid_gym.bundles import save_bundle
-from fbid_gym.envs.config import resolved_arguments
+from fbid_gym.envs.registered import resolved_arguments
 from fbid_gym.errors import RunError
 from train.ppo import main
 from train.runs.config import EvaluationConfig
@@ -23,33 +24,22 @@ def _begin(config, *, checkpoint=False):
             save_bundle(run.folder.checkpoint, {}, {"x": np.zeros(1)})
 
 
-def _contents(path: Path) -> dict[Path, bytes]:
-    return {
-        file: file.read_bytes()
-        for file in path.rglob("*")
-        if file.is_file() and file.name != ".lock"
-    }
+def _contents(path):
+    files = (file for file in path.rglob("*") if file.is_file() and file.name != ".lock")
+    return {file: file.read_bytes() for file in files}
 
 
-def test_new_folder_records_what_was_asked_and_with_what(tmp_path):
-    config = stand_in.config(tmp_path / "a" / "run")
+def _refused(config, message):
+    """Nothing in the folder is changed by it."""
+    before = _contents(config.folder)
+    with pytest.raises(RunError, match=message), open_run(config):
+        pass
+    assert _contents(config.folder) == before
+
+
+def _changes(config):
     with open_run(config) as run:
-        assert not run.resumes
-        run.begin()
-        assert json.loads(run.folder.config.read_text()) == config.to_json()
-        versions = json.loads(run.folder.versions.read_text())
-    assert {"python", "packages", "commit", "platform"} <= set(versions)
-    assert {"torch", "numpy", "mujoco", "stable-baselines3"} <= set(versions["packages"])
-
-
-def test_nothing_but_the_lock_is_written_before_the_run_begins(tmp_path):
-    with open_run(stand_in.config(tmp_path / "run")):
-        assert [path.name for path in (tmp_path / "run").iterdir()] == [".lock"]
-    _begin(stand_in.config(tmp_path / "run"), checkpoint=True)
-    before = _contents(tmp_path)
-    for changes in ({"total_steps": 9999}, {"overwrite": True}, {"seed": 4, "overwrite": True}):
-        with open_run(stand_in.config(tmp_path / "run", **changes)):
-            assert _contents(tmp_path) == before
+        return run.changes
 
 
 def test_a_run_goes_on_with_the_threads_of_torch_that_it_began_with(tmp_path):
@@ -64,8 +54,7 @@ def test_a_run_goes_on_with_the_threads_of_torch_that_it_began_with(tmp_path):
     for changes in ({"torch_threads": 1}, {"overwrite": True}):
         other = stand_in.config(tmp_path, **changes)
         assert continued(other) == other
-    with pytest.raises(RunError, match="asked for torch_threads 1 instead of 3"):
-        _begin(stand_in.config(tmp_path, torch_threads=1))
+    _refused(stand_in.config(tmp_path, torch_threads=1), "asked for torch_threads 1 instead of 3")
 
 
 def test_same_run_resumes_another_is_refused(tmp_path):
@@ -74,12 +63,8 @@ def test_same_run_resumes_another_is_refused(tmp_path):
         assert run.resumes
         run.begin()
     assert json.loads((tmp_path / "config.json").read_text())["total_steps"] == 9999
-    before = _contents(tmp_path)
-    with pytest.raises(RunError) as caught, open_run(stand_in.config(tmp_path, seed=4)):
-        pass
-    assert "holds another run: asked for seed 4 instead of 3." in str(caught.value)
-    assert "--overwrite" in str(caught.value) and str(tmp_path) in str(caught.value)
-    assert _contents(tmp_path) == before
+    words = f"{tmp_path}.* holds another run: asked for seed 4 instead of 3.*--overwrite"
+    _refused(stand_in.config(tmp_path, seed=4), words)
     with open_run(stand_in.config(tmp_path, seed=4, overwrite=True)) as run:
         run.begin()
         assert not run.resumes and not run.folder.checkpoint.exists()
@@ -87,51 +72,35 @@ def test_same_run_resumes_another_is_refused(tmp_path):
 
 
 def test_without_a_checkpoint_everything_starts_anew_but_notes_stay(tmp_path):
-    config = stand_in.config(tmp_path)
-    with open_run(config) as run:
-        run.begin()
-        run.folder.progress.write_text("steps\n1\n")
-        (tmp_path / ".policy.safetensors.new").write_text("half")
-        for name in ("notes.txt", "config.json.old", "progress.csv.new"):
-            (tmp_path / name).write_text("mine")
+    config, notes = stand_in.config(tmp_path), ("notes.txt", "config.json.old", "progress.csv.new")
+    _begin(config)
+    for name in (*notes, "progress.csv", ".policy.safetensors.new"):
+        (tmp_path / name).write_text("mine" if name in notes else "steps\n1\n")
     with open_run(config) as run:
         run.begin()
         assert not run.resumes and not run.folder.progress.exists()
-        assert not (tmp_path / ".policy.safetensors.new").exists()
-    for name in ("notes.txt", "config.json.old", "progress.csv.new"):
-        assert (tmp_path / name).read_text() == "mine"
+    assert not (tmp_path / ".policy.safetensors.new").exists()
+    assert {(tmp_path / name).read_text() for name in notes} == {"mine"}
 
 
-def _curve(folder: Path, steps: int, evaluated: int) -> None:
+def _curve(folder, steps, evaluated):
     (folder / "progress.csv").write_text(f"steps,fps\n{steps},1\n")
     (folder / "evaluations.csv").write_text(f"steps,return_mean\n{evaluated},1\n")
 
 
-@pytest.mark.parametrize(("steps", "evaluated"), [(1024, 1024), (512, 0)])
-def test_a_run_whose_checkpoint_is_gone_is_not_begun_anew(tmp_path, steps, evaluated):
-    """Neither a finished one, as is kept without its checkpoint, nor one farther than its first."""
+@pytest.mark.parametrize(
+    ("steps", "evaluated", "anew"),
+    [(1024, 1024, False), (512, 0, False), (256, 0, True), (128, 128, True)],
+)
+def test_a_run_is_begun_anew_only_before_its_first_checkpoint(tmp_path, steps, evaluated, anew):
+    """Not a finished one, as is kept without its checkpoint, nor one farther than its first."""
     config = stand_in.config(tmp_path, total_steps=1000, checkpoint_every=256)
     _begin(config)
     _curve(tmp_path, steps, evaluated)
-    before = _contents(tmp_path)
-    for changes in ({}, {"total_steps": 2000}):
-        longer = stand_in.config(
-            tmp_path, **({"total_steps": 1000, "checkpoint_every": 256} | changes)
-        )
-        expected = f"holds a run of {steps} steps without the checkpoint"
-        with pytest.raises(RunError, match=expected), open_run(longer):
-            pass
-    assert _contents(tmp_path) == before
-    with open_run(replace(config, overwrite=True)) as run:
-        run.begin()
-    assert not (tmp_path / "progress.csv").exists()
-
-
-@pytest.mark.parametrize(("steps", "evaluated"), [(256, 0), (128, 128)])
-def test_a_run_killed_before_its_first_checkpoint_is_begun_anew(tmp_path, steps, evaluated):
-    config = stand_in.config(tmp_path, total_steps=1000, checkpoint_every=256)
-    _begin(config)
-    _curve(tmp_path, steps, evaluated)
+    if not anew:
+        for longer in (config, replace(config, total_steps=2000)):
+            _refused(longer, f"holds a run of {steps} steps without the checkpoint")
+        config = replace(config, overwrite=True)
     with open_run(config) as run:
         run.begin()
         assert not run.resumes and not run.folder.progress.exists()
@@ -141,14 +110,8 @@ def test_a_longer_run_is_not_called_a_shorter_one(tmp_path):
     config = stand_in.config(tmp_path, total_steps=1000)
     _begin(config, checkpoint=True)
     _curve(tmp_path, 1024, 1024)
-    before = _contents(tmp_path)
     shorter = stand_in.config(tmp_path, total_steps=500)
-    with (
-        pytest.raises(RunError, match="trained for 1024 steps, which total_steps 500 would deny"),
-        open_run(shorter),
-    ):
-        pass
-    assert _contents(tmp_path) == before
+    _refused(shorter, "trained for 1024 steps, which total_steps 500 would deny")
     with open_run(config) as run:
         assert run.resumes
 
@@ -159,34 +122,24 @@ def test_a_checkpoint_of_an_earlier_version_is_not_begun_anew(tmp_path):
     _begin(config)
     for name in ("checkpoint", "policy", "policy_best"):
         (tmp_path / name).mkdir()
-    with pytest.raises(RunError, match="checkpoint: of an earlier version"), open_run(config):
-        pass
-    with open_run(replace(config, overwrite=True)) as run:
-        run.begin()
+    _refused(config, "checkpoint: of an earlier version")
+    _begin(replace(config, overwrite=True))
     assert {file.name for file in tmp_path.iterdir()} == {".lock", "config.json", "versions.json"}
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_folders_that_are_no_run_are_left_alone(tmp_path, overwrite):
     (tmp_path / "thesis.tex").write_text("years of work")
-    with (
-        pytest.raises(RunError, match=r"holds thesis\.tex but no config\.json, so it is not a run"),
-        open_run(stand_in.config(tmp_path, overwrite=overwrite)),
-    ):
-        pass
+    words = r"holds thesis\.tex but no config\.json, so it is not a run"
+    _refused(stand_in.config(tmp_path, overwrite=overwrite), words)
+    _refused(stand_in.config(tmp_path / "thesis.tex"), "is a file")
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
-    with (
-        pytest.raises(RunError, match="is a file"),
-        open_run(stand_in.config(tmp_path / "thesis.tex")),
-    ):
-        pass
 
 
 def test_one_process_per_run(tmp_path):
     config = stand_in.config(tmp_path)
     with open_run(config):
-        with pytest.raises(RunError, match=r"is being trained by process \d+"), open_run(config):
-            pass
+        _refused(config, r"is being trained by process \d+")
     with open_run(config):
         pass
 
@@ -194,20 +147,17 @@ def test_one_process_per_run(tmp_path):
 def test_other_versions_than_at_the_beginning_are_named(tmp_path):
     config = stand_in.config(tmp_path)
     _begin(config, checkpoint=True)
-    with open_run(config) as run:
-        assert run.changes == ()
+    assert _changes(config) == ()
     file = tmp_path / "versions.json"
     versions = json.loads(file.read_text())
-    versions["packages"]["torch"] = "1.0"
-    versions["commit"] = "another"
+    versions["packages"]["torch"], versions["commit"] = "1.0", "another"
     file.write_text(json.dumps(versions))
-    with open_run(config) as run:
-        commit, torch = run.changes
+    commit, torch = _changes(config)
     assert commit.startswith("commit ") and commit.endswith(' instead of "another"')
     assert torch.startswith("torch ") and torch.endswith(' instead of "1.0"')
     file.write_text("{")
-    with open_run(config) as run:
-        assert len(run.changes) == 1 and "versions.json: not JSON" in run.changes[0]
+    (damaged,) = _changes(config)
+    assert "versions.json: not JSON" in damaged
 
 
 def test_what_the_arguments_of_the_environment_mean_is_kept(tmp_path):
@@ -216,9 +166,7 @@ def test_what_the_arguments_of_the_environment_mean_is_kept(tmp_path):
     _begin(config, checkpoint=True)
     file = tmp_path / "environment.json"
     began = json.loads(file.read_text())
-    assert began == resolved_arguments(config.env, config.make_args())
-    with open_run(config) as run:
-        assert run.changes == ()
+    assert began == resolved_arguments(config.env, config.make_args()) and _changes(config) == ()
     # As a default that was changed since: the file stays as the run began, and it is said.
     began["layer_options"]["scale"] = 0.5
     file.write_text(json.dumps(began))
@@ -227,21 +175,14 @@ def test_what_the_arguments_of_the_environment_mean_is_kept(tmp_path):
         run.begin()
     assert json.loads(file.read_text()) == began
     file.unlink()
-    with open_run(config) as run:
-        assert run.changes == ()
+    assert _changes(config) == ()
 
 
-def test_of_foreign_environments_the_meaning_is_not_known(tmp_path):
-    (tmp_path / "environment.json").write_text("left by a run that was killed at its beginning")
-    _begin(stand_in.config(tmp_path))
-    assert not (tmp_path / "environment.json").exists()
-
-
-def _overwritten(name: str, content: bytes):
+def _overwritten(name, content):
     return lambda folder: (folder / name).write_bytes(content)
 
 
-def _of_fewer_robots(folder: Path) -> None:
+def _of_fewer_robots(folder):
     """A checkpoint that only the learner can tell to be another's."""
     other = folder.with_name("other")
     main(stand_in.config(other, num_envs=4, eval=EvaluationConfig(every=0)), stand_in.make)
@@ -261,8 +202,7 @@ def _of_fewer_robots(folder: Path) -> None:
 )
 def test_a_refused_resume_changes_nothing(tmp_path, straight, damage, message):
     """Whatever is found wrong, the folder stays as it was, byte for byte."""
-    folder = tmp_path / "run"
-    shutil.copytree(straight, folder)
+    folder = shutil.copytree(straight, tmp_path / "run")
     damage(folder)
     before = _contents(folder)
     with pytest.raises(RunError, match=message):

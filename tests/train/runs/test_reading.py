@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,7 @@ from train.runs.tables import read_rows
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trained(tmp_path_factory):
     """A finished training."""
     folder = tmp_path_factory.mktemp("trained") / "run"
     config = stand_in.config(folder, seed=5, layer_options={"stiffness": 2})
@@ -24,12 +23,12 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def folder(trained: Path, tmp_path: Path) -> Path:
+def folder(trained, tmp_path):
     """A copy of it to break."""
     return Path(shutil.copytree(trained, tmp_path / "run"))
 
 
-def test_a_run_is_read_as_it_was_written(trained: Path) -> None:
+def test_a_run_is_read_as_it_was_written(trained):
     run = load(trained)
     assert run.layer == "force (stiffness: 2)" and run.env_args == {}
     assert run.seed == 5 and run.policy.trained_steps == 768
@@ -43,72 +42,46 @@ def test_a_run_is_read_as_it_was_written(trained: Path) -> None:
     assert run.curve.episodes.tolist() == [4] * 4 and (run.curve.wall_seconds[1:] > 0).all()
 
 
-def test_an_exported_policy_is_read(trained: Path) -> None:
+def test_an_exported_policy_is_read(trained):
     run = load(trained / "policy.safetensors")
     assert run.layer == "force (stiffness: 2)"
     assert run.seed is None and run.curve is None and run.config is None
 
 
 COLUMNS = "steps,wall_seconds,return_mean,return_std,episodes\n"
+BROKEN = [  # file, what it holds instead, and what is said
+    ("evaluations.csv", None, "evaluations.csv is missing"),
+    ("versions.json", None, "versions.json is missing"),
+    ("policy.safetensors", None, "no policy here. Expected a policy's file"),
+    ("policy.safetensors", "{", "policy.safetensors: not safetensors"),
+    ("config.json", "{", "config.json: not JSON, truncated or corrupt"),
+    ("config.json", "[]", "config.json: holds list. Expected a JSON object"),
+    ("evaluations.csv", "steps,wall_seconds\n", "evaluations.csv: holds no evaluation"),
+    ("evaluations.csv", "steps\n1\n", "csv: column 'wall_seconds' is missing"),
+    ("evaluations.csv", f"{COLUMNS}1,2,x,1,8\n", "'return_mean' holds more than numbe"),
+    ("evaluations.csv", f"{COLUMNS}2,2,2,1,8\n1,3,3,1,8\n", "steps do not increase"),
+]
 
 
-def damage(name: str, content: str | None) -> Callable[[Path], None]:
-    def apply(folder: Path) -> None:
-        if content is None:
-            (folder / name).unlink()
-        else:
-            (folder / name).write_text(content)
+def test_a_broken_run_is_named(folder):
+    def named(file: Path, content: str | None, message: str) -> None:
+        before = file.read_bytes()
+        file.unlink() if content is None else file.write_text(content)
+        with pytest.raises(FbidError) as caught:
+            load(folder)
+        assert message in str(caught.value) and str(folder) in str(caught.value)
+        file.write_bytes(before)
 
-    return apply
-
-
-def without(key: str) -> Callable[[Path], None]:
-    def apply(folder: Path) -> None:
-        config = json.loads((folder / "config.json").read_text())
-        del config[key]
-        (folder / "config.json").write_text(json.dumps(config))
-
-    return apply
-
-
-def unfinished(folder: Path) -> None:
-    lines = (folder / "evaluations.csv").read_text().splitlines(keepends=True)
-    (folder / "evaluations.csv").write_text("".join(lines[:3]))
-
-
-def renamed(folder: Path) -> None:
-    config = json.loads((folder / "config.json").read_text())
-    (folder / "config.json").write_text(json.dumps(config | {"env_id": "other/Env-v0"}))
-
-
-@pytest.mark.parametrize(
-    ("break_it", "message"),
-    [
-        (damage("evaluations.csv", None), "evaluations.csv is missing"),
-        (damage("versions.json", None), "versions.json is missing"),
-        (damage("policy.safetensors", None), "no policy here. Expected a policy's file"),
-        (damage("policy.safetensors", "{"), "policy.safetensors: not safetensors"),
-        (damage("config.json", "{"), "config.json: not JSON, truncated or corrupt"),
-        (damage("config.json", "[]"), "config.json: holds list. Expected a JSON object"),
-        (damage("evaluations.csv", "steps,wall_seconds\n"), "evaluations.csv: holds no evaluation"),
-        (damage("evaluations.csv", "steps\n1\n"), "csv: column 'wall_seconds' is missing"),
-        (damage("evaluations.csv", f"{COLUMNS}1,2,x,1,8\n"), "'return_mean' holds more than numbe"),
-        (damage("evaluations.csv", f"{COLUMNS}2,2,2,1,8\n1,3,3,1,8\n"), "steps do not increase"),
-        (without("seed"), "config.json: seed is None. Expected int."),
-        (unfinished, "trained for 384 of 768 steps. Resume it, or leave it out."),
-        (renamed, "config.json says other/Env-v0, the policy in it was trained in stand-in/"),
-    ],
-)
-def test_a_broken_run_is_named(
-    folder: Path, break_it: Callable[[Path], None], message: str
-) -> None:
-    break_it(folder)
-    with pytest.raises(FbidError) as caught:
-        load(folder)
-    assert message in str(caught.value) and str(folder) in str(caught.value)
-
-
-def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
-    for path in (tmp_path / "nowhere", tmp_path):
+    for name, content, message in BROKEN:
+        named(folder / name, content, message)
+    run = RunFolder.of(folder)
+    config, lines = json.loads(run.config.read_text()), run.evaluations.read_text().splitlines()
+    nobody = json.dumps(config | {"seed": None})
+    other = json.dumps(config | {"env_id": "other/Env-v0"})
+    named(run.config, nobody, "config.json: seed is None. Expected int.")
+    named(run.config, other, "config.json says other/Env-v0, the policy in it was trained in")
+    few = "\n".join([*lines[:3], ""])
+    named(run.evaluations, few, "trained for 384 of 768 steps. Resume it, or leave it out.")
+    for path in (folder / "nowhere", folder.parent):
         with pytest.raises(PolicyFileError, match=f"{path}: no policy here. Expected a policy's"):
             load(path)

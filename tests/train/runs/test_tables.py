@@ -1,9 +1,7 @@
-import csv
-
 import pytest
 
 from fbid_gym.errors import RunError
-from train.runs.tables import TableWriter, check_kept, read_rows, to_csv
+from train.runs.tables import TableWriter, check_kept, read_rows
 
 
 def test_rows_after_the_checkpoint_are_cut_even_a_half_one(tmp_path):
@@ -38,8 +36,3 @@ def test_rows_are_read_while_they_are_written(tmp_path):
     assert read_rows(path) == []
     path.write_text("steps,fps\n2048,1.0\n40")
     assert read_rows(path) == [{"steps": "2048", "fps": "1.0"}]
-
-
-def test_csv_holds_these_columns_of_each_row():
-    text = to_csv(("b", "a"), [{"a": 1, "b": 'x, "y"', "c": 0}])
-    assert list(csv.reader(text.splitlines())) == [["b", "a"], ['x, "y"', "1"]]

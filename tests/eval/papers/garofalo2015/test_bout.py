@@ -5,14 +5,13 @@ import numpy as np
 import pytest
 
 from eval.papers.garofalo2015.balancer import (
-    BALANCERS,
+    COLOUR,
     GAROFALO,
-    balancer,
+    Balancer,
     stance_rotation_inertia,
 )
-from eval.papers.garofalo2015.bout import Blow, bout
+from eval.papers.garofalo2015.bout import Blow, bout, settling_time, unrealised
 from eval.papers.garofalo2015.largest_blow import FIRST, largest
-from eval.papers.garofalo2015.measures import settling_time, unrealised
 from eval.papers.garofalo2015.pendulum import Pendulum
 from eval.papers.garofalo2015.tracking import goals, swaying
 from eval.papers.garofalo2015.uneven import BLOCKS, stance
@@ -24,12 +23,12 @@ from fbid_gym.robots import load
 LEGS = ("hip", "knee", "ankle")
 
 
-@pytest.mark.parametrize("name", BALANCERS)
+@pytest.mark.parametrize("name", COLOUR)
 def test_every_balancer_stands_and_takes_a_small_blow(name):
     robot, pendulum = load("humanoid"), Pendulum()
     sides = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
     blow = Blow(0.3, sides, np.full(2, 4.0))
-    log = simulate(bout(robot, pendulum, blow, 1.0, every=5), balancer(robot, name))
+    log = simulate(bout(robot, pendulum, blow, 1.0, every=5), Balancer(robot, name))
     assert log.survived.all()
     before = log.time < 0.3
     assert np.abs(log["com"][before]).max() < 3e-4
@@ -39,15 +38,12 @@ def test_every_balancer_stands_and_takes_a_small_blow(name):
     pushed = np.abs(log["com"][~before]).max(axis=0)
     assert 0.005 < pushed[0, 1] < 0.05 and 0.001 < pushed[1, 0] < 0.05
     assert (np.abs(log["torque"]) <= robot.torque_limit).all()
-    again = Log.from_arrays(log.arrays("x."), "x.")
-    assert again.signals.keys() == log.signals.keys()
-    np.testing.assert_array_equal(again["momentum"], log["momentum"])
 
 
 def test_a_blow_that_is_too_much_is_a_fall():
     robot, pendulum = load("humanoid"), Pendulum(energy=400.0)
     blow = Blow(0.1, np.array([[1.0, 0.0, 0.0]]), np.array([400.0]))
-    log = simulate(bout(robot, pendulum, blow, 4.0, every=5), balancer(robot, GAROFALO))
+    log = simulate(bout(robot, pendulum, blow, 4.0, every=5), Balancer(robot, GAROFALO))
     assert not log.survived[0] and 0.1 < log.fell[0] < 3.0
     assert log.time[-1] <= log.fell[0]  # nothing is simulated beyond
 

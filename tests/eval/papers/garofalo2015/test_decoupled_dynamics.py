@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from eval.papers.garofalo2015.coriolis import CoriolisMatrix
 from eval.papers.garofalo2015.decoupled_dynamics import (
     DecoupledDynamics,
+    coriolis_matrix,
     decoupled_dynamics,
     generalized_jacobian,
     joint_inertia,
@@ -21,7 +21,6 @@ from eval.papers.garofalo2015.decoupled_dynamics import (
     transform,
     transformed_jacobian,
 )
-from eval.papers.garofalo2015.pinocchio_coriolis import pinocchio_coriolis
 from fbid_gym import robots
 from fbid_gym.dynamics import CentroidalTerms, MuJoCoDynamics, centroidal_terms, frames
 from fbid_gym.dynamics.contacts import contact_geometry, point_jacobian, point_positions
@@ -72,14 +71,13 @@ def robot(request, tmp_path_factory, random_mjcf):
     return robots.Robot.from_mjcf(path, RANDOM_FEET)
 
 
-@pytest.fixture(scope="module", params=["mujoco", "pinocchio"])
-def case(request, robot, random_states):
+@pytest.fixture(scope="module")
+def case(robot, random_states):
+    """From one provider for every other robot; tests/dynamics holds that both say the same."""
     qpos, velocity = random_states(robot.model, COUNT)
-    if request.param == "mujoco":
-        dynamics, coriolis = MuJoCoDynamics(robot), CoriolisMatrix(robot)(qpos, velocity)
-    else:
-        dynamics = PinocchioDynamics(robot)
-        coriolis = pinocchio_coriolis(dynamics, qpos, velocity)
+    mujoco = robot.name not in (*robots.ROBOTS[::2], f"random{RANDOM[0]}")
+    dynamics = (MuJoCoDynamics if mujoco else PinocchioDynamics)(robot)
+    coriolis = coriolis_matrix(robot, qpos, velocity)
     terms = dynamics.terms(qpos, velocity)
     body = centroidal_terms(terms, velocity)
     return Case(
@@ -140,12 +138,6 @@ def test_mass_rate_less_twice_coriolis_is_skew(case):
     )
 
 
-def test_both_coriolis_matrices_are_the_same(robot, random_states):
-    qpos, velocity = random_states(robot.model, COUNT, seed=1)
-    ours = CoriolisMatrix(robot)(qpos, velocity)
-    assert_close(ours, pinocchio_coriolis(PinocchioDynamics(robot), qpos, velocity))
-
-
 # --- section 2: momentum -----------------------------------------------------------------------
 
 
@@ -154,7 +146,7 @@ def test_matrix_and_its_rate_are_pinocchios(robot, random_states):
     dynamics = PinocchioDynamics(robot)
     terms = dynamics.terms(qpos, velocity)
     body = centroidal_terms(terms, velocity)
-    rate = momentum_matrix_rate(body, terms, velocity, CoriolisMatrix(robot)(qpos, velocity))
+    rate = momentum_matrix_rate(body, terms, velocity, coriolis_matrix(robot, qpos, velocity))
     rotation = frames.quaternion_to_matrix(qpos[:, 3:7])
     data = dynamics.model.createData()
     q = frames.configuration_to_pinocchio(qpos, robot.model.qpos0)
@@ -345,6 +337,51 @@ def test_contact_forces_act_on_momentum_through_their_wrench(case, rng):
     wrench = np.concatenate([force.sum(1), np.cross(arm, force).sum(1)], axis=1)
     expected = np.matvec(momentum_inertia(case.body), wrench)
     assert_close(np.matvec(base.mT, force.reshape(COUNT, -1)), expected)
+
+
+def test_appendix_pseudo_inverse_of_the_momentum_matrix_by_its_halves(case):
+    """A^{+M} = M^-1 A^T blkdiag(Lambda_p, Lambda_l) = [A_p^{+M}, A_l^{+M}]."""
+    matrix = case.body.matrix
+    halves = [case.pseudo_inverse(matrix[:, part]) for part in (slice(3), slice(3, 6))]
+    expected = case.pseudo_inverse(matrix)
+    assert_close(np.concatenate(halves, axis=2), expected)
+    assert_close(case.inverse_mass @ matrix.mT @ momentum_inertia(case.body), expected)
+
+
+def test_eq_35_the_model_of_ott_2011(case, rng):
+    """With v_C = [velocity of the centre of mass, world spin of the base, joint rates] = T v.
+
+    The centre of mass is on its own, hip and joints are coupled; and the joints' block is not
+    Lambda_q, as the paper labels it, but Lambda_q once the hip is eliminated, too.
+    """
+    mass, terms = case.robot.mass, case.terms
+    change = np.tile(np.eye(case.robot.nv), (COUNT, 1, 1))
+    change[:, :3] = case.body.matrix[:, :3] / mass
+    change[:, 3:6, 3:6] = terms.world_from_base
+    back = np.linalg.inv(change)
+    inertia = back.mT @ terms.mass_matrix @ back
+    assert_close(inertia[:, :3, :3], np.broadcast_to(mass * np.eye(3), (COUNT, 3, 3)))
+    assert_zero(inertia[:, :3, 3:], inertia)
+    hip, coupling, joints = inertia[:, 3:6, 3:6], inertia[:, 3:6, 6:], inertia[:, 6:, 6:]
+    assert_close(hip, case.body.inertia)
+    eliminated = coupling.mT @ np.linalg.solve(hip, coupling)
+    assert_close(joints - eliminated, case.full.inertia[:, 6:, 6:], np.abs(joints).max())
+    assert np.abs(eliminated).max() > 0.01 * np.abs(joints).max()
+    # The angular momentum, of which (36) counts the hip's part alone.
+    rates = np.matvec(change, case.velocity)
+    angular = np.matvec(hip, rates[:, 3:6]) + np.matvec(coupling, rates[:, 6:])
+    assert_close(angular, case.body.momentum[:, 3:])
+    weight = np.matvec(back.mT, case.gravity_force)
+    expected = np.zeros_like(weight)
+    expected[:, :3] = -mass * case.robot.model.opt.gravity
+    assert_close(weight, expected, np.abs(case.gravity_force).max())
+    # (37): the base rows of the contacts' Jacobians add up to the wrench at the centre of mass.
+    geometry = contact_geometry(case.robot)
+    force = rng.normal(size=(COUNT, geometry.num_points, 3))
+    jacobian, _ = point_jacobian(geometry, terms)
+    total = np.matvec((jacobian @ back)[:, :, :6].mT, force.reshape(COUNT, -1))
+    arm = point_positions(geometry, terms) - terms.com[:, None]
+    assert_close(total, np.concatenate([force.sum(1), np.cross(arm, force).sum(1)], axis=1))
 
 
 def test_eq_34_kinetic_energy_in_three_parts(case):

@@ -3,15 +3,17 @@
 import numpy as np
 import pytest
 
-from eval.papers.mistry2010.following import following
+from eval.papers.mistry2010.controllers import following
 from eval.papers.mistry2010.stepper import Stepper
-from eval.papers.mistry2010.stepping_cases import CROUCHED, OURS, controller
+from eval.papers.mistry2010.stepping import MOTIONS, OURS, controller
 from eval.papers.trial import RATES, Push, Trial, pushed, simulate
 from fbid_gym.envs.simulation import Simulation
 from fbid_gym.motions import stepping
 from fbid_gym.motions.gait.flat_gait import DOUBLE, STAND, SWING
 from fbid_gym.quantities import RobotState
 from fbid_gym.robots import load
+
+CROUCHED = MOTIONS["crouched"]
 
 
 @pytest.fixture(scope="module")

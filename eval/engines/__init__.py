@@ -1,0 +1,1 @@
+"""Robots in a physics engine that is not MuJoCo: who walks there as well?"""

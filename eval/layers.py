@@ -1,0 +1,276 @@
+"""Compare action layers of your own with those of this package, without a policy.
+
+python -m eval.layers my_layer.py --out runs/layers.html
+
+A fixed set of tasks, robots and seeds: every layer plays its zero action from the same starts, to
+the same commands, under the same pushes. The score of a robot is the share of the greatest return
+that it earns in an episode; who falls earns nothing from there on. The file is run as a program of
+your own: it has to call `register_layer`, see docs/own_task_and_layer.md.
+"""
+
+import hashlib
+import math
+import shlex
+import sys
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import tyro
+
+import fbid_gym
+from eval.files import check_output, write
+from eval.page.colours import colours_of
+from eval.page.docs import DOCS, command_block, splice, spliced
+from eval.page.figures import bars
+from eval.page.html import render
+from eval.results import Estimate
+from eval.statistics import Chance, improvement, over_tasks, p_value
+from eval.wording import interval, number, percent
+from eval.zero_actions.__main__ import measured, short
+from eval.zero_actions.measures import Row
+from eval.zero_actions.tables import TABLES, Case, ZeroActionConfig, cases
+from fbid_gym.__main__ import called
+from fbid_gym.actions import LAYERS, make_layer
+from fbid_gym.envs.chunks import NUM_ENVS
+from fbid_gym.errors import FbidError, RunError
+from fbid_gym.options import Choice, Each, Number, Whole, check_fields
+from fbid_gym.runtime.config import EnvConfig
+from train.command import run_command
+from train.environments import run_file
+
+TABLE = TABLES["layers"]
+_PAGE = DOCS / "layer_benchmark.md"
+_SAMPLES, _CONFIDENCE = 2000, 0.95
+
+
+@dataclass(frozen=True)
+class LayersConfig:
+    """Compare action layers of your own with those of this package, without a policy."""
+
+    files: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
+    """Python files that register layers; they are run. None: the package's layers alone."""
+    against: Annotated[tuple[str, ...], Each(Choice(LAYERS, "action layer"))] = tuple(LAYERS)
+    """Layers of the package to compare with; the table's p-values are against the best of them."""
+    only: tuple[str, ...] = ()
+    """Only some rows, such as robot=go1 task=walk. Default: all."""
+    episodes: Annotated[int, NUM_ENVS] = TABLE.episodes
+    """Robots side by side, one episode each."""
+    seconds: Annotated[float, Number(0.02, 10_000.0, "s")] = TABLE.seconds
+    """Length of an episode."""
+    seed: Annotated[int, Whole(0, 2**31)] = 0
+    """Robot i starts from seed + i."""
+    out: Path = Path("runs/layers.html")
+    """The page. Its rows go into a file of the same name ending in .csv; rows that this has, of the
+    same file of a layer, are not measured again: the same command goes on after an interruption."""
+    overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Measure anew what the file has already, as after a change of what a layer imports."""
+    write_docs: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Write the table into its page of docs/, too."""
+
+
+class Standing(NamedTuple):
+    """What a layer comes to over all tasks.
+
+    Attributes:
+        score: mean over tasks of the interquartile mean over robots.
+        better: probability that one of its robots earns more than one of the best of the package.
+        p_value: of that, over all tasks, adjusted for the number of layers (Holm); NaN for itself.
+    """
+
+    score: Estimate
+    better: Estimate
+    p_value: float
+
+
+def registered(files: Sequence[Path]) -> dict[str, str]:
+    """Run files, and return the layers that they register, with the digest of their file.
+
+    Raises:
+        RunError: a file that cannot be run, or that registers none.
+    """
+    found: dict[str, str] = {}
+    for file in files:
+        before = dict(LAYERS)
+        run_file(file)
+        own = [name for name, of in LAYERS.items() if before.get(name) is not of]
+        if not own:
+            raise RunError(f"{file}: registers no layer. Expected a call of register_layer.")
+        found |= dict.fromkeys(own, hashlib.sha256(file.read_bytes()).hexdigest()[:8])
+    return found
+
+
+def check_builds(layers: Sequence[str], config: ZeroActionConfig) -> None:
+    """Build each layer for each robot; RunError where one does not, whatever it raises."""
+    for case in cases(config):
+        arguments, layer = case.measure.args[0], case.cells["layer"]  # type: ignore[attr-defined]
+        if layer not in layers:
+            continue
+        known = EnvConfig.of(arguments)
+        robot = known.load_robot()
+        try:
+            make_layer(layer, robot, known.control_hz, known.make_task(robot).kind)
+        except Exception as error:  # code of the user's
+            kind = "" if isinstance(error, FbidError) else f"{type(error).__name__}: "
+            said = kind + " ".join(str(error).split())
+            raise RunError(f"Layer {layer!r} cannot be built for {robot.name}: {said}") from error
+
+
+def _versioned(todo: Sequence[Case], own: Mapping[str, str]) -> list[Case]:
+    """Cases that say of which code a layer is: what has changed since is measured anew."""
+    ours = fbid_gym.__version__
+    return [
+        case._replace(cells=case.cells | {"code": own.get(case.cells["layer"], ours)})
+        for case in todo
+    ]
+
+
+def scores(rows: Sequence[Row]) -> dict[str, list[np.ndarray]]:
+    """Return layer -> for each task the scores of its robots, (N,)."""
+    found: dict[str, list[np.ndarray]] = {}
+    for row in rows:
+        each = np.array([float(word) for word in row["score_of_each"].split()])
+        found.setdefault(row["layer"], []).append(each)
+    return found
+
+
+def standings(rows: Sequence[Row], ours: Sequence[str]) -> tuple[str, dict[str, Standing]]:
+    """Return the best layer of the package, and what every layer comes to, the best first."""
+    of = scores(rows)
+    rng = np.random.default_rng(0)
+    chance = Chance(rng, _SAMPLES, _CONFIDENCE)
+    means = {layer: over_tasks(tasks, chance) for layer, tasks in of.items()}
+    best = max(ours, key=lambda layer: means[layer].value)
+    others = [layer for layer in of if layer != best]
+    p_values = holm({x: p_value(*_centred(of[x], of[best]), rng) for x in others})
+    found = {}
+    for layer in sorted(of, key=lambda layer: -means[layer].value):
+        better = improvement(of[layer], of[best], chance)
+        found[layer] = Standing(means[layer], better, p_values.get(layer, math.nan))
+    return best, found
+
+
+def _centred(x: list[np.ndarray], y: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """The scores of two layers over all tasks, each less what both layers' robots earn in it."""
+    means = [np.mean(task) for task in zip(x, y, strict=True)]
+    own, other = (
+        np.concatenate([scores - mean for scores, mean in zip(side, means, strict=True)])
+        for side in (x, y)
+    )
+    return own, other
+
+
+def holm(p_values: dict[str, float]) -> dict[str, float]:
+    """Return p-values adjusted for being several, by Holm's method."""
+    adjusted, least = {}, 0.0
+    order = sorted(p_values, key=lambda name: p_values[name])
+    for place, name in enumerate(order):
+        least = max(least, min(1.0, (len(order) - place) * p_values[name]))
+        adjusted[name] = least
+    return adjusted
+
+
+def run(config: LayersConfig, command: Sequence[str]) -> None:
+    """Run the files, measure, write the page; what can be refused is refused before."""
+    check_fields(config)
+    check_output(config.out, "out", (".html", ".htm"))
+    if config.write_docs:
+        spliced(_PAGE, "")
+    own = registered(config.files)
+    what = ZeroActionConfig(
+        "layers",
+        layers=(*own, *config.against),
+        only=config.only,
+        episodes=config.episodes,
+        seconds=config.seconds,
+        seed=config.seed,
+    )
+    check_builds(list(own), what)
+    file = config.out.with_suffix(".csv")
+    rows = list(measured(_versioned(cases(what), own), TABLE, file, config.overwrite))
+    best, found = standings(rows, config.against)
+    heads, lines = summary(best, found)
+    text = "\n\n".join(_markdown(*each) for each in ((heads, lines), _by_task(rows)))
+    print(f"\n{text}")
+    write(config.out, page(rows, best, found, list(own), command))
+    print(f"wrote {config.out}")
+    if config.write_docs:
+        said = f"{config.episodes} robots each, {config.seconds:g} s. By"
+        splice(_PAGE, f"{said}\n\n{command_block(command)}\n\n{text}")
+
+
+def summary(best: str, found: dict[str, Standing]) -> tuple[list[str], list[list[str]]]:
+    """Return heads and lines of the table over all tasks."""
+    heads = ["layer", "score", f"better than {best}", "p"]
+    return heads, [
+        [
+            layer,
+            interval(its.score),
+            interval(its.better, percent) if layer != best else "–",
+            number(its.p_value, 2),
+        ]
+        for layer, its in found.items()
+    ]
+
+
+def _by_task(rows: Sequence[Row]) -> tuple[Sequence[str], list[Sequence[str]]]:
+    head, *lines = short(TABLE, rows)
+    return head, lines
+
+
+def _markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *lines))
+
+
+def page(
+    rows: Sequence[Row], best: str, found: dict[str, Standing], own: Sequence[str],
+    command: Sequence[str],
+) -> str:  # fmt: skip
+    """Lay out the page."""
+    of, colours = scores(rows), colours_of(found)
+    groups = list(dict.fromkeys(f"{row['robot']}: {row['task']}" for row in rows))
+    chart = bars(
+        [_wrapped(group) for group in groups],
+        [(n, colours[n], [float(np.mean(x)) for x in of[n]]) for n in found],
+        "Score: mean over robots",
+        top=1.1,
+    )
+    return render(
+        "layers.html",
+        title="Action layers without a policy",
+        headline=headline(best, found, own),
+        first=rows[0],
+        chart=chart,
+        standings=summary(best, found),
+        tasks=_by_task(rows),
+        best=best,
+        level=percent(_CONFIDENCE),
+        samples=_SAMPLES,
+        command=shlex.join(command),
+    )
+
+
+def headline(best: str, found: dict[str, Standing], own: Sequence[str]) -> str:
+    """Say where the layers of the files stand beside the best of the package."""
+    beside = f"{best} {number(found[best].score.value)}"
+    said = [f"{name} scores {number(found[name].score.value)}" for name in own]
+    return f"{', '.join(said)}; {beside}" if own else f"The best layer is {beside}"
+
+
+def _wrapped(text: str) -> str:
+    return "\n".join(textwrap.wrap(text, 14))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line."""
+    given = sys.argv[1:] if arguments is None else arguments
+    work = partial(run, command=[*called("eval.layers"), *given])
+    return run_command("eval.layers", LayersConfig, work, given, __doc__)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

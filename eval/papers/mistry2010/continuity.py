@@ -1,0 +1,145 @@
+"""[M10] III-B.6: where Q jumps, the torque of eq. (15) does not."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from eval.page.figures import Marks, lines, traces
+from eval.page.html import figure, text
+from eval.papers.experiment import Finding, Result, Setting, experiment, judged
+from eval.papers.mistry2010.laws import equation
+from eval.wording import number
+from fbid_gym.control import orthogonal_inverse_dynamics
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.robots import Robot, load
+
+JUMP = 0.5
+"""Change of Q (Frobenius norm) from one state to the next that counts as a jump."""
+
+HALVINGS = 30
+Walk = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+
+@experiment(
+    "Claim: torque is continuous where Q is not",
+    """Random smooth paths of postures, velocities and commands of the biped with both feet down,
+    12 constraints.""",
+    minutes=0.3,
+)
+def claim_continuity(setting: Setting) -> Result:
+    """Walk along smooth paths of states and compare the changes of Q and of the torque."""
+    robot = load("biped")
+    steps, paths = setting.pick(4001, 1001), setting.pick(8, 3)
+    along, found = np.linspace(0.0, 1.0, steps), []
+    for seed, _ in setting.progress.each(range(paths), lambda seed: "paths"):
+        walk = _walk(robot, seed)
+        q, literal, ours = _laws(robot, *walk(along))
+        change_q = np.linalg.norm(np.diff(q, axis=0), axis=(1, 2))
+        change = np.linalg.norm(np.diff(ours, axis=0), axis=1)
+        jumps = change_q > JUMP
+        found.append(
+            {
+                "jumps": int(jumps.sum()),
+                "largest_q": float(change_q.max()),
+                "at_jumps": float(change[jumps].max()) if jumps.any() else 0.0,
+                "elsewhere": float(change[~jumps].max()),
+                "difference": float(np.abs(literal - ours).max() / np.abs(ours).max()),
+            }
+        )
+        if seed == 0:
+            at, first = int(np.argmax(change_q)), (change_q, change)
+            width, jump_q, jump_torque = _zoom(robot, walk, along[at], along[at + 1])
+    findings = [
+        judged(
+            "change of the torque across a jump of Q, as the step shrinks",
+            "none",
+            f"{jump_torque[-1]:.1e} N·m over {width[-1]:.0e} of the path, where Q still jumps by "
+            f"{number(float(jump_q.min()), 2)}",
+            "falls with the step",
+            jump_torque[-1] < 1e-5 and jump_q.min() > JUMP,
+        ),
+        Finding(
+            "jumps of Q met on the way",
+            "possible",
+            f"{sum(path['jumps'] for path in found)} in {len(found)} paths of {steps} states",
+        ),
+        Finding(
+            "our form of eq. (15), without QR, against the printed one",
+            "",
+            f"differ by {max(path['difference'] for path in found):.0e} of the largest torque",
+        ),
+    ]
+    share, fewer = "share of path", np.log2(width[0] / width)
+    least, log = np.maximum(jump_torque, 1e-14), Marks(logarithmic=True)
+    charts = [
+        traces(along[1:], [("Q", 1, first[0])], "Change of Q per step", share),
+        traces(along[1:], [("torque", 0, first[1])], "Change of the torque per step, N·m", share),
+        lines(fewer, [("Q", 1, jump_q)], "Change of Q", "halvings of the step"),
+        lines(
+            fewer, [("torque", 0, least)], "Change of the torque, N·m", "halvings of the step",
+            y_format="{:.0e}".format, marks=log,
+        ),
+    ]  # fmt: skip
+    body = [
+        figure(
+            charts,
+            "Above: along one path. Q comes from Householder reflections, as the paper's, and "
+            "jumps where a pivot changes sign; the torque shows no trace of it. Below: the largest "
+            "jump, enclosed ever more closely.",
+        ),
+        text(
+            "What does make the torque jump is a contact switch: J changes there, and with it the "
+            "dynamics. The section on stepping shows it."
+        ),
+    ]
+    return Result(findings, {"paths": found, "steps": steps}, body)
+
+
+def _walk(robot: Robot, seed: int) -> Walk:
+    """A smooth path through states near a squat: from (T,) in [0, 1] to states and commands."""
+    rng = np.random.default_rng(seed)
+    wide = np.concatenate([np.full(3, 0.1), np.full(3, 0.6), np.full(robot.num_joints, 0.25)])
+    sizes = rng.normal(size=(3, 3, robot.nv)) / np.arange(1, 4)[:, None, None]
+    phases = rng.uniform(0, 2 * np.pi, (3, 3, robot.nv))
+
+    def walk(along: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        angle = 2 * np.pi * along[:, None, None, None] * np.arange(1, 4)[:, None, None]
+        place, rate, command = (sizes * np.sin(angle + phases)).sum(axis=1).swapaxes(0, 1)
+        place = place * wide
+        qpos = np.tile(robot.home_qpos, (len(along), 1))
+        qpos[:, :3] += place[:, :3]
+        half = 0.5 * place[:, 3:6]
+        size = np.linalg.norm(half, axis=1, keepdims=True)
+        qpos[:, 3:7] = np.concatenate([np.cos(size), np.sinc(size / np.pi) * half], axis=1)
+        qpos[:, 7:] += place[:, 6:]
+        return qpos, 0.5 * rate, 2.0 * command
+
+    return walk
+
+
+def _laws(
+    robot: Robot, qpos: np.ndarray, qvel: np.ndarray, command: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Q by Householder reflections, eq. (15) as printed, and our law: a row for each state."""
+    terms = MuJoCoDynamics(robot).terms(qpos, qvel)
+    contacts = reduced_contacts(contact_geometry(robot), terms)
+    solution = orthogonal_inverse_dynamics(*equation(terms, contacts, command))
+    q, _ = np.linalg.qr(contacts.jacobian.mT, mode="complete")
+    free = q[:, :, contacts.jacobian.shape[1] :].mT  # S_u Q^T
+    force = np.matvec(terms.mass_matrix, solution.acceleration) + terms.bias
+    literal = np.matvec(np.linalg.pinv(free[:, :, 6:]) @ free, force)
+    return q, literal, np.asarray(solution.torque)
+
+
+def _zoom(robot: Robot, walk: Walk, low: float, high: float) -> Any:
+    """Halve the interval around a jump of Q; its width, and how Q and the torque change over it."""
+    rows = []
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        q, _, torque = _laws(robot, *walk(np.array([low, middle, high])))
+        rows.append((high - low, *(np.linalg.norm(x[2] - x[0]) for x in (q, torque))))
+        first = np.linalg.norm(q[1] - q[0]) > np.linalg.norm(q[2] - q[1])
+        low, high = (low, middle) if first else (middle, high)
+    return np.array(rows).T

@@ -1,0 +1,262 @@
+"""[M10] III-B.3: eq. (15) gives the least torque, and what limits on the forces add to it."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import nnls
+
+from eval.page.figures import lines, traces
+from eval.page.html import figure, text
+from eval.papers.experiment import Finding, Result, Setting, experiment, judged
+from eval.papers.inertial_parameters.estimation import free_motions
+from eval.papers.mistry2010.force_feedback import Equation, inertia_weighted
+from eval.papers.mistry2010.laws import equation
+from eval.wording import number, percent
+from fbid_gym.control import (
+    ContactLimits,
+    LimitedInverseDynamics,
+    limited_inverse_dynamics,
+    orthogonal_inverse_dynamics,
+)
+from fbid_gym.control.contact_forces import DEFAULT_ACCURACY
+from fbid_gym.dynamics import MuJoCoDynamics
+from fbid_gym.dynamics.contacts import contact_geometry, reduced_contacts
+from fbid_gym.dynamics.stance import Stance
+from fbid_gym.motions import MotionTable, periodic_squat, squat_bow, stepping
+from fbid_gym.quantities import ReducedContacts
+from fbid_gym.robots import Robot, load
+
+FRICTION = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0)
+ASSUMED = 0.7
+SIZES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
+"""m/s^2 of horizontal base acceleration, what a balance controller adds to the reference's."""
+
+ADDED = 1.0
+"""m/s^2 at which friction is varied."""
+
+_BASE_FIRST = 1e3
+_EDGES = 12
+
+
+class Problem(NamedTuple):
+    """Accelerations that are asked for at T states of a motion.
+
+    Attributes:
+        robot: whose motion.
+        asked: equation of motion with these accelerations.
+        achieved: the same with the nearest that the contacts allow.
+        least: (T, n) N·m of eq. (15).
+        contacts: planned.
+        active: (T, P) bool, their points.
+    """
+
+    robot: Robot
+    asked: Equation
+    achieved: Equation
+    least: np.ndarray
+    contacts: ReducedContacts
+    active: np.ndarray
+
+    @property
+    def force(self) -> np.ndarray:
+        """(T, nv) generalized forces of these motions, M a + h."""
+        mass, bias, _, acceleration, _ = self.achieved
+        return np.matvec(mass, acceleration) + bias
+
+
+def posed(robot: Robot, motion: MotionTable, every: int, size: float) -> Problem:
+    """Ask for the reference's accelerations and `size` m/s^2 of the base in random directions."""
+    rows = np.arange(0, motion.period, every)
+    reference = motion.reference(rows, np.zeros(len(rows)))
+    terms = MuJoCoDynamics(robot).terms(reference.qpos, reference.qvel)
+    geometry = contact_geometry(robot)
+    active = reference.planted[:, geometry.foot_of_point]
+    contacts = reduced_contacts(geometry, terms, active)
+    angle = np.random.default_rng(1).uniform(-np.pi, np.pi, len(rows))
+    command = reference.qacc.copy()
+    command[:, :2] += size * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    asked = equation(terms, contacts, command)
+    found = orthogonal_inverse_dynamics(*asked, base_priority=_BASE_FIRST)
+    achieved = equation(terms, contacts, found.acceleration)
+    return Problem(robot, asked, achieved, found.torque, contacts, active)
+
+
+def limited(problem: Problem, friction: float) -> LimitedInverseDynamics:
+    """Torques with limited forces, and the share of the weight that these miss."""
+    return limited_inverse_dynamics(
+        *problem.asked,
+        ContactLimits(friction),
+        point_map=problem.contacts.point_map,
+        active=problem.active,
+        base_priority=_BASE_FIRST,
+        length=Stance.of(problem.robot).radius,
+        accuracy=DEFAULT_ACCURACY._replace(max_iterations=50),
+    )
+
+
+def compared(problem: Problem, friction: float) -> dict[str, float]:
+    """The limited form beside eq. (15): norm, wrench that is missed, forces that are at fault."""
+    found = limited(problem, friction)
+    sizes = (np.linalg.norm(torque, axis=1) for torque in (found.torque, problem.least))
+    return {
+        "ratio": float(np.divide(*sizes).mean()),
+        "missed": float(found.residual.mean()),
+        "impossible": float(_impossible(problem, friction).mean()),
+    }
+
+
+def _others(problem: Problem, rng: np.random.Generator) -> list[np.ndarray]:
+    """Torques with the same accelerations, away from the least in random directions."""
+    rows, _ = free_motions(problem.achieved.jacobian)
+    found = []
+    for scale in (1e-3, 1e-1, 10.0):
+        guess = rng.normal(size=problem.least.shape) * scale
+        # Less the part that the constrained dynamics can feel.
+        felt = _of_free_motions(rows, np.matvec(rows[:, :, 6:], guess))
+        found.append(problem.least + guess - felt)
+    return found
+
+
+def _impossible(problem: Problem, friction: float) -> np.ndarray:
+    """Whether the forces that belong to eq. (15), by eq. (17), need a pull or a slip: (T,) bool.
+
+    A sole's four points can share its wrench in many ways. It counts as possible if any of them
+    keeps every point's force within its friction cone, here a pyramid of 12 edges.
+    """
+    load = problem.force
+    load[:, 6:] -= problem.least
+    points = problem.achieved.jacobian.mT @ problem.contacts.point_map
+    angle = np.arange(_EDGES) * 2 * np.pi / _EDGES
+    edges = np.stack([friction * np.cos(angle), friction * np.sin(angle), np.ones(_EDGES)])
+    spread = points.reshape(*points.shape[:2], -1, 3) @ edges
+    spread = spread.reshape(*points.shape[:2], -1)
+    missed = [nnls(s, f)[1] for s, f in zip(spread, load, strict=True)]
+    return np.array(missed) > 1e-3 * problem.robot.weight
+
+
+def _of_free_motions(rows: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Least torques (T, n) whose part along the free motions, `rows` (T, k, nv), is `force`."""
+    return np.matvec(np.linalg.pinv(rows[:, :, 6:], rcond=1e-9), force)
+
+
+@experiment(
+    "Claim: the least torque, and the price of limits",
+    """Torques for the biped's references, at the reference states: eq. (15), others that give the
+    same accelerations, and the form with contact forces limited to friction cones. Norms are over
+    all joints, relative to eq. (15).""",
+    minutes=0.3,
+)
+def claim_minimum_norm(setting: Setting) -> Result:
+    """Compare torques along the references of the biped's motions."""
+    robot, every = load("biped"), setting.pick(10, 40)
+    motions = {
+        "slow squat and bow": squat_bow(robot),
+        "the same, 5 times faster": squat_bow(robot, speed=5.0),
+        "squat at 2 Hz": periodic_squat(robot, frequency=2.0),
+        "stepping": stepping(robot),
+    }
+    rows: list[dict[str, Any]] = []
+    for (name, motion), _ in setting.progress.each(motions.items(), lambda item: item[0]):
+        problems = {size: posed(robot, motion, every, size) for size in SIZES}
+        problem = problems[ADDED]
+        least = np.linalg.norm(problem.least, axis=1)
+        others = _others(problem, np.random.default_rng(0))
+        free, _ = free_motions(problem.achieved.jacobian)
+        literal = _of_free_motions(free, np.matvec(free, problem.force))
+        projected = inertia_weighted(problem.achieved).torque
+        rows.append(
+            {
+                "name": name,
+                "below": float(min((np.linalg.norm(t, axis=1) - least).min() for t in others)),
+                "literal": float(np.abs(literal - problem.least).max()),
+                "projected": float(np.abs(projected - problem.least).max()),
+                "by_size": [compared(problems[size], ASSUMED) for size in SIZES],
+                "by_friction": [compared(problem, mu) for mu in FRICTION],
+            }
+        )
+    numbers = {"rows": rows, "friction": list(FRICTION), "sizes": list(SIZES)}
+    time = np.arange(0, motion.period, every) / motion.hz
+    return Result(findings(rows), numbers, _body(rows, problem, time))
+
+
+def findings(rows: list[dict[str, Any]]) -> list[Finding]:
+    """The property, and what moves away from it."""
+    at, below = SIZES.index(ADDED), min(row["below"] for row in rows)
+    ratio = [row["by_size"][at]["ratio"] for row in rows]
+    still = [row["by_size"][0]["ratio"] for row in rows]
+    faults = (
+        f"{row['name']} {percent(row['by_size'][0]['impossible'])} and "
+        f"{percent(row['by_size'][at]['impossible'])}"
+        for row in rows
+    )
+    return [
+        judged(
+            "least norm: other torques with the same motion, how much smaller at best, N·m",
+            "none is smaller",
+            "none is smaller" if below >= -1e-9 else f"{-below:.1e}",
+            "none is smaller",
+            below >= -1e-9,
+        ),
+        Finding(
+            "eq. (15) against its formula with a null-space basis, and against eq. (7)",
+            "the same",
+            f"differ by {max(r['literal'] for r in rows):.0e} N·m and by "
+            f"{max(r['projected'] for r in rows):.0e} N·m",
+        ),
+        Finding(
+            f"|τ| with forces limited to friction {ASSUMED:g}, of eq. (15)'s, along the references",
+            "",
+            f"{number(min(still))} to {number(max(still))}",
+        ),
+        Finding(
+            f"the same with {ADDED:g} m/s² of the base asked for beside",
+            "",
+            f"{number(min(ratio))} to {number(max(ratio))}",
+        ),
+        Finding(
+            "ticks at which eq. (15)'s forces would pull or slip, without and with that",
+            "assumed not to matter",
+            "; ".join(faults),
+        ),
+    ]
+
+
+def _body(rows: list[dict[str, Any]], problem: Problem, time: np.ndarray) -> list[str]:
+    """Draw the sweeps, and the torques of the last motion over time."""
+
+    def curves(sweep: str, what: str) -> list[tuple[str, int, list[float]]]:
+        return [(row["name"], k, [cell[what] for cell in row[sweep]]) for k, row in enumerate(rows)]
+
+    asked, found = "base acceleration added, m/s²", limited(problem, ASSUMED)
+    impossible, missed = curves("by_size", "impossible"), curves("by_size", "missed")
+    least, size = (np.linalg.norm(torque, axis=1) for torque in (problem.least, found.torque))
+    sizes = f"|τ|, {rows[-1]['name']} with {ADDED:g} m/s², N·m"
+    return [
+        figure(
+            [
+                lines(
+                    SIZES, impossible, "Ticks at which eq. (15) pulls or slips", asked,
+                    (0.0, 1.02), percent,
+                ),
+                lines(SIZES, missed, "Wrench missed, of the weight", asked),
+                lines(SIZES, curves("by_size", "ratio"), "|τ| limited, of eq. (15)'s", asked),
+                lines(
+                    FRICTION, curves("by_friction", "ratio"), f"The same at {ADDED:g} m/s²",
+                    "friction",
+                ),
+                traces(time, [("eq. (15)", 0, least), ("limited", 2, size)], sizes),
+                traces(
+                    time, [("limited", 2, found.residual)],
+                    "Wrench missed by the same, of the weight",
+                ),
+            ],
+            "At the references' states, with horizontal accelerations of the base in random "
+            "directions added, as a balance controller would after a push.",
+        ),
+        text(
+            "Two things move the limited form away from the least torque. Where no limit is felt "
+            "it takes the least contact forces, not the least torques; in a squat, the same on "
+            "both sides, these are the same. Where a limit is felt, the forces deliver less than "
+            "is asked for, the motion gives way, and the torque is smaller, too."
+        ),
+    ]  # fmt: skip

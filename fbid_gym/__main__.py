@@ -1,0 +1,111 @@
+"""The commands of the package: `fbid-gym COMMAND`, or `python -m fbid_gym COMMAND`.
+
+Those of `train/` and `eval/` are no part of the package: a checkout has these folders beside it, a
+built wheel in `fbid_gym_programs/`. A command finds them because that folder joins the path of its
+own process and of its children, and of no other: nothing is installed under the names `train` and
+`eval`.
+"""
+
+import os
+import runpy
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fbid_gym.errors import FbidError, UnknownOptionError
+from fbid_gym.exit_status import exit_status
+
+_PACKAGE = Path(__file__).resolve().parent
+PROGRAM = "fbid-gym"
+"""The name of the command."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a command runs."""
+
+    module: str
+    """Run as the main program; it reads the command line and ends the process."""
+    about: str
+    """One line of the help."""
+    extra: str = ""
+    """Extra of the package that brings what it needs; empty where the package itself does."""
+
+
+COMMANDS = {
+    "play": Command("eval.play", "Push a walking robot in the browser.", "play"),
+    "demo": Command("eval.demo", "Train two layers with two seeds, compare them.", "train"),
+    "train": Command("train.ppo", "Train a policy with PPO.", "train"),
+    "eval": Command("eval.rollout", "Play a policy, print what it did, film it.", "train"),
+    "compare": Command("eval.compare", "Compare trainings: one page.", "train"),
+    "benchmark": Command("eval.layers", "Compare an action layer of yours with ours.", "train"),
+    "export": Command("eval.export", "Write a policy for others: ONNX, the Hub.", "export"),
+    "engines": Command("eval.engines", "See who walks in Bullet as well.", "bullet"),
+    "robots": Command("fbid_gym.robots", "Show what is understood of a robot, let it walk."),
+    "policies": Command("fbid_gym.policy", "List the policies that come with the package."),
+    "sac": Command("train.sac", "Train a policy with SAC.", "train"),
+    "sweep": Command("train.sweep", "Run every training of a study.", "train"),
+    "study": Command("eval.study", "Evaluate the trainings of a study: one page.", "train"),
+    "robustness": Command("eval.robustness", "See what policies were not trained for.", "train"),
+    "zero-actions": Command("eval.zero_actions", "Let robots act without a policy.", "train"),
+    "papers": Command("eval.papers", "Run the papers' experiments: one page.", "train"),
+}
+"""Name of a command -> what it runs."""
+
+
+def called(module: str) -> tuple[str, ...]:
+    """Return the words with which the user of this process runs a module."""
+    names = {command.module: name for name, command in COMMANDS.items()}
+    if sys.argv[0].startswith(f"{PROGRAM} ") and module in names:
+        return PROGRAM, names[module]
+    return "python", "-m", module
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit status, 2 on errors."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    return exit_status(lambda: _run(given))
+
+
+def _run(given: list[str]) -> None:
+    if not given or given[0] in ("-h", "--help"):
+        print(_help())
+        return
+    name, *rest = given
+    if name not in COMMANDS:
+        raise UnknownOptionError("command", name, COMMANDS)
+    command = COMMANDS[name]
+    folder = str(_programs())
+    sys.path.insert(0, folder)
+    given_path = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = os.pathsep.join([folder, *([given_path] if given_path else [])])
+    os.environ["PYTHONSAFEPATH"] = "1"  # or children would take `train/` of the current folder
+    sys.argv = [f"{PROGRAM} {name}", *rest]
+    try:
+        runpy.run_module(command.module, run_name="__main__")
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").partition(".")[0]
+        if not command.extra or missing in ("fbid_gym", "train", "eval"):
+            raise
+        raise FbidError(
+            f"{PROGRAM} {name} needs {missing}, which is not installed. It comes with the extra "
+            f"{command.extra!r}: pip install 'fbid_gym[{command.extra}]'."
+        ) from error
+
+
+def _programs() -> Path:
+    """Return the folder that holds `train/` and `eval/`."""
+    around = _PACKAGE.parent
+    installed = around / "fbid_gym_programs"
+    return installed if installed.is_dir() else around
+
+
+def _help() -> str:
+    lines = [f"usage: {PROGRAM} COMMAND [OPTIONS]", "", "Commands:"]
+    lines += [f"  {name:<14}{command.about}" for name, command in COMMANDS.items()]
+    return "\n".join([*lines, "", f"{PROGRAM} COMMAND --help shows the options of a command."])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

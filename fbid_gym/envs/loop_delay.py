@@ -1,0 +1,66 @@
+"""Torques on their way from the action layer to the motors: the delay of the inner loop.
+
+From a sensor's reading to the torque that answers it pass time for measuring, sending, computing
+and sending. For what happens in the loop it is the same where in it the time passes, so the torque
+waits here, and layers see the present. A policy's actions wait elsewhere, and longer
+(`fbid_gym.runtime.action_delay`).
+
+A delay need not be a whole number of control ticks. Where a torque arrives in the middle of one,
+the mean of the old and the new one acts during the tick: the same impulse.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class LoopDelay:
+    """Of N robots.
+
+    Attributes:
+        control_hz: control ticks per second.
+        arrays: all that changes, by name: "torque" (N, H, n) N·m, the last ones, newest first;
+            "ticks" (N,), the delays in control ticks.
+    """
+
+    control_hz: int
+    arrays: dict[str, np.ndarray]
+
+    @property
+    def most_ticks(self) -> int:
+        """Control ticks that a torque may wait."""
+        return self.arrays["torque"].shape[1] - 1
+
+    @classmethod
+    def of(cls, num_robots: int, num_joints: int, control_hz: int, longest: float) -> "LoopDelay":
+        """Return robots without delay, who may get one of at most `longest` s."""
+        size = 1 + int(np.ceil(round(longest * control_hz, 6)))
+        torque = np.zeros((num_robots, size, num_joints))
+        return cls(control_hz, {"torque": torque, "ticks": np.zeros(num_robots)})
+
+    def begin(self, ids: np.ndarray, seconds: np.ndarray) -> None:
+        """Begin episodes of robots (K,) with delays (K,) s."""
+        self.arrays["ticks"][ids] = np.round(seconds * self.control_hz, 6)
+
+    def arriving(self, torque: np.ndarray, tick: np.ndarray) -> np.ndarray:
+        """Return the torques (N, n) that act now, where `torque` has just been made.
+
+        Before the first one arrives it acts at once: the robots stood there, held by it, before.
+
+        Args:
+            torque: (N, n) N·m.
+            tick: (N,) control ticks since the episodes began.
+        """
+        waiting, ticks = self.arrays["torque"], self.arrays["ticks"]
+        if self.most_ticks == 0:
+            return torque
+        waiting[:, 1:] = waiting[:, :-1]
+        waiting[:, 0] = torque
+        begun = tick == 0
+        waiting[begun] = torque[begun, None]
+        whole = ticks.astype(np.int64)
+        rest, robots = (ticks - whole)[:, None], np.arange(len(ticks))
+        older = np.minimum(whole + 1, self.most_ticks)
+        found: np.ndarray = (1.0 - rest) * waiting[robots, whole] + rest * waiting[robots, older]
+        return found

@@ -1,0 +1,235 @@
+"""One robot's controller: a policy on its task and layer, from sensors to torques.
+
+It computes what the environment of its policy computes, to the last bits: `ControlLoop` is all that
+both run. It imports no Gymnasium and steps no physics; MuJoCo computes the model's terms.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fbid_gym.checks import check_choices, real_numbers
+from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
+from fbid_gym.environments import ENVIRONMENTS
+from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError, UnknownOptionError
+from fbid_gym.policy import Policy
+from fbid_gym.robots import ROBOTS, Robot
+from fbid_gym.runtime import answers
+from fbid_gym.runtime.config import AROUND, EnvConfig
+from fbid_gym.runtime.control_loop import ControlLoop
+from fbid_gym.runtime.effort import Effort, add_power, limit
+from fbid_gym.runtime.given import checked_action, checked_command
+from fbid_gym.runtime.observer import Observer
+from fbid_gym.runtime.sensors import Sensing
+
+_DRAWN = ("qpos", "qvel", "push_start", "push_force", "push_velocity")  # by chance, of simulations
+
+
+class Controller:
+    """From the sensors of one robot to its joints' torques, tick by tick.
+
+    Attributes:
+        config: the environment whose task and action layer it runs.
+        robot: the robot; its `joint_names` are the order of positions, velocities and torques.
+        policy: takes observations (1, O), returns actions (1, A).
+        rates: `rates.control` is how often it wants to be asked, Hz.
+        loop: its task and layer at work.
+        measured: what the task measured when the policy was last asked, see `Task.measure`; None
+            before the first time.
+    """
+
+    def __init__(
+        self, config: EnvConfig, policy: Callable[[np.ndarray], np.ndarray] | None = None
+    ) -> None:
+        """Build the controller.
+
+        Args:
+            config: what an environment would be made of; its terrain, pushes and randomisation
+                count for nothing here.
+            policy: from observations (1, O), not normalised, to actions (1, A); None follows the
+                task as well as the layer alone can.
+
+        Raises:
+            FbidError: arguments that no environment has, or a task that sees the ground.
+        """
+        self.config, self.robot, self.rates = config, config.load_robot(), config.rates()
+        task = config.make_task(self.robot)
+        if config.observation != "full":
+            expected = '"full": a controller is given a state, not what sensors read'
+            raise InvalidValueError("observation", config.observation, expected)
+        drawn = task.draw(np.random.default_rng(0))
+        answers.check_plan(task, drawn)
+        observer = Observer(task, config.observation, config.history, 1)
+        if "scan" in observer.groups:
+            expected = "False: a controller is not told the height of the ground"
+            raise InvalidValueError("height_scan", True, expected)
+        self._sensing, self._dynamics = Sensing.of(self.robot), MuJoCoDynamics(self.robot)
+        home = self._dynamics.terms(self.robot.home_qpos[None], np.zeros((1, self.robot.nv)))
+        self.loop = ControlLoop(config, task, drawn, home, observer)
+        self.policy = policy or self._zero
+        self._zero_action = np.zeros((1, self.loop.num_actions))
+        self._effort = Effort.none(1, self.robot.num_joints)
+        self._sums = {"distance": np.zeros(1), "energy": np.zeros(1)}
+        self.measured: Any = None
+        self.reset()
+
+    @classmethod
+    def load(
+        cls,
+        policy: str | Path | Policy,
+        robot: str | Path | Robot | None = None,
+        **arguments: Any,
+    ) -> "Controller":
+        """Build the controller of a trained policy.
+
+        Args:
+            policy: its file, run folder, or `shipped:NAME`.
+            robot: the name of a built-in robot, the path of a file, or a Robot. Default: that of
+                the policy's environment.
+            **arguments: of the environment, which go before those that the policy was trained
+                with; all of them, with `task`, where its id is not of this package.
+
+        Raises:
+            PolicyFileError: no policy, or one that observes or commands something else than this
+                robot and these arguments give.
+            FbidError: another argument, or a robot that cannot be used.
+        """
+        known = policy if isinstance(policy, Policy) else Policy.load(policy)
+        given = {**known.env_args, **arguments}
+        if robot is not None:
+            path = isinstance(robot, Path) or (isinstance(robot, str) and robot not in ROBOTS)
+            given["robot"] = Robot.load(robot) if path else robot
+        return cls.of_environment(known.env_id, given, known)
+
+    @classmethod
+    def of_environment(
+        cls, env_id: str, arguments: Mapping[str, Any], policy: Policy | None = None
+    ) -> "Controller":
+        """Build the controller of an environment, as `gym.make(env_id, **arguments)` has it.
+
+        Args:
+            env_id: an id of this package; of another one, the arguments hold the task.
+            arguments: of the environment; how it is drawn and stepped counts for nothing.
+            policy: None for the zero action.
+
+        Raises:
+            FbidError: as `load`.
+        """
+        if env_id not in ENVIRONMENTS and "task" not in arguments:
+            choices = (*ENVIRONMENTS, "the arguments of your own, such as task='walk'")
+            raise UnknownOptionError("environment", env_id, choices)
+        given = {**ENVIRONMENTS.get(env_id, {}), **arguments}
+        if isinstance(given.get("robot"), Mapping):
+            expected = "robot=..., such as the robot.zip of its run folder"
+            raise InvalidValueError("robot of the policy", dict(given["robot"]), expected)
+        config = EnvConfig.of({name: v for name, v in given.items() if name not in AROUND})
+        made = cls(config, policy)
+        if policy is not None:
+            size = len(made.loop.observer.bound)
+            policy.check(observation_size=size, action_size=made.loop.num_actions)
+        return made
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """What each entry of the policy's observation is, with its unit."""
+        return self.loop.observer.names
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """What each entry of its action commands, with its scale and unit."""
+        return self.loop.action_names
+
+    def reset(self, **planned: Any) -> None:
+        """Begin anew: the next tick's sensors tell where. There is no command, until `set_command`.
+
+        Args:
+            **planned: entries of the task's plan other than its command, such as the `phase` and
+                the `speed` of a planned motion; the others are 0, the beginning of a motion.
+
+        Raises:
+            FbidError: the plan has no such entry, or it is of another shape.
+        """
+        plan, command = self.loop.plan, self.loop.plan.get("command")
+        names = [n for n in plan if n not in (*_DRAWN, "command", "command_start")]
+        check_choices("entry of the plan", planned, names)
+        given = {}
+        for name, value in planned.items():
+            shape = plan[name].shape[1:]
+            given[name] = real_numbers(name, value, f"numbers of shape {shape}")
+            if given[name].shape != shape:
+                raise ShapeError(name, given[name].shape, f"{shape}")
+        for name, value in plan.items():
+            value[:] = given.get(name, 0)
+        if command is not None:
+            # None where that is a command, else the greatest: to stand as high as at home.
+            ranges = np.array(list(self.loop.task.commands.values())).reshape(-1, 2)
+            stays = ((ranges[:, 0] <= 0.0) & (ranges[:, 1] >= 0.0)).all()
+            command[:] = 0.0 if stays else ranges[:, 1].reshape(command.shape[2:])
+        self._ticks, self.measured = 0, None
+        self._effort.begin()
+        self._effort.torque[:] = 0.0
+        for total in self._sums.values():
+            total[:] = 0.0
+
+    def set_command(self, *command: float) -> None:
+        """Have the robot follow a command from the next tick on.
+
+        Args:
+            *command: of a robot that walks m/s ahead, m/s and rad/s to the left; of one that
+                balances the height of its base above its feet, m.
+
+        Raises:
+            FbidError: a task without commands, or another number of them.
+        """
+        plan, group = self.loop.plan, self.loop.observer.groups.get("command")
+        if group is None or "command" not in plan:
+            raise InvalidValueError("command", command, f"none in task {self.config.task!r}")
+        shape = plan["command"].shape[2:]
+        given = command if shape else (command[0] if len(command) == 1 else command)
+        plan["command"][:] = checked_command(given, shape, group.bound, 1)[:, None]
+
+    def tick(self, sensors: Any) -> np.ndarray:
+        """Return the joints' torques of a control tick, within their limits.
+
+        Args:
+            sensors: `fbid_gym.runtime.SENSORS` by name, now; or a `RobotState` of one robot, as an
+                estimator gives it.
+
+        Returns:
+            (n,) N·m, in the order of `robot.joint_names`.
+
+        Raises:
+            FbidError: a sensor that is missing, of another shape or not finite; names it. The
+                controller has not gone on.
+            NonFiniteError: torques that are no numbers; it has to be reset then.
+        """
+        state = self._sensing.state(sensors, self._ticks)
+        terms = cache(lambda: self._dynamics.live(state.qpos, state.qvel))
+        loop, effort = self.loop, self._effort
+        tick = self._ticks % self.rates.ticks
+        if self._ticks == 0:
+            loop.begin(np.zeros(1, int), terms())
+        add_power(effort, state.qvel)
+        if tick == 0:
+            if self._ticks:
+                self._sums["distance"] += np.hypot(*state.qvel[0, :2]) / self.rates.policy
+                self._sums["energy"] += effort.power / self.rates.control
+            self.measured = loop.measure(loop.outcome(state, terms(), effort, self._sums))
+            just_begun = np.zeros(1, int) if self._ticks == 0 else None
+            seen = loop.observer.observe(self.measured, self.measured, just_begun)
+            action = self.policy(seen)
+            action = checked_action(action, (1, loop.num_actions), refuse=False)
+            loop.send(np.clip(action, -1.0, 1.0))
+            effort.begin()
+        torque = loop.torque(tick, state, terms, terms)
+        limit(effort, self.robot.torque_limit, torque)
+        if effort.lost[0]:
+            raise NonFiniteError("torque", (int(np.isnan(torque[0]).argmax()),))
+        self._ticks += 1
+        return effort.torque[0].copy()
+
+    def _zero(self, observation: np.ndarray) -> np.ndarray:
+        return self._zero_action

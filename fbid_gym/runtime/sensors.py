@@ -1,0 +1,117 @@
+"""What a controller is told of its robot at a tick, by name."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from fbid_gym.checks import check_finite, real_numbers
+from fbid_gym.errors import InvalidValueError, ShapeError, UnknownOptionError
+from fbid_gym.quantities import RobotState
+from fbid_gym.robots import Robot
+
+SENSORS: dict[str, str] = {
+    "position": "(3,) m, of the base, in a world whose z points up",
+    "orientation": "(4,) unit quaternion w, x, y, z, from the base's axes to the world's",
+    "velocity": "(3,) m/s, of the base, along the world's axes",
+    "angular_velocity": "(3,) rad/s, of the base, along its own axes",
+    "joint_position": "(n,) rad (m for slides), in the order of `robot.joint_names`",
+    "joint_velocity": "(n,) rad/s, likewise",
+    "contact_force": "(P, 3) N, of the ground on each contact point, along the world's axes",
+}
+"""Name of a measured or estimated quantity -> its shape, unit and frame.
+
+Robots that only feel whether they touch the ground give "contact", (P,) from 0 to 1, instead of
+"contact_force": the points that touch share the robot's weight.
+"""
+
+_POSE = ("position", "orientation", "joint_position")
+_MOTION = ("velocity", "angular_velocity", "joint_velocity")
+_FORCE, _TOUCH = "contact_force", "contact"
+_OFF_UNIT, _FLOAT = 1e-3, np.dtype(float)
+
+
+@dataclass(frozen=True, eq=False)
+class Sensing:
+    """What of one robot is sensed.
+
+    Attributes:
+        robot: the robot.
+        shapes: of each sensor's numbers, by name.
+        weight: of the robot, N.
+    """
+
+    robot: Robot
+    shapes: dict[str, tuple[int, ...]]
+    weight: float
+
+    @classmethod
+    def of(cls, robot: Robot) -> "Sensing":
+        """Measure a robot."""
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(SENSORS, (3,))
+        shapes |= {"orientation": (4,), _FORCE: (robot.num_points, 3), _TOUCH: (robot.num_points,)}
+        shapes |= dict.fromkeys(("joint_position", "joint_velocity"), (robot.num_joints,))
+        return cls(robot, shapes, robot.weight)
+
+    def state(self, sensors: Any, tick: int) -> RobotState:
+        """Return the state (N = 1) that sensors tell.
+
+        Args:
+            sensors: `SENSORS` by name; or a `RobotState` of one robot, measured or estimated.
+            tick: control ticks since the robot began.
+
+        Raises:
+            FbidError: something is missing, of another shape or not finite; names it.
+        """
+        if isinstance(sensors, RobotState):
+            return self._checked(sensors, tick)
+        if not isinstance(sensors, Mapping):
+            expected = "a dictionary from names of sensors to numbers, or a RobotState"
+            raise InvalidValueError("sensors", sensors, expected)
+        for name in sensors:
+            if name not in self.shapes:
+                raise UnknownOptionError("sensor", name, self.shapes)
+        qpos = np.concatenate([self._read(sensors, name) for name in _POSE])
+        qvel = np.concatenate([self._read(sensors, name) for name in _MOTION])
+        force = self._forces(sensors)
+        if not isfinite(qpos.sum() + qvel.sum() + force.sum()):
+            for name, value in sensors.items():
+                check_finite(name, np.asarray(value))
+        w, x, y, z = qpos[3:7]
+        if not abs(w * w + x * x + y * y + z * z - 1.0) < 2.0 * _OFF_UNIT:
+            raise InvalidValueError("orientation", sensors["orientation"], "a unit quaternion")
+        ticks = np.full(1, tick, np.int64)
+        return RobotState(qpos[None], qvel[None], force[None], ticks)
+
+    def _checked(self, state: RobotState, tick: int) -> RobotState:
+        shapes = (1, self.robot.nq), (1, self.robot.nv), (1, *self.shapes[_FORCE])
+        found = {}
+        for name, shape in zip(RobotState._fields, shapes, strict=False):
+            part = np.ascontiguousarray(getattr(state, name), float)
+            if part.shape != shape:
+                raise ShapeError(name, part.shape, f"{shape}, one {self.robot.name!r}")
+            check_finite(name, part)
+            found[name] = part
+        return RobotState(**found, tick=np.full(1, tick, np.int64))
+
+    def _read(self, sensors: Mapping[str, Any], name: str) -> np.ndarray:
+        shape = self.shapes[name]
+        if name not in sensors:
+            raise InvalidValueError(f"sensor {name!r}", None, SENSORS[name])
+        found = sensors[name]
+        if type(found) is not np.ndarray or found.dtype != _FLOAT:
+            found = real_numbers(name, found, f"numbers of shape {shape}").astype(float)
+        if found.shape != shape:
+            raise ShapeError(name, found.shape, f"{shape}, of {self.robot.name!r}")
+        return found
+
+    def _forces(self, sensors: Mapping[str, Any]) -> np.ndarray:
+        """(P, 3) N."""
+        if _TOUCH not in sensors:
+            return np.ascontiguousarray(self._read(sensors, _FORCE), float)
+        touching = self._read(sensors, _TOUCH)
+        force = np.zeros((len(touching), 3))
+        force[:, 2] = self.weight * touching / max(touching.sum(), 1.0)
+        return force

@@ -1,0 +1,190 @@
+"""The controller of one robot: what its environment computes, and what it needs and refuses."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fbid_gym.environments import ENVIRONMENTS
+from fbid_gym.errors import (
+    FbidError,
+    InvalidValueError,
+    NonFiniteError,
+    PolicyFileError,
+    ShapeError,
+    UnknownOptionError,
+)
+from fbid_gym.policy import Policy
+from fbid_gym.quantities import RobotState
+from fbid_gym.runtime import SENSORS, Controller
+from tests.batches import started
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = (0.4, 0.1, 0.3)
+SHIPPED = (
+    "QuadrupedWalk-v0/base_acceleration",
+    "QuadrupedWalk-v0/com_wrench",
+    "QuadrupedWalk-v0/joint_position_gait",
+    "BipedWalk-v0/base_acceleration",
+    "BipedWalk-v0/com_wrench",
+    "BipedWalk-v0/joint_position_gait",
+    "BipedBalance-v0/base_acceleration",
+    "BipedSquat-v0/joint_position",
+)
+
+
+def sensed(state: RobotState) -> dict[str, np.ndarray]:
+    """What the sensors of the only robot of a simulation read."""
+    qpos, qvel = state.qpos[0], state.qvel[0]
+    return {
+        "position": qpos[:3],
+        "orientation": qpos[3:7],
+        "velocity": qvel[:3],
+        "angular_velocity": qvel[3:6],
+        "joint_position": qpos[7:],
+        "joint_velocity": qvel[6:],
+        "contact_force": state.contact_force[0],
+    }
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_its_torques_are_those_of_the_environment(name, monkeypatch):
+    """Pushes and all, tick by tick, through a whole episode; and again after a reset."""
+    policy, seconds = Policy.load(f"shipped:{name}"), 4.0
+    arguments = {**ENVIRONMENTS[policy.env_id], **policy.env_args, "episode_seconds": seconds}
+    batch, controller = started(arguments, 1), Controller.load(policy, episode_seconds=seconds)
+    command, checked = None, None
+    if "command" in batch.loop.plan:
+        command = COMMAND if "Walk" in name else (0.97 * batch.task.body.size,)
+        checked = batch.check_command(np.squeeze(command), 1)
+    taken, advance = [], batch.simulation.tick
+
+    def tick(torque, push, effort, state):
+        given = state if len(taken) % 2 else sensed(state)
+        torques = controller.tick(given)
+        advance(torque, push, effort, state)
+        taken.append(np.abs(torques - effort.torque[0]).max())
+
+    monkeypatch.setattr(batch.simulation, "tick", tick)
+    for _ in range(2):
+        batch.reset(np.arange(1), checked)
+        planned = {k: v[0] for k, v in batch.loop.plan.items() if k in ("phase", "speed")}
+        controller.reset(**planned)
+        if command:
+            controller.set_command(*command)
+        for _ in range(batch.num_steps):
+            step = batch.step(policy(batch.observation()))
+            if step.terminated[0]:
+                break
+    assert len(taken) > seconds * batch.rates.control
+    assert max(taken) < 1e-9
+
+
+def at_home(controller: Controller) -> dict[str, np.ndarray]:
+    """What the sensors of a robot read that stands at home."""
+    robot = controller.robot
+    force = np.tile([0.0, 0.0, robot.weight / robot.num_points], (1, robot.num_points, 1))
+    state = RobotState(robot.home_qpos[None], np.zeros((1, robot.nv)), force, np.zeros(1, np.int64))
+    return sensed(state)
+
+
+@pytest.fixture(scope="module")
+def walker() -> Controller:
+    return Controller.load(f"shipped:{SHIPPED[0]}")
+
+
+def test_whether_feet_touch_is_enough(walker):
+    """Feet that share the weight are as good as forces that say so; a state is, too."""
+    sensors, ticks = at_home(walker), range(2 * walker.rates.ticks)
+    walker.reset()
+    forces = [walker.tick(sensors) for _ in ticks]
+    touching = {name: value for name, value in sensors.items() if name != "contact_force"}
+    touching["contact"] = [True] * walker.robot.num_points
+    walker.reset()
+    np.testing.assert_allclose([walker.tick(touching) for _ in ticks], forces, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_a_sensor_that_fails_is_named_and_nothing_goes_on(walker, name):
+    sensors, ticks = at_home(walker), range(walker.rates.ticks)
+    walker.reset()
+    expected = [walker.tick(sensors) for _ in ticks]
+    walker.reset()
+    for tick in ticks:
+        bad = np.array(sensors[name])
+        bad.flat[-1] = np.nan
+        wrong = {**sensors, name: bad}, {**sensors, name: bad.ravel()[:-1]}, {**sensors, name: "x"}
+        lacking = {other: value for other, value in sensors.items() if other != name}
+        errors = (NonFiniteError, ShapeError, InvalidValueError, InvalidValueError)
+        for given, error in zip((*wrong, lacking), errors, strict=True):
+            with pytest.raises(error, match=name):
+                walker.tick(given)
+        np.testing.assert_array_equal(walker.tick(sensors), expected[tick])
+
+
+def test_what_else_is_no_state(walker):
+    sensors = at_home(walker)
+    for given, words in (
+        (None, "sensors: None. Expected a dictionary"),
+        ({**sensors, "gyro": np.zeros(3)}, "Unknown sensor 'gyro'.*angular_velocity"),
+        ({**sensors, "orientation": [2.0, 0, 0, 0]}, "orientation.*a unit quaternion"),
+        (RobotState(*np.zeros((4, 1, 19))), r"qvel has shape \(1, 19\). Expected \(1, 18\)"),
+    ):
+        with pytest.raises(FbidError, match=words):
+            walker.tick(given)
+
+
+def test_a_policy_that_does_not_fit_is_refused():
+    shipped = f"shipped:{SHIPPED[0]}"
+    with pytest.raises(PolicyFileError, match="observation_size 62.*Expected 76"):
+        Controller.load(shipped, robot="biped")
+    with pytest.raises(PolicyFileError, match="action_size 14.*Expected 6"):
+        Controller.load(shipped, action_layer="com_wrench", layer_options={"footholds": False})
+    with pytest.raises(UnknownOptionError, match=r"environment 'mine/Walk-v0'.*task='walk'"):
+        own = Policy.load(shipped)
+        Controller.load(Policy(**{**vars(own), "env_id": "mine/Walk-v0"}))
+    with pytest.raises(InvalidValueError, match="height_scan"):
+        Controller.load(shipped, height_scan=True)
+    walker = Controller.load(shipped)
+    with pytest.raises(ShapeError, match="command"):
+        walker.set_command(1.0)
+    with pytest.raises(UnknownOptionError, match="entry 'phase' of the plan.*lowered"):
+        walker.reset(phase=1)
+
+
+WITHOUT = """
+import sys
+sys.modules |= dict.fromkeys({absent!r})
+import numpy as np
+from fbid_gym.runtime import Controller
+controller = Controller.load("shipped:{policy}")
+robot = controller.robot
+torque = controller.tick({{
+    "position": robot.home_qpos[:3],
+    "orientation": robot.home_qpos[3:7],
+    "joint_position": robot.home_qpos[7:],
+    "joint_velocity": np.zeros(robot.num_joints),
+    "velocity": np.zeros(3),
+    "angular_velocity": np.zeros(3),
+    "contact": np.ones(robot.num_points),
+}})
+print(np.abs(torque).max() > 0.0)
+loaded = {{name.partition(".")[0] for name, module in sys.modules.items() if module is not None}}
+print(sorted(loaded - sys.stdlib_module_names - set({known!r})))
+"""
+
+
+def test_it_needs_numpy_numba_and_mujoco_alone():
+    """In a process that has neither Gymnasium nor what else learning and drawing want."""
+    absent = ["gymnasium", "torch", "stable_baselines3", "pinocchio", "matplotlib", "onnx", "PIL"]
+    known = ["fbid_gym", "numpy", "numba", "llvmlite", "mujoco", "filelock", "msgspec", "cffi"]
+    known += ["safetensors", "scipy", "typing_extensions", "OpenGL", "pycparser"]
+    code = WITHOUT.format(absent=absent, known=known, policy=SHIPPED[0])
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    first, loaded = done.stdout.splitlines() or ["", done.stderr]
+    assert first == "True", done.stderr
+    found = {name for name in ast.literal_eval(loaded) if not name.startswith("_")}
+    assert found - {"cython_runtime", "cmeel_pth"} == set()
