@@ -43,6 +43,13 @@ SETTINGS: dict[str, dict[str, Any]] = {
 
 _LATE = {"randomisation": {"loop_delay": (0.005, 0.005)}}
 
+SENSORS: dict[str, dict[str, Any]] = {
+    "perfect": {},
+    **{name: {"sensors": name} for name in PRESETS},
+    "mems, 5 ms": {"sensors": "mems", **_LATE},
+}
+"""Sensors, and with the delay of the loop from the state that a layer sees to its torque."""
+
 MOTORS: dict[str, dict[str, Any]] = {
     "ideal": {},
     "ideal, 5 ms": _LATE,
@@ -148,7 +155,7 @@ TABLES = {
         "what layers lose where robots know their state by sensors and an estimate only",
         ("go1", "biped", "humanoid"),
         tuple(LAYERS),
-        {"sensors": {"perfect": {}} | {name: {"sensors": name} for name in PRESETS}},
+        {"sensors": SENSORS},
         ("robot", "layer", "sensors"),
         (*_UP, "return", "velocity_error"),
         rows=("robot", "layer"),
