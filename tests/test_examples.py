@@ -31,6 +31,8 @@ PAGES = (
     "docs/deploy.md",
     "docs/index.md",
     "docs/layers/index.md",
+    "docs/measured.md",
+    "docs/motors.md",
     "docs/own_task_and_layer.md",
     "docs/pictures.md",
     "docs/policies.md",

@@ -194,7 +194,7 @@ class EnvConfig:
         if self.observation != "full" and (self.perceived() is None or not self.estimates):
             expected = '"full", or sensors that are not perfect and state="estimated"'
             raise InvalidValueError("observation", self.observation, expected)
-        if self.history > self.episode_seconds * self.policy_hz:
+        if 1 < self.history > self.episode_seconds * self.policy_hz:
             expected = f"at most the {self.episode_seconds * self.policy_hz:g} steps of an episode"
             raise InvalidValueError("history", self.history, expected)
         for name in ("layer_options", "task_options", "motors", "randomisation", "sensors"):

@@ -8,9 +8,10 @@ import scipy.linalg
 
 from eval import zoo
 from eval.papers.mistry2010.force_feedback import (
-    estimated_force_inverse_dynamics,
-    force_feedback_inverse_dynamics,
-    inertia_weighted_inverse_dynamics,
+    Equation,
+    estimated_force,
+    force_feedback,
+    inertia_weighted,
 )
 from fbid_gym import robots
 from fbid_gym.control import ContactLimits, limited_inverse_dynamics, orthogonal_inverse_dynamics
@@ -87,10 +88,10 @@ def test_every_law_does_what_is_asked_if_it_knows_the_truth(name):
     torques = [
         least.torque,
         squeezed.torque,
-        inertia_weighted_inverse_dynamics(*case.law).torque,
-        force_feedback_inverse_dynamics(*case.law, least.contact_force).torque,
-        force_feedback_inverse_dynamics(*case.law, squeezed.contact_force).torque,
-        estimated_force_inverse_dynamics(*case.law, squeezed.torque).torque,
+        inertia_weighted(Equation(*case.law)).torque,
+        force_feedback(Equation(*case.law), least.contact_force).torque,
+        force_feedback(Equation(*case.law), squeezed.contact_force).torque,
+        estimated_force(Equation(*case.law), squeezed.torque).torque,
     ]
     scale = 1.0 + np.abs(case.law[3]).max()
     for torque in torques:
@@ -116,7 +117,7 @@ def test_a_wrong_inertia_costs_eq_7_and_eq_15_the_same(name):
     command = case.law[3]
     model = (mass_matrix, bias, jacobian, command, drift)
     orthogonal = orthogonal_inverse_dynamics(*model).torque
-    weighted = inertia_weighted_inverse_dynamics(*model).torque
+    weighted = inertia_weighted(Equation(*model)).torque
     np.testing.assert_allclose(weighted, orthogonal, atol=1e-6)
     achieved, _ = truth(name, case, orthogonal)
     assert np.abs(achieved - command).max() > 0.3

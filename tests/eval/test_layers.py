@@ -10,9 +10,9 @@ from eval import layers
 from eval.layers import holm, main
 from eval.zero_actions.measures import scores_of
 from fbid_gym import actions
-from fbid_gym.envs.config import EnvConfig
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.robots import load
+from fbid_gym.runtime.config import EnvConfig
 from train.environments import register, run_file
 from train.runs.tables import read_rows
 

@@ -82,7 +82,7 @@ COMMANDS = {
         ("small", "observation"),
     ],
     zero_actions: [
-        ("flying", "Unknown table 'flying'. Valid choices: walking, terrain, rates, zoo, noise"),
+        ("flying", "Unknown table 'flying'. Valid choices: walking, terrain, rates, motors, "),
         ("walking --seconds 1e300", "Invalid seconds: 1e+300"),
         ("walking --push -50", "Invalid push: -50.0. Expected a number from 0 to"),
         ("walking --robots", "Invalid robots: []. Expected one or more"),

@@ -39,9 +39,11 @@ LIMITS = ContactLimits(0.6)
 _Array = np.ndarray
 
 
-def _equations(robots: Robots) -> tuple[_Array, _Array, _Array, _Array, _Array]:
+def _equations(robots: Robots) -> force_feedback.Equation:
     terms = robots.terms
-    return terms.mass_matrix, terms.bias, robots.jacobian, robots.acceleration, robots.drift
+    return force_feedback.Equation(
+        terms.mass_matrix, terms.bias, robots.jacobian, robots.acceleration, robots.drift
+    )
 
 
 def _limited(robots: Robots) -> Any:
@@ -64,7 +66,7 @@ def _weighted(robots: Robots) -> Any:
 def _metric(robots: Robots) -> Any:
     hinges = np.ones(robots.torque.shape[1], bool)
     lengths = metric.length_metric(hinges, robots.length)
-    return metric.metric_inverse_dynamics(*_equations(robots), lengths)
+    return metric.metric_inverse_dynamics(_equations(robots), lengths)
 
 
 def _task(robots: Robots) -> Any:
@@ -117,11 +119,9 @@ LAWS: dict[str, Callable[[Robots], Any]] = {
     "distribute, ott2011": _shared(control.torque_map_ott2011, 0.1),
     "distribute, inverse_dynamics": _shared(control.torque_map_inverse_dynamics, np.inf),
     "distribute_freely": _shared(control.torque_map_inverse_dynamics, -1.0),
-    "inertia_weighted_inverse_dynamics": lambda robots: (
-        force_feedback.inertia_weighted_inverse_dynamics(*_equations(robots))
-    ),
-    "estimated_force_inverse_dynamics": lambda robots: (
-        force_feedback.estimated_force_inverse_dynamics(*_equations(robots), robots.torque)
+    "inertia_weighted": lambda robots: force_feedback.inertia_weighted(_equations(robots)),
+    "estimated_force": lambda robots: force_feedback.estimated_force(
+        _equations(robots), robots.torque
     ),
 }
 
@@ -134,8 +134,8 @@ _EXACT_IN_ROWS = (
     "orthogonal_inverse_dynamics",
     "metric_inverse_dynamics",
     "operational_space_acceleration",
-    "inertia_weighted_inverse_dynamics",
-    "estimated_force_inverse_dynamics",
+    "inertia_weighted",
+    "estimated_force",
 )
 
 
