@@ -154,6 +154,8 @@ def test_a_state_will_do_and_an_estimate_goes_on_where_it_was(walker):
 def test_what_else_is_no_reading(walker):
     own = {"sensors": "mems", "observation": "measured"}
     measured = Controller(EnvConfig.of({**ENVIRONMENTS[WALK], **own}))
+    seen = measured.loop.observer.seen
+    assert "gyroscope" in seen and "velocity" not in seen
     sensors = at_rest(walker)
     walker.reset()
     for controller, given, words in (
