@@ -33,13 +33,16 @@ def imposed(batch: EnvBatch, state: Mapping[str, np.ndarray], settings: Settings
     mass = np.ones_like(state["plant.mass"])
     trunk = robot.base_body
     mass[:, trunk] += settings["added_mass"] / robot.model.body_mass[trunk]
-    delay = float(settings["action_delay"])
+    delay, loop = float(settings["action_delay"]), 1e-3 * float(settings["loop_delay"])
+    ticks = round(loop * batch.rates.control, 6)
     new |= {
         "plant.mass": mass,
         "plant.friction": np.full_like(state["plant.friction"], settings["friction"]),
         "plant.motor_strength": np.full_like(state["plant.motor_strength"], settings["motors"]),
         "plant.model_mass": np.full_like(state["plant.model_mass"], settings["model_mass"]),
         "plant.action_delay": np.full_like(state["plant.action_delay"], delay),
+        "plant.loop_delay": np.full_like(state["plant.loop_delay"], loop),
+        "simulation.loop_ticks": np.full_like(state["simulation.loop_ticks"], ticks),
         "delay.ticks": np.full_like(state["delay.ticks"], round(delay * batch.rates.control)),
     }
     if batch.task.kind.gait:

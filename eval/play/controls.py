@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from eval.play.stage import MOST_PUSH_SECONDS, NO_POLICY, Stage
+from eval.play.stage import LONGEST_LOOP, MOST_PUSH_SECONDS, NO_POLICY, Stage
 from fbid_gym.actions import LAYERS
 from fbid_gym.actions.contact_options import CONTACT_LIMITS
 from fbid_gym.envs.overlays import LABELS, RenderOptions
@@ -25,6 +25,7 @@ Settings = dict[str, Any]
 ALONE = "nobody"
 LONGEST_DELAY = 0.1
 """s, of an action on its way."""
+MOST_NOISE = 5.0
 MOST_PUSH = 2.0
 """Weights of the robot."""
 COMMAND, PUSH, WHO, TIME, WORLD, OVERLAYS = GROUPS = (
@@ -129,7 +130,10 @@ def controls(stage: Stage) -> dict[str, Control]:
         "added_mass": Slider(WORLD, "added mass (kg)", 0.0, round(0.5 * robot.mass, 1), 0.0),
         "motors": Slider(WORLD, "motor torque (x)", 0.3, 1.2, 1.0),
         "action_delay": Slider(WORLD, "action delay (s)", 0.0, LONGEST_DELAY, 0.0),
+        "loop_delay": Slider(WORLD, "loop delay (ms)", 0.0, 1e3 * LONGEST_LOOP, 0.0),
         "model_mass": Slider(WORLD, "model's masses (x)", 0.5, 1.5, 1.0),
+        "sensors": Menu(WORLD, "sensors", stage.sensors, stage.sensors[0], resets=True),
+        "noise": Slider(WORLD, "sensors' errors (x)", 0.0, MOST_NOISE, 1.0, resets=True),
         "terrain": Menu(WORLD, "terrain", TERRAINS, config.terrain, resets=True),
         "difficulty": Slider(WORLD, "difficulty", 0.0, 1.0, config.difficulty, resets=True),
         **{

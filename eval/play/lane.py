@@ -72,6 +72,7 @@ class Lane:
             "layer_options": self.options,
             "terrain": settings["terrain"],
             "difficulty": settings["difficulty"],
+            "sensors": stage.sensors_of(settings["sensors"], settings["noise"]),
         }
         if "gait" in settings:
             changes["gait"] = settings["gait"]
@@ -131,6 +132,12 @@ class Lane:
                 now, wanted = info[name][0], info[f"{name}_command"][0]
                 return f"**{now:.2f} {unit}**, command {wanted:.2f} {unit}, falls: {self.falls}"
         return f"falls: {self.falls}"
+
+    @property
+    def believed(self) -> np.ndarray | None:
+        """(7,) place and quaternion of the base by the robot's estimate; None: it needs none."""
+        perception = self.batch.perception
+        return None if perception is None else perception.estimator.state.qpos[0, :7].copy()
 
     @property
     def push_force(self) -> np.ndarray:

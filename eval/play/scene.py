@@ -12,6 +12,7 @@ from eval.play.shapes import Shape, shapes
 from eval.play.view import show_from
 from fbid_gym.envs.overlays import size_of
 
+_BELIEVED = np.array([120, 40, 200])  # of the base where the robot takes it to be
 _SECOND = np.array([40, 120, 255])  # what the second robot's colours are mixed with
 _PUSH_COLOUR = (230, 64, 26)
 _GRID = 40.0  # m
@@ -51,6 +52,8 @@ class Body:
             if shape.body or place == 0 or offset.any():
                 self._send(server, shape, f"{self.root}/body{shape.body}/{number}", tint, drag)
         self._trunk = batch.robot.base_body
+        if lane.believed is not None:
+            self._haunt(server, [shape for shape in drawn if shape.body == self._trunk])
         self._arrow = server.scene.add_arrows(
             f"{self.root}/push", np.zeros((1, 2, 3)), _PUSH_COLOUR, visible=False
         )
@@ -78,12 +81,27 @@ class Body:
                 moved = np.subtract(event.end_position, event.start_position)
                 drag(moved, event.phase == "end")
 
+    def _haunt(self, server: viser.ViserServer, trunk: list[Shape]) -> None:
+        """Send a ghost of the base, for where the robot takes it to be; it is drawn last."""
+        root = f"{self.root}/believed"
+        self._frames[-1] = server.scene.add_frame(root, show_axes=False)
+        for number, shape in enumerate(trunk):
+            server.scene.add_mesh_simple(
+                f"{root}/{number}",
+                shape.vertices,
+                shape.faces,
+                color=tuple(_BELIEVED.tolist()),
+                opacity=0.4,
+                cast_shadow=False,
+            )
+
     def _poses(self, lane: Lane) -> np.ndarray:
-        """(B, 7) place and quaternion of each body that is drawn."""
+        """(B, 7) place and quaternion of each body that is drawn, and of the believed base."""
         self._data.qpos[:] = lane.qpos
         mujoco.mj_kinematics(self._model, self._data)
         bodies = self._moving
-        return np.concatenate([self._data.xpos[bodies], self._data.xquat[bodies]], axis=1)
+        found = np.concatenate([self._data.xpos[bodies], self._data.xquat[bodies]], axis=1)
+        return found if lane.believed is None else np.vstack([found, lane.believed])
 
     def look(self, lane: Lane) -> None:
         """Take the pose after a policy step."""
@@ -167,7 +185,7 @@ class Scene:
     def cast(self, lanes: list[Lane]) -> bool:
         """Show these robots instead of those before; whether they are others."""
         worlds = [lane.batch.config.as_dict() for lane in lanes]
-        shown = [[world[name] for name in ("terrain", "difficulty")] for world in worlds]
+        shown = [[world[name] for name in ("terrain", "difficulty", "sensors")] for world in worlds]
         if shown == self._shown:
             return False
         for body in self.bodies:

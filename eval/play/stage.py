@@ -9,6 +9,7 @@ from typing import Any
 from fbid_gym.actions import layer_options
 from fbid_gym.envs import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError, UnknownOptionError
+from fbid_gym.estimation.sensors import LIKE, PERFECT, PRESETS
 from fbid_gym.policy import Policy
 from fbid_gym.runtime.config import EnvConfig
 from fbid_gym.tasks import Task
@@ -16,6 +17,9 @@ from train.runs.differences import differences, in_words
 
 NO_POLICY = "zero action"
 MOST_PUSH_SECONDS = 2.0
+LONGEST_LOOP = 0.02
+"""s, from a state to the torque that answers it."""
+OWN_SENSORS = "as begun"
 _DAY = 86_400.0
 
 # Set on the page, or made so that episodes do not end and nothing but the page pushes.
@@ -111,7 +115,7 @@ class Stage:
             {
                 name: value
                 for name, value in EnvConfig.of(_fixed(side)).as_dict().items()
-                if name not in (*OWNED, *self.arguments, "robot")
+                if name not in (*OWNED, *self.arguments, "robot", "sensors")
             }
             for side in sides
         )
@@ -121,6 +125,20 @@ class Stage:
     def contact_limits(self) -> str:
         """With which the session begins."""
         return str((self.own.get("layer_options") or {}).get("contact_limits", "friction"))
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Kinds that can be chosen, the first is with which the session begins."""
+        begun, known = self.own.get("sensors", PERFECT), (PERFECT, *PRESETS)
+        word = begun if isinstance(begun, str) else OWN_SENSORS
+        return (word, *(name for name in known if name != word))
+
+    def sensors_of(self, word: str, noise: float) -> Any:
+        """Return the argument of an environment for a kind of sensors, errors times `noise`."""
+        if word == PERFECT:
+            return word
+        table: dict[str, Any] = dict(self.own["sensors"]) if word == OWN_SENSORS else {LIKE: word}
+        return table | {"scale": noise * table.get("scale", 1.0)}
 
     def config(self, changes: Mapping[str, Any]) -> EnvConfig:
         """Return the configuration of an environment that goes on for a day.
@@ -136,7 +154,7 @@ class Stage:
             "push_velocity": (0.0, 0.0),
             "push_duration": 1.0 / plain.rates().policy,
             "push_interval": (_DAY / slots, _DAY / slots),
-            "randomisation": {"action_delay": (0.0, 0.1)},
+            "randomisation": {"action_delay": (0.0, 0.1), "loop_delay": (0.0, LONGEST_LOOP)},
             "curriculum": False,
         }
         for name in ("command_interval", "height_interval"):

@@ -14,7 +14,7 @@ from eval.play.controls import Control, Menu, Settings, checked
 from fbid_gym.errors import InvalidValueError
 
 _LONGEST = 10_000
-_CHOSEN = ("layer", "policy", "contact_limits", "terrain", "difficulty", "gait")
+_CHOSEN = ("layer", "policy", "contact_limits", "sensors", "terrain", "difficulty", "gait")
 
 
 def to_query(offered: Mapping[str, Control], settings: Settings) -> str:

@@ -78,8 +78,9 @@ class EnvBatch:
         self.perception, self.notes = None, self.robot.notes
         if sensors is not None:
             self.perception = Perception(self.robot, sensors, self.rates.control, self._tick)
-            self.notes += self.perception.notes
-        guess = self.perception.state if self.perception and config.estimates else None
+            self.notes += self.perception.estimator.notes
+        estimator = self.perception.estimator if self.perception else None
+        guess = estimator.state if estimator and config.estimates else None
         self.plant = Plant(self.simulation, randomisation, guess)
         self.num_envs = num_envs
         self.num_steps = round(self.task.seconds * self.rates.policy)
@@ -92,7 +93,9 @@ class EnvBatch:
         answers.check_size(drawn, num_envs if of is None else of, self.task.seconds)
         simulation, longest = self.simulation, randomisation.action_delay[1]
         kind = config.observation, config.history, num_envs
-        self.observer = Observer(self.task, *kind, self.perception, self.plant.drawn)
+        chance = {"plant": self.plant.drawn}
+        chance |= {"sensor": self.perception.drawn} if self.perception else {}
+        self.observer = Observer(self.task, *kind, estimator, chance)
         own = config, self.task, drawn, simulation.terms(), self.observer
         self.loop = ControlLoop(*own, longest)
         self.observation_groups = self.observer.groups
@@ -290,7 +293,7 @@ class EnvBatch:
                 self._look()
             torque = self.loop.torque(tick, state, terms, actual)
             if self.perception is not None:
-                self.perception.prepare(terms)
+                self.perception.estimator.prepare(terms)
             self.simulation.tick(torque, push, self._effort, self._state)
             if self.perception is not None:
                 self.perception.update(self._state, self._effort.torque)

@@ -100,7 +100,6 @@ def instruments_of(
     own, tick = sensors.scaled, 1.0 / hz
     every = [sensors.every(name, hz) for name in ("imu", "encoder", "contact")]
     rates = [hz / ticks for ticks in every]
-    corner = own.encoder_filter
     share = own.contact_errors
     recovers = min(tick / _WRONG, 0.5)
     return Instruments(
@@ -119,7 +118,7 @@ def instruments_of(
         ),
         resolution=own.encoder_resolution,
         noise=own.encoder_noise,
-        follow=1.0 if corner is None else 1.0 - float(np.exp(-2.0 * np.pi * corner / rates[1])),
+        follow=own.follow(hz),
         load_noise=own.contact_noise * robot.weight,
         threshold=own.contact_threshold * robot.weight,
         goes_wrong=recovers * share / (1.0 - share),

@@ -14,7 +14,7 @@ deviation is the number here. A data sheet's typical offsets are taken to be tha
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import pi, radians, sqrt
+from math import exp, pi, radians, sqrt
 from typing import Annotated, Any
 
 from fbid_gym.checks import by_name, check_choices
@@ -116,6 +116,16 @@ class Sensors:
                 f"sensors {name}_rate", rate, f"a divisor of control_hz = {control_hz}"
             )
         return int(control_hz // rate)
+
+    def follow(self, control_hz: int) -> float:
+        """Return the share of the way to the newest velocity that the low pass goes at a reading.
+
+        Raises:
+            InvalidValueError: as `every`.
+        """
+        rate = control_hz / self.every("encoder", control_hz)
+        corner = self.encoder_filter
+        return 1.0 if corner is None else 1.0 - exp(-2.0 * pi * corner / rate)
 
     @property
     def scaled(self) -> "Sensors":

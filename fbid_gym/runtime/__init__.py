@@ -11,6 +11,7 @@ physics.
 """
 
 from fbid_gym.runtime.controller import Controller
+from fbid_gym.runtime.readings import READINGS
 from fbid_gym.runtime.sensors import SENSORS
 
-__all__ = ["SENSORS", "Controller"]
+__all__ = ["READINGS", "SENSORS", "Controller"]

@@ -16,6 +16,7 @@ from fbid_gym.dynamics.mujoco_dynamics import MuJoCoDynamics
 from fbid_gym.environments import ENVIRONMENTS
 from fbid_gym.errors import InvalidValueError, NonFiniteError, ShapeError, UnknownOptionError
 from fbid_gym.policy import Policy
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots import ROBOTS, Robot
 from fbid_gym.runtime import answers
 from fbid_gym.runtime.config import AROUND, EnvConfig
@@ -23,6 +24,7 @@ from fbid_gym.runtime.control_loop import ControlLoop
 from fbid_gym.runtime.effort import Effort, add_power, limit
 from fbid_gym.runtime.given import checked_action, checked_command
 from fbid_gym.runtime.observer import Observer
+from fbid_gym.runtime.readings import READINGS, Reader
 from fbid_gym.runtime.sensors import Sensing
 
 _DRAWN = ("qpos", "qvel", "push_start", "push_force", "push_velocity")  # by chance, of simulations
@@ -37,6 +39,7 @@ class Controller:
         policy: takes observations (1, O), returns actions (1, A).
         rates: `rates.control` is how often it wants to be asked, Hz.
         loop: its task and layer at work.
+        estimator: of its state, from readings; None where the environment's sensors are perfect.
         measured: what the task measured when the policy was last asked, see `Task.measure`; None
             before the first time.
     """
@@ -57,12 +60,14 @@ class Controller:
         """
         self.config, self.robot, self.rates = config, config.load_robot(), config.rates()
         task = config.make_task(self.robot)
-        if config.observation != "full":
-            expected = '"full": a controller is given a state, not what sensors read'
-            raise InvalidValueError("observation", config.observation, expected)
         drawn = task.draw(np.random.default_rng(0))
         answers.check_plan(task, drawn)
-        observer = Observer(task, config.observation, config.history, 1)
+        self._tick, sensors = np.zeros(1, np.int64), config.perceived()
+        self._reader = None
+        if sensors is not None and config.estimates:
+            self._reader = Reader.of(self.robot, sensors, self.rates.control, self._tick)
+        self.estimator = self._reader.estimator if self._reader else None
+        observer = Observer(task, config.observation, config.history, 1, self.estimator)
         if "scan" in observer.groups:
             expected = "False: a controller is not told the height of the ground"
             raise InvalidValueError("height_scan", True, expected)
@@ -168,7 +173,9 @@ class Controller:
             ranges = np.array(list(self.loop.task.commands.values())).reshape(-1, 2)
             stays = ((ranges[:, 0] <= 0.0) & (ranges[:, 1] >= 0.0)).all()
             command[:] = 0.0 if stays else ranges[:, 1].reshape(command.shape[2:])
-        self._ticks, self.measured = 0, None
+        self._tick[:], self.measured = 0, None
+        # What it knows of its place, and whether its estimate goes on from there.
+        self._where, self._estimating = self.robot.home_qpos[None], False
         self._effort.begin()
         self._effort.torque[:] = 0.0
         for total in self._sums.values():
@@ -196,7 +203,9 @@ class Controller:
 
         Args:
             sensors: `fbid_gym.runtime.SENSORS` by name, now; or a `RobotState` of one robot, as an
-                estimator gives it.
+                estimator gives it. Where the environment has sensors that err, also `READINGS` by
+                name, of which it makes an estimate as the environment does; the first ones are of
+                a robot that rests.
 
         Returns:
             (n,) N·m, in the order of `robot.joint_names`.
@@ -206,30 +215,51 @@ class Controller:
                 controller has not gone on.
             NonFiniteError: torques that are no numbers; it has to be reset then.
         """
-        state = self._sensing.state(sensors, self._ticks)
+        state = self._state(sensors)
         terms = cache(lambda: self._dynamics.live(state.qpos, state.qvel))
         loop, effort = self.loop, self._effort
-        tick = self._ticks % self.rates.ticks
-        if self._ticks == 0:
+        ticks = int(self._tick[0])
+        tick = ticks % self.rates.ticks
+        if ticks == 0:
             loop.begin(np.zeros(1, int), terms())
         add_power(effort, state.qvel)
         if tick == 0:
-            if self._ticks:
+            if ticks:
                 self._sums["distance"] += np.hypot(*state.qvel[0, :2]) / self.rates.policy
                 self._sums["energy"] += effort.power / self.rates.control
             self.measured = loop.measure(loop.outcome(state, terms(), effort, self._sums))
-            just_begun = np.zeros(1, int) if self._ticks == 0 else None
+            just_begun = np.zeros(1, int) if ticks == 0 else None
             seen = loop.observer.observe(self.measured, self.measured, just_begun)
             action = self.policy(seen)
             action = checked_action(action, (1, loop.num_actions), refuse=False)
             loop.send(np.clip(action, -1.0, 1.0))
             effort.begin()
         torque = loop.torque(tick, state, terms, terms)
+        if self.estimator is not None:
+            self.estimator.prepare(terms)
         limit(effort, self.robot.torque_limit, torque)
         if effort.lost[0]:
             raise NonFiniteError("torque", (int(np.isnan(torque[0]).argmax()),))
-        self._ticks += 1
+        self._tick += 1
         return effort.torque[0].copy()
+
+    def _state(self, sensors: Any) -> RobotState:
+        """Where the robot is, as it is told or by its own estimate."""
+        reader = self._reader
+        if reader is None or not reader.reads(sensors):
+            if self.config.observation != "full":
+                expected = f"{', '.join(READINGS)}: its policy observes them"
+                raise InvalidValueError("sensors", "a state", expected)
+            state = self._sensing.state(sensors, int(self._tick[0]))
+            self._where, self._estimating = state.qpos, False
+            return state
+        reader.take(sensors, begins=not self._estimating)
+        if self._estimating:
+            reader.estimator.update(self._effort.torque)
+        else:
+            reader.estimator.begin(np.zeros(1, int), self._where)
+        self._estimating = True
+        return reader.estimator.state
 
     def _zero(self, observation: np.ndarray) -> np.ndarray:
         return self._zero_action

@@ -8,13 +8,12 @@ sensors were drawn.
 """
 
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from fbid_gym.estimation.estimator import Estimator
 from fbid_gym.runtime import answers
-from fbid_gym.runtime.perception import Perception
 from fbid_gym.tasks import Task
 from fbid_gym.tasks.observation import (
     ESTIMATED,
@@ -39,6 +38,7 @@ class Observer:
 
     Attributes:
         groups: the task's table.
+        seen: what a policy sees of that and of the sensors, without history.
         names: of all entries.
         bound: (O,) largest size of each entry; observations are clipped to it.
         columns: name of a group -> where in an observation it is.
@@ -51,8 +51,8 @@ class Observer:
         kind: str,
         history: int,
         count: int,
-        perception: Perception | None = None,
-        plant: Mapping[str, np.ndarray] = MappingProxyType({}),
+        estimator: Estimator | None = None,
+        drawn: Mapping[str, Mapping[str, np.ndarray]] | None = None,
     ) -> None:
         """Lay out the observation of so many robots.
 
@@ -61,36 +61,35 @@ class Observer:
             kind: one of `OBSERVATIONS`.
             history: policy steps that are observed together.
             count: of robots.
-            perception: what they sense; None where sensors are perfect.
-            plant: how they were drawn: (N, ...) by name; live.
+            estimator: has what they read; None where sensors are perfect.
+            drawn: how their "plant" and "sensor" were drawn for an episode: (N, ...) by name; live.
+                None: nobody knows that, nor the true state, and there is no critic.
         """
         self.groups, self._task, self._count = answers.checked_groups(task), task, count
-        self._split, self._history = kind != "full", history
+        measured = kind != "full"
+        self._split = measured and drawn is not None
         self.arrays: dict[str, np.ndarray] = {}
-        seen, told = dict(self.groups), dict[str, Group]()
-        drawn: Groups = {}
-        if self._split and perception is not None:
+        seen, chance = dict(self.groups), _drawn(drawn or {})
+        told = {**{f"actual_{n}": group for n, group in self.groups.items()}, **chance}
+        if measured and estimator is not None:
             sources = (KNOWN, MEASURED, ESTIMATED) if "estimate" in kind else (KNOWN, MEASURED)
             seen = {n: g for n, g in self.groups.items() if g.source in sources}
-            seen |= _sensed(perception)
-            told = {f"actual_{name}": group for name, group in self.groups.items()}
-            drawn = _drawn(plant, perception)
-            told |= drawn
-        self._seen, self._told = seen, told
+            seen |= _sensed(estimator)
+        self.seen, self._told = seen, told
         self._parts = answers.Parts.of_observation(seen, count)
         own = entry_names(seen)
         ages = range(1, history)
         self.names = (*own, *(f"{name}, {age} steps ago" for age in ages for name in own))
         self.columns = columns(seen)
         bound = np.tile(entry_bounds(seen), history)
-        if self._split or history > 1:
+        if measured or history > 1:
             self.columns[POLICY] = slice(0, len(bound))
             self.arrays["recent"] = np.zeros((count, history, len(own)), np.float32)
         if self._split:
             self._told_parts = answers.Parts.of_observation(told, count)
             first = len(self.names)
             self.names += tuple(f"actual {name}" for name in entry_names(self.groups))
-            self.names += entry_names(drawn)
+            self.names += entry_names(chance)
             self.columns |= {
                 name: slice(first + part.start, first + part.stop)
                 for name, part in columns(told).items()
@@ -110,7 +109,7 @@ class Observer:
             ids: (K,) robots that have just begun, whose past is as their present; else a step has
                 passed for all.
         """
-        parts = [group.function(known) for group in self._seen.values()]
+        parts = [group.function(known) for group in self.seen.values()]
         seen = self._clipped(self._parts.joined(parts, self._task), 0)
         if "recent" in self.arrays:
             recent = self.arrays["recent"]
@@ -132,9 +131,9 @@ class Observer:
         return values.astype(np.float32)
 
 
-def _sensed(perception: Perception) -> Groups:
+def _sensed(estimator: Estimator) -> Groups:
     """What the sensors in trunk and feet read, as it has arrived."""
-    readings, feet = perception.readings, perception.foot_names
+    readings, feet = estimator.readings, estimator.foot_names
     return {
         "gyroscope": Group.of(
             "gyroscope {} (rad/s)", "xyz", 100.0, lambda m: readings.gyroscope, MEASURED
@@ -143,22 +142,18 @@ def _sensed(perception: Perception) -> Groups:
             "accelerometer {} (m/s^2)", "xyz", 1000.0, lambda m: readings.accelerometer, MEASURED
         ),
         "contact": Group.of(
-            "{} told to be on the ground (1)", feet, 1.0, lambda m: perception.contact, MEASURED
+            "{} told to be on the ground (1)", feet, 1.0, lambda m: estimator.contact, MEASURED
         ),
     }
 
 
-def _drawn(plant: Mapping[str, np.ndarray], perception: Perception) -> Groups:
+def _drawn(parts: Mapping[str, Mapping[str, np.ndarray]]) -> Groups:
     """How plant and sensors of this episode were drawn, and who errs by how much now."""
 
     def shown(values: np.ndarray) -> Callable[[Any], np.ndarray]:
         return lambda m: values.reshape(len(values), -1)
 
     found: dict[str, Group] = {}
-    parts: Mapping[str, Mapping[str, np.ndarray]] = {
-        "plant": plant,
-        "sensor": perception.drawn,
-    }
     for part, arrays in parts.items():
         for name, values in arrays.items():
             size = values[0].size

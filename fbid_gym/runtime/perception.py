@@ -1,25 +1,19 @@
-"""What N robots sense and believe, beside what is: their sensors, and the estimate of their state.
+"""What N simulated robots sense and believe, beside what is.
 
 Where sensors are perfect there is none of it.
 """
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
-from fbid_gym.dynamics.frames import matrix_to_quaternion, quaternion_to_matrix
+from fbid_gym.dynamics.frames import quaternion_to_matrix
 from fbid_gym.dynamics.stance import Stance
-from fbid_gym.estimation.contact_torques import TorqueSense, find_loads
-from fbid_gym.estimation.correction import correct
-from fbid_gym.estimation.filter_constants import filter_of
-from fbid_gym.estimation.invariant_filter import Belief
-from fbid_gym.estimation.legs import legs_of, mounting_of
-from fbid_gym.estimation.prediction import predict
+from fbid_gym.estimation.estimator import Estimator
 from fbid_gym.estimation.random_numbers import seeded
-from fbid_gym.estimation.sensing import Readings, Wear, instruments_of, sense
+from fbid_gym.estimation.sensing import Wear, instruments_of, sense
 from fbid_gym.estimation.sensors import Sensors
-from fbid_gym.quantities import DynamicsTerms, RobotState
+from fbid_gym.quantities import RobotState
 from fbid_gym.robots import Robot
 
 ERRORS = {
@@ -41,30 +35,22 @@ _DRAWN = (
 
 
 class Perception:
-    """The sensors and the estimator of N robots.
+    """The simulated sensors of N robots, and what these make of them.
 
     Attributes:
         sensors: of the robots.
-        state: what the robots believe of theirs; live. The forces are those that their feet tell.
-        readings: of the sensors; live.
-        notes: what is assumed of the robot, one sentence each.
-        foot_names: of the robot.
+        estimator: of their state, from what the sensors read.
     """
 
     def __init__(self, robot: Robot, sensors: Sensors, hz: int, tick: np.ndarray) -> None:
         """Build them for as many robots as there are `tick` (N,), control ticks of episodes."""
-        count, feet, joints = len(tick), robot.num_feet, robot.num_joints
+        count, feet = len(tick), robot.num_feet
         self.sensors, self._hz = sensors, hz
-        mounting, note = mounting_of(robot)
-        self.notes = (note,) if note else ()
-        self.foot_names = robot.foot_names
-        self._mounting = mounting
-        self._legs = legs_of(robot, mounting)
+        self.estimator = Estimator(robot, sensors, hz, tick)
         points = Stance.of(robot).geometry.foot_of_point
-        self._instruments = instruments_of(sensors, mounting, points, hz, robot)
-        self._filter = filter_of(sensors, robot, mounting, hz)
+        self._instruments = instruments_of(sensors, self.estimator.mounting, points, hz, robot)
         latest = max(sensors.imu_latency[1], sensors.encoder_latency[1], sensors.contact_latency[1])
-        ages, size = 1 + round(latest * hz), 6 + 2 * joints + feet + 1
+        ages, size = 1 + round(latest * hz), 6 + 2 * robot.num_joints + feet + 1
         ones = np.ones(count, np.int64)
         self._wear = Wear(
             generator=np.stack([ones, ones], axis=1),
@@ -79,18 +65,7 @@ class Perception:
             wrong=np.zeros((count, feet), bool),
             history=np.zeros((count, ages, size)),
         )
-        self.readings = Readings.none(count, joints, feet)
-        self._belief = Belief.none(count, feet)
-        force = np.zeros((count, robot.num_points, 3))
-        home = np.tile(robot.home_qpos, (count, 1))
-        self.state = RobotState(home, np.zeros((count, robot.nv)), force, tick)
         self._all = np.ones(count, bool)
-        self._torque_sense: TorqueSense | None = None
-        self._loads = np.zeros((count, feet))  # from torques, where feet have no sensors
-        if sensors.contact == "torque":
-            self._torque_sense = TorqueSense.of(
-                self._legs.joint, robot.has_soles, robot.joint_damping, 1.0 / hz
-            )
 
     def draw(self, env: int, rng: np.random.Generator) -> None:
         """Draw how the sensors of one robot err in its next episode."""
@@ -109,26 +84,11 @@ class Perception:
 
     def begin(self, ids: np.ndarray, actual: RobotState) -> None:
         """Begin episodes of robots `ids` (K,), which rest where they are and know their heading."""
-        belief, mounting = self._belief, self._mounting
-        for part in (self._wear.begun, self._wear.wrong, belief.position, belief.standing):
-            part[ids] = 0
-        for part in (belief.slipped, belief.age, belief.refused, belief.restarts):
-            part[ids] = 0
-        base = quaternion_to_matrix(actual.qpos[ids, 3:7])
-        belief.origin[ids] = actual.qpos[ids, :3] + base @ mounting.place
-        belief.quaternion[ids] = matrix_to_quaternion(base @ mounting.base_from_imu)
-        belief.lost[ids] = True
+        self._wear.begun[ids], self._wear.wrong[ids] = False, False
         which = np.zeros(len(self._all), bool)
         which[ids] = True
-        sense(self._instruments, actual, which, self._wear, self.readings)
-        belief.felt[ids] = self.readings.accelerometer[ids]
-        self._loads[ids] = self.readings.load[ids]
-        correct(self._filter, self._legs, self.readings, which, belief, self.state)
-
-    def prepare(self, terms: Callable[[], DynamicsTerms]) -> None:
-        """Keep the terms of the controllers' model at the beginning of a tick, if they are used."""
-        if self._torque_sense is not None:
-            self._terms = terms()
+        sense(self._instruments, actual, which, self._wear, self.estimator.readings)
+        self.estimator.begin(ids, actual.qpos[ids])
 
     def update(self, actual: RobotState, torque: np.ndarray) -> None:
         """Read the sensors at the end of a control tick, and go on with the estimate.
@@ -137,28 +97,12 @@ class Perception:
             actual: state of the robots.
             torque: (N, n) N·m, of the motors in the tick.
         """
-        sense(self._instruments, actual, self._all, self._wear, self.readings)
-        if self._torque_sense is not None:
-            self._feel(self._torque_sense, torque, self._terms)
-        predict(self._filter, self.readings, self._all, self._belief)
-        correct(self._filter, self._legs, self.readings, self._all, self._belief, self.state)
-
-    def _feel(self, own: TorqueSense, torque: np.ndarray, terms: DynamicsTerms) -> None:
-        """Tell the feet's loads from the torques, in place of sensors."""
-        readings, before = self.readings, self.state.qvel
-        to_base = self._mounting.base_from_imu.T
-        spin = (readings.gyroscope - self._belief.gyroscope_bias) @ to_base
-        force = readings.accelerometer - self._belief.accelerometer_bias
-        push = np.matvec(quaternion_to_matrix(self._belief.quaternion), force)
-        push[:, 2] -= self._instruments.gravity
-        moved = before[:, :3] + push * own.tick
-        after = np.concatenate([moved, spin, readings.rate], axis=1)
-        find_loads(own, terms, np.ascontiguousarray(torque), before, after, self._loads)
-        readings.load[:] = self._loads
+        sense(self._instruments, actual, self._all, self._wear, self.estimator.readings)
+        self.estimator.update(torque)
 
     def errors(self, actual: RobotState) -> dict[str, np.ndarray]:
         """Return by how much the estimate errs, by the names of `ERRORS`: (N,) each."""
-        mine, belief = self.state, self._belief
+        mine, belief = self.estimator.state, self.estimator.belief
         true, own = (
             quaternion_to_matrix(actual.qpos[:, 3:7]),
             quaternion_to_matrix(mine.qpos[:, 3:7]),
@@ -173,7 +117,7 @@ class Perception:
         feet = self._instruments.foot_of_point
         of_foot = feet[:, None] == np.arange(belief.standing.shape[1])
         load = actual.contact_force[:, :, 2] @ of_foot
-        wrong = (load > self._filter.threshold) != self.contact
+        wrong = (load > self.estimator.threshold) != self.estimator.contact
         return {
             "estimate_tilt_error": np.arctan2(sides, np.vecdot(true[:, 2], own[:, 2])),
             "estimate_velocity_error": np.linalg.norm(mine.qvel[:, :3] - along, axis=1),
@@ -185,11 +129,6 @@ class Perception:
         }
 
     @property
-    def contact(self) -> np.ndarray:
-        """Which feet are told to be on the ground: (N, F) bool."""
-        return self.readings.load > self._filter.threshold
-
-    @property
     def drawn(self) -> dict[str, np.ndarray]:
         """How the sensors err now: (N, ...) by name; live."""
         return {name: getattr(self._wear, name) for name in _DRAWN}
@@ -197,12 +136,8 @@ class Perception:
     @property
     def arrays(self) -> Mapping[str, np.ndarray]:
         """All that goes on from tick to tick, by name; live."""
-        parts: dict[str, Any] = {"wear": self._wear, "readings": self.readings}
-        parts |= {"belief": self._belief, "state": self.state}
-        found = {f"{p}_{n}": v for p, values in parts.items() for n, v in values._asdict().items()}
-        del found["state_tick"]  # it is the environment's
-        found["loads"] = self._loads
-        return found
+        worn = {f"wear_{name}": value for name, value in self._wear._asdict().items()}
+        return worn | dict(self.estimator.arrays)
 
     @property
     def greatest(self) -> dict[str, int]:

@@ -29,7 +29,7 @@ Robots that only feel whether they touch the ground give "contact", (P,) from 0 
 
 _POSE = ("position", "orientation", "joint_position")
 _MOTION = ("velocity", "angular_velocity", "joint_velocity")
-_FORCE, _TOUCH = "contact_force", "contact"
+_FORCE, TOUCH = "contact_force", "contact"
 _OFF_UNIT, _FLOAT = 1e-3, np.dtype(float)
 
 
@@ -51,7 +51,7 @@ class Sensing:
     def of(cls, robot: Robot) -> "Sensing":
         """Measure a robot."""
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(SENSORS, (3,))
-        shapes |= {"orientation": (4,), _FORCE: (robot.num_points, 3), _TOUCH: (robot.num_points,)}
+        shapes |= {"orientation": (4,), _FORCE: (robot.num_points, 3), TOUCH: (robot.num_points,)}
         shapes |= dict.fromkeys(("joint_position", "joint_velocity"), (robot.num_joints,))
         return cls(robot, shapes, robot.weight)
 
@@ -97,21 +97,31 @@ class Sensing:
         return RobotState(**found, tick=np.full(1, tick, np.int64))
 
     def _read(self, sensors: Mapping[str, Any], name: str) -> np.ndarray:
-        shape = self.shapes[name]
-        if name not in sensors:
-            raise InvalidValueError(f"sensor {name!r}", None, SENSORS[name])
-        found = sensors[name]
-        if type(found) is not np.ndarray or found.dtype != _FLOAT:
-            found = real_numbers(name, found, f"numbers of shape {shape}").astype(float)
-        if found.shape != shape:
-            raise ShapeError(name, found.shape, f"{shape}, of {self.robot.name!r}")
-        return found
+        return read(sensors, name, self.shapes[name], SENSORS.get(name, ""), self.robot.name)
 
     def _forces(self, sensors: Mapping[str, Any]) -> np.ndarray:
         """(P, 3) N."""
-        if _TOUCH not in sensors:
+        if TOUCH not in sensors:
             return np.ascontiguousarray(self._read(sensors, _FORCE), float)
-        touching = self._read(sensors, _TOUCH)
+        touching = self._read(sensors, TOUCH)
         force = np.zeros((len(touching), 3))
         force[:, 2] = self.weight * touching / max(touching.sum(), 1.0)
         return force
+
+
+def read(
+    given: Mapping[str, Any], name: str, shape: tuple[int, ...], words: str, robot: str
+) -> np.ndarray:
+    """Return the numbers of one sensor, in that shape.
+
+    Raises:
+        FbidError: it is missing, or of another shape; says in `words` what it is.
+    """
+    if name not in given:
+        raise InvalidValueError(f"sensor {name!r}", None, words)
+    found = given[name]
+    if type(found) is not np.ndarray or found.dtype != _FLOAT:
+        found = real_numbers(name, found, f"numbers of shape {shape}").astype(float)
+    if found.shape != shape:
+        raise ShapeError(name, found.shape, f"{shape}, of {robot!r}")
+    return found

@@ -62,7 +62,7 @@ def test_reward_and_metrics_are_those_of_the_truth_and_the_policy_sees_the_estim
     wrong = np.abs(step.observation[:, column] - true)
     assert 1e-4 < wrong.max() < 0.1
     up = batch.observation_columns["up"]
-    own = batch.perception.state.qpos
+    own = batch.perception.estimator.state.qpos
     assert np.abs(own[:, 3:7] - state.qpos[:, 3:7]).max() > 1e-4
     seen, actual = step.observation[:, up], terms.world_from_base[:, 2]
     tilt = np.arccos(np.clip(np.vecdot(seen, actual), -1.0, 1.0))
@@ -152,7 +152,7 @@ def test_slipping_feet_and_wrong_contacts_are_survived():
 def test_what_diverges_is_begun_anew_and_told():
     batch = started(arguments(sensors="mems"), 3)
     played(batch, 3)
-    batch.perception._belief.velocity[1] = np.nan
+    batch.perception.estimator.belief.velocity[1] = np.nan
     step = played(batch, 10)[-1]
     assert step.info["estimate_restarts"].tolist() == [0, 1, 0]
     assert np.isfinite(step.observation).all()

@@ -61,7 +61,7 @@ def test_the_generator_is_lecuyers():
 def test_sensors_that_do_not_err_read_the_truth():
     robot, state, found = reading(Sensors())
     turned = quaternion_to_matrix(state.qpos[:, 3:7])
-    read = found.readings
+    read = found.estimator.readings
     np.testing.assert_allclose(read.gyroscope, state.qvel[:, 3:6], atol=1e-12)
     np.testing.assert_allclose(read.angle, state.qpos[:, 7:], atol=1e-12)
     np.testing.assert_allclose(read.rate, 0.0, atol=1e-9)  # differences: here nothing moves
@@ -80,7 +80,7 @@ def test_noise_bias_and_drift_are_those_of_the_table():
     )  # fmt: skip
     ticks = 25
     robot, state, found = reading(sensors, ticks)
-    wear, read = found._wear, found.readings
+    wear, read = found._wear, found.estimator.readings
     spread = 4.5 / np.sqrt(2.0 * 3 * COUNT)  # of a standard deviation, p below 1e-5
     for values, expected in (
         (wear.gyroscope_bias, np.hypot(0.1, 0.2 * np.sqrt(ticks / HZ))),
@@ -96,11 +96,11 @@ def test_noise_bias_and_drift_are_those_of_the_table():
 def test_steps_ranges_and_wrong_contacts():
     sensors = Sensors(encoder_resolution=0.01, gyroscope_range=1.0, contact_errors=0.1)
     robot, state, found = reading(sensors, 200)
-    steps = found.readings.angle / 0.01
+    steps = found.estimator.readings.angle / 0.01
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
-    assert np.abs(found.readings.angle - state.qpos[:, 7:]).max() <= 0.005 + 1e-12
+    assert np.abs(found.estimator.readings.angle - state.qpos[:, 7:]).max() <= 0.005 + 1e-12
     fast = Sensors(gyroscope_range=1.0, gyroscope_bias=1.0)
-    assert np.abs(reading(fast)[2].readings.gyroscope).max() == 1.0
+    assert np.abs(reading(fast)[2].estimator.readings.gyroscope).max() == 1.0
     wrong = found.errors(state)["estimate_contact_error"].mean()
     assert abs(wrong - 0.1) < 0.03
 
@@ -121,8 +121,9 @@ def test_readings_come_late_and_seldom():
         angles.append(state.qpos[:, 7:].copy())
         rates.append(state.qvel[:, 3:6].copy())
         found.update(state, np.zeros((3, robot.num_joints)))
-        np.testing.assert_array_equal(found.readings.angle, angles[max(tick - 2, 0)])
-        np.testing.assert_allclose(found.readings.gyroscope, rates[tick - tick % 2], atol=1e-12)
+        np.testing.assert_array_equal(found.estimator.readings.angle, angles[max(tick - 2, 0)])
+        turning = found.estimator.readings.gyroscope
+        np.testing.assert_allclose(turning, rates[tick - tick % 2], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["go1", "biped", "g1"])

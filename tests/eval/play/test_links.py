@@ -71,7 +71,7 @@ def test_a_link_sets_what_it_names_and_shows_the_page(served):
         ("ahead", "Expected a link as the page shows it"),
         ("ahead=0.1&ahead=0.2", "with each setting once"),
         ("ahead=%ff", "Expected a link as the page shows it"),
-        ("nothing=1", "Unknown setting 'nothing'. Valid choices: push_force,"),
+        ("nothing=1", "Unknown setting 'nothing'. Nearest of"),
         ("layer=" + quote("<script>alert(1)</script>"), "Unknown layer '<script>"),
     ],
 )

@@ -6,8 +6,9 @@ import pytest
 pytest.importorskip("viser", reason="the live page is not installed: make play")
 
 from eval.play.overlays import Overlays
+from eval.play.scene import Scene
 from eval.play.serving import close_server, open_server
-from eval.play.session import Session
+from eval.play.session import Change, Session
 from eval.play.stage import Stage
 from fbid_gym.envs.env_batch import EnvBatch
 from fbid_gym.envs.insight import insight
@@ -47,3 +48,19 @@ def test_the_page_draws_the_marks_and_hides_what_is_gone(server):
     assert shown == {"com", "plumb line"}
     overlays.hide()
     assert not any(node.visible for node in overlays._nodes.values())
+
+
+def test_a_ghost_of_the_base_is_where_the_robot_takes_it_to_be(server):
+    session = Session(Stage.of("fbid_gym/QuadrupedWalk-v0", {}, {}), {"sensors": "raw"})
+    scene = Scene(server, session.lanes, lambda moved, over: None)
+    for _ in range(20):
+        session.advance()
+        scene.look(session.lanes)
+    scene.draw(session.lanes, 1.0, session.weight)
+    (body,), lane = scene.bodies, session.lanes[0]
+    ghost, base = body._frames[-1], body._frames[body._trunk]
+    np.testing.assert_allclose(ghost.position, lane.believed[:3], atol=1e-6)
+    np.testing.assert_allclose(np.abs(ghost.wxyz @ lane.believed[3:]), 1.0, atol=1e-6)
+    np.testing.assert_allclose(base.position, lane.qpos[:3], atol=1e-6)
+    session.play([(0, Change("sensors", "perfect"))], 1)
+    assert scene.cast(session.lanes) and -1 not in scene.bodies[0]._frames

@@ -94,18 +94,19 @@ def test_settings_change_what_they_name_and_while_it_runs():
         "model_mass": 1.2,
         "motors": 0.8,
         "action_delay": 0.04,
+        "loop_delay": 6.0,
         "ahead": 0.2,
         "turn": -0.3,
     }.items():
         session.submit(Change(name, value))
     session.settle()
     after, batch = lane.state(), lane.batch
-    changed = ("plant.", "delay.ticks", "plan.command")
+    changed = ("plant.", "delay.ticks", "simulation.loop_ticks", "plan.command")
     assert session.lanes[0] is lane and same(before, after, changed)
     assert batch.simulation.terms().mass_matrix[0, 0, 0] == pytest.approx(mass + 3.0)
     assert batch.plant.terms().mass_matrix[0, 0, 0] == pytest.approx(1.2 * mass)
     assert batch.simulation.batch.expand("geom_friction")[0, 0, 0] == pytest.approx(0.5 * mu)
-    assert after["delay.ticks"] == 10
+    assert after["delay.ticks"] == 10 and batch.simulation.loop.arrays["ticks"] == 1.5
     session.advance()
     names = list(batch.observation_names)
     seen = batch.observation()[0, names.index("commanded velocity ahead (m/s)") :][:3]
@@ -113,6 +114,38 @@ def test_settings_change_what_they_name_and_while_it_runs():
     # A reset leaves them as they are.
     session.play([(0, Reset())], 1)
     assert batch.simulation.terms().mass_matrix[0, 0, 0] == pytest.approx(mass + 3.0)
+
+
+def test_sensors_are_chosen_and_err_by_as_much_as_asked():
+    """Switched in a robot that walks; another layer goes on with the same estimate."""
+    session = walking(ahead=0.2)
+    assert session.settings["sensors"] == "perfect" and session.lanes[0].believed is None
+    wrong = []
+    for noise in (0.0, 3.0):
+        wanted = {"ahead": 0.2, "sensors": "mems", "noise": noise}
+        session.play([(0, ChangeAll(wanted))], 40)
+        lane = session.lanes[0]
+        assert session.refused == "" and lane.fallen is None
+        wrong.append(np.linalg.norm(lane.believed - lane.qpos[:7]))
+        assert lane.batch.config.perceived().scale == noise
+    assert wrong[0] < 0.5 * wrong[1]
+    before = lane.state()
+    session.submit(Change("layer", "com_wrench"))
+    session.settle()
+    assert same(before, session.lanes[0].state(), ("memory.", "delay.action"))
+
+
+def test_sensors_of_ones_own_are_those_it_begins_with():
+    own = {"like": "good", "scale": 2.0}
+    stage = Stage.of(WALK, {"sensors": own}, {})
+    session = Session(stage, {"noise": 1.5})
+    assert stage.sensors == ("as begun", "perfect", "good", "mems", "raw")
+    assert session.lanes[0].batch.config.sensors == own | {"scale": 3.0}
+    measured = Stage.of(WALK, {"sensors": "mems", "observation": "measured"}, {})
+    session = Session(measured)
+    assert session.settings["sensors"] == "mems"
+    session.play([(0, Change("sensors", "perfect"))], 1)
+    assert "observation" in session.refused and session.settings["sensors"] == "mems"
 
 
 def test_who_is_paused_goes_a_step_at_a_time_and_who_falls_starts_anew():

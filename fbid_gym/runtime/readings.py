@@ -1,0 +1,99 @@
+"""What the sensors of one robot have read at a tick, by name, for an estimator."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fbid_gym.checks import check_choices, check_finite
+from fbid_gym.estimation.estimator import Estimator
+from fbid_gym.estimation.sensors import Sensors
+from fbid_gym.options import Flag
+from fbid_gym.robots import Robot
+from fbid_gym.runtime.sensors import SENSORS, TOUCH, read
+
+READINGS: dict[str, str] = {
+    "gyroscope": "(3,) rad/s, along the axes of the inertial unit",
+    "accelerometer": "(3,) m/s^2, specific force, likewise: upwards at rest",
+    "joint_position": SENSORS["joint_position"],
+    "joint_velocity": SENSORS["joint_velocity"],
+    "contact_load": "(F,) N, vertical force on each foot, in the order of `robot.foot_names`",
+}
+"""Name of a reading -> its shape, unit and frame.
+
+"joint_velocity" may be left out: then it is differences of positions, filtered as the sensors of
+the environment say. So may "contact_load" where these tell contacts from torques: all but the first
+is ignored then, and without that all feet bear the same at first. "fresh" may be False at ticks at
+which the encoders have not read anew.
+"""
+
+_FRESH = "fresh"
+
+
+@dataclass(frozen=True, eq=False)
+class Reader:
+    """Takes the readings of one robot to its estimator.
+
+    Attributes:
+        robot: the robot.
+        estimator: of its state, N = 1.
+        shapes: of each reading's numbers, by name.
+        spared: names of those that may be left out.
+        seconds: from one reading of the encoders to the next.
+        follow: share of the way to the newest velocity that their low pass goes.
+    """
+
+    robot: Robot
+    estimator: Estimator
+    shapes: dict[str, tuple[int, ...]]
+    spared: tuple[str, ...]
+    seconds: float
+    follow: float
+
+    @classmethod
+    def of(cls, robot: Robot, sensors: Sensors, hz: int, tick: np.ndarray) -> "Reader":
+        """Build it, for a control rate, Hz, and (1,) its ticks, live."""
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("gyroscope", "accelerometer"), (3,))
+        shapes |= dict.fromkeys(("joint_position", "joint_velocity"), (robot.num_joints,))
+        shapes["contact_load"] = (robot.num_feet,)
+        spared = ("joint_velocity", *(("contact_load",) if sensors.contact == "torque" else ()))
+        seconds = sensors.every("encoder", hz) / hz
+        estimator = Estimator(robot, sensors, hz, tick)
+        return cls(robot, estimator, shapes, spared, seconds, sensors.follow(hz))
+
+    @staticmethod
+    def reads(given: Any) -> bool:
+        """Whether readings are given, and not a state that is known by other means."""
+        names = {*SENSORS, TOUCH} - READINGS.keys()
+        return isinstance(given, Mapping) and names.isdisjoint(given)
+
+    def take(self, given: Mapping[str, Any], begins: bool) -> None:
+        """Check what is given, and write it to the readings of the estimator.
+
+        Args:
+            given: `READINGS` by name.
+            begins: whether they are the first.
+
+        Raises:
+            FbidError: a reading that is missing, of another shape or not finite; names it. Nothing
+                has been written.
+        """
+        check_choices("sensor", given, (*self.shapes, _FRESH))
+        found, own = {}, self.estimator.readings
+        for name, shape in self.shapes.items():
+            if name in given or name not in self.spared:
+                found[name] = read(given, name, shape, READINGS[name], self.robot.name)
+                check_finite(name, found[name])
+        fresh = Flag().check(_FRESH, given.get(_FRESH, True)) or begins
+        angle, rate = found["joint_position"], found.get("joint_velocity")
+        if rate is None:
+            rate = np.zeros_like(angle) if begins else own.rate[0]
+            if fresh and not begins:
+                rate = rate + self.follow * ((angle - own.angle[0]) / self.seconds - rate)
+        own.gyroscope[0], own.accelerometer[0] = found["gyroscope"], found["accelerometer"]
+        own.angle[0], own.rate[0], own.fresh[0] = angle, rate, fresh
+        if "contact_load" in found:
+            own.load[0] = found["contact_load"]
+        elif begins:
+            own.load[0] = self.robot.weight / self.robot.num_feet  # it stands
