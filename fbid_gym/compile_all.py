@@ -3,7 +3,6 @@
 Compiled functions are kept for each combination of argument types that they meet. So every
 environment takes two steps through every layer; what a user then runs is found on disk. Options
 that lead elsewhere in the code, and robots of another kind, may compile something on first use.
-
 Run as `python -m fbid_gym.compile_all`.
 """
 
