@@ -53,7 +53,8 @@ class Sum(NamedTuple):
             return "–"
         said = f"{self.up}/{self.of}"
         if math.isfinite(self.error):
-            said += f", {self.error:.{3 if first else 2}f}"
+            decimals = 0 if self.error >= 10.0 else 3 if first else 2
+            said += f", {self.error:.{decimals}f}"
         if first is None or first is self or not (self.up or first.up):
             return said  # the errors of robots that all fall say nothing
         shares = self.apart(first)
