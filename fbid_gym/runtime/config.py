@@ -168,8 +168,8 @@ class EnvConfig:
     randomisation: dict[str, Any] | None = None
     """Arguments of `fbid_gym.runtime.randomisation.Randomisation`; none by default."""
     sensors: Any = "perfect"
-    """What robots measure of themselves with: "perfect", "good", "mems", or a table of options of
-    `fbid_gym.estimation.Sensors`, such as {"like": "mems", "scale": 2}."""
+    """What robots measure of themselves with: "perfect", "good", "mems", "raw", or a table of
+    options of `fbid_gym.estimation.Sensors`, such as {"like": "mems", "scale": 2}."""
     state: Annotated[str, Choice(STATES)] | None = None
     """What layer, gait and policy know: "true", or "estimated" from the sensors. Default:
     "estimated" unless these are perfect. Reward, metrics and ends of episodes are those of the
